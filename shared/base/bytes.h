@@ -1,0 +1,37 @@
+// Little-endian fields written to and read from a buffer of the caller's, with bounds: the layout
+// of every binary file of ours is a sequence of these calls.
+#pragma once
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct writer {
+    uint8_t *data;
+    size_t size, used;
+    bool overflow; // set once something did not fit; nothing is written from then on
+};
+
+void write_u8(struct writer *w, uint8_t value);
+void write_u16(struct writer *w, uint16_t value);
+void write_u32(struct writer *w, uint32_t value);
+void write_u64(struct writer *w, uint64_t value);
+void write_i64(struct writer *w, int64_t value);
+void write_f64(struct writer *w, double value); // bit for bit, NaN too
+void write_bytes(struct writer *w, const void *bytes, size_t size);
+void write_text(struct writer *w, const char *text); // u16 length, bytes
+
+struct reader {
+    const uint8_t *data;
+    size_t size, used;
+    bool underflow; // set once something was missing; 0 is read from then on
+};
+
+uint8_t read_u8(struct reader *r);
+uint16_t read_u16(struct reader *r);
+uint32_t read_u32(struct reader *r);
+uint64_t read_u64(struct reader *r);
+int64_t read_i64(struct reader *r);
+double read_f64(struct reader *r);
+const uint8_t *read_bytes(struct reader *r, size_t size);          // NULL where missing
+void read_text(struct reader *r, char *out_text, size_t out_size); // too long: underflow

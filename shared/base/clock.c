@@ -1,0 +1,50 @@
+#include "base/clock.h"
+
+#include <time.h>
+
+#define DRIFT_PER_NS 1e-4
+
+static int64_t read_clock(clockid_t id) {
+    struct timespec now;
+    clock_gettime(id, &now);
+    return now.tv_sec * NS_PER_S + now.tv_nsec;
+}
+
+int64_t clock_now_ns(void) {
+    return read_clock(CLOCK_MONOTONIC);
+}
+
+int64_t clock_utc_ns(void) {
+    return read_clock(CLOCK_REALTIME);
+}
+
+bool clock_offset_add(struct clock_offset *o, int64_t sent_ns, int64_t remote_received_ns,
+                      int64_t remote_sent_ns, int64_t received_ns) {
+    int64_t round_trip = (received_ns - sent_ns) - (remote_sent_ns - remote_received_ns);
+    if (round_trip < 0 || received_ns < sent_ns || remote_sent_ns < remote_received_ns)
+        return false;
+    int64_t offset = ((remote_received_ns - sent_ns) + (remote_sent_ns - received_ns)) / 2;
+    o->exchanges[o->next] = (struct clock_exchange){offset, round_trip, received_ns};
+    o->next = (o->next + 1) % CLOCK_OFFSET_WINDOW;
+    if (o->count < CLOCK_OFFSET_WINDOW)
+        o->count++;
+    return true;
+}
+
+static int64_t uncertainty_of(const struct clock_exchange *e, int64_t now_ns) {
+    int64_t age = now_ns > e->local_ns ? now_ns - e->local_ns : 0;
+    return e->round_trip_ns / 2 + (int64_t)((double)age * DRIFT_PER_NS);
+}
+
+bool clock_offset_get(const struct clock_offset *o, int64_t now_ns, int64_t *out_offset_ns,
+                      int64_t *out_uncertainty_ns) {
+    if (!o->count)
+        return false;
+    const struct clock_exchange *best = &o->exchanges[0];
+    for (int i = 1; i < o->count; i++)
+        if (uncertainty_of(&o->exchanges[i], now_ns) < uncertainty_of(best, now_ns))
+            best = &o->exchanges[i];
+    *out_offset_ns = best->offset_ns;
+    *out_uncertainty_ns = uncertainty_of(best, now_ns);
+    return true;
+}

@@ -1,0 +1,19 @@
+// One line on stderr for each message: "2026-11-21T08:30:00.123Z warning link: text".
+// Safe from any thread; a line is never mixed with another.
+#pragma once
+
+#include <stdbool.h>
+
+enum log_level { LOG_ERROR, LOG_WARNING, LOG_INFO, LOG_DEBUG };
+
+// What is printed at all; LOG_INFO from the start. Call before other threads run.
+void log_set_level(enum log_level level);
+
+// room: who speaks ("hub", "modbus"). The text needs no newline.
+void log_write(enum log_level level, const char *room, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+#define log_error(room, ...) log_write(LOG_ERROR, room, __VA_ARGS__)
+#define log_warning(room, ...) log_write(LOG_WARNING, room, __VA_ARGS__)
+#define log_info(room, ...) log_write(LOG_INFO, room, __VA_ARGS__)
+#define log_debug(room, ...) log_write(LOG_DEBUG, room, __VA_ARGS__)

@@ -1,0 +1,104 @@
+// Vectors, rotations and rigid motions (SE(3)) in double precision. Lengths are millimetres.
+//
+// A rigid motion is written T_a_b: it takes coordinates in frame b to coordinates in frame a,
+// p_a = pose_apply(T_a_b, p_b), so that T_a_c = pose_compose(T_a_b, T_b_c).
+// All functions are pure; none fails. Rotations are unit quaternions unless stated otherwise.
+#pragma once
+
+#include <math.h>
+#include <stdbool.h>
+
+#define DEG_PER_RAD 57.295779513082320876798
+#define RAD_PER_DEG 0.017453292519943295769
+
+typedef struct vec3 {
+    double x, y, z;
+} vec3;
+
+typedef struct quat {
+    double w, x, y, z;
+} quat;
+
+typedef struct mat3 {
+    double m[3][3]; // m[row][column]
+} mat3;
+
+typedef struct pose {
+    quat rotation;
+    vec3 translation;
+} pose;
+
+static inline vec3 vec3_add(vec3 a, vec3 b) {
+    return (vec3){a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
+static inline vec3 vec3_sub(vec3 a, vec3 b) {
+    return (vec3){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+
+static inline vec3 vec3_scale(double s, vec3 a) {
+    return (vec3){s * a.x, s * a.y, s * a.z};
+}
+
+// a + s b
+static inline vec3 vec3_add_scaled(vec3 a, double s, vec3 b) {
+    return (vec3){a.x + s * b.x, a.y + s * b.y, a.z + s * b.z};
+}
+
+static inline double vec3_dot(vec3 a, vec3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+static inline vec3 vec3_cross(vec3 a, vec3 b) {
+    return (vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+static inline double vec3_length(vec3 a) {
+    return sqrt(vec3_dot(a, a));
+}
+
+static inline double vec3_distance(vec3 a, vec3 b) {
+    return vec3_length(vec3_sub(a, b));
+}
+
+static inline vec3 vec3_lerp(vec3 a, vec3 b, double t) {
+    return vec3_add_scaled(vec3_scale(1 - t, a), t, b);
+}
+
+static inline bool vec3_is_finite(vec3 a) {
+    return isfinite(a.x) && isfinite(a.y) && isfinite(a.z);
+}
+
+// a / |a|; `otherwise` where a has no length.
+vec3 vec3_unit_or(vec3 a, vec3 otherwise);
+
+mat3 mat3_identity(void);
+mat3 mat3_multiply(mat3 a, mat3 b);
+mat3 mat3_transpose(mat3 a);
+mat3 mat3_outer(vec3 a, vec3 b);                // a bᵀ
+mat3 mat3_add_scaled(mat3 a, double s, mat3 b); // a + s b
+vec3 mat3_apply(mat3 a, vec3 v);                // a v
+vec3 mat3_apply_transposed(mat3 a, vec3 v);     // aᵀ v
+double mat3_determinant(mat3 a);
+double mat3_norm(mat3 a); // largest singular value
+
+quat quat_identity(void);
+quat quat_multiply(quat a, quat b);
+quat quat_conjugate(quat a);
+quat quat_unit(quat a); // the identity where a has no length
+quat quat_from_axis_angle(vec3 unit_axis, double angle_rad);
+quat quat_from_mat3(mat3 rotation); // rotation: orthonormal, right-handed
+mat3 quat_to_mat3(quat a);
+vec3 quat_rotate(quat a, vec3 v);
+double quat_angle(quat a, quat b);         // radians, 0 to pi, the shorter way round
+quat quat_slerp(quat a, quat b, double t); // the shorter way round; extrapolates too
+
+pose pose_identity(void);
+pose pose_compose(pose T_a_b, pose T_b_c);       // T_a_c
+pose pose_inverse(pose T_a_b);                   // T_b_a
+vec3 pose_apply(pose T_a_b, vec3 p_b);           // p_a
+vec3 pose_apply_inverse(pose T_a_b, vec3 p_a);   // p_b
+pose pose_interpolate(pose a, pose b, double t); // straight in translation, slerp in rotation
+
+// Finite everywhere, rotation of unit length within 1e-3: what a sample from outside must be.
+bool pose_is_valid(pose p);

@@ -1,0 +1,77 @@
+// What a station measures: one value of one channel at one time, and the frame that carries all
+// samples of a station at one time.
+#pragma once
+
+#include "base/joint.h"
+#include "base/pose.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+// What a sample tells about. Values are on the wire and in traces: append only.
+enum channel {
+    CHANNEL_JOINT,
+    CHANNEL_FEMUR,
+    CHANNEL_TIBIA,
+    CHANNEL_PATELLA,
+    CHANNEL_PROBE,
+    CHANNEL_PUNCH,
+    CHANNEL_SHAVER,
+    CHANNEL_KNIFE,
+    CHANNEL_SCOPE,
+    CHANNEL_COUNT
+};
+
+#define CHANNEL_FIRST_INSTRUMENT CHANNEL_PROBE
+#define INSTRUMENT_COUNT (CHANNEL_COUNT - CHANNEL_FIRST_INSTRUMENT)
+
+const char *channel_name(enum channel channel); // "joint", "probe", ...
+bool channel_from_name(const char *name, enum channel *out_channel);
+
+enum sample_kind {
+    SAMPLE_JOINT,  // the joint's encoders: channel joint
+    SAMPLE_POSE,   // a tracked body or instrument
+    SAMPLE_HANDLE, // an instrument's handle: opening and buttons
+    SAMPLE_KIND_COUNT
+};
+
+enum validity {
+    VALIDITY_OK,   // measured at time_ns
+    VALIDITY_HELD, // measured at time_ns, repeated since because the device is silent
+    VALIDITY_LOST, // silent for longer than the hold time: the value has no meaning
+    VALIDITY_COUNT
+};
+
+const char *validity_name(enum validity validity);
+
+struct handle {
+    double opening;   // 0 closed, 1 fully open
+    uint32_t buttons; // bit i: button i is down
+};
+
+struct sample {
+    enum channel channel;
+    enum sample_kind kind;
+    enum validity validity;
+    uint8_t device;  // index in the station's list of devices
+    int64_t time_ns; // when it was measured, on the station's monotonic clock
+    union {
+        struct joint_angles joint;
+        pose T_mockup_body; // bodies: the bone's frame; instruments: the tip's frame, z along the
+                            // shaft away from the handle
+        struct handle handle;
+    };
+};
+
+#define FRAME_SAMPLES_MAX 16
+
+struct frame {
+    uint64_t number; // counts up from 1 for each connection of a station
+    int64_t time_ns; // when the station closed it, on its monotonic clock
+    int count;
+    struct sample samples[FRAME_SAMPLES_MAX];
+};
+
+// True where a frame from outside may be used: counts and enums in range, values finite, rotations
+// of unit length, joint angles within ±180 degrees, translations within ±10 m, openings in [0, 1].
+bool frame_is_valid(const struct frame *frame);

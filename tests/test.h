@@ -1,0 +1,29 @@
+// What every C test includes: cmocka with the headers it asks for.
+#pragma once
+
+// clang-format off
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+// clang-format on
+
+#include <math.h>
+
+// |a - b| <= tolerance, and neither is NaN.
+#define assert_near(a, b, tolerance)                                                               \
+    do {                                                                                           \
+        double near_a = (a), near_b = (b);                                                         \
+        if (!(fabs(near_a - near_b) <= (tolerance)))                                               \
+            fail_msg("%s = %.17g, %s = %.17g: differ by %g, more than %g", #a, near_a, #b, near_b, \
+                     fabs(near_a - near_b), (double)(tolerance));                                  \
+    } while (0)
+
+#define assert_vec3_near(a, b, tolerance)                                                          \
+    do {                                                                                           \
+        vec3 vec_a = (a), vec_b = (b);                                                             \
+        assert_near(vec_a.x, vec_b.x, tolerance);                                                  \
+        assert_near(vec_a.y, vec_b.y, tolerance);                                                  \
+        assert_near(vec_a.z, vec_b.z, tolerance);                                                  \
+    } while (0)

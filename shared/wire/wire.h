@@ -1,0 +1,54 @@
+// Arthron's messages as bytes, and as the plain types of base/. No sockets, no clock, no memory of
+// its own: bytes in, bytes out. The schema is arthron.proto; PROTOCOL.md says who sends what when.
+#pragma once
+
+#include "arthron.pb.h"
+#include "base/result.h"
+#include "base/sample.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define WIRE_VERSION_MIN 1
+#define WIRE_VERSION_MAX 1
+#define WIRE_SUBPROTOCOL "arthron.1"
+#define WIRE_ENROL_SUBPROTOCOL "arthron-enrol.1"
+#define WIRE_CONSOLE_SUBPROTOCOL "arthron-console.1"
+
+// Largest encoded message of each kind; what is longer is refused before it is read.
+#define WIRE_CONTROL_MAX 8192
+#define WIRE_CONSOLE_MAX 65536
+#define WIRE_DATAGRAM_MAX 1452
+
+// Encode into `data`. RESULT_LIMIT where it does not fit `size`.
+enum result wire_encode_control(const arthron_Control *message, uint8_t *data, size_t size,
+                                size_t *out_used);
+enum result wire_encode_console(const arthron_Console *message, uint8_t *data, size_t size,
+                                size_t *out_used);
+enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_t size,
+                              size_t *out_used);
+enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
+                              size_t *out_used);
+
+// Decode all of `data`. RESULT_FORMAT with what the decoder disliked in *err. A message of a kind
+// that this version does not know is RESULT_OK with which_message == 0: skip and count it.
+enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
+                                struct error *err);
+enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,
+                                struct error *err);
+enum result wire_decode_frame(const uint8_t *data, size_t size, arthron_Frame *out_message,
+                              struct error *err);
+enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *out_message,
+                              struct error *err);
+
+void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
+
+// RESULT_INVALID where the frame would not pass frame_is_valid; nothing of it may then be used.
+enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
+
+// Pads a frame's datagram so that the encoded frame is at least as long as the longest reply to it
+// can be (a server is no amplifier).
+void wire_frame_pad(arthron_Frame *message);
+
+arthron_Pose wire_pose_from(pose p);
+pose wire_pose_to(const arthron_Pose *message);

@@ -1,0 +1,98 @@
+// One virtual patient: the anatomy of the physical mock-up (S), what takes it to the patient (S'),
+// and the joint. A case is a folder with case.json (manifest) and anatomy.glb
+// (docs/ARCHITECTURE.md).
+//
+// In memory: millimetres; each mesh in the frame of its body; the frames of all bodies coincide
+// with the femur's in the rest pose (extension). In the files: glTF in metres, y up as glTF has it
+// is not imposed: the node of each group stands as the mesh does.
+#pragma once
+
+#include "base/joint.h"
+#include "base/result.h"
+#include "mesh/mesh.h"
+
+#define CASE_NAME_MAX 64
+#define CASE_GROUPS_MAX 32
+#define CASE_PARTS_MAX 8
+#define CASE_PORTALS_MAX 8
+#define CASE_PATELLA_PATH_MAX 64
+
+enum body { BODY_FEMUR, BODY_TIBIA, BODY_PATELLA, BODY_COUNT };
+
+const char *body_name(enum body body);
+bool body_from_name(const char *name, enum body *out_body);
+
+// One mesh of a group inside the group's joined arrays.
+struct case_part {
+    char name[CASE_NAME_MAX];
+    uint32_t first_vertex, vertex_count;
+    uint32_t first_triangle, triangle_count;
+};
+
+struct case_group {
+    char name[CASE_NAME_MAX]; // tibia, femur, patella, meniscus_medial, meniscus_lateral, acl,
+                              // pcl, mcl, lcl, skin; others are allowed
+    enum body body;
+    bool cuttable;    // must be one closed, manifold, oriented part
+    struct mesh mesh; // all parts, joined
+    float *warp;      // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
+    float *maxcut;    // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
+    int part_count;
+    struct case_part parts[CASE_PARTS_MAX];
+};
+
+struct case_portal {
+    char name[CASE_NAME_MAX];
+    vec3 position;  // in the skin, femur's frame
+    vec3 direction; // unit, into the joint
+};
+
+struct case_patella_key {
+    double flexion_deg;
+    pose T_femur_patella;
+};
+
+struct knee_case {
+    char name[CASE_NAME_MAX];
+    char title[128];
+    uint64_t hash; // XXH3 of both files' bytes, set by case_load and case_save
+    struct joint_frame joint;
+    int group_count;
+    struct case_group groups[CASE_GROUPS_MAX];
+    int portal_count;
+    struct case_portal portals[CASE_PORTALS_MAX];
+    int patella_key_count; // rising flexion; 0: the patella stays in the rest pose
+    struct case_patella_key patella_keys[CASE_PATELLA_PATH_MAX];
+};
+
+// What a file may cost before it is refused.
+struct case_limits {
+    size_t file_bytes;        // of each file
+    uint32_t group_triangles; // of each group
+};
+
+struct case_limits case_limits_default(void); // 512 MiB, 2 000 000 triangles
+
+// Reads, bounds-checks and validates a case folder. Refused: a missing tibia or femur, a cuttable
+// group that is open or not manifold, any accessor out of bounds, unknown keys in the manifest.
+// The error names file, group and accessor. On success the caller destroys *out_case.
+enum result case_load(const char *dir, const struct case_limits *limits,
+                      struct knee_case **out_case, struct error *err);
+
+// Writes both files into `dir` (made where missing), whole or not at all, and sets the hash.
+enum result case_save(struct knee_case *knee, const char *dir, struct error *err);
+
+struct knee_case *case_create(const char *name, const char *title);
+void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee becomes NULL
+
+// Appends an empty group, or returns NULL where there are CASE_GROUPS_MAX.
+struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
+
+// Joins a mesh to a group as a part (copied). Displacements that the group has get zeros.
+enum result case_add_part(struct case_group *group, const char *name, const struct mesh *mesh,
+                          struct error *err);
+
+struct case_group *case_group(struct knee_case *knee, const char *name); // NULL: no such group
+
+// The patella's pose at a flexion: between the keys, constant past the outer ones.
+pose case_patella_pose(const struct knee_case *knee, double flexion_deg);

@@ -1,0 +1,53 @@
+// A triangle mesh as flat arrays: what every kernel takes and gives.
+#pragma once
+
+#include "base/pose.h"
+#include "base/result.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct mesh {
+    uint32_t vertex_count;
+    uint32_t triangle_count;
+    float *positions;    // 3 * vertex_count: x, y, z in mm
+    uint32_t *triangles; // 3 * triangle_count: vertex indices, counter-clockwise seen from outside
+};
+
+#define MESH_NONE UINT32_MAX // no triangle, no vertex
+
+// Allocates both arrays, undefined inside. The caller releases them with mesh_fini.
+void mesh_init(struct mesh *mesh, uint32_t vertex_count, uint32_t triangle_count);
+void mesh_fini(struct mesh *mesh); // a zeroed mesh is fine; the mesh is zeroed
+void mesh_copy(struct mesh *out_mesh, const struct mesh *mesh);
+
+// A mesh from outside: at least one triangle, every index below vertex_count, the three corners of
+// a triangle distinct, every coordinate finite and within ±10 m. The error names the first
+// offender.
+enum result mesh_validate(const struct mesh *mesh, struct error *err);
+
+static inline vec3 mesh_vertex(const struct mesh *mesh, uint32_t vertex) {
+    const float *p = mesh->positions + 3 * (size_t)vertex;
+    return (vec3){(double)p[0], (double)p[1], (double)p[2]};
+}
+
+void mesh_set_vertex(struct mesh *mesh, uint32_t vertex, vec3 position);
+
+// Corner 0..2 of a triangle.
+static inline vec3 mesh_corner(const struct mesh *mesh, uint32_t triangle, int corner) {
+    return mesh_vertex(mesh, mesh->triangles[3 * (size_t)triangle + (size_t)corner]);
+}
+
+struct box {
+    vec3 min, max;
+};
+
+// The mesh must have a vertex.
+struct box mesh_bounds(const struct mesh *mesh);
+
+// Signed volume enclosed (mm³) by the divergence theorem; positive where triangles face outwards.
+// Has a meaning for closed, oriented meshes only.
+double mesh_volume(const struct mesh *mesh);
+
+double mesh_area(const struct mesh *mesh); // mm²

@@ -1,0 +1,36 @@
+// The server's own certificate authority: one place for trust. All files live in one folder
+// (authority.key, authority.pem, server.key, server.pem, codes, revoked), readable by the server's
+// user alone.
+#pragma once
+
+#include "base/result.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define AUTHORITY_CODE_MAX 96
+
+// Makes authority and server keys (EC P-256) and certificates for these host names and addresses.
+// RESULT_REFUSED where an authority is there already.
+enum result authority_init(const char *dir, const char *const *hosts, int host_count,
+                           struct error *err);
+
+// A one-time code for a station of this name, good for 15 minutes. It holds a secret and the
+// authority's fingerprint, so that the station can trust the server before it has any certificate.
+enum result authority_issue_code(const char *dir, const char *station,
+                                 char out_code[AUTHORITY_CODE_MAX], struct error *err);
+
+// Turns code and request (PKCS #10, DER) into a certificate whose common name is the station's.
+// Uses the code up. RESULT_REFUSED: no such code, or it is too old.
+enum result authority_enrol(const char *dir, const char *code, const uint8_t *request_der,
+                            size_t request_size, uint8_t *out_certificate_der,
+                            size_t *in_out_certificate_size, uint8_t *out_authority_der,
+                            size_t *in_out_authority_size, struct error *err);
+
+// From now on no certificate issued so far to this station is accepted. RESULT_MISSING: no
+// certificate was ever issued to that name.
+enum result authority_revoke(const char *dir, const char *station, struct error *err);
+
+// Whether the serial number (hex) of a station's certificate is revoked; read afresh each time.
+bool authority_is_revoked(const char *dir, const char *serial_hex);

@@ -1,0 +1,23 @@
+// Commands over the server's local socket (a WebSocket on a UNIX socket, subprotocol
+// arthron-console.1), the same messages that the instructor's console will send.
+#pragma once
+
+#include "wire/wire.h"
+
+struct console;
+
+struct console_handler {
+    void *user;
+    // Out of the console's own thread; may take its time. Fills *out_reply.
+    void (*on_command)(void *user, const arthron_Command *command, arthron_CommandReply *out_reply);
+};
+
+// Makes the socket (mode 0600) and starts the thread. A stale socket file is replaced; one that
+// answers is RESULT_REFUSED: another server is running.
+enum result console_create(const char *socket_path, const struct console_handler *handler,
+                           struct console **out_console, struct error *err);
+void console_destroy(struct console **console);
+
+// The other end: one command to a running server. RESULT_MISSING: no server at that path.
+enum result console_call(const char *socket_path, const arthron_Command *command,
+                         arthron_CommandReply *out_reply, struct error *err);

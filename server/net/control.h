@@ -1,0 +1,68 @@
+// The control connections of stations: binary WebSockets (subprotocol arthron.1) over TLS 1.3 with
+// client certificates, served by a thread of this room's own. Version and capabilities are agreed
+// here; everything else goes to the handler.
+#pragma once
+
+#include "wire/wire.h"
+
+#define CONTROL_PEERS_MAX 64
+
+struct control;
+
+// One connected station, from on_hello to on_gone. Small and copyable: index < CONTROL_PEERS_MAX.
+struct control_peer {
+    int index;
+    uint32_t generation; // tells one user of an index from the next
+};
+
+// Calls out of the control thread; none may block.
+struct control_handler {
+    void *user;
+    // A station whose certificate and version are good. Fill *out_welcome's session and case, or
+    // return another result with a reason in *out_refusal: the peer is told and closed.
+    enum result (*on_hello)(void *user, struct control_peer peer, const arthron_Hello *hello,
+                            arthron_Welcome *out_welcome, arthron_Refusal *out_refusal);
+    // The clock offset became known or better: server = station + offset_ns.
+    void (*on_clock)(void *user, struct control_peer peer, int64_t offset_ns,
+                     int64_t uncertainty_ns, int64_t rtt_ns);
+    // A frame that came in the control connection; message is the caller's.
+    void (*on_frame)(void *user, struct control_peer peer, const arthron_Frame *message,
+                     int64_t received_ns);
+    // Any other known message of a station (its answer to UdpPath).
+    void (*on_message)(void *user, struct control_peer peer, const arthron_Control *message);
+    void (*on_gone)(void *user, struct control_peer peer);
+};
+
+struct control_config {
+    const char *address; // to listen on; NULL for all
+    int port;
+    const char *authority_dir;
+    const char *software;
+    int64_t hello_timeout_ns; // how long a peer may stay silent before Hello; 5 s
+};
+
+// Listens and starts the thread. RESULT_IO names address and port.
+enum result control_create(const struct control_config *config,
+                           const struct control_handler *handler, struct control **out_control,
+                           struct error *err);
+
+// Tells every station SHUTDOWN, closes, joins the thread. *control becomes NULL.
+void control_destroy(struct control **control);
+
+// From any thread, never waits: queues a message for a peer. False where the peer is gone or its
+// queue is full (then a Reply is dropped and counted; anything else closes the peer).
+bool control_send(struct control *control, struct control_peer peer,
+                  const arthron_Control *message);
+
+// Closes a peer, telling it why.
+void control_refuse(struct control *control, struct control_peer peer,
+                    enum _arthron_Refusal_Reason reason, const char *text);
+
+struct control_counts {
+    uint64_t unknown_messages;   // of a kind that this version does not know: skipped
+    uint64_t malformed_messages; // the peer was told and closed
+    uint64_t refused_certificates;
+    uint64_t replies_dropped;
+};
+
+struct control_counts control_counts(const struct control *control);

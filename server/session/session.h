@@ -1,0 +1,95 @@
+// One trainee, one case: what turns samples into warped poses.
+//
+// A step is a function of the session and its input: no clock, no file, no socket, no thread, no
+// allocation. The same inputs give the same bytes, which is what a trace replays.
+#pragma once
+
+#include "base/sample.h"
+#include "case/case.h"
+#include "warp/warp.h"
+
+// A case prepared for sessions: surfaces and search structures. Immutable; any number of sessions
+// on any threads share one. Takes ownership of *knee (which becomes NULL) where it succeeds.
+struct scene;
+
+enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);
+void scene_destroy(struct scene **scene);
+const struct knee_case *scene_case(const struct scene *scene);
+
+struct session_settings {
+    struct field field;
+    double strength; // 0 no warp .. 1 the whole: scales every displacement
+    int64_t hold_ns; // how long a sample that stopped coming stands for the newest
+};
+
+struct session_settings session_settings_default(void); // inverse-distance, 1, 100 ms
+
+enum session_state {
+    SESSION_WAITING,
+    SESSION_RUNNING,
+    SESSION_PAUSED,
+    SESSION_CLOSED,
+    SESSION_STATE_COUNT
+};
+
+const char *session_state_name(enum session_state state);
+
+// All that a session learns comes as an input, one for each step.
+enum input_kind {
+    INPUT_FRAME, // a station's frame; times in it are on the server's clock
+    INPUT_EMPTY, // no frame for 50 ms: only time passes
+    INPUT_START,
+    INPUT_PAUSE,
+    INPUT_STOP,
+    INPUT_RESET, // as a new session: metrics and memory at their start, then running
+    INPUT_KIND_COUNT
+};
+
+const char *input_kind_name(enum input_kind kind);
+
+struct session_input {
+    enum input_kind kind;
+    int64_t time_ns;    // server's monotonic clock, never falling from step to step
+    struct frame frame; // INPUT_FRAME only
+};
+
+struct instrument_output {
+    bool present;           // a pose was known at this step; else all below is 0
+    enum validity validity; // of that pose
+    pose T_mockup_tip;      // as measured
+    pose T_mockup_warped;   // as to be shown
+    struct warp warp;       // at the tip, in the mock-up's frame
+    double gain;            // largest stretch of hand motion: |I + ∇W|
+    struct handle handle;   // 0 where the instrument has none
+};
+
+enum event {
+    EVENT_STATE = 1 << 0,       // the session's state changed
+    EVENT_DEVICE_LOST = 1 << 1, // a sample went from ok or held to lost
+    EVENT_DEVICE_BACK = 1 << 2,
+    EVENT_CONTACT = 1 << 3, // an instrument came within 0.2 mm of a surface
+    EVENT_RELEASE = 1 << 4  // and left it by more than 0.4 mm
+};
+
+struct session_output {
+    uint64_t step;         // counts up from 1
+    uint64_t frame_number; // of the input, 0 where it was no frame
+    int64_t time_ns;
+    enum session_state state;
+    uint32_t events; // enum event, or-ed
+    struct joint_angles joint;
+    enum validity joint_validity;
+    pose T_mockup_body[BODY_COUNT];
+    struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
+    uint64_t hash; // of all above and of the session's state
+};
+
+struct session;
+
+// The scene must outlive the session.
+struct session *session_create(const struct scene *scene, const struct session_settings *settings);
+void session_destroy(struct session **session);
+
+// Frame numbers must rise: dropping older ones is the caller's work (the hub counts them).
+void session_step(struct session *session, const struct session_input *input,
+                  struct session_output *out);

@@ -1,0 +1,76 @@
+// The static space warp of one contact point: a displacement for every point of space that equals,
+// on each surface, what takes the physical surface S to the virtual one S'
+// (Spillmann, Tuchschmid, Harders, Eq. 1 to 3; with the closed-form derivative).
+//
+// Surfaces are static meshes in the frame of the body that they belong to. A query point is moved
+// into that frame; nothing is rebuilt when a bone moves. Millimetres; the world is the mock-up.
+//
+//     x       closest point of surface k to y, at distance d_k
+//     Δ_k   = M_k · B_k · (x + displacement(x)) − B_k · x
+//     W(y)  = Σ ω_k Δ_k / (Σ ω_k + ω_0)
+//
+// A point on exactly one surface (d_k <= 1e-6) gets that surface's Δ, exactly; on several, the mean
+// of theirs. Deterministic: the same arguments give the same bits. Allocates nothing.
+#pragma once
+
+#include "base/pose.h"
+#include "mesh/query.h"
+
+#define WARP_SURFACES_MAX 32
+
+enum field_kind {
+    FIELD_GAUSSIAN, // ω = exp(−d²/(2σ)), σ = min d: Eq. 3 as printed; depends on the unit
+    FIELD_INVERSE_DISTANCE, // ω = (R − d)₊/(R d), ω_0 a constant: free of units
+    FIELD_COUNT
+};
+
+const char *field_name(enum field_kind kind); // "gaussian", "inverse-distance"
+bool field_from_name(const char *name, enum field_kind *out_kind);
+
+struct field {
+    enum field_kind kind;
+    double unit_mm;           // gaussian: the unit in which Eq. 3 is read; 10 gives the paper's
+    double radius_mm;         // inverse-distance: R, beyond which a surface has no weight
+    double background_per_mm; // inverse-distance: ω_0, so that the warp fades in open space
+};
+
+struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm
+
+struct warp_surface {
+    const struct mesh *mesh;
+    const struct query *query;
+    const float *displacement; // 3 * vertex_count, mm: S' − S; NULL for 0
+    int body;                  // index into the poses of the scene
+};
+
+struct warp_scene {
+    const struct warp_surface *surfaces;
+    int surface_count;        // at most WARP_SURFACES_MAX
+    const pose *T_world_body; // B: one for each body
+    const pose *correction;   // M: one for each body, in the world; NULL for the identity
+};
+
+// The last answers of one query point, from which the next search starts. Zero-initialise with
+// warp_memory_init; it changes how long a call takes, never its result.
+struct warp_memory {
+    uint32_t triangle[WARP_SURFACES_MAX];
+    double distance[WARP_SURFACES_MAX];
+};
+
+void warp_memory_init(struct warp_memory *memory);
+
+struct warp {
+    vec3 displacement;      // W(y), mm, in the world
+    mat3 gradient;          // ∂W/∂y, in the world
+    double trust_radius_mm; // how far W(y) + gradient · step may be used: d1 + d2 of the two
+                            // nearest surfaces, clamped to 0.5 .. 2
+    int nearest;            // surface with the smallest distance, -1 where none is in reach
+    double nearest_mm;      // its distance, INFINITY where none is in reach
+};
+
+// y in the world, finite.
+void warp_point(const struct warp_scene *scene, const struct field *field, vec3 y,
+                struct warp_memory *memory, struct warp *out_warp);
+
+// Where the closest point of one surface goes: Δ_k of the header's formula, for tests and meters.
+vec3 warp_of_contact(const struct warp_scene *scene, int surface, const struct closest *contact);

@@ -1,0 +1,49 @@
+// One contract for all that a station reads. A driver reads its device in a thread of its own and
+// knows nothing of sessions or the network; the runner (device/runner.h) gives every device its
+// thread, holds and loses silent ones, and catches jumps.
+#pragma once
+
+#include "base/result.h"
+#include "base/sample.h"
+
+#define DEVICE_NAME_MAX 32
+#define DEVICE_SAMPLES_MAX 8 // of one reading
+
+// The keys of a device's section in the station's config, in the order of the file.
+struct device_option {
+    const char *key, *value;
+};
+
+struct device_config {
+    char name[DEVICE_NAME_MAX]; // [device NAME]
+    const struct device_option *options;
+    int option_count;
+};
+
+// What one poll brought. channel, kind, time_ns and value are set by the driver; validity is OK or
+// LOST (the source itself says that the value has no meaning).
+struct device_reading {
+    int count;
+    struct sample samples[DEVICE_SAMPLES_MAX];
+};
+
+struct device_driver {
+    const char *name; // "modbus", "tracker", "recorded", "simulated"
+
+    // Checks every option (an unknown key, a value out of range: RESULT_INVALID, the error names
+    // the key) and connects. RESULT_TIMEOUT or RESULT_CLOSED where the device does not answer yet:
+    // the runner tries again with a growing pause.
+    enum result (*open)(const struct device_config *config, void **out_device, struct error *err);
+
+    // Waits for the next reading, at most about 100 ms. RESULT_OK with count >= 0;
+    // RESULT_TIMEOUT: silent, ask again; RESULT_FORMAT: something malformed was skipped, ask again;
+    // RESULT_CLOSED: gone, the runner closes it and opens it again.
+    enum result (*poll)(void *device, struct device_reading *out_reading, struct error *err);
+
+    void (*close)(void *device);
+};
+
+// The table, ended by NULL.
+extern const struct device_driver *const device_drivers[];
+
+const struct device_driver *device_driver(const char *name); // NULL: no such driver

@@ -1,0 +1,54 @@
+// A station's connection to its server: control connection, sealed datagrams where they pass,
+// frames in the control connection where they do not, and back again; the offset between the two
+// clocks; reconnecting with back-off. A thread of its own serves the control connection.
+#pragma once
+
+#include "wire/wire.h"
+
+struct link_config {
+    const char *host;
+    int port;
+    const char *keys_dir; // station.key, station.pem, authority.pem (link_enrol makes them)
+    const char *station;
+    const char *software;
+    bool datagrams; // false: frames always travel in the control connection
+    int device_count;
+    arthron_Device devices[16];
+};
+
+enum link_path { LINK_DOWN, LINK_CONTROL, LINK_DATAGRAM };
+
+struct link_status {
+    enum link_path path;
+    bool welcomed;
+    bool clock_known;
+    int64_t clock_offset_ns, clock_uncertainty_ns; // server = station + offset
+    uint64_t connects;                             // successful ones, 1 after the first
+    uint64_t frames_sent;
+    uint64_t replies; // to frames of ours, each counted once
+    uint64_t unknown_messages;
+    char session_case[64];
+    arthron_SessionState state;
+    char refusal[256]; // what the server last said, empty: nothing
+};
+
+struct link;
+
+// Starts connecting in the background. RESULT_MISSING names a key file that is not there.
+enum result link_create(const struct link_config *config, struct link **out_link,
+                        struct error *err);
+void link_destroy(struct link **link);
+
+// One frame, numbered by the caller; from one thread only. False where it could not be sent at once
+// (no connection, clock unknown, path full): the frame is dropped, not queued.
+bool link_send(struct link *link, const struct frame *frame);
+
+// Waits until `until_ns` (monotonic) or the next reply. True with a reply; the same thread as
+// link_send.
+bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply);
+
+void link_get_status(struct link *link, struct link_status *out_status);
+
+// Asks the server at host:port for a certificate with a one-time code and writes the key files.
+enum result link_enrol(const char *host, int port, const char *code, const char *station,
+                       const char *keys_dir, struct error *err);

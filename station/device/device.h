@@ -7,7 +7,7 @@
 #include "base/sample.h"
 
 #define DEVICE_NAME_MAX 32
-#define DEVICE_SAMPLES_MAX 8 // of one reading
+#define DEVICE_SAMPLES_MAX 16 // of one reading
 
 // The keys of a device's section in the station's config, in the order of the file.
 struct device_option {
@@ -20,27 +20,44 @@ struct device_config {
     int option_count;
 };
 
+// What a device gives: one line for each channel and kind, known before it is connected.
+struct device_outputs {
+    int count;
+    struct device_output {
+        enum channel channel;
+        enum sample_kind kind;
+    } outputs[DEVICE_SAMPLES_MAX];
+};
+
 // What one poll brought. channel, kind, time_ns and value are set by the driver; validity is OK or
-// LOST (the source itself says that the value has no meaning).
+// LOST (the source itself says that the value has no meaning; the value is not read then).
 struct device_reading {
     int count;
     struct sample samples[DEVICE_SAMPLES_MAX];
 };
 
+// create .. destroy live as long as the station; open .. close once for each connection, always in
+// this order. `config` is not kept: a driver copies what it needs.
 struct device_driver {
     const char *name; // "modbus", "tracker", "recorded", "simulated"
 
-    // Checks every option (an unknown key, a value out of range: RESULT_INVALID, the error names
-    // the key) and connects. RESULT_TIMEOUT or RESULT_CLOSED where the device does not answer yet:
-    // the runner tries again with a growing pause.
-    enum result (*open)(const struct device_config *config, void **out_device, struct error *err);
+    // Checks every option and reads files that they name, but touches no device. An unknown key, a
+    // value out of range: RESULT_INVALID; a missing one: RESULT_MISSING; the error names the key.
+    enum result (*create)(const struct device_config *config, void **out_device,
+                          struct device_outputs *out_outputs, struct error *err);
+
+    // Connects, within about a second (a name server's answer aside). Any failure: the runner tries
+    // again after a growing pause.
+    enum result (*open)(void *device, struct error *err);
 
     // Waits for the next reading, at most about 100 ms. RESULT_OK with count >= 0;
-    // RESULT_TIMEOUT: silent, ask again; RESULT_FORMAT: something malformed was skipped, ask again;
-    // RESULT_CLOSED: gone, the runner closes it and opens it again.
+    // RESULT_TIMEOUT: silent, ask again; RESULT_FORMAT: something malformed was skipped, ask again
+    // (a reading may have come with it); anything else, as RESULT_CLOSED: gone, the runner closes
+    // it and opens it again.
     enum result (*poll)(void *device, struct device_reading *out_reading, struct error *err);
 
     void (*close)(void *device);
+    void (*destroy)(void *device);
 };
 
 // The table, ended by NULL.

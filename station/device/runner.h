@@ -1,0 +1,56 @@
+// Runs all devices of a station, each in a thread of its own, and keeps the newest sample of every
+// channel where the station's loop can take it without ever waiting for a device.
+//
+// Keys of every device's section that belong to the runner; all others are the driver's:
+//   driver   the driver's name; required
+//   hold_ms  how long the last value of a silent channel is held before it is lost; 100
+//   jump_mm  a pose farther than this from what the last ones promise is not used (device/guard.h);
+//            50
+//
+// A channel is OK while values come, HELD from the moment that it is silent (twice its usual
+// interval without a value, or the source or the guard said no), LOST hold_ms later. A channel that
+// has never given a value is LOST, with a neutral value and time 0.
+#pragma once
+
+#include "base/result.h"
+#include "base/sample.h"
+#include "device/device.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define RUNNER_DEVICES_MAX 16
+
+struct runner;
+
+struct device_status {
+    char name[DEVICE_NAME_MAX];
+    const char *driver;
+    bool connected;
+    double rate_hz;      // readings a second, over the last second
+    uint64_t readings;   // polls that brought values
+    uint64_t timeouts;   // polls that brought nothing in time
+    uint64_t malformed;  // messages or values that were not what they should be
+    uint64_t jumps;      // poses that the guard did not let through
+    uint64_t losses;     // channels that went from held to lost
+    uint64_t reopenings; // connections after the first one
+    char problem[sizeof((struct error *)0)->text]; // the newest one; empty while all is well
+};
+
+// Checks the configs and starts a thread for each device; a device that does not answer yet is no
+// error. Refused, with the device and the key named: an unknown driver or key, a value out of
+// range, two devices of one name, two that give the same channel and kind, more than
+// RUNNER_DEVICES_MAX devices or FRAME_SAMPLES_MAX channels. The configs are not kept.
+enum result runner_create(const struct device_config *configs, int count,
+                          struct runner **out_runner, struct error *err);
+
+// Ends all threads (within about a second) and frees. NULL inside is fine; *runner becomes NULL.
+void runner_destroy(struct runner **runner);
+
+// Appends the newest sample of every channel to the frame, with its validity at now_ns
+// (clock_now_ns()); samples' `device` is the index of the config. The frame's number and time are
+// the caller's.
+void runner_collect(struct runner *runner, int64_t now_ns, struct frame *frame);
+
+int runner_count(const struct runner *runner);
+void runner_status(struct runner *runner, int index, struct device_status *out_status);

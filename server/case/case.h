@@ -3,8 +3,8 @@
 // (docs/ARCHITECTURE.md).
 //
 // In memory: millimetres; each mesh in the frame of its body; the frames of all bodies coincide
-// with the femur's in the rest pose (extension). In the files: glTF in metres, y up as glTF has it
-// is not imposed: the node of each group stands as the mesh does.
+// with the femur's in the rest pose (extension). In the files: glTF in metres; glTF's y up
+// is not imposed: nodes have no transform, the numbers are those of the memory over 1000.
 #pragma once
 
 #include "base/joint.h"
@@ -73,26 +73,47 @@ struct case_limits {
 
 struct case_limits case_limits_default(void); // 512 MiB, 2 000 000 triangles
 
-// Reads, bounds-checks and validates a case folder. Refused: a missing tibia or femur, a cuttable
-// group that is open or not manifold, any accessor out of bounds, unknown keys in the manifest.
+// Reads, bounds-checks and validates a case folder. Refused: what case_validate refuses, any
+// accessor out of bounds, unknown keys in the manifest, an anatomy that is not the manifest's.
 // The error names file, group and accessor. On success the caller destroys *out_case.
+// limits: NULL for the default ones.
 enum result case_load(const char *dir, const struct case_limits *limits,
                       struct knee_case **out_case, struct error *err);
 
-// Writes both files into `dir` (made where missing), whole or not at all, and sets the hash.
+// Refused: a missing tibia or femur; a cuttable group that is not one closed, manifold, oriented
+// component facing outwards; a displacement, pose, portal or patella key that is not finite or out
+// of order; a group without a mesh. The error names group or key.
+enum result case_validate(const struct knee_case *knee, struct error *err);
+
+// Writes both files into `dir` (made where missing, with its parents) and sets the hash. The case
+// must pass case_validate. Both files are complete on the disk before either takes its place; a
+// crash between the two is noticed by case_load. Coordinates are rounded to float metres: the
+// first load may differ by that, every later one is equal bit for bit.
 enum result case_save(struct knee_case *knee, const char *dir, struct error *err);
 
+// Letters, digits and "_-.", 1 to CASE_NAME_MAX - 1 of them: names of cases, groups, parts,
+// portals.
+bool case_name_is_valid(const char *name);
+
+// The name must be valid; a title too long is cut. The joint frames are the identity.
 struct knee_case *case_create(const char *name, const char *title);
 void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee becomes NULL
 
-// Appends an empty group, or returns NULL where there are CASE_GROUPS_MAX.
+// Appends an empty group, or returns NULL where there are CASE_GROUPS_MAX. The name must be valid
+// and new. Earlier pointers to groups stay good.
 struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
 
-// Joins a mesh to a group as a part (copied). Displacements that the group has get zeros.
+// Joins a mesh to a group as a part (copied). Displacements that the group has get zeros. A part
+// may bear its group's name: its node in the file is then `group`, otherwise `group/part`. Refused:
+// what mesh_validate refuses, a bad or second name, more than CASE_PARTS_MAX.
 enum result case_add_part(struct case_group *group, const char *name, const struct mesh *mesh,
                           struct error *err);
 
 struct case_group *case_group(struct knee_case *knee, const char *name); // NULL: no such group
+
+// The displacement arrays of a group, made of zeros where there is none. The group has a part.
+float *case_group_need_warp(struct case_group *group);
+float *case_group_need_maxcut(struct case_group *group);
 
 // The patella's pose at a flexion: between the keys, constant past the outer ones.
 pose case_patella_pose(const struct knee_case *knee, double flexion_deg);

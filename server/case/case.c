@@ -1,0 +1,268 @@
+#include "case/case.h"
+
+#include "base/check.h"
+#include "mesh/topology.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char *const body_names[BODY_COUNT] = {"femur", "tibia", "patella"};
+
+const char *body_name(enum body body) {
+    CHECK((unsigned)body < BODY_COUNT);
+    return body_names[body];
+}
+
+bool body_from_name(const char *name, enum body *out_body) {
+    for (int i = 0; i < BODY_COUNT; i++) {
+        if (strcmp(name, body_names[i]) == 0) {
+            *out_body = (enum body)i;
+            return true;
+        }
+    }
+    return false;
+}
+
+bool case_name_is_valid(const char *name) {
+    size_t length = strlen(name);
+    if (length == 0 || length >= CASE_NAME_MAX)
+        return false;
+    for (const char *c = name; *c; c++)
+        if (!isalnum((unsigned char)*c) && !strchr("_-.", *c))
+            return false;
+    return true;
+}
+
+static void set_name(char *out_name, const char *name) {
+    CHECK(case_name_is_valid(name));
+    memcpy(out_name, name, strlen(name) + 1);
+}
+
+struct case_limits case_limits_default(void) {
+    return (struct case_limits){.file_bytes = (size_t)512 << 20, .group_triangles = 2000000};
+}
+
+struct knee_case *case_create(const char *name, const char *title) {
+    struct knee_case *knee = alloc(1, sizeof *knee);
+    set_name(knee->name, name);
+    snprintf(knee->title, sizeof knee->title, "%s", title);
+    knee->joint.T_femur_joint = pose_identity();
+    knee->joint.T_tibia_joint = pose_identity();
+    return knee;
+}
+
+void case_destroy(struct knee_case **knee) {
+    if (!*knee)
+        return;
+    for (int i = 0; i < (*knee)->group_count; i++) {
+        struct case_group *group = &(*knee)->groups[i];
+        mesh_fini(&group->mesh);
+        free(group->warp);
+        free(group->maxcut);
+    }
+    free(*knee);
+    *knee = NULL;
+}
+
+struct case_group *case_group(struct knee_case *knee, const char *name) {
+    for (int i = 0; i < knee->group_count; i++)
+        if (strcmp(knee->groups[i].name, name) == 0)
+            return &knee->groups[i];
+    return NULL;
+}
+
+struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body) {
+    CHECK(!case_group(knee, name));
+    if (knee->group_count == CASE_GROUPS_MAX)
+        return NULL;
+    struct case_group *group = &knee->groups[knee->group_count++];
+    set_name(group->name, name);
+    group->body = body;
+    return group;
+}
+
+static float *append_floats(float *values, size_t count, const float *more, size_t more_count) {
+    values = alloc_resize(values, count + more_count, sizeof *values);
+    if (more)
+        memcpy(values + count, more, more_count * sizeof *values);
+    else
+        memset(values + count, 0, more_count * sizeof *values);
+    return values;
+}
+
+static void append_mesh(struct case_group *group, const struct mesh *mesh) {
+    struct mesh *joined = &group->mesh;
+    size_t old = 3 * (size_t)joined->vertex_count, more = 3 * (size_t)mesh->vertex_count;
+    joined->positions = append_floats(joined->positions, old, mesh->positions, more);
+    if (group->warp)
+        group->warp = append_floats(group->warp, old, NULL, more);
+    if (group->maxcut)
+        group->maxcut = append_floats(group->maxcut, old, NULL, more);
+    size_t corners = 3 * (size_t)joined->triangle_count;
+    size_t more_corners = 3 * (size_t)mesh->triangle_count;
+    joined->triangles =
+        alloc_resize(joined->triangles, corners + more_corners, sizeof *joined->triangles);
+    for (size_t i = 0; i < more_corners; i++)
+        joined->triangles[corners + i] = mesh->triangles[i] + joined->vertex_count;
+    joined->vertex_count += mesh->vertex_count;
+    joined->triangle_count += mesh->triangle_count;
+}
+
+static enum result check_part_name(const struct case_group *group, const char *name,
+                                   struct error *err) {
+    if (!case_name_is_valid(name))
+        return fail(err, RESULT_INVALID, "\"%.80s\" cannot be the name of a part", name);
+    for (int i = 0; i < group->part_count; i++)
+        if (strcmp(group->parts[i].name, name) == 0)
+            return fail(err, RESULT_INVALID, "there are two parts %s", name);
+    return RESULT_OK;
+}
+
+enum result case_add_part(struct case_group *group, const char *name, const struct mesh *mesh,
+                          struct error *err) {
+    enum result result = check_part_name(group, name, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "group %s: ", group->name);
+    if (group->part_count == CASE_PARTS_MAX)
+        return fail(err, RESULT_LIMIT, "group %s: more than %d parts", group->name, CASE_PARTS_MAX);
+    result = mesh_validate(mesh, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "group %s: part %s: ", group->name, name);
+    if (mesh->vertex_count > UINT32_MAX / 3 - group->mesh.vertex_count ||
+        mesh->triangle_count > UINT32_MAX / 3 - group->mesh.triangle_count)
+        return fail(err, RESULT_LIMIT, "group %s: part %s: too large", group->name, name);
+    struct case_part *part = &group->parts[group->part_count++];
+    set_name(part->name, name);
+    part->first_vertex = group->mesh.vertex_count;
+    part->vertex_count = mesh->vertex_count;
+    part->first_triangle = group->mesh.triangle_count;
+    part->triangle_count = mesh->triangle_count;
+    append_mesh(group, mesh);
+    return RESULT_OK;
+}
+
+float *case_group_need_warp(struct case_group *group) {
+    if (!group->warp)
+        group->warp = alloc(3 * (size_t)group->mesh.vertex_count, sizeof *group->warp);
+    return group->warp;
+}
+
+float *case_group_need_maxcut(struct case_group *group) {
+    if (!group->maxcut)
+        group->maxcut = alloc(3 * (size_t)group->mesh.vertex_count, sizeof *group->maxcut);
+    return group->maxcut;
+}
+
+pose case_patella_pose(const struct knee_case *knee, double flexion_deg) {
+    int count = knee->patella_key_count;
+    const struct case_patella_key *keys = knee->patella_keys;
+    if (count == 0)
+        return pose_identity();
+    if (!(flexion_deg > keys[0].flexion_deg))
+        return keys[0].T_femur_patella;
+    for (int i = 1; i < count; i++) {
+        if (flexion_deg <= keys[i].flexion_deg) {
+            double span = keys[i].flexion_deg - keys[i - 1].flexion_deg;
+            return pose_interpolate(keys[i - 1].T_femur_patella, keys[i].T_femur_patella,
+                                    (flexion_deg - keys[i - 1].flexion_deg) / span);
+        }
+    }
+    return keys[count - 1].T_femur_patella;
+}
+
+// ---- what every case must be
+// ---------------------------------------------------------------------
+
+static enum result check_displacement(const struct case_group *group, const char *name,
+                                      const float *values, struct error *err) {
+    for (size_t i = 0; values && i < 3 * (size_t)group->mesh.vertex_count; i++)
+        if (!isfinite(values[i]))
+            return fail(err, RESULT_INVALID, "group %s: %s of vertex %zu is not finite",
+                        group->name, name, i / 3);
+    return RESULT_OK;
+}
+
+static enum result check_cuttable(const struct case_group *group, struct error *err) {
+    struct topology t = topology_of(&group->mesh);
+    if (group->part_count != 1)
+        return fail(err, RESULT_INVALID, "group %s is cuttable but has %d parts", group->name,
+                    group->part_count);
+    if (!t.closed)
+        return fail(err, RESULT_INVALID,
+                    "group %s is cuttable but open: %u edges with one triangle", group->name,
+                    t.open_edges);
+    if (!t.manifold)
+        return fail(err, RESULT_INVALID,
+                    "group %s is cuttable but not manifold: %u edges, %u vertices", group->name,
+                    t.non_manifold_edges, t.non_manifold_vertices);
+    if (!t.oriented)
+        return fail(err, RESULT_INVALID,
+                    "group %s is cuttable but not oriented: triangles disagree along %u edges",
+                    group->name, t.flipped_edges);
+    if (t.components != 1)
+        return fail(err, RESULT_INVALID, "group %s is cuttable but has %u components", group->name,
+                    t.components);
+    if (!(mesh_volume(&group->mesh) > 0))
+        return fail(err, RESULT_INVALID, "group %s is cuttable but inside out", group->name);
+    return RESULT_OK;
+}
+
+static enum result check_group(const struct case_group *group, struct error *err) {
+    if (group->part_count == 0)
+        return fail(err, RESULT_MISSING, "group %s has no mesh", group->name);
+    enum result result = check_displacement(group, "warp", group->warp, err);
+    if (result == RESULT_OK)
+        result = check_displacement(group, "maxcut", group->maxcut, err);
+    if (result == RESULT_OK && group->cuttable)
+        result = check_cuttable(group, err);
+    return result;
+}
+
+static enum result check_portals(const struct knee_case *knee, struct error *err) {
+    for (int i = 0; i < knee->portal_count; i++) {
+        const struct case_portal *portal = &knee->portals[i];
+        if (!case_name_is_valid(portal->name))
+            return fail(err, RESULT_INVALID, "portal %d has no valid name", i + 1);
+        for (int k = 0; k < i; k++)
+            if (strcmp(portal->name, knee->portals[k].name) == 0)
+                return fail(err, RESULT_INVALID, "there are two portals %s", portal->name);
+        if (!vec3_is_finite(portal->position))
+            return fail(err, RESULT_INVALID, "portal %s: position is not finite", portal->name);
+        if (!(fabs(vec3_length(portal->direction) - 1) < 1e-3))
+            return fail(err, RESULT_INVALID, "portal %s: direction has not unit length",
+                        portal->name);
+    }
+    return RESULT_OK;
+}
+
+static enum result check_patella(const struct knee_case *knee, struct error *err) {
+    for (int i = 0; i < knee->patella_key_count; i++) {
+        const struct case_patella_key *key = &knee->patella_keys[i];
+        if (!isfinite(key->flexion_deg) || !pose_is_valid(key->T_femur_patella))
+            return fail(err, RESULT_INVALID, "patella[%d]: not a flexion and a pose", i);
+        if (i > 0 && !(key->flexion_deg > knee->patella_keys[i - 1].flexion_deg))
+            return fail(err, RESULT_INVALID, "patella[%d]: flexion_deg does not rise", i);
+    }
+    return RESULT_OK;
+}
+
+enum result case_validate(const struct knee_case *knee, struct error *err) {
+    // case_group gives a pointer for changing, which this does not do.
+    struct knee_case *reading = (struct knee_case *)knee;
+    if (!case_group(reading, "tibia"))
+        return fail(err, RESULT_MISSING, "there is no group tibia");
+    if (!case_group(reading, "femur"))
+        return fail(err, RESULT_MISSING, "there is no group femur");
+    if (!pose_is_valid(knee->joint.T_femur_joint))
+        return fail(err, RESULT_INVALID, "joint.T_femur_joint is not a pose");
+    if (!pose_is_valid(knee->joint.T_tibia_joint))
+        return fail(err, RESULT_INVALID, "joint.T_tibia_joint is not a pose");
+    enum result result = check_portals(knee, err);
+    if (result == RESULT_OK)
+        result = check_patella(knee, err);
+    for (int i = 0; result == RESULT_OK && i < knee->group_count; i++)
+        result = check_group(&knee->groups[i], err);
+    return result;
+}

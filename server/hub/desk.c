@@ -1,0 +1,376 @@
+// The desk opens, closes and commands sessions. It may take its time (files are made and loaded
+// here), so workers and the control thread only leave word: a flag for the clerk, a ring of
+// sessions that have ended.
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "hub/seat.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <time.h>
+
+#define CLERK_ROUND_MS 100
+#define STATE_WAIT_MS 500
+
+// ---- opening and closing ----------------------------------------------------------------------
+
+static void utc_stamp(int64_t utc_ns, char *out_text, size_t size) {
+    time_t seconds = (time_t)(utc_ns / NS_PER_S);
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    strftime(out_text, size, "%Y%m%dT%H%M%SZ", &utc);
+}
+
+static void fill_header(const struct hub *hub, const struct seat *seat, const struct card *card,
+                        struct trace_header *out) {
+    const struct hub_case *hub_case = &hub->config.cases[card->scene];
+    const struct knee_case *knee = scene_case(hub->scenes[card->scene]);
+    *out = (struct trace_header){
+        .version = TRACE_VERSION,
+        .case_hash = knee->hash,
+        .start_utc_ns = card->start_utc_ns,
+        .start_ns = clock_now_ns(),
+        .settings = hub->config.settings,
+    };
+    memcpy(out->session_id, card->session_id, sizeof out->session_id);
+    snprintf(out->station, sizeof out->station, "%s", seat->station->name);
+    snprintf(out->trainee, sizeof out->trainee, "%s", seat->station->trainee);
+    snprintf(out->case_name, sizeof out->case_name, "%s", knee->name);
+    snprintf(out->case_dir, sizeof out->case_dir, "%s", hub_case->dir);
+    trace_header_set_machine(out);
+}
+
+static enum result trace_path(const struct hub *hub, const struct seat *seat,
+                              const struct card *card, char *out_path, struct error *err) {
+    char when[32];
+    utc_stamp(card->start_utc_ns, when, sizeof when);
+    const uint8_t *id = card->session_id;
+    int length =
+        snprintf(out_path, HUB_PATH_MAX, "%s/%s-%s-%02x%02x%02x%02x.trace", hub->config.traces_dir,
+                 seat->station->name, when, id[0], id[1], id[2], id[3]);
+    if (length >= HUB_PATH_MAX)
+        return fail(err, RESULT_LIMIT, "%s: the path of the traces is too long",
+                    hub->config.traces_dir);
+    return RESULT_OK;
+}
+
+static void close_card(struct hub *hub, struct card *card) {
+    pthread_mutex_lock(&hub->card_lock);
+    card->open = false;
+    pthread_mutex_unlock(&hub->card_lock);
+}
+
+static enum result make_live(struct hub *hub, struct seat *seat, struct live **out_live,
+                             struct error *err) {
+    pthread_mutex_lock(&hub->card_lock);
+    seat->card.start_utc_ns = clock_utc_ns();
+    enum result result = trace_path(hub, seat, &seat->card, seat->card.trace, err);
+    struct card card = seat->card;
+    pthread_mutex_unlock(&hub->card_lock);
+    if (result != RESULT_OK)
+        return result;
+    struct trace_header header;
+    fill_header(hub, seat, &card, &header);
+    struct trace_writer *trace;
+    result = trace_writer_create(card.trace, &header, &trace, err);
+    if (result != RESULT_OK)
+        return result;
+    struct live *live = alloc(1, sizeof *live);
+    live->trace = trace;
+    live->session = session_create(hub->scenes[card.scene], &hub->config.settings);
+    live->knee = scene_case(hub->scenes[card.scene]);
+    log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
+             live->knee->name, card.trace);
+    *out_live = live;
+    return RESULT_OK;
+}
+
+// desk_lock held. Makes the session that the card describes and hands it to the worker.
+static enum result open_session(struct hub *hub, int index, struct error *err) {
+    struct seat *seat = &hub->seats[index];
+    struct note note = {.kind = NOTE_ATTACH, .seat = index};
+    enum result result = make_live(hub, seat, &note.live, err);
+    if (result != RESULT_OK) {
+        close_card(hub, &seat->card);
+        return result;
+    }
+    struct worker *worker = seat_worker(hub, index);
+    bool told = worker_tell(worker, worker->from_desk, &note);
+    CHECK(told);
+    return RESULT_OK;
+}
+
+static void log_trace_end(const struct seat *seat, struct trace_writer *trace) {
+    struct trace_status status = trace_writer_status(trace);
+    const char *name = seat->station->name;
+    if (status.missing)
+        log_error("hub", "station %s: session ended, %llu of its records could not be written",
+                  name, (unsigned long long)status.missing);
+    else
+        log_info("hub", "station %s: session ended after %llu steps", name,
+                 (unsigned long long)status.records);
+}
+
+// desk_lock held. Several sessions of one seat may end before the desk looks; the card is closed
+// only by the one that it describes.
+static void release_retired(struct hub *hub, struct worker *worker) {
+    struct retired retired;
+    while (ring_pop(worker->to_desk, &retired)) {
+        struct seat *seat = &hub->seats[retired.seat];
+        log_trace_end(seat, retired.live->trace);
+        trace_writer_destroy(&retired.live->trace);
+        session_destroy(&retired.live->session);
+        free(retired.live);
+        if (atomic_load(&seat->counts.state) == SESSION_CLOSED)
+            close_card(hub, &seat->card);
+    }
+}
+
+static void release_all_retired(struct hub *hub) {
+    for (int i = 0; i < hub->worker_count; i++)
+        if (hub->workers[i].to_desk)
+            release_retired(hub, &hub->workers[i]);
+}
+
+static void open_wanted(struct hub *hub) {
+    for (int i = 0; i < hub->config.station_count; i++) {
+        pthread_mutex_lock(&hub->card_lock);
+        bool wanted = hub->opening_wanted[i];
+        hub->opening_wanted[i] = false;
+        pthread_mutex_unlock(&hub->card_lock);
+        struct error err;
+        if (wanted && open_session(hub, i, &err) != RESULT_OK)
+            log_error("hub", "station %s: no session: %s", hub->seats[i].station->name, err.text);
+    }
+}
+
+// ---- the clerk's thread -------------------------------------------------------------------------
+
+static void wait_for_work(struct hub *hub) {
+    struct timespec until;
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_nsec += CLERK_ROUND_MS * NS_PER_MS;
+    if (until.tv_nsec >= NS_PER_S) {
+        until.tv_nsec -= NS_PER_S;
+        until.tv_sec++;
+    }
+    pthread_mutex_lock(&hub->card_lock);
+    bool wanted = hub->clerk_stop;
+    for (int i = 0; i < hub->config.station_count; i++)
+        wanted |= hub->opening_wanted[i];
+    if (!wanted)
+        pthread_cond_timedwait(&hub->clerk_wake, &hub->card_lock, &until);
+    pthread_mutex_unlock(&hub->card_lock);
+}
+
+static bool clerk_should_stop(struct hub *hub) {
+    pthread_mutex_lock(&hub->card_lock);
+    bool stop = hub->clerk_stop;
+    pthread_mutex_unlock(&hub->card_lock);
+    return stop;
+}
+
+static void *clerk(void *argument) {
+    struct hub *hub = argument;
+    while (!clerk_should_stop(hub)) {
+        pthread_mutex_lock(&hub->desk_lock);
+        release_all_retired(hub);
+        open_wanted(hub);
+        pthread_mutex_unlock(&hub->desk_lock);
+        wait_for_work(hub);
+    }
+    return NULL;
+}
+
+void desk_start(struct hub *hub) {
+    int failed = pthread_create(&hub->clerk, NULL, clerk, hub);
+    CHECK(!failed);
+    hub->clerk_runs = true;
+}
+
+void desk_stop(struct hub *hub) {
+    if (!hub->clerk_runs)
+        return;
+    pthread_mutex_lock(&hub->card_lock);
+    hub->clerk_stop = true;
+    pthread_cond_signal(&hub->clerk_wake);
+    pthread_mutex_unlock(&hub->card_lock);
+    pthread_join(hub->clerk, NULL);
+    release_all_retired(hub);
+}
+
+void desk_new_id(uint8_t out_id[16]) {
+    ssize_t got = getrandom(out_id, 16, 0);
+    CHECK(got == 16);
+}
+
+void desk_want_session(struct hub *hub, int seat) {
+    hub->opening_wanted[seat] = true;
+    pthread_cond_signal(&hub->clerk_wake);
+}
+
+// ---- commands
+// -------------------------------------------------------------------------------------
+
+__attribute__((format(printf, 2, 3))) static void refuse(arthron_CommandReply *reply,
+                                                         const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(reply->text, sizeof reply->text, format, args);
+    va_end(args);
+    reply->ok = false;
+}
+
+static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
+    struct seat *seat = &hub->seats[index];
+    pthread_mutex_lock(&hub->card_lock);
+    struct card card = seat->card;
+    pthread_mutex_unlock(&hub->card_lock);
+    const struct seat_counts *counts = &seat->counts;
+    memset(out, 0, sizeof *out);
+    snprintf(out->station, sizeof out->station, "%s", seat->station->name);
+    snprintf(out->case_name, sizeof out->case_name, "%s", hub->config.cases[card.scene].name);
+    out->connected = card.connected;
+    out->state = (arthron_SessionState)(card.open ? atomic_load(&counts->state) : SESSION_CLOSED);
+    memcpy(out->id, card.session_id, sizeof out->id);
+    out->start_utc_ns = card.start_utc_ns;
+    snprintf(out->trace, sizeof out->trace, "%s", card.trace);
+    out->steps = atomic_load(&counts->steps);
+    out->frames_lost = atomic_load(&counts->frames_lost);
+    out->frames_old = atomic_load(&counts->frames_old);
+    out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
+    out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
+}
+
+static int find_station(const struct hub *hub, const char *name) {
+    for (int i = 0; i < hub->config.station_count; i++)
+        if (!strcmp(hub->config.stations[i].name, name))
+            return i;
+    return -1;
+}
+
+static int find_case(const struct hub *hub, const char *name) {
+    for (int i = 0; i < hub->config.case_count; i++)
+        if (!strcmp(hub->config.cases[i].name, name))
+            return i;
+    return -1;
+}
+
+static bool wait_for_state(struct seat *seat, enum session_state state) {
+    const struct timespec pause = {0, 5 * NS_PER_MS};
+    for (int waited = 0; waited < STATE_WAIT_MS; waited += 5) {
+        if (atomic_load(&seat->counts.state) == (int)state)
+            return true;
+        nanosleep(&pause, NULL);
+    }
+    return false;
+}
+
+static void give_input(struct hub *hub, int index, enum input_kind kind,
+                       enum session_state expected, arthron_CommandReply *reply) {
+    struct worker *worker = seat_worker(hub, index);
+    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = kind};
+    if (!worker_tell(worker, worker->from_desk, &note))
+        refuse(reply, "station %s: its worker is too busy", hub->seats[index].station->name);
+    else if (!wait_for_state(&hub->seats[index], expected))
+        refuse(reply, "station %s: the session stayed as it was", hub->seats[index].station->name);
+    else
+        reply->ok = true;
+}
+
+static bool card_is_open(struct hub *hub, int index) {
+    pthread_mutex_lock(&hub->card_lock);
+    bool open = hub->seats[index].card.open;
+    pthread_mutex_unlock(&hub->card_lock);
+    return open;
+}
+
+// A new session for a connected station, on a scene of its own choice.
+static bool reopen(struct hub *hub, int index, int scene, arthron_CommandReply *reply) {
+    struct seat *seat = &hub->seats[index];
+    pthread_mutex_lock(&hub->card_lock);
+    bool connected = seat->card.connected;
+    seat->card.scene = scene;
+    if (connected) {
+        seat->card.open = true;
+        desk_new_id(seat->card.session_id);
+        atomic_store(&seat->counts.state, SESSION_WAITING);
+    }
+    pthread_mutex_unlock(&hub->card_lock);
+    struct error err;
+    if (connected && open_session(hub, index, &err) != RESULT_OK) {
+        refuse(reply, "%s", err.text);
+        return false;
+    }
+    reply->ok = true;
+    return connected;
+}
+
+static void start(struct hub *hub, int index, arthron_CommandReply *reply) {
+    if (!card_is_open(hub, index) && !reopen(hub, index, hub->seats[index].card.scene, reply)) {
+        refuse(reply, "station %s is not connected", hub->seats[index].station->name);
+        return;
+    }
+    give_input(hub, index, INPUT_START, SESSION_RUNNING, reply);
+}
+
+static void change_case(struct hub *hub, int index, const char *name, arthron_CommandReply *reply) {
+    int scene = find_case(hub, name);
+    if (scene < 0) {
+        refuse(reply, "there is no case %s", name);
+        return;
+    }
+    if (card_is_open(hub, index))
+        give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
+    release_all_retired(hub);
+    reopen(hub, index, scene, reply);
+}
+
+static void command_station(struct hub *hub, const arthron_Command *command, int index,
+                            arthron_CommandReply *reply) {
+    if (command->kind == arthron_Command_Kind_START) {
+        start(hub, index, reply);
+    } else if (command->kind == arthron_Command_Kind_CASE) {
+        change_case(hub, index, command->case_name, reply);
+    } else if (!card_is_open(hub, index)) {
+        refuse(reply, "station %s has no session", command->station);
+    } else if (command->kind == arthron_Command_Kind_PAUSE) {
+        give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
+    } else if (command->kind == arthron_Command_Kind_STOP) {
+        give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
+    } else {
+        give_input(hub, index, INPUT_RESET, SESSION_RUNNING, reply);
+    }
+    list_seat(hub, index, &reply->sessions[0]);
+    reply->sessions_count = 1;
+}
+
+static void list_all(struct hub *hub, arthron_CommandReply *reply) {
+    for (int i = 0; i < hub->config.station_count; i++)
+        list_seat(hub, i, &reply->sessions[reply->sessions_count++]);
+    reply->ok = true;
+}
+
+void desk_command(void *user, const arthron_Command *command, arthron_CommandReply *reply) {
+    struct hub *hub = user;
+    memset(reply, 0, sizeof *reply);
+    if (command->kind == arthron_Command_Kind_LIST) {
+        list_all(hub, reply);
+        return;
+    }
+    int index = find_station(hub, command->station);
+    if (index < 0) {
+        refuse(reply, "there is no station %s in the server's config", command->station);
+        return;
+    }
+    pthread_mutex_lock(&hub->desk_lock);
+    release_all_retired(hub);
+    command_station(hub, command, index, reply);
+    pthread_mutex_unlock(&hub->desk_lock);
+    log_info("hub", "station %s: command %d: %s", command->station, (int)command->kind,
+             reply->ok ? "done" : reply->text);
+}

@@ -1,0 +1,170 @@
+// Who comes in over the control connection, and which seat is whose. Everything here runs in the
+// control thread and only leaves notes for workers and the clerk.
+#include "base/log.h"
+#include "hub/seat.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+static int seat_of_peer(struct hub *hub, struct control_peer peer) {
+    for (int i = 0; i < hub->config.station_count; i++) {
+        const struct card *card = &hub->seats[i].card;
+        if (card->connected && card->peer.index == peer.index &&
+            card->peer.generation == peer.generation)
+            return i;
+    }
+    return -1;
+}
+
+// The card is written by this thread (connection) and by the desk (session); both under the lock.
+static int find_seat(struct hub *hub, struct control_peer peer) {
+    pthread_mutex_lock(&hub->card_lock);
+    int seat = seat_of_peer(hub, peer);
+    pthread_mutex_unlock(&hub->card_lock);
+    return seat;
+}
+
+static bool tell(struct hub *hub, const struct note *note) {
+    struct worker *worker = seat_worker(hub, note->seat);
+    return worker_tell(worker, worker->from_control, note);
+}
+
+// ---- hello
+// ------------------------------------------------------------------------------------------
+
+static int station_seat(const struct hub *hub, const char *name) {
+    for (int i = 0; i < hub->config.station_count; i++)
+        if (!strcmp(hub->config.stations[i].name, name))
+            return i;
+    return -1;
+}
+
+__attribute__((format(printf, 3, 4))) static enum result
+refuse(arthron_Refusal *refusal, arthron_Refusal_Reason reason, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(refusal->text, sizeof refusal->text, format, args);
+    va_end(args);
+    refusal->reason = reason;
+    log_warning("hub", "%s", refusal->text);
+    return RESULT_REFUSED;
+}
+
+static void fill_welcome(struct hub *hub, const struct seat *seat, bool resumed,
+                         arthron_Welcome *welcome) {
+    const struct knee_case *knee = scene_case(hub->scenes[seat->card.scene]);
+    memcpy(welcome->session_id, seat->card.session_id, sizeof welcome->session_id);
+    snprintf(welcome->case_name, sizeof welcome->case_name, "%s", knee->name);
+    welcome->case_hash = knee->hash;
+    welcome->state = (arthron_SessionState)atomic_load(&seat->counts.state);
+    welcome->resumed = resumed;
+}
+
+// card_lock held.
+static void take_seat(struct hub *hub, int index, struct control_peer peer, uint64_t connection,
+                      arthron_Welcome *welcome) {
+    struct seat *seat = &hub->seats[index];
+    bool resumed = seat->card.open;
+    seat->card.connected = true;
+    seat->card.peer = peer;
+    seat->card.connection = connection;
+    if (!resumed) {
+        seat->card.open = true;
+        desk_new_id(seat->card.session_id);
+        atomic_store(&seat->counts.state, SESSION_WAITING);
+        desk_want_session(hub, index);
+    }
+    fill_welcome(hub, seat, resumed, welcome);
+}
+
+static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
+                            arthron_Welcome *welcome, arthron_Refusal *refusal) {
+    struct hub *hub = user;
+    int index = station_seat(hub, hello->station);
+    if (index < 0)
+        return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
+                      "station %s has no case: the server's config does not name it",
+                      hello->station);
+    pthread_mutex_lock(&hub->card_lock);
+    const struct card *card = &hub->seats[index].card;
+    bool rival = card->connected && card->connection != hello->connection;
+    if (!rival)
+        take_seat(hub, index, peer, hello->connection, welcome);
+    pthread_mutex_unlock(&hub->card_lock);
+    if (rival)
+        return refuse(refusal, arthron_Refusal_Reason_BUSY,
+                      "station %s is connected already, from another place", hello->station);
+    struct note note = {.kind = NOTE_JOINED, .seat = index, .peer = peer};
+    if (!tell(hub, &note))
+        return refuse(refusal, arthron_Refusal_Reason_BUSY, "station %s: the server is too busy",
+                      hello->station);
+    log_info("hub", "station %s joined%s", hello->station, welcome->resumed ? " again" : "");
+    return RESULT_OK;
+}
+
+// ---- after hello --------------------------------------------------------------------------------
+
+static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
+                     int64_t uncertainty_ns, int64_t rtt_ns) {
+    struct hub *hub = user;
+    int index = find_seat(hub, peer);
+    if (index < 0)
+        return;
+    atomic_store(&hub->seats[index].counts.rtt_ns, rtt_ns);
+    atomic_store(&hub->seats[index].counts.clock_uncertainty_ns, uncertainty_ns);
+    struct note note = {
+        .kind = NOTE_CLOCK, .seat = index, .peer = peer, .clock_offset_ns = offset_ns};
+    tell(hub, &note);
+}
+
+static void on_frame(void *user, struct control_peer peer, const arthron_Frame *message,
+                     int64_t received_ns) {
+    struct hub *hub = user;
+    int index = find_seat(hub, peer);
+    if (index < 0)
+        return;
+    struct note note = {
+        .kind = NOTE_FRAME, .seat = index, .peer = peer, .received_ns = received_ns};
+    if (wire_frame_to(message, &note.frame, NULL) != RESULT_OK || !tell(hub, &note))
+        atomic_fetch_add(&hub->seats[index].counts.frames_invalid, 1);
+}
+
+static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
+    struct hub *hub = user;
+    int index = find_seat(hub, peer);
+    if (index < 0 || message->which_message != arthron_Control_udp_path_tag)
+        return;
+    struct note note = {.kind = NOTE_CONFIRM,
+                        .seat = index,
+                        .peer = peer,
+                        .challenge = message->message.udp_path.challenge};
+    tell(hub, &note);
+}
+
+static void on_gone(void *user, struct control_peer peer) {
+    struct hub *hub = user;
+    pthread_mutex_lock(&hub->card_lock);
+    int index = seat_of_peer(hub, peer);
+    if (index >= 0)
+        hub->seats[index].card.connected = false;
+    pthread_mutex_unlock(&hub->card_lock);
+    if (index < 0)
+        return;
+    log_info("hub", "station %s is gone, its session waits", hub->seats[index].station->name);
+    struct note note = {.kind = NOTE_GONE, .seat = index, .peer = peer};
+    if (!tell(hub, &note))
+        log_error("hub", "station %s: its worker could not be told that it is gone",
+                  hub->seats[index].station->name);
+}
+
+struct control_handler door_handler(struct hub *hub) {
+    return (struct control_handler){
+        .user = hub,
+        .on_hello = on_hello,
+        .on_clock = on_clock,
+        .on_frame = on_frame,
+        .on_message = on_message,
+        .on_gone = on_gone,
+    };
+}

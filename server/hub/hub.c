@@ -1,0 +1,137 @@
+#include "hub/hub.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "hub/seat.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static int find_case(const struct hub_config *config, const char *name) {
+    for (int i = 0; i < config->case_count; i++)
+        if (!strcmp(config->cases[i].name, name))
+            return i;
+    return -1;
+}
+
+static enum result load_scenes(struct hub *hub, struct error *err) {
+    struct case_limits limits = case_limits_default();
+    for (int i = 0; i < hub->config.case_count; i++) {
+        const struct hub_case *entry = &hub->config.cases[i];
+        struct knee_case *knee = NULL;
+        enum result result = case_load(entry->dir, &limits, &knee, err);
+        if (result == RESULT_OK) {
+            result = scene_create(&knee, &hub->scenes[i], err);
+            case_destroy(&knee);
+        }
+        if (result != RESULT_OK)
+            return fail_in(err, result, "case %s: ", entry->name);
+        log_info("hub", "case %s from %s", entry->name, entry->dir);
+    }
+    return RESULT_OK;
+}
+
+static enum result place_seats(struct hub *hub, struct error *err) {
+    for (int i = 0; i < hub->config.station_count; i++) {
+        const struct hub_station *station = &hub->config.stations[i];
+        hub->seats[i].station = station;
+        hub->seats[i].card.scene = find_case(&hub->config, station->case_name);
+        if (hub->seats[i].card.scene < 0)
+            return fail(err, RESULT_INVALID, "station %s: there is no case %s", station->name,
+                        station->case_name);
+    }
+    return RESULT_OK;
+}
+
+static enum result make_traces_dir(const struct hub *hub, struct error *err) {
+    const char *dir = hub->config.traces_dir;
+    if (mkdir(dir, 0700) && errno != EEXIST)
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    if (access(dir, W_OK | X_OK))
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    return RESULT_OK;
+}
+
+static enum result start_workers(struct hub *hub, struct error *err) {
+    long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    int wanted = hub->config.workers ? hub->config.workers : (int)cores;
+    hub->workers = alloc((unsigned long)wanted, sizeof *hub->workers);
+    hub->worker_count = wanted;
+    for (int i = 0; i < wanted; i++) {
+        enum result result = worker_start(hub, i, err);
+        if (result != RESULT_OK)
+            return result;
+    }
+    return RESULT_OK;
+}
+
+static enum result open_doors(struct hub *hub, struct error *err) {
+    const struct hub_config *config = &hub->config;
+    struct control_config control = {
+        .address = config->address[0] ? config->address : NULL,
+        .port = config->port,
+        .authority_dir = config->keys_dir,
+        .software = "arthron-server " ARTHRON_VERSION,
+        .hello_timeout_ns = 5 * NS_PER_S,
+    };
+    struct control_handler handler = door_handler(hub);
+    enum result result = control_create(&control, &handler, &hub->control, err);
+    if (result != RESULT_OK)
+        return result;
+    struct console_handler console = {hub, desk_command};
+    return console_create(config->socket, &console, &hub->console, err);
+}
+
+enum result hub_create(const struct hub_config *config, struct hub **out_hub, struct error *err) {
+    struct hub *hub = alloc(1, sizeof *hub);
+    hub->config = *config;
+    pthread_mutex_init(&hub->card_lock, NULL);
+    pthread_mutex_init(&hub->desk_lock, NULL);
+    pthread_cond_init(&hub->clerk_wake, NULL);
+    enum result result = make_traces_dir(hub, err);
+    if (result == RESULT_OK)
+        result = load_scenes(hub, err);
+    if (result == RESULT_OK)
+        result = place_seats(hub, err);
+    if (result == RESULT_OK)
+        result = start_workers(hub, err);
+    if (result == RESULT_OK) {
+        desk_start(hub);
+        result = open_doors(hub, err);
+    }
+    if (result != RESULT_OK)
+        hub_destroy(&hub);
+    *out_hub = hub;
+    return result;
+}
+
+static void release(struct hub *hub) {
+    for (int i = 0; i < hub->worker_count; i++)
+        worker_release(&hub->workers[i]);
+    for (int i = 0; i < hub->config.case_count; i++)
+        scene_destroy(&hub->scenes[i]);
+    pthread_mutex_destroy(&hub->card_lock);
+    pthread_mutex_destroy(&hub->desk_lock);
+    pthread_cond_destroy(&hub->clerk_wake);
+    free(hub->workers);
+    free(hub);
+}
+
+// Doors first, so that nobody comes in; then the workers, who end their sessions; then the desk,
+// who closes their traces.
+void hub_destroy(struct hub **hub) {
+    struct hub *h = *hub;
+    if (h->console)
+        console_destroy(&h->console);
+    for (int i = 0; i < h->worker_count; i++)
+        worker_stop(&h->workers[i]);
+    if (h->control)
+        control_destroy(&h->control);
+    desk_stop(h);
+    release(h);
+    *hub = NULL;
+}

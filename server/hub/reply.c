@@ -1,0 +1,44 @@
+#include "hub/reply.h"
+
+#include <math.h>
+#include <string.h>
+
+static enum body nearest_body(const struct instrument_output *instrument,
+                              const struct knee_case *knee) {
+    int group = instrument->warp.nearest;
+    return group < 0 ? BODY_FEMUR : knee->groups[group].body;
+}
+
+static void fill_instrument(const struct session_output *output, int index,
+                            const struct knee_case *knee, arthron_WarpedInstrument *out) {
+    const struct instrument_output *instrument = &output->instruments[index];
+    enum body body = nearest_body(instrument, knee);
+    pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
+    mat3 r = quat_to_mat3(T_body_mockup.rotation);
+    mat3 gradient = mat3_multiply(mat3_multiply(r, instrument->warp.gradient), mat3_transpose(r));
+    vec3 displacement = mat3_apply(r, instrument->warp.displacement);
+
+    out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
+    out->validity = (arthron_Validity)instrument->validity;
+    out->body = (arthron_Body)body;
+    out->has_pose = out->has_displacement = true;
+    out->pose = wire_pose_from(pose_compose(T_body_mockup, instrument->T_mockup_warped));
+    out->displacement = (arthron_Vector){displacement.x, displacement.y, displacement.z};
+    for (int i = 0; i < 9; i++)
+        out->gradient[i] = (float)gradient.m[i / 3][i % 3];
+    out->trust_radius_mm = (float)instrument->warp.trust_radius_mm;
+    double nearest = instrument->warp.nearest_mm;
+    out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
+}
+
+void reply_from_output(const struct session_output *output, const struct knee_case *knee,
+                       uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out) {
+    memset(out, 0, sizeof *out);
+    out->frame_number = frame_number;
+    out->frame_time_ns = frame_time_ns;
+    out->state = (arthron_SessionState)output->state;
+    out->events = output->events;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (output->instruments[i].present)
+            fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
+}

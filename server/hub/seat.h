@@ -1,0 +1,141 @@
+// What the files of this room share: seats, live sessions, and the notes between threads.
+#pragma once
+
+#include "base/ring.h"
+#include "hub/hub.h"
+#include "net/console.h"
+#include "net/control.h"
+#include "net/datagram.h"
+#include "trace/trace.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+// A session with its trace. The desk makes and releases it; in between it is one worker's alone.
+struct live {
+    struct session *session;
+    struct trace_writer *trace;
+    const struct knee_case *knee;
+};
+
+// What any thread may know of a seat, under hub.card_lock, which is held for copies only.
+struct card {
+    bool connected;
+    struct control_peer peer;
+    uint64_t connection; // Hello.connection: tells a reconnect from a rival
+    bool open;           // there is a session, or the desk is about to make it
+    uint8_t session_id[16];
+    int scene; // index into hub.scenes
+    int64_t start_utc_ns;
+    char trace[HUB_PATH_MAX];
+};
+
+// Numbers that the seat's worker (steps, frames) and the control thread (times) publish.
+struct seat_counts {
+    atomic_uint_fast64_t steps;
+    atomic_uint_fast64_t frames_lost;  // numbers that never came
+    atomic_uint_fast64_t frames_old;   // older than one that came before: dropped
+    atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
+    atomic_uint_fast64_t frames_invalid; // values out of range: dropped
+    atomic_int state;                    // enum session_state
+    atomic_int_fast64_t rtt_ns, clock_uncertainty_ns;
+};
+
+// A configured station: its card for all, the rest for its worker alone.
+struct seat {
+    const struct hub_station *station;
+    struct card card;
+    struct seat_counts counts;
+
+    struct live *live; // NULL: no session
+    bool connected;
+    struct control_peer peer;
+    uint32_t udp_connection;
+    bool clock_known;
+    int64_t clock_offset_ns; // server = station + offset
+    uint64_t last_frame;
+    int64_t last_step_ns, last_frame_ns;
+};
+
+// To a worker.
+enum note_kind {
+    NOTE_JOINED,
+    NOTE_GONE,
+    NOTE_CLOCK,
+    NOTE_FRAME,
+    NOTE_CONFIRM,
+    NOTE_ATTACH,
+    NOTE_INPUT
+};
+
+struct note {
+    enum note_kind kind;
+    int seat;
+    struct control_peer peer;
+    union {
+        int64_t clock_offset_ns; // NOTE_CLOCK
+        uint64_t challenge;      // NOTE_CONFIRM
+        struct live *live;       // NOTE_ATTACH
+        enum input_kind input;   // NOTE_INPUT
+        struct {                 // NOTE_FRAME: times on the station's clock
+            int64_t received_ns;
+            struct frame frame;
+        };
+    };
+};
+
+// From a worker to the desk: a session that has ended.
+struct retired {
+    int seat;
+    struct live *live;
+};
+
+struct worker {
+    struct hub *hub;
+    int index;
+    pthread_t thread;
+    struct datagram_endpoint *endpoint;
+    int wake_fd;
+    struct ring *from_control; // of struct note
+    struct ring *from_desk;    // of struct note
+    struct ring *to_desk;      // of struct retired
+};
+
+struct hub {
+    struct hub_config config;
+    struct scene *scenes[HUB_CASES_MAX];
+    struct seat seats[HUB_STATIONS_MAX];
+    struct worker *workers;
+    int worker_count;
+    atomic_bool workers_stop;
+    struct control *control;
+    struct console *console;
+
+    pthread_mutex_t card_lock;
+    pthread_mutex_t desk_lock; // one at a time opens, closes or commands sessions; may take long
+    pthread_t clerk;
+    pthread_cond_t clerk_wake; // with card_lock
+    bool clerk_runs, clerk_stop;
+    bool opening_wanted[HUB_STATIONS_MAX];
+};
+
+static inline struct worker *seat_worker(struct hub *hub, int seat) {
+    return &hub->workers[seat % hub->worker_count];
+}
+
+// worker.c
+enum result worker_start(struct hub *hub, int index, struct error *err);
+void worker_stop(struct worker *worker);    // ends its sessions, joins, closes the socket
+void worker_release(struct worker *worker); // its rings, once no other thread uses them
+// Pushes a note and wakes the worker; false where the ring is full.
+bool worker_tell(struct worker *worker, struct ring *ring, const struct note *note);
+
+// desk.c
+void desk_start(struct hub *hub);
+void desk_stop(struct hub *hub); // after the workers: releases what they retired
+void desk_new_id(uint8_t out_id[16]);
+void desk_want_session(struct hub *hub, int seat); // card_lock held: the clerk will open it
+void desk_command(void *hub, const arthron_Command *command, arthron_CommandReply *out_reply);
+
+// door.c: what the control thread calls
+struct control_handler door_handler(struct hub *hub);

@@ -1,0 +1,338 @@
+// A worker: one thread, one datagram socket, the sessions of its seats. Nothing in here waits for
+// anyone: rings to and from the other threads, non-blocking sends, a trace that only copies.
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "hub/reply.h"
+#include "hub/seat.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#define EMPTY_STEP_NS (50 * NS_PER_MS)
+#define TICK_MS 10
+#define RING_NOTES 1024
+
+// Where an answer goes.
+enum path { PATH_CONTROL, PATH_DATAGRAM };
+
+// ---- steps
+// ----------------------------------------------------------------------------------------
+
+static void retire(struct worker *worker, struct seat *seat) {
+    struct hub *hub = worker->hub;
+    struct retired retired = {(int)(seat - hub->seats), seat->live};
+    seat->live = NULL;
+    bool pushed = ring_push(worker->to_desk, &retired);
+    CHECK(pushed); // as many places as there are sessions
+}
+
+static void announce(struct worker *worker, struct seat *seat,
+                     const struct session_output *output) {
+    if (!seat->connected)
+        return;
+    const struct knee_case *knee = seat->live->knee;
+    arthron_Control message = {.which_message = arthron_Control_session_change_tag};
+    arthron_SessionChange *change = &message.message.session_change;
+    change->state = (arthron_SessionState)output->state;
+    change->case_hash = knee->hash;
+    memcpy(change->case_name, knee->name, sizeof change->case_name);
+    control_send(worker->hub->control, seat->peer, &message);
+}
+
+static void step(struct worker *worker, struct seat *seat, struct session_input *input,
+                 struct session_output *output) {
+    if (input->time_ns < seat->last_step_ns)
+        input->time_ns = seat->last_step_ns;
+    seat->last_step_ns = input->time_ns;
+    session_step(seat->live->session, input, output);
+    trace_append(seat->live->trace, input, output);
+    atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
+    if (output->events & EVENT_STATE) {
+        atomic_store(&seat->counts.state, (int)output->state);
+        announce(worker, seat, output);
+    }
+    if (output->state == SESSION_CLOSED)
+        retire(worker, seat);
+}
+
+static void step_without_frame(struct worker *worker, struct seat *seat, enum input_kind kind) {
+    struct session_input input = {.kind = kind, .time_ns = clock_now_ns()};
+    struct session_output output;
+    step(worker, seat, &input, &output);
+}
+
+// ---- frames
+// ---------------------------------------------------------------------------------------
+
+static void count(atomic_uint_fast64_t *counter, uint64_t by) {
+    atomic_fetch_add_explicit(counter, by, memory_order_relaxed);
+}
+
+// Drops what is old or early; on true the frame is the newest of its connection.
+static bool accept_frame(struct seat *seat, const struct frame *frame) {
+    if (!seat->clock_known || !seat->live) {
+        count(&seat->counts.frames_early, 1);
+        return false;
+    }
+    if (frame->number <= seat->last_frame) {
+        count(&seat->counts.frames_old, 1);
+        return false;
+    }
+    if (seat->last_frame)
+        count(&seat->counts.frames_lost, frame->number - seat->last_frame - 1);
+    seat->last_frame = frame->number;
+    return true;
+}
+
+static void onto_server_clock(struct frame *frame, int64_t offset_ns) {
+    frame->time_ns += offset_ns;
+    for (int i = 0; i < frame->count; i++)
+        frame->samples[i].time_ns += offset_ns;
+}
+
+static void answer(struct worker *worker, struct seat *seat, enum path path,
+                   const arthron_Reply *reply) {
+    if (path == PATH_DATAGRAM) {
+        datagram_reply(worker->endpoint, seat->udp_connection, reply);
+        return;
+    }
+    arthron_Control message = {.which_message = arthron_Control_reply_tag};
+    message.message.reply = *reply;
+    control_send(worker->hub->control, seat->peer, &message);
+}
+
+static void take_frame(struct worker *worker, struct seat *seat, enum path path,
+                       const struct frame *frame, int64_t received_ns) {
+    if (!accept_frame(seat, frame))
+        return;
+    const struct knee_case *knee = seat->live->knee;
+    struct session_input input = {.kind = INPUT_FRAME, .time_ns = received_ns, .frame = *frame};
+    struct session_output output;
+    onto_server_clock(&input.frame, seat->clock_offset_ns);
+    seat->last_frame_ns = received_ns;
+    step(worker, seat, &input, &output);
+    arthron_Reply reply;
+    reply_from_output(&output, knee, frame->number, frame->time_ns, &reply);
+    answer(worker, seat, path, &reply);
+}
+
+static void ask_for_path(struct worker *worker, const struct seat *seat, uint64_t challenge) {
+    arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
+    message.message.udp_path.challenge = challenge;
+    control_send(worker->hub->control, seat->peer, &message);
+}
+
+static void take_datagrams(struct worker *worker) {
+    static _Thread_local struct datagram_in batch[DATAGRAM_BATCH];
+    int received = datagram_receive(worker->endpoint, batch);
+    for (int i = 0; i < received; i++) {
+        struct seat *seat = batch[i].user;
+        struct frame frame;
+        if (batch[i].path_challenge)
+            ask_for_path(worker, seat, batch[i].path_challenge);
+        if (wire_frame_to(&batch[i].message, &frame, NULL) != RESULT_OK)
+            count(&seat->counts.frames_invalid, 1);
+        else
+            take_frame(worker, seat, PATH_DATAGRAM, &frame, batch[i].received_ns);
+    }
+    datagram_flush(worker->endpoint);
+}
+
+// ---- notes
+// ----------------------------------------------------------------------------------------
+
+static void send_keys(struct worker *worker, struct seat *seat) {
+    arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
+    datagram_new_epoch(worker->endpoint, seat->udp_connection, seat, clock_now_ns(),
+                       &message.message.udp_keys);
+    control_send(worker->hub->control, seat->peer, &message);
+}
+
+static uint32_t random_connection(void) {
+    uint32_t connection = 0;
+    while (!connection)
+        if (getrandom(&connection, sizeof connection, 0) != sizeof connection)
+            connection = 0;
+    return connection;
+}
+
+static void station_joined(struct worker *worker, struct seat *seat, struct control_peer peer) {
+    if (seat->udp_connection)
+        datagram_forget(worker->endpoint, seat->udp_connection);
+    seat->connected = true;
+    seat->peer = peer;
+    seat->clock_known = false;
+    seat->last_frame = 0;
+    seat->last_frame_ns = clock_now_ns();
+    seat->udp_connection = random_connection();
+    send_keys(worker, seat);
+}
+
+static void station_gone(struct worker *worker, struct seat *seat) {
+    seat->connected = false;
+    seat->clock_known = false;
+    datagram_forget(worker->endpoint, seat->udp_connection);
+    seat->udp_connection = 0;
+}
+
+static void attach(struct worker *worker, struct seat *seat, struct live *live) {
+    if (seat->live)
+        step_without_frame(worker, seat, INPUT_STOP);
+    seat->live = live;
+    seat->last_step_ns = 0;
+    seat->last_frame_ns = clock_now_ns();
+    atomic_store(&seat->counts.state, SESSION_WAITING);
+    step_without_frame(worker, seat, INPUT_EMPTY);
+    if (!seat->station->start_by_command)
+        step_without_frame(worker, seat, INPUT_START);
+}
+
+static bool is_of_peer(const struct seat *seat, const struct note *note) {
+    return seat->connected && seat->peer.index == note->peer.index &&
+           seat->peer.generation == note->peer.generation;
+}
+
+static void take_note(struct worker *worker, const struct note *note) {
+    struct seat *seat = &worker->hub->seats[note->seat];
+    switch (note->kind) {
+    case NOTE_JOINED:
+        station_joined(worker, seat, note->peer);
+        break;
+    case NOTE_GONE:
+        if (is_of_peer(seat, note))
+            station_gone(worker, seat);
+        break;
+    case NOTE_CLOCK:
+        if (is_of_peer(seat, note)) {
+            seat->clock_known = true;
+            seat->clock_offset_ns = note->clock_offset_ns;
+        }
+        break;
+    case NOTE_FRAME:
+        if (is_of_peer(seat, note))
+            take_frame(worker, seat, PATH_CONTROL, &note->frame, note->received_ns);
+        break;
+    case NOTE_CONFIRM:
+        if (is_of_peer(seat, note))
+            datagram_confirm(worker->endpoint, seat->udp_connection, note->challenge);
+        break;
+    case NOTE_ATTACH:
+        attach(worker, seat, note->live);
+        break;
+    case NOTE_INPUT:
+        if (seat->live)
+            step_without_frame(worker, seat, note->input);
+        break;
+    }
+}
+
+static void take_notes(struct worker *worker) {
+    struct note note;
+    while (ring_pop(worker->from_desk, &note))
+        take_note(worker, &note);
+    while (ring_pop(worker->from_control, &note))
+        take_note(worker, &note);
+}
+
+// ---- time
+// -----------------------------------------------------------------------------------------
+
+static void watch_seat(struct worker *worker, struct seat *seat, int64_t now_ns) {
+    if (seat->connected && datagram_epoch_is_old(worker->endpoint, seat->udp_connection, now_ns))
+        send_keys(worker, seat);
+    if (!seat->live)
+        return;
+    if (now_ns - seat->last_frame_ns > worker->hub->config.wait_s * NS_PER_S) {
+        log_warning("hub", "station %s: no frame for %d s, its session ends", seat->station->name,
+                    worker->hub->config.wait_s);
+        step_without_frame(worker, seat, INPUT_STOP);
+    } else if (now_ns - seat->last_step_ns >= EMPTY_STEP_NS &&
+               atomic_load(&seat->counts.state) == SESSION_RUNNING) {
+        step_without_frame(worker, seat, INPUT_EMPTY);
+    }
+}
+
+static void for_own_seats(struct worker *worker,
+                          void (*visit)(struct worker *, struct seat *, int64_t)) {
+    struct hub *hub = worker->hub;
+    int64_t now_ns = clock_now_ns();
+    for (int i = worker->index; i < hub->config.station_count; i += hub->worker_count)
+        visit(worker, &hub->seats[i], now_ns);
+}
+
+static void end_session(struct worker *worker, struct seat *seat, int64_t now_ns) {
+    (void)now_ns;
+    if (seat->live)
+        step_without_frame(worker, seat, INPUT_STOP);
+}
+
+// ---- thread
+// ---------------------------------------------------------------------------------------
+
+static void *work(void *argument) {
+    struct worker *worker = argument;
+    struct pollfd fds[2] = {
+        {.fd = datagram_fd(worker->endpoint), .events = POLLIN},
+        {.fd = worker->wake_fd, .events = POLLIN},
+    };
+    while (!atomic_load(&worker->hub->workers_stop)) {
+        poll(fds, 2, TICK_MS);
+        uint64_t wakes;
+        if (fds[1].revents && read(worker->wake_fd, &wakes, sizeof wakes) < 0)
+            CHECK(errno == EAGAIN);
+        take_notes(worker);
+        take_datagrams(worker);
+        for_own_seats(worker, watch_seat);
+    }
+    take_notes(worker);
+    for_own_seats(worker, end_session);
+    return NULL;
+}
+
+bool worker_tell(struct worker *worker, struct ring *ring, const struct note *note) {
+    if (!ring_push(ring, note))
+        return false;
+    uint64_t one = 1;
+    return write(worker->wake_fd, &one, sizeof one) == sizeof one || errno == EAGAIN;
+}
+
+enum result worker_start(struct hub *hub, int index, struct error *err) {
+    struct worker *worker = &hub->workers[index];
+    const struct hub_config *config = &hub->config;
+    int port = config->udp_port ? config->udp_port + index : 0;
+    const char *address = config->address[0] ? config->address : NULL;
+    worker->hub = hub;
+    worker->index = index;
+    enum result result = datagram_create(address, port, &worker->endpoint, err);
+    if (result != RESULT_OK)
+        return result;
+    worker->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    CHECK(worker->wake_fd >= 0);
+    worker->from_control = ring_create(RING_NOTES, sizeof(struct note));
+    worker->from_desk = ring_create(RING_NOTES, sizeof(struct note));
+    worker->to_desk = ring_create(RING_NOTES, sizeof(struct retired));
+    int failed = pthread_create(&worker->thread, NULL, work, worker);
+    CHECK(!failed);
+    return RESULT_OK;
+}
+
+void worker_stop(struct worker *worker) {
+    if (!worker->endpoint)
+        return;
+    atomic_store(&worker->hub->workers_stop, true);
+    pthread_join(worker->thread, NULL);
+    datagram_destroy(&worker->endpoint);
+}
+
+void worker_release(struct worker *worker) {
+    if (worker->wake_fd > 0)
+        close(worker->wake_fd);
+    ring_destroy(&worker->from_control);
+    ring_destroy(&worker->from_desk);
+    ring_destroy(&worker->to_desk);
+}

@@ -15,6 +15,8 @@
 #define WIRE_ENROL_SUBPROTOCOL "arthron-enrol.1"
 #define WIRE_CONSOLE_SUBPROTOCOL "arthron-console.1"
 
+#define WIRE_DEVICES_MAX 16 // in Hello, and so in a sample's index
+
 // Largest encoded message of each kind; what is longer is refused before it is read.
 #define WIRE_CONTROL_MAX 8192
 #define WIRE_CONSOLE_MAX 65536
@@ -30,8 +32,11 @@ enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_
 enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
                               size_t *out_used);
 
-// Decode all of `data`. RESULT_FORMAT with what the decoder disliked in *err. A message of a kind
-// that this version does not know is RESULT_OK with which_message == 0: skip and count it.
+// Decode all of `data`. RESULT_LIMIT where it is longer than its kind may be; RESULT_FORMAT with
+// what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
+// are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
+// UNKNOWN), and a Reply's poses, displacements and gradients are finite. A message of a kind that
+// this version does not know is RESULT_OK with which_message == 0: skip and count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
 enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,
@@ -43,11 +48,13 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
 
 void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
 
-// RESULT_INVALID where the frame would not pass frame_is_valid; nothing of it may then be used.
+// RESULT_INVALID where the frame would not pass frame_is_valid, or a device is not below
+// WIRE_DEVICES_MAX; nothing of it may then be used.
 enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
 
 // Pads a frame's datagram so that the encoded frame is at least as long as the longest reply to it
-// can be (a server is no amplifier).
+// can be (a server is no amplifier). Its channels must be known ones. Not for the control
+// connection.
 void wire_frame_pad(arthron_Frame *message);
 
 arthron_Pose wire_pose_from(pose p);

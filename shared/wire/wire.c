@@ -1,0 +1,331 @@
+#include "wire/wire.h"
+
+#include "base/check.h"
+#include "wire/seal.h"
+
+#include <math.h>
+#include <pb_decode.h>
+#include <pb_encode.h>
+#include <string.h>
+
+_Static_assert((int)_arthron_Channel_ARRAYSIZE == CHANNEL_COUNT &&
+                   (int)arthron_Channel_JOINT == CHANNEL_JOINT &&
+                   (int)arthron_Channel_PROBE == CHANNEL_PROBE &&
+                   (int)arthron_Channel_SCOPE == CHANNEL_SCOPE,
+               "channels on the wire are those of base/sample.h");
+_Static_assert((int)_arthron_Validity_ARRAYSIZE == VALIDITY_COUNT &&
+                   (int)arthron_Validity_HELD == VALIDITY_HELD,
+               "validities on the wire are those of base/sample.h");
+_Static_assert(sizeof((arthron_Frame){0}.samples) / sizeof(arthron_Sample) == FRAME_SAMPLES_MAX,
+               "a whole frame goes on the wire");
+_Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WIRE_DEVICES_MAX,
+               "every device can be named in Hello");
+_Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size <= WIRE_CONSOLE_MAX,
+               "every message of ours is within its limit");
+
+// What a repeated message takes besides itself: its tag, and its length in up to two bytes.
+#define REPEATED_OVERHEAD 3
+#define FRAME_EMPTY_SIZE 18 // number and time
+#define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
+#define REPLY_EMPTY_SIZE (arthron_Reply_size - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
+#define PADDING_OVERHEAD 3
+
+_Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds every instrument");
+_Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + REPEATED_OVERHEAD) +
+                       SEAL_OVERHEAD <=
+                   WIRE_DATAGRAM_MAX,
+               "every frame fits a datagram");
+_Static_assert(arthron_Reply_size + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DATAGRAM_MAX,
+               "every padded frame fits a datagram");
+_Static_assert(arthron_Reply_size <= sizeof((arthron_Frame){0}.padding.bytes),
+               "padding reaches the longest reply");
+
+// ---- encoding ----------------------------------------------------------------------------------
+
+static enum result encode(const pb_msgdesc_t *kind, const void *message, uint8_t *data, size_t size,
+                          size_t *out_used) {
+    pb_ostream_t stream = pb_ostream_from_buffer(data, size);
+    if (!pb_encode(&stream, kind, message))
+        return RESULT_LIMIT;
+    *out_used = stream.bytes_written;
+    return RESULT_OK;
+}
+
+enum result wire_encode_control(const arthron_Control *message, uint8_t *data, size_t size,
+                                size_t *out_used) {
+    return encode(arthron_Control_fields, message, data, size, out_used);
+}
+
+enum result wire_encode_console(const arthron_Console *message, uint8_t *data, size_t size,
+                                size_t *out_used) {
+    return encode(arthron_Console_fields, message, data, size, out_used);
+}
+
+enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_t size,
+                              size_t *out_used) {
+    return encode(arthron_Frame_fields, message, data, size, out_used);
+}
+
+enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
+                              size_t *out_used) {
+    return encode(arthron_Reply_fields, message, data, size, out_used);
+}
+
+// ---- what nanopb does not check
+// ------------------------------------------------------------------
+
+// A value that cannot be in an enum of `count` values from 0: nanopb takes any 32 bits.
+static enum result enum_check(const char *field, int value, int count, struct error *err) {
+    if (value >= 0 && value < count)
+        return RESULT_OK;
+    return fail(err, RESULT_FORMAT, "%s is %d, not known", field, value);
+}
+
+static enum result frame_check(const arthron_Frame *m, struct error *err) {
+    for (int i = 0; i < m->samples_count; i++) {
+        const arthron_Sample *s = &m->samples[i];
+        enum result result =
+            enum_check("channel", (int)s->channel, _arthron_Channel_ARRAYSIZE, err);
+        if (result == RESULT_OK)
+            result = enum_check("validity", (int)s->validity, _arthron_Validity_ARRAYSIZE, err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "sample %d: ", i);
+    }
+    return RESULT_OK;
+}
+
+static bool instrument_is_finite(const arthron_WarpedInstrument *m) {
+    vec3 displacement = {m->displacement.x, m->displacement.y, m->displacement.z};
+    for (int i = 0; i < 9; i++)
+        if (!isfinite(m->gradient[i]))
+            return false;
+    return vec3_is_finite(displacement) && !isnan(m->trust_radius_mm) && !isnan(m->nearest_mm);
+}
+
+static enum result instrument_check(const arthron_WarpedInstrument *m, struct error *err) {
+    enum result result = enum_check("channel", (int)m->channel, _arthron_Channel_ARRAYSIZE, err);
+    if (result == RESULT_OK)
+        result = enum_check("validity", (int)m->validity, _arthron_Validity_ARRAYSIZE, err);
+    if (result == RESULT_OK)
+        result = enum_check("body", (int)m->body, _arthron_Body_ARRAYSIZE, err);
+    if (result != RESULT_OK)
+        return result;
+    if (m->channel < arthron_Channel_PROBE)
+        return fail(err, RESULT_FORMAT, "channel is %s, not an instrument",
+                    channel_name((enum channel)m->channel));
+    if (m->validity == arthron_Validity_LOST)
+        return RESULT_OK;
+    if (!m->has_pose || !pose_is_valid(wire_pose_to(&m->pose)))
+        return fail(err, RESULT_FORMAT, "pose is not one");
+    if (!instrument_is_finite(m))
+        return fail(err, RESULT_FORMAT, "displacement or gradient is not finite");
+    return RESULT_OK;
+}
+
+static enum result reply_check(const arthron_Reply *m, struct error *err) {
+    enum result result = enum_check("state", (int)m->state, _arthron_SessionState_ARRAYSIZE, err);
+    for (int i = 0; result == RESULT_OK && i < m->instruments_count; i++) {
+        result = instrument_check(&m->instruments[i], err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "instrument %d: ", i);
+    }
+    return result;
+}
+
+static enum result control_check(arthron_Control *m, struct error *err) {
+    switch (m->which_message) {
+    case arthron_Control_frame_tag:
+        return frame_check(&m->message.frame, err);
+    case arthron_Control_reply_tag:
+        return reply_check(&m->message.reply, err);
+    case arthron_Control_welcome_tag:
+        return enum_check("state", (int)m->message.welcome.state, _arthron_SessionState_ARRAYSIZE,
+                          err);
+    case arthron_Control_session_change_tag:
+        return enum_check("state", (int)m->message.session_change.state,
+                          _arthron_SessionState_ARRAYSIZE, err);
+    case arthron_Control_refusal_tag:
+        // A reason of a later version is still a refusal.
+        if ((unsigned)m->message.refusal.reason >= _arthron_Refusal_Reason_ARRAYSIZE)
+            m->message.refusal.reason = arthron_Refusal_Reason_UNKNOWN;
+        return RESULT_OK;
+    default:
+        return RESULT_OK;
+    }
+}
+
+static enum result console_check(const arthron_Console *m, struct error *err) {
+    if (m->which_message == arthron_Console_command_tag)
+        return enum_check("kind", (int)m->message.command.kind, _arthron_Command_Kind_ARRAYSIZE,
+                          err);
+    if (m->which_message != arthron_Console_command_reply_tag)
+        return RESULT_OK;
+    const arthron_CommandReply *reply = &m->message.command_reply;
+    for (int i = 0; i < reply->sessions_count; i++)
+        if (enum_check("state", (int)reply->sessions[i].state, _arthron_SessionState_ARRAYSIZE,
+                       err) != RESULT_OK)
+            return fail_in(err, RESULT_FORMAT, "session %d: ", i);
+    return RESULT_OK;
+}
+
+// ---- decoding ----------------------------------------------------------------------------------
+
+static enum result decode(const char *name, const pb_msgdesc_t *kind, const uint8_t *data,
+                          size_t size, size_t largest, void *out_message, struct error *err) {
+    if (size > largest)
+        return fail(err, RESULT_LIMIT, "%s: %zu bytes, at most %zu are accepted", name, size,
+                    largest);
+    pb_istream_t stream = pb_istream_from_buffer(data, size);
+    if (!pb_decode(&stream, kind, out_message))
+        return fail(err, RESULT_FORMAT, "%s: %s", name, PB_GET_ERROR(&stream));
+    return RESULT_OK;
+}
+
+enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
+                                struct error *err) {
+    enum result result = decode("control message", arthron_Control_fields, data, size,
+                                WIRE_CONTROL_MAX, out_message, err);
+    if (result == RESULT_OK && control_check(out_message, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "control message: ");
+    return result;
+}
+
+enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,
+                                struct error *err) {
+    enum result result = decode("console message", arthron_Console_fields, data, size,
+                                WIRE_CONSOLE_MAX, out_message, err);
+    if (result == RESULT_OK && console_check(out_message, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "console message: ");
+    return result;
+}
+
+enum result wire_decode_frame(const uint8_t *data, size_t size, arthron_Frame *out_message,
+                              struct error *err) {
+    enum result result =
+        decode("frame", arthron_Frame_fields, data, size, WIRE_DATAGRAM_MAX, out_message, err);
+    if (result == RESULT_OK && frame_check(out_message, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "frame: ");
+    return result;
+}
+
+enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *out_message,
+                              struct error *err) {
+    enum result result =
+        decode("reply", arthron_Reply_fields, data, size, WIRE_DATAGRAM_MAX, out_message, err);
+    if (result == RESULT_OK && reply_check(out_message, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "reply: ");
+    return result;
+}
+
+// ---- frames as the plain types of base
+// -----------------------------------------------------------
+
+arthron_Pose wire_pose_from(pose p) {
+    quat q = p.rotation;
+    vec3 t = p.translation;
+    return (arthron_Pose){q.w, q.x, q.y, q.z, t.x, t.y, t.z};
+}
+
+pose wire_pose_to(const arthron_Pose *m) {
+    return (pose){{m->qw, m->qx, m->qy, m->qz}, {m->x, m->y, m->z}};
+}
+
+static arthron_Joint joint_from(const struct joint_angles *a) {
+    return (arthron_Joint){a->flexion_deg, a->varus_deg, a->internal_deg,
+                           a->shift_mm,    a->drawer_mm, a->distraction_mm};
+}
+
+static struct joint_angles joint_to(const arthron_Joint *m) {
+    return (struct joint_angles){m->flexion_deg, m->varus_deg, m->internal_deg,
+                                 m->shift_mm,    m->drawer_mm, m->distraction_mm};
+}
+
+static void sample_from(const struct sample *s, arthron_Sample *out) {
+    out->channel = (arthron_Channel)s->channel;
+    out->validity = (arthron_Validity)s->validity;
+    out->device = s->device;
+    out->time_ns = s->time_ns;
+    switch (s->kind) {
+    case SAMPLE_JOINT:
+        out->which_value = arthron_Sample_joint_tag;
+        out->value.joint = joint_from(&s->joint);
+        break;
+    case SAMPLE_POSE:
+        out->which_value = arthron_Sample_pose_tag;
+        out->value.pose = wire_pose_from(s->T_mockup_body);
+        break;
+    default:
+        out->which_value = arthron_Sample_handle_tag;
+        out->value.handle = (arthron_Handle){s->handle.opening, s->handle.buttons};
+    }
+}
+
+void wire_frame_from(const struct frame *frame, arthron_Frame *out) {
+    memset(out, 0, sizeof *out);
+    out->number = frame->number;
+    out->time_ns = frame->time_ns;
+    out->samples_count = (pb_size_t)frame->count;
+    for (int i = 0; i < frame->count; i++)
+        sample_from(&frame->samples[i], &out->samples[i]);
+}
+
+static bool sample_to(const arthron_Sample *m, struct sample *out) {
+    if (m->device >= WIRE_DEVICES_MAX)
+        return false;
+    out->channel = (enum channel)m->channel;
+    out->validity = (enum validity)m->validity;
+    out->device = (uint8_t)m->device;
+    out->time_ns = m->time_ns;
+    switch (m->which_value) {
+    case arthron_Sample_joint_tag:
+        out->kind = SAMPLE_JOINT;
+        out->joint = joint_to(&m->value.joint);
+        return true;
+    case arthron_Sample_pose_tag:
+        out->kind = SAMPLE_POSE;
+        out->T_mockup_body = wire_pose_to(&m->value.pose);
+        return true;
+    case arthron_Sample_handle_tag:
+        out->kind = SAMPLE_HANDLE;
+        out->handle = (struct handle){m->value.handle.opening, m->value.handle.buttons};
+        return true;
+    default:
+        return false;
+    }
+}
+
+enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct error *err) {
+    *out = (struct frame){.number = m->number, .time_ns = m->time_ns, .count = m->samples_count};
+    CHECK(out->count <= FRAME_SAMPLES_MAX);
+    for (int i = 0; i < out->count; i++)
+        if (!sample_to(&m->samples[i], &out->samples[i]))
+            return fail(err, RESULT_INVALID, "frame %llu: sample %d has no known value or device",
+                        (unsigned long long)m->number, i);
+    if (!frame_is_valid(out))
+        return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
+                    (unsigned long long)m->number);
+    return RESULT_OK;
+}
+
+// ---- padding -----------------------------------------------------------------------------------
+
+static size_t longest_reply(const arthron_Frame *m) {
+    bool there[CHANNEL_COUNT] = {false};
+    size_t size = REPLY_EMPTY_SIZE;
+    for (int i = 0; i < m->samples_count; i++) {
+        int channel = (int)m->samples[i].channel;
+        if (channel >= CHANNEL_FIRST_INSTRUMENT && !there[channel])
+            size += INSTRUMENT_SIZE;
+        there[channel] = true;
+    }
+    return size;
+}
+
+void wire_frame_pad(arthron_Frame *m) {
+    size_t size = 0, wanted = longest_reply(m);
+    m->padding.size = 0;
+    bool sized = pb_get_encoded_size(&size, arthron_Frame_fields, m);
+    CHECK(sized);
+    if (size < wanted) // the padding's own tag and length come on top
+        m->padding.size = (pb_size_t)(wanted - size);
+}

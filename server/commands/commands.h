@@ -1,0 +1,7 @@
+// The subcommands of arthron-server. Each takes its own arguments (argv[0] is its name) and returns
+// an exit code: 0 done, 1 it failed, 2 wrong usage.
+#pragma once
+
+int command_run(int argc, char **argv);
+int command_keys(int argc, char **argv);
+int command_session(int argc, char **argv);

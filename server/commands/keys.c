@@ -1,0 +1,67 @@
+#include "commands/commands.h"
+#include "net/authority.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: arthron-server keys init DIR [HOST ...]\n"
+    "       arthron-server keys enrol DIR STATION\n"
+    "       arthron-server keys revoke DIR STATION\n"
+    "\n"
+    "init    makes the authority and the server's certificate for these host names and addresses\n"
+    "        (localhost and 127.0.0.1 where none is given)\n"
+    "enrol   prints a one-time code, good for 15 minutes; on the station's machine:\n"
+    "        arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
+    "revoke  from now on the station's certificate is not accepted\n"
+    "\n"
+    "      --help  show this\n";
+
+static int report(enum result result, const struct error *err) {
+    if (result == RESULT_OK)
+        return 0;
+    fprintf(stderr, "arthron-server keys: %s\n", err->text);
+    return 1;
+}
+
+static int init(const char *dir, const char *const *hosts, int count) {
+    static const char *const local[] = {"localhost", "127.0.0.1"};
+    struct error err;
+    if (!count)
+        return report(authority_init(dir, local, 2, &err), &err);
+    return report(authority_init(dir, hosts, count, &err), &err);
+}
+
+static int enrol(const char *dir, const char *station) {
+    char code[AUTHORITY_CODE_MAX];
+    struct error err;
+    enum result result = authority_issue_code(dir, station, code, &err);
+    if (result == RESULT_OK)
+        puts(code);
+    return report(result, &err);
+}
+
+static int revoke(const char *dir, const char *station) {
+    struct error err;
+    return report(authority_revoke(dir, station, &err), &err);
+}
+
+int command_keys(int argc, char **argv) {
+    static const struct option options[] = {{"help", no_argument, NULL, 'h'}, {0}};
+    int o = getopt_long(argc, argv, "", options, NULL);
+    if (o == 'h') {
+        fputs(help, stdout);
+        return 0;
+    }
+    char **rest = argv + optind;
+    int count = argc - optind;
+    if (o == -1 && count >= 2 && !strcmp(rest[0], "init"))
+        return init(rest[1], (const char *const *)(rest + 2), count - 2);
+    if (o == -1 && count == 3 && !strcmp(rest[0], "enrol"))
+        return enrol(rest[1], rest[2]);
+    if (o == -1 && count == 3 && !strcmp(rest[0], "revoke"))
+        return revoke(rest[1], rest[2]);
+    fputs(help, stderr);
+    return 2;
+}

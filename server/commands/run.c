@@ -1,0 +1,100 @@
+#include "base/log.h"
+#include "commands/commands.h"
+#include "config/config.h"
+
+#include <getopt.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+
+#define OVERRIDES_MAX 32
+
+static const char help[] =
+    "Usage: arthron-server run --config FILE [--set SECTION.KEY=VALUE ...]\n"
+    "\n"
+    "Serves until SIGTERM or SIGINT, then ends every session with a whole trace.\n"
+    "\n"
+    "  -c, --config FILE            the config (docs/CONFIG.md)\n"
+    "  -s, --set SECTION.KEY=VALUE  a value instead of the config's: --set server.port=4900,\n"
+    "                               --set 'station room-1.case=healthy'\n"
+    "  -v, --verbose                log more\n"
+    "      --help                   show this\n";
+
+// "section.key=value", cut in place. The key has no dot; a section may.
+static bool split_override(char *text, struct config_override *out) {
+    char *equals = strchr(text, '=');
+    if (!equals)
+        return false;
+    *equals = '\0';
+    char *dot = strrchr(text, '.');
+    if (!dot || dot == text || !dot[1])
+        return false;
+    *dot = '\0';
+    *out = (struct config_override){text, dot + 1, equals + 1};
+    return true;
+}
+
+static int wait_for_end(const struct hub_config *config, const sigset_t *ends) {
+    struct hub *hub;
+    struct error err;
+    if (hub_create(config, &hub, &err) != RESULT_OK) {
+        log_error("server", "%s", err.text);
+        return 1;
+    }
+    log_info("server", "ready: control port %d, datagrams from port %d", config->port,
+             config->udp_port);
+    int signal_number;
+    sigwait(ends, &signal_number);
+    log_info("server", "%s: ending", strsignal(signal_number));
+    hub_destroy(&hub);
+    return 0;
+}
+
+static int serve(const char *path, const struct config_override *overrides, int override_count) {
+    static struct hub_config config;
+    struct error err;
+    if (config_load(path, overrides, override_count, &config, &err) != RESULT_OK) {
+        log_error("server", "%s", err.text);
+        return 2;
+    }
+    sigset_t ends;
+    sigemptyset(&ends);
+    sigaddset(&ends, SIGTERM);
+    sigaddset(&ends, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &ends, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    return wait_for_end(&config, &ends);
+}
+
+int command_run(int argc, char **argv) {
+    static const struct option options[] = {
+        {"config", required_argument, NULL, 'c'},
+        {"set", required_argument, NULL, 's'},
+        {"verbose", no_argument, NULL, 'v'},
+        {"help", no_argument, NULL, 'h'},
+        {0},
+    };
+    const char *path = NULL;
+    struct config_override overrides[OVERRIDES_MAX];
+    int override_count = 0;
+    for (int o; (o = getopt_long(argc, argv, "c:s:v", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        } else if (o == 'c') {
+            path = optarg;
+        } else if (o == 'v') {
+            log_set_level(LOG_DEBUG);
+        } else if (o != 's' || override_count == OVERRIDES_MAX ||
+                   !split_override(optarg, &overrides[override_count++])) {
+            fputs(help, stderr);
+            return 2;
+        }
+    }
+    if (!path || optind != argc) {
+        fputs(help, stderr);
+        return 2;
+    }
+    return serve(path, overrides, override_count);
+}

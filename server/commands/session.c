@@ -1,0 +1,137 @@
+#include "session/session.h"
+
+#include "commands/commands.h"
+#include "net/console.h"
+
+#include <getopt.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: arthron-server session --socket PATH list [--json]\n"
+    "       arthron-server session --socket PATH start|pause|stop|reset STATION [--json]\n"
+    "       arthron-server session --socket PATH case STATION CASE [--json]\n"
+    "\n"
+    "Speaks to a running server through its local socket.\n"
+    "\n"
+    "  start   starts a waiting or paused session; a new one where the last has ended\n"
+    "  pause   freezes it until start\n"
+    "  stop    ends it and closes its trace\n"
+    "  reset   starts it afresh in the same trace\n"
+    "  case    ends it and opens one on another case of the server's config\n"
+    "\n"
+    "  -S, --socket PATH  the server's socket, as in its config\n"
+    "      --json         print JSON\n"
+    "      --help         show this\n";
+
+static const struct {
+    const char *name;
+    arthron_Command_Kind kind;
+    int arguments;
+} kinds[] = {
+    {"list", arthron_Command_Kind_LIST, 0},   {"start", arthron_Command_Kind_START, 1},
+    {"pause", arthron_Command_Kind_PAUSE, 1}, {"stop", arthron_Command_Kind_STOP, 1},
+    {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
+};
+
+static const char *state_name(const arthron_SessionInfo *info) {
+    return session_state_name((enum session_state)info->state);
+}
+
+static json_t *info_to_json(const arthron_SessionInfo *info) {
+    char id[33];
+    for (int i = 0; i < 16; i++)
+        snprintf(id + 2 * i, 3, "%02x", info->id[i]);
+    return json_pack("{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:f, s:f, s:s}", "station",
+                     info->station, "id", id, "case", info->case_name, "state", state_name(info),
+                     "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9,
+                     "steps", (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost,
+                     "frames_old", (json_int_t)info->frames_old, "rtt_us", info->rtt_p50_us,
+                     "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace);
+}
+
+static void print_json(const arthron_CommandReply *reply) {
+    json_t *sessions = json_array();
+    for (pb_size_t i = 0; i < reply->sessions_count; i++)
+        json_array_append_new(sessions, info_to_json(&reply->sessions[i]));
+    json_t *whole =
+        json_pack("{s:b, s:s, s:o}", "ok", reply->ok, "text", reply->text, "sessions", sessions);
+    json_dumpf(whole, stdout, JSON_COMPACT);
+    putchar('\n');
+    json_decref(whole);
+}
+
+static void print_table(const arthron_CommandReply *reply) {
+    printf("%-20s %-20s %-8s %-9s %10s %8s  %s\n", "station", "case", "state", "link", "steps",
+           "lost", "trace");
+    for (pb_size_t i = 0; i < reply->sessions_count; i++) {
+        const arthron_SessionInfo *info = &reply->sessions[i];
+        printf("%-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
+               info->case_name, state_name(info), info->connected ? "connected" : "away",
+               info->steps, info->frames_lost, info->trace);
+    }
+}
+
+static int call(const char *socket, const arthron_Command *command, bool json) {
+    static arthron_CommandReply reply;
+    struct error err;
+    if (console_call(socket, command, &reply, &err) != RESULT_OK) {
+        fprintf(stderr, "arthron-server session: %s\n", err.text);
+        return 1;
+    }
+    if (json)
+        print_json(&reply);
+    else if (reply.sessions_count)
+        print_table(&reply);
+    if (!reply.ok)
+        fprintf(stderr, "arthron-server session: %s\n", reply.text);
+    return reply.ok ? 0 : 1;
+}
+
+static bool fill_command(char **words, int count, arthron_Command *out) {
+    for (size_t i = 0; count && i < sizeof kinds / sizeof *kinds; i++) {
+        if (strcmp(words[0], kinds[i].name))
+            continue;
+        out->kind = kinds[i].kind;
+        if (count != kinds[i].arguments + 1)
+            return false;
+        if (count > 1)
+            snprintf(out->station, sizeof out->station, "%s", words[1]);
+        if (count > 2)
+            snprintf(out->case_name, sizeof out->case_name, "%s", words[2]);
+        return true;
+    }
+    return false;
+}
+
+int command_session(int argc, char **argv) {
+    static const struct option options[] = {
+        {"socket", required_argument, NULL, 'S'},
+        {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},
+        {0},
+    };
+    const char *socket = NULL;
+    bool json = false;
+    for (int o; (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        } else if (o == 'S') {
+            socket = optarg;
+        } else if (o == 'j') {
+            json = true;
+        } else {
+            fputs(help, stderr);
+            return 2;
+        }
+    }
+    arthron_Command command = arthron_Command_init_zero;
+    if (!socket || !fill_command(argv + optind, argc - optind, &command)) {
+        fputs(help, stderr);
+        return 2;
+    }
+    return call(socket, &command, json);
+}

@@ -1,0 +1,20 @@
+// The server's config file (INI), read once at the start and never written.
+//
+//   [server]  address, port, udp_port, workers, keys, traces, socket, wait_s
+//   [warp]    field, unit_mm, radius_mm, background_per_mm, strength, hold_ms
+//   [case NAME]     dir
+//   [station NAME]  case, start = auto|command, trainee
+//
+// docs/CONFIG.md explains every key.
+#pragma once
+
+#include "hub/hub.h"
+
+struct config_override {
+    const char *section, *key, *value; // --set section.key=value
+};
+
+// Paths in the file are relative to the file's folder. The error names file and line, section and
+// key: an unknown one, a value out of range, a station whose case is missing.
+enum result config_load(const char *path, const struct config_override *overrides,
+                        int override_count, struct hub_config *out_config, struct error *err);

@@ -22,7 +22,8 @@ struct control_handler {
     // return another result with a reason in *out_refusal: the peer is told and closed.
     enum result (*on_hello)(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *out_welcome, arthron_Refusal *out_refusal);
-    // The clock offset became known or better: server = station + offset_ns.
+    // With each answer to a ping: server = station + offset_ns, within ± uncertainty_ns; rtt_ns is
+    // this ping's own.
     void (*on_clock)(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns);
     // A frame that came in the control connection; message is the caller's.
@@ -35,16 +36,19 @@ struct control_handler {
 
 struct control_config {
     const char *address; // to listen on; NULL for all
-    int port;
+    int port;            // 0: any free one, control_port tells which
     const char *authority_dir;
     const char *software;
     int64_t hello_timeout_ns; // how long a peer may stay silent before Hello; 5 s
 };
 
-// Listens and starts the thread. RESULT_IO names address and port.
+// Listens and starts the thread; *out_control is set before any upcall. RESULT_MISSING names a file
+// of the authority that is not there, RESULT_IO address and port.
 enum result control_create(const struct control_config *config,
                            const struct control_handler *handler, struct control **out_control,
                            struct error *err);
+
+int control_port(const struct control *control);
 
 // Tells every station SHUTDOWN, closes, joins the thread. *control becomes NULL.
 void control_destroy(struct control **control);

@@ -1,0 +1,370 @@
+#include "net/control.h"
+
+#include "base/check.h"
+#include "base/log.h"
+#include "net/control_parts.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define OUTBOX_LENGTH 64
+#define STRANGERS_MAX 64 // connections that have not said Hello yet
+#define HANDSHAKE_S 5
+#define DRAIN_US (500 * LWS_US_PER_MS)
+
+// ---- queues -------------------------------------------------------------------------------------
+
+static void encode(const arthron_Control *message, struct outgoing *out) {
+    size_t size;
+    enum result result = wire_encode_control(message, out->bytes, sizeof out->bytes, &size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
+    out->size = (uint32_t)size;
+    out->last = false;
+}
+
+void control_say(struct peer *peer, const arthron_Control *message, bool last) {
+    if (peer->closing)
+        return;
+    peer->closing = last;
+    encode(message, &peer->urgent);
+    peer->urgent.last = last;
+    if (last)
+        lws_set_timer_usecs(peer->wsi, LWS_USEC_PER_SEC);
+    lws_callback_on_writable(peer->wsi);
+}
+
+bool control_seat(struct peer *peer) {
+    struct control *control = peer->control;
+    struct ring *outbox = ring_create(OUTBOX_LENGTH, sizeof(struct outgoing));
+    int index = 0;
+    pthread_mutex_lock(&control->lock);
+    while (index < CONTROL_PEERS_MAX && control->slots[index].peer)
+        index++;
+    if (index < CONTROL_PEERS_MAX) {
+        struct slot *slot = &control->slots[index];
+        *slot = (struct slot){.generation = slot->generation + 1, .peer = peer, .outbox = outbox};
+        peer->handle = (struct control_peer){index, slot->generation};
+    }
+    pthread_mutex_unlock(&control->lock);
+    if (index == CONTROL_PEERS_MAX)
+        ring_destroy(&outbox);
+    return index < CONTROL_PEERS_MAX;
+}
+
+void control_unseat(struct peer *peer) {
+    struct slot *slot = &peer->control->slots[peer->handle.index];
+    pthread_mutex_lock(&peer->control->lock);
+    slot->peer = NULL;
+    pthread_mutex_unlock(&peer->control->lock);
+    ring_destroy(&slot->outbox);
+}
+
+// The slot of a handle, NULL where the peer is gone. Under the lock.
+static struct slot *find_slot(struct control *control, struct control_peer handle) {
+    CHECK(handle.index >= 0 && handle.index < CONTROL_PEERS_MAX);
+    struct slot *slot = &control->slots[handle.index];
+    return slot->peer && slot->generation == handle.generation ? slot : NULL;
+}
+
+bool control_send(struct control *control, struct control_peer handle,
+                  const arthron_Control *message) {
+    bool is_reply = message->which_message == arthron_Control_reply_tag;
+    bool queued = false, wakes = true;
+    struct outgoing out;
+    encode(message, &out);
+    pthread_mutex_lock(&control->lock);
+    struct slot *slot = find_slot(control, handle);
+    if (slot) {
+        queued = ring_push(slot->outbox, &out);
+        slot->overflown |= !queued && !is_reply;
+        wakes = slot->wakes;
+        slot->wakes = true;
+    }
+    pthread_mutex_unlock(&control->lock);
+    if (slot && !queued && is_reply)
+        atomic_fetch_add(&control->replies_dropped, 1);
+    if (!wakes)
+        lws_cancel_service(control->context);
+    return queued;
+}
+
+void control_refuse(struct control *control, struct control_peer handle,
+                    enum _arthron_Refusal_Reason reason, const char *text) {
+    pthread_mutex_lock(&control->lock);
+    struct slot *slot = find_slot(control, handle);
+    if (slot && !slot->refused) {
+        slot->wakes = slot->refused = true;
+        slot->refusal.reason = reason;
+        snprintf(slot->refusal.text, sizeof slot->refusal.text, "%s", text);
+    }
+    pthread_mutex_unlock(&control->lock);
+    lws_cancel_service(control->context);
+}
+
+// ---- the control thread -------------------------------------------------------------------------
+
+static void serve(struct control *control, const struct slot *slot) {
+    struct peer *peer = slot->peer;
+    if (control->draining)
+        peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
+    else if (slot->overflown)
+        lws_set_timeout(peer->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+    else if (slot->refused)
+        peer_refuse(peer, slot->refusal.reason, "%s", slot->refusal.text);
+    else
+        lws_callback_on_writable(peer->wsi);
+}
+
+static void on_drained(lws_sorted_usec_list_t *drain) {
+    lws_container_of(drain, struct control, drain)->drained = true;
+}
+
+static void on_wake(struct control *control) {
+    if (atomic_load(&control->stopping) && !control->draining) {
+        control->draining = true;
+        lws_sul_schedule(control->context, 0, &control->drain, on_drained, DRAIN_US);
+    }
+    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+        pthread_mutex_lock(&control->lock);
+        struct slot slot = control->slots[i];
+        control->slots[i].wakes = false;
+        pthread_mutex_unlock(&control->lock);
+        if (slot.peer && (slot.wakes || control->draining))
+            serve(control, &slot);
+    }
+}
+
+static int open_peer(struct control *control, struct peer *peer, struct lws *wsi, bool enrols) {
+    if (control->draining || control->connections == CONTROL_PEERS_MAX + STRANGERS_MAX)
+        return -1;
+    peer->control = control;
+    peer->wsi = wsi;
+    peer->enrols = enrols;
+    control->connections++;
+    lws_set_timer_usecs(wsi, control->hello_timeout_ns / 1000);
+    peer_opened(peer);
+    return 0;
+}
+
+static int close_peer(struct peer *peer) {
+    if (!peer->control)
+        return 0;
+    peer->control->connections--;
+    peer_gone(peer);
+    return 0;
+}
+
+static int hear(struct peer *peer, const void *bytes, size_t size) {
+    int64_t now_ns = clock_now_ns();
+    if (peer->closing)
+        return 0;
+    if (size > sizeof peer->incoming - peer->used || !lws_frame_is_binary(peer->wsi)) {
+        peer_malformed(peer, "messages are binary and not longer than 8192 bytes");
+        return 0;
+    }
+    memcpy(peer->incoming + peer->used, bytes, size);
+    peer->used += size;
+    if (lws_remaining_packet_payload(peer->wsi) || !lws_is_final_fragment(peer->wsi))
+        return 0;
+    peer_heard(peer, now_ns);
+    peer->used = 0;
+    return 0;
+}
+
+static bool next_to_say(struct peer *peer, struct outgoing *out) {
+    if (peer->urgent.size) {
+        *out = peer->urgent;
+        peer->urgent.size = 0;
+        return true;
+    }
+    return peer->agreed && !peer->closing &&
+           ring_pop(peer->control->slots[peer->handle.index].outbox, out);
+}
+
+static int say(struct peer *peer) {
+    struct outgoing out;
+    if (peer->done) {
+        lws_close_reason(peer->wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION, NULL, 0);
+        return -1;
+    }
+    if (!next_to_say(peer, &out))
+        return 0;
+    if (lws_write(peer->wsi, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
+        return -1;
+    peer->done = out.last;
+    lws_callback_on_writable(peer->wsi);
+    return 0;
+}
+
+static int tick(struct peer *peer) {
+    int64_t next_us;
+    if (!peer_tick(peer, clock_now_ns(), &next_us))
+        return -1;
+    lws_set_timer_usecs(peer->wsi, next_us);
+    return 0;
+}
+
+static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *bytes,
+                   size_t size) {
+    struct control *control = lws_context_user(lws_get_context(wsi));
+    switch (reason) {
+    case LWS_CALLBACK_ESTABLISHED:
+        return open_peer(control, user, wsi,
+                         !strcmp(lws_get_protocol(wsi)->name, WIRE_ENROL_SUBPROTOCOL));
+    case LWS_CALLBACK_RECEIVE:
+        return hear(user, bytes, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+        return say(user);
+    case LWS_CALLBACK_TIMER:
+        return tick(user);
+    case LWS_CALLBACK_CLOSED:
+        return close_peer(user);
+    default:
+        return 0;
+    }
+}
+
+// What is no WebSocket, or names no subprotocol of ours, and what concerns the whole server.
+static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *bytes,
+                    size_t size) {
+    (void)bytes, (void)size;
+    struct control *control = lws_context_user(lws_get_context(wsi));
+    switch (reason) {
+    case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
+        identity_ask(user, &control->refused_certificates);
+        return 0;
+    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+        on_wake(control);
+        return 0;
+    case LWS_CALLBACK_HTTP:
+    case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
+        return -1;
+    default:
+        return 0;
+    }
+}
+
+static void *serve_peers(void *argument) {
+    struct control *control = argument;
+    while (!control->drained && !(control->draining && control->connections == 0))
+        lws_service(control->context, 0);
+    lws_context_destroy(control->context);
+    return NULL;
+}
+
+// ---- life ---------------------------------------------------------------------------------------
+
+static const struct lws_protocols protocols[] = {
+    {.name = "other", .callback = on_other},
+    {.name = WIRE_SUBPROTOCOL, .callback = on_peer, .per_session_data_size = sizeof(struct peer)},
+    {.name = WIRE_ENROL_SUBPROTOCOL,
+     .callback = on_peer,
+     .per_session_data_size = sizeof(struct peer)},
+    {0},
+};
+
+static bool machine_has_ipv6(void) {
+    int fd = socket(AF_INET6, SOCK_STREAM, 0);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+static uint64_t options_for(const char *address) {
+    bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
+    return LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND |
+           LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
+}
+
+static enum result listen_at(struct control *control, const struct control_config *config,
+                             struct error *err) {
+    char authority[4096], certificate[4096], key[4096];
+    snprintf(authority, sizeof authority, "%s/authority.pem", config->authority_dir);
+    snprintf(certificate, sizeof certificate, "%s/server.pem", config->authority_dir);
+    snprintf(key, sizeof key, "%s/server.key", config->authority_dir);
+    const char *const files[] = {authority, certificate, key};
+    for (int i = 0; i < 3; i++)
+        if (access(files[i], R_OK))
+            return fail(err, RESULT_MISSING, "%s: %s", files[i], strerror(errno));
+    struct lws_context_creation_info info = {
+        .iface = config->address,
+        .port = config->port,
+        .protocols = protocols,
+        .ssl_ca_filepath = authority,
+        .ssl_cert_filepath = certificate,
+        .ssl_private_key_filepath = key,
+        .alpn = "http/1.1",
+        .options = options_for(config->address),
+        .timeout_secs = HANDSHAKE_S,
+        .fd_limit_per_thread = CONTROL_PEERS_MAX + 2 * STRANGERS_MAX,
+        .vhost_name = "control",
+        .user = control,
+        .gid = -1,
+        .uid = -1,
+    };
+    control->context = lws_create_context(&info);
+    CHECK(control->context);
+    struct lws_vhost *vhost = lws_create_vhost(control->context, &info);
+    if (!vhost)
+        return fail(err, RESULT_IO, "%s, port %d: cannot listen with the certificate %s",
+                    config->address ? config->address : "all addresses", config->port, certificate);
+    control->port = lws_get_vhost_listen_port(vhost);
+    return RESULT_OK;
+}
+
+static void release(struct control *control) {
+    pthread_mutex_destroy(&control->lock);
+    free(control->authority_dir);
+    free(control->software);
+    free(control);
+}
+
+enum result control_create(const struct control_config *config,
+                           const struct control_handler *handler, struct control **out_control,
+                           struct error *err) {
+    lws_set_log_level(0, NULL);
+    struct control *control = alloc(1, sizeof *control);
+    control->handler = *handler;
+    control->authority_dir = alloc_text(config->authority_dir);
+    control->software = alloc_text(config->software);
+    control->hello_timeout_ns = config->hello_timeout_ns;
+    control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
+    pthread_mutex_init(&control->lock, NULL);
+    *out_control = NULL;
+    enum result result = listen_at(control, config, err);
+    if (result != RESULT_OK) {
+        if (control->context)
+            lws_context_destroy(control->context);
+        release(control);
+        return result;
+    }
+    *out_control = control; // before the thread runs: its handler may ask for it
+    CHECK(pthread_create(&control->thread, NULL, serve_peers, control) == 0);
+    return RESULT_OK;
+}
+
+void control_destroy(struct control **control) {
+    struct control *c = *control;
+    atomic_store(&c->stopping, true);
+    lws_cancel_service(c->context);
+    pthread_join(c->thread, NULL);
+    release(c);
+    *control = NULL;
+}
+
+int control_port(const struct control *control) {
+    return control->port;
+}
+
+struct control_counts control_counts(const struct control *control) {
+    return (struct control_counts){
+        .unknown_messages = atomic_load(&control->unknown_messages),
+        .malformed_messages = atomic_load(&control->malformed_messages),
+        .refused_certificates = atomic_load(&control->refused_certificates),
+        .replies_dropped = atomic_load(&control->replies_dropped),
+    };
+}

@@ -1,0 +1,95 @@
+// The inside of the control room: what control.c (threads, sockets, queues) and peer.c (what one
+// peer may say when) share. Everything belongs to the control thread except what is marked.
+#pragma once
+
+#include "base/clock.h"
+#include "base/ring.h"
+#include "net/control.h"
+#include "net/identity.h"
+
+#include <libwebsockets.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+struct outgoing {
+    bool last; // the connection closes behind it
+    uint32_t size;
+    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
+    uint8_t bytes[WIRE_CONTROL_MAX];
+};
+
+// One connection, in libwebsockets' memory for it.
+struct peer {
+    struct control *control;
+    struct lws *wsi;
+    struct identity identity;
+    bool enrols;  // speaks the subprotocol of enrolment
+    bool agreed;  // Hello was good: it has a slot
+    bool closing; // says one last thing, and hears nothing any more
+    bool done;    // has said it
+    struct control_peer handle;
+    struct clock_offset clock;
+    int pings;
+    int64_t heard_ns;   // the last Pong
+    int64_t checked_ns; // when its certificate was last looked up among the revoked ones
+    size_t used;        // of incoming
+    uint8_t incoming[WIRE_CONTROL_MAX];
+    struct outgoing urgent; // goes before the outbox: Welcome, Refusal, Enrolled; size 0: none
+};
+
+// One agreed peer as other threads know it; all of it under the lock.
+struct slot {
+    uint32_t generation;
+    struct peer *peer;   // NULL: free
+    struct ring *outbox; // of struct outgoing; the lock makes many producers one
+    bool wakes;          // the control thread has something to do for it:
+    bool overflown;      // it did not read what it must not miss
+    bool refused;        // control_refuse was called
+    arthron_Refusal refusal;
+};
+
+struct control {
+    struct control_handler handler;
+    char *authority_dir;
+    char *software;
+    int64_t hello_timeout_ns;
+    struct lws_context *context;
+    int port;
+    pthread_t thread;
+    atomic_bool stopping;
+    bool draining, drained;
+    lws_sorted_usec_list_t drain;
+    int connections;
+    int64_t enrol_budget_ns; // time saved up for attempts to enrol
+    int64_t enrol_checked_ns;
+    arthron_Control message; // the one being read
+    pthread_mutex_t lock;    // held for a copy of one message at most
+    struct slot slots[CONTROL_PEERS_MAX];
+    atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
+        replies_dropped;
+};
+
+// ---- control.c: queues --------------------------------------------------------------------------
+
+// Gives the peer a slot, a handle and an outbox. False where all are taken.
+bool control_seat(struct peer *peer);
+void control_unseat(struct peer *peer);
+
+// Says `message` next, before anything queued; with `last` the connection closes behind it.
+void control_say(struct peer *peer, const arthron_Control *message, bool last);
+
+// ---- peer.c: the protocol -----------------------------------------------------------------------
+
+void peer_opened(struct peer *peer);
+void peer_heard(struct peer *peer, int64_t now_ns); // a whole message is in peer->incoming
+void peer_gone(struct peer *peer);
+
+// Timeouts, pings, revocation. False: close it at once. *out_next_us: when to call again.
+bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us);
+
+// Tells the peer why, and closes.
+void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+// The same for what is not as the schema says; counted.
+void peer_malformed(struct peer *peer, const char *text);

@@ -1,0 +1,267 @@
+#include "base/log.h"
+#include "net/authority.h"
+#include "net/control_parts.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#define FAST_PINGS 10
+#define FAST_PING_NS (20 * NS_PER_MS)
+#define PING_NS NS_PER_S
+#define SILENCE_NS (5 * NS_PER_S)
+#define REVOCATION_CHECK_NS NS_PER_S
+#define CLOSING_NS NS_PER_S
+#define ENROL_COST_NS NS_PER_S
+#define ENROL_BUDGET_NS (10 * NS_PER_S)
+#define REMOTE_TIME_MAX (1LL << 60) // beyond it differences of times could overflow
+
+static const char *const capabilities[] = {"datagrams"};
+
+void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...) {
+    arthron_Control message = {.which_message = arthron_Control_refusal_tag};
+    arthron_Refusal *refusal = &message.message.refusal;
+    va_list args;
+    va_start(args, format);
+    vsnprintf(refusal->text, sizeof refusal->text, format, args);
+    va_end(args);
+    refusal->reason = reason;
+    log_warning("control", "%s: %s", peer->identity.certified ? peer->identity.name : "a stranger",
+                refusal->text);
+    control_say(peer, &message, true);
+}
+
+void peer_malformed(struct peer *peer, const char *text) {
+    atomic_fetch_add(&peer->control->malformed_messages, 1);
+    peer_refuse(peer, arthron_Refusal_Reason_MALFORMED, "%s", text);
+}
+
+static bool is_revoked(struct peer *peer, int64_t now_ns) {
+    peer->checked_ns = now_ns;
+    return authority_is_revoked(peer->control->authority_dir, peer->identity.serial);
+}
+
+void peer_opened(struct peer *peer) {
+    struct control *control = peer->control;
+    identity_of(lws_get_ssl(peer->wsi), &peer->identity);
+    if (peer->enrols)
+        return;
+    const char *why = NULL;
+    if (!peer->identity.certified)
+        why = "a station needs a certificate: enrol first";
+    else if (is_revoked(peer, clock_now_ns()))
+        why = "this certificate is revoked";
+    if (!why)
+        return;
+    atomic_fetch_add(&control->refused_certificates, 1);
+    peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "%s", why);
+}
+
+void peer_gone(struct peer *peer) {
+    if (!peer->agreed)
+        return;
+    struct control_handler *handler = &peer->control->handler;
+    control_unseat(peer);
+    handler->on_gone(handler->user, peer->handle);
+}
+
+// ---- hello --------------------------------------------------------------------------------------
+
+static void agree_capabilities(const arthron_Hello *hello, arthron_Welcome *welcome) {
+    for (size_t i = 0; i < sizeof capabilities / sizeof *capabilities; i++)
+        for (int k = 0; k < hello->capabilities_count; k++)
+            if (!strcmp(hello->capabilities[k], capabilities[i])) {
+                strcpy(welcome->capabilities[welcome->capabilities_count++], capabilities[i]);
+                break;
+            }
+}
+
+static bool agree_version(const arthron_Hello *hello, uint32_t *out_version) {
+    uint32_t newest = hello->version_max < WIRE_VERSION_MAX ? hello->version_max : WIRE_VERSION_MAX;
+    uint32_t oldest = hello->version_min > WIRE_VERSION_MIN ? hello->version_min : WIRE_VERSION_MIN;
+    *out_version = newest;
+    return oldest <= newest;
+}
+
+// Everything that this room itself asks of a Hello.
+static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_t *out_version) {
+    if (!agree_version(hello, out_version)) {
+        peer_refuse(peer, arthron_Refusal_Reason_VERSION,
+                    "the server speaks versions %d to %d, the station %u to %u", WIRE_VERSION_MIN,
+                    WIRE_VERSION_MAX, hello->version_min, hello->version_max);
+        return false;
+    }
+    if (strcmp(hello->station, peer->identity.name)) {
+        peer_refuse(peer, arthron_Refusal_Reason_IDENTITY,
+                    "Hello names another station than the certificate");
+        return false;
+    }
+    if (!control_seat(peer)) {
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
+                    CONTROL_PEERS_MAX);
+        return false;
+    }
+    return true;
+}
+
+static void hear_hello(struct peer *peer, const arthron_Hello *hello, int64_t now_ns) {
+    struct control *control = peer->control;
+    arthron_Control answer = {.which_message = arthron_Control_welcome_tag};
+    arthron_Welcome *welcome = &answer.message.welcome;
+    arthron_Refusal refusal = {0};
+    uint32_t version;
+    if (!hello_is_good(peer, hello, &version))
+        return;
+    enum result result =
+        control->handler.on_hello(control->handler.user, peer->handle, hello, welcome, &refusal);
+    if (result != RESULT_OK) {
+        control_unseat(peer);
+        peer_refuse(peer, refusal.reason, "%s",
+                    refusal.text[0] ? refusal.text : result_sentence(result));
+        return;
+    }
+    welcome->version = version;
+    agree_capabilities(hello, welcome);
+    snprintf(welcome->software, sizeof welcome->software, "%s", control->software);
+    peer->agreed = true;
+    peer->heard_ns = now_ns;
+    control_say(peer, &answer, false);
+    lws_set_timer_usecs(peer->wsi, 0);
+}
+
+// ---- enrolment ----------------------------------------------------------------------------------
+
+// Attempts are paid from time that has gone by: one a second, ten at once.
+static bool may_try_to_enrol(struct control *control, int64_t now_ns) {
+    int64_t budget = control->enrol_budget_ns + (now_ns - control->enrol_checked_ns);
+    control->enrol_checked_ns = now_ns;
+    control->enrol_budget_ns = budget < ENROL_BUDGET_NS ? budget : ENROL_BUDGET_NS;
+    if (control->enrol_budget_ns < ENROL_COST_NS)
+        return false;
+    control->enrol_budget_ns -= ENROL_COST_NS;
+    return true;
+}
+
+static void hear_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t now_ns) {
+    if (!may_try_to_enrol(peer->control, now_ns)) {
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
+        return;
+    }
+    arthron_Control answer = {.which_message = arthron_Control_enrolled_tag};
+    arthron_Enrolled *enrolled = &answer.message.enrolled;
+    size_t certificate_size = sizeof enrolled->certificate_der.bytes;
+    size_t authority_size = sizeof enrolled->authority_der.bytes;
+    struct error err;
+    enum result result =
+        authority_enrol(peer->control->authority_dir, enrol->code, enrol->request_der.bytes,
+                        enrol->request_der.size, enrolled->certificate_der.bytes, &certificate_size,
+                        enrolled->authority_der.bytes, &authority_size, &err);
+    if (result != RESULT_OK) {
+        peer_refuse(peer, arthron_Refusal_Reason_CODE, "%s", err.text);
+        return;
+    }
+    enrolled->certificate_der.size = (pb_size_t)certificate_size;
+    enrolled->authority_der.size = (pb_size_t)authority_size;
+    control_say(peer, &answer, true);
+}
+
+// ---- clock --------------------------------------------------------------------------------------
+
+static void send_ping(struct peer *peer) {
+    arthron_Control message = {.which_message = arthron_Control_ping_tag};
+    message.message.ping.sent_ns = clock_now_ns();
+    control_send(peer->control, peer->handle, &message);
+    peer->pings++;
+}
+
+static void hear_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
+    arthron_Control answer = {.which_message = arthron_Control_pong_tag};
+    answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
+    control_send(peer->control, peer->handle, &answer);
+}
+
+static bool is_remote_time(int64_t time_ns) {
+    return time_ns >= 0 && time_ns < REMOTE_TIME_MAX;
+}
+
+static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {
+    int64_t offset_ns, uncertainty_ns;
+    peer->heard_ns = received_ns;
+    if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
+        !is_remote_time(pong->answered_ns) ||
+        !clock_offset_add(&peer->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
+                          received_ns) ||
+        !clock_offset_get(&peer->clock, received_ns, &offset_ns, &uncertainty_ns))
+        return;
+    int64_t rtt_ns = (received_ns - pong->sent_ns) - (pong->answered_ns - pong->received_ns);
+    struct control_handler *handler = &peer->control->handler;
+    handler->on_clock(handler->user, peer->handle, -offset_ns, uncertainty_ns, rtt_ns);
+}
+
+// ---- messages -----------------------------------------------------------------------------------
+
+static void hear_stranger(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+    if (peer->enrols && message->which_message == arthron_Control_enrol_tag)
+        hear_enrol(peer, &message->message.enrol, now_ns);
+    else if (!peer->enrols && message->which_message == arthron_Control_hello_tag)
+        hear_hello(peer, &message->message.hello, now_ns);
+    else
+        peer_malformed(peer, peer->enrols ? "the only message here is Enrol"
+                                          : "the first message must be Hello");
+}
+
+static void hear_station(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+    struct control_handler *handler = &peer->control->handler;
+    switch (message->which_message) {
+    case arthron_Control_ping_tag:
+        hear_ping(peer, &message->message.ping, now_ns);
+        break;
+    case arthron_Control_pong_tag:
+        hear_pong(peer, &message->message.pong, now_ns);
+        break;
+    case arthron_Control_frame_tag:
+        handler->on_frame(handler->user, peer->handle, &message->message.frame, now_ns);
+        break;
+    case arthron_Control_udp_path_tag:
+        handler->on_message(handler->user, peer->handle, message);
+        break;
+    default:
+        peer_malformed(peer, "a message that only a server, or only the start, may say");
+    }
+}
+
+void peer_heard(struct peer *peer, int64_t now_ns) {
+    struct control *control = peer->control;
+    struct error err = {0};
+    if (wire_decode_control(peer->incoming, peer->used, &control->message, &err) != RESULT_OK)
+        peer_malformed(peer, err.text);
+    else if (control->message.which_message == 0)
+        atomic_fetch_add(&control->unknown_messages, 1);
+    else if (peer->agreed)
+        hear_station(peer, &control->message, now_ns);
+    else
+        hear_stranger(peer, &control->message, now_ns);
+}
+
+bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
+    *out_next_us = CLOSING_NS / 1000;
+    if (peer->closing)
+        return false; // it did not take its last message in time
+    if (!peer->agreed) {
+        peer_refuse(peer, arthron_Refusal_Reason_MALFORMED, "no %s in time",
+                    peer->enrols ? "Enrol" : "Hello");
+        return true;
+    }
+    if (now_ns - peer->heard_ns > SILENCE_NS) {
+        log_warning("control", "%s: no answer for 5 s", peer->identity.name);
+        return false;
+    }
+    if (now_ns - peer->checked_ns >= REVOCATION_CHECK_NS && is_revoked(peer, now_ns)) {
+        atomic_fetch_add(&peer->control->refused_certificates, 1);
+        peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "this certificate is revoked");
+        return true;
+    }
+    send_ping(peer);
+    *out_next_us = (peer->pings < FAST_PINGS ? FAST_PING_NS : PING_NS) / 1000;
+    return true;
+}

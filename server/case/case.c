@@ -4,7 +4,6 @@
 #include "mesh/topology.h"
 
 #include <ctype.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -44,10 +43,19 @@ struct case_limits case_limits_default(void) {
     return (struct case_limits){.file_bytes = (size_t)512 << 20, .group_triangles = 2000000};
 }
 
+// Cut between two characters of UTF-8.
+static void set_title(struct knee_case *knee, const char *title) {
+    size_t length = strnlen(title, sizeof knee->title);
+    if (length == sizeof knee->title)
+        for (length--; length > 0 && ((unsigned char)title[length] & 0xc0) == 0x80;)
+            length--;
+    memcpy(knee->title, title, length);
+}
+
 struct knee_case *case_create(const char *name, const char *title) {
     struct knee_case *knee = alloc(1, sizeof *knee);
     set_name(knee->name, name);
-    snprintf(knee->title, sizeof knee->title, "%s", title);
+    set_title(knee, title);
     knee->joint.T_femur_joint = pose_identity();
     knee->joint.T_tibia_joint = pose_identity();
     return knee;

@@ -1,0 +1,88 @@
+#include "base/bytes.h"
+#include "case/gltf.h"
+
+#include <jansson.h>
+
+#define MAGIC 0x46546c67u      // "glTF"
+#define CHUNK_JSON 0x4e4f534au // "JSON"
+#define CHUNK_BIN 0x004e4942u  // "BIN\0"
+#define JSON_BYTES_MAX ((size_t)4 << 20)
+
+struct chunk {
+    const uint8_t *data;
+    uint32_t size;
+};
+
+static enum result read_chunk(struct reader *r, uint32_t type, const char *name,
+                              struct chunk *out_chunk, struct error *err) {
+    size_t at = r->used;
+    uint32_t size = read_u32(r), found = read_u32(r);
+    const uint8_t *data = read_bytes(r, size);
+    if (r->underflow)
+        return fail(err, RESULT_FORMAT,
+                    "the %s chunk at byte %zu says %u bytes, the file ends before", name, at, size);
+    if (found != type)
+        return fail(err, RESULT_FORMAT, "the chunk at byte %zu is not %s", at, name);
+    if (size % 4 != 0)
+        return fail(err, RESULT_FORMAT, "the %s chunk has %u bytes, not a multiple of 4", name,
+                    size);
+    *out_chunk = (struct chunk){data, size};
+    return RESULT_OK;
+}
+
+static enum result check_buffers(const json_t *root, const struct chunk *bin, struct error *err) {
+    const json_t *buffers = json_object_get(root, "buffers");
+    if (json_array_size(buffers) != 1)
+        return fail(err, RESULT_FORMAT, "buffers: %zu where one is needed",
+                    json_array_size(buffers));
+    const json_t *buffer = json_array_get(buffers, 0);
+    if (json_object_get(buffer, "uri"))
+        return fail(err, RESULT_REFUSED, "buffers[0].uri: the data must be inside the file");
+    const json_t *length = json_object_get(buffer, "byteLength");
+    if (!json_is_integer(length) || json_integer_value(length) < 1 ||
+        json_integer_value(length) > (json_int_t)bin->size)
+        return fail(err, RESULT_FORMAT, "buffers[0].byteLength is not within the BIN chunk's %u",
+                    bin->size);
+    return RESULT_OK;
+}
+
+static enum result check_root(const json_t *root, const struct chunk *bin, struct error *err) {
+    if (!json_is_object(root))
+        return fail(err, RESULT_FORMAT, "the JSON chunk is not an object");
+    const json_t *required = json_object_get(root, "extensionsRequired");
+    if (required) {
+        const char *name = json_string_value(json_array_get(required, 0));
+        return fail(err, RESULT_REFUSED, "needs the extension %.80s, which is not read here",
+                    name ? name : "(unnamed)");
+    }
+    if (json_object_get(root, "images"))
+        return fail(err, RESULT_REFUSED, "images: an anatomy has no images");
+    return check_buffers(root, bin, err);
+}
+
+enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err) {
+    struct reader r = {.data = bytes, .size = size};
+    uint32_t magic = read_u32(&r), version = read_u32(&r), length = read_u32(&r);
+    if (r.underflow || magic != MAGIC)
+        return fail(err, RESULT_FORMAT, "not a binary glTF file");
+    if (version != 2)
+        return fail(err, RESULT_VERSION, "binary glTF version %u, not 2", version);
+    if (length != size)
+        return fail(err, RESULT_FORMAT, "the header says %u bytes, the file has %zu", length, size);
+    struct chunk text, bin;
+    enum result result = read_chunk(&r, CHUNK_JSON, "JSON", &text, err);
+    if (result == RESULT_OK)
+        result = read_chunk(&r, CHUNK_BIN, "BIN", &bin, err);
+    if (result != RESULT_OK)
+        return result;
+    if (text.size > JSON_BYTES_MAX)
+        return fail(err, RESULT_LIMIT, "the JSON chunk has %u bytes, more than %zu", text.size,
+                    JSON_BYTES_MAX);
+    json_error_t where;
+    json_t *root = json_loadb((const char *)text.data, text.size, JSON_REJECT_DUPLICATES, &where);
+    if (!root)
+        return fail(err, RESULT_FORMAT, "JSON chunk, byte %d: %s", where.position, where.text);
+    result = check_root(root, &bin, err);
+    json_decref(root);
+    return result;
+}

@@ -1,0 +1,322 @@
+#include "case/manifest.h"
+
+#include "base/check.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PATH_MAX_LENGTH 128
+
+// The first refusal stays; everything after it is passed over.
+struct manifest {
+    enum result result;
+    struct error *err;
+};
+
+static void refuse(struct manifest *m, enum result code, const char *path, const char *what) {
+    if (m->result == RESULT_OK)
+        m->result = fail(m->err, code, "%s: %s", path, what);
+}
+
+struct object {
+    const json_t *json;
+    char path[PATH_MAX_LENGTH];
+};
+
+static void key_path(const struct object *object, const char *key, char *out_path) {
+    snprintf(out_path, PATH_MAX_LENGTH, "%.64s%s%.40s", object->path, object->path[0] ? "." : "",
+             key);
+}
+
+static struct object open_object(struct manifest *m, const json_t *json, const char *path,
+                                 const char *const *keys) {
+    struct object object = {.json = json};
+    snprintf(object.path, sizeof object.path, "%.127s", path);
+    if (!json_is_object(json))
+        refuse(m, RESULT_FORMAT, path[0] ? path : "the manifest", "not an object");
+    const char *key;
+    json_t *value;
+    json_object_foreach((json_t *)json, key, value) {
+        bool known = false;
+        for (const char *const *k = keys; *k && !known; k++)
+            known = strcmp(*k, key) == 0;
+        char at[PATH_MAX_LENGTH];
+        key_path(&object, key, at);
+        if (!known)
+            refuse(m, RESULT_FORMAT, at, "unknown key");
+    }
+    return object;
+}
+
+static const json_t *need(struct manifest *m, const struct object *object, const char *key) {
+    const json_t *value = json_object_get(object->json, key);
+    char path[PATH_MAX_LENGTH];
+    key_path(object, key, path);
+    if (!value)
+        refuse(m, RESULT_MISSING, path, "missing");
+    return value;
+}
+
+static void refuse_key(struct manifest *m, const struct object *object, const char *key,
+                       const char *what) {
+    char path[PATH_MAX_LENGTH];
+    key_path(object, key, path);
+    refuse(m, RESULT_INVALID, path, what);
+}
+
+static const char *read_string(struct manifest *m, const struct object *object, const char *key) {
+    const json_t *value = need(m, object, key);
+    if (value && !json_is_string(value))
+        refuse_key(m, object, key, "not a text");
+    const char *text = json_string_value(value);
+    return text ? text : "";
+}
+
+static void read_name(struct manifest *m, const struct object *object, const char *key,
+                      char *out_name) {
+    const char *text = read_string(m, object, key);
+    if (case_name_is_valid(text))
+        memcpy(out_name, text, strlen(text) + 1);
+    else
+        refuse_key(m, object, key, "not a name of letters, digits and \"_-.\"");
+}
+
+static double read_number(struct manifest *m, const struct object *object, const char *key) {
+    const json_t *value = need(m, object, key);
+    if (value && !json_is_number(value))
+        refuse_key(m, object, key, "not a number");
+    return json_number_value(value);
+}
+
+static void read_numbers(struct manifest *m, const struct object *object, const char *key,
+                         double *out_values, size_t count) {
+    const json_t *array = need(m, object, key);
+    bool good = json_array_size(array) == count;
+    for (size_t i = 0; i < count; i++) {
+        const json_t *value = json_array_get(array, i);
+        good = good && json_is_number(value);
+        out_values[i] = json_number_value(value);
+    }
+    char what[48];
+    snprintf(what, sizeof what, "not an array of %zu numbers", count);
+    if (!good)
+        refuse_key(m, object, key, what);
+}
+
+static vec3 read_vec3(struct manifest *m, const struct object *object, const char *key) {
+    double v[3];
+    read_numbers(m, object, key, v, 3);
+    return (vec3){v[0], v[1], v[2]};
+}
+
+static pose read_pose(struct manifest *m, const struct object *object, const char *key) {
+    double v[7];
+    read_numbers(m, object, key, v, 7);
+    pose p = {{v[3], v[4], v[5], v[6]}, {v[0], v[1], v[2]}};
+    if (!pose_is_valid(p))
+        refuse_key(m, object, key, "the quaternion (qw, qx, qy, qz) has not unit length");
+    return p;
+}
+
+static void read_joint(struct manifest *m, const struct object *root, struct joint_frame *joint) {
+    static const char *const keys[] = {"T_femur_joint", "T_tibia_joint", NULL};
+    const char *side = read_string(m, root, "side");
+    joint->side = strcmp(side, "left") == 0 ? SIDE_LEFT : SIDE_RIGHT;
+    if (joint->side == SIDE_RIGHT && strcmp(side, "right") != 0)
+        refuse_key(m, root, "side", "neither left nor right");
+    struct object object = open_object(m, need(m, root, "joint"), "joint", keys);
+    joint->T_femur_joint = read_pose(m, &object, "T_femur_joint");
+    joint->T_tibia_joint = read_pose(m, &object, "T_tibia_joint");
+}
+
+static void read_group(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    char name[CASE_NAME_MAX] = "";
+    enum body body = BODY_FEMUR;
+    read_name(m, object, "name", name);
+    if (!body_from_name(read_string(m, object, "body"), &body))
+        refuse_key(m, object, "body", "neither femur, tibia nor patella");
+    const json_t *cuttable = json_object_get(object->json, "cuttable");
+    if (cuttable && !json_is_boolean(cuttable))
+        refuse_key(m, object, "cuttable", "neither true nor false");
+    if (name[0] && case_group(knee, name))
+        refuse_key(m, object, "name", "there are two groups of this name");
+    if (m->result == RESULT_OK)
+        case_add_group(knee, name, body)->cuttable = json_is_true(cuttable);
+}
+
+static void read_portal(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    struct case_portal *portal = &knee->portals[knee->portal_count++];
+    read_name(m, object, "name", portal->name);
+    portal->position = read_vec3(m, object, "position");
+    portal->direction = read_vec3(m, object, "direction");
+}
+
+static void read_patella(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    struct case_patella_key *key = &knee->patella_keys[knee->patella_key_count++];
+    key->flexion_deg = read_number(m, object, "flexion_deg");
+    key->T_femur_patella = read_pose(m, object, "T_femur_patella");
+}
+
+struct list {
+    const char *key;
+    bool required;
+    size_t max;
+    const char *const *keys;
+    void (*read)(struct manifest *m, const struct object *object, struct knee_case *knee);
+};
+
+static void read_list(struct manifest *m, const struct object *root, const struct list *list,
+                      struct knee_case *knee) {
+    const json_t *array = json_object_get(root->json, list->key);
+    if (!array && !list->required)
+        return;
+    if (!json_is_array(array)) {
+        refuse_key(m, root, list->key, array ? "not an array" : "missing");
+        return;
+    }
+    char what[48];
+    snprintf(what, sizeof what, "%zu, more than %zu", json_array_size(array), list->max);
+    if (json_array_size(array) > list->max)
+        refuse(m, RESULT_LIMIT, list->key, what);
+    for (size_t i = 0; m->result == RESULT_OK && i < json_array_size(array); i++) {
+        char path[PATH_MAX_LENGTH];
+        snprintf(path, sizeof path, "%s[%zu]", list->key, i);
+        struct object object = open_object(m, json_array_get(array, i), path, list->keys);
+        if (m->result == RESULT_OK)
+            list->read(m, &object, knee);
+    }
+}
+
+static void read_lists(struct manifest *m, const struct object *root, struct knee_case *knee) {
+    static const char *const group_keys[] = {"name", "body", "cuttable", NULL};
+    static const char *const portal_keys[] = {"name", "position", "direction", NULL};
+    static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
+    static const struct list lists[] = {
+        {"groups", true, CASE_GROUPS_MAX, group_keys, read_group},
+        {"portals", false, CASE_PORTALS_MAX, portal_keys, read_portal},
+        {"patella", false, CASE_PATELLA_PATH_MAX, patella_keys, read_patella},
+    };
+    for (size_t i = 0; i < sizeof lists / sizeof lists[0]; i++)
+        read_list(m, root, &lists[i], knee);
+}
+
+static uint64_t read_hash(struct manifest *m, const struct object *root) {
+    if (!json_object_get(root->json, "anatomy_xxh3"))
+        return 0;
+    const char *text = read_string(m, root, "anatomy_xxh3");
+    if (strlen(text) != 16 || strspn(text, "0123456789abcdef") != 16)
+        refuse_key(m, root, "anatomy_xxh3", "not 16 hex digits");
+    return strtoull(text, NULL, 16);
+}
+
+static void check_format(struct manifest *m, const json_t *root) {
+    const json_t *format = json_object_get(root, "format");
+    if (!json_is_integer(format))
+        refuse(m, RESULT_MISSING, "format", "not a whole number: is this a case's manifest?");
+    else if (json_integer_value(format) != MANIFEST_FORMAT)
+        refuse(m, RESULT_VERSION, "format", "of another version than 1, which is read here");
+}
+
+static struct knee_case *read_root(struct manifest *m, const json_t *json,
+                                   uint64_t *out_anatomy_hash) {
+    static const char *const keys[] = {"format", "name",   "title",   "side",    "anatomy_xxh3",
+                                       "joint",  "groups", "portals", "patella", NULL};
+    check_format(m, json);
+    struct object root = open_object(m, json, "", keys);
+    char name[CASE_NAME_MAX] = "unnamed";
+    read_name(m, &root, "name", name);
+    const char *title = json_object_get(json, "title") ? read_string(m, &root, "title") : "";
+    struct knee_case *knee = case_create(name, title);
+    if (strlen(title) >= sizeof knee->title)
+        refuse_key(m, &root, "title", "longer than 127 bytes");
+    *out_anatomy_hash = read_hash(m, &root);
+    read_joint(m, &root, &knee->joint);
+    if (m->result == RESULT_OK)
+        read_lists(m, &root, knee);
+    if (m->result != RESULT_OK)
+        case_destroy(&knee);
+    return knee;
+}
+
+enum result manifest_read(const char *text, size_t size, struct knee_case **out_case,
+                          uint64_t *out_anatomy_hash, struct error *err) {
+    json_error_t where;
+    json_t *json = json_loadb(text, size, JSON_REJECT_DUPLICATES, &where);
+    if (!json)
+        return fail(err, RESULT_FORMAT, "line %d: %s", where.line, where.text);
+    struct manifest m = {.err = err};
+    *out_case = read_root(&m, json, out_anatomy_hash);
+    json_decref(json);
+    return m.result;
+}
+
+// ---- writing
+// -------------------------------------------------------------------------------------
+
+static json_t *numbers(int count, const double *values) {
+    json_t *array = json_array();
+    for (int i = 0; i < count; i++)
+        json_array_append_new(array, json_real(values[i]));
+    return array;
+}
+
+static json_t *vector(vec3 v) {
+    return numbers(3, (double[]){v.x, v.y, v.z});
+}
+
+static json_t *pose_array(pose p) {
+    return numbers(7, (double[]){p.translation.x, p.translation.y, p.translation.z, p.rotation.w,
+                                 p.rotation.x, p.rotation.y, p.rotation.z});
+}
+
+static json_t *write_groups(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *group = &knee->groups[i];
+        json_array_append_new(array,
+                              json_pack("{s:s, s:s, s:b}", "name", group->name, "body",
+                                        body_name(group->body), "cuttable", (int)group->cuttable));
+    }
+    return array;
+}
+
+static json_t *write_portals(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->portal_count; i++) {
+        const struct case_portal *portal = &knee->portals[i];
+        json_array_append_new(array, json_pack("{s:s, s:o, s:o}", "name", portal->name, "position",
+                                               vector(portal->position), "direction",
+                                               vector(portal->direction)));
+    }
+    return array;
+}
+
+static json_t *write_patella(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->patella_key_count; i++) {
+        const struct case_patella_key *key = &knee->patella_keys[i];
+        json_array_append_new(array,
+                              json_pack("{s:f, s:o}", "flexion_deg", key->flexion_deg,
+                                        "T_femur_patella", pose_array(key->T_femur_patella)));
+    }
+    return array;
+}
+
+char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
+    char hash[17];
+    snprintf(hash, sizeof hash, "%016" PRIx64, anatomy_hash);
+    json_t *joint = json_pack("{s:o, s:o}", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
+                              "T_tibia_joint", pose_array(knee->joint.T_tibia_joint));
+    json_t *root = json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o}", "format",
+                             MANIFEST_FORMAT, "name", knee->name, "title", knee->title, "side",
+                             knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash,
+                             "joint", joint, "groups", write_groups(knee), "portals",
+                             write_portals(knee), "patella", write_patella(knee));
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
+    json_decref(root);
+    return text;
+}

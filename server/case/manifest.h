@@ -1,0 +1,24 @@
+// case.json, the manifest of a case: everything but the meshes.
+//
+//     { "format": 1, "name": "knee_a", "title": "…", "side": "left",
+//       "anatomy_xxh3": "16 hex digits",
+//       "joint": { "T_femur_joint": [x, y, z, qw, qx, qy, qz], "T_tibia_joint": […] },
+//       "groups": [ { "name": "tibia", "body": "tibia", "cuttable": false }, … ],
+//       "portals": [ { "name": "anterolateral", "position": [x, y, z], "direction": […] }, … ],
+//       "patella": [ { "flexion_deg": 0, "T_femur_patella": [x, y, z, qw, qx, qy, qz] }, … ] }
+//
+// Millimetres and unit quaternions. title, cuttable, portals, patella and anatomy_xxh3 may be
+// absent; who has edited anatomy.glb on purpose takes anatomy_xxh3 out. Other keys are refused.
+#pragma once
+
+#include "case/case.h"
+
+#define MANIFEST_FORMAT 1
+
+// Makes a case with groups that have no mesh yet. The error names the key's path. The caller
+// destroys *out_case. *out_anatomy_hash is 0 where the manifest has none.
+enum result manifest_read(const char *text, size_t size, struct knee_case **out_case,
+                          uint64_t *out_anatomy_hash, struct error *err);
+
+// The text, which the caller frees with free(); its length is strlen.
+char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash);

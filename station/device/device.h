@@ -33,6 +33,8 @@ struct device_outputs {
 // LOST (the source itself says that the value has no meaning; the value is not read then).
 struct device_reading {
     int count;
+    int malformed; // how many messages or values were refused
+    int skipped;   // how many messages are of no interest to us
     struct sample samples[DEVICE_SAMPLES_MAX];
 };
 
@@ -51,9 +53,9 @@ struct device_driver {
     enum result (*open)(void *device, struct error *err);
 
     // Waits for the next reading, at most about 100 ms. RESULT_OK with count >= 0;
-    // RESULT_TIMEOUT: silent, ask again; RESULT_FORMAT: something malformed was skipped, ask again
-    // (a reading may have come with it); anything else, as RESULT_CLOSED: gone, the runner closes
-    // it and opens it again.
+    // RESULT_TIMEOUT: silent, ask again; RESULT_FORMAT: something malformed was refused, ask again
+    // (the reading counts it, and samples may have come with it); anything else, as RESULT_CLOSED:
+    // gone, the runner closes it and opens it again. The caller zeroes *out_reading.
     enum result (*poll)(void *device, struct device_reading *out_reading, struct error *err);
 
     void (*close)(void *device);

@@ -31,6 +31,7 @@ struct device_status {
     uint64_t readings;   // polls that brought values
     uint64_t timeouts;   // polls that brought nothing in time
     uint64_t malformed;  // messages or values that were not what they should be
+    uint64_t skipped;    // messages of types that do not concern us
     uint64_t jumps;      // poses that the guard did not let through
     uint64_t losses;     // channels that went from held to lost
     uint64_t reopenings; // connections after the first one

@@ -1,0 +1,20 @@
+// The drivers of the table, and what several of them share.
+#pragma once
+
+#include "device/device.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+extern const struct device_driver modbus_driver;
+extern const struct device_driver recorded_driver;
+extern const struct device_driver simulated_driver;
+extern const struct device_driver tracker_driver;
+
+#define POLL_MAX_NS 100000000LL // the longest that a poll may wait
+
+// Sleeps until due_ns, but no longer than POLL_MAX_NS. True: due_ns has come.
+bool wait_until(int64_t due_ns);
+
+// Adds a line; a line that is there already stays one.
+void outputs_add(struct device_outputs *outputs, enum channel channel, enum sample_kind kind);

@@ -1,0 +1,291 @@
+#include "device/igtl.h"
+
+#include <openigtlink/igtl_position.h>
+#include <openigtlink/igtl_qtdata.h>
+#include <openigtlink/igtl_tdata.h>
+#include <openigtlink/igtl_transform.h>
+#include <openigtlink/igtl_util.h>
+#include <string.h>
+
+static const int newest_version = 3;
+static const double farthest_from_rotation = 0.05; // of any element of RᵀR from the identity's
+
+struct content {
+    const uint8_t *bytes;
+    size_t size;
+    const char *device; // not terminated where it has its full length
+};
+
+struct type {
+    char name[IGTL_HEADER_TYPE_SIZE + 1];
+    enum result (*read)(const struct content *content, struct igtl_message *out, struct error *err);
+};
+
+// ---- poses
+// ---------------------------------------------------------------------------------------
+
+static void copy_name(char *out, const char *name, size_t size) {
+    size_t length = strnlen(name, size);
+    memcpy(out, name, length);
+    out[length] = 0;
+}
+
+static void add_tool(struct igtl_message *m, const char *name, size_t name_size, bool valid,
+                     pose p) {
+    if (!valid) {
+        m->refused++;
+        return;
+    }
+    copy_name(m->tools[m->count].name, name, name_size);
+    m->tools[m->count++].T_tracker_tool = p;
+}
+
+// The nearest rotation: Higham's iteration R <- (R + R⁻ᵀ) / 2 converges to the polar factor.
+static mat3 nearest_rotation(mat3 r) {
+    for (int i = 0; i < 6; i++) {
+        vec3 a = {r.m[0][0], r.m[0][1], r.m[0][2]}, b = {r.m[1][0], r.m[1][1], r.m[1][2]};
+        vec3 c = {r.m[2][0], r.m[2][1], r.m[2][2]};
+        vec3 x = vec3_cross(b, c), y = vec3_cross(c, a), z = vec3_cross(a, b);
+        mat3 cofactors = {{{x.x, x.y, x.z}, {y.x, y.y, y.z}, {z.x, z.y, z.z}}};
+        r = mat3_add_scaled(mat3_add_scaled((mat3){0}, 0.5, r), 0.5 / mat3_determinant(r),
+                            cofactors);
+    }
+    return r;
+}
+
+// The 12 numbers are columns: the three axes, then the translation.
+static bool pose_from_matrix(const float m[12], bool position_only, pose *out) {
+    mat3 r;
+    for (int i = 0; i < 12; i++)
+        if (!isfinite(m[i]))
+            return false;
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++)
+            r.m[row][column] = m[3 * column + row];
+    *out = (pose){quat_identity(), {m[9], m[10], m[11]}};
+    if (position_only)
+        return true;
+    mat3 d = mat3_add_scaled(mat3_multiply(mat3_transpose(r), r), -1, mat3_identity());
+    for (int i = 0; i < 9; i++)
+        if (fabs(d.m[i / 3][i % 3]) > farthest_from_rotation)
+            return false;
+    if (mat3_determinant(r) < 0)
+        return false;
+    out->rotation = quat_from_mat3(nearest_rotation(r));
+    return true;
+}
+
+static bool pose_from_quaternion(const float position[3], quat q, pose *out) {
+    double length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
+    *out = (pose){quat_unit(q), {position[0], position[1], position[2]}};
+    return vec3_is_finite(out->translation) && fabs(length - 1) <= farthest_from_rotation;
+}
+
+// ---- types
+// ---------------------------------------------------------------------------------------
+
+static enum result wrong_size(const struct content *c, const char *type, struct error *err) {
+    return fail(err, RESULT_FORMAT, "%s with a content of %zu bytes", type, c->size);
+}
+
+static enum result read_transform(const struct content *c, struct igtl_message *out,
+                                  struct error *err) {
+    float matrix[12];
+    pose p;
+    if (c->size != sizeof matrix)
+        return wrong_size(c, "TRANSFORM", err);
+    memcpy(matrix, c->bytes, sizeof matrix);
+    igtl_transform_convert_byte_order(matrix);
+    bool valid = pose_from_matrix(matrix, false, &p);
+    add_tool(out, c->device, IGTL_HEADER_NAME_SIZE, valid, p);
+    return RESULT_OK;
+}
+
+// A quaternion of three elements leaves out w >= 0; none at all is no rotation.
+static enum result read_position(const struct content *c, struct igtl_message *out,
+                                 struct error *err) {
+    igtl_position body = {.quaternion = {0, 0, 0, 1}};
+    if (c->size > sizeof body)
+        return wrong_size(c, "POSITION", err);
+    memcpy(&body, c->bytes, c->size);
+    switch (c->size) {
+    case IGTL_POSITION_MESSAGE_DEFAULT_SIZE:
+        igtl_position_convert_byte_order(&body);
+        break;
+    case IGTL_POSITION_MESSAGE_WITH_QUATERNION3_SIZE:
+        igtl_position_convert_byte_order_quaternion3(&body);
+        break;
+    case IGTL_POSITION_MESSAGE_POSITON_ONLY_SIZE:
+        igtl_position_convert_byte_order_position_only(&body);
+        break;
+    default:
+        return wrong_size(c, "POSITION", err);
+    }
+    float position[3];
+    memcpy(position, body.position, sizeof position);
+    quat q = {body.quaternion[3], body.quaternion[0], body.quaternion[1], body.quaternion[2]};
+    if (c->size == IGTL_POSITION_MESSAGE_WITH_QUATERNION3_SIZE)
+        q.w = sqrt(fmax(0, 1 - (q.x * q.x + q.y * q.y + q.z * q.z)));
+    pose p;
+    bool valid = pose_from_quaternion(position, q, &p);
+    add_tool(out, c->device, IGTL_HEADER_NAME_SIZE, valid, p);
+    return RESULT_OK;
+}
+
+static bool is_tool_type(int type) {
+    return type >= IGTL_TDATA_TYPE_TRACKER && type <= IGTL_TDATA_TYPE_5D;
+}
+
+static enum result read_tdata(const struct content *c, struct igtl_message *out,
+                              struct error *err) {
+    size_t count = c->size / IGTL_TDATA_ELEMENT_SIZE;
+    if (c->size % IGTL_TDATA_ELEMENT_SIZE || count > IGTL_TOOLS_MAX)
+        return wrong_size(c, "TDATA", err);
+    for (size_t i = 0; i < count; i++) {
+        igtl_tdata_element element;
+        float matrix[12];
+        pose p;
+        memcpy(&element, c->bytes + i * sizeof element, sizeof element);
+        igtl_tdata_convert_byte_order(&element, 1);
+        memcpy(matrix, element.transform, sizeof matrix);
+        bool valid = is_tool_type(element.type) &&
+                     pose_from_matrix(matrix, element.type == IGTL_TDATA_TYPE_3D, &p);
+        add_tool(out, element.name, sizeof element.name, valid, p);
+    }
+    return RESULT_OK;
+}
+
+static enum result read_qtdata(const struct content *c, struct igtl_message *out,
+                               struct error *err) {
+    size_t count = c->size / IGTL_QTDATA_ELEMENT_SIZE;
+    if (c->size % IGTL_QTDATA_ELEMENT_SIZE || count > IGTL_TOOLS_MAX)
+        return wrong_size(c, "QTDATA", err);
+    for (size_t i = 0; i < count; i++) {
+        igtl_qtdata_element element;
+        float position[3];
+        pose p;
+        memcpy(&element, c->bytes + i * sizeof element, sizeof element);
+        igtl_qtdata_convert_byte_order(&element, 1);
+        memcpy(position, element.position, sizeof position);
+        quat q = {element.quaternion[3], element.quaternion[0], element.quaternion[1],
+                  element.quaternion[2]};
+        if (element.type == IGTL_QTDATA_TYPE_3D)
+            q = quat_identity();
+        bool valid = is_tool_type(element.type) && pose_from_quaternion(position, q, &p);
+        add_tool(out, element.name, sizeof element.name, valid, p);
+    }
+    return RESULT_OK;
+}
+
+static const struct type types[] = {
+    {"TRANSFORM", read_transform},
+    {"POSITION", read_position},
+    {"TDATA", read_tdata},
+    {"QTDATA", read_qtdata},
+};
+
+// ---- the stream
+// ----------------------------------------------------------------------------------
+
+static const struct type *type_of(const igtl_header *header) {
+    char name[IGTL_HEADER_TYPE_SIZE + 1];
+    copy_name(name, header->name, IGTL_HEADER_TYPE_SIZE);
+    if (header->version < 1 || header->version > newest_version)
+        return NULL;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (!strcmp(name, types[i].name))
+            return &types[i];
+    return NULL;
+}
+
+// From version 2 on a body is: extended header, content, metadata header, metadata.
+static enum result find_content(const struct igtl_stream *s, struct content *out,
+                                struct error *err) {
+    const uint8_t *b = s->body;
+    size_t size = s->header.body_size;
+    *out = (struct content){b, size, s->header.device_name};
+    if (s->header.version == 1)
+        return RESULT_OK;
+    if (size < 12)
+        return fail(err, RESULT_FORMAT, "a body of %zu bytes has no extended header", size);
+    size_t extended = (size_t)(b[0] << 8 | b[1]), index = (size_t)(b[2] << 8 | b[3]);
+    size_t metadata = (size_t)b[4] << 24 | (size_t)b[5] << 16 | (size_t)b[6] << 8 | b[7];
+    if (extended < 12 || extended + index + metadata > size)
+        return fail(err, RESULT_FORMAT,
+                    "an extended header of %zu, %zu and %zu bytes in a body of %zu", extended,
+                    index, metadata, size);
+    out->bytes += extended;
+    out->size = size - extended - index - metadata;
+    return RESULT_OK;
+}
+
+static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_message *out,
+                                    struct error *err) {
+    const struct type *type = type_of(&s->header);
+    struct content content;
+    out->count = out->refused = 0;
+    if (s->header.body_size && s->crc != s->header.crc) {
+        fail(err, RESULT_CORRUPT, "%s: wrong checksum", type ? type->name : "a message");
+        return IGTL_REFUSED;
+    }
+    if (!type)
+        return IGTL_SKIPPED;
+    if (!s->kept) {
+        fail(err, RESULT_LIMIT, "%s with a body of %llu bytes", type->name,
+             (unsigned long long)s->header.body_size);
+        return IGTL_REFUSED;
+    }
+    if (find_content(s, &content, err) != RESULT_OK || type->read(&content, out, err) != RESULT_OK)
+        return IGTL_REFUSED;
+    if (!out->count && out->refused) {
+        fail(err, RESULT_INVALID, "%s: no valid rotation", type->name);
+        return IGTL_REFUSED;
+    }
+    return IGTL_POSES;
+}
+
+void igtl_stream_init(struct igtl_stream *s) {
+    s->header_used = 0;
+    s->body_used = s->crc = 0;
+}
+
+static size_t take_header(struct igtl_stream *s, const uint8_t *bytes, size_t size) {
+    size_t missing = sizeof s->header - s->header_used, taken = size < missing ? size : missing;
+    memcpy((uint8_t *)&s->header + s->header_used, bytes, taken);
+    s->header_used += taken;
+    if (taken && s->header_used == sizeof s->header) {
+        igtl_header_convert_byte_order(&s->header);
+        s->kept = type_of(&s->header) && s->header.body_size <= IGTL_BODY_MAX;
+    }
+    return taken;
+}
+
+static size_t take_body(struct igtl_stream *s, const uint8_t *bytes, size_t size) {
+    uint64_t missing = s->header.body_size - s->body_used;
+    size_t taken = size < missing ? size : (size_t)missing;
+    if (s->kept)
+        memcpy(s->body + s->body_used, bytes, taken);
+    s->crc = crc64((unsigned char *)bytes, taken, s->crc);
+    s->body_used += taken;
+    return taken;
+}
+
+size_t igtl_stream_feed(struct igtl_stream *s, const uint8_t *bytes, size_t size,
+                        enum igtl_event *out_event, struct igtl_message *out_message,
+                        struct error *err) {
+    size_t taken = take_header(s, bytes, size);
+    *out_event = IGTL_NOTHING;
+    if (s->header_used < sizeof s->header)
+        return taken;
+    if (s->header.body_size > IGTL_SKIP_MAX) {
+        fail(err, RESULT_LIMIT, "a message of %llu bytes", (unsigned long long)s->header.body_size);
+        *out_event = IGTL_BROKEN;
+        return taken;
+    }
+    taken += take_body(s, bytes + taken, size - taken);
+    if (s->body_used < s->header.body_size)
+        return taken;
+    *out_event = read_message(s, out_message, err);
+    igtl_stream_init(s);
+    return taken;
+}

@@ -1,0 +1,55 @@
+// Reads tracked poses out of an OpenIGTLink byte stream: bytes in, messages out, no sockets.
+//
+// Read are TRANSFORM, TDATA, POSITION and QTDATA with header versions 1 to 3. Any other type or
+// version is skipped by its length; a message whose checksum, length or values are wrong is
+// refused; the stream goes on after both. Only an absurd length ends it.
+#pragma once
+
+#include "base/pose.h"
+#include "base/result.h"
+
+#include <openigtlink/igtl_header.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define IGTL_TOOLS_MAX 64          // of one message
+#define IGTL_NAME_SIZE 21          // with the final 0
+#define IGTL_BODY_MAX 65536        // of a message that is read
+#define IGTL_SKIP_MAX (1ULL << 30) // of any message
+
+enum igtl_event {
+    IGTL_NOTHING, // the message is not complete yet
+    IGTL_POSES,   // *out_message was written
+    IGTL_SKIPPED, // a message of another type or version
+    IGTL_REFUSED, // a malformed message
+    IGTL_BROKEN,  // an absurd length: where the next message starts is not known any more
+};
+
+struct igtl_message {
+    int count;
+    int refused; // tools of this message whose pose is none
+    struct igtl_tool {
+        char name[IGTL_NAME_SIZE]; // TRANSFORM and POSITION: the device's, TDATA and QTDATA: the
+                                   // tool's
+        pose T_tracker_tool;       // rotation: the identity where the message gives a position only
+    } tools[IGTL_TOOLS_MAX];
+};
+
+struct igtl_stream {
+    igtl_header header;
+    size_t header_used;
+    uint64_t body_used, crc;
+    bool kept; // the body is collected to be read
+    uint8_t body[IGTL_BODY_MAX];
+};
+
+// Starts at a message's first byte.
+void igtl_stream_init(struct igtl_stream *stream);
+
+// Takes bytes up to the end of the current message, at most `size`, and returns how many. The event
+// tells what that message is; *err says why for IGTL_REFUSED and IGTL_BROKEN. After IGTL_BROKEN
+// nothing more is taken until igtl_stream_init. out_message and err may be written in any case.
+size_t igtl_stream_feed(struct igtl_stream *stream, const uint8_t *bytes, size_t size,
+                        enum igtl_event *out_event, struct igtl_message *out_message,
+                        struct error *err);

@@ -1,0 +1,394 @@
+// Encoders and handles of a mock-up that is a Modbus slave, over TCP or a serial line (RTU).
+//
+//   address     host:port                       one of the two
+//   serial      /dev/ttyUSB0 or the like
+//   baud        115200                          of the serial line
+//   parity      none, even or odd; none
+//   slave       1 to 247; 1
+//   rate_hz     readings a second, 1 to 2000; 100
+//   timeout_ms  longest wait for a reply, 1 to 100; 50
+//   latency_ms  after this time no late reply can come any more, 1 to 10000; 500, over TCP 50
+//   sequence    the register that counts the slave's updates
+//
+// and for each value `REGISTER [SCALE [OFFSET [signed|unsigned]]]`, value = scale · register +
+// offset:
+//   flexion, varus, internal (degrees), shift, drawer, distraction (mm); signed
+//   CHANNEL.opening (0 to 1; beyond is cut), CHANNEL.buttons (only a register)
+//
+// All registers are read in one block. A time stamp is the middle between request and reply.
+//
+// RTU replies carry no number: one that comes after its timeout would answer the next request, and
+// every later reply would be one behind for ever. So after a timeout the line is left alone for
+// latency_ms and flushed; bytes that wait before a request, and a sequence that goes back, lead to
+// the same. (TCP replies are numbered; a late one is recognised, but libmodbus then gives up on the
+// right one too.) A sequence that stands still is no new reading.
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "device/drivers.h"
+#include "device/options.h"
+#include "device/socket.h"
+
+#include <errno.h>
+#include <modbus.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+
+enum { VALUES_MAX = 6 + 2 * INSTRUMENT_COUNT, TIMEOUTS_BEFORE_REOPENING = 4 };
+static const int byte_timeout_ms = 20;
+static const char *const joint_keys[] = {"flexion", "varus",  "internal",
+                                         "shift",   "drawer", "distraction"};
+enum { JOINT_VALUES = 6, OPENING = JOINT_VALUES, BUTTONS };
+
+struct value {
+    enum channel channel;
+    int what; // index of joint_keys, OPENING or BUTTONS
+    int address;
+    bool is_signed;
+    double scale, offset;
+};
+
+struct modbus_device {
+    char address[OPTION_TEXT_MAX], serial[OPTION_TEXT_MAX]; // one of them is empty
+    int baud, slave, timeout_ms;
+    char parity; // as libmodbus has it: N, E, O
+    int64_t period_ns, latency_ns;
+    int sequence; // register, -1: none
+    int value_count, first, count;
+    struct value values[VALUES_MAX];
+
+    modbus_t *line;
+    int64_t next_ns, quiet_until_ns; // quiet_until_ns 0: the line is in step
+    int timeouts;                    // in a row
+    bool has_last;
+    uint16_t last[MODBUS_MAX_READ_REGISTERS];
+};
+
+// ---- config
+// --------------------------------------------------------------------------------------
+
+static bool parse_value(const char *text, struct value *v) {
+    char copy[OPTION_TEXT_MAX], *rest, *word;
+    if (strlen(text) >= sizeof copy)
+        return false;
+    strcpy(copy, text);
+    double numbers[3] = {0, 1, 0};
+    int count = 0;
+    bool ended = false;
+    for (word = strtok_r(copy, " \t", &rest); word; word = strtok_r(NULL, " \t", &rest)) {
+        bool sign = !strcmp(word, "signed"), unsign = !strcmp(word, "unsigned");
+        if (ended || (!sign && !unsign && (count == 3 || !parse_numbers(word, 1, &numbers[count]))))
+            return false;
+        count += !sign && !unsign;
+        ended = sign || unsign;
+        v->is_signed = ended ? sign : v->is_signed;
+    }
+    v->address = (int)fmax(-1, fmin(65536, numbers[0]));
+    v->scale = numbers[1];
+    v->offset = numbers[2];
+    return count && v->address == numbers[0] && v->address >= 0 && v->address <= 65535;
+}
+
+static enum result add_value(struct modbus_device *d, const struct device_config *config,
+                             const char *key, enum channel channel, int what, struct error *err) {
+    const char *text = option_text(config, key);
+    if (!text)
+        return RESULT_OK;
+    struct value v = {.channel = channel, .what = what, .is_signed = what < JOINT_VALUES};
+    if (!parse_value(text, &v) || (what == BUTTONS && strpbrk(text, " \t")))
+        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not %s", text,
+                           what == BUTTONS ? "a register"
+                                           : "REGISTER [SCALE [OFFSET [signed|unsigned]]]");
+    d->values[d->value_count++] = v;
+    return RESULT_OK;
+}
+
+static enum result add_handle(struct modbus_device *d, const struct device_config *config,
+                              enum channel channel, struct error *err) {
+    char key[64];
+    snprintf(key, sizeof key, "%s.opening", channel_name(channel));
+    enum result result = add_value(d, config, key, channel, OPENING, err);
+    snprintf(key, sizeof key, "%s.buttons", channel_name(channel));
+    if (result == RESULT_OK)
+        result = add_value(d, config, key, channel, BUTTONS, err);
+    return result;
+}
+
+// The block from the lowest to the highest register that is named.
+static enum result find_block(struct modbus_device *d, const struct device_config *config,
+                              struct error *err) {
+    int low = d->sequence >= 0 ? d->sequence : 65535, high = d->sequence;
+    for (int i = 0; i < d->value_count; i++) {
+        low = d->values[i].address < low ? d->values[i].address : low;
+        high = d->values[i].address > high ? d->values[i].address : high;
+    }
+    d->first = low;
+    d->count = high - low + 1;
+    if (d->count > MODBUS_MAX_READ_REGISTERS)
+        return fail(err, RESULT_LIMIT,
+                    "[device %s]: registers %d to %d are more than %d, which one reading may have",
+                    config->name, low, high, MODBUS_MAX_READ_REGISTERS);
+    return RESULT_OK;
+}
+
+static enum result configure_values(struct modbus_device *d, const struct device_config *config,
+                                    struct device_outputs *outputs, struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < JOINT_VALUES && result == RESULT_OK; i++)
+        result = add_value(d, config, joint_keys[i], CHANNEL_JOINT, i, err);
+    for (int c = CHANNEL_FIRST_INSTRUMENT; c < CHANNEL_COUNT && result == RESULT_OK; c++)
+        result = add_handle(d, config, (enum channel)c, err);
+    if (result != RESULT_OK)
+        return result;
+    if (!d->value_count)
+        return fail(err, RESULT_MISSING, "[device %s]: no value is named", config->name);
+    for (int i = 0; i < d->value_count; i++)
+        outputs_add(outputs, d->values[i].channel,
+                    d->values[i].channel == CHANNEL_JOINT ? SAMPLE_JOINT : SAMPLE_HANDLE);
+    return find_block(d, config, err);
+}
+
+static enum result configure_line(struct modbus_device *d, const struct device_config *config,
+                                  struct error *err) {
+    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
+    struct error why;
+    const char *parity = option_text(config, "parity");
+    bool tcp = option_text(config, "address"), rtu = option_text(config, "serial");
+    if (tcp == rtu)
+        return option_fail(config, "address", err, tcp ? RESULT_INVALID : RESULT_MISSING,
+                           "one of address and serial is required");
+    if (tcp && (parity || option_text(config, "baud")))
+        return option_fail(config, parity ? "parity" : "baud", err, RESULT_INVALID,
+                           "only a serial line has one");
+    d->parity = !parity || !strcmp(parity, "none") ? 'N'
+                : !strcmp(parity, "even")          ? 'E'
+                : !strcmp(parity, "odd")           ? 'O'
+                                                   : 0;
+    if (!d->parity)
+        return option_fail(config, "parity", err, RESULT_INVALID,
+                           "\"%s\" is neither none, even nor odd", parity);
+    if (rtu)
+        return option_required(config, "serial", d->serial, err);
+    enum result result = option_required(config, "address", d->address, err);
+    if (result == RESULT_OK && socket_split(d->address, host, port, &why) != RESULT_OK)
+        result = option_fail(config, "address", err, RESULT_INVALID, "%s", why.text);
+    return result;
+}
+
+static enum result configure(struct modbus_device *d, const struct device_config *config,
+                             struct device_outputs *outputs, struct error *err) {
+    static const char *const keys[] = {
+        "address",    "serial",     "baud",        "parity",   "slave",    "rate_hz",
+        "timeout_ms", "latency_ms", "sequence",    "flexion",  "varus",    "internal",
+        "shift",      "drawer",     "distraction", ".opening", ".buttons", NULL};
+    double rate_hz, latency_ms;
+    enum result result = options_check(config, keys, err);
+    if (result == RESULT_OK)
+        result = configure_line(d, config, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "baud", 300, 4000000, 115200, &d->baud, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "slave", 1, 247, 1, &d->slave, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "timeout_ms", 1, 100, 50, &d->timeout_ms, err);
+    if (result == RESULT_OK)
+        result = option_integer(config, "sequence", 0, 65535, -1, &d->sequence, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "rate_hz", 1, 2000, 100, &rate_hz, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "latency_ms", 1, 10000, d->serial[0] ? 500 : 50, &latency_ms,
+                               err);
+    if (result != RESULT_OK)
+        return result;
+    d->period_ns = (int64_t)(NS_PER_S / rate_hz);
+    d->latency_ns = (int64_t)(latency_ms * NS_PER_MS);
+    return configure_values(d, config, outputs, err);
+}
+
+static enum result modbus_create(const struct device_config *config, void **out_device,
+                                 struct device_outputs *out_outputs, struct error *err) {
+    struct modbus_device *d = alloc(1, sizeof *d);
+    enum result result = configure(d, config, out_outputs, err);
+    if (result == RESULT_OK)
+        *out_device = d;
+    else
+        free(d);
+    return result;
+}
+
+// ---- the line
+// ------------------------------------------------------------------------------------
+
+static const char *line_name(const struct modbus_device *d) {
+    return d->serial[0] ? d->serial : d->address;
+}
+
+static modbus_t *new_line(const struct modbus_device *d) {
+    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
+    if (d->serial[0])
+        return modbus_new_rtu(d->serial, d->baud, d->parity, 8, 1);
+    CHECK(socket_split(d->address, host, port, NULL) == RESULT_OK);
+    return modbus_new_tcp_pi(host, port);
+}
+
+static enum result modbus_open(void *device, struct error *err) {
+    struct modbus_device *d = device;
+    d->line = new_line(d);
+    if (!d->line)
+        return fail(err, RESULT_IO, "%s: %s", line_name(d), modbus_strerror(errno));
+    modbus_set_slave(d->line, d->slave);
+    modbus_set_response_timeout(d->line, 1, 0); // of connecting
+    if (modbus_connect(d->line)) {
+        int code = errno;
+        modbus_free(d->line);
+        return fail(err, RESULT_CLOSED, "%s: %s", line_name(d), modbus_strerror(code));
+    }
+    modbus_set_response_timeout(d->line, 0, (uint32_t)d->timeout_ms * 1000);
+    modbus_set_byte_timeout(d->line, 0, (uint32_t)byte_timeout_ms * 1000);
+    modbus_flush(d->line);
+    d->next_ns = clock_now_ns();
+    d->quiet_until_ns = 0;
+    d->timeouts = 0;
+    d->has_last = false;
+    return RESULT_OK;
+}
+
+static void modbus_close_line(void *device) {
+    struct modbus_device *d = device;
+    modbus_close(d->line);
+    modbus_free(d->line);
+}
+
+// From now on no request is sent until late replies have come in and are thrown away.
+static void leave_alone(struct modbus_device *d) {
+    d->quiet_until_ns = clock_now_ns() + d->latency_ns;
+    d->has_last = false;
+}
+
+static bool bytes_wait(const struct modbus_device *d) {
+    int count = 0;
+    return ioctl(modbus_get_socket(d->line), FIONREAD, &count) == 0 && count > 0;
+}
+
+static bool is_gone(int code) {
+    return code < MODBUS_ENOBASE && code != ETIMEDOUT && code != EINTR;
+}
+
+static enum result explain(struct modbus_device *d, int code, struct device_reading *reading,
+                           struct error *err) {
+    const char *name = line_name(d);
+    int last = d->first + d->count - 1;
+    if (is_gone(code))
+        return fail(err, RESULT_CLOSED, "%s: %s", name, modbus_strerror(code));
+    if (code >= EMBXILFUN && code <= EMBXGTAR) { // the slave's own answer: the line is in step
+        reading->malformed++;
+        return fail(err, RESULT_FORMAT, "%s, slave %d, registers %d to %d: %s", name, d->slave,
+                    d->first, last, modbus_strerror(code));
+    }
+    leave_alone(d);
+    if (code != ETIMEDOUT) {
+        reading->malformed++;
+        return fail(err, RESULT_FORMAT, "%s, slave %d: %s", name, d->slave, modbus_strerror(code));
+    }
+    bool again = ++d->timeouts < TIMEOUTS_BEFORE_REOPENING;
+    return fail(err, again ? RESULT_TIMEOUT : RESULT_CLOSED,
+                "%s, slave %d, registers %d to %d: no reply within %d ms", name, d->slave, d->first,
+                last, d->timeout_ms);
+}
+
+// RESULT_FORMAT: a reply that cannot be this request's. *out_is_new: not what the last one said.
+static enum result check_sequence(struct modbus_device *d, const uint16_t *registers,
+                                  bool *out_is_new, struct device_reading *reading,
+                                  struct error *err) {
+    *out_is_new = true;
+    if (d->sequence < 0)
+        return RESULT_OK;
+    size_t size = (size_t)d->count * sizeof *registers;
+    int at = d->sequence - d->first;
+    int step = d->has_last ? (int16_t)(registers[at] - d->last[at]) : 1;
+    *out_is_new = step != 0;
+    if (step > 0 || (!step && !memcmp(registers, d->last, size))) {
+        memcpy(d->last, registers, size);
+        d->has_last = true;
+        return RESULT_OK;
+    }
+    leave_alone(d);
+    reading->malformed++;
+    return fail(err, RESULT_FORMAT, "%s, slave %d, register %d: the sequence %s", line_name(d),
+                d->slave, d->sequence, step ? "went back" : "stood still while values changed");
+}
+
+// ---- readings
+// ------------------------------------------------------------------------------------
+
+static void set_value(const struct value *v, uint16_t word, struct sample *sample) {
+    double number = v->scale * (v->is_signed ? (int16_t)word : word) + v->offset;
+    struct joint_angles *j = &sample->joint;
+    double *const joint[] = {&j->flexion_deg, &j->varus_deg, &j->internal_deg,
+                             &j->shift_mm,    &j->drawer_mm, &j->distraction_mm};
+    if (v->what < JOINT_VALUES)
+        *joint[v->what] = number;
+    else if (v->what == OPENING)
+        sample->handle.opening = fmax(0, fmin(1, number));
+    else
+        sample->handle.buttons = word;
+}
+
+static struct sample *sample_of(struct device_reading *reading, enum channel channel,
+                                int64_t time_ns) {
+    for (int i = 0; i < reading->count; i++)
+        if (reading->samples[i].channel == channel)
+            return &reading->samples[i];
+    struct sample *sample = &reading->samples[reading->count++];
+    *sample = (struct sample){.channel = channel, .time_ns = time_ns};
+    sample->kind = channel == CHANNEL_JOINT ? SAMPLE_JOINT : SAMPLE_HANDLE;
+    return sample;
+}
+
+// False: not yet, or the line is left alone.
+static bool is_time(struct modbus_device *d) {
+    if (!d->quiet_until_ns) {
+        if (!wait_until(d->next_ns))
+            return false;
+    } else {
+        if (!wait_until(d->quiet_until_ns))
+            return false;
+        modbus_flush(d->line);
+        d->quiet_until_ns = 0;
+    }
+    int64_t now_ns = clock_now_ns();
+    d->next_ns += d->period_ns;
+    if (d->next_ns < now_ns)
+        d->next_ns = now_ns;
+    return true;
+}
+
+static enum result modbus_poll(void *device, struct device_reading *reading, struct error *err) {
+    struct modbus_device *d = device;
+    uint16_t registers[MODBUS_MAX_READ_REGISTERS];
+    if (!is_time(d))
+        return RESULT_OK;
+    if (bytes_wait(d)) {
+        leave_alone(d);
+        reading->malformed++;
+        return fail(err, RESULT_FORMAT, "%s: bytes that nobody asked for", line_name(d));
+    }
+    int64_t sent_ns = clock_now_ns();
+    if (modbus_read_registers(d->line, d->first, d->count, registers) < 0)
+        return explain(d, errno, reading, err);
+    int64_t time_ns = sent_ns + (clock_now_ns() - sent_ns) / 2;
+    bool is_new;
+    d->timeouts = 0;
+    enum result result = check_sequence(d, registers, &is_new, reading, err);
+    for (int i = 0; i < d->value_count && result == RESULT_OK && is_new; i++) {
+        const struct value *v = &d->values[i];
+        set_value(v, registers[v->address - d->first], sample_of(reading, v->channel, time_ns));
+    }
+    return result;
+}
+
+const struct device_driver modbus_driver = {
+    "modbus", modbus_create, modbus_open, modbus_poll, modbus_close_line, free,
+};

@@ -1,0 +1,155 @@
+#include "device/options.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum result option_fail(const struct device_config *config, const char *key, struct error *err,
+                        enum result code, const char *format, ...) {
+    char text[sizeof err->text];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return fail(err, code, "[device %s] %s: %s", config->name, key, text);
+}
+
+static bool is_channel(const char *name, size_t length) {
+    char text[32];
+    enum channel ignored;
+    if (length >= sizeof text)
+        return false;
+    memcpy(text, name, length);
+    text[length] = 0;
+    return channel_from_name(text, &ignored);
+}
+
+static bool key_matches(const char *key, const char *known) {
+    size_t length = strlen(key), known_length = strlen(known);
+    if (known[0] == '.')
+        return length > known_length && !strcmp(key + length - known_length, known) &&
+               is_channel(key, length - known_length);
+    if (known[known_length - 1] == '.')
+        return !strncmp(key, known, known_length) &&
+               is_channel(key + known_length, length - known_length);
+    return !strcmp(key, known);
+}
+
+enum result options_check(const struct device_config *config, const char *const keys[],
+                          struct error *err) {
+    for (int i = 0; i < config->option_count; i++) {
+        const char *key = config->options[i].key;
+        bool known = false;
+        for (int k = 0; keys[k] && !known; k++)
+            known = key_matches(key, keys[k]);
+        if (!known)
+            return option_fail(config, key, err, RESULT_INVALID, "unknown key");
+        for (int k = 0; k < i; k++)
+            if (!strcmp(key, config->options[k].key))
+                return option_fail(config, key, err, RESULT_INVALID, "given twice");
+    }
+    return RESULT_OK;
+}
+
+const char *option_text(const struct device_config *config, const char *key) {
+    for (int i = 0; i < config->option_count; i++)
+        if (!strcmp(config->options[i].key, key))
+            return config->options[i].value;
+    return NULL;
+}
+
+enum result option_required(const struct device_config *config, const char *key,
+                            char out_text[OPTION_TEXT_MAX], struct error *err) {
+    const char *text = option_text(config, key);
+    if (!text || !*text)
+        return option_fail(config, key, err, RESULT_MISSING, "is required");
+    if (strlen(text) >= OPTION_TEXT_MAX)
+        return option_fail(config, key, err, RESULT_LIMIT, "longer than %d bytes",
+                           OPTION_TEXT_MAX - 1);
+    strcpy(out_text, text);
+    return RESULT_OK;
+}
+
+bool parse_numbers(const char *text, int count, double *out_numbers) {
+    for (int i = 0; i < count; i++) {
+        char *end;
+        out_numbers[i] = strtod(text, &end);
+        if (end == text || !isfinite(out_numbers[i]))
+            return false;
+        text = end;
+    }
+    return text[strspn(text, " \t")] == 0;
+}
+
+enum result option_number(const struct device_config *config, const char *key, double low,
+                          double high, double otherwise, double *out_value, struct error *err) {
+    const char *text = option_text(config, key);
+    *out_value = otherwise;
+    if (text && (!parse_numbers(text, 1, out_value) || *out_value < low || *out_value > high))
+        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not a number from %g to %g",
+                           text, low, high);
+    return RESULT_OK;
+}
+
+enum result option_integer(const struct device_config *config, const char *key, int low, int high,
+                           int otherwise, int *out_value, struct error *err) {
+    double value;
+    if (option_number(config, key, low, high, otherwise, &value, err) != RESULT_OK)
+        return RESULT_INVALID;
+    *out_value = (int)value;
+    if (*out_value != value)
+        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not a whole number",
+                           option_text(config, key));
+    return RESULT_OK;
+}
+
+enum result option_yes_no(const struct device_config *config, const char *key, bool otherwise,
+                          bool *out_value, struct error *err) {
+    const char *text = option_text(config, key);
+    *out_value = text ? !strcmp(text, "yes") : otherwise;
+    if (text && strcmp(text, "yes") && strcmp(text, "no"))
+        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is neither yes nor no", text);
+    return RESULT_OK;
+}
+
+enum result option_channel(const struct device_config *config, const char *key,
+                           enum channel otherwise, enum channel *out_channel, struct error *err) {
+    const char *text = option_text(config, key);
+    *out_channel = otherwise;
+    if (text && !channel_from_name(text, out_channel))
+        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is no channel", text);
+    return RESULT_OK;
+}
+
+bool parse_pose(const char *text, pose *out_pose) {
+    double n[7];
+    if (!parse_numbers(text, 7, n))
+        return false;
+    quat q = {n[3], n[4], n[5], n[6]};
+    if (fabs(sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z) - 1) > 1e-2)
+        return false;
+    *out_pose = (pose){quat_unit(q), {n[0], n[1], n[2]}};
+    return true;
+}
+
+enum result option_pose(const struct device_config *config, const char *key, pose *out_pose,
+                        struct error *err) {
+    const char *text = option_text(config, key);
+    *out_pose = pose_identity();
+    if (text && !parse_pose(text, out_pose))
+        return option_fail(config, key, err, RESULT_INVALID,
+                           "\"%s\" is no pose: x y z (mm) and a unit quaternion qw qx qy qz", text);
+    return RESULT_OK;
+}
+
+enum result option_poses(const struct device_config *config, const char *prefix,
+                         pose out_poses[CHANNEL_COUNT], struct error *err) {
+    for (int i = 0; i < CHANNEL_COUNT; i++) {
+        char key[64];
+        snprintf(key, sizeof key, "%s.%s", prefix, channel_name((enum channel)i));
+        if (option_pose(config, key, &out_poses[i], err) != RESULT_OK)
+            return RESULT_INVALID;
+    }
+    return RESULT_OK;
+}

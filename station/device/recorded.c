@@ -1,0 +1,139 @@
+// Plays a motion file or the recording of one tool in its own time.
+//
+//   file              the CSV (device/recording.h)
+//   channel           the tool's channel, for a recording of one tool
+//   loop              yes: from the start again at the end; no: silent then. yes
+//   T_mockup_tracker  where the file's frame lies in the mock-up's
+//   tip.CHANNEL       T_tool_tip
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "device/drivers.h"
+#include "device/options.h"
+#include "device/recording.h"
+
+#include <stdlib.h>
+
+struct recorded {
+    struct recording recording;
+    bool loop;
+    pose T_mockup_tracker, T_tool_tip[CHANNEL_COUNT];
+    int row;          // the next one
+    int64_t start_ns; // when the first row was or will be
+};
+
+static enum result configure(struct recorded *d, const struct device_config *config,
+                             struct error *err) {
+    static const char *const keys[] = {"file", "channel", "loop", "T_mockup_tracker", "tip.", NULL};
+    char file[OPTION_TEXT_MAX];
+    enum channel channel;
+    enum result result = options_check(config, keys, err);
+    if (result == RESULT_OK)
+        result = option_required(config, "file", file, err);
+    if (result == RESULT_OK)
+        result = option_channel(config, "channel", CHANNEL_COUNT, &channel, err);
+    if (result == RESULT_OK && channel == CHANNEL_JOINT)
+        result = option_fail(config, "channel", err, RESULT_INVALID, "the joint is no tool");
+    if (result == RESULT_OK)
+        result = option_yes_no(config, "loop", true, &d->loop, err);
+    if (result == RESULT_OK)
+        result = option_pose(config, "T_mockup_tracker", &d->T_mockup_tracker, err);
+    if (result == RESULT_OK)
+        result = option_poses(config, "tip", d->T_tool_tip, err);
+    if (result == RESULT_OK) {
+        result = recording_read(file, channel, &d->recording, err);
+        if (result != RESULT_OK)
+            fail_in(err, result, "[device %s] file: ", config->name);
+    }
+    return result;
+}
+
+static enum result recorded_create(const struct device_config *config, void **out_device,
+                                   struct device_outputs *out_outputs, struct error *err) {
+    struct recorded *d = alloc(1, sizeof *d);
+    enum result result = configure(d, config, err);
+    if (result != RESULT_OK) {
+        recording_fini(&d->recording);
+        free(d);
+        return result;
+    }
+    if (d->recording.joints)
+        outputs_add(out_outputs, CHANNEL_JOINT, SAMPLE_JOINT);
+    for (int i = 0; i < d->recording.tool_count; i++) {
+        outputs_add(out_outputs, d->recording.tools[i].channel, SAMPLE_POSE);
+        if (d->recording.tools[i].has_opening)
+            outputs_add(out_outputs, d->recording.tools[i].channel, SAMPLE_HANDLE);
+    }
+    *out_device = d;
+    return RESULT_OK;
+}
+
+static void add_tool(const struct recorded *d, int tool, int64_t time_ns,
+                     struct device_reading *reading) {
+    const struct recording_tool *t = &d->recording.tools[tool];
+    const struct recording_state *state = &t->states[d->row];
+    pose T_mockup_tool = pose_compose(d->T_mockup_tracker, state->pose);
+    reading->samples[reading->count++] = (struct sample){
+        .channel = t->channel,
+        .kind = SAMPLE_POSE,
+        .validity = state->valid ? VALIDITY_OK : VALIDITY_LOST,
+        .time_ns = time_ns,
+        .T_mockup_body = pose_compose(T_mockup_tool, d->T_tool_tip[t->channel]),
+    };
+    if (t->has_opening)
+        reading->samples[reading->count++] = (struct sample){
+            .channel = t->channel,
+            .kind = SAMPLE_HANDLE,
+            .time_ns = time_ns,
+            .handle = {.opening = state->opening},
+        };
+}
+
+static enum result recorded_poll(void *device, struct device_reading *reading, struct error *err) {
+    struct recorded *d = device;
+    const struct recording *r = &d->recording;
+    if (d->row == r->row_count && d->loop) {
+        d->row = 0;
+        d->start_ns += (int64_t)(recording_period(r) * NS_PER_S);
+    }
+    if (d->row == r->row_count) {
+        wait_until(INT64_MAX);
+        return fail(err, RESULT_TIMEOUT, "the recording has ended");
+    }
+    int64_t time_ns = d->start_ns + (int64_t)((r->t_seconds[d->row] - r->t_seconds[0]) * NS_PER_S);
+    if (!wait_until(time_ns))
+        return RESULT_OK;
+    if (r->joints)
+        reading->samples[reading->count++] = (struct sample){
+            .channel = CHANNEL_JOINT,
+            .kind = SAMPLE_JOINT,
+            .time_ns = time_ns,
+            .joint = r->joints[d->row],
+        };
+    for (int i = 0; i < r->tool_count; i++)
+        add_tool(d, i, time_ns, reading);
+    d->row++;
+    return RESULT_OK;
+}
+
+static enum result recorded_open(void *device, struct error *err) {
+    (void)err;
+    struct recorded *d = device;
+    d->row = 0;
+    d->start_ns = clock_now_ns();
+    return RESULT_OK;
+}
+
+static void recorded_close(void *device) {
+    (void)device;
+}
+
+static void recorded_destroy(void *device) {
+    struct recorded *d = device;
+    recording_fini(&d->recording);
+    free(d);
+}
+
+const struct device_driver recorded_driver = {
+    "recorded", recorded_create, recorded_open, recorded_poll, recorded_close, recorded_destroy,
+};

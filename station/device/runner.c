@@ -1,0 +1,377 @@
+#include "device/runner.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "device/drivers.h"
+#include "device/options.h"
+#include "device/slot.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const int64_t first_pause_ns = 100 * NS_PER_MS, longest_pause_ns = 5 * NS_PER_S;
+static const char *const own_keys[] = {"driver", "hold_ms", "jump_mm"};
+
+struct device {
+    const struct device_driver *driver;
+    void *handle;
+    pthread_t thread;
+    int64_t pause_ns; // before the next try to open
+    bool was_open;
+    bool logged_lost[DEVICE_SAMPLES_MAX];
+
+    pthread_mutex_t lock; // of what follows; held for copies only
+    pthread_cond_t wake;
+    bool stop;
+    struct device_status status;
+    int slot_count;
+    struct slot slots[DEVICE_SAMPLES_MAX];
+    int64_t second_ns; // start of the second in which readings are counted for the rate
+    uint64_t second_readings;
+};
+
+struct runner {
+    int count, started;
+    struct device devices[RUNNER_DEVICES_MAX];
+};
+
+// ---- the thread of a device
+// ----------------------------------------------------------------------
+
+static bool stopping(struct device *d) {
+    pthread_mutex_lock(&d->lock);
+    bool stop = d->stop;
+    pthread_mutex_unlock(&d->lock);
+    return stop;
+}
+
+static void pause_before_open(struct device *d) {
+    int64_t until = clock_now_ns() + d->pause_ns;
+    struct timespec at = {until / NS_PER_S, until % NS_PER_S};
+    pthread_mutex_lock(&d->lock);
+    while (!d->stop && pthread_cond_timedwait(&d->wake, &d->lock, &at) != ETIMEDOUT)
+        ;
+    pthread_mutex_unlock(&d->lock);
+    d->pause_ns = 2 * d->pause_ns < longest_pause_ns ? 2 * d->pause_ns : longest_pause_ns;
+}
+
+static void set_connected(struct device *d, bool connected, const struct error *err) {
+    pthread_mutex_lock(&d->lock);
+    bool changed = d->status.connected != connected || (!connected && !d->status.problem[0]);
+    d->status.connected = connected;
+    if (connected)
+        d->status.reopenings += d->was_open;
+    else
+        strcpy(d->status.problem, err->text);
+    pthread_mutex_unlock(&d->lock);
+    d->was_open |= connected;
+    if (connected)
+        log_info("device", "%s: connected", d->status.name);
+    else if (changed)
+        log_warning("device", "%s: %s; trying again", d->status.name, err->text);
+}
+
+static bool open_device(struct device *d) {
+    struct error err = {{0}};
+    bool connected = d->driver->open(d->handle, &err) == RESULT_OK;
+    set_connected(d, connected, &err);
+    if (!connected)
+        pause_before_open(d);
+    return connected;
+}
+
+static struct slot *slot_of(struct device *d, const struct sample *sample) {
+    for (int i = 0; i < d->slot_count; i++)
+        if (d->slots[i].newest.channel == sample->channel &&
+            d->slots[i].newest.kind == sample->kind)
+            return &d->slots[i];
+    CHECK(!"a driver gave a sample that its outputs do not name");
+    return NULL;
+}
+
+static void take_sample(struct device *d, const struct sample *sample) {
+    switch (slot_take(slot_of(d, sample), sample)) {
+    case SLOT_MALFORMED:
+        d->status.malformed++;
+        break;
+    case SLOT_JUMP:
+        d->status.jumps++;
+        break;
+    default:
+        break;
+    }
+}
+
+static void age_slots(struct device *d, int64_t now_ns) {
+    for (int i = 0; i < d->slot_count; i++)
+        d->status.losses += slot_age(&d->slots[i], now_ns);
+}
+
+// Channels that changed between being there and being lost since the last call.
+static void log_changes(struct device *d) {
+    bool lost[DEVICE_SAMPLES_MAX];
+    pthread_mutex_lock(&d->lock);
+    for (int i = 0; i < d->slot_count; i++)
+        lost[i] = d->slots[i].validity == VALIDITY_LOST;
+    pthread_mutex_unlock(&d->lock);
+    for (int i = 0; i < d->slot_count; i++) {
+        if (lost[i] == d->logged_lost[i])
+            continue;
+        d->logged_lost[i] = lost[i];
+        log_info("device", "%s: %s %s", d->status.name, channel_name(d->slots[i].newest.channel),
+                 lost[i] ? "lost" : "there");
+    }
+}
+
+static void count_rate(struct device *d, bool reading, int64_t now_ns) {
+    d->second_readings += reading;
+    int64_t elapsed = now_ns - d->second_ns;
+    if (elapsed < NS_PER_S)
+        return;
+    d->status.rate_hz = (double)d->second_readings * NS_PER_S / (double)elapsed;
+    d->second_readings = 0;
+    d->second_ns = now_ns;
+}
+
+static void take_reading(struct device *d, enum result result, const struct device_reading *reading,
+                         const struct error *err) {
+    int64_t now_ns = clock_now_ns();
+    pthread_mutex_lock(&d->lock);
+    age_slots(d, now_ns);
+    for (int i = 0; i < reading->count; i++)
+        take_sample(d, &reading->samples[i]);
+    d->status.readings += reading->count > 0;
+    d->status.timeouts += result == RESULT_TIMEOUT;
+    d->status.malformed += (uint64_t)reading->malformed;
+    d->status.skipped += (uint64_t)reading->skipped;
+    count_rate(d, reading->count > 0, now_ns);
+    if (result != RESULT_OK)
+        strcpy(d->status.problem, err->text);
+    else if (reading->count)
+        d->status.problem[0] = 0;
+    pthread_mutex_unlock(&d->lock);
+}
+
+static void read_device(struct device *d) {
+    while (!stopping(d)) {
+        struct device_reading reading = {0};
+        struct error err = {{0}};
+        enum result result = d->driver->poll(d->handle, &reading, &err);
+        take_reading(d, result, &reading, &err);
+        log_changes(d);
+        if (reading.count)
+            d->pause_ns = first_pause_ns;
+        if (result == RESULT_OK || result == RESULT_TIMEOUT || result == RESULT_FORMAT)
+            continue;
+        set_connected(d, false, &err);
+        break;
+    }
+    d->driver->close(d->handle);
+}
+
+static void *device_thread(void *argument) {
+    struct device *d = argument;
+    while (!stopping(d)) {
+        if (!open_device(d))
+            continue;
+        read_device(d);
+        if (!stopping(d))
+            pause_before_open(d);
+    }
+    return NULL;
+}
+
+// ---- checking the configs
+// ------------------------------------------------------------------------
+
+static bool is_own_key(const char *key) {
+    for (size_t i = 0; i < sizeof own_keys / sizeof *own_keys; i++)
+        if (!strcmp(key, own_keys[i]))
+            return true;
+    return false;
+}
+
+static enum result create_handle(struct device *d, const struct device_config *config,
+                                 struct device_outputs *out_outputs, struct error *err) {
+    struct device_option *options = alloc((size_t)config->option_count + 1, sizeof *options);
+    struct device_config rest = *config;
+    rest.options = options;
+    rest.option_count = 0;
+    for (int i = 0; i < config->option_count; i++)
+        if (!is_own_key(config->options[i].key))
+            options[rest.option_count++] = config->options[i];
+    enum result result = d->driver->create(&rest, &d->handle, out_outputs, err);
+    free(options);
+    return result;
+}
+
+static enum result refuse_repeated_keys(const struct device_config *config, struct error *err) {
+    for (int i = 0; i < config->option_count; i++)
+        for (int k = 0; k < i; k++)
+            if (!strcmp(config->options[i].key, config->options[k].key))
+                return option_fail(config, config->options[i].key, err, RESULT_INVALID,
+                                   "given twice");
+    return RESULT_OK;
+}
+
+static enum result configure(struct device *d, const struct device_config *config, int index,
+                             struct error *err) {
+    char driver[OPTION_TEXT_MAX];
+    double hold_ms, jump_mm;
+    struct device_outputs outputs = {0};
+    enum result result = refuse_repeated_keys(config, err);
+    if (result == RESULT_OK)
+        result = option_required(config, "driver", driver, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "hold_ms", 0, 10000, 100, &hold_ms, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "jump_mm", 1, 10000, 50, &jump_mm, err);
+    if (result != RESULT_OK)
+        return result;
+    d->driver = device_driver(driver);
+    if (!d->driver)
+        return option_fail(config, "driver", err, RESULT_INVALID, "no driver is named \"%s\"",
+                           driver);
+    result = create_handle(d, config, &outputs, err);
+    if (result != RESULT_OK)
+        return result;
+    strcpy(d->status.name, config->name);
+    d->status.driver = d->driver->name;
+    d->slot_count = outputs.count;
+    for (int i = 0; i < outputs.count; i++)
+        slot_init(&d->slots[i], outputs.outputs[i].channel, outputs.outputs[i].kind, (uint8_t)index,
+                  hold_ms, jump_mm);
+    return RESULT_OK;
+}
+
+static enum result refuse_shared_channels(const struct device *a, const struct device *b,
+                                          struct error *err) {
+    if (!strcmp(a->status.name, b->status.name))
+        return fail(err, RESULT_INVALID, "[device %s]: two devices have this name", a->status.name);
+    for (int i = 0; i < a->slot_count; i++)
+        for (int k = 0; k < b->slot_count; k++) {
+            const struct sample *x = &a->slots[i].newest, *y = &b->slots[k].newest;
+            if (x->channel == y->channel && x->kind == y->kind)
+                return fail(err, RESULT_INVALID,
+                            "[device %s] and [device %s]: both give the %s of channel %s",
+                            a->status.name, b->status.name,
+                            x->kind == SAMPLE_JOINT  ? "angles"
+                            : x->kind == SAMPLE_POSE ? "pose"
+                                                     : "handle",
+                            channel_name(x->channel));
+        }
+    return RESULT_OK;
+}
+
+static enum result configure_all(struct runner *r, const struct device_config *configs, int count,
+                                 struct error *err) {
+    int channels = 0;
+    if (count > RUNNER_DEVICES_MAX)
+        return fail(err, RESULT_LIMIT, "%d devices, more than %d", count, RUNNER_DEVICES_MAX);
+    for (; r->count < count; r->count++) {
+        struct device *d = &r->devices[r->count];
+        enum result result = configure(d, &configs[r->count], r->count, err);
+        for (int i = 0; i < r->count && result == RESULT_OK; i++) {
+            result = refuse_shared_channels(&r->devices[i], d, err);
+            if (result != RESULT_OK)
+                d->driver->destroy(d->handle);
+        }
+        if (result != RESULT_OK)
+            return result;
+        channels += d->slot_count;
+    }
+    if (channels > FRAME_SAMPLES_MAX)
+        return fail(err, RESULT_LIMIT, "the devices give %d channels, more than %d", channels,
+                    FRAME_SAMPLES_MAX);
+    return RESULT_OK;
+}
+
+// ---- the interface
+// -------------------------------------------------------------------------------
+
+static void start_device(struct device *d) {
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&d->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    pthread_mutex_init(&d->lock, NULL);
+    d->pause_ns = first_pause_ns;
+    for (int i = 0; i < d->slot_count; i++)
+        d->logged_lost[i] = true;
+    d->second_ns = clock_now_ns();
+    CHECK(pthread_create(&d->thread, NULL, device_thread, d) == 0);
+}
+
+enum result runner_create(const struct device_config *configs, int count,
+                          struct runner **out_runner, struct error *err) {
+    CHECK(count >= 0);
+    struct runner *r = alloc(1, sizeof *r);
+    enum result result = configure_all(r, configs, count, err);
+    if (result != RESULT_OK) {
+        runner_destroy(&r);
+        return result;
+    }
+    for (; r->started < count; r->started++)
+        start_device(&r->devices[r->started]);
+    *out_runner = r;
+    return RESULT_OK;
+}
+
+static void ask_to_stop(struct device *d) {
+    pthread_mutex_lock(&d->lock);
+    d->stop = true;
+    pthread_cond_signal(&d->wake);
+    pthread_mutex_unlock(&d->lock);
+}
+
+static void join_device(struct device *d) {
+    pthread_join(d->thread, NULL);
+    pthread_cond_destroy(&d->wake);
+    pthread_mutex_destroy(&d->lock);
+}
+
+void runner_destroy(struct runner **runner) {
+    struct runner *r = *runner;
+    if (!r)
+        return;
+    for (int i = 0; i < r->started; i++)
+        ask_to_stop(&r->devices[i]);
+    for (int i = 0; i < r->started; i++)
+        join_device(&r->devices[i]);
+    for (int i = 0; i < r->count; i++)
+        r->devices[i].driver->destroy(r->devices[i].handle);
+    free(r);
+    *runner = NULL;
+}
+
+void runner_collect(struct runner *r, int64_t now_ns, struct frame *frame) {
+    for (int i = 0; i < r->count; i++) {
+        struct device *d = &r->devices[i];
+        pthread_mutex_lock(&d->lock);
+        age_slots(d, now_ns);
+        for (int k = 0; k < d->slot_count; k++) {
+            CHECK(frame->count < FRAME_SAMPLES_MAX);
+            struct sample *sample = &frame->samples[frame->count++];
+            *sample = d->slots[k].newest;
+            sample->validity = d->slots[k].validity;
+        }
+        pthread_mutex_unlock(&d->lock);
+    }
+}
+
+int runner_count(const struct runner *runner) {
+    return runner->count;
+}
+
+void runner_status(struct runner *r, int index, struct device_status *out_status) {
+    CHECK(index >= 0 && index < r->count);
+    struct device *d = &r->devices[index];
+    pthread_mutex_lock(&d->lock);
+    *out_status = d->status;
+    pthread_mutex_unlock(&d->lock);
+}

@@ -1,0 +1,30 @@
+// The newest sample of one channel, and what it is worth at a given time. No threads, no clock.
+#pragma once
+
+#include "base/sample.h"
+#include "device/guard.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct slot {
+    struct sample newest; // neutral until the first sample was used
+    struct guard guard;   // of poses
+    int64_t hold_ns;      // from silent to lost
+    double interval_ns;   // usual time between two samples that were used; 0: not known yet
+    int64_t silent_ns;    // from when on the channel is silent, if nothing comes before
+    enum validity validity;
+};
+
+enum slot_verdict { SLOT_USED, SLOT_SILENT, SLOT_JUMP, SLOT_MALFORMED };
+
+void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, uint8_t device,
+               double hold_ms, double jump_mm);
+
+// Takes a sample of the slot's channel and kind. Not used: one that the source calls LOST
+// (SLOT_SILENT), one that frame_is_valid would refuse or that is no newer than the last
+// (SLOT_MALFORMED), a jump (SLOT_JUMP). Any of them makes the channel silent from its time on.
+enum slot_verdict slot_take(struct slot *slot, const struct sample *sample);
+
+// Brings slot->validity to what it is at now_ns. True: it was lost just now.
+bool slot_age(struct slot *slot, int64_t now_ns);

@@ -1,0 +1,162 @@
+// A client of an OpenIGTLink server: any tracker that PLUS, 3D Slicer or a vendor serves.
+//
+//   address           host:port; required
+//   tool.CHANNEL      the tool's OpenIGTLink name; at least one
+//   tip.CHANNEL       T_tool_tip (bones: where the bone's frame lies in the marker's)
+//   T_mockup_tracker  where the tracker's frame lies in the mock-up's
+//
+// A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
+// messages' own time stamps are of a clock that we do not know.
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "device/drivers.h"
+#include "device/igtl.h"
+#include "device/options.h"
+#include "device/socket.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+static const int connect_timeout_ms = 1000;
+
+struct tracker {
+    char address[OPTION_TEXT_MAX];
+    char tools[CHANNEL_COUNT][IGTL_NAME_SIZE]; // empty: not tracked
+    pose T_mockup_tracker, T_tool_tip[CHANNEL_COUNT];
+    int fd;
+    struct igtl_stream stream;
+    struct igtl_message message;
+};
+
+static enum result configure_tools(struct tracker *d, const struct device_config *config,
+                                   struct device_outputs *outputs, struct error *err) {
+    for (int i = 0; i < CHANNEL_COUNT; i++) {
+        char key[64];
+        snprintf(key, sizeof key, "tool.%s", channel_name((enum channel)i));
+        const char *name = option_text(config, key);
+        if (!name)
+            continue;
+        if (i == CHANNEL_JOINT)
+            return option_fail(config, key, err, RESULT_INVALID, "the joint is no tool");
+        if (!*name || strlen(name) >= IGTL_NAME_SIZE)
+            return option_fail(config, key, err, RESULT_INVALID, "a name has 1 to %d bytes",
+                               IGTL_NAME_SIZE - 1);
+        strcpy(d->tools[i], name);
+        outputs_add(outputs, (enum channel)i, SAMPLE_POSE);
+    }
+    if (!outputs->count)
+        return option_fail(config, "tool.CHANNEL", err, RESULT_MISSING, "is required");
+    return RESULT_OK;
+}
+
+static enum result configure(struct tracker *d, const struct device_config *config,
+                             struct device_outputs *outputs, struct error *err) {
+    static const char *const keys[] = {"address", "tool.", "tip.", "T_mockup_tracker", NULL};
+    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
+    struct error why;
+    enum result result = options_check(config, keys, err);
+    if (result == RESULT_OK)
+        result = option_required(config, "address", d->address, err);
+    if (result == RESULT_OK && socket_split(d->address, host, port, &why) != RESULT_OK)
+        result = option_fail(config, "address", err, RESULT_INVALID, "%s", why.text);
+    if (result == RESULT_OK)
+        result = option_pose(config, "T_mockup_tracker", &d->T_mockup_tracker, err);
+    if (result == RESULT_OK)
+        result = option_poses(config, "tip", d->T_tool_tip, err);
+    if (result == RESULT_OK)
+        result = configure_tools(d, config, outputs, err);
+    return result;
+}
+
+static enum result tracker_create(const struct device_config *config, void **out_device,
+                                  struct device_outputs *out_outputs, struct error *err) {
+    struct tracker *d = alloc(1, sizeof *d);
+    enum result result = configure(d, config, out_outputs, err);
+    if (result == RESULT_OK)
+        *out_device = d;
+    else
+        free(d);
+    return result;
+}
+
+static enum result tracker_open(void *device, struct error *err) {
+    struct tracker *d = device;
+    igtl_stream_init(&d->stream);
+    return socket_connect(d->address, connect_timeout_ms, &d->fd, err);
+}
+
+// The newest pose of a channel in one reading is the one that counts.
+static void add_sample(struct device_reading *reading, enum channel channel, int64_t time_ns,
+                       pose T_mockup_body) {
+    int at = 0;
+    while (at < reading->count && reading->samples[at].channel != channel)
+        at++;
+    reading->count += at == reading->count;
+    reading->samples[at] = (struct sample){.channel = channel,
+                                           .kind = SAMPLE_POSE,
+                                           .time_ns = time_ns,
+                                           .T_mockup_body = T_mockup_body};
+}
+
+static void take_message(const struct tracker *d, int64_t time_ns, struct device_reading *reading) {
+    reading->malformed += d->message.refused;
+    for (int i = 0; i < d->message.count; i++)
+        for (int c = 0; c < CHANNEL_COUNT; c++)
+            if (!strcmp(d->message.tools[i].name, d->tools[c])) {
+                pose T_mockup_tool =
+                    pose_compose(d->T_mockup_tracker, d->message.tools[i].T_tracker_tool);
+                add_sample(reading, (enum channel)c, time_ns,
+                           pose_compose(T_mockup_tool, d->T_tool_tip[c]));
+            }
+}
+
+static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t size,
+                              struct device_reading *reading, struct error *err) {
+    int64_t time_ns = clock_now_ns();
+    enum result result = RESULT_OK;
+    while (size) {
+        enum igtl_event event;
+        size_t taken = igtl_stream_feed(&d->stream, bytes, size, &event, &d->message, err);
+        bytes += taken;
+        size -= taken;
+        if (event == IGTL_BROKEN)
+            return fail_in(err, RESULT_CLOSED, "%s: ", d->address);
+        if (event == IGTL_POSES)
+            take_message(d, time_ns, reading);
+        reading->skipped += event == IGTL_SKIPPED;
+        reading->malformed += event == IGTL_REFUSED;
+        if (event == IGTL_REFUSED)
+            result = fail_in(err, RESULT_FORMAT, "%s: ", d->address);
+    }
+    return result;
+}
+
+static enum result tracker_poll(void *device, struct device_reading *reading, struct error *err) {
+    struct tracker *d = device;
+    uint8_t bytes[16384];
+    struct pollfd ready = {.fd = d->fd, .events = POLLIN};
+    if (poll(&ready, 1, (int)(POLL_MAX_NS / NS_PER_MS)) == 0)
+        return fail(err, RESULT_TIMEOUT, "%s: silent", d->address);
+    ssize_t size = recv(d->fd, bytes, sizeof bytes, 0);
+    if (size > 0)
+        return take_bytes(d, bytes, (size_t)size, reading, err);
+    if (size < 0 && (errno == EINTR || errno == EAGAIN))
+        return RESULT_OK;
+    return fail(err, RESULT_CLOSED, "%s: %s", d->address,
+                size ? strerror(errno) : "closed the connection");
+}
+
+static void tracker_close(void *device) {
+    struct tracker *d = device;
+    close(d->fd);
+}
+
+const struct device_driver tracker_driver = {
+    "tracker", tracker_create, tracker_open, tracker_poll, tracker_close, free,
+};

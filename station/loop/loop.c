@@ -1,0 +1,198 @@
+#include "loop/loop.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "device/runner.h"
+#include "link/link.h"
+#include "loop/meter.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LAST_REPLIES_NS (300 * NS_PER_MS)
+
+struct loop {
+    const struct station_config *config;
+    const struct loop_options *options;
+    const volatile sig_atomic_t *stop;
+    struct runner *runner;
+    struct link *link;
+    uint64_t number;
+    uint64_t sent, warped;
+    struct meter whole, second; // round trips: since the start, since the last live line
+    uint64_t sent_second, warped_second;
+    double warp_mm; // of the newest reply, largest of its instruments
+    bool was_lost[RUNNER_DEVICES_MAX];
+};
+
+// ---- frames and replies -----------------------------------------------------------------------
+
+static void send_frame(struct loop *loop) {
+    struct frame frame = {.number = ++loop->number, .time_ns = clock_now_ns()};
+    runner_collect(loop->runner, frame.time_ns, &frame);
+    if (link_send(loop->link, &frame)) {
+        loop->sent++;
+        loop->sent_second++;
+    }
+}
+
+static void take_reply(struct loop *loop, const arthron_Reply *reply) {
+    int64_t round_trip_ns = clock_now_ns() - reply->frame_time_ns;
+    meter_add(&loop->whole, round_trip_ns);
+    meter_add(&loop->second, round_trip_ns);
+    loop->warped++;
+    loop->warped_second++;
+    loop->warp_mm = 0;
+    for (pb_size_t i = 0; i < reply->instruments_count; i++) {
+        const arthron_Vector *d = &reply->instruments[i].displacement;
+        loop->warp_mm = fmax(loop->warp_mm, vec3_length((vec3){d->x, d->y, d->z}));
+    }
+}
+
+static void take_replies(struct loop *loop, int64_t until_ns) {
+    arthron_Reply reply;
+    while (link_wait(loop->link, until_ns, &reply))
+        take_reply(loop, &reply);
+}
+
+// ---- what a person sees -------------------------------------------------------------------------
+
+static const char *path_name(enum link_path path) {
+    return path == LINK_DATAGRAM ? "datagrams" : path == LINK_CONTROL ? "control" : "no link";
+}
+
+static void print_live(struct loop *loop) {
+    struct link_status status;
+    link_get_status(loop->link, &status);
+    printf("%5" PRIu64
+           " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  lost %" PRIu64
+           "  %s%s%s\n",
+           loop->warped_second, meter_percentile_us(&loop->second, 0.5),
+           meter_percentile_us(&loop->second, 0.99), loop->warp_mm,
+           loop->sent > loop->warped ? loop->sent - loop->warped : 0, path_name(status.path),
+           status.refusal[0] ? ": " : "", status.refusal);
+    fflush(stdout);
+}
+
+static void log_devices(struct loop *loop) {
+    for (int i = 0; i < runner_count(loop->runner); i++) {
+        struct device_status status;
+        runner_status(loop->runner, i, &status);
+        bool lost = !status.connected || status.problem[0];
+        if (lost && !loop->was_lost[i])
+            log_warning("device", "%s: %s", status.name,
+                        status.problem[0] ? status.problem : "not connected yet");
+        if (!lost && loop->was_lost[i])
+            log_info("device", "%s: back", status.name);
+        loop->was_lost[i] = lost;
+    }
+}
+
+static void each_second(struct loop *loop) {
+    if (loop->options->live)
+        print_live(loop);
+    log_devices(loop);
+    meter_clear(&loop->second);
+    loop->sent_second = loop->warped_second = 0;
+}
+
+static void print_summary(const struct loop *loop) {
+    double p50 = meter_percentile_us(&loop->whole, 0.5);
+    double p99 = meter_percentile_us(&loop->whole, 0.99);
+    double max = (double)loop->whole.max_ns / 1e3;
+    if (!loop->options->json) {
+        log_info("station", "%" PRIu64 " poses sent, %" PRIu64 " warped, round trip %.0f us p50",
+                 loop->sent, loop->warped, p50);
+        return;
+    }
+    json_t *summary = json_pack("{s:I, s:I, s:I, s:{s:f, s:f, s:f}}", "poses_sent",
+                                (json_int_t)loop->sent, "poses_warped", (json_int_t)loop->warped,
+                                "lost", (json_int_t)(loop->sent - loop->warped), "rtt_us", "p50",
+                                p50, "p99", p99, "max", max);
+    json_dumpf(summary, stdout, JSON_COMPACT);
+    putchar('\n');
+    json_decref(summary);
+}
+
+// ---- time ---------------------------------------------------------------------------------------
+
+static bool goes_on(const struct loop *loop, int64_t start_ns, int64_t now_ns) {
+    double seconds = loop->options->seconds;
+    return !*loop->stop && !(seconds > 0 && (double)(now_ns - start_ns) >= seconds * 1e9);
+}
+
+// Ticks lie on a fixed grid; after a stall the missed ones are left out rather than made up for.
+static void run(struct loop *loop) {
+    int64_t period_ns = (int64_t)(1e9 / loop->config->rate_hz);
+    int64_t start_ns = clock_now_ns(), tick_ns = start_ns, second_ns = start_ns + NS_PER_S;
+    for (int64_t now_ns = start_ns; goes_on(loop, start_ns, now_ns); now_ns = clock_now_ns()) {
+        send_frame(loop);
+        if (now_ns >= second_ns) {
+            each_second(loop);
+            second_ns += NS_PER_S;
+        }
+        tick_ns += period_ns;
+        if (tick_ns < now_ns - period_ns)
+            tick_ns = now_ns;
+        take_replies(loop, tick_ns);
+    }
+    take_replies(loop, clock_now_ns() + LAST_REPLIES_NS);
+}
+
+// ---- making and releasing -----------------------------------------------------------------------
+
+static struct link_config link_config_from(const struct station_config *config) {
+    struct link_config link = {
+        .host = config->host,
+        .port = config->port,
+        .keys_dir = config->keys_dir,
+        .station = config->name,
+        .software = "arthron-station " ARTHRON_VERSION,
+        .datagrams = config->datagrams,
+        .device_count = config->device_count,
+    };
+    for (int i = 0; i < config->device_count; i++) {
+        const struct device_config *device = &config->devices[i].config;
+        snprintf(link.devices[i].name, sizeof link.devices[i].name, "%s", device->name);
+        for (int k = 0; k < device->option_count; k++)
+            if (!strcmp(device->options[k].key, "driver"))
+                snprintf(link.devices[i].driver, sizeof link.devices[i].driver, "%s",
+                         device->options[k].value);
+    }
+    return link;
+}
+
+static enum result start(struct loop *loop, struct error *err) {
+    const struct station_config *config = loop->config;
+    struct device_config devices[STATION_DEVICES_MAX];
+    for (int i = 0; i < config->device_count; i++)
+        devices[i] = config->devices[i].config;
+    enum result result = runner_create(devices, config->device_count, &loop->runner, err);
+    if (result != RESULT_OK)
+        return result;
+    struct link_config link = link_config_from(config);
+    return link_create(&link, &loop->link, err);
+}
+
+enum result loop_run(const struct station_config *config, const struct loop_options *options,
+                     const volatile sig_atomic_t *stop, struct error *err) {
+    struct loop *loop = alloc(1, sizeof *loop);
+    loop->config = config;
+    loop->options = options;
+    loop->stop = stop;
+    enum result result = start(loop, err);
+    if (result == RESULT_OK) {
+        run(loop);
+        print_summary(loop);
+    }
+    if (loop->link)
+        link_destroy(&loop->link);
+    runner_destroy(&loop->runner);
+    free(loop);
+    return result;
+}

@@ -1,6 +1,8 @@
 // What every C test includes: cmocka with the headers it asks for.
 #pragma once
 
+#include "base/result.h" // before cmocka, whose macro is named fail too
+
 // clang-format off
 #include <setjmp.h>
 #include <stdarg.h>

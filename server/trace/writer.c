@@ -85,6 +85,11 @@ static void disk_failed(struct trace_writer *w, const char *what) {
     w->failing = true;
 }
 
+static size_t waiting_bytes(const struct trace_writer *w) {
+    return atomic_load_explicit(&w->head, memory_order_acquire) -
+           atomic_load_explicit(&w->tail, memory_order_relaxed);
+}
+
 static void drain(struct trace_writer *w) {
     size_t tail = atomic_load_explicit(&w->tail, memory_order_relaxed);
     size_t head = atomic_load_explicit(&w->head, memory_order_acquire);
@@ -103,15 +108,20 @@ static void drain(struct trace_writer *w) {
         count(&w->bytes, (uint64_t)done);
         w->unsynced = true;
     }
-    if (w->failing)
-        log_warning("trace", "%s: the disk takes records again", w->path);
-    w->failing = false;
 }
 
 static void sync_data(struct trace_writer *w) {
-    if (w->unsynced && fdatasync(w->fd) != 0)
+    if (!w->unsynced)
+        return;
+    if (fdatasync(w->fd) != 0) {
         disk_failed(w, "cannot put on disk");
+        return;
+    }
     w->unsynced = false;
+    if (w->failing && waiting_bytes(w) == 0) {
+        log_warning("trace", "%s: the disk takes records again", w->path);
+        w->failing = false;
+    }
 }
 
 // The appender has stopped: this thread has both ends.
@@ -124,7 +134,7 @@ static void finish(struct trace_writer *w) {
     bool complete = put(w, data, size);
     drain(w);
     sync_data(w);
-    size_t lost = atomic_load(&w->head) - atomic_load(&w->tail);
+    size_t lost = waiting_bytes(w);
     if (lost || !complete)
         log_error("trace", "%s: its last %zu bytes are lost, the disk does not take them", w->path,
                   lost);

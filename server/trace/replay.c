@@ -1,0 +1,114 @@
+#include "trace/replay.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct replay {
+    struct session *session;
+    struct trace_field fields[TRACE_FIELDS_MAX];
+    int field_count;
+    struct replay_report *report;
+};
+
+const char *replay_verdict_name(enum replay_verdict verdict) {
+    static const char *const names[REPLAY_VERDICT_COUNT] = {"identical", "equivalent", "different"};
+    return (unsigned)verdict < REPLAY_VERDICT_COUNT ? names[verdict] : "unknown";
+}
+
+static void compare_machines(const struct trace_header *header, struct replay_report *report) {
+    struct trace_header here;
+    trace_header_set_machine(&here);
+    report->same_build = !strcmp(here.build, header->build);
+    report->same_libc = !strcmp(here.libc, header->libc);
+    report->same_cpu = !strcmp(here.cpu, header->cpu);
+}
+
+// Infinite where only one of the two is there, or one is no number.
+static double tip_distance(const struct instrument_output *a, const struct instrument_output *b) {
+    if (!a->present && !b->present)
+        return 0;
+    double mm = vec3_distance(a->T_mockup_warped.translation, b->T_mockup_warped.translation);
+    return a->present == b->present && !isnan(mm) ? mm : INFINITY;
+}
+
+static void note_difference(const struct replay *replay, const struct trace_field *field,
+                            const struct session_output *recorded,
+                            const struct session_output *replayed) {
+    struct replay_difference *first = &replay->report->first;
+    first->step = recorded->step;
+    memcpy(first->field, field->name, sizeof first->field);
+    trace_field_text(field, recorded, first->recorded);
+    trace_field_text(field, replayed, first->replayed);
+}
+
+static void compare_outputs(const struct replay *replay, const struct session_output *recorded,
+                            const struct session_output *replayed) {
+    struct replay_report *report = replay->report;
+    report->steps++;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        report->largest_mm = fmax(
+            report->largest_mm, tip_distance(&recorded->instruments[i], &replayed->instruments[i]));
+    if (recorded->state != replayed->state || recorded->events != replayed->events)
+        report->same_events = false;
+    for (int i = 0; i < replay->field_count; i++) {
+        if (trace_field_equal(&replay->fields[i], recorded, replayed))
+            continue;
+        if (report->different++ == 0)
+            note_difference(replay, &replay->fields[i], recorded, replayed);
+        return;
+    }
+}
+
+static void run_steps(struct replay *replay, struct trace_reader *reader,
+                      void (*progress)(uint64_t done, uint64_t all)) {
+    struct replay_report *report = replay->report;
+    struct trace_record record;
+    struct session_output output;
+    int64_t first_ns = 0;
+    bool gap = false;
+    while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
+        gap |= record.type == TRACE_GAP;
+        if (gap)
+            report->left_out +=
+                record.type == TRACE_GAP ? record.missing : record.type == TRACE_STEP;
+        if (gap || record.type != TRACE_STEP)
+            continue;
+        session_step(replay->session, &record.input, &output);
+        compare_outputs(replay, &record.output, &output);
+        first_ns = report->steps == 1 ? record.input.time_ns : first_ns;
+        report->session_ns = record.input.time_ns - first_ns;
+        if (progress)
+            progress(trace_reader_offset(reader), trace_reader_size(reader));
+    }
+}
+
+static enum replay_verdict judge(const struct replay_report *report) {
+    if (report->different == 0)
+        return REPLAY_IDENTICAL;
+    bool same_machine = report->same_build && report->same_libc && report->same_cpu;
+    bool close = report->same_events && report->largest_mm <= REPLAY_TOLERANCE_MM;
+    return !same_machine && close ? REPLAY_EQUIVALENT : REPLAY_DIFFERENT;
+}
+
+enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
+                         void (*progress)(uint64_t done, uint64_t all),
+                         struct replay_report *out_report, struct error *err) {
+    const struct trace_header *header = trace_reader_header(reader);
+    const struct knee_case *knee = scene_case(scene);
+    if (knee->hash != header->case_hash)
+        return fail(err, RESULT_REFUSED,
+                    "case %s has the hash %016llx, the session was recorded with case %s of hash "
+                    "%016llx",
+                    knee->name, (unsigned long long)knee->hash, header->case_name,
+                    (unsigned long long)header->case_hash);
+    memset(out_report, 0, sizeof *out_report);
+    out_report->same_events = true;
+    compare_machines(header, out_report);
+    struct replay replay = {.report = out_report};
+    replay.session = session_create(scene, &header->settings);
+    replay.field_count = trace_fields(replay.fields);
+    run_steps(&replay, reader, progress);
+    session_destroy(&replay.session);
+    out_report->verdict = judge(out_report);
+    return RESULT_OK;
+}

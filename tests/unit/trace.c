@@ -1,0 +1,245 @@
+#include "base/bytes.h"
+#include "base/check.h"
+#include "test.h"
+#include "trace/fields.h"
+#include "unit/trace_files.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <xxhash.h>
+
+static size_t slurp(uint8_t **out_data) {
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    struct stat status;
+    fstat(fileno(file), &status);
+    *out_data = alloc((size_t)status.st_size, 1);
+    assert_int_equal(fread(*out_data, 1, (size_t)status.st_size, file), status.st_size);
+    fclose(file);
+    return (size_t)status.st_size;
+}
+
+static void write_copy(const uint8_t *data, size_t size) {
+    FILE *file = fopen(copy_path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    fclose(file);
+}
+
+static void steps_come_back_bit_for_bit(void **state) {
+    (void)state;
+    write_trace(2000);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_int_equal(o.end, RESULT_CLOSED);
+    assert_int_equal(o.steps, 2000);
+}
+
+static void the_end_record_counts_the_steps(void **state) {
+    (void)state;
+    write_trace(3);
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(trace_read(reader, &record, NULL), RESULT_OK);
+    assert_int_equal(record.type, TRACE_END);
+    assert_int_equal(record.records, 3);
+    assert_int_equal(record.missing, 0);
+    assert_int_equal(record.offset + record.size, trace_reader_size(reader));
+    assert_int_equal(trace_read(reader, &record, NULL), RESULT_CLOSED);
+    assert_int_equal(trace_read(reader, &record, NULL), RESULT_CLOSED);
+    trace_reader_destroy(&reader);
+}
+
+static void an_existing_file_is_never_overwritten(void **state) {
+    (void)state;
+    write_trace(1);
+    struct trace_header header = some_header();
+    struct trace_writer *writer = NULL;
+    struct error err = {""};
+    assert_int_equal(trace_writer_create(path, &header, &writer, &err), RESULT_IO);
+    assert_null(writer);
+    assert_non_null(strstr(err.text, path));
+}
+
+static void the_machine_is_named(void **state) {
+    (void)state;
+    struct trace_header header = some_header();
+    assert_int_equal(strlen(header.build), 40); // SHA-1 in hexadecimal
+    assert_int_equal(strncmp(header.libc, "glibc 2.", 8), 0);
+    assert_true(strlen(header.cpu) > 0);
+}
+
+static void every_truncation_reads_to_the_last_whole_record(void **state) {
+    (void)state;
+    write_trace(4);
+    uint8_t *data;
+    size_t size = slurp(&data), ends[8] = {0}, records = 0;
+    struct trace_reader *reader = open_trace(path);
+    size_t header_size = trace_reader_offset(reader);
+    struct trace_record record;
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        ends[records++] = trace_reader_offset(reader);
+    trace_reader_destroy(&reader);
+    assert_int_equal(records, 5);
+    for (size_t cut = 0; cut < size; cut++) {
+        write_copy(data, cut);
+        size_t whole = 0;
+        while (whole < 4 && ends[whole] <= cut)
+            whole++;
+        struct outcome o = read_prefix_of_steps(copy_path);
+        assert_int_equal(o.end, RESULT_MISSING);
+        assert_int_equal(o.steps, whole);
+        char byte[32];
+        snprintf(byte, sizeof byte, "byte %zu:", whole ? ends[whole - 1] : header_size);
+        if (cut >= header_size)
+            assert_non_null(strstr(o.err.text, byte));
+    }
+    free(data);
+}
+
+// read_prefix_of_steps fails where a changed record is accepted.
+static void a_flipped_bit_in_any_byte_is_noticed(void **state) {
+    (void)state;
+    write_trace(2);
+    uint8_t *data;
+    size_t size = slurp(&data);
+    for (size_t i = 0; i < size; i++) {
+        uint8_t bit = (uint8_t)(1u << (i % 8));
+        data[i] ^= bit;
+        write_copy(data, size);
+        struct outcome o = read_prefix_of_steps(copy_path);
+        assert_true(o.end != RESULT_CLOSED && o.end != RESULT_OK);
+        data[i] ^= bit;
+    }
+    free(data);
+}
+
+static void bytes_after_the_end_record_are_noticed(void **state) {
+    (void)state;
+    write_trace(2);
+    uint8_t *data;
+    size_t size = slurp(&data);
+    data = alloc_resize(data, size + 1, 1);
+    data[size] = 0;
+    write_copy(data, size + 1);
+    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    free(data);
+}
+
+// Puts right the checksum of what lies in data[0 .. size), for forgers.
+static void seal_again(uint8_t *data, size_t size) {
+    struct writer w = {data, size, size - 8, false};
+    write_u64(&w, XXH3_64bits(data, size - 8));
+}
+
+static void a_record_left_out_repeated_or_forged_is_noticed(void **state) {
+    (void)state;
+    write_trace(3);
+    uint8_t *data;
+    size_t size = slurp(&data), at[5];
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(trace_read(reader, &record, NULL), RESULT_OK);
+        at[i] = record.offset;
+    }
+    at[4] = size;
+    trace_reader_destroy(&reader);
+    uint8_t *forged = alloc(2 * size, 1);
+    memcpy(forged, data, at[1]); // the second step left out
+    memcpy(forged + at[1], data + at[2], size - at[2]);
+    write_copy(forged, size - (at[2] - at[1]));
+    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    memcpy(forged, data, at[2]); // the second step twice
+    memcpy(forged + at[2], data + at[1], size - at[1]);
+    write_copy(forged, size + at[2] - at[1]);
+    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    memcpy(forged, data, size); // an input of a kind that there is not
+    forged[at[1] + 5] = INPUT_KIND_COUNT;
+    seal_again(forged + at[1], at[2] - at[1]);
+    write_copy(forged, size);
+    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    memcpy(forged, data, size); // time falls
+    forged[at[2] + 5 + 1 + 7] = 0x80;
+    seal_again(forged + at[2], at[3] - at[2]);
+    write_copy(forged, size);
+    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    free(forged);
+    free(data);
+}
+
+static void a_header_that_is_not_ours_is_refused(void **state) {
+    (void)state;
+    write_trace(1);
+    uint8_t *data;
+    size_t size = slurp(&data);
+    struct trace_reader *reader = open_trace(path);
+    size_t header_size = trace_reader_offset(reader);
+    trace_reader_destroy(&reader);
+    static const struct {
+        size_t at;
+        uint8_t value;
+        enum result expected;
+    } rows[] = {
+        {0, 'X', RESULT_FORMAT},  // magic
+        {8, 2, RESULT_VERSION},   // a newer version
+        {8, 0, RESULT_VERSION},   // no version
+        {12, 1, RESULT_LIMIT},    // larger than we accept
+        {14, 1, RESULT_CORRUPT},  // a byte of the session's id
+        {30, 99, RESULT_CORRUPT}, // length of a text
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        uint8_t before = data[rows[i].at];
+        data[rows[i].at] = rows[i].value;
+        write_copy(data, size);
+        struct error err = {""};
+        assert_int_equal(trace_reader_create(copy_path, &reader, &err), rows[i].expected);
+        assert_non_null(strstr(err.text, copy_path));
+        data[rows[i].at] = before;
+    }
+    data[30] = 99; // a text that is longer than its place, with a right checksum
+    seal_again(data, header_size);
+    write_copy(data, size);
+    assert_int_equal(trace_reader_create(copy_path, &reader, NULL), RESULT_FORMAT);
+    free(data);
+}
+
+// Whatever single field of an output changes, exactly that field (and no other) is told.
+static void every_byte_of_an_output_belongs_to_a_field(void **state) {
+    (void)state;
+    static struct trace_field fields[TRACE_FIELDS_MAX];
+    int count = trace_fields(fields);
+    struct session_input input;
+    struct session_output before, after;
+    step_at(1, &input, &before);
+    size_t told = 0;
+    for (size_t i = 0; i < sizeof before; i++) {
+        after = before;
+        ((uint8_t *)&after)[i] ^= 1;
+        int different = 0;
+        for (int k = 0; k < count; k++)
+            different += !trace_field_equal(&fields[k], &before, &after);
+        assert_true(different <= 1);
+        told += (size_t)different;
+    }
+    // The rest is padding: after the enums of the output and in each instrument.
+    assert_int_equal(sizeof before - told, 4 + INSTRUMENT_COUNT * (3 + 4 + 4));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(steps_come_back_bit_for_bit),
+        cmocka_unit_test(the_end_record_counts_the_steps),
+        cmocka_unit_test(an_existing_file_is_never_overwritten),
+        cmocka_unit_test(the_machine_is_named),
+        cmocka_unit_test(every_truncation_reads_to_the_last_whole_record),
+        cmocka_unit_test(a_flipped_bit_in_any_byte_is_noticed),
+        cmocka_unit_test(bytes_after_the_end_record_are_noticed),
+        cmocka_unit_test(a_record_left_out_repeated_or_forged_is_noticed),
+        cmocka_unit_test(a_header_that_is_not_ours_is_refused),
+        cmocka_unit_test(every_byte_of_an_output_belongs_to_a_field),
+    };
+    return cmocka_run_group_tests_name("trace", tests, make_folder, remove_folder);
+}

@@ -1,0 +1,168 @@
+#include "base/check.h"
+#include "test.h"
+#include "unit/trace_files.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+static uint64_t steps_in(const char *from) {
+    return read_prefix_of_steps(from).steps;
+}
+
+static void pause_ms(long ms) {
+    nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL);
+}
+
+static void a_killed_writer_leaves_all_that_was_written(void **state) {
+    (void)state;
+    unlink(path);
+    pid_t writing = fork();
+    if (writing == 0) {
+        struct trace_writer *writer = start_writing();
+        for (uint64_t n = 1;; n++) {
+            append_step(writer, n);
+            pause_ms(1);
+        }
+    }
+    uint64_t seen = 0;
+    for (int i = 0; i < 1000 && seen < 200; i++) {
+        pause_ms(10);
+        seen = access(path, F_OK) == 0 ? steps_in(path) : 0;
+    }
+    kill(writing, SIGKILL);
+    waitpid(writing, NULL, 0);
+    assert_true(seen >= 200);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_true(o.steps >= seen);
+    assert_int_equal(o.end, RESULT_MISSING);
+}
+
+static void limit_file_size(rlim_t bytes) {
+    struct rlimit limit;
+    getrlimit(RLIMIT_FSIZE, &limit);
+    limit.rlim_cur = bytes;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
+}
+
+// Appends steps until `refusals` were refused, and remembers which were taken.
+#define STEPS_MAX 20000
+static bool taken[STEPS_MAX + 1];
+
+static uint64_t append_until_refused(struct trace_writer *writer, int refusals) {
+    uint64_t n = 0;
+    while (refusals > 0 && n < STEPS_MAX - 1000) {
+        n++;
+        taken[n] = append_step(writer, n);
+        refusals -= !taken[n];
+    }
+    assert_int_equal(refusals, 0);
+    return n;
+}
+
+// The file must hold the steps that were taken, and gaps for all others up to `last`.
+static void assert_file_has_what_was_taken(uint64_t last) {
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    uint64_t n = 0, missing = 0;
+    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type != TRACE_END) {
+        if (record.type == TRACE_STEP) {
+            assert_is_step(&record, ++n);
+            assert_true(taken[n]);
+            continue;
+        }
+        missing += record.missing;
+        for (uint64_t i = 0; i < record.missing; i++)
+            assert_false(taken[++n]);
+    }
+    assert_int_equal(n, last);
+    assert_int_equal(record.type, TRACE_END);
+    assert_int_equal(record.missing, missing);
+    assert_int_equal(trace_read(reader, &record, NULL), RESULT_CLOSED);
+    trace_reader_destroy(&reader);
+}
+
+static void a_full_disk_costs_counted_steps_and_the_rest_goes_on(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    limit_file_size(100000); // as a full disk: a write fails, and may stop within a record
+    uint64_t n = append_until_refused(writer, 50);
+    assert_int_equal(trace_writer_status(writer).missing, 50);
+    assert_int_equal(trace_writer_status(writer).records, n - 50);
+    limit_file_size(RLIM_INFINITY);
+    uint64_t end = n + 900;
+    while (n < end && !taken[n]) {
+        pause_ms(10);
+        n++;
+        taken[n] = append_step(writer, n);
+    }
+    assert_true(taken[n]);
+    trace_writer_destroy(&writer);
+    assert_file_has_what_was_taken(n);
+}
+
+static void steps_missing_at_the_very_end_are_told(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    limit_file_size(100000);
+    uint64_t n = append_until_refused(writer, 7);
+    limit_file_size(RLIM_INFINITY);
+    trace_writer_destroy(&writer);
+    assert_file_has_what_was_taken(n);
+}
+
+static void a_disk_that_stays_full_loses_only_what_it_did_not_take(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    limit_file_size(100000);
+    append_until_refused(writer, 1);
+    trace_writer_destroy(&writer);
+    limit_file_size(RLIM_INFINITY);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_int_equal(o.end, RESULT_MISSING);
+    assert_true(o.steps > 20);
+}
+
+static void *watch(void *context) {
+    struct trace_writer *writer = context;
+    uint64_t last = 0;
+    for (int i = 0; i < 200; i++) {
+        struct trace_status status = trace_writer_status(writer);
+        CHECK(status.records >= last);
+        last = status.records;
+        pause_ms(1);
+    }
+    return NULL;
+}
+
+static void appending_writing_and_watching_go_on_at_once(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    pthread_t watcher;
+    pthread_create(&watcher, NULL, watch, writer);
+    for (uint64_t n = 1; n <= 20000; n++) {
+        while (!append_step(writer, n)) // never on a disk that keeps up
+            fail_msg("step %d was refused", (int)n);
+        if (n % 1000 == 0)
+            pause_ms(10);
+    }
+    pthread_join(watcher, NULL);
+    trace_writer_destroy(&writer);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_int_equal(o.end, RESULT_CLOSED);
+    assert_int_equal(o.steps, 20000);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_killed_writer_leaves_all_that_was_written),
+        cmocka_unit_test(a_full_disk_costs_counted_steps_and_the_rest_goes_on),
+        cmocka_unit_test(steps_missing_at_the_very_end_are_told),
+        cmocka_unit_test(a_disk_that_stays_full_loses_only_what_it_did_not_take),
+        cmocka_unit_test(appending_writing_and_watching_go_on_at_once),
+    };
+    return cmocka_run_group_tests_name("trace_disk", tests, make_folder, remove_folder);
+}

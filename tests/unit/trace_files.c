@@ -1,0 +1,240 @@
+#include "unit/trace_files.h"
+
+#include "random.h"
+#include "test.h"
+#include "trace/fields.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+char path[96], copy_path[96];
+static char folder[64];
+
+int make_folder(void **state) {
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/arthron-trace-XXXXXX");
+    if (!mkdtemp(folder))
+        return -1;
+    snprintf(path, sizeof path, "%s/a.trace", folder);
+    snprintf(copy_path, sizeof copy_path, "%s/b.trace", folder);
+    return 0;
+}
+
+int remove_folder(void **state) {
+    (void)state;
+    unlink(path);
+    unlink(copy_path);
+    return rmdir(folder);
+}
+
+// ---- random steps
+
+static double any_real(struct random *r) {
+    static const double odd[] = {0, -0.0, INFINITY, -INFINITY, NAN, 0x1p-1074, 1e308};
+    uint64_t bits = random_bits(r);
+    if (bits % 16 < sizeof odd / sizeof *odd)
+        return odd[bits % 16];
+    return random_between(r, -1e3, 1e3);
+}
+
+static vec3 any_vec3(struct random *r) {
+    double x = any_real(r), y = any_real(r);
+    return (vec3){x, y, any_real(r)};
+}
+
+static pose any_pose(struct random *r) {
+    vec3 v = any_vec3(r);
+    return (pose){{any_real(r), v.x, v.y, v.z}, any_vec3(r)};
+}
+
+static struct sample random_sample(struct random *r, int64_t time_ns) {
+    struct sample s = {.validity = random_bits(r) % VALIDITY_COUNT,
+                       .device = (uint8_t)random_bits(r),
+                       .time_ns = time_ns};
+    s.channel = random_bits(r) % CHANNEL_COUNT;
+    if (s.channel == CHANNEL_JOINT) {
+        s.kind = SAMPLE_JOINT;
+        s.joint = (struct joint_angles){random_between(r, -20, 150), random_between(r, -9, 9),
+                                        random_between(r, -9, 9),    random_between(r, -9, 9),
+                                        random_between(r, -9, 9),    -0.0};
+    } else if (s.channel >= CHANNEL_FIRST_INSTRUMENT && random_bits(r) % 2) {
+        s.kind = SAMPLE_HANDLE;
+        s.handle = (struct handle){random_between(r, 0, 1), (uint32_t)random_bits(r)};
+    } else {
+        s.kind = SAMPLE_POSE;
+        s.T_mockup_body = random_pose(r, 300);
+    }
+    return s;
+}
+
+static void random_input(struct random *r, int64_t time_ns, struct session_input *out) {
+    memset(out, 0, sizeof *out);
+    out->kind = random_bits(r) % 3 ? INPUT_FRAME : random_bits(r) % INPUT_KIND_COUNT;
+    out->time_ns = time_ns;
+    if (out->kind != INPUT_FRAME)
+        return;
+    out->frame.number = random_bits(r);
+    out->frame.time_ns = time_ns - 1000;
+    out->frame.count = (int)(random_bits(r) % (FRAME_SAMPLES_MAX + 1));
+    for (int i = 0; i < out->frame.count; i++)
+        out->frame.samples[i] = random_sample(r, time_ns - 2000);
+}
+
+static void random_instrument(struct random *r, struct instrument_output *out) {
+    out->present = random_bits(r) % 2;
+    if (!out->present)
+        return;
+    out->validity = random_bits(r) % VALIDITY_COUNT;
+    out->T_mockup_tip = any_pose(r);
+    out->T_mockup_warped = any_pose(r);
+    out->warp.displacement = any_vec3(r);
+    for (int i = 0; i < 9; i++)
+        out->warp.gradient.m[i / 3][i % 3] = any_real(r);
+    out->warp.trust_radius_mm = any_real(r);
+    out->warp.nearest = (int)(random_bits(r) % (WARP_SURFACES_MAX + 1)) - 1;
+    out->warp.nearest_mm = any_real(r);
+    out->gain = any_real(r);
+    out->handle = (struct handle){any_real(r), (uint32_t)random_bits(r)};
+}
+
+static void random_output(struct random *r, uint64_t step, int64_t time_ns,
+                          struct session_output *out) {
+    memset(out, 0, sizeof *out);
+    out->step = step;
+    out->frame_number = random_bits(r);
+    out->time_ns = time_ns;
+    out->state = random_bits(r) % SESSION_STATE_COUNT;
+    out->events = (uint32_t)random_bits(r);
+    vec3 angles = any_vec3(r), shifts = any_vec3(r);
+    out->joint = (struct joint_angles){angles.x, angles.y, angles.z, shifts.x, shifts.y, shifts.z};
+    out->joint_validity = random_bits(r) % VALIDITY_COUNT;
+    for (int i = 0; i < BODY_COUNT; i++)
+        out->T_mockup_body[i] = any_pose(r);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        random_instrument(r, &out->instruments[i]);
+    out->hash = random_bits(r);
+}
+
+// Step n of the random session: the same for the same n.
+void step_at(uint64_t n, struct session_input *input, struct session_output *output) {
+    struct random r = {n * 7919};
+    int64_t time_ns = 5000000000 + (int64_t)n * 1000000;
+    random_input(&r, time_ns, input);
+    random_output(&r, n, time_ns, output);
+}
+
+struct trace_header some_header(void) {
+    struct trace_header h = {
+        .session_id = "0123456789abcde",
+        .station = "bench 3",
+        .trainee = "Zoë",
+        .case_name = "healthy",
+        .case_dir = "/srv/cases/healthy",
+        .case_hash = 0x1122334455667788,
+        .start_utc_ns = 1790000000000000000,
+        .start_ns = 5000000000,
+        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05},
+                     .strength = 0.75,
+                     .hold_ns = 100000000},
+    };
+    trace_header_set_machine(&h);
+    return h;
+}
+
+struct trace_writer *start_writing(void) {
+    unlink(path);
+    struct trace_header header = some_header();
+    struct trace_writer *writer;
+    struct error err = {""};
+    if (trace_writer_create(path, &header, &writer, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    return writer;
+}
+
+bool append_step(struct trace_writer *writer, uint64_t n) {
+    struct session_input input;
+    struct session_output output;
+    step_at(n, &input, &output);
+    return trace_append(writer, &input, &output);
+}
+
+void write_trace(uint64_t steps) {
+    struct trace_writer *writer = start_writing();
+    for (uint64_t n = 1; n <= steps; n++)
+        assert_true(append_step(writer, n));
+    trace_writer_destroy(&writer);
+    assert_null(writer);
+}
+
+struct trace_reader *open_trace(const char *from) {
+    struct trace_reader *reader;
+    struct error err = {""};
+    if (trace_reader_create(from, &reader, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    return reader;
+}
+
+static void assert_same_sample(const struct sample *a, const struct sample *b) {
+    assert_int_equal(a->channel, b->channel);
+    assert_int_equal(a->kind, b->kind);
+    assert_int_equal(a->validity, b->validity);
+    assert_int_equal(a->device, b->device);
+    assert_true(a->time_ns == b->time_ns);
+    if (a->kind == SAMPLE_JOINT)
+        assert_memory_equal(&a->joint, &b->joint, sizeof a->joint);
+    if (a->kind == SAMPLE_POSE)
+        assert_memory_equal(&a->T_mockup_body, &b->T_mockup_body, sizeof a->T_mockup_body);
+    if (a->kind == SAMPLE_HANDLE) {
+        assert_true(a->handle.opening == b->handle.opening);
+        assert_int_equal(a->handle.buttons, b->handle.buttons);
+    }
+}
+
+static void assert_same_input(const struct session_input *a, const struct session_input *b) {
+    assert_int_equal(a->kind, b->kind);
+    assert_true(a->time_ns == b->time_ns);
+    assert_true(a->frame.number == b->frame.number);
+    assert_true(a->frame.time_ns == b->frame.time_ns);
+    assert_int_equal(a->frame.count, b->frame.count);
+    for (int i = 0; i < a->frame.count; i++)
+        assert_same_sample(&a->frame.samples[i], &b->frame.samples[i]);
+}
+
+static void assert_same_output(const struct session_output *a, const struct session_output *b) {
+    static struct trace_field fields[TRACE_FIELDS_MAX];
+    static int count;
+    if (!count)
+        count = trace_fields(fields);
+    for (int i = 0; i < count; i++)
+        if (!trace_field_equal(&fields[i], a, b))
+            fail_msg("%s differs in step %d", fields[i].name, (int)a->step);
+}
+
+void assert_is_step(const struct trace_record *record, uint64_t n) {
+    struct session_input input;
+    struct session_output output;
+    step_at(n, &input, &output);
+    assert_int_equal(record->type, TRACE_STEP);
+    assert_same_input(&record->input, &input);
+    assert_same_output(&record->output, &output);
+}
+
+// Reads a file that may be damaged: whatever is accepted must be what was written.
+struct outcome read_prefix_of_steps(const char *from) {
+    struct outcome o = {0};
+    struct trace_reader *reader;
+    struct trace_record record;
+    o.end = trace_reader_create(from, &reader, &o.err);
+    if (o.end != RESULT_OK)
+        return o;
+    struct trace_header header = some_header();
+    header.version = TRACE_VERSION;
+    assert_memory_equal(trace_reader_header(reader), &header, sizeof header);
+    while ((o.end = trace_read(reader, &record, &o.err)) == RESULT_OK)
+        if (record.type == TRACE_STEP)
+            assert_is_step(&record, ++o.steps);
+    trace_reader_destroy(&reader);
+    return o;
+}

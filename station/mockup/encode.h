@@ -1,0 +1,22 @@
+// Tracked tools as OpenIGTLink messages.
+#pragma once
+
+#include "base/pose.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum message_type { MESSAGE_TRANSFORM, MESSAGE_TDATA, MESSAGE_POSITION, MESSAGE_QTDATA };
+
+#define ENCODE_TOOLS_MAX 16
+#define ENCODE_BYTES_MAX (ENCODE_TOOLS_MAX * 256)
+
+struct tracked_tool {
+    const char *name; // at most 20 bytes count
+    pose T_tracker_tool;
+};
+
+// TRANSFORM and POSITION: one message a tool, TDATA and QTDATA: one message of all. Header version
+// 1, or 2 and 3 with an extended header and metadata ("Status": "OK"). Returns the bytes written.
+size_t encode_tools(enum message_type type, int header_version, int64_t utc_ns,
+                    const struct tracked_tool *tools, int count, uint8_t out[ENCODE_BYTES_MAX]);

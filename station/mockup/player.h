@@ -1,0 +1,27 @@
+// What the mock-up does at any moment: a file that is played in a loop from the start of the
+// program.
+#pragma once
+
+#include "device/recording.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct silence {
+    double from_s, for_s; // after the start; for_s 0: never
+};
+
+struct player {
+    struct recording recording;
+    int64_t start_ns; // on the monotonic clock
+};
+
+double player_seconds(const struct player *player, int64_t now_ns); // since the start
+
+// The file's own time at `seconds` after the start.
+double player_file_time(const struct player *player, double seconds);
+
+// When the file's row is played for the `round`th time, from 0.
+int64_t player_row_ns(const struct player *player, int64_t round, int row);
+
+bool player_is_silent(const struct player *player, const struct silence *silence, int64_t now_ns);

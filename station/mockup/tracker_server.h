@@ -1,0 +1,22 @@
+// An OpenIGTLink tracker: plays the tools of the file to every client that connects.
+#pragma once
+
+#include "base/result.h"
+#include "encode.h"
+#include "player.h"
+
+#include <stdatomic.h>
+
+struct tracker_server {
+    const struct player *player;
+    const atomic_bool *stop;
+    enum message_type type;
+    int header_version;
+    double rate_hz; // 0: each row of the file at its own time; else the file interpolated
+    pose T_tracker_mockup, T_tool_tip[CHANNEL_COUNT];
+    struct silence silence;
+    int listener;
+};
+
+// A thread: serves until *stop. A client that does not read what it is sent is dropped.
+void *tracker_server_run(void *tracker_server);

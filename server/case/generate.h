@@ -1,0 +1,30 @@
+// A parametric knee, made from a recipe: no scan, no patient.
+//
+// The geometry is that of generate_shape.h, scaled by `size` and mirrored for a left knee. The same
+// recipe gives the same bytes.
+#pragma once
+
+#include "case/generate_cavity.h"
+
+#define RECIPE_CAVITIES_MAX 8
+
+struct recipe {
+    char name[CASE_NAME_MAX]; // the recipe's folder
+    char title[128];
+    enum side side;
+    double size;                // 1: a tibial plateau 77 mm wide
+    double resolution_mm;       // edges of a bone's triangles; fine parts get finer ones
+    double meniscus_medial_cm3; // volumes at size 1
+    double meniscus_lateral_cm3;
+    int cavity_count;
+    struct cavity cavities[RECIPE_CAVITIES_MAX]; // `at` for the right knee of size 1
+};
+
+// Reads a recipe: a folder with recipe.ini, or the file itself. cases/README.md describes it.
+// Unknown sections and keys, keys given twice and values out of range are refused; the error
+// names file, section, key and range.
+enum result recipe_load(const char *path, struct recipe *out_recipe, struct error *err);
+
+// RESULT_INVALID where a cavity is nowhere near its bone. The caller destroys *out_case.
+enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
+                          struct error *err);

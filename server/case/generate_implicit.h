@@ -1,0 +1,19 @@
+// Solids given by a function: negative inside, positive outside, 0 on the surface, about as steep
+// as a distance. Their surfaces become closed triangle meshes.
+#pragma once
+
+#include "mesh/mesh.h"
+
+typedef double (*implicit)(vec3 p);
+
+// Union and intersection whose edge is rounded off over a width k (mm).
+double smooth_min(double a, double b, double k);
+double smooth_max(double a, double b, double k);
+
+vec3 implicit_gradient(implicit solid, vec3 p);
+
+// The zero surface inside the box as a mesh with edges of about `edge` mm: a vertex for each grid
+// cell that the surface passes through (surface nets), evened out, and put on the surface by
+// Newton steps. Closed and oriented where the solid ends at least two edges before the box does;
+// manifold where it is thicker than two edges. The caller releases *out_mesh with mesh_fini.
+void implicit_mesh(implicit solid, struct box box, double edge, struct mesh *out_mesh);

@@ -1,0 +1,194 @@
+#include "base/number.h"
+#include "case/generate.h"
+
+#include <errno.h>
+#include <ini.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define KEYS_MAX 64
+
+struct reading {
+    struct recipe *recipe;
+    struct error *err;
+    enum result result;       // of the first entry that was refused
+    char seen[KEYS_MAX][128]; // "section/key" so far
+    int seen_count;
+};
+
+struct number_key {
+    const char *section, *key;
+    size_t offset; // in struct recipe
+    double low, high;
+};
+
+static const struct number_key number_keys[] = {
+    {"knee", "size", offsetof(struct recipe, size), 0.8, 1.2},
+    {"mesh", "resolution_mm", offsetof(struct recipe, resolution_mm), 1.2, 3},
+    {"menisci", "medial_cm3", offsetof(struct recipe, meniscus_medial_cm3), 1.4, 2.6},
+    {"menisci", "lateral_cm3", offsetof(struct recipe, meniscus_lateral_cm3), 1.4, 2.6},
+};
+
+static enum result refuse(struct reading *r, const char *section, const char *key,
+                          const char *reason) {
+    return r->result = fail(r->err, RESULT_INVALID, "[%s] %s: %s", section, key, reason);
+}
+
+static enum result read_number(struct reading *r, const char *section, const char *key,
+                               const char *value, double low, double high, double *out) {
+    if (number_double(value, low, high, out))
+        return RESULT_OK;
+    return r->result = fail(r->err, RESULT_INVALID, "[%s] %s = %s: must be a number from %g to %g",
+                            section, key, value, low, high);
+}
+
+static enum result read_point(struct reading *r, const char *section, const char *key,
+                              const char *value, vec3 *out) {
+    pose p;
+    if (number_pose(value, &p) && p.rotation.w == 1 && vec3_length(p.translation) <= 100) {
+        *out = p.translation;
+        return RESULT_OK;
+    }
+    return refuse(r, section, key, "must be three numbers, x y z, within 100 mm of the origin");
+}
+
+// "[cavity NAME]": the cavity of that name, a new one where there is none yet.
+static struct cavity *cavity_of(struct reading *r, const char *section) {
+    const char *name = section + strlen("cavity ");
+    struct recipe *recipe = r->recipe;
+    for (int i = 0; i < recipe->cavity_count; i++)
+        if (strcmp(recipe->cavities[i].name, name) == 0)
+            return &recipe->cavities[i];
+    if (recipe->cavity_count == RECIPE_CAVITIES_MAX || strlen(name) >= CASE_NAME_MAX)
+        return NULL;
+    struct cavity *cavity = &recipe->cavities[recipe->cavity_count++];
+    cavity->body = BODY_COUNT;
+    snprintf(cavity->name, sizeof cavity->name, "%s", name);
+    return cavity;
+}
+
+static enum result read_cavity(struct reading *r, const char *section, const char *key,
+                               const char *value) {
+    struct cavity *cavity = cavity_of(r, section);
+    if (!cavity)
+        return refuse(r, section, key, "at most 8 cavities, with names of at most 63 characters");
+    if (strcmp(key, "body") == 0) {
+        if (!body_from_name(value, &cavity->body) || cavity->body == BODY_PATELLA)
+            return refuse(r, section, key, "must be femur or tibia");
+        return RESULT_OK;
+    }
+    if (strcmp(key, "at") == 0)
+        return read_point(r, section, key, value, &cavity->at);
+    if (strcmp(key, "radius_mm") == 0)
+        return read_number(r, section, key, value, 3, 25, &cavity->radius_mm);
+    if (strcmp(key, "depth_mm") == 0)
+        return read_number(r, section, key, value, 0.1, 6, &cavity->depth_mm);
+    return refuse(r, section, key, "unknown key");
+}
+
+static enum result read_knee(struct reading *r, const char *section, const char *key,
+                             const char *value) {
+    if (strcmp(section, "knee") == 0 && strcmp(key, "title") == 0) {
+        if (strlen(value) >= sizeof r->recipe->title)
+            return refuse(r, section, key, "must be at most 127 characters");
+        strcpy(r->recipe->title, value);
+        return RESULT_OK;
+    }
+    if (strcmp(section, "knee") == 0 && strcmp(key, "side") == 0) {
+        bool left = strcmp(value, "left") == 0;
+        r->recipe->side = left ? SIDE_LEFT : SIDE_RIGHT;
+        if (!left && strcmp(value, "right") != 0)
+            return refuse(r, section, key, "must be right or left");
+        return RESULT_OK;
+    }
+    for (size_t i = 0; i < sizeof number_keys / sizeof *number_keys; i++) {
+        const struct number_key *k = &number_keys[i];
+        if (strcmp(section, k->section) == 0 && strcmp(key, k->key) == 0)
+            return read_number(r, section, key, value, k->low, k->high,
+                               (double *)((char *)r->recipe + k->offset));
+    }
+    return refuse(r, section, key, "unknown key");
+}
+
+static bool seen_before(struct reading *r, const char *section, const char *key) {
+    char name[sizeof r->seen[0]];
+    snprintf(name, sizeof name, "%s/%s", section, key);
+    for (int i = 0; i < r->seen_count; i++)
+        if (strcmp(r->seen[i], name) == 0)
+            return true;
+    if (r->seen_count < KEYS_MAX)
+        strcpy(r->seen[r->seen_count++], name);
+    return false;
+}
+
+// inih goes on after an error: only the first one counts.
+static int read_entry(void *user, const char *section, const char *key, const char *value) {
+    struct reading *r = user;
+    if (r->result != RESULT_OK)
+        return 0;
+    if (seen_before(r, section, key))
+        return refuse(r, section, key, "given twice") == RESULT_OK;
+    if (strncmp(section, "cavity ", strlen("cavity ")) == 0)
+        return read_cavity(r, section, key, value) == RESULT_OK;
+    return read_knee(r, section, key, value) == RESULT_OK;
+}
+
+static enum result check_cavities(const struct recipe *recipe, struct error *err) {
+    for (int i = 0; i < recipe->cavity_count; i++) {
+        const struct cavity *c = &recipe->cavities[i];
+        if (c->body == BODY_COUNT || c->radius_mm == 0 || c->depth_mm == 0)
+            return fail(err, RESULT_MISSING, "[cavity %s] needs body, at, radius_mm and depth_mm",
+                        c->name);
+        if (c->depth_mm > c->radius_mm / 2)
+            return fail(err, RESULT_INVALID,
+                        "[cavity %s] depth_mm = %g: must be at most %g, half of radius_mm", c->name,
+                        c->depth_mm, c->radius_mm / 2);
+    }
+    return RESULT_OK;
+}
+
+// The name of the folder that holds the file.
+static enum result name_after_folder(const char *file, char name[CASE_NAME_MAX],
+                                     struct error *err) {
+    char *path = realpath(file, NULL), *end = path ? strrchr(path, '/') : NULL;
+    if (end)
+        *end = '\0';
+    const char *folder = end ? strrchr(path, '/') : NULL;
+    bool valid = folder && case_name_is_valid(folder + 1);
+    if (valid)
+        snprintf(name, CASE_NAME_MAX, "%s", folder + 1);
+    free(path);
+    if (!valid)
+        return fail(err, RESULT_INVALID,
+                    "%s: its folder's name becomes the case's: letters, digits and \"_-.\"", file);
+    return RESULT_OK;
+}
+
+enum result recipe_load(const char *path, struct recipe *out_recipe, struct error *err) {
+    struct stat status;
+    bool folder = stat(path, &status) == 0 && S_ISDIR(status.st_mode);
+    char file[4096];
+    int length = snprintf(file, sizeof file, folder ? "%s/recipe.ini" : "%s", path);
+    if (length < 0 || (size_t)length >= sizeof file)
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
+    *out_recipe = (struct recipe){
+        .size = 1, .resolution_mm = 1.7, .meniscus_medial_cm3 = 2.4, .meniscus_lateral_cm3 = 2.4};
+    struct reading r = {.recipe = out_recipe, .err = err, .result = RESULT_OK};
+    int line = ini_parse(file, read_entry, &r);
+    if (line < 0)
+        return fail(err, RESULT_IO, "%s: %s", file, strerror(errno));
+    if (r.result != RESULT_OK)
+        return fail_in(err, r.result, "%s:%d: ", file, line);
+    if (line > 0)
+        return fail(err, RESULT_FORMAT, "%s:%d: neither a section nor a key with a value", file,
+                    line);
+    if (check_cavities(out_recipe, err) != RESULT_OK)
+        return fail_in(err, RESULT_INVALID, "%s: ", file);
+    if (name_after_folder(file, out_recipe->name, err) != RESULT_OK)
+        return RESULT_INVALID;
+    if (out_recipe->title[0] == '\0')
+        snprintf(out_recipe->title, sizeof out_recipe->title, "%s", out_recipe->name);
+    return RESULT_OK;
+}

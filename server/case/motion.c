@@ -1,0 +1,299 @@
+#include "case/motion.h"
+
+#include "base/check.h"
+#include "case/motion_move.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double bite_distance = 5;                // from where a bite begins, mm
+static const double path_step = 0.1, path_jump = 0.5; // along a palpated line, mm
+
+static struct hand *hand_of(struct plan *plan, enum channel tool) {
+    for (int i = 0; i < plan->motion->tool_count; i++)
+        if (plan->motion->tools[i].channel == tool)
+            return &plan->hands[i];
+    return NULL;
+}
+
+static enum result withdraw(struct plan *plan, struct hand *hand) {
+    if (!hand->inside)
+        return RESULT_OK;
+    if (plan_retreat(plan, hand) != RESULT_OK ||
+        plan_swing(plan, hand, hand->portal.direction) != RESULT_OK ||
+        plan_move(plan, hand, hand->portal.position) != RESULT_OK)
+        return RESULT_INVALID;
+    hand->inside = false;
+    return RESULT_OK;
+}
+
+static enum result approach(struct plan *plan, struct hand *hand) {
+    if (withdraw(plan, hand) != RESULT_OK)
+        return RESULT_INVALID;
+    hand->inside = true;
+    return plan_move(
+        plan, hand,
+        vec3_add_scaled(hand->portal.position, MOTION_SAFE_DEPTH, hand->portal.direction));
+}
+
+// Instruments let go of what they touch before bones move.
+static enum result move_joint(struct plan *plan, double flexion_deg, double valgus_deg) {
+    for (int i = 0; i < plan->motion->tool_count; i++)
+        if (plan->hands[i].inside && plan_retreat(plan, &plan->hands[i]) != RESULT_OK)
+            return RESULT_INVALID;
+    return plan_joint(plan, flexion_deg, valgus_deg);
+}
+
+static enum result find_group(const struct plan *plan, const char *name,
+                              struct case_group **out_group) {
+    *out_group = case_group(plan->knee, name);
+    if (*out_group)
+        return RESULT_OK;
+    return fail(plan->err, RESULT_MISSING, "the case has no group %s", name);
+}
+
+// A script's point in the group's frame.
+static vec3 scripted(const struct plan *plan, vec3 p) {
+    return (vec3){plan->knee->joint.side == SIDE_LEFT ? -p.x : p.x, p.y, p.z};
+}
+
+static vec3 on_surface(const struct query *surface, vec3 p) {
+    struct closest closest;
+    bool found = query_closest(surface, p, INFINITY, MESH_NONE, &closest);
+    CHECK(found);
+    return closest.point;
+}
+
+// ---- palpate
+// -------------------------------------------------------------------------------------
+
+// A line on a surface, in the group's frame: points of the surface and their way from the start.
+struct line {
+    int count;
+    vec3 *points;
+    double *ways;
+};
+
+static enum result line_init(struct line *line, const struct query *surface, vec3 from, vec3 to,
+                             struct error *err) {
+    from = on_surface(surface, from);
+    to = on_surface(surface, to);
+    line->count = (int)ceil(vec3_distance(from, to) / path_step) + 2;
+    line->points = alloc((size_t)line->count, sizeof *line->points);
+    line->ways = alloc((size_t)line->count, sizeof *line->ways);
+    for (int i = 0; i < line->count; i++) {
+        double t = (double)i / (line->count - 1);
+        line->points[i] = on_surface(surface, vec3_lerp(from, to, t));
+        double step = i > 0 ? vec3_distance(line->points[i], line->points[i - 1]) : 0;
+        line->ways[i] = i > 0 ? line->ways[i - 1] + step : 0;
+        vec3 p = line->points[i];
+        if (step > path_jump)
+            return fail(err, RESULT_INVALID, "the line leaves the surface near %.1f %.1f %.1f", p.x,
+                        p.y, p.z);
+    }
+    return RESULT_OK;
+}
+
+static void line_fini(struct line *line) {
+    free(line->points);
+    free(line->ways);
+}
+
+static vec3 line_at(const struct line *line, double way) {
+    int i = 1;
+    while (i + 1 < line->count && line->ways[i] < way)
+        i++;
+    double span = line->ways[i] - line->ways[i - 1];
+    double t = span > 0 ? (way - line->ways[i - 1]) / span : 0;
+    return vec3_lerp(line->points[i - 1], line->points[i], fmin(fmax(t, 0), 1));
+}
+
+static enum result slide(struct plan *plan, struct hand *hand, const struct case_group *group,
+                         const struct query *surface, const struct line *line) {
+    pose T = plan_body_pose(plan, group->body);
+    double way = line->ways[line->count - 1];
+    int rows = plan_rows(plan, way, plan->script->speed_mm_s);
+    for (int i = 0; i <= rows; i++) {
+        vec3 p = on_surface(surface, line_at(line, way * plan_progress(i, rows)));
+        hand->tip = pose_apply(T, p);
+        if (plan_add_row(plan, group) != RESULT_OK)
+            return RESULT_INVALID;
+    }
+    return RESULT_OK;
+}
+
+static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    struct query *surface;
+    enum result result = query_create(&group->mesh, &surface, plan->err);
+    if (result != RESULT_OK)
+        return result;
+    struct line line = {0};
+    result =
+        line_init(&line, surface, scripted(plan, step->from), scripted(plan, step->to), plan->err);
+    if (result == RESULT_OK)
+        result =
+            plan_reach(plan, hand, pose_apply(plan_body_pose(plan, group->body), line.points[0]));
+    if (result == RESULT_OK)
+        result = slide(plan, hand, group, surface, &line);
+    line_fini(&line);
+    query_destroy(&surface);
+    return result;
+}
+
+// ---- bite
+// ----------------------------------------------------------------------------------------
+
+// The vertex nearest to the group's middle that the shaft reaches past all bones.
+static enum result reachable_point(struct plan *plan, const struct hand *hand,
+                                   const struct case_group *group, vec3 *out_point) {
+    const struct mesh *mesh = &group->mesh;
+    struct box box = mesh_bounds(mesh);
+    vec3 middle = vec3_lerp(box.min, box.max, 0.5);
+    pose T = plan_body_pose(plan, group->body);
+    double least = INFINITY;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        vec3 p = mesh_vertex(mesh, v);
+        double distance = vec3_distance(p, middle);
+        if (distance < least && plan_check_clear(plan, hand, pose_apply(T, p)) == RESULT_OK) {
+            least = distance;
+            *out_point = p;
+        }
+    }
+    if (isfinite(least))
+        return RESULT_OK;
+    return fail(plan->err, RESULT_INVALID, "no point of %s can be reached from the portal %s",
+                group->name, hand->portal.name);
+}
+
+static enum result bite_point(struct plan *plan, const struct hand *hand,
+                              const struct case_group *group, const struct motion_step *step,
+                              vec3 *out_point) {
+    if (!step->has_points)
+        return reachable_point(plan, hand, group, out_point);
+    struct query *surface;
+    enum result result = query_create(&group->mesh, &surface, plan->err);
+    if (result != RESULT_OK)
+        return result;
+    *out_point = on_surface(surface, scripted(plan, step->from));
+    query_destroy(&surface);
+    return RESULT_OK;
+}
+
+static enum result bite(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    vec3 point = {0};
+    enum result result = bite_point(plan, hand, group, step, &point);
+    if (result != RESULT_OK)
+        return result;
+    vec3 target = pose_apply(plan_body_pose(plan, group->body), point);
+    vec3 before = vec3_add_scaled(target, -bite_distance, hand_direction(hand, target));
+    if (plan_reach(plan, hand, before) != RESULT_OK || plan_open(plan, hand, 1) != RESULT_OK ||
+        plan_move(plan, hand, target) != RESULT_OK || plan_open(plan, hand, 0) != RESULT_OK)
+        return RESULT_INVALID;
+    return plan_move(plan, hand, before);
+}
+
+// ---- the whole script
+// ----------------------------------------------------------------------------
+
+static enum result do_step(struct plan *plan, const struct motion_step *step) {
+    if (step->verb == MOTION_FLEX)
+        return move_joint(plan, step->angle_deg, plan->valgus_deg);
+    if (step->verb == MOTION_VALGUS)
+        return move_joint(plan, plan->joint.flexion_deg, step->angle_deg);
+    struct hand *hand = hand_of(plan, step->tool);
+    if (hand && step->verb == MOTION_APPROACH)
+        return approach(plan, hand);
+    if (!hand || !hand->inside)
+        return fail(plan->err, RESULT_INVALID, "%s is not inside: approach first",
+                    channel_name(step->tool));
+    if (step->verb == MOTION_PALPATE)
+        return palpate(plan, hand, step);
+    if (step->verb == MOTION_BITE)
+        return bite(plan, hand, step);
+    return withdraw(plan, hand);
+}
+
+static const struct case_portal *find_portal(const struct knee_case *knee, const char *name) {
+    for (int i = 0; i < knee->portal_count; i++)
+        if (strcmp(knee->portals[i].name, name) == 0)
+            return &knee->portals[i];
+    return NULL;
+}
+
+// An instrument begins in the portal of its first approach and keeps it.
+static enum result add_hand(struct plan *plan, const struct motion_step *step) {
+    const struct case_portal *portal = find_portal(plan->knee, step->name);
+    if (!portal)
+        return fail(plan->err, RESULT_MISSING, "the case has no portal %s", step->name);
+    const struct hand *known = hand_of(plan, step->tool);
+    if (known && strcmp(known->portal.name, step->name) != 0)
+        return fail(plan->err, RESULT_INVALID, "%s goes through the portal %s already",
+                    channel_name(step->tool), known->portal.name);
+    if (known)
+        return RESULT_OK;
+    int i = plan->motion->tool_count++;
+    plan->motion->tools[i] = (struct motion_tool){step->tool, portal->position};
+    struct hand *hand = &plan->hands[i];
+    *hand = (struct hand){.portal = *portal, .tip = portal->position};
+    hand->rotation = quat_identity();
+    tremor_init(&hand->tremor, plan->script->tremor_mm,
+                (uint64_t)plan->script->seed * INSTRUMENT_COUNT + (uint64_t)i);
+    return RESULT_OK;
+}
+
+static enum result prepare(struct plan *plan) {
+    for (enum body body = 0; body < BODY_COUNT; body++) {
+        const struct case_group *bone = case_group(plan->knee, body_name(body));
+        enum result result =
+            bone ? solid_init(&plan->bones[body], &bone->mesh, plan->err) : RESULT_OK;
+        if (result != RESULT_OK)
+            return result;
+    }
+    if (!plan->bones[BODY_FEMUR].mesh || !plan->bones[BODY_TIBIA].mesh)
+        return fail(plan->err, RESULT_MISSING, "the case has no femur or no tibia");
+    return RESULT_OK;
+}
+
+static enum result at_step(const struct plan *plan, int step, enum result result) {
+    if (result == RESULT_OK)
+        return result;
+    return fail_in(plan->err, result, "step %d (%s): ", step + 1,
+                   motion_verb_name(plan->script->steps[step].verb));
+}
+
+static enum result play(struct plan *plan) {
+    const struct motion_script *script = plan->script;
+    enum result result = prepare(plan);
+    for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
+        if (script->steps[i].verb == MOTION_APPROACH)
+            result = at_step(plan, i, add_hand(plan, &script->steps[i]));
+    if (result == RESULT_OK)
+        result = plan_add_row(plan, NULL);
+    for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
+        result = at_step(plan, i, do_step(plan, &script->steps[i]));
+    return result;
+}
+
+enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
+                        struct motion *out_motion, struct error *err) {
+    *out_motion = (struct motion){0};
+    struct plan plan = {.knee = knee, .script = script, .motion = out_motion, .err = err};
+    enum result result = play(&plan);
+    for (enum body body = 0; body < BODY_COUNT; body++)
+        if (plan.bones[body].mesh)
+            solid_fini(&plan.bones[body]);
+    if (result != RESULT_OK)
+        motion_fini(out_motion);
+    return result;
+}
+
+void motion_fini(struct motion *motion) {
+    free(motion->rows);
+    *motion = (struct motion){0};
+}

@@ -1,0 +1,85 @@
+// A trainee's hands and the joint, computed from the anatomy of a case: what a mock-up plays.
+//
+// Everything is in the mock-up's frame, which is the femur's. An instrument is a line through its
+// portal; its tip's frame has z along the shaft, away from the handle. With a tremor of 0 a tip
+// that palpates lies exactly on the surface S of its group, and no shaft is deeper than
+// MOTION_DEPTH_MAX inside a bone.
+#pragma once
+
+#include "base/sample.h"
+#include "case/case.h"
+
+#include <stdio.h>
+
+#define MOTION_DEPTH_MAX 0.05 // mm
+
+enum motion_verb {
+    MOTION_APPROACH, // an instrument goes in through a portal
+    MOTION_PALPATE,  // the probe slides along a straight line, projected on a group's surface
+    MOTION_FLEX,
+    MOTION_VALGUS,
+    MOTION_BITE, // an instrument opens, goes to a point of a group, and closes
+    MOTION_WITHDRAW,
+    MOTION_VERB_COUNT
+};
+
+struct motion_step {
+    enum motion_verb verb;
+    enum channel tool;
+    char name[CASE_NAME_MAX]; // of the portal or the group
+    bool has_points; // a bite without one takes the nearest reachable to the group's middle
+    vec3 from, to;   // the group's frame, x lateral on both knees
+    double angle_deg;
+};
+
+const char *motion_verb_name(enum motion_verb verb); // as the script spells it
+
+#define MOTION_STEPS_MAX 256
+
+struct motion_script {
+    double rate_hz;
+    double speed_mm_s;        // a tip's highest speed
+    double joint_speed_deg_s; // the joint's
+    double tremor_mm;         // root mean square of a tip's tremor, 8 to 12 Hz
+    int64_t seed;
+    int step_count;
+    struct motion_step steps[MOTION_STEPS_MAX];
+};
+
+// Reads a script (INI); cases/README.md describes it. The error names file, section, key, range.
+enum result motion_script_load(const char *path, struct motion_script *out_script,
+                               struct error *err);
+
+struct motion_tool {
+    enum channel channel;
+    vec3 portal;
+};
+
+struct motion_tool_state {
+    pose T_mockup_tip; // the quaternion's sign never jumps
+    double opening;    // 0 closed, 1 open
+};
+
+struct motion_row {
+    double t_seconds;
+    struct joint_angles joint;
+    struct motion_tool_state tools[INSTRUMENT_COUNT];
+    const struct case_group *touch; // what the probe's tip touches, or NULL
+};
+
+struct motion {
+    int tool_count; // those that the script names, in its order
+    struct motion_tool tools[INSTRUMENT_COUNT];
+    size_t row_count;
+    struct motion_row *rows;
+};
+
+// Plays the script on a case. RESULT_MISSING: the case has no such group or portal;
+// RESULT_INVALID: a line that cannot be reached from the portal, or leaves the surface. The error
+// names the step by its number and verb. The motion points into the case; the caller releases it.
+enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
+                        struct motion *out_motion, struct error *err);
+void motion_fini(struct motion *motion);
+
+// The columns are described in cases/README.md. RESULT_IO where the file does not take them.
+enum result motion_write(const struct motion *motion, FILE *file, struct error *err);

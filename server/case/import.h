@@ -1,0 +1,44 @@
+// Meshes of any scan or model to a case.
+//
+// Each file has a frame of its own, T_common_file (millimetres), into one common frame; one turn
+// takes the common frame to the case's: x to the right of the patient, y anterior, z proximal.
+#pragma once
+
+#include "case/case.h"
+
+struct import_source {
+    const char *path;
+    double mm_per_unit; // of the file
+    pose T_case_file;   // after scaling to mm
+};
+
+struct import_counts {
+    uint32_t dropped; // triangles with a repeated corner
+    bool turned;      // was closed and inside out: all triangles were turned
+};
+
+// Reads a PLY, OBJ, STL or OFF file into the case's frame. The caller releases *out_mesh with
+// mesh_fini. Refused, naming the path: a file over the limits, what its reader does not understand,
+// what mesh_validate refuses.
+enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
+                        struct mesh *out_mesh, struct import_counts *out_counts, struct error *err);
+
+// The turn T_case_common from three letters that say where x, y, z of the common frame point: R or
+// L (right, left of the patient), A or P (anterior, posterior), S or I (superior, inferior).
+// "RAS" is the case's own frame. False for anything else, and for left-handed ones.
+bool import_axes(const char *letters, pose *out_T_case_common);
+
+// The body that a group of this name belongs to where nobody says otherwise: patella*: patella;
+// tibia* and meniscus*: tibia; all others: femur.
+enum body import_default_body(const char *group);
+
+// RESULT_INVALID where tibia or femur are too small or large for a knee: the middle one of the
+// three sides of the box is 40 to 130 mm for a grown patient. The text names the unit, of mm, cm
+// and m, that would fit. Groups that are missing are passed over.
+enum result import_check_size(struct knee_case *knee, double mm_per_unit, struct error *err);
+
+// Where the joint frame lies in the femur's frame, from the distal 35 mm of the femur in the case's
+// frame: not turned; its origin in the middle from left to right, and r above the distal and before
+// the posterior end, where r, 0.27 times the width, is the radius of the posterior condyles. Good
+// to some millimetres. The femur must be there.
+pose import_estimate_joint(struct knee_case *knee);

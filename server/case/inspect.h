@@ -1,0 +1,39 @@
+// What can be seen of a case without a session: structure, units, places.
+#pragma once
+
+#include "case/case.h"
+
+enum finding_level { FINDING_WARNING, FINDING_FAULT };
+
+struct finding {
+    enum finding_level level;
+    char where[CASE_NAME_MAX]; // group, portal or "joint"
+    char text[160];
+};
+
+#define FINDINGS_MAX 256
+
+struct inspection {
+    int count; // what goes beyond FINDINGS_MAX is dropped; faults are counted all the same
+    int faults;
+    struct finding findings[FINDINGS_MAX];
+};
+
+// Faults: a tibia or femur that is not the size of a knee, a closed group that is inside out,
+// a displacement of more than 30 mm, a portal off the skin or pointing away from the joint, bones
+// or menisci that do not lie as the side and the frame (x right, y anterior, z proximal) say, a
+// joint centre outside of the knee. Warnings: open or not manifold surfaces, menisci and patella
+// of unusual size, groups that a session could use but are not there. The case must have passed
+// case_validate.
+void inspect_case(struct knee_case *knee, struct inspection *out_inspection);
+
+// The largest length of a displacement, mm; 0 for NULL.
+double inspect_largest(const struct case_group *group, const float *displacement);
+
+// Origin of the joint frame in the femur's frame.
+vec3 inspect_joint_centre(const struct knee_case *knee);
+
+// A point on top of the medial tibial plateau, in the tibia's frame: above the middle (front to
+// back) of the tibia's upper 15 mm, a quarter of its width to the medial side of the joint's
+// centre. False where there is no surface below.
+bool inspect_medial_plateau(struct knee_case *knee, vec3 *out_point);

@@ -25,6 +25,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/number.h"
 #include "device/drivers.h"
 #include "device/options.h"
 #include "device/socket.h"
@@ -79,7 +80,8 @@ static bool parse_value(const char *text, struct value *v) {
     bool ended = false;
     for (word = strtok_r(copy, " \t", &rest); word; word = strtok_r(NULL, " \t", &rest)) {
         bool sign = !strcmp(word, "signed"), unsign = !strcmp(word, "unsigned");
-        if (ended || (!sign && !unsign && (count == 3 || !parse_numbers(word, 1, &numbers[count]))))
+        if (ended ||
+            (!sign && !unsign && (count == 3 || !number_double(word, -1e9, 1e9, &numbers[count]))))
             return false;
         count += !sign && !unsign;
         ended = sign || unsign;

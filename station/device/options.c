@@ -1,8 +1,9 @@
 #include "device/options.h"
 
+#include "base/number.h"
+
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum result option_fail(const struct device_config *config, const char *key, struct error *err,
@@ -71,22 +72,11 @@ enum result option_required(const struct device_config *config, const char *key,
     return RESULT_OK;
 }
 
-bool parse_numbers(const char *text, int count, double *out_numbers) {
-    for (int i = 0; i < count; i++) {
-        char *end;
-        out_numbers[i] = strtod(text, &end);
-        if (end == text || !isfinite(out_numbers[i]))
-            return false;
-        text = end;
-    }
-    return text[strspn(text, " \t")] == 0;
-}
-
 enum result option_number(const struct device_config *config, const char *key, double low,
                           double high, double otherwise, double *out_value, struct error *err) {
     const char *text = option_text(config, key);
     *out_value = otherwise;
-    if (text && (!parse_numbers(text, 1, out_value) || *out_value < low || *out_value > high))
+    if (text && !number_double(text, low, high, out_value))
         return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not a number from %g to %g",
                            text, low, high);
     return RESULT_OK;
@@ -94,21 +84,20 @@ enum result option_number(const struct device_config *config, const char *key, d
 
 enum result option_integer(const struct device_config *config, const char *key, int low, int high,
                            int otherwise, int *out_value, struct error *err) {
-    double value;
-    if (option_number(config, key, low, high, otherwise, &value, err) != RESULT_OK)
-        return RESULT_INVALID;
+    const char *text = option_text(config, key);
+    int64_t value = otherwise;
+    if (text && !number_int(text, low, high, &value))
+        return option_fail(config, key, err, RESULT_INVALID,
+                           "\"%s\" is not a whole number from %d to %d", text, low, high);
     *out_value = (int)value;
-    if (*out_value != value)
-        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is not a whole number",
-                           option_text(config, key));
     return RESULT_OK;
 }
 
-enum result option_yes_no(const struct device_config *config, const char *key, bool otherwise,
+enum result option_switch(const struct device_config *config, const char *key, bool otherwise,
                           bool *out_value, struct error *err) {
     const char *text = option_text(config, key);
-    *out_value = text ? !strcmp(text, "yes") : otherwise;
-    if (text && strcmp(text, "yes") && strcmp(text, "no"))
+    *out_value = otherwise;
+    if (text && !number_bool(text, out_value))
         return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is neither yes nor no", text);
     return RESULT_OK;
 }
@@ -122,22 +111,11 @@ enum result option_channel(const struct device_config *config, const char *key,
     return RESULT_OK;
 }
 
-bool parse_pose(const char *text, pose *out_pose) {
-    double n[7];
-    if (!parse_numbers(text, 7, n))
-        return false;
-    quat q = {n[3], n[4], n[5], n[6]};
-    if (fabs(sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z) - 1) > 1e-2)
-        return false;
-    *out_pose = (pose){quat_unit(q), {n[0], n[1], n[2]}};
-    return true;
-}
-
 enum result option_pose(const struct device_config *config, const char *key, pose *out_pose,
                         struct error *err) {
     const char *text = option_text(config, key);
     *out_pose = pose_identity();
-    if (text && !parse_pose(text, out_pose))
+    if (text && !number_pose(text, out_pose))
         return option_fail(config, key, err, RESULT_INVALID,
                            "\"%s\" is no pose: x y z (mm) and a unit quaternion qw qx qy qz", text);
     return RESULT_OK;

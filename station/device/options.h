@@ -32,21 +32,15 @@ enum result option_number(const struct device_config *config, const char *key, d
                           double high, double otherwise, double *out_value, struct error *err);
 enum result option_integer(const struct device_config *config, const char *key, int low, int high,
                            int otherwise, int *out_value, struct error *err);
-enum result option_yes_no(const struct device_config *config, const char *key, bool otherwise,
+enum result option_switch(const struct device_config *config, const char *key, bool otherwise,
                           bool *out_value, struct error *err);
 enum result option_channel(const struct device_config *config, const char *key,
                            enum channel otherwise, enum channel *out_channel, struct error *err);
 
-// "x y z qw qx qy qz" in mm; the quaternion is normalised. The identity where absent.
+// As number_pose reads it. The identity where absent.
 enum result option_pose(const struct device_config *config, const char *key, pose *out_pose,
                         struct error *err);
 
 // The poses PREFIX.CHANNEL of all channels.
 enum result option_poses(const struct device_config *config, const char *prefix,
                          pose out_poses[CHANNEL_COUNT], struct error *err);
-
-// Exactly `count` finite numbers and nothing else.
-bool parse_numbers(const char *text, int count, double *out_numbers);
-
-// What option_pose reads, for other places than a config.
-bool parse_pose(const char *text, pose *out_pose);

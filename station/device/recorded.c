@@ -35,7 +35,7 @@ static enum result configure(struct recorded *d, const struct device_config *con
     if (result == RESULT_OK && channel == CHANNEL_JOINT)
         result = option_fail(config, "channel", err, RESULT_INVALID, "the joint is no tool");
     if (result == RESULT_OK)
-        result = option_yes_no(config, "loop", true, &d->loop, err);
+        result = option_switch(config, "loop", true, &d->loop, err);
     if (result == RESULT_OK)
         result = option_pose(config, "T_mockup_tracker", &d->T_mockup_tracker, err);
     if (result == RESULT_OK)

@@ -3,7 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "device/options.h"
+#include "base/number.h"
 #include "device/socket.h"
 #include "slave.h"
 #include "tracker_server.h"
@@ -54,16 +54,12 @@ struct mockup {
 // ---- options
 // -------------------------------------------------------------------------------------
 
-static bool parse_number(const char *text, double low, double high, double *out) {
-    return parse_numbers(text, 1, out) && *out >= low && *out <= high;
-}
-
 static bool parse_whole(const char *text, int low, int high, int *out) {
-    double value;
-    if (!parse_number(text, low, high, &value))
+    int64_t value;
+    if (!number_int(text, low, high, &value))
         return false;
     *out = (int)value;
-    return *out == value;
+    return true;
 }
 
 static bool parse_message(const char *text, enum message_type *out) {
@@ -85,7 +81,7 @@ static bool parse_tip(struct mockup *m, const char *text) {
     memcpy(name, text, (size_t)(equals - text));
     name[equals - text] = 0;
     return channel_from_name(name, &channel) &&
-           parse_pose(equals + 1, &m->tracker.T_tool_tip[channel]);
+           number_pose(equals + 1, &m->tracker.T_tool_tip[channel]);
 }
 
 static bool parse_silence(struct mockup *m, const char *text) {
@@ -171,9 +167,8 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         m->rtu_path = text;
         return true;
     case MODBUS_RATE:
-        m->rtu.update_hz = 0;
-        return parse_number(text, 1, 10000, &m->tcp.update_hz) &&
-               parse_number(text, 1, 10000, &m->rtu.update_hz);
+        return number_double(text, 1, 10000, &m->tcp.update_hz) &&
+               number_double(text, 1, 10000, &m->rtu.update_hz);
     case SLAVE:
         return parse_whole(text, 1, 247, &m->tcp.number) &&
                parse_whole(text, 1, 247, &m->rtu.number);
@@ -185,9 +180,9 @@ static bool set_option(struct mockup *m, int code, const char *text) {
     case HEADER_VERSION:
         return parse_whole(text, 1, 3, &m->tracker.header_version);
     case RATE:
-        return parse_number(text, 1, 10000, &m->tracker.rate_hz);
+        return number_double(text, 1, 10000, &m->tracker.rate_hz);
     case T_TRACKER_MOCKUP:
-        return parse_pose(text, &m->tracker.T_tracker_mockup);
+        return number_pose(text, &m->tracker.T_tracker_mockup);
     case T_TOOL_TIP:
         return parse_tip(m, text);
     case SILENT:

@@ -1,0 +1,304 @@
+#include "net/console.h"
+
+#include "base/check.h"
+
+#include <errno.h>
+#include <libwebsockets.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#define CALLERS_MAX 32
+#define CALL_PATIENCE_US (10 * LWS_USEC_PER_SEC)
+
+// One message in each direction, and libwebsockets' room before what goes out.
+struct exchange {
+    size_t in_size, out_size;
+    uint8_t in[WIRE_CONSOLE_MAX];
+    uint8_t header[LWS_PRE];
+    uint8_t out[WIRE_CONSOLE_MAX];
+};
+
+// False: too long. *out_whole: all of the message is there.
+static bool collect(struct exchange *x, struct lws *socket, const void *bytes, size_t size,
+                    bool *out_whole) {
+    if (size > sizeof x->in - x->in_size)
+        return false;
+    memcpy(x->in + x->in_size, bytes, size);
+    x->in_size += size;
+    *out_whole = !lws_remaining_packet_payload(socket) && lws_is_final_fragment(socket);
+    return true;
+}
+
+static int write_out(struct exchange *x, struct lws *socket) {
+    size_t size = x->out_size;
+    x->out_size = 0;
+    return size && lws_write(socket, x->out, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
+}
+
+// ---- the server's end ---------------------------------------------------------------------------
+
+struct console {
+    struct console_handler handler;
+    struct lws_context *context;
+    pthread_t thread;
+    atomic_bool stopping;
+    arthron_Console asked, answer;
+};
+
+static int answer_command(struct console *console, struct exchange *x, struct lws *socket) {
+    struct error err;
+    size_t size = x->in_size;
+    x->in_size = 0;
+    if (wire_decode_console(x->in, size, &console->asked, &err) != RESULT_OK)
+        return -1;
+    console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
+    arthron_CommandReply *reply = &console->answer.message.command_reply;
+    if (console->asked.which_message == arthron_Console_command_tag)
+        console->handler.on_command(console->handler.user, &console->asked.message.command, reply);
+    else
+        strcpy(reply->text, "this server does not know that message");
+    enum result result = wire_encode_console(&console->answer, x->out, sizeof x->out, &x->out_size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
+    lws_callback_on_writable(socket);
+    return 0;
+}
+
+static int hear(struct console *console, struct exchange *x, struct lws *socket, const void *bytes,
+                size_t size) {
+    bool whole;
+    if (x->out_size || !collect(x, socket, bytes, size, &whole))
+        return -1;
+    return whole ? answer_command(console, x, socket) : 0;
+}
+
+static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                     size_t size) {
+    struct console *console = lws_context_user(lws_get_context(socket));
+    switch (reason) {
+    case LWS_CALLBACK_RECEIVE:
+        return hear(console, user, socket, bytes, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+        return write_out(user, socket);
+    default:
+        return 0;
+    }
+}
+
+static int on_other(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                    size_t size) {
+    (void)socket, (void)user, (void)bytes, (void)size;
+    return reason == LWS_CALLBACK_HTTP || reason == LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION ? -1
+                                                                                            : 0;
+}
+
+static void *serve(void *argument) {
+    struct console *console = argument;
+    while (!atomic_load(&console->stopping))
+        lws_service(console->context, 0);
+    lws_context_destroy(console->context);
+    return NULL;
+}
+
+static enum result check_path(const char *path, struct error *err) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    if (strlen(path) >= sizeof address.sun_path)
+        return fail(err, RESULT_LIMIT, "%s: a socket's path has at most %zu characters", path,
+                    sizeof address.sun_path - 1);
+    strcpy(address.sun_path, path);
+    struct stat status;
+    if (lstat(path, &status) == 0 && !S_ISSOCK(status.st_mode))
+        return fail(err, RESULT_REFUSED, "%s: is there, and is no socket", path);
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(fd >= 0);
+    bool answers = connect(fd, (struct sockaddr *)&address, sizeof address) == 0;
+    close(fd);
+    if (answers)
+        return fail(err, RESULT_REFUSED, "%s: another server is running", path);
+    return RESULT_OK;
+}
+
+static enum result listen_at(struct console *console, const char *path, struct error *err) {
+    static const struct lws_protocols protocols[] = {
+        {.name = "other", .callback = on_other},
+        {.name = WIRE_CONSOLE_SUBPROTOCOL,
+         .callback = on_caller,
+         .per_session_data_size = sizeof(struct exchange)},
+        {0},
+    };
+    struct lws_context_creation_info info = {
+        .iface = path,
+        .protocols = protocols,
+        .options = LWS_SERVER_OPTION_UNIX_SOCK | LWS_SERVER_OPTION_EXPLICIT_VHOSTS |
+                   LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND,
+        .fd_limit_per_thread = CALLERS_MAX,
+        .vhost_name = "console",
+        .user = console,
+        .gid = -1,
+        .uid = -1,
+    };
+    console->context = lws_create_context(&info);
+    CHECK(console->context);
+    mode_t before = umask(0177); // the socket is never open to others, not for a moment
+    struct lws_vhost *vhost = lws_create_vhost(console->context, &info);
+    umask(before);
+    if (!vhost || chmod(path, 0600))
+        return fail(err, RESULT_IO, "%s: cannot listen: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
+enum result console_create(const char *socket_path, const struct console_handler *handler,
+                           struct console **out_console, struct error *err) {
+    *out_console = NULL;
+    enum result result = check_path(socket_path, err);
+    if (result != RESULT_OK)
+        return result;
+    lws_set_log_level(0, NULL);
+    struct console *console = alloc(1, sizeof *console);
+    console->handler = *handler;
+    result = listen_at(console, socket_path, err);
+    if (result != RESULT_OK) {
+        lws_context_destroy(console->context);
+        free(console);
+        return result;
+    }
+    *out_console = console; // before the thread runs: its handler may ask for it
+    CHECK(pthread_create(&console->thread, NULL, serve, console) == 0);
+    return RESULT_OK;
+}
+
+void console_destroy(struct console **console) {
+    struct console *c = *console;
+    atomic_store(&c->stopping, true);
+    lws_cancel_service(c->context);
+    pthread_join(c->thread, NULL);
+    free(c);
+    *console = NULL;
+}
+
+// ---- the caller's end ---------------------------------------------------------------------------
+
+struct call {
+    const char *path;
+    struct exchange exchange;
+    arthron_CommandReply *reply;
+    arthron_Console answer;
+    lws_sorted_usec_list_t patience;
+    bool done;
+    enum result result;
+    struct error *err;
+};
+
+static void finish(struct call *call, enum result result, const char *text) {
+    if (call->done)
+        return;
+    call->done = true;
+    call->result = result;
+    if (result != RESULT_OK)
+        fail(call->err, result, "%s: %s", call->path, text);
+}
+
+static void read_reply(struct call *call) {
+    struct exchange *x = &call->exchange;
+    struct error err;
+    if (wire_decode_console(x->in, x->in_size, &call->answer, &err) != RESULT_OK) {
+        finish(call, RESULT_FORMAT, err.text);
+    } else if (call->answer.which_message != arthron_Console_command_reply_tag) {
+        finish(call, RESULT_FORMAT, "the server's answer is no reply to a command");
+    } else {
+        *call->reply = call->answer.message.command_reply;
+        finish(call, RESULT_OK, NULL);
+    }
+}
+
+static int hear_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
+    bool whole = false;
+    if (!collect(&call->exchange, socket, bytes, size, &whole))
+        finish(call, RESULT_LIMIT, "the server's answer is too long");
+    else if (whole)
+        read_reply(call);
+    return call->done ? -1 : 0;
+}
+
+static int on_server(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                     size_t size) {
+    (void)user;
+    struct call *call = lws_context_user(lws_get_context(socket));
+    switch (reason) {
+    case LWS_CALLBACK_CLIENT_ESTABLISHED:
+        lws_callback_on_writable(socket);
+        return 0;
+    case LWS_CALLBACK_CLIENT_WRITEABLE:
+        return write_out(&call->exchange, socket);
+    case LWS_CALLBACK_CLIENT_RECEIVE:
+        return hear_reply(call, socket, bytes, size);
+    case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
+        finish(call, RESULT_MISSING, "no server answers there");
+        return 0;
+    case LWS_CALLBACK_CLIENT_CLOSED:
+        finish(call, RESULT_CLOSED, "the server closed the connection without an answer");
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+static void lose_patience(lws_sorted_usec_list_t *patience) {
+    finish(lws_container_of(patience, struct call, patience), RESULT_TIMEOUT,
+           "no answer within 10 s");
+}
+
+static void make_call(struct call *call) {
+    static const struct lws_protocols protocols[] = {
+        {.name = WIRE_CONSOLE_SUBPROTOCOL, .callback = on_server},
+        {0},
+    };
+    char address[sizeof((struct sockaddr_un *)0)->sun_path + 2];
+    struct lws_context_creation_info info = {
+        .port = CONTEXT_PORT_NO_LISTEN,
+        .protocols = protocols,
+        .user = call,
+        .gid = -1,
+        .uid = -1,
+    };
+    lws_set_log_level(0, NULL);
+    struct lws_context *context = lws_create_context(&info);
+    CHECK(context);
+    snprintf(address, sizeof address, "+%s", call->path); // "+": a UNIX socket
+    struct lws_client_connect_info to = {
+        .context = context,
+        .address = address,
+        .host = "localhost",
+        .origin = "localhost",
+        .path = "/",
+        .protocol = WIRE_CONSOLE_SUBPROTOCOL,
+    };
+    lws_sul_schedule(context, 0, &call->patience, lose_patience, CALL_PATIENCE_US);
+    if (!lws_client_connect_via_info(&to))
+        finish(call, RESULT_MISSING, "no server answers there");
+    while (!call->done)
+        lws_service(context, 0);
+    lws_context_destroy(context);
+}
+
+enum result console_call(const char *socket_path, const arthron_Command *command,
+                         arthron_CommandReply *out_reply, struct error *err) {
+    struct call *call = alloc(1, sizeof *call);
+    call->path = socket_path;
+    call->reply = out_reply;
+    call->err = err;
+    call->answer = (arthron_Console){.which_message = arthron_Console_command_tag,
+                                     .message.command = *command};
+    enum result result = wire_encode_console(&call->answer, call->exchange.out,
+                                             sizeof call->exchange.out, &call->exchange.out_size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
+    make_call(call);
+    result = call->result;
+    free(call);
+    return result;
+}

@@ -1,0 +1,266 @@
+// A station's first contact: a key of its own, and a certificate in exchange for a one-time code.
+#include "base/check.h"
+#include "link/link.h"
+#include "link/trust.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <libwebsockets.h>
+#include <openssl/crypto.h>
+#include <openssl/ec.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define PATIENCE_US (15 * LWS_USEC_PER_SEC)
+
+struct enrolment {
+    const char *host;
+    int port;
+    struct trust trust;
+    struct lws_context *context;
+    lws_sorted_usec_list_t patience;
+    bool done;
+    enum result result;
+    struct error *err;
+    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the request
+    uint8_t request[WIRE_CONTROL_MAX];
+    size_t request_size, used;
+    uint8_t answer[WIRE_CONTROL_MAX];
+    arthron_Enrolled enrolled;
+};
+
+// ---- the conversation ---------------------------------------------------------------------------
+
+static void finish(struct enrolment *e, enum result result, const char *text) {
+    if (e->done)
+        return;
+    e->done = true;
+    e->result = result;
+    if (result != RESULT_OK)
+        fail(e->err, result, "%s, port %d: %s", e->host, e->port, text);
+}
+
+static void read_answer(struct enrolment *e) {
+    arthron_Control message;
+    struct error err;
+    if (wire_decode_control(e->answer, e->used, &message, &err) != RESULT_OK) {
+        finish(e, RESULT_FORMAT, err.text);
+    } else if (message.which_message == arthron_Control_enrolled_tag) {
+        e->enrolled = message.message.enrolled;
+        finish(e, RESULT_OK, NULL);
+    } else if (message.which_message == arthron_Control_refusal_tag) {
+        finish(e, RESULT_REFUSED, message.message.refusal.text);
+    } else {
+        finish(e, RESULT_FORMAT, "the server's answer is no certificate");
+    }
+}
+
+static int hear(struct enrolment *e, struct lws *socket, const void *bytes, size_t size) {
+    if (size > sizeof e->answer - e->used) {
+        finish(e, RESULT_LIMIT, "the server's answer is too long");
+        return -1;
+    }
+    memcpy(e->answer + e->used, bytes, size);
+    e->used += size;
+    if (!lws_remaining_packet_payload(socket) && lws_is_final_fragment(socket))
+        read_answer(e);
+    return e->done ? -1 : 0;
+}
+
+static int ask(struct enrolment *e, struct lws *socket) {
+    size_t size = e->request_size;
+    e->request_size = 0;
+    return size && lws_write(socket, e->request, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
+}
+
+static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                    size_t size) {
+    (void)user;
+    struct enrolment *e = lws_context_user(lws_get_context(socket));
+    switch (reason) {
+    case LWS_CALLBACK_CLIENT_ESTABLISHED:
+        lws_callback_on_writable(socket);
+        return 0;
+    case LWS_CALLBACK_CLIENT_WRITEABLE:
+        return ask(e, socket);
+    case LWS_CALLBACK_CLIENT_RECEIVE:
+        return hear(e, socket, bytes, size);
+    case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
+        finish(e, e->trust.problem[0] ? RESULT_REFUSED : RESULT_IO,
+               e->trust.problem[0] ? e->trust.problem
+               : bytes             ? (const char *)bytes
+                                   : "no connection");
+        return 0;
+    case LWS_CALLBACK_CLIENT_CLOSED:
+        finish(e, RESULT_CLOSED, "the server closed the connection without an answer");
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+static void lose_patience(lws_sorted_usec_list_t *patience) {
+    finish(lws_container_of(patience, struct enrolment, patience), RESULT_TIMEOUT,
+           "no answer within 15 s");
+}
+
+static void converse(struct enrolment *e) {
+    static const struct lws_protocols protocols[] = {
+        {.name = WIRE_ENROL_SUBPROTOCOL, .callback = on_event},
+        {0},
+    };
+    struct lws_context_creation_info info = {
+        .port = CONTEXT_PORT_NO_LISTEN,
+        .protocols = protocols,
+        .provided_client_ssl_ctx = e->trust.context,
+        .options = LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT,
+        .user = e,
+        .gid = -1,
+        .uid = -1,
+    };
+    lws_set_log_level(0, NULL);
+    e->context = lws_create_context(&info);
+    CHECK(e->context);
+    struct lws_client_connect_info to = {
+        .context = e->context,
+        .address = e->host,
+        .port = e->port,
+        .host = e->host,
+        .origin = e->host,
+        .path = "/",
+        .protocol = WIRE_ENROL_SUBPROTOCOL,
+        .alpn = "http/1.1",
+        // trust.c checks the name, for addresses too
+        .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
+    };
+    lws_sul_schedule(e->context, 0, &e->patience, lose_patience, PATIENCE_US);
+    if (!lws_client_connect_via_info(&to))
+        finish(e, RESULT_IO, "no connection");
+    while (!e->done)
+        lws_service(e->context, 0);
+    lws_context_destroy(e->context);
+}
+
+// ---- the request --------------------------------------------------------------------------------
+
+static size_t encode_request(EVP_PKEY *key, const char *station, uint8_t *der, size_t size) {
+    X509_REQ *request = X509_REQ_new();
+    CHECK(request);
+    X509_NAME *name = X509_REQ_get_subject_name(request);
+    int made = X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_UTF8, (const uint8_t *)station, -1,
+                                          -1, 0) == 1 &&
+               X509_REQ_set_pubkey(request, key) == 1 &&
+               X509_REQ_sign(request, key, EVP_sha256()) > 0;
+    int length = made ? i2d_X509_REQ(request, NULL) : 0;
+    if (length > 0 && (size_t)length <= size)
+        i2d_X509_REQ(request, &der);
+    X509_REQ_free(request);
+    return length > 0 && (size_t)length <= size ? (size_t)length : 0;
+}
+
+static enum result prepare(struct enrolment *e, const char *code, const char *station,
+                           EVP_PKEY *key, struct error *err) {
+    arthron_Control message = {.which_message = arthron_Control_enrol_tag};
+    arthron_Enrol *enrol = &message.message.enrol;
+    size_t size =
+        encode_request(key, station, enrol->request_der.bytes, sizeof enrol->request_der.bytes);
+    if (!size || strlen(code) >= sizeof enrol->code)
+        return fail(err, RESULT_INVALID, "'%s' cannot be the name of a station", station);
+    enrol->request_der.size = (pb_size_t)size;
+    strcpy(enrol->code, code);
+    return wire_encode_control(&message, e->request, sizeof e->request, &e->request_size);
+}
+
+// ---- the files ----------------------------------------------------------------------------------
+
+typedef int write_pem(FILE *file, const void *object);
+
+static int write_key(FILE *file, const void *key) {
+    return PEM_write_PrivateKey(file, key, NULL, NULL, 0, NULL, NULL);
+}
+
+static int write_certificate(FILE *file, const void *certificate) {
+    return PEM_write_X509(file, certificate);
+}
+
+// Written whole under another name, then renamed: a reader sees the old file or the new one.
+static enum result replace_file(const char *dir, const char *name, mode_t mode, write_pem *write,
+                                const void *object, struct error *err) {
+    char path[4096], part[4096 + 8];
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    snprintf(part, sizeof part, "%s.part", path);
+    unlink(part);
+    int fd = open(part, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    FILE *file = fd >= 0 ? fdopen(fd, "w") : NULL;
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", part, strerror(errno));
+    bool written = write(file, object) == 1 && fflush(file) == 0 && fsync(fd) == 0;
+    if (fclose(file) || !written || rename(part, path)) {
+        fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+        unlink(part);
+        return RESULT_IO;
+    }
+    return RESULT_OK;
+}
+
+static X509 *read_der(const uint8_t *der, size_t size) {
+    return d2i_X509(NULL, &der, (long)size);
+}
+
+static bool is_named_authority(const struct enrolment *e) {
+    uint8_t fingerprint[CODE_FINGERPRINT_SIZE];
+    code_fingerprint(e->enrolled.authority_der.bytes, e->enrolled.authority_der.size, fingerprint);
+    return !CRYPTO_memcmp(fingerprint, e->trust.code->fingerprint, sizeof fingerprint);
+}
+
+static enum result write_files(const struct enrolment *e, EVP_PKEY *key, const char *dir,
+                               struct error *err) {
+    X509 *certificate =
+        read_der(e->enrolled.certificate_der.bytes, e->enrolled.certificate_der.size);
+    X509 *authority = read_der(e->enrolled.authority_der.bytes, e->enrolled.authority_der.size);
+    enum result result = RESULT_OK;
+    if (!certificate || !authority || X509_check_private_key(certificate, key) != 1)
+        result = fail(err, RESULT_FORMAT, "the server sent no certificate for this station's key");
+    else if (!is_named_authority(e))
+        result =
+            fail(err, RESULT_REFUSED, "the server sent an authority that the code does not name");
+    else if (mkdir(dir, 0700) && errno != EEXIST)
+        result = fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    if (result == RESULT_OK)
+        result = replace_file(dir, "station.key", 0600, write_key, key, err);
+    if (result == RESULT_OK)
+        result = replace_file(dir, "station.pem", 0644, write_certificate, certificate, err);
+    if (result == RESULT_OK)
+        result = replace_file(dir, "authority.pem", 0644, write_certificate, authority, err);
+    X509_free(certificate);
+    X509_free(authority);
+    return result;
+}
+
+enum result link_enrol(const char *host, int port, const char *code_text, const char *station,
+                       const char *keys_dir, struct error *err) {
+    struct enrolment e = {.host = host, .port = port, .err = err};
+    struct code code;
+    enum result result = code_read(code_text, &code, err);
+    if (result != RESULT_OK)
+        return result;
+    result = trust_init_code(&e.trust, &code, host, err);
+    if (result != RESULT_OK)
+        return result;
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    CHECK(key);
+    result = prepare(&e, code_text, station, key, err);
+    if (result == RESULT_OK) {
+        converse(&e);
+        result = e.result;
+    }
+    if (result == RESULT_OK)
+        result = write_files(&e, key, keys_dir, err);
+    EVP_PKEY_free(key);
+    trust_fini(&e.trust);
+    return result;
+}

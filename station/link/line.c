@@ -1,0 +1,369 @@
+// The control connection: libwebsockets' client in a thread of its own, reconnecting for ever.
+#include "base/check.h"
+#include "base/log.h"
+#include "link/link_parts.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define FAST_PINGS 10
+#define FAST_PING_US (20 * LWS_US_PER_MS)
+#define PING_US LWS_USEC_PER_SEC
+#define SILENCE_NS (5 * NS_PER_S)
+#define CONNECT_S 5
+#define QUEUE_LENGTH 16
+#define REMOTE_TIME_MAX (1LL << 60) // beyond it differences of times could overflow
+
+static const uint32_t delays_ms[] = {100, 200, 400, 800, 1600, 3200, 4000};
+static const lws_retry_bo_t backoff = {
+    .retry_ms_table = delays_ms,
+    .retry_ms_table_count = sizeof delays_ms / sizeof *delays_ms,
+    .conceal_count = LWS_RETRY_CONCEAL_ALWAYS,
+    .jitter_percent = 25,
+};
+
+// ---- saying -------------------------------------------------------------------------------------
+
+static void say(struct link *link, const arthron_Control *message) {
+    struct outgoing out;
+    size_t size;
+    enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
+    out.size = (uint32_t)size;
+    if (!ring_push(link->line.queue, &out)) // the server floods us, or takes nothing
+        lws_set_timeout(link->line.socket, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+    lws_callback_on_writable(link->line.socket);
+}
+
+static void say_hello(struct link *link) {
+    const struct link_config *config = &link->config;
+    arthron_Control message = {.which_message = arthron_Control_hello_tag};
+    arthron_Hello *hello = &message.message.hello;
+    hello->version_min = WIRE_VERSION_MIN;
+    hello->version_max = WIRE_VERSION_MAX;
+    if (config->datagrams)
+        strcpy(hello->capabilities[hello->capabilities_count++], "datagrams");
+    snprintf(hello->station, sizeof hello->station, "%s", config->station);
+    snprintf(hello->software, sizeof hello->software, "%s", config->software);
+    hello->devices_count = (pb_size_t)config->device_count;
+    memcpy(hello->devices, config->devices, sizeof hello->devices);
+    hello->connection = link->id;
+    say(link, &message);
+}
+
+static int write_next(struct link *link) {
+    struct outgoing out;
+    struct line *line = &link->line;
+    if (!ring_pop(line->queue, &out) && !ring_pop(link->frames, &out))
+        return 0;
+    if (lws_write(line->socket, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
+        return -1;
+    lws_callback_on_writable(line->socket);
+    return 0;
+}
+
+// ---- hearing ------------------------------------------------------------------------------------
+
+static bool hand_over(struct link *link, struct arrival *arrival) {
+    uint64_t one = 1;
+    arrival->connect = atomic_load(&link->connects);
+    if (!ring_push(link->arrivals, arrival))
+        return false;
+    return write(link->arrival_fd, &one, sizeof one) == sizeof one;
+}
+
+static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
+    link->line.welcomed = true;
+    atomic_fetch_add(&link->connects, 1);
+    pthread_mutex_lock(&link->lock);
+    link->status.welcomed = true;
+    link->status.state = (arthron_SessionState)welcome->state;
+    snprintf(link->status.session_case, sizeof link->status.session_case, "%s", welcome->case_name);
+    link->status.refusal[0] = '\0';
+    pthread_mutex_unlock(&link->lock);
+    link->line.attempts = 0;
+    link->line.trouble[0] = '\0';
+    log_info("link", "welcomed by %s, case %s", welcome->software, welcome->case_name);
+    lws_set_timer_usecs(link->line.socket, 0);
+}
+
+static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
+    pthread_mutex_lock(&link->lock);
+    bool again = !strcmp(link->status.refusal, refusal->text);
+    snprintf(link->status.refusal, sizeof link->status.refusal, "%s", refusal->text);
+    pthread_mutex_unlock(&link->lock);
+    if (!again)
+        log_warning("link", "the server refuses: %s", refusal->text);
+}
+
+static void hear_change(struct link *link, const arthron_SessionChange *change) {
+    pthread_mutex_lock(&link->lock);
+    link->status.state = (arthron_SessionState)change->state;
+    snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
+    pthread_mutex_unlock(&link->lock);
+}
+
+static void hear_ping(struct link *link, const arthron_Ping *ping, int64_t received_ns) {
+    arthron_Control answer = {.which_message = arthron_Control_pong_tag};
+    answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
+    say(link, &answer);
+}
+
+static bool is_remote_time(int64_t time_ns) {
+    return time_ns >= 0 && time_ns < REMOTE_TIME_MAX;
+}
+
+static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t received_ns) {
+    struct line *line = &link->line;
+    int64_t offset_ns, uncertainty_ns;
+    line->heard_ns = received_ns;
+    if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
+        !is_remote_time(pong->answered_ns) ||
+        !clock_offset_add(&line->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
+                          received_ns) ||
+        !clock_offset_get(&line->clock, received_ns, &offset_ns, &uncertainty_ns))
+        return;
+    pthread_mutex_lock(&link->lock);
+    link->status.clock_known = true;
+    link->status.clock_offset_ns = offset_ns;
+    link->status.clock_uncertainty_ns = uncertainty_ns;
+    pthread_mutex_unlock(&link->lock);
+    atomic_store(&link->ready, true);
+}
+
+static int hear_keys(struct link *link, const arthron_UdpKeys *keys) {
+    struct arrival arrival = {.is_keys = true, .keys = *keys};
+    socklen_t size = sizeof arrival.server;
+    if (!link->config.datagrams)
+        return 0;
+    if (getpeername(lws_get_socket_fd(link->line.socket), (struct sockaddr *)&arrival.server,
+                    &size))
+        return -1;
+    return hand_over(link, &arrival) ? 0 : -1;
+}
+
+static int hear_welcomed(struct link *link, const arthron_Control *message, int64_t now_ns) {
+    struct arrival arrival;
+    switch (message->which_message) {
+    case arthron_Control_session_change_tag:
+        hear_change(link, &message->message.session_change);
+        return 0;
+    case arthron_Control_ping_tag:
+        hear_ping(link, &message->message.ping, now_ns);
+        return 0;
+    case arthron_Control_pong_tag:
+        hear_pong(link, &message->message.pong, now_ns);
+        return 0;
+    case arthron_Control_udp_path_tag:
+        say(link, message);
+        return 0;
+    case arthron_Control_udp_keys_tag:
+        return hear_keys(link, &message->message.udp_keys);
+    case arthron_Control_reply_tag:
+        arrival = (struct arrival){.reply = message->message.reply};
+        hand_over(link, &arrival); // full: the caller does not wait for replies
+        return 0;
+    default:
+        log_warning("link", "the server said what only a station may say");
+        return -1;
+    }
+}
+
+static int hear_message(struct link *link, const arthron_Control *message, int64_t now_ns) {
+    if (message->which_message == 0) {
+        atomic_fetch_add(&link->unknown_messages, 1);
+    } else if (message->which_message == arthron_Control_refusal_tag) {
+        hear_refusal(link, &message->message.refusal);
+    } else if (link->line.welcomed) {
+        return hear_welcomed(link, message, now_ns);
+    } else if (message->which_message == arthron_Control_welcome_tag) {
+        hear_welcome(link, &message->message.welcome);
+    } else {
+        log_warning("link", "the server's first message is no Welcome");
+        return -1;
+    }
+    return 0;
+}
+
+static int hear(struct link *link, const void *bytes, size_t size) {
+    struct line *line = &link->line;
+    int64_t now_ns = clock_now_ns();
+    struct error err;
+    if (size > sizeof line->incoming - line->used) {
+        log_warning("link", "the server sent a message that is too long");
+        return -1;
+    }
+    memcpy(line->incoming + line->used, bytes, size);
+    line->used += size;
+    if (lws_remaining_packet_payload(line->socket) || !lws_is_final_fragment(line->socket))
+        return 0;
+    size_t whole = line->used;
+    line->used = 0;
+    if (wire_decode_control(line->incoming, whole, &line->message, &err) != RESULT_OK) {
+        log_warning("link", "a malformed message of the server: %s", err.text);
+        return -1;
+    }
+    return hear_message(link, &line->message, now_ns);
+}
+
+static int tick(struct link *link) {
+    struct line *line = &link->line;
+    arthron_Control message = {.which_message = arthron_Control_ping_tag};
+    int64_t now_ns = clock_now_ns();
+    if (line->pings && now_ns - line->heard_ns > SILENCE_NS) {
+        log_warning("link", "no answer from the server for 5 s");
+        return -1;
+    }
+    message.message.ping.sent_ns = now_ns;
+    say(link, &message);
+    line->pings++;
+    lws_set_timer_usecs(line->socket, line->pings < FAST_PINGS ? FAST_PING_US : PING_US);
+    return 0;
+}
+
+// ---- connecting ---------------------------------------------------------------------------------
+
+static void try_again(struct link *link);
+
+static void log_trouble(struct link *link, const char *text) {
+    char *last = link->line.trouble;
+    if (!strcmp(last, text))
+        return;
+    snprintf(last, sizeof link->line.trouble, "%s", text);
+    log_warning("link", "%s, port %d: %s", link->config.host, link->config.port, text);
+}
+
+static void connect_now(lws_sorted_usec_list_t *retry) {
+    struct line *line = lws_container_of(retry, struct line, retry);
+    struct link *link = lws_container_of(line, struct link, line);
+    struct lws_client_connect_info info = {
+        .context = line->context,
+        .address = link->config.host,
+        .port = link->config.port,
+        .host = link->config.host,
+        .origin = link->config.host,
+        .path = "/",
+        .protocol = WIRE_SUBPROTOCOL,
+        .alpn = "http/1.1",
+        // trust.c checks the name, for addresses too
+        .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
+        .pwsi = &line->socket,
+    };
+    if (!lws_client_connect_via_info(&info))
+        try_again(link);
+}
+
+static void try_again(struct link *link) {
+    link->line.socket = NULL;
+    if (!atomic_load(&link->stopping))
+        lws_retry_sul_schedule(link->line.context, 0, &link->line.retry, &backoff, connect_now,
+                               &link->line.attempts);
+}
+
+static void connected(struct link *link, struct lws *socket) {
+    struct line *line = &link->line;
+    struct outgoing stale;
+    while (ring_pop(line->queue, &stale) || ring_pop(link->frames, &stale))
+        ;
+    line->socket = socket;
+    line->clock = (struct clock_offset){0};
+    line->pings = 0;
+    line->used = 0;
+    line->heard_ns = clock_now_ns();
+    line->welcomed = false;
+    say_hello(link);
+}
+
+static void disconnected(struct link *link) {
+    atomic_store(&link->ready, false);
+    pthread_mutex_lock(&link->lock);
+    bool welcomed = link->status.welcomed;
+    link->status.welcomed = false;
+    link->status.clock_known = false;
+    pthread_mutex_unlock(&link->lock);
+    if (welcomed && !atomic_load(&link->stopping))
+        log_trouble(link, "the connection is gone");
+    try_again(link);
+}
+
+static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                    size_t size) {
+    (void)user;
+    struct link *link = lws_context_user(lws_get_context(socket));
+    switch (reason) {
+    case LWS_CALLBACK_CLIENT_ESTABLISHED:
+        connected(link, socket);
+        return 0;
+    case LWS_CALLBACK_CLIENT_RECEIVE:
+        return hear(link, bytes, size);
+    case LWS_CALLBACK_CLIENT_WRITEABLE:
+        return write_next(link);
+    case LWS_CALLBACK_TIMER:
+        return tick(link);
+    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+        if (atomic_load(&link->ready))
+            lws_callback_on_writable(link->line.socket);
+        return 0;
+    case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
+        log_trouble(link, link->trust.problem[0] ? link->trust.problem
+                          : bytes                ? (const char *)bytes
+                                                 : "no connection");
+        try_again(link);
+        return 0;
+    case LWS_CALLBACK_CLIENT_CLOSED:
+        disconnected(link);
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+static const struct lws_protocols protocols[] = {
+    {.name = WIRE_SUBPROTOCOL, .callback = on_event},
+    {0},
+};
+
+static bool machine_has_ipv6(void) {
+    int fd = socket(AF_INET6, SOCK_STREAM, 0);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+enum result line_init(struct link *link, struct error *err) {
+    struct lws_context_creation_info info = {
+        .port = CONTEXT_PORT_NO_LISTEN,
+        .protocols = protocols,
+        .provided_client_ssl_ctx = link->trust.context,
+        .options = LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT |
+                   (machine_has_ipv6() ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6),
+        .timeout_secs = CONNECT_S,
+        .connect_timeout_secs = CONNECT_S,
+        .user = link,
+        .gid = -1,
+        .uid = -1,
+    };
+    lws_set_log_level(0, NULL);
+    link->line.queue = ring_create(QUEUE_LENGTH, sizeof(struct outgoing));
+    link->line.context = lws_create_context(&info);
+    if (!link->line.context)
+        return fail(err, RESULT_IO, "the link to %s cannot be set up", link->config.host);
+    return RESULT_OK;
+}
+
+void line_serve(struct link *link) {
+    struct line *line = &link->line;
+    lws_sul_schedule(line->context, 0, &line->retry, connect_now, 1);
+    while (!atomic_load(&link->stopping))
+        lws_service(line->context, 0);
+}
+
+void line_fini(struct link *link) {
+    if (link->line.context)
+        lws_context_destroy(link->line.context);
+    ring_destroy(&link->line.queue);
+}

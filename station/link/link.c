@@ -1,0 +1,217 @@
+#include "link/link.h"
+
+#include "base/check.h"
+#include "link/link_parts.h"
+
+#include <errno.h>
+#include <openssl/rand.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#define FRAMES_QUEUED 16
+#define ARRIVALS_QUEUED 256
+
+// ---- the caller's side --------------------------------------------------------------------------
+
+// A new connection starts afresh: other keys, another server perhaps.
+static void follow_connection(struct link *link) {
+    struct sender *sender = &link->sender;
+    uint64_t connect = atomic_load(&link->connects);
+    if (sender->connect == connect)
+        return;
+    sender->connect = connect;
+    sender->path = (struct path){0};
+    udp_close(&sender->udp);
+    memset(sender->waiting, 0, sizeof sender->waiting);
+}
+
+// Counts a reply once, and only to a frame that was sent.
+static bool is_awaited(struct link *link, const arthron_Reply *reply) {
+    uint64_t *waiting = &link->sender.waiting[reply->frame_number % FRAMES_REMEMBERED];
+    if (!reply->frame_number || *waiting != reply->frame_number)
+        return false;
+    *waiting = 0;
+    atomic_fetch_add(&link->replies, 1);
+    return true;
+}
+
+// Takes what the control connection brought; true at the first reply.
+static bool take_arrivals(struct link *link, arthron_Reply *out_reply) {
+    struct sender *sender = &link->sender;
+    struct arrival arrival;
+    follow_connection(link);
+    while (ring_pop(link->arrivals, &arrival)) {
+        if (arrival.connect != sender->connect)
+            continue;
+        if (arrival.is_keys) {
+            udp_take_keys(&sender->udp, &arrival.server, &arrival.keys);
+        } else if (is_awaited(link, &arrival.reply)) {
+            *out_reply = arrival.reply;
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool take_datagram(struct link *link, arthron_Reply *out_reply) {
+    struct sender *sender = &link->sender;
+    while (udp_receive(&sender->udp, out_reply)) {
+        path_answered(&sender->path, clock_now_ns());
+        if (is_awaited(link, out_reply))
+            return true;
+    }
+    return false;
+}
+
+static void wait_for_either(struct link *link, int64_t nanoseconds) {
+    struct pollfd fds[] = {
+        {.fd = link->arrival_fd, .events = POLLIN},
+        {.fd = link->sender.udp.fd, .events = POLLIN},
+    };
+    struct timespec timeout = {nanoseconds / NS_PER_S, nanoseconds % NS_PER_S};
+    uint64_t signals;
+    if (ppoll(fds, 2, &timeout, NULL) > 0 && fds[0].revents)
+        while (read(link->arrival_fd, &signals, sizeof signals) < 0 && errno == EINTR)
+            ;
+}
+
+bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply) {
+    for (;;) {
+        if (take_arrivals(link, out_reply) || take_datagram(link, out_reply))
+            return true;
+        int64_t left_ns = until_ns - clock_now_ns();
+        if (left_ns <= 0)
+            return false;
+        wait_for_either(link, left_ns);
+    }
+}
+
+static bool send_in_control(struct link *link, const arthron_Frame *frame) {
+    arthron_Control message = {.which_message = arthron_Control_frame_tag};
+    struct outgoing out;
+    size_t size;
+    message.message.frame = *frame;
+    enum result result = wire_encode_control(&message, out.bytes, sizeof out.bytes, &size);
+    CHECK(result == RESULT_OK); // every frame fits WIRE_CONTROL_MAX
+    out.size = (uint32_t)size;
+    if (!ring_push(link->frames, &out))
+        return false;
+    lws_cancel_service(link->line.context);
+    return true;
+}
+
+static enum udp_sent send_by_datagram(struct link *link, const arthron_Frame *frame) {
+    enum udp_sent sent = udp_send(&link->sender.udp, frame);
+    if (sent == UDP_REFUSED)
+        path_refused(&link->sender.path, clock_now_ns());
+    return sent;
+}
+
+static bool send_frame(struct link *link, const arthron_Frame *frame) {
+    struct sender *sender = &link->sender;
+    struct route route = {.control = true};
+    enum udp_sent sent = UDP_REFUSED;
+    if (sender->udp.fd >= 0)
+        route = path_next(&sender->path, clock_now_ns());
+    atomic_store(&link->path, sender->path.datagrams ? LINK_DATAGRAM : LINK_CONTROL);
+    if (route.datagram)
+        sent = send_by_datagram(link, frame);
+    if (route.control || sent == UDP_REFUSED)
+        return send_in_control(link, frame);
+    return sent == UDP_SENT;
+}
+
+bool link_send(struct link *link, const struct frame *frame) {
+    arthron_Frame message;
+    CHECK(frame->number);
+    if (!atomic_load(&link->ready))
+        return false;
+    follow_connection(link);
+    wire_frame_from(frame, &message);
+    if (!send_frame(link, &message))
+        return false;
+    link->sender.waiting[frame->number % FRAMES_REMEMBERED] = frame->number;
+    atomic_fetch_add(&link->frames_sent, 1);
+    return true;
+}
+
+// ---- any thread ---------------------------------------------------------------------------------
+
+void link_get_status(struct link *link, struct link_status *out_status) {
+    pthread_mutex_lock(&link->lock);
+    *out_status = link->status;
+    pthread_mutex_unlock(&link->lock);
+    out_status->path =
+        atomic_load(&link->ready) ? (enum link_path)atomic_load(&link->path) : LINK_DOWN;
+    out_status->connects = atomic_load(&link->connects);
+    out_status->frames_sent = atomic_load(&link->frames_sent);
+    out_status->replies = atomic_load(&link->replies);
+    out_status->unknown_messages = atomic_load(&link->unknown_messages);
+}
+
+// ---- life ---------------------------------------------------------------------------------------
+
+static void release(struct link *link) {
+    line_fini(link);
+    trust_fini(&link->trust);
+    udp_close(&link->sender.udp);
+    ring_destroy(&link->frames);
+    ring_destroy(&link->arrivals);
+    close(link->arrival_fd);
+    pthread_mutex_destroy(&link->lock);
+    free((char *)link->config.host);
+    free((char *)link->config.keys_dir);
+    free((char *)link->config.station);
+    free((char *)link->config.software);
+    free(link);
+}
+
+static struct link *prepare(const struct link_config *config) {
+    struct link *link = alloc(1, sizeof *link);
+    link->config = *config;
+    link->config.host = alloc_text(config->host);
+    link->config.keys_dir = alloc_text(config->keys_dir);
+    link->config.station = alloc_text(config->station);
+    link->config.software = alloc_text(config->software);
+    link->frames = ring_create(FRAMES_QUEUED, sizeof(struct outgoing));
+    link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
+    link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    CHECK(link->arrival_fd >= 0);
+    CHECK(RAND_bytes((unsigned char *)&link->id, sizeof link->id) == 1);
+    pthread_mutex_init(&link->lock, NULL);
+    atomic_store(&link->path, LINK_CONTROL);
+    udp_init(&link->sender.udp);
+    return link;
+}
+
+static void *serve(void *link) {
+    line_serve(link);
+    return NULL;
+}
+
+enum result link_create(const struct link_config *config, struct link **out_link,
+                        struct error *err) {
+    struct link *link = prepare(config);
+    enum result result = trust_init(&link->trust, config->keys_dir, config->host, err);
+    if (result == RESULT_OK)
+        result = line_init(link, err);
+    if (result != RESULT_OK) {
+        release(link);
+        *out_link = NULL;
+        return result;
+    }
+    CHECK(pthread_create(&link->thread, NULL, serve, link) == 0);
+    *out_link = link;
+    return RESULT_OK;
+}
+
+void link_destroy(struct link **link) {
+    atomic_store(&(*link)->stopping, true);
+    lws_cancel_service((*link)->line.context);
+    pthread_join((*link)->thread, NULL);
+    release(*link);
+    *link = NULL;
+}

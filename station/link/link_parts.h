@@ -1,0 +1,84 @@
+// The inside of a link: what link.c (the caller's thread) and line.c (the control connection and
+// its thread) share.
+#pragma once
+
+#include "base/clock.h"
+#include "base/ring.h"
+#include "link/link.h"
+#include "link/path.h"
+#include "link/trust.h"
+#include "link/udp.h"
+
+#include <libwebsockets.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#define FRAMES_REMEMBERED 1024 // a power of two
+
+struct outgoing {
+    uint32_t size;
+    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
+    uint8_t bytes[WIRE_CONTROL_MAX];
+};
+
+// What the control connection hands to the caller's thread.
+struct arrival {
+    uint64_t connect; // link->connects when it came
+    bool is_keys;
+    union {
+        arthron_Reply reply;
+        struct {
+            arthron_UdpKeys keys;
+            struct sockaddr_storage server;
+        };
+    };
+};
+
+// One control connection; all of it belongs to the line's thread.
+struct line {
+    struct lws_context *context;
+    struct lws *socket; // NULL: not connected
+    lws_sorted_usec_list_t retry;
+    uint16_t attempts;
+    struct ring *queue; // of struct outgoing: Hello, pings and answers
+    struct clock_offset clock;
+    bool welcomed;
+    int pings;
+    int64_t heard_ns; // the last Pong
+    size_t used;      // of incoming
+    uint8_t incoming[WIRE_CONTROL_MAX];
+    arthron_Control message;
+    char trouble[256]; // last logged
+};
+
+// The caller's thread only.
+struct sender {
+    uint64_t connect; // the connection that all of this belongs to
+    struct path path;
+    struct udp udp;
+    uint64_t waiting[FRAMES_REMEMBERED]; // [number % size]: sent and not answered yet
+};
+
+struct link {
+    struct link_config config; // its texts are ours
+    uint64_t id;               // of this link: the same in every Hello
+    struct trust trust;
+    pthread_t thread;
+    atomic_bool stopping;
+    struct line line;
+    struct sender sender;
+    struct ring *frames;   // caller to line: struct outgoing
+    struct ring *arrivals; // line to caller: struct arrival
+    int arrival_fd;        // eventfd, signalled behind each arrival
+    atomic_bool ready;     // welcomed, and the clock is known
+    atomic_int path;       // enum link_path while ready
+    atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
+    pthread_mutex_t lock;
+    struct link_status status; // under the lock: all that is not atomic above
+};
+
+// Makes the context. The thread then calls line_serve, which returns once link->stopping is set and
+// lws_cancel_service was called.
+enum result line_init(struct link *link, struct error *err);
+void line_serve(struct link *link);
+void line_fini(struct link *link);

@@ -1,0 +1,41 @@
+#include "link/path.h"
+
+#include "base/clock.h"
+
+#define PATIENCE_NS (300 * NS_PER_MS)
+#define TRIAL_NS NS_PER_S
+#define TRIAL_AFTER_ANSWER_NS (100 * NS_PER_MS)
+#define TRIALS_NEEDED 3
+
+void path_refused(struct path *path, int64_t now_ns) {
+    *path = (struct path){.next_trial_ns = now_ns + TRIAL_NS};
+}
+
+static bool is_trial_due(struct path *path, int64_t now_ns) {
+    if (now_ns < path->next_trial_ns)
+        return false;
+    if (path->trial_open)
+        path->trials_answered = 0;
+    path->trial_open = true;
+    path->next_trial_ns = now_ns + TRIAL_NS;
+    return true;
+}
+
+struct route path_next(struct path *path, int64_t now_ns) {
+    if (path->datagrams && path->unanswered_ns && now_ns - path->unanswered_ns > PATIENCE_NS)
+        path_refused(path, now_ns);
+    if (!path->datagrams)
+        return (struct route){.control = true, .datagram = is_trial_due(path, now_ns)};
+    if (!path->unanswered_ns)
+        path->unanswered_ns = now_ns;
+    return (struct route){.datagram = true};
+}
+
+void path_answered(struct path *path, int64_t now_ns) {
+    path->unanswered_ns = 0;
+    if (path->datagrams || !path->trial_open)
+        return;
+    path->trial_open = false;
+    path->next_trial_ns = now_ns + TRIAL_AFTER_ANSWER_NS;
+    path->datagrams = ++path->trials_answered == TRIALS_NEEDED;
+}

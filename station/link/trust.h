@@ -1,0 +1,23 @@
+// What a station trusts a server by: a certificate of the authority it knows, for the host it
+// called, over TLS 1.3.
+#pragma once
+
+#include "base/result.h"
+#include "wire/code.h"
+
+struct trust {
+    struct ssl_ctx_st *context;
+    const struct code *code; // while enrolling: its fingerprint names the authority
+    char problem[128];       // what was wrong with the server's certificate, empty: nothing
+};
+
+// For a station with a certificate. RESULT_MISSING or RESULT_FORMAT name the file in keys_dir.
+// `trust` must stay where it is until trust_fini.
+enum result trust_init(struct trust *trust, const char *keys_dir, const char *host,
+                       struct error *err);
+
+// For a station that has none yet.
+enum result trust_init_code(struct trust *trust, const struct code *code, const char *host,
+                            struct error *err);
+
+void trust_fini(struct trust *trust);

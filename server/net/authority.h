@@ -1,6 +1,9 @@
 // The server's own certificate authority: one place for trust. All files live in one folder
-// (authority.key, authority.pem, server.key, server.pem, codes, revoked), readable by the server's
-// user alone.
+// (authority.key, authority.pem, server.key, server.pem, codes, issued, revoked), readable by the
+// server's user alone. Any number of processes and threads may work on it at once.
+//
+// A station's name has letters, digits, '-', '_' and '.', from 1 to 63 of them: else
+// RESULT_INVALID.
 #pragma once
 
 #include "base/result.h"
@@ -11,26 +14,32 @@
 
 #define AUTHORITY_CODE_MAX 96
 
-// Makes authority and server keys (EC P-256) and certificates for these host names and addresses.
+bool authority_name_is_valid(const char *station);
+
+// Makes the folder (its parent must be there), authority and server keys (EC P-256), and
+// certificates: 10 years for the authority, 2 for the server of these host names and addresses.
 // RESULT_REFUSED where an authority is there already.
 enum result authority_init(const char *dir, const char *const *hosts, int host_count,
                            struct error *err);
 
 // A one-time code for a station of this name, good for 15 minutes. It holds a secret and the
-// authority's fingerprint, so that the station can trust the server before it has any certificate.
+// authority's fingerprint (wire/code.h), so that the station can trust the server before it has any
+// certificate. On disk is only a hash of the secret. An earlier code for that name is void.
 enum result authority_issue_code(const char *dir, const char *station,
                                  char out_code[AUTHORITY_CODE_MAX], struct error *err);
 
 // Turns code and request (PKCS #10, DER) into a certificate whose common name is the station's.
-// Uses the code up. RESULT_REFUSED: no such code, or it is too old.
+// Uses the code up: of two who come with it at once, one gets a certificate. RESULT_REFUSED: no
+// such code, or it is too old. RESULT_FORMAT: mistyped, or not a request with an EC key on P-256.
 enum result authority_enrol(const char *dir, const char *code, const uint8_t *request_der,
                             size_t request_size, uint8_t *out_certificate_der,
                             size_t *in_out_certificate_size, uint8_t *out_authority_der,
                             size_t *in_out_authority_size, struct error *err);
 
-// From now on no certificate issued so far to this station is accepted. RESULT_MISSING: no
+// From now on no certificate or code issued so far to this station is accepted. RESULT_MISSING: no
 // certificate was ever issued to that name.
 enum result authority_revoke(const char *dir, const char *station, struct error *err);
 
 // Whether the serial number (hex) of a station's certificate is revoked; read afresh each time.
+// True also where the record of revocations is there and cannot be read.
 bool authority_is_revoked(const char *dir, const char *serial_hex);

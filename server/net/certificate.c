@@ -1,0 +1,108 @@
+#include "net/certificate.h"
+
+#include "base/check.h"
+
+#include <openssl/ec.h>
+#include <openssl/evp.h>
+#include <openssl/x509v3.h>
+#include <string.h>
+
+#define DAY_S (24L * 3600)
+#define CLOCKS_DIFFER_S DAY_S // a station's clock may be behind
+
+EVP_PKEY *certificate_key(void) {
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    CHECK(key);
+    return key;
+}
+
+static void set_serial(X509 *certificate) {
+    BIGNUM *number = BN_new();
+    int made = BN_rand(number, 128, BN_RAND_TOP_ONE, BN_RAND_BOTTOM_ANY);
+    CHECK(made == 1);
+    ASN1_INTEGER *set = BN_to_ASN1_INTEGER(number, X509_get_serialNumber(certificate));
+    CHECK(set);
+    BN_free(number);
+}
+
+static void set_subject(X509 *certificate, const char *common_name) {
+    X509_NAME *name = X509_get_subject_name(certificate);
+    int added = X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_UTF8,
+                                           (const unsigned char *)common_name, -1, -1, 0);
+    CHECK(added == 1);
+}
+
+static void extend(X509 *certificate, X509V3_CTX *context, int nid, const char *value) {
+    X509_EXTENSION *extension = X509V3_EXT_conf_nid(NULL, context, nid, value);
+    CHECK(extension);
+    int added = X509_add_ext(certificate, extension, -1);
+    CHECK(added == 1);
+    X509_EXTENSION_free(extension);
+}
+
+static void extend_for(enum certificate_use use, const char *alternative_names, X509 *certificate,
+                       X509 *issuer) {
+    X509V3_CTX context;
+    X509V3_set_ctx(&context, issuer, certificate, NULL, NULL, 0);
+    bool authority = use == CERTIFICATE_AUTHORITY;
+    extend(certificate, &context, NID_basic_constraints,
+           authority ? "critical,CA:TRUE,pathlen:0" : "critical,CA:FALSE");
+    extend(certificate, &context, NID_key_usage,
+           authority ? "critical,keyCertSign,cRLSign" : "critical,digitalSignature");
+    if (!authority)
+        extend(certificate, &context, NID_ext_key_usage,
+               use == CERTIFICATE_SERVER ? "serverAuth" : "clientAuth");
+    if (alternative_names)
+        extend(certificate, &context, NID_subject_alt_name, alternative_names);
+    extend(certificate, &context, NID_subject_key_identifier, "hash");
+    extend(certificate, &context, NID_authority_key_identifier, "keyid:always");
+}
+
+X509 *certificate_make(enum certificate_use use, const char *common_name,
+                       const char *alternative_names, EVP_PKEY *key, const struct issuer *issuer) {
+    X509 *certificate = X509_new();
+    CHECK(certificate);
+    X509_set_version(certificate, X509_VERSION_3);
+    set_serial(certificate);
+    long days = use == CERTIFICATE_AUTHORITY ? 10 * 365 : 2 * 365;
+    X509_gmtime_adj(X509_getm_notBefore(certificate), -CLOCKS_DIFFER_S);
+    X509_gmtime_adj(X509_getm_notAfter(certificate), days * DAY_S);
+    set_subject(certificate, common_name);
+    X509 *by = issuer ? issuer->certificate : certificate;
+    X509_set_issuer_name(certificate, X509_get_subject_name(by));
+    X509_set_pubkey(certificate, key);
+    extend_for(use, alternative_names, certificate, by);
+    int size = X509_sign(certificate, issuer ? issuer->key : key, EVP_sha256());
+    CHECK(size > 0);
+    return certificate;
+}
+
+static bool is_p256(const EVP_PKEY *key) {
+    char group[32];
+    size_t size;
+    return key && EVP_PKEY_get_base_id(key) == EVP_PKEY_EC &&
+           EVP_PKEY_get_group_name(key, group, sizeof group, &size) == 1 &&
+           !strcmp(group, SN_X9_62_prime256v1);
+}
+
+EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size) {
+    const unsigned char *next = request_der;
+    X509_REQ *request = d2i_X509_REQ(NULL, &next, (long)size);
+    bool whole = request && next == request_der + size;
+    EVP_PKEY *key = whole ? X509_REQ_get_pubkey(request) : NULL;
+    if (!is_p256(key) || X509_REQ_verify(request, key) != 1) {
+        EVP_PKEY_free(key);
+        key = NULL;
+    }
+    X509_REQ_free(request);
+    return key;
+}
+
+void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]) {
+    BIGNUM *number = ASN1_INTEGER_to_BN(X509_get0_serialNumber(certificate), NULL);
+    char *text = number ? BN_bn2hex(number) : NULL;
+    CHECK(text && strlen(text) < CERTIFICATE_SERIAL_SIZE);
+    strcpy(out_hex, text);
+    OPENSSL_free(text);
+    BN_free(number);
+}

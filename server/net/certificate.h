@@ -1,0 +1,32 @@
+// Keys and X.509 certificates of the authority: EC P-256, SHA-256, random serial numbers of 128
+// bits. Types are OpenSSL's; what is returned is the caller's, to be freed with OpenSSL's
+// functions. Functions that make something do not fail: there OpenSSL can only run out of memory.
+#pragma once
+
+#include <openssl/x509.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+enum certificate_use {
+    CERTIFICATE_AUTHORITY, // CA:TRUE, 10 years
+    CERTIFICATE_SERVER,    // serverAuth, 2 years
+    CERTIFICATE_STATION    // clientAuth, 2 years
+};
+
+struct issuer {
+    X509 *certificate;
+    EVP_PKEY *key;
+};
+
+EVP_PKEY *certificate_key(void);
+
+// `alternative_names` as OpenSSL's subjectAltName takes them ("DNS:...,IP:..."), NULL for none;
+// `issuer` NULL: signed with its own key, which must be a whole one then.
+X509 *certificate_make(enum certificate_use use, const char *common_name,
+                       const char *alternative_names, EVP_PKEY *key, const struct issuer *issuer);
+
+// The key of a PKCS #10 request that is well-formed, signed by that key, and EC P-256. Else NULL.
+EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size);
+
+#define CERTIFICATE_SERIAL_SIZE 48
+void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]);

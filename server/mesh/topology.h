@@ -1,4 +1,4 @@
-// What a triangle mesh is as a surface. OpenMesh does the work behind this header.
+// What a triangle mesh is as a surface.
 #pragma once
 
 #include "mesh/mesh.h"

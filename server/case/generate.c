@@ -132,16 +132,18 @@ static enum result add_skin(struct knee_case *knee, const struct recipe *recipe,
     return RESULT_OK;
 }
 
-static enum result add_cavities(struct knee_case *knee, const struct recipe *recipe,
-                                struct error *err) {
-    for (int i = 0; i < recipe->cavity_count; i++) {
-        struct cavity cavity = recipe->cavities[i];
-        cavity.at = to_patient(recipe, cavity.at);
-        enum result result = cavity_add(knee, &cavity, err);
-        if (result != RESULT_OK)
-            return result;
-    }
-    return RESULT_OK;
+static enum result add_cavity(struct knee_case *knee, const struct recipe *recipe,
+                              const struct recipe_cavity *cavity, struct error *err) {
+    struct case_group *groups[CASE_GROUPS_MAX];
+    int count = 0;
+    groups[count++] = case_group(knee, body_name(cavity->body));
+    for (int i = 0; i < knee->group_count; i++)
+        if (knee->groups[i].body == cavity->body && &knee->groups[i] != groups[0])
+            groups[count++] = &knee->groups[i];
+    struct deform_cavity dent = cavity->dent;
+    dent.at = to_patient(recipe, dent.at);
+    enum result result = deform_cavity_add(groups, count, &dent, err);
+    return result == RESULT_OK ? result : fail_in(err, result, "[cavity %s] ", cavity->name);
 }
 
 enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
@@ -154,8 +156,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
     add_ligaments(knee, recipe, edge);
     if (result == RESULT_OK)
         result = add_skin(knee, recipe, edge, err);
-    if (result == RESULT_OK)
-        result = add_cavities(knee, recipe, err);
+    for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)
+        result = add_cavity(knee, recipe, &recipe->cavities[i], err);
     if (result != RESULT_OK)
         case_destroy(&knee);
     *out_case = knee;

@@ -4,9 +4,17 @@
 // recipe gives the same bytes.
 #pragma once
 
-#include "case/generate_cavity.h"
+#include "case/deform.h"
 
 #define RECIPE_CAVITIES_MAX 8
+
+// A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
+// facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
+struct recipe_cavity {
+    char name[CASE_NAME_MAX];
+    enum body body;            // femur or tibia
+    struct deform_cavity dent; // `at` in a right knee of size 1; radius and depth as they are
+};
 
 struct recipe {
     char name[CASE_NAME_MAX]; // the recipe's folder
@@ -17,7 +25,7 @@ struct recipe {
     double meniscus_medial_cm3; // volumes at size 1
     double meniscus_lateral_cm3;
     int cavity_count;
-    struct cavity cavities[RECIPE_CAVITIES_MAX]; // `at` for the right knee of size 1
+    struct recipe_cavity cavities[RECIPE_CAVITIES_MAX];
 };
 
 // Reads a recipe: a folder with recipe.ini, or the file itself. cases/README.md describes it.

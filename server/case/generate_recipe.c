@@ -55,7 +55,7 @@ static enum result read_point(struct reading *r, const char *section, const char
 }
 
 // "[cavity NAME]": the cavity of that name, a new one where there is none yet.
-static struct cavity *cavity_of(struct reading *r, const char *section) {
+static struct recipe_cavity *cavity_of(struct reading *r, const char *section) {
     const char *name = section + strlen("cavity ");
     struct recipe *recipe = r->recipe;
     for (int i = 0; i < recipe->cavity_count; i++)
@@ -63,7 +63,7 @@ static struct cavity *cavity_of(struct reading *r, const char *section) {
             return &recipe->cavities[i];
     if (recipe->cavity_count == RECIPE_CAVITIES_MAX || strlen(name) >= CASE_NAME_MAX)
         return NULL;
-    struct cavity *cavity = &recipe->cavities[recipe->cavity_count++];
+    struct recipe_cavity *cavity = &recipe->cavities[recipe->cavity_count++];
     cavity->body = BODY_COUNT;
     snprintf(cavity->name, sizeof cavity->name, "%s", name);
     return cavity;
@@ -71,7 +71,7 @@ static struct cavity *cavity_of(struct reading *r, const char *section) {
 
 static enum result read_cavity(struct reading *r, const char *section, const char *key,
                                const char *value) {
-    struct cavity *cavity = cavity_of(r, section);
+    struct recipe_cavity *cavity = cavity_of(r, section);
     if (!cavity)
         return refuse(r, section, key, "at most 8 cavities, with names of at most 63 characters");
     if (strcmp(key, "body") == 0) {
@@ -80,11 +80,11 @@ static enum result read_cavity(struct reading *r, const char *section, const cha
         return RESULT_OK;
     }
     if (strcmp(key, "at") == 0)
-        return read_point(r, section, key, value, &cavity->at);
+        return read_point(r, section, key, value, &cavity->dent.at);
     if (strcmp(key, "radius_mm") == 0)
-        return read_number(r, section, key, value, 3, 25, &cavity->radius_mm);
+        return read_number(r, section, key, value, 3, 25, &cavity->dent.radius_mm);
     if (strcmp(key, "depth_mm") == 0)
-        return read_number(r, section, key, value, 0.1, 6, &cavity->depth_mm);
+        return read_number(r, section, key, value, 0.1, 6, &cavity->dent.depth_mm);
     return refuse(r, section, key, "unknown key");
 }
 
@@ -137,14 +137,14 @@ static int read_entry(void *user, const char *section, const char *key, const ch
 
 static enum result check_cavities(const struct recipe *recipe, struct error *err) {
     for (int i = 0; i < recipe->cavity_count; i++) {
-        const struct cavity *c = &recipe->cavities[i];
-        if (c->body == BODY_COUNT || c->radius_mm == 0 || c->depth_mm == 0)
+        const struct recipe_cavity *c = &recipe->cavities[i];
+        if (c->body == BODY_COUNT || c->dent.radius_mm == 0 || c->dent.depth_mm == 0)
             return fail(err, RESULT_MISSING, "[cavity %s] needs body, at, radius_mm and depth_mm",
                         c->name);
-        if (c->depth_mm > c->radius_mm / 2)
+        if (c->dent.depth_mm > c->dent.radius_mm / 2)
             return fail(err, RESULT_INVALID,
                         "[cavity %s] depth_mm = %g: must be at most %g, half of radius_mm", c->name,
-                        c->depth_mm, c->radius_mm / 2);
+                        c->dent.depth_mm, c->dent.radius_mm / 2);
     }
     return RESULT_OK;
 }

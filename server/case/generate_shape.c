@@ -73,7 +73,7 @@ double shape_femur(vec3 p) {
 
 // Medially a shallow dish, laterally a slight hill from front to back, two spines between.
 static double plateau_height(double x, double y) {
-    double medial = (square(x + SHAPE_CONDYLE_X) + square(y)) / 180;
+    double medial = (square(x + SHAPE_CONDYLE_X) + square(y)) / 360;
     double lateral = square(x - SHAPE_CONDYLE_X) / 200 - square(y) / 140;
     double side = ramp(-8, 8, x);
     double spines = 0;

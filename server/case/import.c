@@ -83,6 +83,10 @@ enum body import_default_body(const char *group) {
         return BODY_PATELLA;
     if (strncmp(group, "tibia", 5) == 0 || strncmp(group, "meniscus", 8) == 0)
         return BODY_TIBIA;
+    static const char *const ligaments[] = {"acl", "pcl", "mcl", "lcl"};
+    for (int i = 0; i < 4; i++)
+        if (strcmp(group, ligaments[i]) == 0)
+            return BODY_TIBIA;
     return BODY_FEMUR;
 }
 
@@ -111,22 +115,16 @@ static const char *unit_that_fits(double middle_in_units) {
     return NULL;
 }
 
-enum result import_check_size(struct knee_case *knee, double mm_per_unit, struct error *err) {
-    static const char *const bones[] = {"tibia", "femur"};
-    for (int i = 0; i < 2; i++) {
-        const struct case_group *bone = case_group(knee, bones[i]);
-        if (!bone)
-            continue;
-        double middle = middle_side(&bone->mesh);
-        if (middle >= BONE_MIDDLE_MIN_MM && middle <= BONE_MIDDLE_MAX_MM)
-            continue;
-        const char *unit = unit_that_fits(middle / mm_per_unit);
-        return fail(err, RESULT_INVALID, "%s: %.3g mm wide, where a knee has %d to %d mm; %s%s",
-                    bones[i], middle, BONE_MIDDLE_MIN_MM, BONE_MIDDLE_MAX_MM,
-                    unit ? "the unit that would fit is " : "neither mm, cm nor m would fit",
-                    unit ? unit : "");
-    }
-    return RESULT_OK;
+enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
+                              struct error *err) {
+    double middle = middle_side(&bone->mesh);
+    if (middle >= BONE_MIDDLE_MIN_MM && middle <= BONE_MIDDLE_MAX_MM)
+        return RESULT_OK;
+    const char *unit = unit_that_fits(middle / mm_per_unit);
+    return fail(err, RESULT_INVALID, "%s: %.3g mm wide, where a knee has %d to %d mm; %s%s",
+                bone->name, middle, BONE_MIDDLE_MIN_MM, BONE_MIDDLE_MAX_MM,
+                unit ? "the unit that would fit is " : "neither mm, cm nor m would fit",
+                unit ? unit : "");
 }
 
 // ---- joint

@@ -29,13 +29,13 @@ enum result import_mesh(const struct import_source *source, const struct case_li
 bool import_axes(const char *letters, pose *out_T_case_common);
 
 // The body that a group of this name belongs to where nobody says otherwise: patella*: patella;
-// tibia* and meniscus*: tibia; all others: femur.
+// tibia*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.
 enum body import_default_body(const char *group);
 
-// RESULT_INVALID where tibia or femur are too small or large for a knee: the middle one of the
-// three sides of the box is 40 to 130 mm for a grown patient. The text names the unit, of mm, cm
-// and m, that would fit. Groups that are missing are passed over.
-enum result import_check_size(struct knee_case *knee, double mm_per_unit, struct error *err);
+// RESULT_INVALID where a tibia or femur is too small or large for a knee: the middle one of the
+// three sides of its box is 40 to 130 mm. The text names the unit, of mm, cm and m, that would fit
+// a file read with mm_per_unit.
+enum result import_check_bone(const struct case_group *bone, double mm_per_unit, struct error *err);
 
 // Where the joint frame lies in the femur's frame, from the distal 35 mm of the femur in the case's
 // frame: not turned; its origin in the middle from left to right, and r above the distal and before

@@ -129,9 +129,12 @@ static void inspect_displacements(const struct case_group *group, struct inspect
 }
 
 static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
-    struct error err;
-    if (import_check_size(knee, 1, &err) != RESULT_OK)
-        note(out, FINDING_FAULT, "size", "%.150s", err.text);
+    static const char *const bones[] = {"tibia", "femur"};
+    for (int i = 0; i < 2; i++) {
+        struct error err;
+        if (import_check_bone(case_group(knee, bones[i]), 1, &err) != RESULT_OK)
+            note(out, FINDING_FAULT, bones[i], "%s", err.text);
+    }
     static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
     for (int i = 0; i < 2; i++) {
         const struct case_group *meniscus = case_group(knee, menisci[i]);

@@ -8,7 +8,7 @@ enum finding_level { FINDING_WARNING, FINDING_FAULT };
 struct finding {
     enum finding_level level;
     char where[CASE_NAME_MAX]; // group, portal or "joint"
-    char text[160];
+    char text[384];
 };
 
 #define FINDINGS_MAX 256

@@ -1,0 +1,28 @@
+// arthron-case: one function for each subcommand, called with its own name in argv[0]. Data go to
+// stdout, everything else to stderr. They return the exit status.
+#pragma once
+
+#include "case/case.h"
+
+#define EXIT_OK 0
+#define EXIT_FAULT 1 // it failed, or found a fault
+#define EXIT_USAGE 2
+
+int command_check(int argc, char **argv);
+int command_deform(int argc, char **argv);
+int command_generate(int argc, char **argv);
+int command_import(int argc, char **argv);
+int command_info(int argc, char **argv);
+int command_motion(int argc, char **argv);
+
+// Prints what is wrong and where help is; EXIT_USAGE.
+int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+// Prints the error's text; EXIT_FAULT.
+int failed(const char *command, const struct error *err);
+
+// `count` finite numbers separated by commas, and nothing else.
+bool parse_numbers(const char *text, double *out_values, int count);
+
+// x,y,z,qw,qx,qy,qz with a quaternion of unit length (within 1e-3, then made exact).
+bool parse_pose(const char *text, pose *out_pose);

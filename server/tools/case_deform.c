@@ -1,0 +1,108 @@
+#include "case/deform.h"
+#include "case_commands.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+
+#define CAVITIES_MAX 16
+
+static const char help[] =
+    "Usage: arthron-case deform DIR --group NAME... --cavity X,Y,Z,RADIUS,DEPTH... --out DIR\n"
+    "\n"
+    "Adds cavities to what takes the mock-up's surface to the patient's (the morph `warp`).\n"
+    "\n"
+    "  --group NAME     whose surface is hollowed out, all its parts together; further ones are\n"
+    "                   moved by the same map (a meniscus that sinks with its tibia)\n"
+    "  --cavity X,Y,Z,RADIUS,DEPTH\n"
+    "                   in mm, in the frame of the femur at rest. The middle is the vertex of the\n"
+    "                   first group that is nearest to X,Y,Z; it moves by DEPTH against the\n"
+    "                   surface's normal, and nothing moves beyond RADIUS (a smooth bump "
+    "between).\n"
+    "                   DEPTH is at most half of RADIUS. Several are added up.\n"
+    "  --out DIR        where the case goes; may be the one it came from\n";
+
+struct request {
+    const char *out;
+    const char *groups[CASE_GROUPS_MAX];
+    int group_count;
+    struct deform_cavity cavities[CAVITIES_MAX];
+    int cavity_count;
+};
+
+static bool parse_cavity(const char *text, struct deform_cavity *out_cavity) {
+    double v[5];
+    if (!parse_numbers(text, v, 5))
+        return false;
+    *out_cavity = (struct deform_cavity){{v[0], v[1], v[2]}, v[3], v[4]};
+    return true;
+}
+
+static enum result deform(struct knee_case *knee, const struct request *request,
+                          struct error *err) {
+    struct case_group *groups[CASE_GROUPS_MAX];
+    for (int i = 0; i < request->group_count; i++) {
+        groups[i] = case_group(knee, request->groups[i]);
+        if (!groups[i])
+            return fail(err, RESULT_MISSING, "--group %s: the case has no such group",
+                        request->groups[i]);
+    }
+    for (int i = 0; i < request->cavity_count; i++) {
+        enum result result =
+            deform_cavity_add(groups, request->group_count, &request->cavities[i], err);
+        if (result != RESULT_OK)
+            return result;
+    }
+    return case_save(knee, request->out, err);
+}
+
+static int run(const char *dir, const struct request *request) {
+    struct knee_case *knee;
+    struct error err;
+    if (case_load(dir, NULL, &knee, &err) != RESULT_OK)
+        return failed("deform", &err);
+    enum result result = deform(knee, request, &err);
+    case_destroy(&knee);
+    return result == RESULT_OK ? EXIT_OK : failed("deform", &err);
+}
+
+int command_deform(int argc, char **argv) {
+    static const struct option options[] = {{"group", required_argument, NULL, 'g'},
+                                            {"cavity", required_argument, NULL, 'c'},
+                                            {"out", required_argument, NULL, 'o'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {0}};
+    struct request request = {0};
+    int option;
+    while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+        switch (option) {
+        case 'h':
+            fputs(help, stdout);
+            return EXIT_OK;
+        case 'g':
+            if (request.group_count == CASE_GROUPS_MAX)
+                return usage_error("deform", "more than %d times --group", CASE_GROUPS_MAX);
+            for (int i = 0; i < request.group_count; i++)
+                if (strcmp(request.groups[i], optarg) == 0)
+                    return usage_error("deform", "--group %s: given twice", optarg);
+            request.groups[request.group_count++] = optarg;
+            break;
+        case 'c':
+            if (request.cavity_count == CAVITIES_MAX)
+                return usage_error("deform", "more than %d times --cavity", CAVITIES_MAX);
+            if (!parse_cavity(optarg, &request.cavities[request.cavity_count++]))
+                return usage_error("deform", "--cavity %s: not X,Y,Z,RADIUS,DEPTH", optarg);
+            break;
+        case 'o':
+            request.out = optarg;
+            break;
+        default:
+            return EXIT_USAGE;
+        }
+    }
+    if (optind + 1 != argc)
+        return usage_error("deform", "one folder, please");
+    if (!request.group_count || !request.cavity_count || !request.out)
+        return usage_error("deform", "--group, --cavity and --out are needed");
+    return run(argv[optind], &request);
+}

@@ -1,0 +1,337 @@
+#include "case/import.h"
+#include "case/inspect.h"
+#include "case_commands.h"
+#include "mesh/topology.h"
+
+#include <ctype.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+
+#define SOURCES_MAX (CASE_GROUPS_MAX * CASE_PARTS_MAX)
+
+static const char help[] =
+    "Usage: arthron-case import --unit mm|cm|m --name NAME --side left|right\n"
+    "                           --group NAME=FILE[@T]... --out DIR [OPTION...]\n"
+    "\n"
+    "Makes a case from meshes (PLY, OBJ, STL, OFF). tibia and femur are needed.\n"
+    "\n"
+    "  --unit mm|cm|m     unit of the files of the --group options after it; may be repeated, and\n"
+    "                     the first one holds for the files before it\n"
+    "  --group NAME=FILE[@x,y,z,qw,qx,qy,qz]\n"
+    "                     a mesh of the group; several of the same NAME are its parts. The pose,\n"
+    "                     in mm, takes the file's frame (scaled to mm) to the common frame.\n"
+    "                     Usual names: tibia, femur, patella, meniscus_medial, meniscus_lateral,\n"
+    "                     acl, pcl, mcl, lcl, skin\n"
+    "  --axes XYZ         where x, y and z of the common frame point, three of R or L (right, "
+    "left\n"
+    "                     of the patient), A or P (anterior, posterior), S or I (superior,\n"
+    "                     inferior). The case has RAS, which is the default\n"
+    "  --body NAME=BODY   what a group moves with: femur, tibia or patella. Default: tibia for\n"
+    "                     tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
+    "  --cuttable NAME    the group will be cut: one closed, manifold mesh\n"
+    "  --portal NAME=x,y,z,dx,dy,dz\n"
+    "                     an entry through the skin and its direction into the joint, RAS, mm\n"
+    "  --joint x,y,z,qw,qx,qy,qz\n"
+    "                     the joint's frame, RAS, mm. Default, from the distal 35 mm of the\n"
+    "                     femur: not turned, in the middle from left to right, and 0.27 times the\n"
+    "                     width above the distal and before the posterior end\n"
+    "  --title TEXT       for people\n"
+    "  --side left|right  whose knee; --name NAME: letters, digits and \"_-.\"\n"
+    "\n"
+    "All bones must be given as they lie in extension. Prints a line for each mesh. Refused: a\n"
+    "knee of 4 cm or 40 m (with the unit that would fit), and what `arthron-case check` calls a\n"
+    "fault; nothing is written then.\n";
+
+struct source {
+    char group[CASE_NAME_MAX];
+    const char *path;
+    double mm_per_unit; // 0: stands before the first --unit
+    pose T_common_file;
+};
+
+struct body_choice {
+    char group[CASE_NAME_MAX];
+    enum body body;
+};
+
+struct request {
+    const char *name, *title, *side, *out;
+    double first_unit, unit; // mm; 0 before the first --unit
+    pose T_case_common;
+    bool has_joint;
+    pose T_femur_joint;
+    int source_count, body_count, cuttable_count, portal_count;
+    struct source sources[SOURCES_MAX];
+    struct body_choice bodies[CASE_GROUPS_MAX];
+    const char *cuttable[CASE_GROUPS_MAX];
+    struct case_portal portals[CASE_PORTALS_MAX];
+};
+
+// ---- the command line
+// ----------------------------------------------------------------------------
+
+// "NAME=rest": the name into out_name, the rest returned; NULL where it is not that.
+static char *split_name(char *text, char *out_name) {
+    char *equals = strchr(text, '=');
+    if (!equals || equals[1] == '\0')
+        return NULL;
+    *equals = '\0';
+    bool valid = case_name_is_valid(text);
+    if (valid)
+        memcpy(out_name, text, strlen(text) + 1);
+    *equals = '=';
+    return valid ? equals + 1 : NULL;
+}
+
+static bool parse_unit(const char *text, struct request *request) {
+    static const struct {
+        const char *name;
+        double mm;
+    } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
+    for (int i = 0; i < 3; i++) {
+        if (strcmp(text, units[i].name) == 0) {
+            request->unit = units[i].mm;
+            if (!request->first_unit)
+                request->first_unit = request->unit;
+            return true;
+        }
+    }
+    return false;
+}
+
+// A file's name may hold "@": only what looks like a number after the last one is a pose.
+static bool parse_source(char *text, struct request *request) {
+    struct source *source = &request->sources[request->source_count++];
+    char *path = split_name(text, source->group);
+    if (!path)
+        return false;
+    source->path = path;
+    source->mm_per_unit = request->unit;
+    source->T_common_file = pose_identity();
+    char *at = strrchr(path, '@');
+    if (!at || !strchr("+-.0123456789", at[1]) || !at[1])
+        return true;
+    if (at == path || !parse_pose(at + 1, &source->T_common_file))
+        return false;
+    *at = '\0';
+    return true;
+}
+
+static bool parse_body(char *text, struct request *request) {
+    struct body_choice *choice = &request->bodies[request->body_count++];
+    const char *body = split_name(text, choice->group);
+    return body && body_from_name(body, &choice->body);
+}
+
+static bool parse_portal(char *text, struct request *request) {
+    struct case_portal *portal = &request->portals[request->portal_count++];
+    const char *numbers = split_name(text, portal->name);
+    double v[6];
+    if (!numbers || !parse_numbers(numbers, v, 6))
+        return false;
+    portal->position = (vec3){v[0], v[1], v[2]};
+    portal->direction = vec3_unit_or((vec3){v[3], v[4], v[5]}, (vec3){0});
+    return vec3_length(portal->direction) > 0;
+}
+
+static bool take_option(int option, char *text, struct request *request) {
+    switch (option) {
+    case 'u':
+        return parse_unit(text, request);
+    case 'n':
+        request->name = text;
+        return case_name_is_valid(text);
+    case 't':
+        request->title = text;
+        return true;
+    case 's':
+        request->side = text;
+        return strcmp(text, "left") == 0 || strcmp(text, "right") == 0;
+    case 'g':
+        return request->source_count < SOURCES_MAX && parse_source(text, request);
+    case 'a':
+        return import_axes(text, &request->T_case_common);
+    case 'b':
+        return request->body_count < CASE_GROUPS_MAX && parse_body(text, request);
+    case 'c':
+        if (request->cuttable_count == CASE_GROUPS_MAX)
+            return false;
+        request->cuttable[request->cuttable_count++] = text;
+        return true;
+    case 'p':
+        return request->portal_count < CASE_PORTALS_MAX && parse_portal(text, request);
+    case 'j':
+        request->has_joint = true;
+        return parse_pose(text, &request->T_femur_joint);
+    default:
+        request->out = text;
+        return true;
+    }
+}
+
+// ---- meshes to groups
+// ----------------------------------------------------------------------------
+
+static enum body body_of(const struct request *request, const char *group) {
+    for (int i = 0; i < request->body_count; i++)
+        if (strcmp(request->bodies[i].group, group) == 0)
+            return request->bodies[i].body;
+    return import_default_body(group);
+}
+
+// The only mesh of a group bears the group's name, others that of their file.
+static void part_name(const struct request *request, const struct source *source, char *out_name) {
+    int same = 0;
+    for (int i = 0; i < request->source_count; i++)
+        same += strcmp(request->sources[i].group, source->group) == 0;
+    const char *slash = strrchr(source->path, '/');
+    const char *base = slash ? slash + 1 : source->path, *dot = strrchr(base, '.');
+    int length = dot ? (int)(dot - base) : (int)strlen(base);
+    snprintf(out_name, CASE_NAME_MAX, "%.*s", length, base);
+    for (char *c = out_name; *c; c++)
+        if (!isalnum((unsigned char)*c) && !strchr("_-.", *c))
+            *c = '_';
+    if (same == 1)
+        snprintf(out_name, CASE_NAME_MAX, "%s", source->group);
+}
+
+static void report(const struct source *source, const struct mesh *mesh,
+                   const struct import_counts *counts) {
+    struct topology t = topology_of(mesh);
+    printf("%s: %s: %u vertices, %u triangles, %u component%s, ", source->group, source->path,
+           mesh->vertex_count, mesh->triangle_count, t.components, t.components == 1 ? "" : "s");
+    if (t.closed)
+        printf("closed");
+    else
+        printf("open (%u edges)", t.open_edges);
+    if (!t.manifold)
+        printf(", not manifold (%u edges, %u vertices)", t.non_manifold_edges,
+               t.non_manifold_vertices);
+    if (!t.oriented)
+        printf(", not oriented (%u edges)", t.flipped_edges);
+    if (t.genus > 0)
+        printf(", genus %lld", (long long)t.genus);
+    if (counts->dropped)
+        printf(", %u degenerate triangles dropped", counts->dropped);
+    if (counts->turned)
+        printf(", was inside out");
+    puts("");
+}
+
+static enum result add_source(struct knee_case *knee, const struct request *request,
+                              const struct source *source, struct error *err) {
+    struct case_limits limits = case_limits_default();
+    struct import_source from = {
+        .path = source->path,
+        .mm_per_unit = source->mm_per_unit ? source->mm_per_unit : request->first_unit,
+        .T_case_file = pose_compose(request->T_case_common, source->T_common_file),
+    };
+    struct case_group *group = case_group(knee, source->group);
+    if (!group)
+        group = case_add_group(knee, source->group, body_of(request, source->group));
+    if (!group)
+        return fail(err, RESULT_LIMIT, "more than %d groups", CASE_GROUPS_MAX);
+    struct mesh mesh;
+    struct import_counts counts;
+    enum result result = import_mesh(&from, &limits, &mesh, &counts, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "--group %s: ", source->group);
+    char part[CASE_NAME_MAX];
+    part_name(request, source, part);
+    result = case_add_part(group, part, &mesh, err);
+    if (result == RESULT_OK)
+        report(source, &mesh, &counts);
+    mesh_fini(&mesh);
+    bool bone = strcmp(group->name, "tibia") == 0 || strcmp(group->name, "femur") == 0;
+    if (result == RESULT_OK && bone && group->part_count == 1)
+        result = import_check_bone(group, from.mm_per_unit, err);
+    return result;
+}
+
+static enum result mark_groups(struct knee_case *knee, const struct request *request,
+                               struct error *err) {
+    for (int i = 0; i < request->body_count; i++)
+        if (!case_group(knee, request->bodies[i].group))
+            return fail(err, RESULT_MISSING, "--body %s: there is no such group",
+                        request->bodies[i].group);
+    for (int i = 0; i < request->cuttable_count; i++) {
+        struct case_group *group = case_group(knee, request->cuttable[i]);
+        if (!group)
+            return fail(err, RESULT_MISSING, "--cuttable %s: there is no such group",
+                        request->cuttable[i]);
+        group->cuttable = true;
+    }
+    return RESULT_OK;
+}
+
+static enum result refuse_faults(struct knee_case *knee, struct error *err) {
+    static struct inspection inspection;
+    inspect_case(knee, &inspection);
+    for (int i = 0; i < inspection.count; i++) {
+        const struct finding *finding = &inspection.findings[i];
+        if (finding->level == FINDING_FAULT)
+            return fail(err, RESULT_INVALID, "%s: %s", finding->where, finding->text);
+        fprintf(stderr, "warning: %s: %s\n", finding->where, finding->text);
+    }
+    return RESULT_OK;
+}
+
+static enum result fill(struct knee_case *knee, const struct request *request, struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; result == RESULT_OK && i < request->source_count; i++)
+        result = add_source(knee, request, &request->sources[i], err);
+    if (result == RESULT_OK)
+        result = mark_groups(knee, request, err);
+    knee->joint.side = strcmp(request->side, "left") == 0 ? SIDE_LEFT : SIDE_RIGHT;
+    knee->portal_count = request->portal_count;
+    memcpy(knee->portals, request->portals, sizeof knee->portals);
+    if (result == RESULT_OK)
+        result = case_validate(knee, err);
+    if (result != RESULT_OK)
+        return result;
+    knee->joint.T_femur_joint =
+        request->has_joint ? request->T_femur_joint : import_estimate_joint(knee);
+    knee->joint.T_tibia_joint = knee->joint.T_femur_joint; // one frame for all bodies at rest
+    result = refuse_faults(knee, err);
+    return result == RESULT_OK ? case_save(knee, request->out, err) : result;
+}
+
+int command_import(int argc, char **argv) {
+    static const struct option options[] = {{"unit", required_argument, NULL, 'u'},
+                                            {"name", required_argument, NULL, 'n'},
+                                            {"title", required_argument, NULL, 't'},
+                                            {"side", required_argument, NULL, 's'},
+                                            {"group", required_argument, NULL, 'g'},
+                                            {"axes", required_argument, NULL, 'a'},
+                                            {"body", required_argument, NULL, 'b'},
+                                            {"cuttable", required_argument, NULL, 'c'},
+                                            {"portal", required_argument, NULL, 'p'},
+                                            {"joint", required_argument, NULL, 'j'},
+                                            {"out", required_argument, NULL, 'o'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {0}};
+    static struct request request;
+    request = (struct request){.title = "", .T_case_common = pose_identity()};
+    int option, which = 0;
+    while ((option = getopt_long(argc, argv, "", options, &which)) != -1) {
+        if (option == 'h') {
+            fputs(help, stdout);
+            return EXIT_OK;
+        }
+        if (option == '?')
+            return EXIT_USAGE;
+        if (!take_option(option, optarg, &request))
+            return usage_error("import", "--%s %s: not what it takes", options[which].name, optarg);
+    }
+    if (optind != argc)
+        return usage_error("import", "what is \"%s\"?", argv[optind]);
+    if (!request.first_unit || !request.name || !request.side || !request.source_count ||
+        !request.out)
+        return usage_error("import", "--unit, --name, --side, --group and --out are needed");
+    struct knee_case *knee = case_create(request.name, request.title);
+    struct error err;
+    enum result result = fill(knee, &request, &err);
+    case_destroy(&knee);
+    return result == RESULT_OK ? EXIT_OK : failed("import", &err);
+}

@@ -1,0 +1,150 @@
+#include "case/inspect.h"
+#include "case_commands.h"
+#include "mesh/topology.h"
+
+#include <getopt.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+
+static const char help[] =
+    "Usage: arthron-case info DIR [--json]\n"
+    "\n"
+    "Prints name, side, hash, groups (triangles, box, volume, displaced extent, topology), "
+    "portals,\n"
+    "the joint's centre and a point on top of the medial tibial plateau. Millimetres, in the "
+    "frame\n"
+    "of the femur at rest: x to the patient's right, y anterior, z proximal.\n";
+
+static const char *side_name(enum side side) {
+    return side == SIDE_LEFT ? "left" : "right";
+}
+
+// ---- JSON
+// ----------------------------------------------------------------------------------------
+
+static json_t *vector(vec3 v) {
+    return json_pack("[f, f, f]", v.x, v.y, v.z);
+}
+
+static json_t *pose_array(pose p) {
+    return json_pack("[f, f, f, f, f, f, f]", p.translation.x, p.translation.y, p.translation.z,
+                     p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z);
+}
+
+static json_t *topology_object(const struct topology *t) {
+    return json_pack(
+        "{s:i, s:i, s:i, s:i, s:i, s:i, s:b, s:b, s:b, s:I}", "components", (int)t->components,
+        "open_edges", (int)t->open_edges, "non_manifold_edges", (int)t->non_manifold_edges,
+        "non_manifold_vertices", (int)t->non_manifold_vertices, "flipped_edges",
+        (int)t->flipped_edges, "unused_vertices", (int)t->unused_vertices, "closed", (int)t->closed,
+        "manifold", (int)t->manifold, "oriented", (int)t->oriented, "genus", (json_int_t)t->genus);
+}
+
+static json_t *parts_array(const struct case_group *group) {
+    json_t *array = json_array();
+    for (int i = 0; i < group->part_count; i++)
+        json_array_append_new(array, json_pack("{s:s, s:i, s:i}", "name", group->parts[i].name,
+                                               "vertices", (int)group->parts[i].vertex_count,
+                                               "triangles", (int)group->parts[i].triangle_count));
+    return array;
+}
+
+static json_t *group_object(const struct case_group *group) {
+    struct topology t = topology_of(&group->mesh);
+    struct box box = mesh_bounds(&group->mesh);
+    return json_pack(
+        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o}", "name",
+        group->name, "body", body_name(group->body), "cuttable", (int)group->cuttable, "parts",
+        parts_array(group), "vertices", (int)group->mesh.vertex_count, "triangles",
+        (int)group->mesh.triangle_count, "box", "min", vector(box.min), "max", vector(box.max),
+        "volume_mm3", t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(),
+        "area_mm2", mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
+        "maxcut_max_mm", inspect_largest(group, group->maxcut), "topology", topology_object(&t));
+}
+
+static int print_json(struct knee_case *knee) {
+    json_t *groups = json_array(), *portals = json_array();
+    for (int i = 0; i < knee->group_count; i++)
+        json_array_append_new(groups, group_object(&knee->groups[i]));
+    for (int i = 0; i < knee->portal_count; i++)
+        json_array_append_new(portals, json_pack("{s:s, s:o, s:o}", "name", knee->portals[i].name,
+                                                 "position", vector(knee->portals[i].position),
+                                                 "direction", vector(knee->portals[i].direction)));
+    char hash[17];
+    snprintf(hash, sizeof hash, "%016" PRIx64, knee->hash);
+    vec3 plateau;
+    bool found = inspect_medial_plateau(knee, &plateau);
+    json_t *root = json_pack(
+        "{s:s, s:s, s:s, s:s, s:{s:o, s:o}, s:o, s:o, s:o, s:o, s:i}", "name", knee->name, "title",
+        knee->title, "side", side_name(knee->joint.side), "hash", hash, "joint", "T_femur_joint",
+        pose_array(knee->joint.T_femur_joint), "T_tibia_joint",
+        pose_array(knee->joint.T_tibia_joint), "joint_centre", vector(inspect_joint_centre(knee)),
+        "medial_plateau", found ? vector(plateau) : json_null(), "groups", groups, "portals",
+        portals, "patella_keys", knee->patella_key_count);
+    int bad = json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    json_decref(root);
+    puts("");
+    return bad ? EXIT_FAULT : EXIT_OK;
+}
+
+// ---- text
+// ----------------------------------------------------------------------------------------
+
+static void print_group(const struct case_group *group) {
+    struct topology t = topology_of(&group->mesh);
+    struct box box = mesh_bounds(&group->mesh);
+    printf("%-17s %-8s %5d %9u ", group->name, body_name(group->body), group->part_count,
+           group->mesh.triangle_count);
+    if (t.closed && t.oriented)
+        printf("%9.0f ", mesh_volume(&group->mesh));
+    else
+        printf("%9s ", "-");
+    printf("%6.2f  %s%s%s%s  [%.1f %.1f %.1f] to [%.1f %.1f %.1f]\n",
+           inspect_largest(group, group->warp), t.closed ? "closed" : "open",
+           t.manifold ? "" : ", not manifold", t.oriented ? "" : ", not oriented",
+           group->cuttable ? ", cuttable" : "", box.min.x, box.min.y, box.min.z, box.max.x,
+           box.max.y, box.max.z);
+}
+
+static int print_text(struct knee_case *knee) {
+    vec3 centre = inspect_joint_centre(knee), plateau;
+    printf("%s (%s knee)%s%s\nhash %016" PRIx64 "\n", knee->name, side_name(knee->joint.side),
+           knee->title[0] ? ": " : "", knee->title, knee->hash);
+    printf("joint centre %.1f %.1f %.1f\n", centre.x, centre.y, centre.z);
+    if (inspect_medial_plateau(knee, &plateau))
+        printf("medial plateau %.1f %.1f %.1f\n", plateau.x, plateau.y, plateau.z);
+    printf("\n%-17s %-8s %5s %9s %9s %6s  surface, box in mm\n", "group", "body", "parts",
+           "triangles", "mm3", "warp");
+    for (int i = 0; i < knee->group_count; i++)
+        print_group(&knee->groups[i]);
+    for (int i = 0; i < knee->portal_count; i++)
+        printf("portal %-17s %.1f %.1f %.1f\n", knee->portals[i].name, knee->portals[i].position.x,
+               knee->portals[i].position.y, knee->portals[i].position.z);
+    return EXIT_OK;
+}
+
+int command_info(int argc, char **argv) {
+    static const struct option options[] = {
+        {"json", no_argument, NULL, 'j'}, {"help", no_argument, NULL, 'h'}, {0}};
+    bool json = false;
+    int option;
+    while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+        if (option == 'h') {
+            fputs(help, stdout);
+            return EXIT_OK;
+        }
+        if (option != 'j')
+            return EXIT_USAGE;
+        json = true;
+    }
+    if (optind + 1 != argc)
+        return usage_error("info", "one folder, please");
+    struct knee_case *knee;
+    struct error err;
+    if (case_load(argv[optind], NULL, &knee, &err) != RESULT_OK)
+        return failed("info", &err);
+    int status = json ? print_json(knee) : print_text(knee);
+    case_destroy(&knee);
+    return status;
+}

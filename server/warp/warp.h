@@ -50,11 +50,10 @@ struct warp_scene {
     const pose *correction;   // M: one for each body, in the world; NULL for the identity
 };
 
-// The last answers of one query point, from which the next search starts. Zero-initialise with
-// warp_memory_init; it changes how long a call takes, never its result.
+// The last answers of one query point, from which the next search starts. It changes how long a
+// call takes, never its result.
 struct warp_memory {
     uint32_t triangle[WARP_SURFACES_MAX];
-    double distance[WARP_SURFACES_MAX];
 };
 
 void warp_memory_init(struct warp_memory *memory);

@@ -1,0 +1,389 @@
+// The control connection as the server sees it, spoken to by a client that knows no manners.
+#include "base/clock.h"
+#include "net/authority.h"
+#include "test.h"
+#include "wire/doorman.h"
+#include "wire/websocket.h"
+
+#include <string.h>
+#include <unistd.h>
+
+static struct doorman doorman;
+static char anna[128];
+
+static int open_house(void **state) {
+    (void)state;
+    doorman = (struct doorman){.hello_timeout_ns = 300 * NS_PER_MS};
+    doorman_open(&doorman);
+    doorman_enrol(&doorman, "anna", anna);
+    return 0;
+}
+
+static int close_house(void **state) {
+    (void)state;
+    doorman_close(&doorman);
+    return 0;
+}
+
+// ---- talking ------------------------------------------------------------------------------------
+
+static arthron_Control good_hello(void) {
+    arthron_Control message = {.which_message = arthron_Control_hello_tag};
+    arthron_Hello *hello = &message.message.hello;
+    hello->version_min = WIRE_VERSION_MIN;
+    hello->version_max = WIRE_VERSION_MAX;
+    strcpy(hello->station, "anna");
+    return message;
+}
+
+static void tell(struct websocket *socket, const arthron_Control *message) {
+    uint8_t bytes[WIRE_CONTROL_MAX];
+    size_t size;
+    assert_int_equal(wire_encode_control(message, bytes, sizeof bytes, &size), RESULT_OK);
+    assert_true(websocket_send(socket, WEBSOCKET_BINARY, true, bytes, size));
+}
+
+static bool hear(struct websocket *socket, arthron_Control *out_message) {
+    uint8_t bytes[WIRE_CONTROL_MAX];
+    int size = websocket_receive(socket, bytes, sizeof bytes);
+    return size >= 0 && wire_decode_control(bytes, (size_t)size, out_message, NULL) == RESULT_OK;
+}
+
+// The next message of that kind, whatever comes before it.
+static bool hear_kind(struct websocket *socket, int kind, arthron_Control *out_message) {
+    while (hear(socket, out_message))
+        if (out_message->which_message == kind)
+            return true;
+    return false;
+}
+
+static struct websocket *call_as(const char *keys_dir) {
+    struct websocket *socket = websocket_open(doorman.port, keys_dir, WIRE_SUBPROTOCOL);
+    assert_non_null(socket);
+    return socket;
+}
+
+static struct websocket *call_and_greet(void) {
+    struct websocket *socket = call_as(anna);
+    arthron_Control message = good_hello();
+    tell(socket, &message);
+    assert_true(hear(socket, &message));
+    assert_int_equal(message.which_message, arthron_Control_welcome_tag);
+    return socket;
+}
+
+static void expect_refusal(struct websocket *socket, arthron_Refusal_Reason reason) {
+    arthron_Control message;
+    assert_true(hear_kind(socket, arthron_Control_refusal_tag, &message));
+    assert_int_equal(message.message.refusal.reason, reason);
+    assert_true(message.message.refusal.text[0]);
+    assert_false(hear(socket, &message));
+    websocket_close(socket);
+}
+
+// An answered ping: the connection lives.
+static void expect_pong(struct websocket *socket) {
+    arthron_Control message = {.which_message = arthron_Control_ping_tag};
+    message.message.ping.sent_ns = 4711;
+    tell(socket, &message);
+    assert_true(hear_kind(socket, arthron_Control_pong_tag, &message));
+    assert_int_equal(message.message.pong.sent_ns, 4711);
+}
+
+// ---- hello --------------------------------------------------------------------------------------
+
+static void a_hello_is_welcomed_with_what_both_sides_can_do(void **state) {
+    (void)state;
+    struct websocket *socket = call_as(anna);
+    arthron_Control message = good_hello();
+    arthron_Hello *hello = &message.message.hello;
+    hello->version_max = 7;
+    strcpy(hello->capabilities[0], "teleport");
+    strcpy(hello->capabilities[1], "datagrams");
+    hello->capabilities_count = 2;
+    tell(socket, &message);
+    assert_true(hear(socket, &message));
+    assert_int_equal(message.which_message, arthron_Control_welcome_tag);
+    const arthron_Welcome *welcome = &message.message.welcome;
+    assert_int_equal(welcome->version, WIRE_VERSION_MAX);
+    assert_int_equal(welcome->capabilities_count, 1);
+    assert_string_equal(welcome->capabilities[0], "datagrams");
+    assert_string_equal(welcome->software, "doorman");
+    assert_string_equal(welcome->case_name, "healthy");
+    websocket_close(socket);
+    assert_true(wait_for(&doorman.gone, 1));
+}
+
+static void a_hello_in_three_fragments_is_one_message(void **state) {
+    (void)state;
+    uint8_t bytes[WIRE_CONTROL_MAX];
+    size_t size;
+    struct websocket *socket = call_as(anna);
+    arthron_Control message = good_hello();
+    assert_int_equal(wire_encode_control(&message, bytes, sizeof bytes, &size), RESULT_OK);
+    assert_true(websocket_send(socket, WEBSOCKET_BINARY, false, bytes, 2));
+    assert_true(websocket_send(socket, WEBSOCKET_MORE, false, bytes + 2, 3));
+    assert_true(websocket_send(socket, WEBSOCKET_MORE, true, bytes + 5, size - 5));
+    assert_true(hear(socket, &message));
+    assert_int_equal(message.which_message, arthron_Control_welcome_tag);
+    websocket_close(socket);
+}
+
+static void a_version_that_is_not_ours_is_refused(void **state) {
+    (void)state;
+    static const struct {
+        uint32_t min, max;
+    } rows[] = {{WIRE_VERSION_MAX + 1, WIRE_VERSION_MAX + 3}, {0, 0}, {2, 1}, {~0u, ~0u}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct websocket *socket = call_as(anna);
+        arthron_Control message = good_hello();
+        message.message.hello.version_min = rows[i].min;
+        message.message.hello.version_max = rows[i].max;
+        tell(socket, &message);
+        expect_refusal(socket, arthron_Refusal_Reason_VERSION);
+    }
+    assert_int_equal(atomic_load(&doorman.hellos), 0);
+}
+
+static void a_name_that_is_not_the_certificates_is_refused(void **state) {
+    (void)state;
+    static const char *const names[] = {"bert", "", "ann", "annaa"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct websocket *socket = call_as(anna);
+        arthron_Control message = good_hello();
+        strcpy(message.message.hello.station, names[i]);
+        tell(socket, &message);
+        expect_refusal(socket, arthron_Refusal_Reason_IDENTITY);
+    }
+    assert_int_equal(atomic_load(&doorman.hellos), 0);
+}
+
+static void what_the_handler_refuses_is_refused_with_its_reason(void **state) {
+    (void)state;
+    doorman.refuses = true;
+    struct websocket *socket = call_as(anna);
+    arthron_Control message = good_hello();
+    tell(socket, &message);
+    expect_refusal(socket, arthron_Refusal_Reason_BUSY);
+    assert_int_equal(atomic_load(&doorman.gone), 0);
+}
+
+static void a_silent_peer_is_refused_in_time(void **state) {
+    (void)state;
+    expect_refusal(call_as(anna), arthron_Refusal_Reason_MALFORMED);
+    struct websocket *stranger = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
+}
+
+static void nothing_is_heard_before_hello(void **state) {
+    (void)state;
+    struct websocket *socket = call_as(anna);
+    arthron_Control message = {.which_message = arthron_Control_frame_tag};
+    tell(socket, &message);
+    expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
+    assert_int_equal(atomic_load(&doorman.frames), 0);
+}
+
+// ---- certificates -------------------------------------------------------------------------------
+
+static void without_a_certificate_there_is_only_enrolment(void **state) {
+    (void)state;
+    expect_refusal(call_as(NULL), arthron_Refusal_Reason_IDENTITY);
+    assert_int_equal(control_counts(doorman.control).refused_certificates, 1);
+    struct websocket *stranger = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    arthron_Control message = good_hello();
+    tell(stranger, &message);
+    expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
+    assert_null(websocket_open(doorman.port, anna, "chat"));
+}
+
+static void a_certificate_of_another_authority_ends_the_handshake(void **state) {
+    (void)state;
+    struct doorman other = {0};
+    char foreign[128];
+    doorman_open(&other);
+    doorman_enrol(&other, "anna", foreign);
+    assert_null(websocket_open(doorman.port, foreign, WIRE_SUBPROTOCOL));
+    assert_int_equal(control_counts(doorman.control).refused_certificates, 1);
+    doorman_close(&other);
+}
+
+static void revoking_closes_the_connection_and_the_door(void **state) {
+    (void)state;
+    struct error err;
+    struct websocket *socket = call_and_greet();
+    assert_int_equal(authority_revoke(doorman.keys, "anna", &err), RESULT_OK);
+    expect_pong(socket);
+    expect_refusal(socket, arthron_Refusal_Reason_IDENTITY);
+    assert_true(wait_for(&doorman.gone, 1));
+    expect_refusal(call_as(anna), arthron_Refusal_Reason_IDENTITY);
+}
+
+// ---- messages -----------------------------------------------------------------------------------
+
+static void an_unknown_message_is_skipped_and_counted(void **state) {
+    (void)state;
+    static const uint8_t field_99[] = {0x9a, 0x06, 0x03, 'a', 'b', 'c'};
+    struct websocket *socket = call_and_greet();
+    assert_true(websocket_send(socket, WEBSOCKET_BINARY, true, field_99, sizeof field_99));
+    expect_pong(socket);
+    assert_int_equal(control_counts(doorman.control).unknown_messages, 1);
+    websocket_close(socket);
+}
+
+static const struct {
+    const char *what;
+    int opcode;
+    size_t size;
+    uint8_t bytes[16];
+} malformed[] = {
+    {"a length beyond the end", WEBSOCKET_BINARY, 3, {0x22, 0x7f, 0x08}},
+    {"an endless varint",
+     WEBSOCKET_BINARY,
+     12,
+     {0x22, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff}},
+    {"a wire type that does not exist", WEBSOCKET_BINARY, 2, {0x27, 0x00}},
+    {"a text", WEBSOCKET_TEXT, 5, "hello"},
+    {"a message only a server says", WEBSOCKET_BINARY, 2, {0x12, 0x00}},
+    {"a second Hello", WEBSOCKET_BINARY, 2, {0x0a, 0x00}},
+    {"an Enrol", WEBSOCKET_BINARY, 2, {0x5a, 0x00}},
+};
+
+static void a_malformed_message_closes_its_peer_and_no_other(void **state) {
+    (void)state;
+    char bert[128];
+    doorman_enrol(&doorman, "bert", bert);
+    struct websocket *other = call_as(bert);
+    arthron_Control message = good_hello();
+    strcpy(message.message.hello.station, "bert");
+    tell(other, &message);
+    size_t rows = sizeof malformed / sizeof *malformed;
+    for (size_t i = 0; i < rows; i++) {
+        struct websocket *socket = call_and_greet();
+        websocket_send(socket, malformed[i].opcode, true, malformed[i].bytes, malformed[i].size);
+        expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
+        expect_pong(other);
+    }
+    assert_int_equal(control_counts(doorman.control).malformed_messages, rows);
+    websocket_close(other);
+}
+
+static void a_message_that_is_too_long_is_not_collected(void **state) {
+    (void)state;
+    static const uint8_t bytes[WIRE_CONTROL_MAX + 1];
+    struct websocket *socket = call_and_greet();
+    websocket_send(socket, WEBSOCKET_BINARY, true, bytes, sizeof bytes);
+    expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
+    socket = call_and_greet();
+    for (int i = 0; i < 5; i++) // in fragments, and it never ends
+        websocket_send(socket, i ? WEBSOCKET_MORE : WEBSOCKET_BINARY, false, bytes, 2048);
+    expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
+}
+
+static void times_that_no_clock_shows_are_ignored(void **state) {
+    (void)state;
+    static const arthron_Pong rows[] = {
+        {INT64_MIN, INT64_MAX, INT64_MIN}, {INT64_MAX, 0, 0}, {0, INT64_MIN, INT64_MAX},
+        {0, INT64_MAX, INT64_MAX},         {1, 2, 1},
+    };
+    struct websocket *socket = call_and_greet();
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        arthron_Control message = {.which_message = arthron_Control_pong_tag};
+        message.message.pong = rows[i];
+        tell(socket, &message);
+    }
+    expect_pong(socket);
+    assert_int_equal(atomic_load(&doorman.clocks), 0);
+    websocket_close(socket);
+}
+
+static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **state) {
+    (void)state;
+    struct websocket *deaf = call_and_greet();
+    arthron_Control reply = {.which_message = arthron_Control_reply_tag};
+    reply.message.reply.instruments_count = 5;
+    for (int i = 0; i < 5; i++)
+        reply.message.reply.instruments[i] = (arthron_WarpedInstrument){
+            .channel = arthron_Channel_PROBE, .has_pose = true, .has_displacement = true};
+    int sent = 0;
+    while (control_counts(doorman.control).replies_dropped < 100 && sent < 1000000)
+        sent += control_send(doorman.control, doorman.peer, &reply);
+    assert_true(control_counts(doorman.control).replies_dropped >= 100);
+    expect_pong(deaf); // it was only slow
+    websocket_close(deaf);
+}
+
+static void a_message_for_a_peer_that_is_gone_goes_nowhere(void **state) {
+    (void)state;
+    websocket_close(call_and_greet());
+    assert_true(wait_for(&doorman.gone, 1));
+    arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
+    assert_false(control_send(doorman.control, doorman.peer, &message));
+    struct control_peer first = doorman.peer;
+    struct websocket *socket = call_and_greet();
+    assert_int_equal(doorman.peer.index, first.index);
+    assert_false(control_send(doorman.control, first, &message));
+    assert_true(control_send(doorman.control, doorman.peer, &message));
+    websocket_close(socket);
+}
+
+static void a_stopping_server_says_so(void **state) {
+    (void)state;
+    struct websocket *socket = call_and_greet();
+    doorman_stop(&doorman);
+    expect_refusal(socket, arthron_Refusal_Reason_SHUTDOWN);
+    assert_int_equal(atomic_load(&doorman.gone), 1);
+}
+
+static void the_handler_can_send_a_peer_away(void **state) {
+    (void)state;
+    struct websocket *socket = call_and_greet();
+    control_refuse(doorman.control, doorman.peer, arthron_Refusal_Reason_NO_CASE, "no case");
+    expect_refusal(socket, arthron_Refusal_Reason_NO_CASE);
+}
+
+static void a_port_that_is_taken_is_named(void **state) {
+    (void)state;
+    struct control_handler handler = {0};
+    struct control_config config = {.address = "127.0.0.1",
+                                    .port = doorman.port,
+                                    .authority_dir = doorman.keys,
+                                    .software = "second",
+                                    .hello_timeout_ns = NS_PER_S};
+    struct control *second;
+    struct error err;
+    char port[16];
+    snprintf(port, sizeof port, "%d", doorman.port);
+    assert_int_equal(control_create(&config, &handler, &second, &err), RESULT_IO);
+    assert_non_null(strstr(err.text, port));
+    config.authority_dir = doorman.dir;
+    assert_int_equal(control_create(&config, &handler, &second, &err), RESULT_MISSING);
+    assert_non_null(strstr(err.text, doorman.dir));
+}
+
+#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        IN_A_HOUSE(a_hello_is_welcomed_with_what_both_sides_can_do),
+        IN_A_HOUSE(a_hello_in_three_fragments_is_one_message),
+        IN_A_HOUSE(a_version_that_is_not_ours_is_refused),
+        IN_A_HOUSE(a_name_that_is_not_the_certificates_is_refused),
+        IN_A_HOUSE(what_the_handler_refuses_is_refused_with_its_reason),
+        IN_A_HOUSE(a_silent_peer_is_refused_in_time),
+        IN_A_HOUSE(nothing_is_heard_before_hello),
+        IN_A_HOUSE(without_a_certificate_there_is_only_enrolment),
+        IN_A_HOUSE(a_certificate_of_another_authority_ends_the_handshake),
+        IN_A_HOUSE(revoking_closes_the_connection_and_the_door),
+        IN_A_HOUSE(an_unknown_message_is_skipped_and_counted),
+        IN_A_HOUSE(a_malformed_message_closes_its_peer_and_no_other),
+        IN_A_HOUSE(a_message_that_is_too_long_is_not_collected),
+        IN_A_HOUSE(times_that_no_clock_shows_are_ignored),
+        IN_A_HOUSE(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
+        IN_A_HOUSE(a_message_for_a_peer_that_is_gone_goes_nowhere),
+        IN_A_HOUSE(a_stopping_server_says_so),
+        IN_A_HOUSE(the_handler_can_send_a_peer_away),
+        IN_A_HOUSE(a_port_that_is_taken_is_named),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

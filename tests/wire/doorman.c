@@ -1,0 +1,128 @@
+#include "wire/doorman.h"
+
+#include "base/clock.h"
+#include "link/link.h"
+#include "net/authority.h"
+#include "test.h"
+
+#include <ftw.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
+                            arthron_Welcome *welcome, arthron_Refusal *refusal) {
+    struct doorman *d = user;
+    if (d->refuses) {
+        *refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "full"};
+        return RESULT_REFUSED;
+    }
+    pthread_mutex_lock(&d->lock);
+    d->hello = *hello;
+    d->peer = peer;
+    pthread_mutex_unlock(&d->lock);
+    strcpy(welcome->case_name, "healthy");
+    if (d->keys_at_hello) {
+        arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
+        message.message.udp_keys = *d->keys_at_hello;
+        control_send(d->control, peer, &message);
+    }
+    atomic_fetch_add(&d->hellos, 1);
+    return RESULT_OK;
+}
+
+static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
+                     int64_t uncertainty_ns, int64_t rtt_ns) {
+    (void)peer;
+    struct doorman *d = user;
+    pthread_mutex_lock(&d->lock);
+    d->offset_ns = offset_ns;
+    d->uncertainty_ns = uncertainty_ns;
+    d->rtt_ns = rtt_ns;
+    pthread_mutex_unlock(&d->lock);
+    atomic_fetch_add(&d->clocks, 1);
+}
+
+static void on_frame(void *user, struct control_peer peer, const arthron_Frame *message,
+                     int64_t received_ns) {
+    (void)received_ns;
+    struct doorman *d = user;
+    arthron_Control reply = {.which_message = arthron_Control_reply_tag};
+    reply.message.reply.frame_number = message->number;
+    reply.message.reply.frame_time_ns = message->time_ns;
+    control_send(d->control, peer, &reply);
+    atomic_fetch_add(&d->frames, 1);
+}
+
+static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
+    (void)peer;
+    struct doorman *d = user;
+    pthread_mutex_lock(&d->lock);
+    d->challenge = message->message.udp_path.challenge;
+    pthread_mutex_unlock(&d->lock);
+}
+
+static void on_gone(void *user, struct control_peer peer) {
+    (void)peer;
+    atomic_fetch_add(&((struct doorman *)user)->gone, 1);
+}
+
+void doorman_start(struct doorman *d) {
+    struct control_handler handler = {d, on_hello, on_clock, on_frame, on_message, on_gone};
+    struct control_config config = {
+        .address = "127.0.0.1",
+        .port = d->port,
+        .authority_dir = d->keys,
+        .software = "doorman",
+        .hello_timeout_ns = d->hello_timeout_ns ? d->hello_timeout_ns : 5 * NS_PER_S,
+    };
+    struct error err;
+    if (control_create(&config, &handler, &d->control, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    d->port = control_port(d->control);
+}
+
+void doorman_stop(struct doorman *d) {
+    control_destroy(&d->control);
+}
+
+void doorman_open(struct doorman *d) {
+    const char *hosts[] = {"localhost", "127.0.0.1"};
+    struct error err;
+    strcpy(d->dir, "/tmp/arthron-test-XXXXXX");
+    assert_non_null(mkdtemp(d->dir));
+    snprintf(d->keys, sizeof d->keys, "%s/keys", d->dir);
+    pthread_mutex_init(&d->lock, NULL);
+    if (authority_init(d->keys, hosts, 2, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    doorman_start(d);
+}
+
+static int remove_one(const char *path, const struct stat *status, int kind, struct FTW *where) {
+    (void)status, (void)kind, (void)where;
+    return remove(path);
+}
+
+void doorman_close(struct doorman *d) {
+    if (d->control)
+        doorman_stop(d);
+    pthread_mutex_destroy(&d->lock);
+    nftw(d->dir, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+void doorman_enrol(struct doorman *d, const char *station, char out_keys_dir[128]) {
+    char code[AUTHORITY_CODE_MAX];
+    struct error err;
+    snprintf(out_keys_dir, 128, "%s/%s", d->dir, station);
+    if (authority_issue_code(d->keys, station, code, &err) != RESULT_OK ||
+        link_enrol("localhost", d->port, code, station, out_keys_dir, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+}
+
+bool wait_for(atomic_int *counter, int wanted) {
+    int64_t until_ns = clock_now_ns() + 10 * NS_PER_S;
+    while (atomic_load(counter) < wanted && clock_now_ns() < until_ns)
+        usleep(2000);
+    return atomic_load(counter) >= wanted;
+}

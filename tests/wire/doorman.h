@@ -1,0 +1,36 @@
+// What the tests of the network share: a temporary folder with an authority, enrolled stations, and
+// a control room whose handler, in place of the hub, writes down what it is told and answers each
+// frame.
+#pragma once
+
+#include "net/control.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+struct doorman {
+    char dir[64];  // temporary; dir/keys is the authority's
+    char keys[80]; // folder of the authority
+    struct control *control;
+    int port; // the same after doorman_restart
+    int64_t hello_timeout_ns;
+    bool refuses;                   // answers Hello with BUSY, "full"
+    arthron_UdpKeys *keys_at_hello; // sent behind Welcome, NULL: none
+    pthread_mutex_t lock;           // guards what follows
+    arthron_Hello hello;            // the last one
+    struct control_peer peer;
+    int64_t offset_ns, uncertainty_ns, rtt_ns;
+    uint64_t challenge; // last UdpPath answered
+    atomic_int hellos, clocks, frames, gone;
+};
+
+void doorman_open(struct doorman *doorman); // folder, authority, control room
+void doorman_close(struct doorman *doorman);
+void doorman_stop(struct doorman *doorman); // the control room only
+void doorman_start(struct doorman *doorman);
+
+// Enrols a station; its keys are in *out_keys_dir (dir/NAME).
+void doorman_enrol(struct doorman *doorman, const char *station, char out_keys_dir[128]);
+
+// True as soon as *counter is at least `wanted`; false after 10 s.
+bool wait_for(atomic_int *counter, int wanted);

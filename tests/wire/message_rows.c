@@ -1,0 +1,96 @@
+#include "message_rows.h"
+
+// "\x12" "..." splits keep a hexadecimal escape from taking the next character.
+#define ROW(what, kind, result, bytes)                                                             \
+    { what, kind, result, bytes, sizeof bytes - 1, 0, 0 }
+#define LONG(what, kind, result, bytes, more, filler)                                              \
+    { what, kind, result, bytes, sizeof bytes - 1, more, filler }
+
+const struct message_row message_rows[] = {
+    ROW("nothing", KIND_CONTROL, RESULT_OK, ""),
+    ROW("a message of an unknown kind", KIND_CONTROL, RESULT_OK, "\xa2\x06\x01x"),
+    ROW("an unknown number beside a ping", KIND_CONTROL, RESULT_OK, "\x22\x00\xa0\x06\x05"),
+    ROW("an unknown field in a ping", KIND_CONTROL, RESULT_OK, "\x22\x03\x12\x01x"),
+    ROW("field number 0", KIND_CONTROL, RESULT_FORMAT, "\x02\x00"),
+    ROW("a group", KIND_CONTROL, RESULT_FORMAT, "\x23\x24"),
+    ROW("wire type 7", KIND_CONTROL, RESULT_FORMAT, "\x27"),
+    ROW("a ping that is a number", KIND_CONTROL, RESULT_FORMAT, "\x20\x01"),
+    ROW("a ping longer than the data", KIND_CONTROL, RESULT_FORMAT, "\x22\x09\x09"),
+    ROW("a length of 2^32 - 1", KIND_CONTROL, RESULT_FORMAT, "\x22\xff\xff\xff\xff\x0f"),
+    ROW("a length of 2^64 - 1", KIND_CONTROL, RESULT_FORMAT,
+        "\x22\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01"),
+    ROW("a number of eleven bytes", KIND_CONTROL, RESULT_FORMAT,
+        "\x0a\x0c\x08\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01"),
+    ROW("a version of 33 bits", KIND_CONTROL, RESULT_FORMAT, "\x0a\x06\x08\x80\x80\x80\x80\x10"),
+    ROW("keys of 15 bytes", KIND_CONTROL, RESULT_FORMAT,
+        "\x42\x11\x22\x0f"
+        "123456789012345"),
+    ROW("keys of 17 bytes", KIND_CONTROL, RESULT_FORMAT,
+        "\x42\x13\x22\x11"
+        "12345678901234567"),
+    ROW("a station's name of 63 letters", KIND_CONTROL, RESULT_OK,
+        "\x0a\x41\x22\x3f"
+        "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"),
+    ROW("a station's name of 64 letters", KIND_CONTROL, RESULT_FORMAT,
+        "\x0a\x42\x22\x40"
+        "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"),
+    ROW("a capability of 24 letters", KIND_CONTROL, RESULT_FORMAT,
+        "\x0a\x1a\x1a\x18"
+        "abcdefghijklmnopqrstuvwx"),
+    ROW("16 empty capabilities", KIND_CONTROL, RESULT_OK,
+        "\x0a\x20\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+        "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"),
+    ROW("17 empty capabilities", KIND_CONTROL, RESULT_FORMAT,
+        "\x0a\x22\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+        "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"),
+    LONG("a request of 2048 bytes", KIND_CONTROL, RESULT_OK, "\x5a\x83\x10\x12\x80\x10", 2048, 0),
+    LONG("a request of 2049 bytes", KIND_CONTROL, RESULT_FORMAT, "\x5a\x84\x10\x12\x81\x10", 2049,
+         0),
+    LONG("a control message of 8192 bytes", KIND_CONTROL, RESULT_OK, "\xa2\x06\xfc\x3f", 8188, 0),
+    LONG("a control message of 8193 bytes", KIND_CONTROL, RESULT_LIMIT, "\xa2\x06\xfd\x3f", 8189,
+         0),
+    LONG("a console message of 65536 bytes", KIND_CONSOLE, RESULT_OK, "\xa2\x06\xfb\xff\x03", 65531,
+         0),
+    LONG("a console message of 65537 bytes", KIND_CONSOLE, RESULT_LIMIT, "\xa2\x06\xfc\xff\x03",
+         65532, 0),
+    LONG("65 sessions", KIND_CONSOLE, RESULT_FORMAT,
+         "\x12\x82\x01\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00",
+         0, 0),
+    LONG("16 empty samples", KIND_FRAME, RESULT_OK,
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00",
+         0, 0),
+    LONG("17 empty samples", KIND_FRAME, RESULT_FORMAT,
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
+         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00",
+         0, 0),
+    LONG("padding of 1024 bytes", KIND_FRAME, RESULT_OK, "\x22\x80\x08", 1024, 1),
+    LONG("padding of 1025 bytes", KIND_FRAME, RESULT_FORMAT, "\x22\x81\x08", 1025, 1),
+    LONG("a frame of 1453 bytes", KIND_FRAME, RESULT_LIMIT, "\xa2\x06\xa9\x0b", 1449, 0),
+    ROW("a joint and a pose in one sample: the last counts", KIND_FRAME, RESULT_OK,
+        "\x1a\x04\x2a\x00\x32\x00"),
+    ROW("channel 9", KIND_FRAME, RESULT_FORMAT, "\x1a\x02\x08\x09"),
+    ROW("channel 2^32 + 1", KIND_FRAME, RESULT_FORMAT, "\x1a\x06\x08\x81\x80\x80\x80\x10"),
+    ROW("a pose with half a number", KIND_FRAME, RESULT_FORMAT,
+        "\x1a\x07\x32\x05\x09\x01\x02\x03\x04"),
+    ROW("6 lost instruments", KIND_REPLY, RESULT_FORMAT,
+        "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"
+        "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"),
+    ROW("5 lost instruments", KIND_REPLY, RESULT_OK,
+        "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"
+        "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"),
+    ROW("an instrument without a pose", KIND_REPLY, RESULT_FORMAT, "\x22\x02\x08\x04"),
+    LONG("a gradient of 9 zeros", KIND_REPLY, RESULT_OK, "\x22\x2a\x08\x04\x10\x02\x32\x24", 36, 0),
+    LONG("a gradient of 8", KIND_REPLY, RESULT_FORMAT, "\x22\x26\x08\x04\x10\x02\x32\x20", 32, 0),
+    LONG("a gradient of 10", KIND_REPLY, RESULT_FORMAT, "\x22\x2e\x08\x04\x10\x02\x32\x28", 40, 0),
+    LONG("a gradient of 9 and a half", KIND_REPLY, RESULT_FORMAT,
+         "\x22\x2c\x08\x04\x10\x02\x32\x26", 38, 0),
+};
+
+const int message_row_count = sizeof message_rows / sizeof *message_rows;

@@ -1,0 +1,642 @@
+// Messages as bytes: every kind there and back, and malformed ones, which are refused without harm
+// (the sanitizers see what harm there is: every input lies in memory of just its size).
+#include "message_rows.h"
+#include "random.h"
+#include "test.h"
+#include "wire/seal.h"
+#include "wire/wire.h"
+
+#include <pb_encode.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---- each kind of message
+// ------------------------------------------------------------------------
+
+struct kind {
+    const char *name;
+    size_t message_size;
+    enum result (*encode)(const void *, uint8_t *, size_t, size_t *);
+    enum result (*decode)(const uint8_t *, size_t, void *, struct error *);
+};
+
+static enum result encode_control(const void *m, uint8_t *data, size_t size, size_t *out_used) {
+    return wire_encode_control(m, data, size, out_used);
+}
+
+static enum result encode_console(const void *m, uint8_t *data, size_t size, size_t *out_used) {
+    return wire_encode_console(m, data, size, out_used);
+}
+
+static enum result encode_frame(const void *m, uint8_t *data, size_t size, size_t *out_used) {
+    return wire_encode_frame(m, data, size, out_used);
+}
+
+static enum result encode_reply(const void *m, uint8_t *data, size_t size, size_t *out_used) {
+    return wire_encode_reply(m, data, size, out_used);
+}
+
+static enum result decode_control(const uint8_t *data, size_t size, void *out, struct error *err) {
+    return wire_decode_control(data, size, out, err);
+}
+
+static enum result decode_console(const uint8_t *data, size_t size, void *out, struct error *err) {
+    return wire_decode_console(data, size, out, err);
+}
+
+static enum result decode_frame(const uint8_t *data, size_t size, void *out, struct error *err) {
+    return wire_decode_frame(data, size, out, err);
+}
+
+static enum result decode_reply(const uint8_t *data, size_t size, void *out, struct error *err) {
+    return wire_decode_reply(data, size, out, err);
+}
+
+static const struct kind kinds[] = {
+    [KIND_CONTROL] = {"control", sizeof(arthron_Control), encode_control, decode_control},
+    [KIND_CONSOLE] = {"console", sizeof(arthron_Console), encode_console, decode_console},
+    [KIND_FRAME] = {"frame", sizeof(arthron_Frame), encode_frame, decode_frame},
+    [KIND_REPLY] = {"reply", sizeof(arthron_Reply), encode_reply, decode_reply},
+};
+
+#define KIND_COUNT (sizeof kinds / sizeof *kinds)
+#define BYTES_MAX WIRE_CONSOLE_MAX
+
+// A valid message as bytes.
+struct valid {
+    int kind;
+    size_t size;
+    uint8_t *bytes;
+};
+
+static struct valid encoded(int kind, const void *message) {
+    uint8_t *bytes = malloc(BYTES_MAX);
+    size_t size = 0;
+    assert_int_equal(kinds[kind].encode(message, bytes, BYTES_MAX, &size), RESULT_OK);
+    return (struct valid){kind, size, bytes};
+}
+
+static enum result decode_copy(int kind, const uint8_t *bytes, size_t size, void *out,
+                               struct error *err) {
+    uint8_t *exact = malloc(size ? size : 1);
+    memcpy(exact, bytes, size);
+    enum result result = kinds[kind].decode(exact, size, out, err);
+    free(exact);
+    return result;
+}
+
+// ---- valid messages
+// ------------------------------------------------------------------------------
+
+static struct sample make_sample(struct random *random, enum channel channel) {
+    struct sample sample = {.channel = channel, .kind = SAMPLE_POSE};
+    sample.validity = (enum validity)(random_bits(random) % VALIDITY_COUNT);
+    sample.device = (uint8_t)(random_bits(random) % WIRE_DEVICES_MAX);
+    sample.time_ns = (int64_t)random_bits(random);
+    if (channel == CHANNEL_JOINT) {
+        sample.kind = SAMPLE_JOINT;
+        sample.joint = (struct joint_angles){random_between(random, -90, 90), -1.5, 2, 3, -4, 5};
+    } else if (channel == CHANNEL_PUNCH && random_bits(random) % 2) {
+        sample.kind = SAMPLE_HANDLE;
+        sample.handle = (struct handle){random_between(random, 0, 1), 0x80000001};
+    } else {
+        sample.T_mockup_body = random_pose(random, 500);
+    }
+    return sample;
+}
+
+static struct frame make_frame(struct random *random, int count) {
+    struct frame frame = {.number = random_bits(random), .time_ns = 123456789, .count = count};
+    for (int i = 0; i < count; i++)
+        frame.samples[i] = make_sample(random, (enum channel)(random_bits(random) % CHANNEL_COUNT));
+    return frame;
+}
+
+// The longest reply about these instruments: no field is at its default.
+static arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
+    arthron_Reply reply = {.frame_number = 7,
+                           .frame_time_ns = -1,
+                           .state = arthron_SessionState_CLOSED,
+                           .events = 0xffffffff};
+    for (int channel = CHANNEL_FIRST_INSTRUMENT; channel < CHANNEL_COUNT; channel++) {
+        if (!there[channel])
+            continue;
+        arthron_WarpedInstrument *w = &reply.instruments[reply.instruments_count++];
+        *w = (arthron_WarpedInstrument){
+            .channel = (arthron_Channel)channel,
+            .validity = arthron_Validity_HELD,
+            .body = arthron_Body_BODY_PATELLA,
+            .has_pose = true,
+            .pose = {0.5, 0.5, -0.5, 0.5, 1e3, -2e3, 3e-3},
+            .has_displacement = true,
+            .displacement = {1, 2, 3},
+            .trust_radius_mm = 0.1f,
+            .nearest_mm = -1,
+        };
+        for (int i = 0; i < 9; i++)
+            w->gradient[i] = 0.1f * (float)(i + 1);
+    }
+    return reply;
+}
+
+static arthron_Reply full_reply(void) {
+    bool all[CHANNEL_COUNT];
+    memset(all, true, sizeof all);
+    return longest_reply(all);
+}
+
+static void fill_hello(arthron_Hello *hello) {
+    *hello = (arthron_Hello){.version_min = 1,
+                             .version_max = 3,
+                             .capabilities_count = 2,
+                             .capabilities = {"datagrams", "x"},
+                             .station = "station-1",
+                             .software = "arthron-station 1",
+                             .devices_count = 2,
+                             .devices = {{"encoders", "modbus"}, {"optical", "tracker"}},
+                             .connection = 99};
+}
+
+static void fill_keys(arthron_UdpKeys *keys) {
+    *keys = (arthron_UdpKeys){.port = 4444, .connection = 0xfeedface, .epoch = 255};
+    memset(keys->key_to_server, 1, sizeof keys->key_to_server);
+    memset(keys->iv_to_server, 2, sizeof keys->iv_to_server);
+    memset(keys->key_to_station, 3, sizeof keys->key_to_station);
+    memset(keys->iv_to_station, 4, sizeof keys->iv_to_station);
+}
+
+static void fill_enrolled(arthron_Enrolled *enrolled) {
+    enrolled->certificate_der.size = sizeof enrolled->certificate_der.bytes;
+    enrolled->authority_der.size = 400;
+    memset(enrolled->certificate_der.bytes, 0x30, sizeof enrolled->certificate_der.bytes);
+}
+
+static void fill_welcome(arthron_Welcome *welcome) {
+    *welcome = (arthron_Welcome){.version = 1,
+                                 .capabilities_count = 1,
+                                 .capabilities = {"datagrams"},
+                                 .software = "arthron-server 1",
+                                 .session_id = {1, 2, 3},
+                                 .case_name = "healthy",
+                                 .case_hash = 5,
+                                 .state = arthron_SessionState_PAUSED,
+                                 .resumed = true};
+}
+
+static void fill_control(int which, arthron_Control *out) {
+    struct random random = {3};
+    memset(out, 0, sizeof *out);
+    out->which_message = (pb_size_t)which;
+    struct frame frame = make_frame(&random, FRAME_SAMPLES_MAX);
+    switch (which) {
+    case arthron_Control_hello_tag:
+        fill_hello(&out->message.hello);
+        break;
+    case arthron_Control_welcome_tag:
+        fill_welcome(&out->message.welcome);
+        break;
+    case arthron_Control_refusal_tag:
+        out->message.refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "too many"};
+        break;
+    case arthron_Control_ping_tag:
+        out->message.ping.sent_ns = 1;
+        break;
+    case arthron_Control_pong_tag:
+        out->message.pong = (arthron_Pong){1, 2, -3};
+        break;
+    case arthron_Control_frame_tag:
+        wire_frame_from(&frame, &out->message.frame);
+        break;
+    case arthron_Control_reply_tag:
+        out->message.reply = full_reply();
+        break;
+    case arthron_Control_udp_keys_tag:
+        fill_keys(&out->message.udp_keys);
+        break;
+    case arthron_Control_udp_path_tag:
+        out->message.udp_path.challenge = 77;
+        break;
+    case arthron_Control_session_change_tag:
+        out->message.session_change =
+            (arthron_SessionChange){arthron_SessionState_RUNNING, "healthy", 5, "started"};
+        break;
+    case arthron_Control_enrol_tag:
+        strcpy(out->message.enrol.code, "ABCDEF-234567");
+        out->message.enrol.request_der.size = 300;
+        break;
+    default:
+        fill_enrolled(&out->message.enrolled);
+    }
+}
+
+static void fill_console(int which, arthron_Console *out) {
+    memset(out, 0, sizeof *out);
+    out->which_message = (pb_size_t)which;
+    if (which == arthron_Console_command_tag) {
+        out->message.command = (arthron_Command){arthron_Command_Kind_CASE, "station-1", "healthy"};
+        return;
+    }
+    arthron_CommandReply *reply = &out->message.command_reply;
+    strcpy(reply->text, "no such station");
+    reply->sessions_count = 3;
+    for (int i = 0; i < 3; i++) {
+        reply->sessions[i].state = arthron_SessionState_RUNNING;
+        reply->sessions[i].rtt_p50_us = 250.5;
+        strcpy(reply->sessions[i].station, "station-1");
+    }
+}
+
+#define VALID_MAX 20
+
+static int all_valid(struct valid out[VALID_MAX]) {
+    int count = 0;
+    arthron_Control *control = malloc(sizeof *control);
+    for (int which = arthron_Control_hello_tag; which <= arthron_Control_enrolled_tag; which++) {
+        fill_control(which, control);
+        out[count++] = encoded(KIND_CONTROL, control);
+    }
+    out[count++] = encoded(KIND_REPLY, &(arthron_Reply){0});
+    arthron_Reply reply = full_reply();
+    out[count++] = encoded(KIND_REPLY, &reply);
+    fill_control(arthron_Control_frame_tag, control);
+    out[count++] = encoded(KIND_FRAME, &control->message.frame);
+    free(control);
+    arthron_Console *console = malloc(sizeof *console);
+    for (int which = 1; which <= 2; which++) {
+        fill_console(which, console);
+        out[count++] = encoded(KIND_CONSOLE, console);
+    }
+    free(console);
+    return count;
+}
+
+static void release_all(struct valid *valid, int count) {
+    for (int i = 0; i < count; i++)
+        free(valid[i].bytes);
+}
+
+// ---- there and back
+// ------------------------------------------------------------------------------
+
+static void every_message_comes_back_as_it_went(void **state) {
+    (void)state;
+    struct valid valid[VALID_MAX];
+    int count = all_valid(valid);
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < count; i++) {
+        assert_int_equal(decode_copy(valid[i].kind, valid[i].bytes, valid[i].size, message, NULL),
+                         RESULT_OK);
+        struct valid again = encoded(valid[i].kind, message);
+        assert_int_equal(again.size, valid[i].size);
+        assert_memory_equal(again.bytes, valid[i].bytes, again.size);
+        free(again.bytes);
+    }
+    free(message);
+    release_all(valid, count);
+}
+
+static void a_buffer_one_byte_too_short_is_refused(void **state) {
+    (void)state;
+    struct valid valid[VALID_MAX];
+    int count = all_valid(valid);
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < count; i++) {
+        decode_copy(valid[i].kind, valid[i].bytes, valid[i].size, message, NULL);
+        size_t used, size = valid[i].size;
+        if (!size)
+            continue;
+        uint8_t *data = malloc(size);
+        assert_int_equal(kinds[valid[i].kind].encode(message, data, size, &used), RESULT_OK);
+        assert_int_equal(kinds[valid[i].kind].encode(message, data, size - 1, &used), RESULT_LIMIT);
+        free(data);
+    }
+    free(message);
+    release_all(valid, count);
+}
+
+static void assert_same_sample(const struct sample *a, const struct sample *b) {
+    assert_int_equal(a->channel, b->channel);
+    assert_int_equal(a->kind, b->kind);
+    assert_int_equal(a->validity, b->validity);
+    assert_int_equal(a->device, b->device);
+    assert_int_equal(a->time_ns, b->time_ns);
+    if (a->kind == SAMPLE_JOINT)
+        assert_memory_equal(&a->joint, &b->joint, sizeof a->joint);
+    else if (a->kind == SAMPLE_POSE)
+        assert_memory_equal(&a->T_mockup_body, &b->T_mockup_body, sizeof a->T_mockup_body);
+    else
+        assert_true(a->handle.opening == b->handle.opening &&
+                    a->handle.buttons == b->handle.buttons);
+}
+
+static void a_frame_comes_back_bit_for_bit(void **state) {
+    (void)state;
+    struct random random = {11};
+    for (int i = 0; i < 200; i++) {
+        struct frame frame = make_frame(&random, i % (FRAME_SAMPLES_MAX + 1)), back;
+        arthron_Frame message;
+        wire_frame_from(&frame, &message);
+        struct valid bytes = encoded(KIND_FRAME, &message);
+        assert_int_equal(decode_copy(KIND_FRAME, bytes.bytes, bytes.size, &message, NULL), 0);
+        assert_int_equal(wire_frame_to(&message, &back, NULL), RESULT_OK);
+        free(bytes.bytes);
+        assert_int_equal(back.number, frame.number);
+        assert_int_equal(back.time_ns, frame.time_ns);
+        assert_int_equal(back.count, frame.count);
+        for (int k = 0; k < frame.count; k++)
+            assert_same_sample(&back.samples[k], &frame.samples[k]);
+    }
+}
+
+// ---- padding -----------------------------------------------------------------------------------
+
+static void a_padded_frame_is_never_shorter_than_the_longest_reply_to_it(void **state) {
+    (void)state;
+    struct random random = {5};
+    for (int i = 0; i < 2000; i++) {
+        struct frame frame = make_frame(&random, (int)(random_bits(&random) % 17));
+        frame.number = random_bits(&random) % 2; // 0 takes no room
+        arthron_Frame message;
+        wire_frame_from(&frame, &message);
+        wire_frame_pad(&message);
+        bool there[CHANNEL_COUNT] = {false};
+        for (int k = 0; k < frame.count; k++)
+            there[frame.samples[k].channel] = true;
+        arthron_Reply reply = longest_reply(there);
+        struct valid asked = encoded(KIND_FRAME, &message), answer = encoded(KIND_REPLY, &reply);
+        assert_true(asked.size >= answer.size);
+        assert_true(asked.size + SEAL_OVERHEAD <= WIRE_DATAGRAM_MAX);
+        wire_frame_pad(&message); // again: the same
+        struct valid again = encoded(KIND_FRAME, &message);
+        assert_int_equal(again.size, asked.size);
+        free(asked.bytes), free(answer.bytes), free(again.bytes);
+    }
+}
+
+// ---- malformed
+// -----------------------------------------------------------------------------------
+
+static void assert_terminated(const char *text, size_t size) {
+    assert_non_null(memchr(text, 0, size));
+}
+
+// What wire.h promises of a message that was decoded.
+static void assert_is_usable(int kind, const void *message) {
+    const arthron_Control *control = message;
+    const arthron_Console *console = message;
+    const arthron_Frame *frame = kind == KIND_FRAME ? message : &control->message.frame;
+    struct frame plain;
+    if (kind == KIND_FRAME ||
+        (kind == KIND_CONTROL && control->which_message == arthron_Control_frame_tag)) {
+        assert_true(frame->samples_count <= FRAME_SAMPLES_MAX);
+        if (wire_frame_to(frame, &plain, NULL) == RESULT_OK)
+            assert_true(frame_is_valid(&plain));
+    }
+    if (kind == KIND_CONTROL && control->which_message == arthron_Control_hello_tag) {
+        const arthron_Hello *hello = &control->message.hello;
+        assert_terminated(hello->station, sizeof hello->station);
+        assert_true(hello->devices_count <= WIRE_DEVICES_MAX && hello->capabilities_count <= 16);
+    }
+    if (kind == KIND_CONSOLE && console->which_message == arthron_Console_command_reply_tag) {
+        const arthron_CommandReply *reply = &console->message.command_reply;
+        assert_terminated(reply->text, sizeof reply->text);
+        assert_true(reply->sessions_count <= 64);
+    }
+}
+
+static void try_all_decoders(const uint8_t *bytes, size_t size, void *message) {
+    for (int kind = 0; kind < (int)KIND_COUNT; kind++) {
+        struct error err = {"nothing"};
+        enum result result = decode_copy(kind, bytes, size, message, &err);
+        if (result == RESULT_OK) {
+            assert_is_usable(kind, message);
+        } else {
+            assert_int_equal(result, size > WIRE_DATAGRAM_MAX ? result : RESULT_FORMAT);
+            assert_non_null(strstr(err.text, kinds[kind].name));
+        }
+    }
+}
+
+static void truncations_at_every_byte_do_no_harm(void **state) {
+    (void)state;
+    struct valid valid[VALID_MAX];
+    int count = all_valid(valid);
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < count; i++)
+        for (size_t size = 0; size < valid[i].size; size++) {
+            enum result result = decode_copy(valid[i].kind, valid[i].bytes, size, message, NULL);
+            // All of a control or console message is one field: any part of it is malformed.
+            if (size && (valid[i].kind == KIND_CONTROL || valid[i].kind == KIND_CONSOLE))
+                assert_int_equal(result, RESULT_FORMAT);
+            else if (result == RESULT_OK)
+                assert_is_usable(valid[i].kind, message);
+        }
+    free(message);
+    release_all(valid, count);
+}
+
+static void random_changes_do_no_harm(void **state) {
+    (void)state;
+    struct random random = {2026};
+    struct valid valid[VALID_MAX];
+    int count = all_valid(valid);
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < count * 300; i++) {
+        const struct valid *v = &valid[i % count];
+        if (!v->size)
+            continue;
+        uint8_t *changed = malloc(v->size);
+        memcpy(changed, v->bytes, v->size);
+        size_t near = v->size < 40 || random_bits(&random) % 2 ? v->size : 40;
+        for (uint64_t flips = 1 + random_bits(&random) % 4; flips; flips--)
+            changed[random_bits(&random) % near] ^= (uint8_t)(1 << random_bits(&random) % 8);
+        try_all_decoders(changed, v->size, message);
+        free(changed);
+    }
+    free(message);
+    release_all(valid, count);
+}
+
+static void random_bytes_do_no_harm(void **state) {
+    (void)state;
+    struct random random = {4};
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < 5000; i++) {
+        uint8_t bytes[64];
+        size_t size = random_bits(&random) % sizeof bytes;
+        for (size_t k = 0; k < size; k++)
+            bytes[k] = (uint8_t)random_bits(&random);
+        try_all_decoders(bytes, size, message);
+    }
+    free(message);
+}
+
+static void each_malformed_row_gets_its_answer(void **state) {
+    (void)state;
+    void *message = malloc(sizeof(arthron_Console));
+    for (int i = 0; i < message_row_count; i++) {
+        const struct message_row *row = &message_rows[i];
+        uint8_t *bytes = malloc(row->size + row->more);
+        memcpy(bytes, row->bytes, row->size);
+        memset(bytes + row->size, row->filler, row->more);
+        struct error err = {""};
+        enum result result = decode_copy(row->kind, bytes, row->size + row->more, message, &err);
+        if (result != row->result)
+            fail_msg("%s: %s (%s)", row->what, result_sentence(result), err.text);
+        free(bytes);
+    }
+    free(message);
+}
+
+// ---- what nanopb does not check
+// --------------------------------------------------------------------
+
+static void assert_control_refused(const arthron_Control *control, const char *text) {
+    struct valid bytes = encoded(KIND_CONTROL, control);
+    arthron_Control *back = malloc(sizeof *back);
+    struct error err = {""};
+    assert_int_equal(decode_copy(KIND_CONTROL, bytes.bytes, bytes.size, back, &err), RESULT_FORMAT);
+    assert_non_null(strstr(err.text, text));
+    free(back);
+    free(bytes.bytes);
+}
+
+static void numbers_that_are_no_enum_are_refused(void **state) {
+    (void)state;
+    static const int32_t bad[] = {100, 0x7fffffff, -1};
+    arthron_Control *m = malloc(sizeof *m);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        fill_control(arthron_Control_frame_tag, m);
+        m->message.frame.samples[2].channel = (arthron_Channel)bad[i];
+        assert_control_refused(m, "sample 2: channel");
+        fill_control(arthron_Control_frame_tag, m);
+        m->message.frame.samples[15].validity = (arthron_Validity)bad[i];
+        assert_control_refused(m, "sample 15: validity");
+        fill_control(arthron_Control_reply_tag, m);
+        m->message.reply.state = (arthron_SessionState)bad[i];
+        assert_control_refused(m, "state");
+        fill_control(arthron_Control_reply_tag, m);
+        m->message.reply.instruments[4].body = (arthron_Body)bad[i];
+        assert_control_refused(m, "instrument 4: body");
+        fill_control(arthron_Control_welcome_tag, m);
+        m->message.welcome.state = (arthron_SessionState)bad[i];
+        assert_control_refused(m, "state");
+        fill_control(arthron_Control_session_change_tag, m);
+        m->message.session_change.state = (arthron_SessionState)bad[i];
+        assert_control_refused(m, "state");
+    }
+    free(m);
+}
+
+static void a_console_command_that_is_no_enum_is_refused(void **state) {
+    (void)state;
+    arthron_Console *m = malloc(sizeof *m);
+    fill_console(arthron_Console_command_tag, m);
+    m->message.command.kind = (arthron_Command_Kind)6;
+    struct valid bytes = encoded(KIND_CONSOLE, m);
+    assert_int_equal(decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, NULL), RESULT_FORMAT);
+    free(bytes.bytes);
+    fill_console(arthron_Console_command_reply_tag, m);
+    m->message.command_reply.sessions[1].state = (arthron_SessionState)4;
+    bytes = encoded(KIND_CONSOLE, m);
+    assert_int_equal(decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, NULL), RESULT_FORMAT);
+    free(bytes.bytes);
+    free(m);
+}
+
+static void poses_of_a_reply_that_are_none_are_refused(void **state) {
+    (void)state;
+    arthron_Control *m = malloc(sizeof *m);
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.instruments[0].pose.qw = 2;
+    assert_control_refused(m, "instrument 0: pose");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.instruments[1].has_pose = false;
+    assert_control_refused(m, "instrument 1: pose");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.instruments[2].gradient[8] = NAN;
+    assert_control_refused(m, "finite");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.instruments[2].displacement.y = INFINITY;
+    assert_control_refused(m, "finite");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.instruments[3].channel = arthron_Channel_TIBIA;
+    assert_control_refused(m, "tibia");
+    free(m);
+}
+
+static void a_refusal_for_a_reason_of_a_later_version_is_still_one(void **state) {
+    (void)state;
+    arthron_Control *m = malloc(sizeof *m);
+    fill_control(arthron_Control_refusal_tag, m);
+    m->message.refusal.reason = (arthron_Refusal_Reason)99;
+    struct valid bytes = encoded(KIND_CONTROL, m);
+    assert_int_equal(decode_copy(KIND_CONTROL, bytes.bytes, bytes.size, m, NULL), RESULT_OK);
+    assert_int_equal(m->message.refusal.reason, arthron_Refusal_Reason_UNKNOWN);
+    assert_string_equal(m->message.refusal.text, "too many");
+    free(bytes.bytes);
+    free(m);
+}
+
+static void a_text_that_fills_its_array_is_not_sent(void **state) {
+    (void)state;
+    arthron_Control *m = malloc(sizeof *m);
+    fill_control(arthron_Control_refusal_tag, m);
+    memset(m->message.refusal.text, 'a', sizeof m->message.refusal.text);
+    uint8_t data[1024];
+    size_t used;
+    assert_int_equal(wire_encode_control(m, data, sizeof data, &used), RESULT_LIMIT);
+    free(m);
+}
+
+static void assert_not_a_frame(const arthron_Frame *m) {
+    struct frame plain;
+    struct error err = {""};
+    assert_int_equal(wire_frame_to(m, &plain, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "frame 42"));
+}
+
+static void values_out_of_their_range_do_not_become_a_frame(void **state) {
+    (void)state;
+    struct random random = {8};
+    struct frame frame = {.number = 42, .count = 3};
+    frame.samples[0] = make_sample(&random, CHANNEL_JOINT);
+    frame.samples[1] = make_sample(&random, CHANNEL_PROBE);
+    frame.samples[2] = (struct sample){.channel = CHANNEL_PUNCH, .kind = SAMPLE_HANDLE};
+    arthron_Frame good, m;
+    struct frame plain;
+    wire_frame_from(&frame, &good);
+    assert_int_equal(wire_frame_to(&good, &plain, NULL), RESULT_OK);
+
+    m = good, m.samples[1].device = WIRE_DEVICES_MAX, assert_not_a_frame(&m);
+    m = good, m.samples[1].which_value = 0, assert_not_a_frame(&m);
+    m = good, m.samples[1].channel = arthron_Channel_JOINT, assert_not_a_frame(&m);
+    m = good, m.samples[0].channel = arthron_Channel_PROBE, assert_not_a_frame(&m);
+    m = good, m.samples[0].value.joint.flexion_deg = 181, assert_not_a_frame(&m);
+    m = good, m.samples[0].value.joint.shift_mm = NAN, assert_not_a_frame(&m);
+    m = good, m.samples[1].value.pose.qx += 1, assert_not_a_frame(&m);
+    m = good, m.samples[1].value.pose.z = INFINITY, assert_not_a_frame(&m);
+    m = good, m.samples[1].value.pose.z = 10001, assert_not_a_frame(&m);
+    m = good, m.samples[2].value.handle.opening = 1.5, assert_not_a_frame(&m);
+    m = good, m.samples[2].value.handle.opening = NAN, assert_not_a_frame(&m);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_message_comes_back_as_it_went),
+        cmocka_unit_test(a_buffer_one_byte_too_short_is_refused),
+        cmocka_unit_test(a_frame_comes_back_bit_for_bit),
+        cmocka_unit_test(a_padded_frame_is_never_shorter_than_the_longest_reply_to_it),
+        cmocka_unit_test(truncations_at_every_byte_do_no_harm),
+        cmocka_unit_test(random_changes_do_no_harm),
+        cmocka_unit_test(random_bytes_do_no_harm),
+        cmocka_unit_test(each_malformed_row_gets_its_answer),
+        cmocka_unit_test(numbers_that_are_no_enum_are_refused),
+        cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
+        cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
+        cmocka_unit_test(a_refusal_for_a_reason_of_a_later_version_is_still_one),
+        cmocka_unit_test(a_text_that_fills_its_array_is_not_sent),
+        cmocka_unit_test(values_out_of_their_range_do_not_become_a_frame),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

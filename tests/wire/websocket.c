@@ -1,0 +1,119 @@
+#include "wire/websocket.h"
+
+#include <arpa/inet.h>
+#include <openssl/ssl.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+struct websocket {
+    int fd;
+    SSL_CTX *context;
+    SSL *tls;
+};
+
+void websocket_close(struct websocket *s) {
+    SSL_free(s->tls);
+    SSL_CTX_free(s->context);
+    close(s->fd);
+    free(s);
+}
+
+static bool read_all(struct websocket *s, void *bytes, size_t size) {
+    for (size_t used = 0; used < size;) {
+        int n = SSL_read(s->tls, (char *)bytes + used, (int)(size - used));
+        if (n <= 0)
+            return false;
+        used += (size_t)n;
+    }
+    return true;
+}
+
+static bool connect_to(struct websocket *s, int port) {
+    struct timeval patience = {5, 0};
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
+    inet_pton(AF_INET, "127.0.0.1", &address.sin_addr);
+    s->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    setsockopt(s->fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    return connect(s->fd, (struct sockaddr *)&address, sizeof address) == 0;
+}
+
+static bool secure(struct websocket *s, const char *keys_dir) {
+    char path[512];
+    s->context = SSL_CTX_new(TLS_client_method());
+    if (keys_dir) {
+        snprintf(path, sizeof path, "%s/station.pem", keys_dir);
+        SSL_CTX_use_certificate_chain_file(s->context, path);
+        snprintf(path, sizeof path, "%s/station.key", keys_dir);
+        SSL_CTX_use_PrivateKey_file(s->context, path, SSL_FILETYPE_PEM);
+    }
+    s->tls = SSL_new(s->context);
+    SSL_set_fd(s->tls, s->fd);
+    return SSL_connect(s->tls) == 1;
+}
+
+static bool upgrade(struct websocket *s, const char *subprotocol) {
+    char text[2048];
+    size_t used = 0;
+    int size = snprintf(text, sizeof text,
+                        "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"
+                        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+                        "Sec-WebSocket-Protocol: %s\r\n\r\n",
+                        subprotocol);
+    if (SSL_write(s->tls, text, size) != size)
+        return false;
+    while (used < sizeof text - 1 && read_all(s, text + used, 1)) {
+        text[++used] = '\0';
+        if (strstr(text, "\r\n\r\n"))
+            return !strncmp(text, "HTTP/1.1 101", 12);
+    }
+    return false;
+}
+
+struct websocket *websocket_open(int port, const char *keys_dir, const char *subprotocol) {
+    struct websocket *s = calloc(1, sizeof *s);
+    if (connect_to(s, port) && secure(s, keys_dir) && upgrade(s, subprotocol))
+        return s;
+    websocket_close(s);
+    return NULL;
+}
+
+bool websocket_send(struct websocket *s, int opcode, bool last, const void *bytes, size_t size) {
+    static const uint8_t mask[4] = {0x12, 0x34, 0x56, 0x78};
+    uint8_t *frame = malloc(size + 8);
+    size_t used = 0;
+    frame[used++] = (uint8_t)(opcode | (last ? 0x80 : 0));
+    if (size < 126) {
+        frame[used++] = (uint8_t)(0x80 | size);
+    } else {
+        frame[used++] = 0x80 | 126;
+        frame[used++] = (uint8_t)(size >> 8);
+        frame[used++] = (uint8_t)size;
+    }
+    memcpy(frame + used, mask, 4);
+    used += 4;
+    for (size_t i = 0; i < size; i++)
+        frame[used++] = ((const uint8_t *)bytes)[i] ^ mask[i % 4];
+    bool sent = SSL_write(s->tls, frame, (int)used) == (int)used;
+    free(frame);
+    return sent;
+}
+
+int websocket_receive(struct websocket *s, void *out_bytes, size_t size) {
+    uint8_t head[2], length[2];
+    if (!read_all(s, head, 2))
+        return -1;
+    size_t payload = head[1] & 0x7f;
+    if (payload == 126) {
+        if (!read_all(s, length, 2))
+            return -1;
+        payload = (size_t)length[0] << 8 | length[1];
+    }
+    if ((head[0] & 0x0f) != WEBSOCKET_BINARY || payload > size || !read_all(s, out_bytes, payload))
+        return -1;
+    return (int)payload;
+}

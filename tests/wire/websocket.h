@@ -1,0 +1,22 @@
+// A WebSocket client over TLS 1.3 of the tests' own, on OpenSSL alone: it says what no good client
+// would. Blocking, with 5 s of patience.
+#pragma once
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum { WEBSOCKET_MORE = 0, WEBSOCKET_TEXT = 1, WEBSOCKET_BINARY = 2 };
+
+struct websocket;
+
+// To localhost. keys_dir: where station.pem and station.key are, NULL for no certificate. NULL
+// where the server refuses the handshake.
+struct websocket *websocket_open(int port, const char *keys_dir, const char *subprotocol);
+void websocket_close(struct websocket *socket);
+
+// One WebSocket frame; `last`: the message ends with it.
+bool websocket_send(struct websocket *socket, int opcode, bool last, const void *bytes,
+                    size_t size);
+
+// The next message, its size; -1 once the server has closed, or says nothing for 5 s.
+int websocket_receive(struct websocket *socket, void *out_bytes, size_t size);

@@ -10,6 +10,10 @@
 static const int newest_version = 3;
 static const double farthest_from_rotation = 0.05; // of any element of RᵀR from the identity's
 
+// The length of a quaternion says nothing, and the protocol's own examples have one of 0.88; zero
+// or another unit does.
+static const double shortest_quaternion = 0.5, longest_quaternion = 2;
+
 struct content {
     const uint8_t *bytes;
     size_t size;
@@ -78,7 +82,8 @@ static bool pose_from_matrix(const float m[12], bool position_only, pose *out) {
 static bool pose_from_quaternion(const float position[3], quat q, pose *out) {
     double length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
     *out = (pose){quat_unit(q), {position[0], position[1], position[2]}};
-    return vec3_is_finite(out->translation) && fabs(length - 1) <= farthest_from_rotation;
+    return vec3_is_finite(out->translation) && length >= shortest_quaternion &&
+           length <= longest_quaternion;
 }
 
 // ---- types

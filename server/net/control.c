@@ -70,9 +70,15 @@ static struct slot *find_slot(struct control *control, struct control_peer handl
     return slot->peer && slot->generation == handle.generation ? slot : NULL;
 }
 
+// What comes again anyway.
+static bool may_be_missed(const arthron_Control *message) {
+    return message->which_message == arthron_Control_reply_tag ||
+           message->which_message == arthron_Control_ping_tag ||
+           message->which_message == arthron_Control_pong_tag;
+}
+
 bool control_send(struct control *control, struct control_peer handle,
                   const arthron_Control *message) {
-    bool is_reply = message->which_message == arthron_Control_reply_tag;
     bool queued = false, wakes = true;
     struct outgoing out;
     encode(message, &out);
@@ -80,12 +86,12 @@ bool control_send(struct control *control, struct control_peer handle,
     struct slot *slot = find_slot(control, handle);
     if (slot) {
         queued = ring_push(slot->outbox, &out);
-        slot->overflown |= !queued && !is_reply;
+        slot->overflown |= !queued && !may_be_missed(message);
         wakes = slot->wakes;
         slot->wakes = true;
     }
     pthread_mutex_unlock(&control->lock);
-    if (slot && !queued && is_reply)
+    if (slot && !queued && message->which_message == arthron_Control_reply_tag)
         atomic_fetch_add(&control->replies_dropped, 1);
     if (!wakes)
         lws_cancel_service(control->context);

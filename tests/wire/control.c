@@ -5,6 +5,7 @@
 #include "wire/doorman.h"
 #include "wire/websocket.h"
 
+#include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 

@@ -42,8 +42,7 @@ static int wait_for_end(const struct hub_config *config, const sigset_t *ends) {
         log_error("server", "%s", err.text);
         return 1;
     }
-    log_info("server", "ready: control port %d, datagrams from port %d", config->port,
-             config->udp_port);
+    log_info("server", "ready on port %d", config->port);
     int signal_number;
     sigwait(ends, &signal_number);
     log_info("server", "%s: ending", strsignal(signal_number));

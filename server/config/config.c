@@ -188,7 +188,9 @@ enum result config_load(const char *path, const struct config_override *override
     struct reading r = {.path = path, .config = out_config, .err = err};
     char copy[PATH_MAX];
     snprintf(copy, sizeof copy, "%s", path);
-    snprintf(r.dir, sizeof r.dir, "%s", dirname(copy));
+    const char *dir = dirname(copy);
+    if (!realpath(dir, r.dir)) // traces name their case for good, from wherever they are read
+        snprintf(r.dir, sizeof r.dir, "%s", dir);
     set_defaults(out_config);
     enum result result = read_all(&r, overrides, override_count);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);

@@ -131,11 +131,11 @@ static void run(struct loop *loop) {
     int64_t period_ns = (int64_t)(1e9 / loop->config->rate_hz);
     int64_t start_ns = clock_now_ns(), tick_ns = start_ns, second_ns = start_ns + NS_PER_S;
     for (int64_t now_ns = start_ns; goes_on(loop, start_ns, now_ns); now_ns = clock_now_ns()) {
-        send_frame(loop);
         if (now_ns >= second_ns) {
             each_second(loop);
             second_ns += NS_PER_S;
         }
+        send_frame(loop);
         tick_ns += period_ns;
         if (tick_ns < now_ns - period_ns)
             tick_ns = now_ns;

@@ -16,24 +16,24 @@ enum result option_fail(const struct device_config *config, const char *key, str
     return fail(err, code, "[device %s] %s: %s", config->name, key, text);
 }
 
-static bool is_channel(const char *name, size_t length) {
+static bool is_channel(const char *name, size_t length, enum channel first) {
     char text[32];
-    enum channel ignored;
+    enum channel channel;
     if (length >= sizeof text)
         return false;
     memcpy(text, name, length);
     text[length] = 0;
-    return channel_from_name(text, &ignored);
+    return channel_from_name(text, &channel) && channel >= first;
 }
 
 static bool key_matches(const char *key, const char *known) {
     size_t length = strlen(key), known_length = strlen(known);
     if (known[0] == '.')
         return length > known_length && !strcmp(key + length - known_length, known) &&
-               is_channel(key, length - known_length);
+               is_channel(key, length - known_length, CHANNEL_FIRST_INSTRUMENT);
     if (known[known_length - 1] == '.')
         return !strncmp(key, known, known_length) &&
-               is_channel(key + known_length, length - known_length);
+               is_channel(key + known_length, length - known_length, CHANNEL_JOINT);
     return !strcmp(key, known);
 }
 

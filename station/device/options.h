@@ -13,7 +13,7 @@
 #define OPTION_TEXT_MAX 256 // bytes of a value that names an address or a file, with the final 0
 
 // Refuses keys that are not among `keys` (ended by NULL) and keys given twice. An entry "tip."
-// stands for tip.CHANNEL of every channel, ".opening" for CHANNEL.opening.
+// stands for tip.CHANNEL of every channel, ".opening" for CHANNEL.opening of every instrument.
 enum result options_check(const struct device_config *config, const char *const keys[],
                           struct error *err);
 

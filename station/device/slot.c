@@ -21,6 +21,8 @@ static bool is_sane(const struct slot *slot, const struct sample *sample) {
 }
 
 static void fall_silent(struct slot *slot, int64_t time_ns) {
+    if (time_ns < slot->newest.time_ns)
+        time_ns = slot->newest.time_ns;
     if (time_ns < slot->silent_ns)
         slot->silent_ns = time_ns;
 }

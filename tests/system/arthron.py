@@ -1,0 +1,211 @@
+"""Starts the real programs on free ports, in a folder of their own, and ends what it started."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+
+BIN = os.environ["ARTHRON_BIN"]
+SOURCE = os.environ["ARTHRON_SOURCE"]
+PATIENCE_S = 20
+
+
+def program(name):
+    return os.path.join(BIN, name)
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def call(name, *arguments, code=0):
+    """Runs a program to its end and returns it; its exit code must be as said."""
+    done = subprocess.run([program(name), *arguments], capture_output=True, text=True, timeout=60)
+    if code is not None and done.returncode != code:
+        raise AssertionError(
+            f"{name} {' '.join(arguments)}: exit {done.returncode}, not {code}\n{done.stdout}{done.stderr}")
+    return done
+
+
+def call_json(name, *arguments, code=0):
+    return json.loads(call(name, *arguments, "--json", code=code).stdout)
+
+
+def wait_until(what, condition, seconds=PATIENCE_S):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"waited {seconds} s in vain: {what}")
+
+
+class Process:
+    """A program in the background, its output in files."""
+
+    def __init__(self, folder, label, *command):
+        self.out_path = os.path.join(folder, label + ".out")
+        self.log_path = os.path.join(folder, label + ".log")
+        with open(self.out_path, "ab") as out, open(self.log_path, "ab") as log:
+            self.process = subprocess.Popen(command, stdout=out, stderr=log, stdin=subprocess.DEVNULL)
+
+    def out(self):
+        with open(self.out_path, errors="replace") as f:
+            return f.read()
+
+    def log(self):
+        with open(self.log_path, errors="replace") as f:
+            return f.read()
+
+    def wait_for_log(self, text, seconds=PATIENCE_S):
+        def there():
+            if text in self.log():
+                return True
+            if self.process.poll() is not None:
+                raise AssertionError(f"ended with {self.process.returncode} before '{text}':\n{self.log()}")
+            return False
+        wait_until(text, there, seconds)
+
+    def end(self, signal_number=signal.SIGTERM):
+        if self.process.poll() is None:
+            self.process.send_signal(signal_number)
+        return self.process.wait(timeout=PATIENCE_S)
+
+
+class House(unittest.TestCase):
+    """A folder with keys and cases; mock-up, server and station on demand."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.shared = tempfile.TemporaryDirectory(prefix="arthron-test-")
+        cls.cases = os.path.join(cls.shared.name, "cases")
+        for recipe in ("healthy", "arthrosis"):
+            call("arthron-case", "generate", os.path.join(SOURCE, "cases", recipe), "--out",
+                 os.path.join(cls.cases, recipe))
+        cls.motion = os.path.join(cls.shared.name, "motion.csv")
+        call("arthron-case", "motion", os.path.join(SOURCE, "cases/motions/palpation.ini"), "--case",
+             os.path.join(cls.cases, "healthy"), "--out", cls.motion)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.shared.cleanup()
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="house-", dir=self.shared.name)
+        self.keys = os.path.join(self.folder, "keys")
+        self.traces = os.path.join(self.folder, "traces")
+        self.socket = os.path.join(self.folder, "s")
+        self.port = free_port()
+        self.udp_port = free_port(socket.SOCK_DGRAM)
+        self.processes = []
+        call("arthron-server", "keys", "init", self.keys)
+
+    def tearDown(self):
+        for process in reversed(self.processes):
+            process.end(signal.SIGKILL if process.process.poll() is None else signal.SIGTERM)
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def write(self, name, text):
+        with open(self.path(name), "w") as f:
+            f.write(text)
+        return self.path(name)
+
+    def start(self, label, name, *arguments):
+        process = Process(self.folder, label, program(name), *arguments)
+        self.processes.append(process)
+        return process
+
+    # ---- the three programs
+
+    def start_mockup(self, *arguments):
+        mockup = self.start("mockup", "arthron-mockup", "--motion", self.motion, "--modbus-tcp", "127.0.0.1:0",
+                            "--tracker", "127.0.0.1:0", *arguments)
+        wait_until("the mock-up's ports", lambda: mockup.out().count("\n") >= 2)
+        ports = dict(line.split() for line in mockup.out().splitlines())
+        self.modbus, self.tracker = ports["modbus-tcp"], ports["tracker"]
+        return mockup
+
+    def server_config(self, stations="", extra=""):
+        return self.write("server.ini", f"""
+[server]
+address = 127.0.0.1
+port = {self.port}
+udp_port = {self.udp_port}
+workers = 1
+keys = keys
+traces = traces
+socket = s
+{extra}
+[case healthy]
+dir = {self.cases}/healthy
+[case arthrosis]
+dir = {self.cases}/arthrosis
+{stations or '[station room-1]' + chr(10) + 'case = arthrosis'}
+""")
+
+    def start_server(self, stations="", extra=""):
+        server = self.start("server", "arthron-server", "run", "--config", self.server_config(stations, extra))
+        server.wait_for_log("ready")
+        return server
+
+    def enrol(self, name):
+        code = call("arthron-server", "keys", "enrol", self.keys, name).stdout.strip()
+        call("arthron-station", "enrol", f"127.0.0.1:{self.port}", code, "--name", name, "--keys",
+             self.path("keys-" + name))
+
+    def station_config(self, name="room-1", datagrams="yes", keys=None):
+        return self.write(f"{name}.ini", f"""
+[station]
+name = {name}
+server = 127.0.0.1:{self.port}
+keys = {keys or 'keys-' + name}
+datagrams = {datagrams}
+[device encoders]
+driver = modbus
+address = {self.modbus}
+rate_hz = 200
+sequence = 0
+flexion = 1 0.01 0
+varus = 2 0.01 0
+internal = 3 0.01 0
+shift = 4 0.01 0
+drawer = 5 0.01 0
+distraction = 6 0.01 0
+punch.opening = 7 0.0001 0
+[device tracker]
+driver = tracker
+address = {self.tracker}
+tool.probe = probe
+tool.punch = punch
+""")
+
+    def start_station(self, name="room-1", *arguments, label=None, **config):
+        path = self.station_config(name, **config)
+        return self.start(label or name, "arthron-station", "run", "--config", path, "--json", *arguments)
+
+    # ---- questions
+
+    def sessions(self):
+        return call_json("arthron-server", "session", "--socket", self.socket, "list")["sessions"]
+
+    def session(self, name="room-1"):
+        return next(s for s in self.sessions() if s["station"] == name)
+
+    def steer(self, *words, code=0):
+        return call_json("arthron-server", "session", "--socket", self.socket, *words, code=code)
+
+    def wait_for_steps(self, more=50, name="room-1"):
+        start = self.session(name)["steps"]
+        wait_until(f"{more} more steps", lambda: self.session(name)["steps"] >= start + more)
+
+    def summary(self, station):
+        return json.loads(station.out().splitlines()[-1])

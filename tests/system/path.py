@@ -1,0 +1,244 @@
+"""From mock-up to warped pose: the whole path with the real programs."""
+
+import os
+import socket
+import unittest
+
+from arthron import House, call, call_json, free_port, program, wait_until
+
+
+class Path(House):
+    def test_poses_are_warped_recorded_and_replayed_to_the_bit(self):
+        self.start_mockup()
+        server = self.start_server()
+        self.enrol("room-1")
+        station = self.start_station("room-1", "--seconds", "4")
+        self.assertEqual(station.process.wait(timeout=30), 0)
+        self.assertEqual(server.end(), 0)
+        summary = self.summary(station)
+        self.assertGreater(summary["poses_sent"], 300)
+        self.assertEqual(summary["poses_warped"], summary["poses_sent"])
+        [trace] = os.listdir(self.traces)
+        trace = os.path.join(self.traces, trace)
+        self.assertGreaterEqual(call_json("arthron-trace", "info", trace)["records"], summary["poses_sent"])
+        call("arthron-trace", "verify", trace)
+        self.assertEqual(call_json("arthron-trace", "replay", trace)["differences"], 0)
+
+    def test_frames_travel_in_the_control_connection_where_datagrams_are_not_wanted(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        station = self.start_station("room-1", "--seconds", "2", datagrams="no")
+        self.assertEqual(station.process.wait(timeout=30), 0)
+        summary = self.summary(station)
+        self.assertGreater(summary["poses_warped"], 100)
+        self.assertLessEqual(summary["lost"], 2)
+
+    def test_a_session_waits_for_its_station_and_goes_on(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        first = self.start_station()
+        wait_until("running", lambda: self.session()["state"] == "running")
+        self.wait_for_steps()
+        before = self.session()
+        first.end()
+        wait_until("away", lambda: not self.session()["connected"])
+        self.start_station(label="again")
+        wait_until("connected", lambda: self.session()["connected"])
+        self.wait_for_steps()
+        after = self.session()
+        self.assertEqual(before["id"], after["id"])
+        self.assertGreater(after["steps"], before["steps"])
+
+    def test_a_session_ends_when_its_station_stays_away(self):
+        self.start_mockup()
+        self.start_server(extra="wait_s = 1")
+        self.enrol("room-1")
+        station = self.start_station()
+        self.wait_for_steps()
+        station.end()
+        wait_until("closed", lambda: self.session()["state"] == "closed")
+        call("arthron-trace", "verify", self.session()["trace"])
+
+    def test_a_killed_server_leaves_a_readable_trace_and_stations_come_back(self):
+        self.start_mockup()
+        server = self.start_server()
+        self.enrol("room-1")
+        station = self.start_station("room-1", "--live")
+        self.wait_for_steps(200)
+        steps, trace = self.session()["steps"], self.session()["trace"]
+        server.end(9)
+        info = call_json("arthron-trace", "info", trace, code=None)
+        self.assertGreaterEqual(info["records"], steps - 20)
+        self.assertEqual(call_json("arthron-trace", "replay", trace)["differences"], 0)
+        self.start_server()
+        wait_until("connected again", lambda: self.session()["connected"])
+        self.wait_for_steps()
+        self.assertEqual(station.end(), 0)
+
+    def test_sessions_are_steered_over_the_local_socket(self):
+        self.start_mockup()
+        self.start_server("[station room-1]\ncase = arthrosis\nstart = command")
+        self.enrol("room-1")
+        self.start_station()
+        wait_until("connected", lambda: self.session()["connected"])
+        self.assertEqual(self.session()["state"], "waiting")
+        for command, state in (("start", "running"), ("pause", "paused"), ("start", "running"),
+                               ("reset", "running"), ("stop", "closed")):
+            self.assertTrue(self.steer(command, "room-1")["ok"])
+            self.assertEqual(self.session()["state"], state)
+        ended = self.session()["trace"]
+        wait_until("whole trace", lambda: call("arthron-trace", "verify", ended, code=None).returncode == 0)
+        self.assertTrue(self.steer("start", "room-1")["ok"])
+        self.assertNotEqual(self.session()["trace"], ended)
+        self.wait_for_steps()
+        self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
+        self.assertEqual(self.session()["case"], "healthy")
+        self.assertIn("no case", self.steer("case", "room-1", "nowhere", code=1)["text"])
+        self.assertIn("no station", self.steer("start", "nobody", code=1)["text"])
+
+
+class Strangers(House):
+    def test_foreign_datagrams_get_silence_and_poses_go_on(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        self.start_station()
+        self.wait_for_steps()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+            s.settimeout(0.5)
+            for size in (0, 1, 15, 16, 40, 400, 1400):
+                s.sendto(os.urandom(size), ("127.0.0.1", self.udp_port))
+            with self.assertRaises(socket.timeout):
+                s.recv(2000)
+        self.wait_for_steps()
+
+    def test_a_revoked_station_is_refused(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        call("arthron-server", "keys", "revoke", self.keys, "room-1")
+        station = self.start_station("room-1", "--seconds", "3", "--live")
+        station.process.wait(timeout=30)
+        self.assertEqual(self.summary(station)["poses_sent"], 0)
+        self.assertFalse(self.session()["connected"])
+
+    def test_a_connected_station_is_cut_off_when_it_is_revoked(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        self.start_station()
+        self.wait_for_steps()
+        call("arthron-server", "keys", "revoke", self.keys, "room-1")
+        wait_until("cut off", lambda: not self.session()["connected"])
+
+    def test_a_station_that_the_config_does_not_name_is_told_so(self):
+        self.start_mockup()
+        self.start_server("[station room-1]\ncase = healthy")
+        self.enrol("room-2")
+        station = self.start_station("room-2", "--seconds", "2", "--live")
+        station.process.wait(timeout=30)
+        self.assertIn("room-2 has no case", station.out() + station.log())
+
+    def test_of_two_stations_with_one_name_the_second_is_refused(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        self.start_station()
+        self.wait_for_steps()
+        rival = self.start_station("room-1", "--seconds", "2", "--live", label="rival")
+        rival.process.wait(timeout=30)
+        self.assertIn("connected already", rival.out() + rival.log())
+        self.assertEqual(self.summary(rival)["poses_warped"], 0)
+        self.wait_for_steps()
+
+    def test_a_code_is_good_once_and_for_one_name(self):
+        self.start_server()
+        code = call("arthron-server", "keys", "enrol", self.keys, "room-1").stdout.strip()
+        server = f"127.0.0.1:{self.port}"
+        call("arthron-station", "enrol", server, code, "--name", "room-9", "--keys", self.path("k0"), code=1)
+        code = call("arthron-server", "keys", "enrol", self.keys, "room-1").stdout.strip()
+        call("arthron-station", "enrol", server, code, "--name", "room-1", "--keys", self.path("k1"))
+        call("arthron-station", "enrol", server, code, "--name", "room-1", "--keys", self.path("k2"), code=1)
+        self.assertFalse(os.path.exists(self.path("k2/station.pem")))
+
+
+class Devices(House):
+    def validity(self, column):
+        rows = call("arthron-trace", "export", self.session()["trace"], "--csv", "-").stdout.splitlines()
+        names = rows[0].split(",")
+        return [row.split(",")[names.index(column)] for row in rows[1:]]
+
+    def test_a_silent_tracker_is_held_then_lost_then_back(self):
+        self.start_mockup("--silent", "tracker:2:1")
+        server = self.start_server()
+        self.enrol("room-1")
+        station = self.start_station("room-1", "--seconds", "5")
+        station.process.wait(timeout=30)
+        server.wait_for_log("is gone")
+        seen = self.validity("probe_validity")
+        order = [v for i, v in enumerate(seen) if i == 0 or seen[i - 1] != v]
+        self.assertIn("ok,held", ",".join(order))
+        self.assertEqual([v for v in order if v == "ok"][-1:], ["ok"])
+        self.assertTrue(any(not v or v == "lost" for v in seen))
+
+    def test_silent_encoders_leave_the_tracker_alone(self):
+        self.start_mockup("--silent", "modbus:1:2")
+        self.start_server()
+        self.enrol("room-1")
+        station = self.start_station("room-1", "--seconds", "4")
+        station.process.wait(timeout=30)
+        self.assertGreater(self.summary(station)["poses_warped"], 500)
+        joint, probe = self.validity("joint_validity"), self.validity("probe_validity")
+        lost = [p for j, p in zip(joint, probe) if j == "lost"]
+        self.assertTrue(lost)
+        self.assertGreater(lost.count("ok"), len(lost) / 2)
+        self.assertEqual(joint[-30], "ok")
+
+
+class Configs(House):
+    def refused(self, path, *texts):
+        done = call("arthron-server", "run", "--config", path, code=None)
+        self.assertIn(done.returncode, (1, 2))
+        for text in texts:
+            self.assertIn(text, done.stderr)
+
+    def test_bad_server_configs_are_refused_by_file_line_section_and_key(self):
+        good = open(self.server_config()).read()
+        for change, texts in (
+            (("port = ", "prot = "), ("server.ini", "line", "[server]", "prot")),
+            ((f"port = {self.port}", "port = 70000"), ("[server]", "port", "70000")),
+            (("case = arthrosis", "case = nowhere"), ("room-1", "nowhere")),
+            (("[case healthy]", "[cose healthy]"), ("cose healthy",)),
+            ((f"dir = {self.cases}/healthy", "dir = /nowhere"), ("healthy", "/nowhere")),
+        ):
+            self.refused(self.write("server.ini", good.replace(*change, 1)), *texts)
+
+    def test_bad_station_configs_are_refused_by_section_and_key(self):
+        self.modbus = self.tracker = "127.0.0.1:1"
+        good = open(self.station_config()).read()
+        for change, texts in (
+            (("rate_hz = 200", "rate_hz = -1"), ("encoders", "rate_hz")),
+            (("driver = tracker", "driver = telepathy"), ("tracker", "telepathy")),
+            (("tool.probe", "tool.spoon"), ("tracker", "tool.spoon")),
+            (("flexion = 1 0.01 0", "flexion = one"), ("encoders", "flexion")),
+            (("name = room-1", "nome = room-1"), ("[station]", "nome")),
+        ):
+            path = self.write("bad.ini", good.replace(*change, 1))
+            done = call("arthron-station", "run", "--config", path, code=2)
+            for text in texts:
+                self.assertIn(text, done.stderr)
+
+    def test_a_truncated_case_is_refused_by_name(self):
+        bad = self.path("bad")
+        os.mkdir(bad)
+        for name in ("case.json", "anatomy.glb"):
+            data = open(f"{self.cases}/healthy/{name}", "rb").read()
+            open(f"{bad}/{name}", "wb").write(data[: len(data) // 2] if name.endswith("glb") else data)
+        config = self.write("server.ini", open(self.server_config()).read().replace(f"{self.cases}/healthy", bad))
+        self.refused(config, "healthy", "anatomy.glb")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

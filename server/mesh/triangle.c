@@ -34,15 +34,22 @@ static void take_edge(const struct edge_point *edge, int corner, struct closest 
     out->corner = edge->t >= 1 ? next : corner;
 }
 
+// On a thin triangle the first solution is off by rounding times the distance of p from a; solving
+// again for what is left brings that down to rounding times the distance from the triangle.
 static bool closest_on_face(const struct mesh *mesh, uint32_t triangle, vec3 p,
                             struct closest *out) {
-    vec3 a = mesh_corner(mesh, triangle, 0);
+    vec3 a = mesh_corner(mesh, triangle, 0), point = a;
     vec3 ab = vec3_sub(mesh_corner(mesh, triangle, 1), a);
     vec3 ac = vec3_sub(mesh_corner(mesh, triangle, 2), a);
-    vec3 ap = vec3_sub(p, a), normal = vec3_cross(ab, ac);
-    double square = vec3_dot(normal, normal);
-    double s = vec3_dot(vec3_cross(ap, ac), normal) / square;
-    double t = vec3_dot(vec3_cross(ab, ap), normal) / square;
+    vec3 normal = vec3_cross(ab, ac);
+    double square = vec3_dot(normal, normal), s = 0, t = 0;
+    bool thin = square < 1e-6 * vec3_dot(ab, ab) * vec3_dot(ac, ac);
+    for (int pass = 0; pass <= thin; pass++) {
+        vec3 off = vec3_sub(p, point);
+        s += vec3_dot(vec3_cross(off, ac), normal) / square;
+        t += vec3_dot(vec3_cross(ab, off), normal) / square;
+        point = vec3_add_scaled(vec3_add_scaled(a, s, ab), t, ac);
+    }
     if (!(s > 0 && t > 0 && s + t < 1)) // no area: NaN, and not inside
         return false;
     out->feature = FEATURE_FACE;
@@ -50,8 +57,8 @@ static bool closest_on_face(const struct mesh *mesh, uint32_t triangle, vec3 p,
     out->weights[0] = 1 - s - t;
     out->weights[1] = s;
     out->weights[2] = t;
-    out->point = vec3_add_scaled(vec3_add_scaled(a, s, ab), t, ac);
-    out->distance = vec3_distance(p, out->point);
+    out->point = point;
+    out->distance = vec3_distance(p, point);
     return true;
 }
 

@@ -61,6 +61,7 @@ static void on_message(void *user, struct control_peer peer, const arthron_Contr
     pthread_mutex_lock(&d->lock);
     d->challenge = message->message.udp_path.challenge;
     pthread_mutex_unlock(&d->lock);
+    atomic_fetch_add(&d->messages, 1);
 }
 
 static void on_gone(void *user, struct control_peer peer) {
@@ -94,7 +95,8 @@ void doorman_open(struct doorman *d) {
     assert_non_null(mkdtemp(d->dir));
     snprintf(d->keys, sizeof d->keys, "%s/keys", d->dir);
     pthread_mutex_init(&d->lock, NULL);
-    if (authority_init(d->keys, hosts, 2, &err) != RESULT_OK)
+    if (authority_init(d->keys, d->only_host ? &d->only_host : hosts, d->only_host ? 1 : 2, &err) !=
+        RESULT_OK)
         fail_msg("%s", err.text);
     doorman_start(d);
 }

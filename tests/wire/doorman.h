@@ -14,6 +14,7 @@ struct doorman {
     struct control *control;
     int port; // the same after doorman_restart
     int64_t hello_timeout_ns;
+    const char *only_host;          // in the server\'s certificate; NULL: localhost and 127.0.0.1
     bool refuses;                   // answers Hello with BUSY, "full"
     arthron_UdpKeys *keys_at_hello; // sent behind Welcome, NULL: none
     pthread_mutex_t lock;           // guards what follows
@@ -21,7 +22,7 @@ struct doorman {
     struct control_peer peer;
     int64_t offset_ns, uncertainty_ns, rtt_ns;
     uint64_t challenge; // last UdpPath answered
-    atomic_int hellos, clocks, frames, gone;
+    atomic_int hellos, clocks, frames, messages, gone;
 };
 
 void doorman_open(struct doorman *doorman); // folder, authority, control room

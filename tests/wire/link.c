@@ -1,0 +1,526 @@
+// A station's link against a real control room and a real datagram socket.
+#include "link/link.h"
+
+#include "base/clock.h"
+#include "link/path.h"
+#include "net/authority.h"
+#include "net/datagram.h"
+#include "test.h"
+#include "wire/doorman.h"
+
+#include <netinet/in.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static struct doorman doorman;
+static char anna[128];
+
+static int open_house(void **state) {
+    (void)state;
+    doorman = (struct doorman){0};
+    doorman_open(&doorman);
+    doorman_enrol(&doorman, "anna", anna);
+    return 0;
+}
+
+static int close_house(void **state) {
+    (void)state;
+    doorman_close(&doorman);
+    return 0;
+}
+
+static struct link *link_to(const char *host, const char *keys_dir) {
+    struct link_config config = {.host = host,
+                                 .port = doorman.port,
+                                 .keys_dir = keys_dir,
+                                 .station = "anna",
+                                 .software = "test",
+                                 .datagrams = true,
+                                 .device_count = 1,
+                                 .devices = {{"arm", "modbus"}}};
+    struct link *link;
+    struct error err;
+    if (link_create(&config, &link, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    return link;
+}
+
+static struct link_status status_of(struct link *link) {
+    struct link_status status;
+    link_get_status(link, &status);
+    return status;
+}
+
+// ---- frames -------------------------------------------------------------------------------------
+
+struct traffic {
+    uint64_t number; // of the last frame tried
+    uint64_t sent, answered;
+    bool was_answered[10000];
+};
+
+// Sends one frame and takes what comes within a millisecond. Each reply answers a frame of ours,
+// and no frame is answered twice.
+static void exchange(struct link *link, struct traffic *t) {
+    struct frame frame = {.number = ++t->number, .time_ns = clock_now_ns(), .count = 1};
+    frame.samples[0] = (struct sample){.channel = CHANNEL_PROBE,
+                                       .kind = SAMPLE_POSE,
+                                       .time_ns = frame.time_ns,
+                                       .T_mockup_body = pose_identity()};
+    arthron_Reply reply;
+    assert_true(t->number < sizeof t->was_answered);
+    t->sent += link_send(link, &frame);
+    while (link_wait(link, frame.time_ns + NS_PER_MS, &reply)) {
+        assert_in_range(reply.frame_number, 1, t->number);
+        assert_false(t->was_answered[reply.frame_number]);
+        t->was_answered[reply.frame_number] = true;
+        t->answered++;
+    }
+}
+
+static void exchange_until_path(struct link *link, struct traffic *t, enum link_path path) {
+    int64_t until_ns = clock_now_ns() + 8 * NS_PER_S;
+    while (status_of(link).path != path && clock_now_ns() < until_ns)
+        exchange(link, t);
+    assert_int_equal(status_of(link).path, path);
+}
+
+static void take_the_rest(struct link *link, struct traffic *t) {
+    arthron_Reply reply;
+    int64_t until_ns = clock_now_ns() + 5 * NS_PER_S;
+    while (t->answered < t->sent && link_wait(link, until_ns, &reply))
+        t->answered++;
+}
+
+static void wait_until_ready(struct link *link) {
+    assert_true(wait_for(&doorman.clocks, 1));
+    for (int i = 0; i < 5000 && !status_of(link).clock_known; i++)
+        usleep(2000);
+    assert_true(status_of(link).clock_known);
+}
+
+// ---- control connection -------------------------------------------------------------------------
+
+static void a_link_says_who_it_is_and_what_it_has(void **state) {
+    (void)state;
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    assert_string_equal(doorman.hello.station, "anna");
+    assert_string_equal(doorman.hello.software, "test");
+    assert_int_equal(doorman.hello.devices_count, 1);
+    assert_string_equal(doorman.hello.devices[0].name, "arm");
+    assert_string_equal(doorman.hello.capabilities[0], "datagrams");
+    struct link_status status = status_of(link);
+    assert_true(status.welcomed);
+    assert_string_equal(status.session_case, "healthy");
+    assert_int_equal(status.connects, 1);
+    link_destroy(&link);
+    assert_true(wait_for(&doorman.gone, 1));
+}
+
+static void both_ends_know_the_offset_of_the_clocks(void **state) {
+    (void)state;
+    struct link *link = link_to("127.0.0.1", anna);
+    assert_true(wait_for(&doorman.clocks, 5));
+    wait_until_ready(link);
+    struct link_status status = status_of(link);
+    pthread_mutex_lock(&doorman.lock);
+    // One machine, one clock: the offset is nothing.
+    assert_in_range(llabs(doorman.offset_ns), 0, doorman.uncertainty_ns);
+    assert_in_range(llabs(status.clock_offset_ns), 0, status.clock_uncertainty_ns);
+    assert_true(doorman.uncertainty_ns < NS_PER_S);
+    assert_true(doorman.rtt_ns > 0);
+    pthread_mutex_unlock(&doorman.lock);
+    link_destroy(&link);
+}
+
+static void no_frame_leaves_before_the_clock_is_known(void **state) {
+    (void)state;
+    doorman_stop(&doorman);
+    struct link *link = link_to("localhost", anna);
+    struct frame frame = {.number = 1};
+    assert_false(link_send(link, &frame));
+    assert_int_equal(status_of(link).path, LINK_DOWN);
+    doorman_start(&doorman);
+    wait_until_ready(link);
+    assert_true(link_send(link, &frame));
+    link_destroy(&link);
+}
+
+static void every_frame_is_answered_once_in_the_control_connection(void **state) {
+    (void)state;
+    struct link *link = link_to("localhost", anna);
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    wait_until_ready(link);
+    for (int i = 0; i < 500; i++)
+        exchange(link, &traffic);
+    take_the_rest(link, &traffic);
+    assert_true(traffic.sent > 400); // a machine in a hurry may find the queue full
+    assert_int_equal(traffic.answered, traffic.sent);
+    assert_int_equal(status_of(link).replies, traffic.sent);
+    assert_int_equal(status_of(link).frames_sent, traffic.sent);
+    assert_int_equal(status_of(link).path, LINK_CONTROL);
+    link_destroy(&link);
+}
+
+static void a_link_comes_back_when_the_server_does(void **state) {
+    (void)state;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    uint64_t id = doorman.hello.connection;
+    doorman_stop(&doorman);
+    for (int i = 0; i < 5000 && status_of(link).path != LINK_DOWN; i++)
+        usleep(2000);
+    assert_int_equal(status_of(link).path, LINK_DOWN);
+    assert_string_equal(status_of(link).refusal, "the server stops");
+    doorman_start(&doorman);
+    assert_true(wait_for(&doorman.hellos, 2));
+    exchange_until_path(link, &traffic, LINK_CONTROL);
+    assert_int_equal(status_of(link).connects, 2);
+    assert_int_equal(doorman.hello.connection, id);
+    assert_string_equal(status_of(link).refusal, "");
+    exchange(link, &traffic);
+    take_the_rest(link, &traffic);
+    assert_true(traffic.sent > 0);
+    assert_int_equal(traffic.answered, traffic.sent);
+    link_destroy(&link);
+}
+
+static void what_the_server_refuses_is_kept(void **state) {
+    (void)state;
+    doorman.refuses = true;
+    struct link *link = link_to("localhost", anna);
+    for (int i = 0; i < 5000 && !status_of(link).refusal[0]; i++)
+        usleep(2000);
+    assert_string_equal(status_of(link).refusal, "full");
+    assert_false(status_of(link).welcomed);
+    link_destroy(&link);
+}
+
+static void a_link_trusts_only_its_authority(void **state) {
+    (void)state;
+    struct doorman other = {0};
+    char foreign[128];
+    doorman_open(&other);
+    doorman_enrol(&other, "anna", foreign);
+    struct link *link = link_to("localhost", foreign);
+    usleep(500000);
+    assert_false(status_of(link).welcomed);
+    assert_int_equal(atomic_load(&doorman.hellos), 0);
+    // Not even asked for a certificate: the link hung up first.
+    assert_int_equal(control_counts(doorman.control).refused_certificates, 0);
+    link_destroy(&link);
+    doorman_close(&other);
+}
+
+static void a_link_trusts_only_the_host_it_called(void **state) {
+    (void)state;
+    struct doorman other = {.only_host = "elsewhere.example"};
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160];
+    doorman_open(&other);
+    snprintf(keys, sizeof keys, "%s/anna", other.dir);
+    assert_int_equal(authority_issue_code(other.keys, "anna", code, &err), RESULT_OK);
+    assert_int_equal(link_enrol("localhost", other.port, code, "anna", keys, &err), RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "certificate"));
+    doorman_close(&other);
+}
+
+static void a_challenge_is_answered_in_the_control_connection(void **state) {
+    (void)state;
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
+    message.message.udp_path.challenge = 0x123456789abcdef0;
+    assert_true(control_send(doorman.control, doorman.peer, &message));
+    assert_true(wait_for(&doorman.messages, 1));
+    assert_int_equal(doorman.challenge, 0x123456789abcdef0);
+    link_destroy(&link);
+}
+
+static void a_missing_key_is_named(void **state) {
+    (void)state;
+    char path[160];
+    struct error err;
+    struct link *link;
+    struct link_config config = {.host = "localhost",
+                                 .port = doorman.port,
+                                 .keys_dir = anna,
+                                 .station = "anna",
+                                 .software = "test"};
+    snprintf(path, sizeof path, "%s/station.key", anna);
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(link_create(&config, &link, &err), RESULT_MISSING);
+    assert_non_null(strstr(err.text, path));
+    assert_null(link);
+}
+
+// ---- datagrams ----------------------------------------------------------------------------------
+
+struct responder {
+    struct datagram_endpoint *endpoint;
+    arthron_UdpKeys keys;
+    pthread_t thread;
+    pthread_mutex_t lock; // around the endpoint
+    atomic_bool mute, stopping;
+    atomic_int answered;
+};
+
+static void answer_batch(struct responder *r) {
+    static struct datagram_in batch[DATAGRAM_BATCH];
+    pthread_mutex_lock(&r->lock);
+    int count = datagram_receive(r->endpoint, batch);
+    for (int i = 0; i < count && !atomic_load(&r->mute); i++) {
+        arthron_Reply reply = {.frame_number = batch[i].message.number,
+                               .frame_time_ns = batch[i].message.time_ns};
+        atomic_fetch_add(&r->answered, datagram_reply(r->endpoint, batch[i].connection, &reply));
+    }
+    datagram_flush(r->endpoint);
+    pthread_mutex_unlock(&r->lock);
+}
+
+static void *respond(void *argument) {
+    struct responder *r = argument;
+    while (!atomic_load(&r->stopping)) {
+        struct pollfd fd = {.fd = datagram_fd(r->endpoint), .events = POLLIN};
+        if (poll(&fd, 1, 10) > 0)
+            answer_batch(r);
+    }
+    return NULL;
+}
+
+static void responder_open(struct responder *r) {
+    struct error err;
+    *r = (struct responder){.lock = PTHREAD_MUTEX_INITIALIZER};
+    if (datagram_create("127.0.0.1", 0, &r->endpoint, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    datagram_new_epoch(r->endpoint, 77, NULL, clock_now_ns(), &r->keys);
+    doorman.keys_at_hello = &r->keys;
+    pthread_create(&r->thread, NULL, respond, r);
+}
+
+static void responder_close(struct responder *r) {
+    atomic_store(&r->stopping, true);
+    pthread_join(r->thread, NULL);
+    datagram_destroy(&r->endpoint);
+}
+
+static void datagrams_are_taken_left_and_taken_again_as_they_pass(void **state) {
+    (void)state;
+    static struct responder responder;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    responder_open(&responder);
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    exchange_until_path(link, &traffic, LINK_DATAGRAM);
+    atomic_store(&responder.mute, true);
+    exchange_until_path(link, &traffic, LINK_CONTROL);
+    uint64_t answered = traffic.answered;
+    for (int i = 0; i < 50; i++)
+        exchange(link, &traffic);
+    assert_true(traffic.answered > answered);
+    atomic_store(&responder.mute, false);
+    exchange_until_path(link, &traffic, LINK_DATAGRAM);
+    int by_datagram = atomic_load(&responder.answered);
+    for (int i = 0; i < 50; i++)
+        exchange(link, &traffic);
+    assert_true(atomic_load(&responder.answered) > by_datagram);
+    link_destroy(&link);
+    responder_close(&responder);
+}
+
+static void a_new_epoch_loses_no_frame(void **state) {
+    (void)state;
+    static struct responder responder;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    responder_open(&responder);
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    exchange_until_path(link, &traffic, LINK_DATAGRAM);
+    for (int epoch = 0; epoch < 3; epoch++) {
+        arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
+        pthread_mutex_lock(&responder.lock);
+        datagram_new_epoch(responder.endpoint, 77, NULL, clock_now_ns(), &message.message.udp_keys);
+        pthread_mutex_unlock(&responder.lock);
+        assert_true(control_send(doorman.control, doorman.peer, &message));
+        for (int i = 0; i < 100; i++)
+            exchange(link, &traffic);
+        assert_int_equal(status_of(link).path, LINK_DATAGRAM);
+    }
+    take_the_rest(link, &traffic);
+    assert_int_equal(traffic.answered, traffic.sent);
+    assert_int_equal(datagram_counts(responder.endpoint).forged, 0);
+    link_destroy(&link);
+    responder_close(&responder);
+}
+
+static void where_no_datagram_is_answered_frames_stay_in_the_control_connection(void **state) {
+    (void)state;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    int silent = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
+    assert_int_equal(bind(silent, (struct sockaddr *)&address, size), 0);
+    assert_int_equal(getsockname(silent, (struct sockaddr *)&address, &size), 0);
+    arthron_UdpKeys keys = {.port = ntohs(address.sin_port), .connection = 5};
+    doorman.keys_at_hello = &keys;
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    for (int i = 0; i < 500; i++)
+        exchange(link, &traffic);
+    take_the_rest(link, &traffic);
+    assert_true(traffic.sent > 400);
+    assert_int_equal(traffic.answered, traffic.sent);
+    assert_int_equal(status_of(link).path, LINK_CONTROL);
+    char datagram[2048];
+    assert_true(recv(silent, datagram, sizeof datagram, 0) > 0); // it was tried
+    link_destroy(&link);
+    close(silent);
+}
+
+static void a_closed_port_is_no_worse_than_a_silent_one(void **state) {
+    (void)state;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    arthron_UdpKeys keys = {.port = 1, .connection = 5};
+    doorman.keys_at_hello = &keys;
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    for (int i = 0; i < 300; i++)
+        exchange(link, &traffic);
+    take_the_rest(link, &traffic);
+    assert_int_equal(traffic.answered, traffic.sent);
+    assert_int_equal(status_of(link).path, LINK_CONTROL);
+    link_destroy(&link);
+}
+
+// ---- which way ----------------------------------------------------------------------------------
+
+static void a_path_needs_three_answers_in_a_row(void **state) {
+    (void)state;
+    struct path path = {0};
+    int64_t now_ns = NS_PER_S;
+    for (int round = 0; round < 2;
+         round++) { // two answers, then a trial without one: from the start
+        for (int i = 0; i < 2; i++, now_ns += NS_PER_S) {
+            assert_true(path_next(&path, now_ns).datagram);
+            assert_false(path_next(&path, now_ns).datagram);
+            path_answered(&path, now_ns);
+            path_answered(&path, now_ns); // late ones do not count twice
+        }
+        assert_true(path_next(&path, now_ns).datagram);
+        now_ns += NS_PER_S;
+    }
+    assert_false(path.datagrams);
+    for (int i = 0; i < 3; i++, now_ns += NS_PER_S) {
+        struct route route = path_next(&path, now_ns);
+        assert_true(route.control && route.datagram);
+        path_answered(&path, now_ns);
+    }
+    struct route route = path_next(&path, now_ns);
+    assert_true(!route.control && route.datagram);
+}
+
+static void a_path_bears_a_pause_but_not_silence(void **state) {
+    (void)state;
+    struct path path = {.datagrams = true};
+    int64_t now_ns = NS_PER_S;
+    assert_false(path_next(&path, now_ns).control);
+    path_answered(&path, now_ns + 1);
+    now_ns += 60 * NS_PER_S; // nothing was sent, so nothing was missed
+    assert_false(path_next(&path, now_ns).control);
+    assert_false(path_next(&path, now_ns + 300 * NS_PER_MS).control);
+    assert_true(path_next(&path, now_ns + 301 * NS_PER_MS).control);
+}
+
+// ---- enrolment ----------------------------------------------------------------------------------
+
+static mode_t mode_of(const char *dir, const char *name) {
+    char path[256];
+    struct stat status;
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    assert_int_equal(stat(path, &status), 0);
+    return status.st_mode & 0777;
+}
+
+static void a_code_enrols_once(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160], again[160];
+    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
+    snprintf(again, sizeof again, "%s/again", doorman.dir);
+    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err), RESULT_OK);
+    assert_int_equal(mode_of(keys, "station.key"), 0600);
+    mode_of(keys, "station.pem");
+    mode_of(keys, "authority.pem");
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", again, &err),
+                     RESULT_REFUSED);
+    assert_true(err.text[0]);
+    assert_int_equal(access(again, F_OK), -1);
+}
+
+static void a_wrong_code_enrols_nobody(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160];
+    struct doorman other = {0};
+    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
+    assert_int_equal(link_enrol("localhost", doorman.port, "tomato", "bert", keys, &err),
+                     RESULT_FORMAT);
+    doorman_open(&other);
+    assert_int_equal(authority_issue_code(other.keys, "bert", code, &err), RESULT_OK);
+    // This server's authority is not the one that the code names: it is not even asked.
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err),
+                     RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "certificate"));
+    assert_int_equal(link_enrol("localhost", other.port, code, "bert", keys, &err), RESULT_OK);
+    doorman_close(&other);
+}
+
+static void enrolling_where_nobody_listens_fails(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX];
+    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
+    doorman_stop(&doorman);
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", anna, &err), RESULT_IO);
+    assert_non_null(strstr(err.text, "localhost"));
+}
+
+#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        IN_A_HOUSE(a_link_says_who_it_is_and_what_it_has),
+        IN_A_HOUSE(both_ends_know_the_offset_of_the_clocks),
+        IN_A_HOUSE(no_frame_leaves_before_the_clock_is_known),
+        IN_A_HOUSE(every_frame_is_answered_once_in_the_control_connection),
+        IN_A_HOUSE(a_link_comes_back_when_the_server_does),
+        IN_A_HOUSE(what_the_server_refuses_is_kept),
+        IN_A_HOUSE(a_link_trusts_only_its_authority),
+        IN_A_HOUSE(a_link_trusts_only_the_host_it_called),
+        IN_A_HOUSE(a_challenge_is_answered_in_the_control_connection),
+        IN_A_HOUSE(a_missing_key_is_named),
+        IN_A_HOUSE(datagrams_are_taken_left_and_taken_again_as_they_pass),
+        IN_A_HOUSE(a_new_epoch_loses_no_frame),
+        IN_A_HOUSE(where_no_datagram_is_answered_frames_stay_in_the_control_connection),
+        IN_A_HOUSE(a_closed_port_is_no_worse_than_a_silent_one),
+        cmocka_unit_test(a_path_needs_three_answers_in_a_row),
+        cmocka_unit_test(a_path_bears_a_pause_but_not_silence),
+        IN_A_HOUSE(a_code_enrols_once),
+        IN_A_HOUSE(a_wrong_code_enrols_nobody),
+        IN_A_HOUSE(enrolling_where_nobody_listens_fails),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -122,6 +122,7 @@ static void add_members(struct list *list, const struct member *members, size_t 
         snprintf(field->name, sizeof field->name, "%s%s%s", owner, *owner ? "_" : "",
                  members[i].name);
         field->instrument = instrument;
+        field->presence = members == valid_member;
         field->offset = base + members[i].offset;
         field->type = members[i].type;
     }

@@ -9,12 +9,12 @@
 struct trace_field {
     char name[48];  // with its unit, as in motion files: "flexion_deg", "probe_tx_mm"
     int instrument; // whose it is, or -1
+    bool presence;  // says whether that instrument is there; if not, its other fields are 0
     size_t offset;  // in struct session_output
     const struct trace_type *type;
 };
 
-// Fills in the fields in the order of the struct and returns how many there are. Fields of an
-// instrument that is not present are 0.
+// Fills in the fields and returns how many there are.
 int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]);
 
 // The same bits? (NaN equals itself, 0 does not equal -0.)

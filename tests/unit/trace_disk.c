@@ -4,6 +4,7 @@
 
 #include <pthread.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -22,11 +23,13 @@ static void a_killed_writer_leaves_all_that_was_written(void **state) {
     unlink(path);
     pid_t writing = fork();
     if (writing == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
         struct trace_writer *writer = start_writing();
-        for (uint64_t n = 1;; n++) {
+        for (uint64_t n = 1; n < 30000; n++) {
             append_step(writer, n);
             pause_ms(1);
         }
+        _exit(1);
     }
     uint64_t seen = 0;
     for (int i = 0; i < 1000 && seen < 200; i++) {

@@ -1,0 +1,91 @@
+#include "base/clock.h"
+#include "trace_commands.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+static const struct {
+    const char *name;
+    int (*run)(int argc, char **argv);
+    const char *what;
+} commands[] = {
+    {"info", command_info, "whose session it is, and what happened in it"},
+    {"verify", command_verify, "whether the file is whole, or up to where"},
+    {"replay", command_replay, "run the session again and compare every step"},
+    {"export", command_export, "a table with a row for each step"},
+};
+
+#define COMMAND_COUNT (sizeof commands / sizeof commands[0])
+
+int usage_error(const char *command, const char *format, ...) {
+    fprintf(stderr, "arthron-trace %s: ", command);
+    va_list args;
+    va_start(args, format);
+    vfprintf(stderr, format, args);
+    va_end(args);
+    fprintf(stderr, "\nTry: arthron-trace %s --help\n", command);
+    return EXIT_USAGE;
+}
+
+int failed(const char *command, const struct error *err) {
+    fprintf(stderr, "arthron-trace %s: %s\n", command, err->text);
+    return EXIT_FAULT;
+}
+
+int take_file(int argc, char **argv, const char **out_file) {
+    if (argc - optind != 1)
+        return usage_error(argv[0], optind == argc ? "FILE is missing" : "one FILE, no more");
+    *out_file = argv[optind];
+    return EXIT_GOOD;
+}
+
+void show_progress(uint64_t done, uint64_t all) {
+    static int64_t shown_ns;
+    static bool begun;
+    bool ends = done >= all;
+    int64_t now_ns = clock_now_ns();
+    if (!shown_ns)
+        shown_ns = now_ns;
+    if (!isatty(STDERR_FILENO) || (ends && !begun) ||
+        (!ends && now_ns - shown_ns < 300 * NS_PER_MS))
+        return;
+    fprintf(stderr, "\r%3.0f %%%s", 100 * (double)done / (double)all, ends ? "\n" : "");
+    shown_ns = now_ns;
+    begun = !ends;
+}
+
+static void print_help(FILE *file) {
+    fputs("Usage: arthron-trace COMMAND FILE [OPTIONS]\n"
+          "\n"
+          "Reads the record of a session: all that it learnt and all that it answered.\n"
+          "\n"
+          "Commands:\n",
+          file);
+    for (size_t i = 0; i < COMMAND_COUNT; i++)
+        fprintf(file, "  %-8s  %s\n", commands[i].name, commands[i].what);
+    fputs("\n"
+          "arthron-trace COMMAND --help tells more.\n"
+          "  --help      show this\n"
+          "  --version   show the version\n",
+          file);
+}
+
+int main(int argc, char **argv) {
+    if (argc > 1 && !strcmp(argv[1], "--help")) {
+        print_help(stdout);
+        return EXIT_GOOD;
+    }
+    if (argc > 1 && !strcmp(argv[1], "--version")) {
+        puts("arthron-trace " ARTHRON_VERSION);
+        return EXIT_GOOD;
+    }
+    for (size_t i = 0; argc > 1 && i < COMMAND_COUNT; i++)
+        if (!strcmp(argv[1], commands[i].name))
+            return commands[i].run(argc - 1, argv + 1);
+    if (argc > 1)
+        fprintf(stderr, "arthron-trace: no command '%s'\n", argv[1]);
+    print_help(stderr);
+    return EXIT_USAGE;
+}

@@ -1,0 +1,26 @@
+// The commands of arthron-trace, one in each trace_NAME.c, and what they share.
+#pragma once
+
+#include "base/result.h"
+
+#include <getopt.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { EXIT_GOOD = 0, EXIT_FAULT = 1, EXIT_USAGE = 2 };
+
+// argv[0] is the command. Each answers --help; returns the program's exit code.
+int command_info(int argc, char **argv);
+int command_verify(int argc, char **argv);
+int command_replay(int argc, char **argv);
+int command_export(int argc, char **argv);
+
+// Takes one argument that is no option, FILE. EXIT_GOOD, or EXIT_USAGE after a line on stderr.
+int take_file(int argc, char **argv, const char **out_file);
+
+int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
+int failed(const char *command, const struct error *err); // prints it; EXIT_FAULT
+
+// A line on stderr that overwrites itself, where that is a terminal and at most a few times a
+// second; `done` at `all` ends it.
+void show_progress(uint64_t done, uint64_t all);

@@ -1,0 +1,131 @@
+#include "base/clock.h"
+#include "trace_commands.h"
+#include "trace_survey.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <time.h>
+
+static const char help[] =
+    "Usage: arthron-trace info FILE [--json]\n"
+    "\n"
+    "Prints whose session it is, when and with which case, settings and machine it was recorded,\n"
+    "and what happened: steps, events, instruments, the largest displacement.\n"
+    "Exits 1 where the file cannot be read at all; verify tells whether it is whole.\n";
+
+static void id_text(const struct trace_header *header, char out[33]) {
+    for (size_t i = 0; i < sizeof header->session_id; i++)
+        snprintf(out + 2 * i, 3, "%02x", header->session_id[i]);
+}
+
+static void time_text(int64_t utc_ns, char out[32]) {
+    time_t seconds = (time_t)(utc_ns / NS_PER_S);
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    strftime(out, 32, "%Y-%m-%dT%H:%M:%SZ", &utc);
+}
+
+// Texts come from a file: what is no UTF-8 cannot be shown.
+static json_t *text_or_null(const char *text) {
+    json_t *value = json_string(text);
+    return value ? value : json_null();
+}
+
+static json_t *settings_object(const struct session_settings *s) {
+    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f}", "field", field_name(s->field.kind),
+                     "unit_mm", s->field.unit_mm, "radius_mm", s->field.radius_mm,
+                     "background_per_mm", s->field.background_per_mm, "strength", s->strength,
+                     "hold_s", (double)s->hold_ns / (double)NS_PER_S);
+}
+
+static json_t *events_object(const struct survey *s) {
+    json_t *events = json_object();
+    for (int i = 0; i < 5; i++)
+        json_object_set_new(events, survey_event_names[i], json_integer((json_int_t)s->events[i]));
+    return events;
+}
+
+static json_t *instruments_object(const struct survey *s) {
+    json_t *instruments = json_object();
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (s->present[i])
+            json_object_set_new(instruments,
+                                channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
+                                json_integer((json_int_t)s->present[i]));
+    return instruments;
+}
+
+static void print_json(const struct trace_header *h, const struct survey *s) {
+    char id[33], start[32], hash[17];
+    id_text(h, id);
+    time_text(h->start_utc_ns, start);
+    snprintf(hash, sizeof hash, "%016" PRIx64, h->case_hash);
+    json_t *root = json_pack(
+        "{s:s, s:o, s:o, s:{s:o, s:o, s:s}, s:s, s:i, s:o, s:{s:o, s:o, s:o}}", "session", id,
+        "station", text_or_null(h->station), "trainee", text_or_null(h->trainee), "case", "name",
+        text_or_null(h->case_name), "dir", text_or_null(h->case_dir), "hash", hash, "start", start,
+        "version", (int)h->version, "settings", settings_object(&h->settings), "machine", "build",
+        text_or_null(h->build), "libc", text_or_null(h->libc), "cpu", text_or_null(h->cpu));
+    json_t *session = json_pack(
+        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:b}", "seconds", survey_seconds(s), "steps",
+        (json_int_t)s->steps, "frames", (json_int_t)s->frames, "missing", (json_int_t)s->missing,
+        "state", session_state_name(s->state), "displacement_max_mm", s->largest_mm, "events",
+        events_object(s), "instruments", instruments_object(s), "whole", s->end == RESULT_CLOSED);
+    json_object_update_new(root, session);
+    json_dumpf(root, stdout, JSON_INDENT(2));
+    putchar('\n');
+    json_decref(root);
+}
+
+static void print_text(const struct trace_header *h, const struct survey *s) {
+    char id[33], start[32];
+    id_text(h, id);
+    time_text(h->start_utc_ns, start);
+    printf("session     %s\n", id);
+    printf("station     %s\ntrainee     %s\n", h->station, h->trainee);
+    printf("case        %s, hash %016" PRIx64 ", %s\n", h->case_name, h->case_hash, h->case_dir);
+    printf("start       %s\n", start);
+    printf("field       %s, strength %g\n", field_name(h->settings.field.kind),
+           h->settings.strength);
+    printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
+    printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
+           " missing\n",
+           survey_seconds(s), s->steps, s->frames, s->missing);
+    printf("state       %s\n", session_state_name(s->state));
+    for (int i = 0; i < 5; i++)
+        if (s->events[i])
+            printf("event       %s in %" PRIu64 " steps\n", survey_event_names[i], s->events[i]);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (s->present[i])
+            printf("instrument  %s in %" PRIu64 " steps\n",
+                   channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)), s->present[i]);
+    printf("displaced   by up to %.3f mm\n", s->largest_mm);
+    if (s->end != RESULT_CLOSED)
+        printf("not whole   %s\n", s->why.text);
+}
+
+int command_info(int argc, char **argv) {
+    static const struct option options[] = {
+        {"json", no_argument, NULL, 'j'}, {"help", no_argument, NULL, 'h'}, {NULL, 0, NULL, 0}};
+    bool json = false;
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'h')
+            return fputs(help, stdout) < 0;
+        if (c != 'j')
+            return usage_error(argv[0], "unknown option");
+        json = true;
+    }
+    const char *file;
+    if (take_file(argc, argv, &file) != EXIT_GOOD)
+        return EXIT_USAGE;
+    struct trace_reader *reader;
+    struct error err;
+    if (trace_reader_create(file, &reader, &err) != RESULT_OK)
+        return failed(argv[0], &err);
+    struct survey survey;
+    survey_read(reader, &survey);
+    (json ? print_json : print_text)(trace_reader_header(reader), &survey);
+    trace_reader_destroy(&reader);
+    return EXIT_GOOD;
+}

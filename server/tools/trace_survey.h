@@ -1,0 +1,26 @@
+// What one pass over a trace finds.
+#pragma once
+
+#include "trace/trace.h"
+
+struct survey {
+    uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
+    uint64_t frames;               // steps whose input was a frame
+    uint64_t lost_samples;         // samples that a station sent as lost
+    uint64_t events[5];            // steps with EVENT_STATE, EVENT_DEVICE_LOST, ... in order
+    uint64_t present[INSTRUMENT_COUNT];
+    int64_t first_ns, last_ns; // time of the first and last step
+    enum session_state state;  // after the last step
+    double largest_mm;         // displacement of any instrument
+    uint64_t whole_bytes;      // up to the end of the last whole record
+    uint64_t file_bytes;
+    enum result end;  // RESULT_CLOSED: the file is whole
+    struct error why; // where it is not
+};
+
+extern const char *const survey_event_names[5];
+
+// Reads all that can be read.
+void survey_read(struct trace_reader *reader, struct survey *out_survey);
+
+double survey_seconds(const struct survey *survey);

@@ -41,6 +41,14 @@ static int write_out(struct exchange *x, struct lws *socket) {
     return size && lws_write(socket, x->out, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
 }
 
+static enum result check_length(const char *path, struct error *err) {
+    size_t longest = sizeof((struct sockaddr_un *)0)->sun_path - 1;
+    if (strlen(path) > longest)
+        return fail(err, RESULT_LIMIT, "%s: a socket's path has at most %zu characters", path,
+                    longest);
+    return RESULT_OK;
+}
+
 // ---- the server's end ---------------------------------------------------------------------------
 
 struct console {
@@ -107,9 +115,9 @@ static void *serve(void *argument) {
 
 static enum result check_path(const char *path, struct error *err) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
-    if (strlen(path) >= sizeof address.sun_path)
-        return fail(err, RESULT_LIMIT, "%s: a socket's path has at most %zu characters", path,
-                    sizeof address.sun_path - 1);
+    enum result result = check_length(path, err);
+    if (result != RESULT_OK)
+        return result;
     strcpy(address.sun_path, path);
     struct stat status;
     if (lstat(path, &status) == 0 && !S_ISSOCK(status.st_mode))
@@ -288,14 +296,17 @@ static void make_call(struct call *call) {
 
 enum result console_call(const char *socket_path, const arthron_Command *command,
                          arthron_CommandReply *out_reply, struct error *err) {
+    enum result result = check_length(socket_path, err);
+    if (result != RESULT_OK)
+        return result;
     struct call *call = alloc(1, sizeof *call);
     call->path = socket_path;
     call->reply = out_reply;
     call->err = err;
     call->answer = (arthron_Console){.which_message = arthron_Console_command_tag,
                                      .message.command = *command};
-    enum result result = wire_encode_console(&call->answer, call->exchange.out,
-                                             sizeof call->exchange.out, &call->exchange.out_size);
+    result = wire_encode_console(&call->answer, call->exchange.out, sizeof call->exchange.out,
+                                 &call->exchange.out_size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
     make_call(call);
     result = call->result;

@@ -50,7 +50,7 @@ enum result gltf_encode(const struct gltf_node *nodes, uint32_t count, uint8_t *
 // What must hold before tinygltf may see a file: chunks within their bounds, JSON that is not
 // nested deeply, exactly one buffer inside the file, no images, no required extension. Its own
 // checks leave gaps there: a BIN chunk read 8 bytes past its end, a copy of it for each buffer
-// listed, images taken from unchecked views, unbounded recursion.
+// listed, images taken from unchecked views, unbounded recursion, 0 for a negative offset.
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err);
 
 #ifdef __cplusplus

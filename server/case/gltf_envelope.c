@@ -46,6 +46,23 @@ static enum result check_buffers(const json_t *root, const struct chunk *bin, st
     return RESULT_OK;
 }
 
+// tinygltf takes 0 for what is not a whole number from 0 on.
+static enum result check_whole_numbers(const json_t *root, const char *list, struct error *err) {
+    static const char *const keys[] = {"buffer",     "byteOffset", "byteLength",   "byteStride",
+                                       "bufferView", "count",      "componentType"};
+    size_t index;
+    const json_t *object;
+    json_array_foreach(json_object_get(root, list), index, object) {
+        for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++) {
+            const json_t *value = json_object_get(object, keys[i]);
+            if (value && (!json_is_integer(value) || json_integer_value(value) < 0))
+                return fail(err, RESULT_FORMAT, "%s[%zu].%s: not a whole number from 0 on", list,
+                            index, keys[i]);
+        }
+    }
+    return RESULT_OK;
+}
+
 static enum result check_root(const json_t *root, const struct chunk *bin, struct error *err) {
     if (!json_is_object(root))
         return fail(err, RESULT_FORMAT, "the JSON chunk is not an object");
@@ -57,7 +74,10 @@ static enum result check_root(const json_t *root, const struct chunk *bin, struc
     }
     if (json_object_get(root, "images"))
         return fail(err, RESULT_REFUSED, "images: an anatomy has no images");
-    return check_buffers(root, bin, err);
+    enum result result = check_whole_numbers(root, "accessors", err);
+    if (result == RESULT_OK)
+        result = check_whole_numbers(root, "bufferViews", err);
+    return result == RESULT_OK ? check_buffers(root, bin, err) : result;
 }
 
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err) {

@@ -50,17 +50,6 @@ bool parse_numbers(const char *text, double *out_values, int count) {
     return true;
 }
 
-bool parse_pose(const char *text, pose *out_pose) {
-    double v[7];
-    if (!parse_numbers(text, v, 7))
-        return false;
-    *out_pose = (pose){{v[3], v[4], v[5], v[6]}, {v[0], v[1], v[2]}};
-    if (!pose_is_valid(*out_pose))
-        return false;
-    out_pose->rotation = quat_unit(out_pose->rotation);
-    return true;
-}
-
 static void print_help(void) {
     puts("Usage: arthron-case COMMAND [OPTION...]\n\n"
          "Makes and looks at cases: folders with case.json and anatomy.glb.\n");

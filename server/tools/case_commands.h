@@ -23,6 +23,3 @@ int failed(const char *command, const struct error *err);
 
 // `count` finite numbers separated by commas, and nothing else.
 bool parse_numbers(const char *text, double *out_values, int count);
-
-// x,y,z,qw,qx,qy,qz with a quaternion of unit length (within 1e-3, then made exact).
-bool parse_pose(const char *text, pose *out_pose);

@@ -1,3 +1,4 @@
+#include "base/number.h"
 #include "case/import.h"
 #include "case/inspect.h"
 #include "case_commands.h"
@@ -20,7 +21,8 @@ static const char help[] =
     "                     the first one holds for the files before it\n"
     "  --group NAME=FILE[@x,y,z,qw,qx,qy,qz]\n"
     "                     a mesh of the group; several of the same NAME are its parts. The pose,\n"
-    "                     in mm, takes the file's frame (scaled to mm) to the common frame.\n"
+    "                     in mm, takes the file's frame (scaled to mm) to the common frame;\n"
+    "                     x,y,z alone is a shift\n"
     "                     Usual names: tibia, femur, patella, meniscus_medial, meniscus_lateral,\n"
     "                     acl, pcl, mcl, lcl, skin\n"
     "  --axes XYZ         where x, y and z of the common frame point, three of R or L (right, "
@@ -112,7 +114,7 @@ static bool parse_source(char *text, struct request *request) {
     char *at = strrchr(path, '@');
     if (!at || !strchr("+-.0123456789", at[1]) || !at[1])
         return true;
-    if (at == path || !parse_pose(at + 1, &source->T_common_file))
+    if (at == path || !number_pose(at + 1, &source->T_common_file))
         return false;
     *at = '\0';
     return true;
@@ -163,7 +165,7 @@ static bool take_option(int option, char *text, struct request *request) {
         return request->portal_count < CASE_PORTALS_MAX && parse_portal(text, request);
     case 'j':
         request->has_joint = true;
-        return parse_pose(text, &request->T_femur_joint);
+        return number_pose(text, &request->T_femur_joint);
     default:
         request->out = text;
         return true;

@@ -1,0 +1,441 @@
+#include "case/case.h"
+
+#include "case/inspect.h"
+#include "case_knee.h"
+#include "random.h"
+#include "test.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static struct error err;
+
+#define assert_ok(call)                                                                            \
+    do {                                                                                           \
+        if ((call) != RESULT_OK)                                                                   \
+            fail_msg("%s: %s", #call, err.text);                                                   \
+    } while (0)
+
+static char folder[256];
+
+static int make(void **state) {
+    (void)state;
+    make_folder(folder, sizeof folder);
+    return 0;
+}
+
+static int clear(void **state) {
+    (void)state;
+    remove_folder(folder);
+    return 0;
+}
+
+static struct knee_case *load(void) {
+    struct knee_case *knee;
+    assert_ok(case_load(folder, NULL, &knee, &err));
+    return knee;
+}
+
+static void assert_same_floats(const float *a, const float *b, size_t count) {
+    assert_int_equal(!a, !b);
+    if (a)
+        assert_memory_equal(a, b, count * sizeof *a);
+}
+
+static void assert_same(const struct knee_case *a, const struct knee_case *b) {
+    assert_string_equal(a->name, b->name);
+    assert_string_equal(a->title, b->title);
+    assert_memory_equal(&a->joint.T_femur_joint, &b->joint.T_femur_joint, sizeof(pose));
+    assert_memory_equal(&a->joint.T_tibia_joint, &b->joint.T_tibia_joint, sizeof(pose));
+    assert_int_equal(a->joint.side, b->joint.side);
+    assert_int_equal(a->group_count, b->group_count);
+    assert_int_equal(a->portal_count, b->portal_count);
+    assert_memory_equal(a->portals, b->portals, sizeof a->portals);
+    assert_int_equal(a->patella_key_count, b->patella_key_count);
+    assert_memory_equal(a->patella_keys, b->patella_keys, sizeof a->patella_keys);
+    for (int i = 0; i < a->group_count; i++) {
+        const struct case_group *g = &a->groups[i], *h = &b->groups[i];
+        assert_string_equal(g->name, h->name);
+        assert_int_equal(g->body, h->body);
+        assert_int_equal(g->cuttable, h->cuttable);
+        assert_int_equal(g->part_count, h->part_count);
+        assert_memory_equal(g->parts, h->parts, sizeof g->parts);
+        assert_int_equal(g->mesh.vertex_count, h->mesh.vertex_count);
+        assert_int_equal(g->mesh.triangle_count, h->mesh.triangle_count);
+        size_t floats = 3 * (size_t)g->mesh.vertex_count;
+        assert_same_floats(g->mesh.positions, h->mesh.positions, floats);
+        assert_same_floats(g->warp, h->warp, floats);
+        assert_same_floats(g->maxcut, h->maxcut, floats);
+        assert_memory_equal(g->mesh.triangles, h->mesh.triangles,
+                            3 * sizeof(uint32_t) * g->mesh.triangle_count);
+    }
+}
+
+static void a_case_comes_back_as_it_was_saved(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    assert_ok(case_save(knee, folder, &err));
+    struct knee_case *again = load();
+    assert_same(knee, again); // boxes have coordinates that survive the way through metres
+    assert_true(knee->hash == again->hash);
+    case_destroy(&knee);
+    case_destroy(&again);
+    assert_null(again);
+}
+
+// Magnitudes from 1e-6 to 1e3 mm.
+static void scatter(struct random *r, float *values, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        values[i] = (float)(random_between(r, -1, 1) * pow(10, random_between(r, -6, 3)));
+}
+
+static void the_first_load_rounds_and_later_ones_are_equal_bit_for_bit(void **state) {
+    (void)state;
+    struct random r = {7};
+    struct knee_case *knee = box_knee();
+    struct case_group *skin = case_add_group(knee, "skin", BODY_FEMUR);
+    struct mesh mesh;
+    mesh_init(&mesh, 30000, 10000);
+    scatter(&r, mesh.positions, 90000);
+    for (uint32_t i = 0; i < 30000; i++)
+        mesh.triangles[i] = i;
+    assert_ok(case_add_part(skin, "skin", &mesh, &err));
+    scatter(&r, case_group_need_warp(skin), 90000);
+    assert_ok(case_save(knee, folder, &err));
+    struct knee_case *once = load();
+    const float *positions = case_group(once, "skin")->mesh.positions;
+    for (size_t i = 0; i < 90000; i++)
+        assert_near(positions[i], mesh.positions[i], 1.3e-7 * fabsf(mesh.positions[i]));
+    assert_ok(case_save(once, folder, &err));
+    struct knee_case *twice = load();
+    assert_same(once, twice);
+    uint64_t hash = once->hash;
+    assert_ok(case_save(twice, folder, &err));
+    assert_true(twice->hash == hash);
+    mesh_fini(&mesh);
+    case_destroy(&knee);
+    case_destroy(&once);
+    case_destroy(&twice);
+}
+
+// The JSON chunk, read without the loader.
+static json_t *anatomy_json(void) {
+    char *bytes = read_file(folder, "anatomy.glb", NULL);
+    uint32_t size;
+    memcpy(&size, bytes + 12, 4);
+    json_t *json = json_loadb(bytes + 20, size, 0, NULL);
+    free(bytes);
+    assert_non_null(json);
+    return json;
+}
+
+static void the_file_is_in_metres_with_a_node_for_each_part_and_named_targets(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    assert_ok(case_save(knee, folder, &err));
+    json_t *json = anatomy_json();
+    static const char *const nodes[] = {"tibia/bone", "tibia/cartilage", "femur", "patella",
+                                        "meniscus_medial"};
+    for (size_t i = 0; i < 5; i++) {
+        const json_t *node = json_array_get(json_object_get(json, "nodes"), i);
+        assert_string_equal(json_string_value(json_object_get(node, "name")), nodes[i]);
+    }
+    double x, y, z;
+    const char *target, *generator;
+    assert_int_equal(json_unpack(json, "{s:[{s:[F,F,F]}]}", "accessors", "max", &x, &y, &z), 0);
+    assert_vec3_near(((vec3){x, y, z}), ((vec3){0.038, 0.025, -0.022}), 1e-8);
+    assert_int_equal(
+        json_unpack(json, "{s:[{s:{s:[s]}}]}", "meshes", "extras", "targetNames", &target), 0);
+    assert_string_equal(target, "warp");
+    assert_int_equal(json_unpack(json, "{s:{s:s}}", "asset", "generator", &generator), 0);
+    assert_string_equal(generator, "Arthron " ARTHRON_VERSION);
+    json_decref(json);
+    case_destroy(&knee);
+}
+
+static void a_part_added_later_gets_no_displacement(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    const struct case_group *tibia = case_group(knee, "tibia");
+    assert_int_equal(tibia->parts[1].first_vertex, 8);
+    assert_int_equal(tibia->parts[1].first_triangle, 12);
+    for (int i = 24; i < 48; i++)
+        assert_true(tibia->warp[i] == 0);
+    assert_true(tibia->warp[17] == -3.25f);
+    assert_int_equal(tibia->mesh.triangles[36], 8);
+    case_destroy(&knee);
+}
+
+static void parts_are_refused_by_name_number_and_mesh(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct case_group *tibia = case_group(knee, "tibia");
+    struct mesh mesh;
+    box_mesh((vec3){0}, (vec3){1, 1, 1}, &mesh);
+    static const char *const names[] = {"bone", "", "a/b", "two words"};
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(case_add_part(tibia, names[i], &mesh, &err), RESULT_INVALID);
+        assert_non_null(strstr(err.text, "group tibia"));
+    }
+    mesh.positions[4] = NAN;
+    assert_int_not_equal(case_add_part(tibia, "new", &mesh, &err), RESULT_OK);
+    assert_non_null(strstr(err.text, "part new"));
+    mesh.positions[4] = 0;
+    static const char *const more[] = {"1", "2", "3", "4", "5", "6"};
+    for (int i = 0; i < 6; i++)
+        assert_ok(case_add_part(tibia, more[i], &mesh, &err));
+    assert_int_equal(case_add_part(tibia, "7", &mesh, &err), RESULT_LIMIT);
+    mesh_fini(&mesh);
+    case_destroy(&knee);
+}
+
+static void the_patella_follows_its_keys_and_stays_past_them(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    vec3 end = knee->patella_keys[1].T_femur_patella.translation;
+    assert_vec3_near(case_patella_pose(knee, -20).translation, ((vec3){0, 0, 0}), 0);
+    assert_vec3_near(case_patella_pose(knee, 45).translation, vec3_scale(0.5, end), 1e-12);
+    assert_near(quat_angle(case_patella_pose(knee, 45).rotation, quat_identity()), 0.55, 1e-12);
+    assert_vec3_near(case_patella_pose(knee, 140).translation, end, 0);
+    knee->patella_key_count = 0;
+    assert_vec3_near(case_patella_pose(knee, 45).translation, ((vec3){0, 0, 0}), 0);
+    case_destroy(&knee);
+}
+
+static void no_tibia(struct knee_case *knee) {
+    strcpy(case_group(knee, "tibia")->name, "fibula");
+}
+
+static void no_femur(struct knee_case *knee) {
+    strcpy(case_group(knee, "femur")->name, "humerus");
+}
+
+static void open_meniscus(struct knee_case *knee) {
+    case_group(knee, "meniscus_medial")->mesh.triangle_count--;
+}
+
+static void turned_meniscus(struct knee_case *knee) {
+    struct mesh *mesh = &case_group(knee, "meniscus_medial")->mesh;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        uint32_t *c = mesh->triangles + 3 * (size_t)t, second = c[1];
+        c[1] = c[2];
+        c[2] = second;
+    }
+}
+
+static void twisted_meniscus(struct knee_case *knee) {
+    uint32_t *c = case_group(knee, "meniscus_medial")->mesh.triangles, second = c[1];
+    c[1] = c[2];
+    c[2] = second;
+}
+
+static void meniscus_of_two_parts(struct knee_case *knee) {
+    struct mesh mesh;
+    box_mesh((vec3){0}, (vec3){1, 1, 1}, &mesh);
+    assert_ok(case_add_part(case_group(knee, "meniscus_medial"), "more", &mesh, &err));
+    mesh_fini(&mesh);
+}
+
+static void infinite_warp(struct knee_case *knee) {
+    case_group(knee, "tibia")->warp[4] = INFINITY;
+}
+
+static void empty_group(struct knee_case *knee) {
+    case_add_group(knee, "acl", BODY_TIBIA);
+}
+
+static void long_direction(struct knee_case *knee) {
+    knee->portals[0].direction = (vec3){0, 2, 0};
+}
+
+static void falling_keys(struct knee_case *knee) {
+    knee->patella_keys[1].flexion_deg = 0;
+}
+
+static void bent_joint(struct knee_case *knee) {
+    knee->joint.T_tibia_joint.rotation.w = 0;
+}
+
+static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
+    (void)state;
+    static const struct {
+        void (*spoil)(struct knee_case *knee);
+        enum result code;
+        const char *says;
+    } rows[] = {
+        {no_tibia, RESULT_MISSING, "tibia"},
+        {no_femur, RESULT_MISSING, "femur"},
+        {open_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but open"},
+        {turned_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but inside out"},
+        {twisted_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but not oriented"},
+        {meniscus_of_two_parts, RESULT_INVALID, "meniscus_medial is cuttable but has 2 parts"},
+        {infinite_warp, RESULT_INVALID, "group tibia: warp of vertex 1"},
+        {empty_group, RESULT_MISSING, "group acl"},
+        {long_direction, RESULT_INVALID, "portal anteromedial: direction"},
+        {falling_keys, RESULT_INVALID, "patella[1]: flexion_deg"},
+        {bent_joint, RESULT_INVALID, "joint.T_tibia_joint"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct knee_case *knee = box_knee();
+        rows[i].spoil(knee);
+        assert_int_equal(case_save(knee, folder, &err), rows[i].code);
+        if (!strstr(err.text, rows[i].says))
+            fail_msg("\"%s\" does not say \"%s\"", err.text, rows[i].says);
+        struct stat status;
+        char path[300];
+        snprintf(path, sizeof path, "%s/case.json", folder);
+        assert_int_not_equal(stat(path, &status), 0);
+        case_destroy(&knee);
+    }
+}
+
+static void a_save_that_fails_leaves_the_old_case_whole(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    assert_ok(case_save(knee, folder, &err));
+    uint64_t hash = knee->hash;
+    // A folder where the first file's temporary name would be.
+    char aside[300];
+    snprintf(aside, sizeof aside, "%s/anatomy.glb.%d~", folder, (int)getpid());
+    assert_int_equal(mkdir(aside, 0777), 0);
+    case_group(knee, "tibia")->warp[0] = 1;
+    assert_int_equal(case_save(knee, folder, &err), RESULT_IO);
+    assert_non_null(strstr(err.text, aside));
+    assert_int_equal(rmdir(aside), 0);
+    struct knee_case *again = load();
+    assert_true(again->hash == hash);
+    case_destroy(&again);
+    case_destroy(&knee);
+}
+
+static void a_folder_is_made_with_its_parents(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee(), *again;
+    char deep[300], parent[300];
+    snprintf(parent, sizeof parent, "%s/a", folder);
+    snprintf(deep, sizeof deep, "%s/a/b", folder);
+    assert_ok(case_save(knee, deep, &err));
+    assert_ok(case_load(deep, NULL, &again, &err));
+    case_destroy(&again);
+    case_destroy(&knee);
+    remove_folder(deep);
+    remove_folder(parent);
+}
+
+static void a_title_is_cut_between_characters(void **state) {
+    (void)state;
+    char title[256] = "x";
+    for (int i = 0; i < 100; i++)
+        strcat(title, "é");
+    struct knee_case *knee = case_create("long", title);
+    assert_int_equal(strlen(knee->title), 127);
+    case_destroy(&knee);
+    knee = case_create("long", title + 1);
+    assert_int_equal(strlen(knee->title), 126);
+    case_destroy(&knee);
+}
+
+static void the_medial_plateau_is_on_top_of_the_tibia_at_the_medial_side(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    knee->joint.T_femur_joint.rotation = knee->joint.T_tibia_joint.rotation = quat_identity();
+    vec3 point;
+    assert_true(inspect_medial_plateau(knee, &point));
+    assert_vec3_near(point, ((vec3){-19, 0, -20}), 1e-5); // the cartilage's upper side
+    knee->joint.side = SIDE_LEFT;
+    assert_true(inspect_medial_plateau(knee, &point));
+    assert_vec3_near(point, ((vec3){19, 0, -22}), 1e-5); // bone
+    case_destroy(&knee);
+}
+
+static void wrong_side(struct knee_case *knee) {
+    knee->joint.side = SIDE_LEFT;
+}
+
+static void far_portal(struct knee_case *knee) {
+    struct mesh mesh;
+    box_mesh((vec3){0, 0, 0}, (vec3){60, 60, 90}, &mesh);
+    assert_ok(case_add_part(case_add_group(knee, "skin", BODY_FEMUR), "skin", &mesh, &err));
+    mesh_fini(&mesh);
+}
+
+static void portal_outwards(struct knee_case *knee) {
+    knee->portals[0].direction = (vec3){0, 1, 0};
+}
+
+static void large_warp(struct knee_case *knee) {
+    case_group(knee, "tibia")->warp[3] = 31;
+}
+
+static void tibia_above(struct knee_case *knee) {
+    struct mesh *mesh = &case_group(knee, "tibia")->mesh;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        mesh->positions[3 * v + 2] += 200;
+}
+
+static void knee_in_metres(struct knee_case *knee) {
+    for (int i = 0; i < knee->group_count; i++)
+        for (uint32_t v = 0; v < 3 * knee->groups[i].mesh.vertex_count; v++)
+            knee->groups[i].mesh.positions[v] /= 1000;
+}
+
+static void check_names_what_is_wrong_with_a_case_that_loads(void **state) {
+    (void)state;
+    static const struct {
+        void (*spoil)(struct knee_case *knee);
+        const char *where, *says;
+    } rows[] = {
+        {wrong_side, "meniscus_medial", "is the side right"},
+        {far_portal, "anteromedial", "10.0 mm off the skin"},
+        {portal_outwards, "anteromedial", "away from the joint"},
+        {large_warp, "tibia", "warp moves a vertex by 31.0 mm"},
+        {tibia_above, "femur", "is z proximal"},
+        {knee_in_metres, "tibia", "the unit that would fit is m"},
+    };
+    static struct inspection inspection;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct knee_case *knee = box_knee();
+        struct mesh mesh;
+        box_mesh((vec3){25, 0, -16}, (vec3){6, 15, 3}, &mesh);
+        assert_ok(case_add_part(case_add_group(knee, "meniscus_lateral", BODY_TIBIA),
+                                "meniscus_lateral", &mesh, &err));
+        mesh_fini(&mesh);
+        inspect_case(knee, &inspection);
+        assert_int_equal(inspection.faults, 0);
+        rows[i].spoil(knee);
+        inspect_case(knee, &inspection);
+        bool found = false;
+        for (int k = 0; k < inspection.count; k++)
+            found |= inspection.findings[k].level == FINDING_FAULT &&
+                     strcmp(inspection.findings[k].where, rows[i].where) == 0 &&
+                     strstr(inspection.findings[k].text, rows[i].says);
+        if (!found)
+            fail_msg("no fault of %s says \"%s\"", rows[i].where, rows[i].says);
+        case_destroy(&knee);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_case_comes_back_as_it_was_saved, make, clear),
+        cmocka_unit_test_setup_teardown(the_first_load_rounds_and_later_ones_are_equal_bit_for_bit,
+                                        make, clear),
+        cmocka_unit_test_setup_teardown(
+            the_file_is_in_metres_with_a_node_for_each_part_and_named_targets, make, clear),
+        cmocka_unit_test(a_part_added_later_gets_no_displacement),
+        cmocka_unit_test(parts_are_refused_by_name_number_and_mesh),
+        cmocka_unit_test(the_patella_follows_its_keys_and_stays_past_them),
+        cmocka_unit_test_setup_teardown(what_no_case_may_be_is_refused_by_name_and_not_saved, make,
+                                        clear),
+        cmocka_unit_test_setup_teardown(a_save_that_fails_leaves_the_old_case_whole, make, clear),
+        cmocka_unit_test_setup_teardown(a_folder_is_made_with_its_parents, make, clear),
+        cmocka_unit_test(a_title_is_cut_between_characters),
+        cmocka_unit_test(the_medial_plateau_is_on_top_of_the_tibia_at_the_medial_side),
+        cmocka_unit_test(check_names_what_is_wrong_with_a_case_that_loads),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

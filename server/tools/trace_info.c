@@ -73,7 +73,7 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         "state", session_state_name(s->state), "displacement_max_mm", s->largest_mm, "events",
         events_object(s), "instruments", instruments_object(s), "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
-    json_dumpf(root, stdout, JSON_INDENT(2));
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
 }

@@ -20,7 +20,7 @@ static enum result load_scene(const char *dir, struct scene **out_scene, struct 
     struct knee_case *knee;
     enum result result = case_load(dir, &limits, &knee, err);
     if (result != RESULT_OK)
-        return result;
+        return fail_in(err, result, "the case (--case DIR tells where it is): ");
     result = scene_create(&knee, out_scene, err);
     if (result != RESULT_OK)
         case_destroy(&knee);
@@ -49,7 +49,7 @@ static void print_json(const struct replay_report *r, double real_time) {
                             json_pack("{s:I, s:s, s:s, s:s}", "step", (json_int_t)r->first.step,
                                       "field", r->first.field, "recorded", r->first.recorded,
                                       "replayed", r->first.replayed));
-    json_dumpf(root, stdout, JSON_INDENT(2));
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
 }

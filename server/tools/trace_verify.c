@@ -19,7 +19,7 @@ static void print_json(const struct survey *s) {
         "file_bytes", (json_int_t)s->file_bytes, "records", (json_int_t)s->steps, "gaps",
         (json_int_t)s->gaps, "missing", (json_int_t)s->missing);
     json_object_set_new(root, "lost_samples", json_integer((json_int_t)s->lost_samples));
-    json_dumpf(root, stdout, JSON_INDENT(2));
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
 }

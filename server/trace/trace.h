@@ -21,8 +21,8 @@ struct trace_header {
     int64_t start_utc_ns;
     int64_t start_ns; // the server's monotonic clock at that moment
     struct session_settings settings;
-    char build[64]; // build id of the server
-    char libc[64];  // and what its mathematics came from
+    char build[64]; // SHA-1 of the compiled rooms whose code makes a step
+    char libc[64];  // where its mathematics came from
     char cpu[64];   // CPU level, as glibc names it
 };
 

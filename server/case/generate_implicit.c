@@ -35,6 +35,7 @@ struct grid {
     vec3 *positions;  // of the vertices
     uint32_t *quads;  // 4 vertices each
     uint32_t vertex_count, quad_count;
+    bool parted; // by part_sheets in this round
 };
 
 static size_t corner_index(const struct grid *g, const uint32_t at[3]) {
@@ -61,6 +62,54 @@ static void sample(struct grid *g, implicit solid) {
         for (at[1] = 0; at[1] < g->n[1]; at[1]++)
             for (at[0] = 0; at[0] < g->n[0]; at[0]++)
                 g->values[corner_index(g, at)] = solid(corner_position(g, at));
+}
+
+// Corner 0..7 of a cell: bit 0 up along x, bit 1 along y, bit 2 along z.
+static size_t cell_corner(const struct grid *g, const uint32_t at[3], uint32_t corner) {
+    uint32_t c[3] = {at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2)};
+    return corner_index(g, c);
+}
+
+// Where two inside corners meet only across a face or through a cell, two sheets of the surface
+// would share an edge or a vertex. Each of these tables' rows is the corners that are inside there;
+// `mask` says which are looked at.
+static bool two_sheets(uint32_t inside) {
+    static const struct {
+        uint8_t mask, pattern;
+    } faces[6] = {{0x0f, 0x09}, {0xf0, 0x90}, {0x33, 0x21},
+                  {0xcc, 0x84}, {0x55, 0x41}, {0xaa, 0x82}};
+    for (int i = 0; i < 6; i++) {
+        uint32_t seen = inside & faces[i].mask;
+        if (seen == faces[i].pattern || seen == (uint32_t)(faces[i].mask ^ faces[i].pattern))
+            return true;
+    }
+    for (uint32_t corner = 0; corner < 4; corner++) {
+        uint32_t diagonal = 1u << corner | 1u << (7 - corner);
+        if (inside == diagonal || inside == (0xff ^ diagonal))
+            return true;
+    }
+    return false;
+}
+
+// Takes the inside corner that is nearest to the surface out of such a cell. Only ever taking out,
+// it comes to an end; the vertices are put on the true surface later.
+static void part_sheets(struct grid *g, const uint32_t at[3]) {
+    for (;;) {
+        uint32_t inside = 0;
+        size_t shallowest = SIZE_MAX;
+        for (uint32_t corner = 0; corner < 8; corner++) {
+            size_t i = cell_corner(g, at, corner);
+            if (g->values[i] >= 0)
+                continue;
+            inside |= 1u << corner;
+            if (shallowest == SIZE_MAX || g->values[i] > g->values[shallowest])
+                shallowest = i;
+        }
+        if (!two_sheets(inside))
+            return;
+        g->values[shallowest] = 1e-9;
+        g->parted = true;
+    }
 }
 
 // The vertex of a cell starts in the middle of the points where its edges cross the surface.
@@ -162,6 +211,10 @@ void implicit_mesh(implicit solid, struct box box, double edge, struct mesh *out
     g.quads = alloc(3 * corners, 4 * sizeof *g.quads);
     memset(g.vertex, 0xff, corners * sizeof *g.vertex);
     sample(&g, solid);
+    do {
+        g.parted = false;
+        each_cell(&g, part_sheets);
+    } while (g.parted);
     each_cell(&g, add_vertex);
     each_cell(&g, add_quads);
     for (uint32_t v = 0; v < g.vertex_count; v++)

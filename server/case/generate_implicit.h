@@ -14,6 +14,6 @@ vec3 implicit_gradient(implicit solid, vec3 p);
 
 // The zero surface inside the box as a mesh with edges of about `edge` mm: a vertex for each grid
 // cell that the surface passes through (surface nets), evened out, and put on the surface by
-// Newton steps. Closed and oriented where the solid ends at least two edges before the box does;
-// manifold where it is thicker than two edges. The caller releases *out_mesh with mesh_fini.
+// Newton steps. Closed, manifold and oriented where the solid ends at least two edges before the
+// box does; details finer than an edge may be lost. The caller releases *out_mesh with mesh_fini.
 void implicit_mesh(implicit solid, struct box box, double edge, struct mesh *out_mesh);

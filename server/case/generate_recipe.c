@@ -27,8 +27,8 @@ struct number_key {
 static const struct number_key number_keys[] = {
     {"knee", "size", offsetof(struct recipe, size), 0.8, 1.2},
     {"mesh", "resolution_mm", offsetof(struct recipe, resolution_mm), 1.2, 3},
-    {"menisci", "medial_cm3", offsetof(struct recipe, meniscus_medial_cm3), 1.4, 2.6},
-    {"menisci", "lateral_cm3", offsetof(struct recipe, meniscus_lateral_cm3), 1.4, 2.6},
+    {"menisci", "medial_cm3", offsetof(struct recipe, meniscus_medial_cm3), 1.4, 2.5},
+    {"menisci", "lateral_cm3", offsetof(struct recipe, meniscus_lateral_cm3), 1.4, 2.5},
 };
 
 static enum result refuse(struct reading *r, const char *section, const char *key,
@@ -64,7 +64,7 @@ static struct recipe_cavity *cavity_of(struct reading *r, const char *section) {
     if (recipe->cavity_count == RECIPE_CAVITIES_MAX || strlen(name) >= CASE_NAME_MAX)
         return NULL;
     struct recipe_cavity *cavity = &recipe->cavities[recipe->cavity_count++];
-    cavity->body = BODY_COUNT;
+    *cavity = (struct recipe_cavity){.body = BODY_COUNT, .dent.at.x = NAN};
     snprintf(cavity->name, sizeof cavity->name, "%s", name);
     return cavity;
 }
@@ -138,7 +138,8 @@ static int read_entry(void *user, const char *section, const char *key, const ch
 static enum result check_cavities(const struct recipe *recipe, struct error *err) {
     for (int i = 0; i < recipe->cavity_count; i++) {
         const struct recipe_cavity *c = &recipe->cavities[i];
-        if (c->body == BODY_COUNT || c->dent.radius_mm == 0 || c->dent.depth_mm == 0)
+        if (c->body == BODY_COUNT || isnan(c->dent.at.x) || c->dent.radius_mm == 0 ||
+            c->dent.depth_mm == 0)
             return fail(err, RESULT_MISSING, "[cavity %s] needs body, at, radius_mm and depth_mm",
                         c->name);
         if (c->dent.depth_mm > c->dent.radius_mm / 2)

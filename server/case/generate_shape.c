@@ -73,7 +73,7 @@ double shape_femur(vec3 p) {
 
 // Medially a shallow dish, laterally a slight hill from front to back, two spines between.
 static double plateau_height(double x, double y) {
-    double medial = (square(x + SHAPE_CONDYLE_X) + square(y)) / 360;
+    double medial = (square(x + SHAPE_CONDYLE_X) + square(y)) / 500;
     double lateral = square(x - SHAPE_CONDYLE_X) / 200 - square(y) / 140;
     double side = ramp(-8, 8, x);
     double spines = 0;
@@ -171,10 +171,12 @@ pose shape_patella_pose(const struct mesh *patella, double flexion_deg, double g
 }
 
 double shape_swept_femur(vec3 p_tibia) {
-    double least = INFINITY;
-    for (int flexion = 0; flexion <= SHAPE_FLEXION_MAX; flexion += 10) {
-        quat turn = quat_from_axis_angle((vec3){1, 0, 0}, -flexion * RAD_PER_DEG);
-        least = fmin(least, shape_femur(quat_rotate(turn, p_tibia)));
+    const double cosine = 0.98480775301220806, sine = 0.17364817766693035; // of 10 degrees
+    vec3 p = p_tibia;
+    double least = shape_femur(p);
+    for (int flexion = 10; flexion <= SHAPE_FLEXION_MAX; flexion += 10) {
+        p = (vec3){p.x, cosine * p.y + sine * p.z, cosine * p.z - sine * p.y};
+        least = fmin(least, shape_femur(p));
     }
     return least;
 }

@@ -66,8 +66,24 @@ static double ring_at(const struct tube *tube, uint32_t r, double cap, double *o
     return along;
 }
 
-// ---- menisci
-// -------------------------------------------------------------------------------------
+// Angles that part a section's outline into `sides` pieces of equal length.
+static void even_angles(vec3 (*outline)(double angle, const void *shape), const void *shape,
+                        uint32_t sides, double *out_angles) {
+    enum { FINE = 1440 };
+    double way[FINE + 1] = {0};
+    for (int i = 0; i < FINE; i++)
+        way[i + 1] = way[i] + vec3_distance(outline(TURN * i / FINE, shape),
+                                            outline(TURN * (i + 1) / FINE, shape));
+    int i = 0;
+    for (uint32_t side = 0; side < sides; side++) {
+        double wanted = way[FINE] * side / sides;
+        while (way[i + 1] <= wanted)
+            i++;
+        out_angles[side] = TURN * (i + (wanted - way[i]) / (way[i + 1] - way[i])) / FINE;
+    }
+}
+
+// ---- menisci -----------------------------------------------------------------------------------
 
 // Angles about the middle of the compartment: 0 outward, 90 degrees anterior.
 struct outline {
@@ -81,7 +97,7 @@ static const struct outline medial = {-21, -1, -1, 16, 20.5, 9.5, 12, 130, -140}
 static const struct outline lateral = {21, -1, 1, 16, 20, 9, 11, 142, -146};
 
 // Clear of the tibia below and of the femur above.
-static const double meniscus_gap = 0.1, femur_gap = 0.35;
+static const double meniscus_gap = 0.2, femur_gap = 0.35;
 
 // across: 0 at the inner margin, 1 at the rim.
 static vec3 outline_point(const struct outline *o, double along, double across) {
@@ -116,22 +132,35 @@ struct section_point {
     double room, across, up;
 };
 
+// A square with round corners from -1 to 1: a superellipse of exponent 5.
+static vec3 rounded_square(double angle) {
+    double c = cos(angle), s = sin(angle);
+    return (vec3){copysign(pow(fabs(c), 0.4), c), copysign(pow(fabs(s), 0.4), s), 0};
+}
+
+// The outline of a usual section in mm, to space its points evenly.
+static vec3 wedge_outline(double angle, const void *unused) {
+    (void)unused;
+    vec3 p = rounded_square(angle);
+    return (vec3){5 * p.x, (2 + 1.2 * p.x) * p.y, 0};
+}
+
 static void section_points(const struct outline *o, const struct tube *tube,
                            struct section_point *out_points) {
+    double *angles = alloc(tube->sides, sizeof *angles);
+    even_angles(wedge_outline, NULL, tube->sides, angles);
     for (uint32_t r = 0; r < tube->rings; r++) {
         double scale, along = ring_at(tube, r, 0.06, &scale);
         for (uint32_t i = 0; i < tube->sides; i++) {
-            // A square with round corners: |c|^(2/5), as the superellipse of exponent 5 has it.
-            double angle = -o->side * TURN * (i + 0.5) / tube->sides;
-            double c = cos(angle), s = sin(angle);
-            double across = copysign(pow(fabs(c), 0.4), c), up = copysign(pow(fabs(s), 0.4), s);
+            vec3 square = rounded_square(-o->side * angles[i]);
             struct section_point *p = out_points + (size_t)r * tube->sides + i;
-            p->across = 0.5 + 0.5 * scale * across;
-            p->up = scale * (0.5 + 0.5 * up);
+            p->across = 0.5 + 0.5 * scale * square.x;
+            p->up = scale * (0.5 + 0.5 * square.y);
             p->base = outline_point(o, along, p->across);
             p->room = room_above(p->base);
         }
     }
+    free(angles);
 }
 
 static vec3 lifted(const struct section_point *p, double rim_height) {
@@ -171,8 +200,7 @@ bool tube_meniscus(bool is_lateral, double volume, double edge, struct mesh *out
     return reached;
 }
 
-// ---- ligaments
-// -----------------------------------------------------------------------------------
+// ---- ligaments ---------------------------------------------------------------------------------
 
 // They move with the tibia, so their femoral ends lie near the flexion axis.
 const struct ligament ligaments[LIGAMENT_COUNT] = {
@@ -181,6 +209,11 @@ const struct ligament ligaments[LIGAMENT_COUNT] = {
     {"mcl", {{-42, 1, 4}, {-46, 1, -18}, {-40, 3, -40}, {-17, 8, -60}}, {1, 0, 0}, 6, 1.5},
     {"lcl", {{41, 0, 4}, {42, -4, -12}, {41, -12, -26}, {37, -17, -39}}, {1, 0, 0}, 3, 2},
 };
+
+static vec3 ligament_outline(double angle, const void *shape) {
+    const struct ligament *l = shape;
+    return (vec3){l->half_width * cos(angle), l->half_thickness * sin(angle), 0};
+}
 
 static vec3 curve(const vec3 p[4], double t) {
     vec3 a = vec3_lerp(p[0], p[1], t), b = vec3_lerp(p[1], p[2], t), c = vec3_lerp(p[2], p[3], t);
@@ -195,16 +228,18 @@ static vec3 curve_direction(const vec3 p[4], double t) {
 
 void tube_ligament(const struct ligament *l, double edge, struct mesh *out_mesh) {
     double length = vec3_distance(l->path[0], l->path[3]);
-    struct tube tube = tube_create(length, 4.5 * l->half_width, edge);
+    struct tube tube = tube_create(length, 4 * (l->half_width + l->half_thickness / 2), edge);
+    double *angles = alloc(tube.sides, sizeof *angles);
+    even_angles(ligament_outline, l, tube.sides, angles);
     for (uint32_t r = 0; r < tube.rings; r++) {
         double scale, along = ring_at(&tube, r, l->half_width / length, &scale);
         vec3 centre = curve(l->path, along), forward = curve_direction(l->path, along);
         vec3 wide = vec3_unit_or(vec3_cross(forward, l->flat), (vec3){0, 1, 0});
         vec3 thin = vec3_cross(wide, forward);
         for (uint32_t i = 0; i < tube.sides; i++) {
-            double angle = TURN * i / tube.sides;
-            vec3 p = vec3_add_scaled(centre, scale * l->half_width * cos(angle), wide);
-            p = vec3_add_scaled(p, scale * l->half_thickness * sin(angle), thin);
+            vec3 section = ligament_outline(angles[i], l);
+            vec3 p = vec3_add_scaled(centre, scale * section.x, wide);
+            p = vec3_add_scaled(p, scale * section.y, thin);
             tube.points[(size_t)r * tube.sides + i] = p;
         }
     }
@@ -212,5 +247,6 @@ void tube_ligament(const struct ligament *l, double edge, struct mesh *out_mesh)
     tube.points[count] = l->path[0];
     tube.points[count + 1] = l->path[3];
     tube_mesh(&tube, out_mesh);
+    free(angles);
     free(tube.points);
 }

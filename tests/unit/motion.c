@@ -1,0 +1,521 @@
+#include "case/motion.h"
+
+#include "case/generate.h"
+#include "case/motion_joint.h"
+#include "case/motion_solid.h"
+#include "mesh/query.h"
+#include "random.h"
+#include "test.h"
+#include "winding.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static struct knee_case *knee; // healthy, right
+
+static struct knee_case *generate(enum side side) {
+    struct recipe recipe = {.name = "test",
+                            .title = "Test",
+                            .side = side,
+                            .size = 1,
+                            .resolution_mm = 1.7,
+                            .meniscus_medial_cm3 = 2.4,
+                            .meniscus_lateral_cm3 = 2.4};
+    struct knee_case *made;
+    struct error err;
+    if (generate_knee(&recipe, &made, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    return made;
+}
+
+static int make_knee(void **state) {
+    (void)state;
+    knee = generate(SIDE_RIGHT);
+    return 0;
+}
+
+static int destroy_knee(void **state) {
+    (void)state;
+    case_destroy(&knee);
+    return 0;
+}
+
+// ---- scripts and what they give
+// ------------------------------------------------------------------
+
+static enum result load_text(const char *text, struct motion_script *out_script,
+                             struct error *err) {
+    char path[] = "/tmp/arthron-motion-XXXXXX";
+    int descriptor = mkstemp(path);
+    assert_true(descriptor >= 0);
+    FILE *file = fdopen(descriptor, "w");
+    fputs(text, file);
+    fclose(file);
+    enum result result = motion_script_load(path, out_script, err);
+    remove(path);
+    return result;
+}
+
+static void plan_script(struct knee_case *on, const struct motion_script *script,
+                        struct motion *out_motion) {
+    struct error err;
+    if (motion_plan(on, script, out_motion, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+}
+
+static void plan_text(const char *text, struct motion *out_motion) {
+    struct motion_script script;
+    struct error err;
+    if (load_text(text, &script, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    plan_script(knee, &script, out_motion);
+}
+
+static void load_palpation(struct motion_script *out_script) {
+    struct error err;
+    const char *path = ARTHRON_SOURCE "/cases/motions/palpation.ini";
+    if (motion_script_load(path, out_script, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+}
+
+static void plan_palpation(double tremor_mm, struct motion *out_motion) {
+    struct motion_script script;
+    load_palpation(&script);
+    script.tremor_mm = tremor_mm;
+    plan_script(knee, &script, out_motion);
+}
+
+static char *written(const struct motion *motion) {
+    char *text;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    struct error err;
+    assert_int_equal(motion_write(motion, file, &err), RESULT_OK);
+    fclose(file);
+    return text;
+}
+
+static int tool_index(const struct motion *motion, enum channel channel) {
+    for (int i = 0; i < motion->tool_count; i++)
+        if (motion->tools[i].channel == channel)
+            return i;
+    fail_msg("no %s", channel_name(channel));
+    return -1;
+}
+
+static pose body_pose(const struct joint_angles *joint, enum body body) {
+    if (body == BODY_TIBIA)
+        return joint_to_pose(&knee->joint, joint);
+    return body == BODY_PATELLA ? case_patella_pose(knee, joint->flexion_deg) : pose_identity();
+}
+
+// ---- the file's own numbers
+// ----------------------------------------------------------------------
+
+// A row of the file with the columns of a probe and a punch.
+struct csv_row {
+    double t, joint[6], probe[9], punch[9];
+    char touch[64];
+};
+
+static void read_row(char *line, struct csv_row *out_row) {
+    double *numbers = &out_row->t;
+    char *rest, *word = strtok_r(line, ",", &rest);
+    for (int i = 0; i < 25; i++, word = strtok_r(NULL, ",", &rest)) {
+        assert_non_null(word);
+        numbers[i] = strtod(word, NULL);
+    }
+    assert_non_null(word);
+    snprintf(out_row->touch, sizeof out_row->touch, "%s", word);
+    assert_null(strtok_r(NULL, ",", &rest));
+}
+
+static struct joint_angles row_joint(const struct csv_row *row) {
+    const double *j = row->joint;
+    return (struct joint_angles){j[0], j[1], j[2], j[3], j[4], j[5]};
+}
+
+static void a_probe_that_touches_is_on_the_surface_in_the_pose_of_the_moment(void **state) {
+    (void)state;
+    struct motion motion;
+    plan_palpation(0, &motion);
+    char *text = written(&motion), *rest, *line = strtok_r(text, "\n", &rest);
+    assert_non_null(strstr(line, "t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,"
+                                 "distraction_mm,probe_tx_mm,probe_ty_mm,probe_tz_mm,probe_qw,"));
+    struct query *queries[CASE_GROUPS_MAX];
+    for (int i = 0; i < knee->group_count; i++)
+        assert_int_equal(query_create(&knee->groups[i].mesh, &queries[i], NULL), RESULT_OK);
+    int touches = 0;
+    while ((line = strtok_r(NULL, "\n", &rest))) {
+        struct csv_row row;
+        read_row(line, &row);
+        if (strcmp(row.touch, "-") == 0)
+            continue;
+        touches++;
+        struct case_group *group = case_group(knee, row.touch);
+        assert_non_null(group);
+        struct joint_angles joint = row_joint(&row);
+        vec3 tip = {row.probe[0], row.probe[1], row.probe[2]};
+        vec3 p = pose_apply_inverse(body_pose(&joint, group->body), tip);
+        struct closest closest;
+        assert_true(query_closest(queries[group - knee->groups], p, 1, MESH_NONE, &closest));
+        assert_true(closest.distance < 1e-4);
+    }
+    assert_true(touches > 300);
+    for (int i = 0; i < knee->group_count; i++)
+        query_destroy(&queries[i]);
+    free(text);
+    motion_fini(&motion);
+}
+
+// ---- hands
+// ---------------------------------------------------------------------------------------
+
+static void a_shaft_always_passes_through_its_portal_and_never_flips(void **state) {
+    (void)state;
+    for (int tremor = 0; tremor < 2; tremor++) {
+        struct motion motion;
+        plan_palpation(0.3 * tremor, &motion);
+        for (size_t r = 0; r < motion.row_count; r++)
+            for (int i = 0; i < motion.tool_count; i++) {
+                pose p = motion.rows[r].tools[i].T_mockup_tip;
+                quat q = p.rotation;
+                assert_near(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z, 1, 1e-9);
+                vec3 z = quat_rotate(q, (vec3){0, 0, 1});
+                vec3 inward = vec3_sub(p.translation, motion.tools[i].portal);
+                assert_true(vec3_length(vec3_cross(z, inward)) < 1e-6);
+                assert_true(vec3_dot(z, inward) >= 0);
+                if (r == 0)
+                    continue;
+                quat before = motion.rows[r - 1].tools[i].T_mockup_tip.rotation;
+                assert_true(q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z >
+                            0.99);
+            }
+        motion_fini(&motion);
+    }
+}
+
+static void nothing_is_faster_than_the_script_says(void **state) {
+    (void)state;
+    struct motion_script script;
+    load_palpation(&script);
+    script.tremor_mm = 0;
+    struct motion motion;
+    plan_script(knee, &script, &motion);
+    double fastest = 0;
+    for (size_t r = 1; r < motion.row_count; r++) {
+        const struct motion_row *a = &motion.rows[r - 1], *b = &motion.rows[r];
+        assert_near(b->t_seconds - a->t_seconds, 0.01, 1e-9);
+        double joint = hypot(b->joint.flexion_deg - a->joint.flexion_deg,
+                             b->joint.varus_deg - a->joint.varus_deg);
+        assert_true(joint * script.rate_hz < 1.001 * script.joint_speed_deg_s);
+        for (int i = 0; i < motion.tool_count; i++)
+            fastest = fmax(fastest, vec3_distance(a->tools[i].T_mockup_tip.translation,
+                                                  b->tools[i].T_mockup_tip.translation) *
+                                        script.rate_hz);
+    }
+    assert_true(fastest > 0.9 * script.speed_mm_s && fastest < 1.05 * script.speed_mm_s);
+    motion_fini(&motion);
+}
+
+static void no_tip_is_inside_a_bone(void **state) {
+    (void)state;
+    struct motion motion;
+    plan_palpation(0, &motion);
+    struct query *queries[BODY_COUNT];
+    for (int b = 0; b < BODY_COUNT; b++)
+        assert_int_equal(
+            query_create(&case_group(knee, body_name((enum body)b))->mesh, &queries[b], NULL),
+            RESULT_OK);
+    for (size_t r = 0; r < motion.row_count; r += 3)
+        for (int i = 0; i < motion.tool_count; i++)
+            for (int b = 0; b < BODY_COUNT; b++) {
+                pose T = body_pose(&motion.rows[r].joint, (enum body)b);
+                vec3 tip = motion.rows[r].tools[i].T_mockup_tip.translation;
+                vec3 p = pose_apply_inverse(T, tip);
+                struct closest closest;
+                assert_true(query_closest(queries[b], p, INFINITY, MESH_NONE, &closest));
+                if (closest.distance > 0.05 && closest.distance < 15)
+                    assert_false(is_inside(&case_group(knee, body_name((enum body)b))->mesh, p));
+            }
+    for (int b = 0; b < BODY_COUNT; b++)
+        query_destroy(&queries[b]);
+    motion_fini(&motion);
+}
+
+static void tools_that_are_out_rest_at_their_portals(void **state) {
+    (void)state;
+    struct motion motion;
+    plan_palpation(0.3, &motion);
+    const struct motion_row *first = &motion.rows[0], *last = &motion.rows[motion.row_count - 1];
+    for (int i = 0; i < motion.tool_count; i++) {
+        vec3 portal = motion.tools[i].portal;
+        assert_vec3_near(first->tools[i].T_mockup_tip.translation, portal, 1e-9);
+        assert_vec3_near(last->tools[i].T_mockup_tip.translation, portal, 1e-9);
+    }
+    motion_fini(&motion);
+}
+
+static void a_tremor_has_the_amplitude_and_the_band_asked_for(void **state) {
+    (void)state;
+    struct motion still, shaking;
+    plan_palpation(0, &still);
+    plan_palpation(0.2, &shaking);
+    assert_int_equal(still.row_count, shaking.row_count);
+    int probe = tool_index(&still, CHANNEL_PROBE), crossings = 0, count = 0;
+    double sum = 0, before = 0;
+    for (size_t r = 0; r < still.row_count; r++) {
+        vec3 tip = still.rows[r].tools[probe].T_mockup_tip.translation;
+        if (vec3_distance(tip, still.tools[probe].portal) < 16)
+            continue;
+        vec3 shake = vec3_sub(shaking.rows[r].tools[probe].T_mockup_tip.translation, tip);
+        sum += vec3_dot(shake, shake);
+        crossings += before * shake.x < 0;
+        before = shake.x;
+        count++;
+    }
+    assert_true(count > 1000);
+    assert_near(sqrt(sum / count), 0.2, 0.03);
+    double frequency = crossings / 2.0 / (count / 100.0);
+    assert_true(frequency > 8 && frequency < 12);
+    motion_fini(&still);
+    motion_fini(&shaking);
+}
+
+static void the_same_seed_gives_the_same_bytes_and_another_one_others(void **state) {
+    (void)state;
+    struct motion_script script;
+    load_palpation(&script);
+    char *texts[3];
+    for (int i = 0; i < 3; i++) {
+        script.seed = i == 2 ? 2 : 1;
+        struct motion motion;
+        plan_script(knee, &script, &motion);
+        texts[i] = written(&motion);
+        motion_fini(&motion);
+    }
+    assert_string_equal(texts[0], texts[1]);
+    assert_string_not_equal(texts[0], texts[2]);
+    for (int i = 0; i < 3; i++)
+        free(texts[i]);
+}
+
+// ---- the joint
+// -----------------------------------------------------------------------------------
+
+// The least signed distance of the femur's vertices on one side (1 lateral) from the tibia.
+static double gap_on(const struct solid *tibia, const struct joint_angles *joint, double side) {
+    const struct mesh *femur = &case_group(knee, "femur")->mesh;
+    pose T = joint_to_pose(&knee->joint, joint);
+    double least = INFINITY;
+    uint32_t hint = MESH_NONE;
+    for (uint32_t v = 0; v < femur->vertex_count; v++) {
+        vec3 p = mesh_vertex(femur, v);
+        if (side * p.x > 5)
+            least = fmin(least, solid_distance(tibia, pose_apply_inverse(T, p), &hint));
+    }
+    return least;
+}
+
+static void valgus_opens_the_medial_side_about_the_lateral_contact(void **state) {
+    (void)state;
+    struct solid femur, tibia;
+    assert_int_equal(solid_init(&femur, &case_group(knee, "femur")->mesh, NULL), RESULT_OK);
+    assert_int_equal(solid_init(&tibia, &case_group(knee, "tibia")->mesh, NULL), RESULT_OK);
+    for (int flexion = 0; flexion <= 90; flexion += 30) {
+        struct joint_angles rest = motion_joint(knee, &femur, &tibia, flexion, 0);
+        struct joint_angles valgus = motion_joint(knee, &femur, &tibia, flexion, 8);
+        struct joint_angles varus = motion_joint(knee, &femur, &tibia, flexion, -5);
+        assert_near(rest.shift_mm, 0, 0);
+        assert_near(valgus.varus_deg, -8, 1e-9);
+        assert_near(valgus.flexion_deg, flexion, 1e-9);
+        assert_near(gap_on(&tibia, &valgus, 1), gap_on(&tibia, &rest, 1), 0.02);
+        assert_true(gap_on(&tibia, &valgus, -1) > 4);
+        assert_near(gap_on(&tibia, &varus, -1), gap_on(&tibia, &rest, -1), 0.02);
+        assert_true(gap_on(&tibia, &varus, 1) > 2);
+    }
+    solid_fini(&femur);
+    solid_fini(&tibia);
+}
+
+static void signed_distances_agree_with_the_solid_angle(void **state) {
+    (void)state;
+    const struct mesh *mesh = &case_group(knee, "meniscus_medial")->mesh;
+    struct solid solid;
+    assert_int_equal(solid_init(&solid, mesh, NULL), RESULT_OK);
+    struct random random = {7};
+    uint32_t hint = MESH_NONE;
+    for (int i = 0; i < 1000; i++) {
+        uint32_t v = (uint32_t)(random_bits(&random) % mesh->vertex_count);
+        vec3 p = vec3_add(mesh_vertex(mesh, v), random_in_box(&random, 2));
+        assert_true((solid_distance(&solid, p, &hint) < 0) == is_inside(mesh, p));
+    }
+    solid_fini(&solid);
+}
+
+// ---- scripts
+// -------------------------------------------------------------------------------------
+
+static void the_palpation_script_shows_all_that_a_demo_needs(void **state) {
+    (void)state;
+    struct motion motion;
+    plan_palpation(0.1, &motion);
+    int punch = tool_index(&motion, CHANNEL_PUNCH);
+    double most_flexion = 0, most_valgus = 0, widest = 0;
+    static const char *const names[] = {"tibia", "femur", "meniscus_medial", "meniscus_lateral"};
+    int touched[4] = {0};
+    for (size_t r = 0; r < motion.row_count; r++) {
+        const struct motion_row *row = &motion.rows[r];
+        most_flexion = fmax(most_flexion, row->joint.flexion_deg);
+        most_valgus = fmax(most_valgus, -row->joint.varus_deg);
+        widest = fmax(widest, row->tools[punch].opening);
+        for (int i = 0; i < 4; i++)
+            touched[i] += row->touch && strcmp(row->touch->name, names[i]) == 0;
+    }
+    double seconds = motion.rows[motion.row_count - 1].t_seconds;
+    assert_true(seconds > 40 && seconds < 62);
+    assert_true(most_flexion >= 60 && most_flexion <= 90);
+    assert_true(most_valgus > 5);
+    assert_near(widest, 1, 1e-9);
+    for (int i = 0; i < 4; i++)
+        assert_true(touched[i] > 30);
+    motion_fini(&motion);
+}
+
+static void a_left_knee_plays_the_same_script_mirrored(void **state) {
+    (void)state;
+    struct knee_case *left = generate(SIDE_LEFT);
+    struct motion_script script;
+    load_palpation(&script);
+    script.tremor_mm = 0;
+    struct motion on_left, on_right;
+    plan_script(left, &script, &on_left);
+    plan_script(knee, &script, &on_right);
+    assert_int_equal(on_left.row_count, on_right.row_count);
+    for (size_t r = 0; r < on_left.row_count; r += 10) {
+        vec3 p = on_left.rows[r].tools[0].T_mockup_tip.translation;
+        vec3 q = on_right.rows[r].tools[0].T_mockup_tip.translation;
+        assert_vec3_near(p, ((vec3){-q.x, q.y, q.z}), 1e-3);
+        assert_near(on_left.rows[r].joint.varus_deg, on_right.rows[r].joint.varus_deg, 1e-6);
+        assert_near(on_left.rows[r].joint.shift_mm, on_right.rows[r].joint.shift_mm, 1e-3);
+    }
+    motion_fini(&on_left);
+    motion_fini(&on_right);
+    case_destroy(&left);
+}
+
+static void a_bite_opens_reaches_the_meniscus_and_closes(void **state) {
+    (void)state;
+    struct motion motion;
+    plan_text("[steps]\nflex = 20\nvalgus = 8\napproach = punch anterolateral\n"
+              "bite = punch meniscus_medial\n",
+              &motion);
+    struct query *query;
+    assert_int_equal(query_create(&case_group(knee, "meniscus_medial")->mesh, &query, NULL),
+                     RESULT_OK);
+    double nearest = INFINITY, opening_there = 0;
+    for (size_t r = 0; r < motion.row_count; r++) {
+        const struct motion_row *row = &motion.rows[r];
+        vec3 p = pose_apply_inverse(body_pose(&row->joint, BODY_TIBIA),
+                                    row->tools[0].T_mockup_tip.translation);
+        struct closest closest;
+        assert_true(query_closest(query, p, INFINITY, MESH_NONE, &closest));
+        if (closest.distance < nearest - 1e-9) {
+            nearest = closest.distance;
+            opening_there = row->tools[0].opening;
+        }
+    }
+    assert_true(nearest < 1e-6);
+    assert_near(opening_there, 1, 1e-9);
+    assert_near(motion.rows[motion.row_count - 1].tools[0].opening, 0, 1e-9);
+    query_destroy(&query);
+    motion_fini(&motion);
+}
+
+static void a_script_that_cannot_be_played_names_its_step(void **state) {
+    (void)state;
+    static const struct {
+        const char *steps, *said;
+    } rows[] = {
+        {"palpate = tibia 0 0 0 1 1 1\n", "step 1 (palpate): probe is not inside"},
+        {"flex = 10\nwithdraw = punch\n", "step 2 (withdraw): punch is not inside"},
+        {"approach = probe posterior\n", "step 1 (approach): the case has no portal posterior"},
+        {"approach = probe anteromedial\napproach = probe anterolateral\n",
+         "step 2 (approach): probe goes through the portal anteromedial already"},
+        {"approach = probe anteromedial\npalpate = spleen 0 0 0 1 1 1\n",
+         "step 2 (palpate): the case has no group spleen"},
+        {"flex = 30\napproach = probe anteromedial\npalpate = tibia -20 -20 -22 -20 -15 -22\n",
+         "step 3 (palpate): the shaft through the portal anteromedial would run"},
+        {"approach = probe anteromedial\npalpate = femur -21.5 0 -10 21.5 0 -10\n",
+         "step 2 (palpate): the line leaves the surface"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char text[512];
+        snprintf(text, sizeof text, "[steps]\n%s", rows[i].steps);
+        struct motion_script script;
+        struct motion motion;
+        struct error err = {""};
+        assert_int_equal(load_text(text, &script, &err), RESULT_OK);
+        if (motion_plan(knee, &script, &motion, &err) == RESULT_OK ||
+            !strstr(err.text, rows[i].said))
+            fail_msg("%s gave \"%s\", not \"%s\"", text, err.text, rows[i].said);
+        assert_null(motion.rows);
+    }
+}
+
+static void a_wrong_script_is_refused_with_line_section_and_key(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *said;
+    } rows[] = {
+        {"[steps]\nswim = 3\n", ":2: [steps] swim: unknown key"},
+        {"[walk]\nflex = 3\n", ":2: [walk]: unknown section"},
+        {"[motion]\ncolour = red\n", "[motion] colour: unknown key"},
+        {"[motion]\nrate_hz = 5\n", "[motion] rate_hz = 5: must be a number from 10 to 1000"},
+        {"[motion]\nspeed_mm_s = 0\n", "from 1 to 200"},
+        {"[motion]\njoint_speed_deg_s = 91\n", "from 1 to 90"},
+        {"[motion]\ntremor_mm = -1\n", "from 0 to 2"},
+        {"[motion]\ntremor_mm = nan\n", "from 0 to 2"},
+        {"[motion]\nseed = -1\n", "[motion] seed = -1: must be a number from 0 to 4294967295"},
+        {"[motion]\nrate_hz = 50\nrate_hz = 50\n", ":3: [motion] rate_hz: given twice"},
+        {"[steps]\nflex = 141\n", "[steps] flex = 141: must be DEGREES from 0 to 140"},
+        {"[steps]\nvalgus = -16\n", "must be DEGREES from -15 to 15"},
+        {"[steps]\napproach = probe\n", "must be INSTRUMENT PORTAL"},
+        {"[steps]\napproach = femur anteromedial\n", "must be INSTRUMENT PORTAL"},
+        {"[steps]\npalpate = tibia 1 2 3\n", "must be GROUP X Y Z X Y Z"},
+        {"[steps]\npalpate = tibia 1 2 3 4 5 6 7 8 9\n", "must be GROUP X Y Z X Y Z"},
+        {"[steps]\nbite = punch meniscus_medial 1 2\n", "must be INSTRUMENT GROUP [X Y Z]"},
+        {"[steps]\nwithdraw = spoon\n", "must be INSTRUMENT"},
+        {"[motion]\nseed = 1\n", "[steps] has no step"},
+        {"", "[steps] has no step"},
+        {"[steps]\nflex\n", ":2: neither a section nor a key"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct motion_script script;
+        struct error err = {""};
+        if (load_text(rows[i].text, &script, &err) == RESULT_OK || !strstr(err.text, rows[i].said))
+            fail_msg("\"%s\" gave \"%s\", not \"%s\"", rows[i].text, err.text, rows[i].said);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_probe_that_touches_is_on_the_surface_in_the_pose_of_the_moment),
+        cmocka_unit_test(a_shaft_always_passes_through_its_portal_and_never_flips),
+        cmocka_unit_test(nothing_is_faster_than_the_script_says),
+        cmocka_unit_test(no_tip_is_inside_a_bone),
+        cmocka_unit_test(tools_that_are_out_rest_at_their_portals),
+        cmocka_unit_test(a_tremor_has_the_amplitude_and_the_band_asked_for),
+        cmocka_unit_test(the_same_seed_gives_the_same_bytes_and_another_one_others),
+        cmocka_unit_test(valgus_opens_the_medial_side_about_the_lateral_contact),
+        cmocka_unit_test(signed_distances_agree_with_the_solid_angle),
+        cmocka_unit_test(the_palpation_script_shows_all_that_a_demo_needs),
+        cmocka_unit_test(a_left_knee_plays_the_same_script_mirrored),
+        cmocka_unit_test(a_bite_opens_reaches_the_meniscus_and_closes),
+        cmocka_unit_test(a_script_that_cannot_be_played_names_its_step),
+        cmocka_unit_test(a_wrong_script_is_refused_with_line_section_and_key),
+    };
+    return cmocka_run_group_tests(tests, make_knee, destroy_knee);
+}

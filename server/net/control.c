@@ -5,6 +5,7 @@
 #include "net/control_parts.h"
 
 #include <errno.h>
+#include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -303,6 +304,7 @@ static enum result listen_at(struct control *control, const struct control_confi
         .ssl_ca_filepath = authority,
         .ssl_cert_filepath = certificate,
         .ssl_private_key_filepath = key,
+        .provided_client_ssl_ctx = control->no_client,
         .alpn = "http/1.1",
         .options = options_for(config->address),
         .timeout_secs = HANDSHAKE_S,
@@ -324,6 +326,7 @@ static enum result listen_at(struct control *control, const struct control_confi
 
 static void release(struct control *control) {
     pthread_mutex_destroy(&control->lock);
+    SSL_CTX_free(control->no_client);
     free(control->authority_dir);
     free(control->software);
     free(control);
@@ -339,6 +342,8 @@ enum result control_create(const struct control_config *config,
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
     control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
+    control->no_client = SSL_CTX_new(TLS_client_method());
+    CHECK(control->no_client);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
     enum result result = listen_at(control, config, err);

@@ -54,6 +54,7 @@ struct control {
     char *software;
     int64_t hello_timeout_ns;
     struct lws_context *context;
+    SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
     int port;
     pthread_t thread;
     atomic_bool stopping;

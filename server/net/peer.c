@@ -26,8 +26,10 @@ void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *f
     vsnprintf(refusal->text, sizeof refusal->text, format, args);
     va_end(args);
     refusal->reason = reason;
-    log_warning("control", "%s: %s", peer->identity.certified ? peer->identity.name : "a stranger",
-                refusal->text);
+    if (peer->identity.certified)
+        log_info("control", "%s is sent away: %s", peer->identity.name, refusal->text);
+    else
+        log_debug("control", "a stranger is sent away: %s", refusal->text);
     control_say(peer, &message, true);
 }
 

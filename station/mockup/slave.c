@@ -29,6 +29,7 @@ enum {
     REGISTERS
 };
 
+static const uint32_t patience_us = 5000;  // with half a request, while other masters wait
 static const double closed_opening = 0.05; // the handle's end switch closes below it
 
 // ---- registers
@@ -180,7 +181,9 @@ void *slave_run(void *slave) {
     modbus_mapping_t *mapping = modbus_mapping_new(0, 0, REGISTERS, 0);
     CHECK(mapping);
     modbus_set_slave(s->line, s->number);
-    modbus_set_byte_timeout(s->line, 0, 50000);
+    modbus_set_byte_timeout(s->line, 0, patience_us);
+    // The pause that libmodbus makes, with all masters waiting, after a request that is none.
+    modbus_set_response_timeout(s->line, 0, patience_us);
     while (!atomic_load(s->stop))
         serve(s, mapping);
     modbus_mapping_free(mapping);

@@ -18,8 +18,6 @@ static const struct {
     {"import", command_import, "make a case from meshes of a scan"},
     {"deform", command_deform, "add a cavity to a case"},
     {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
-    {"generate", command_generate, "make a case of a parametric knee from a recipe"},
-    {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])

@@ -109,7 +109,6 @@ static void *serve(void *argument) {
     struct console *console = argument;
     while (!atomic_load(&console->stopping))
         lws_service(console->context, 0);
-    lws_context_destroy(console->context);
     return NULL;
 }
 
@@ -185,6 +184,7 @@ void console_destroy(struct console **console) {
     atomic_store(&c->stopping, true);
     lws_cancel_service(c->context);
     pthread_join(c->thread, NULL);
+    lws_context_destroy(c->context); // not before: until now it could still be woken
     free(c);
     *console = NULL;
 }

@@ -259,7 +259,6 @@ static void *serve_peers(void *argument) {
     struct control *control = argument;
     while (!control->drained && !(control->draining && control->connections == 0))
         lws_service(control->context, 0);
-    lws_context_destroy(control->context);
     return NULL;
 }
 
@@ -363,6 +362,7 @@ void control_destroy(struct control **control) {
     atomic_store(&c->stopping, true);
     lws_cancel_service(c->context);
     pthread_join(c->thread, NULL);
+    lws_context_destroy(c->context); // not before: until now it could still be woken
     release(c);
     *control = NULL;
 }

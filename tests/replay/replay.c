@@ -1,0 +1,281 @@
+#include "trace/replay.h"
+
+#include "scene/played.h"
+#include "test.h"
+#include "trace/record.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ROWS 1200
+
+static struct played played;
+static char folder[64], case_dir[96], path[96];
+
+static int make_session(void **state) {
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/arthron-replay-XXXXXX");
+    if (!mkdtemp(folder))
+        return -1;
+    snprintf(case_dir, sizeof case_dir, "%s/case", folder);
+    snprintf(path, sizeof path, "%s/a.trace", folder);
+    struct error err = {""};
+    if (played_init(CASES, "arthrosis", case_dir, &played, &err) != RESULT_OK) {
+        print_error("%s\n", err.text);
+        return -1;
+    }
+    return 0;
+}
+
+static int remove_session(void **state) {
+    (void)state;
+    char file[128];
+    played_fini(&played);
+    unlink(path);
+    snprintf(file, sizeof file, "%s/case.json", case_dir);
+    unlink(file);
+    snprintf(file, sizeof file, "%s/anatomy.glb", case_dir);
+    unlink(file);
+    rmdir(case_dir);
+    return rmdir(folder);
+}
+
+static struct trace_header honest_header(void) {
+    struct trace_header header = {
+        .case_name = "arthrosis",
+        .case_hash = scene_case(played.scene)->hash,
+        .settings = session_settings_default(),
+    };
+    trace_header_set_machine(&header);
+    return header;
+}
+
+// ---- recording, honestly or not
+
+struct recorder {
+    struct trace_writer *writer;
+    uint64_t from;                           // the first step that `change` sees
+    void (*change)(struct session_output *); // of what is recorded, or NULL
+};
+
+static void record_step(void *context, const struct session_input *input,
+                        const struct session_output *output) {
+    struct recorder *r = context;
+    struct session_output recorded = *output;
+    if (r->change && output->step >= r->from)
+        r->change(&recorded);
+    assert_true(trace_append(r->writer, input, &recorded));
+}
+
+static void record(const struct trace_header *header, uint64_t from,
+                   void (*change)(struct session_output *)) {
+    struct session_settings settings = session_settings_default();
+    struct recorder r = {.from = from, .change = change};
+    struct error err = {""};
+    unlink(path);
+    if (trace_writer_create(path, header, &r.writer, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    played_run(&played, &settings, ROWS, record_step, &r);
+    trace_writer_destroy(&r.writer);
+}
+
+static enum result replay(const struct scene *scene, struct replay_report *out_report) {
+    struct trace_reader *reader;
+    struct error err = {""};
+    if (trace_reader_create(path, &reader, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    enum result result = trace_replay(reader, scene, NULL, out_report, &err);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+// ---- the tests
+
+static void a_recorded_session_replays_without_a_difference(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    record(&header, 0, NULL);
+    struct replay_report report;
+    assert_int_equal(replay(played.scene, &report), RESULT_OK);
+    assert_int_equal(report.end, RESULT_CLOSED);
+    assert_int_equal(report.steps, ROWS + 2);
+    assert_int_equal(report.different, 0);
+    assert_int_equal(report.verdict, REPLAY_IDENTICAL);
+    assert_true(report.same_build && report.same_libc && report.same_cpu && report.same_events);
+    assert_true(report.session_ns > 0);
+    assert_int_equal(report.left_out, 0);
+}
+
+// The session that is recorded must be worth replaying.
+static void the_session_that_is_replayed_has_displacement_contact_and_loss(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    record(&header, 0, NULL);
+    struct trace_reader *reader;
+    struct trace_record step;
+    assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
+    uint32_t events = 0;
+    double largest = 0;
+    while (trace_read(reader, &step, NULL) == RESULT_OK) {
+        events |= step.output.events;
+        largest = fmax(largest, vec3_length(step.output.instruments[0].warp.displacement));
+    }
+    trace_reader_destroy(&reader);
+    assert_true(largest > 0.5);
+    assert_int_equal(events, EVENT_STATE | EVENT_DEVICE_LOST | EVENT_DEVICE_BACK | EVENT_CONTACT |
+                                 EVENT_RELEASE);
+}
+
+static void another_field_setting_is_found(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    header.settings.field.radius_mm += 1e-9; // the session ran without
+    record(&header, 0, NULL);
+    struct replay_report report;
+    assert_int_equal(replay(played.scene, &report), RESULT_OK);
+    assert_true(report.different > 0);
+    assert_int_equal(report.verdict, REPLAY_DIFFERENT);
+    assert_int_equal(strncmp(report.first.field, "probe_", 6), 0);
+    assert_true(report.largest_mm > 0);
+    assert_string_not_equal(report.first.recorded, report.first.replayed);
+}
+
+static void nudge_last_bit(struct session_output *output) {
+    double *x = &output->instruments[0].T_mockup_warped.translation.x;
+    *x = nextafter(*x, INFINITY);
+}
+
+static void nudge_micrometre(struct session_output *output) {
+    output->instruments[0].T_mockup_warped.translation.x += 1e-3;
+}
+
+static void add_event(struct session_output *output) {
+    output->events ^= EVENT_CONTACT;
+}
+
+static void the_first_difference_is_named(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    record(&header, 500, nudge_last_bit);
+    struct replay_report report;
+    assert_int_equal(replay(played.scene, &report), RESULT_OK);
+    assert_int_equal(report.first.step, 500);
+    assert_string_equal(report.first.field, "probe_warped_tx_mm");
+    assert_true(report.different > 1 && report.different <= ROWS + 2 - 499);
+    assert_true(report.largest_mm > 0 && report.largest_mm < 1e-12);
+    assert_int_equal(report.verdict, REPLAY_DIFFERENT);
+}
+
+static void another_machine_may_differ_by_its_mathematics_and_no_more(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    snprintf(header.libc, sizeof header.libc, "glibc 2.99");
+    static const struct {
+        void (*change)(struct session_output *);
+        enum replay_verdict expected;
+    } rows[] = {
+        {NULL, REPLAY_IDENTICAL},
+        {nudge_last_bit, REPLAY_EQUIVALENT},
+        {nudge_micrometre, REPLAY_DIFFERENT},
+        {add_event, REPLAY_DIFFERENT},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        record(&header, 100, rows[i].change);
+        struct replay_report report;
+        assert_int_equal(replay(played.scene, &report), RESULT_OK);
+        assert_int_equal(report.verdict, rows[i].expected);
+        assert_false(report.same_libc);
+        assert_true(report.same_build);
+    }
+}
+
+static void flip_byte(const char *file, long from_end) {
+    FILE *f = fopen(file, "r+b");
+    assert_non_null(f);
+    fseek(f, -from_end, SEEK_END);
+    int byte = fgetc(f);
+    fseek(f, -from_end, SEEK_END);
+    fputc(byte ^ 1, f);
+    fclose(f);
+}
+
+static void a_case_with_one_changed_byte_is_found(void **state) {
+    (void)state;
+    char file[128];
+    snprintf(file, sizeof file, "%s/anatomy.glb", case_dir);
+    flip_byte(file, 8);
+    struct case_limits limits = case_limits_default();
+    struct knee_case *knee;
+    assert_int_equal(case_load(case_dir, &limits, &knee, NULL), RESULT_CORRUPT);
+    flip_byte(file, 8);
+    assert_int_equal(case_load(case_dir, &limits, &knee, NULL), RESULT_OK);
+    assert_true(knee->hash == scene_case(played.scene)->hash);
+    case_destroy(&knee);
+}
+
+static void another_case_is_refused(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    header.case_hash ^= 1;
+    record(&header, 0, NULL);
+    struct replay_report report;
+    assert_int_equal(replay(played.scene, &report), RESULT_REFUSED);
+}
+
+// Puts a gap in the place of a step, and leaves the end record out.
+static void replace_by_gap(uint64_t step) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    uint8_t gap[RECORD_MAX];
+    assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
+    uint64_t at = 0, after = 0, end = 0;
+    while (trace_read(reader, &record, NULL) == RESULT_OK) {
+        if (record.type == TRACE_END)
+            end = record.offset;
+        else if (record.output.step == step)
+            at = record.offset, after = record.offset + record.size;
+    }
+    uint64_t size = trace_reader_size(reader);
+    trace_reader_destroy(&reader);
+    uint8_t *data = calloc(1, size);
+    FILE *f = fopen(path, "r+b");
+    assert_int_equal(fread(data, 1, size, f), size);
+    rewind(f);
+    size_t gap_size = record_encode_gap(1, gap);
+    fwrite(data, 1, at, f);
+    fwrite(gap, 1, gap_size, f);
+    fwrite(data + after, 1, end - after, f);
+    fflush(f);
+    assert_int_equal(ftruncate(fileno(f), (off_t)(at + gap_size + end - after)), 0);
+    fclose(f);
+    free(data);
+}
+
+static void steps_after_a_gap_are_left_out_and_counted(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    record(&header, 0, NULL);
+    replace_by_gap(300);
+    struct replay_report report;
+    assert_int_equal(replay(played.scene, &report), RESULT_OK);
+    assert_int_equal(report.end, RESULT_MISSING);
+    assert_int_equal(report.steps, 299);
+    assert_int_equal(report.left_out, ROWS + 2 - 299);
+    assert_int_equal(report.different, 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_recorded_session_replays_without_a_difference),
+        cmocka_unit_test(the_session_that_is_replayed_has_displacement_contact_and_loss),
+        cmocka_unit_test(another_field_setting_is_found),
+        cmocka_unit_test(the_first_difference_is_named),
+        cmocka_unit_test(another_machine_may_differ_by_its_mathematics_and_no_more),
+        cmocka_unit_test(a_case_with_one_changed_byte_is_found),
+        cmocka_unit_test(another_case_is_refused),
+        cmocka_unit_test(steps_after_a_gap_are_left_out_and_counted),
+    };
+    return cmocka_run_group_tests_name("replay", tests, make_session, remove_session);
+}

@@ -53,7 +53,7 @@ class Process:
     def __init__(self, folder, label, *command):
         self.out_path = os.path.join(folder, label + ".out")
         self.log_path = os.path.join(folder, label + ".log")
-        with open(self.out_path, "ab") as out, open(self.log_path, "ab") as log:
+        with open(self.out_path, "wb") as out, open(self.log_path, "wb") as log:
             self.process = subprocess.Popen(command, stdout=out, stderr=log, stdin=subprocess.DEVNULL)
 
     def out(self):

@@ -54,6 +54,7 @@ struct seat {
     bool clock_known;
     int64_t clock_offset_ns; // server = station + offset
     uint64_t last_frame;
+    arthron_Reply reply; // to last_frame
     int64_t last_step_ns, last_frame_ns;
 };
 

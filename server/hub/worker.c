@@ -31,14 +31,14 @@ static void retire(struct worker *worker, struct seat *seat) {
     CHECK(pushed); // as many places as there are sessions
 }
 
-static void announce(struct worker *worker, struct seat *seat,
-                     const struct session_output *output) {
-    if (!seat->connected)
+// Tells a station what its session is; from the first of these on it sends frames.
+static void announce(struct worker *worker, const struct seat *seat) {
+    if (!seat->connected || !seat->clock_known || !seat->live)
         return;
     const struct knee_case *knee = seat->live->knee;
     arthron_Control message = {.which_message = arthron_Control_session_change_tag};
     arthron_SessionChange *change = &message.message.session_change;
-    change->state = (arthron_SessionState)output->state;
+    change->state = (arthron_SessionState)atomic_load(&seat->counts.state);
     change->case_hash = knee->hash;
     memcpy(change->case_name, knee->name, sizeof change->case_name);
     control_send(worker->hub->control, seat->peer, &message);
@@ -54,7 +54,7 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
     if (output->events & EVENT_STATE) {
         atomic_store(&seat->counts.state, (int)output->state);
-        announce(worker, seat, output);
+        announce(worker, seat);
     }
     if (output->state == SESSION_CLOSED)
         retire(worker, seat);
@@ -106,8 +106,18 @@ static void answer(struct worker *worker, struct seat *seat, enum path path,
     control_send(worker->hub->control, seat->peer, &message);
 }
 
+// A station that tries whether datagrams pass sends a frame on both paths; the second copy gets the
+// same answer on its own path.
+static bool is_second_copy(const struct seat *seat, const struct frame *frame) {
+    return frame->number && frame->number == seat->reply.frame_number;
+}
+
 static void take_frame(struct worker *worker, struct seat *seat, enum path path,
                        const struct frame *frame, int64_t received_ns) {
+    if (is_second_copy(seat, frame)) {
+        answer(worker, seat, path, &seat->reply);
+        return;
+    }
     if (!accept_frame(seat, frame))
         return;
     const struct knee_case *knee = seat->live->knee;
@@ -116,9 +126,8 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     onto_server_clock(&input.frame, seat->clock_offset_ns);
     seat->last_frame_ns = received_ns;
     step(worker, seat, &input, &output);
-    arthron_Reply reply;
-    reply_from_output(&output, knee, frame->number, frame->time_ns, &reply);
-    answer(worker, seat, path, &reply);
+    reply_from_output(&output, knee, frame->number, frame->time_ns, &seat->reply);
+    answer(worker, seat, path, &seat->reply);
 }
 
 static void ask_for_path(struct worker *worker, const struct seat *seat, uint64_t challenge) {
@@ -168,6 +177,7 @@ static void station_joined(struct worker *worker, struct seat *seat, struct cont
     seat->peer = peer;
     seat->clock_known = false;
     seat->last_frame = 0;
+    seat->reply.frame_number = 0;
     seat->last_frame_ns = clock_now_ns();
     seat->udp_connection = random_connection();
     send_keys(worker, seat);
@@ -188,7 +198,9 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     seat->last_frame_ns = clock_now_ns();
     atomic_store(&seat->counts.state, SESSION_WAITING);
     step_without_frame(worker, seat, INPUT_EMPTY);
-    if (!seat->station->start_by_command)
+    if (seat->station->start_by_command)
+        announce(worker, seat);
+    else
         step_without_frame(worker, seat, INPUT_START);
 }
 
@@ -209,8 +221,11 @@ static void take_note(struct worker *worker, const struct note *note) {
         break;
     case NOTE_CLOCK:
         if (is_of_peer(seat, note)) {
+            bool ready = seat->clock_known;
             seat->clock_known = true;
             seat->clock_offset_ns = note->clock_offset_ns;
+            if (!ready)
+                announce(worker, seat);
         }
         break;
     case NOTE_FRAME:

@@ -197,7 +197,7 @@ struct call {
     arthron_CommandReply *reply;
     arthron_Console answer;
     lws_sorted_usec_list_t patience;
-    bool done;
+    bool connected, done;
     enum result result;
     struct error *err;
 };
@@ -239,17 +239,18 @@ static int on_server(struct lws *socket, enum lws_callback_reasons reason, void 
     struct call *call = lws_context_user(lws_get_context(socket));
     switch (reason) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
+        call->connected = true;
         lws_callback_on_writable(socket);
         return 0;
     case LWS_CALLBACK_CLIENT_WRITEABLE:
         return write_out(&call->exchange, socket);
     case LWS_CALLBACK_CLIENT_RECEIVE:
         return hear_reply(call, socket, bytes, size);
-    case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
-        finish(call, RESULT_MISSING, "no server answers there");
-        return 0;
-    case LWS_CALLBACK_CLIENT_CLOSED:
-        finish(call, RESULT_CLOSED, "the server closed the connection without an answer");
+    case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
+        if (call->connected)
+            finish(call, RESULT_CLOSED, "the server closed the connection without an answer");
+        else
+            finish(call, RESULT_MISSING, "no server answers there");
         return 0;
     default:
         return 0;

@@ -44,6 +44,11 @@ static void finish(struct enrolment *e, enum result result, const char *text) {
         fail(e->err, result, "%s, port %d: %s", e->host, e->port, text);
 }
 
+static void give_up(struct enrolment *e, const char *why) {
+    bool distrusted = e->trust.problem[0];
+    finish(e, distrusted ? RESULT_REFUSED : RESULT_IO, distrusted ? e->trust.problem : why);
+}
+
 static void read_answer(struct enrolment *e) {
     arthron_Control message;
     struct error err;
@@ -90,13 +95,10 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
     case LWS_CALLBACK_CLIENT_RECEIVE:
         return hear(e, socket, bytes, size);
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
-        finish(e, e->trust.problem[0] ? RESULT_REFUSED : RESULT_IO,
-               e->trust.problem[0] ? e->trust.problem
-               : bytes             ? (const char *)bytes
-                                   : "no connection");
+        give_up(e, bytes ? bytes : "no connection");
         return 0;
-    case LWS_CALLBACK_CLIENT_CLOSED:
-        finish(e, RESULT_CLOSED, "the server closed the connection without an answer");
+    case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
+        give_up(e, "the server closed the connection without an answer");
         return 0;
     default:
         return 0;

@@ -312,10 +312,10 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
         log_trouble(link, link->trust.problem[0] ? link->trust.problem
                           : bytes                ? (const char *)bytes
                                                  : "no connection");
-        try_again(link);
         return 0;
-    case LWS_CALLBACK_CLIENT_CLOSED:
-        disconnected(link);
+    case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
+        if (socket == link->line.socket)
+            disconnected(link);
         return 0;
     default:
         return 0;

@@ -220,6 +220,29 @@ static void a_link_trusts_only_its_authority(void **state) {
     doorman_close(&other);
 }
 
+static void copy_key_file(const char *from_dir, const char *to_dir, const char *name) {
+    char command[512];
+    snprintf(command, sizeof command, "cp %s/%s %s/%s", from_dir, name, to_dir, name);
+    assert_int_equal(system(command), 0);
+}
+
+static void
+a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying(void **state) {
+    (void)state;
+    struct doorman other = {0};
+    char foreign[128];
+    doorman_open(&other);
+    doorman_enrol(&other, "anna", foreign);
+    copy_key_file(anna, foreign, "authority.pem");
+    struct link *link = link_to("localhost", foreign);
+    for (int i = 0; i < 5000 && control_counts(doorman.control).refused_certificates < 3; i++)
+        usleep(2000);
+    assert_true(control_counts(doorman.control).refused_certificates >= 3);
+    assert_int_equal(status_of(link).connects, 0);
+    link_destroy(&link);
+    doorman_close(&other);
+}
+
 static void a_link_trusts_only_the_host_it_called(void **state) {
     (void)state;
     struct doorman other = {.only_host = "elsewhere.example"};
@@ -510,6 +533,7 @@ int main(void) {
         IN_A_HOUSE(a_link_comes_back_when_the_server_does),
         IN_A_HOUSE(what_the_server_refuses_is_kept),
         IN_A_HOUSE(a_link_trusts_only_its_authority),
+        IN_A_HOUSE(a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying),
         IN_A_HOUSE(a_link_trusts_only_the_host_it_called),
         IN_A_HOUSE(a_challenge_is_answered_in_the_control_connection),
         IN_A_HOUSE(a_missing_key_is_named),

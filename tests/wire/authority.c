@@ -406,6 +406,10 @@ static void a_bad_request_is_refused_and_leaves_the_code_good(void **state) {
         assert_int_equal(enrol(code, &good, &answer), RESULT_FORMAT);
         good.der[bit / 8] ^= (unsigned char)(1 << bit % 8);
     }
+    unsigned char longer[1024] = {0};
+    memcpy(longer, good.der, (size_t)good.size);
+    assert_int_equal(enrol(code, &(struct request){NULL, longer, good.size + 1}, &answer),
+                     RESULT_FORMAT);
     EVP_PKEY *others[] = {EVP_EC_gen("P-384"), EVP_RSA_gen(2048)};
     for (int i = 0; i < 2; i++) {
         struct request other = make_request(others[i]);

@@ -416,6 +416,7 @@ static void a_way_back_to_the_confirmed_address_needs_no_new_challenge(void **st
     send_frame(&s, 3);
     assert_int_equal(receive(endpoint), 1);
     assert_true(frames[0].path_challenge != 0);
+    wait_for_next_challenge();
     s.fd = home;
     assert_true(passes(endpoint, &s, 4));
     assert_true(frames[0].path_challenge == 0);
@@ -466,6 +467,29 @@ static void the_old_epoch_is_good_until_and_after_the_new_one_is_used(void **sta
     assert_int_equal(receive(endpoint), 1);
     assert_true(answer(endpoint, 77, 3));
     assert_int_equal(hear_reply(&new), 3);
+    seal_destroy(&new.to_server);
+    seal_destroy(&new.to_station);
+    close_station(&old);
+    datagram_destroy(&endpoint);
+}
+
+static void an_old_epoch_from_elsewhere_moves_nothing_once_the_new_one_is_used(void **state) {
+    (void)state;
+    struct datagram_endpoint *endpoint = open_endpoint();
+    struct station old = open_station(endpoint, 77), new = {.fd = old.fd};
+    uint8_t held_back[WIRE_DATAGRAM_MAX];
+    size_t size = seal_frame(&old, 1, held_back);
+    arthron_UdpKeys keys;
+    datagram_new_epoch(endpoint, 77, NULL, clock_now_ns(), &keys);
+    take_keys(&new, &keys);
+    assert_true(passes(endpoint, &new, 2));
+    int thief = open_socket(datagram_port(endpoint));
+    send_bytes(thief, held_back, size);
+    assert_int_equal(receive(endpoint), 1);
+    assert_true(answer(endpoint, 77, 1));
+    assert_int_equal(hear_reply(&new), 1);
+    assert_false(hears(thief));
+    close(thief);
     seal_destroy(&new.to_server);
     seal_destroy(&new.to_station);
     close_station(&old);
@@ -538,6 +562,7 @@ int main(void) {
         cmocka_unit_test(a_way_back_to_the_confirmed_address_needs_no_new_challenge),
         cmocka_unit_test(an_address_never_confirmed_gets_a_limited_number_of_replies),
         cmocka_unit_test(the_old_epoch_is_good_until_and_after_the_new_one_is_used),
+        cmocka_unit_test(an_old_epoch_from_elsewhere_moves_nothing_once_the_new_one_is_used),
         cmocka_unit_test(the_old_epoch_ends_after_five_seconds),
         cmocka_unit_test(epochs_count_round_to_0_with_keys_of_their_own),
         cmocka_unit_test(an_epoch_is_old_after_an_hour),

@@ -6,6 +6,7 @@
 #include "wire/websocket.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -298,6 +299,21 @@ static void times_that_no_clock_shows_are_ignored(void **state) {
     websocket_close(socket);
 }
 
+static void the_offset_leads_from_the_stations_clock_to_the_servers(void **state) {
+    (void)state;
+    const int64_t ahead_ns = 1000 * NS_PER_S;
+    struct websocket *socket = call_and_greet();
+    arthron_Control message;
+    assert_true(hear_kind(socket, arthron_Control_ping_tag, &message));
+    int64_t sent_ns = message.message.ping.sent_ns, station_ns = clock_now_ns() + ahead_ns;
+    message.which_message = arthron_Control_pong_tag;
+    message.message.pong = (arthron_Pong){sent_ns, station_ns, station_ns};
+    tell(socket, &message);
+    assert_true(wait_for(&doorman.clocks, 1));
+    assert_in_range(llabs(doorman.offset_ns + ahead_ns), 0, doorman.uncertainty_ns);
+    websocket_close(socket);
+}
+
 static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **state) {
     (void)state;
     struct websocket *deaf = call_and_greet();
@@ -385,6 +401,7 @@ int main(void) {
         IN_A_HOUSE(a_malformed_message_closes_its_peer_and_no_other),
         IN_A_HOUSE(a_message_that_is_too_long_is_not_collected),
         IN_A_HOUSE(times_that_no_clock_shows_are_ignored),
+        IN_A_HOUSE(the_offset_leads_from_the_stations_clock_to_the_servers),
         IN_A_HOUSE(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
         IN_A_HOUSE(a_message_for_a_peer_that_is_gone_goes_nowhere),
         IN_A_HOUSE(a_stopping_server_says_so),

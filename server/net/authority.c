@@ -49,8 +49,7 @@ static enum result check_name(const char *station, struct error *err) {
                 STATION_NAME_MAX_LENGTH);
 }
 
-// ---- keys and certificates on disk
-// ---------------------------------------------------------------
+// ---- keys and certificates on disk -------------------------------------------------------------
 
 static enum result write_memory(const char *dir, const char *name, BIO *memory, struct error *err) {
     char *data;

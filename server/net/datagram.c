@@ -152,8 +152,7 @@ struct datagram_counts datagram_counts(const struct datagram_endpoint *endpoint)
     return endpoint->counts;
 }
 
-// ---- connections and epochs
-// ----------------------------------------------------------------------
+// ---- connections and epochs --------------------------------------------------------------------
 
 static struct connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
     for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++) {

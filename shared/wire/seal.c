@@ -51,8 +51,7 @@ void seal_destroy(struct seal **seal) {
     *seal = NULL;
 }
 
-// ---- header and nonce
-// ----------------------------------------------------------------------------
+// ---- header and nonce --------------------------------------------------------------------------
 
 static void put_big_endian(uint8_t *data, uint64_t value, int size) {
     for (int i = 0; i < size; i++)

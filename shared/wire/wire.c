@@ -71,8 +71,7 @@ enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_
     return encode(arthron_Reply_fields, message, data, size, out_used);
 }
 
-// ---- what nanopb does not check
-// ------------------------------------------------------------------
+// ---- what nanopb does not check ----------------------------------------------------------------
 
 // A value that cannot be in an enum of `count` values from 0: nanopb takes any 32 bits.
 static enum result enum_check(const char *field, int value, int count, struct error *err) {
@@ -217,8 +216,7 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
     return result;
 }
 
-// ---- frames as the plain types of base
-// -----------------------------------------------------------
+// ---- frames as the plain types of base ---------------------------------------------------------
 
 arthron_Pose wire_pose_from(pose p) {
     quat q = p.rotation;

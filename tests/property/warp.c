@@ -135,11 +135,14 @@ static void the_warp_is_its_formula(void **state) {
     world_create(&w, &r, true);
     for (int i = 0; i < 200; i++) {
         place(&w, &r, i % 2);
-        vec3 y = somewhere(&r);
+        double off = pow(10, random_between(&r, -5.9, 0)); // from where touching ends
+        vec3 near = vec3_add_scaled(point_on(&w, i % 5, &r), off, random_direction(&r));
+        vec3 y = i % 3 ? somewhere(&r) : near;
         for (int kind = 0; kind < FIELD_COUNT; kind++) {
             struct field field = field_default((enum field_kind)kind);
             struct warp warp = warp_at(&w.scene, &field, y);
-            assert_vec3_near(warp.displacement, oracle_warp(&w.scene, &field, y), 1e-10);
+            assert_vec3_near(warp.displacement, oracle_warp(&w.scene, &field, y),
+                             i % 3 ? 1e-10 : 1e-6); // rounding of d over d
         }
     }
     bodies_fini(&w.bodies);
@@ -208,7 +211,7 @@ static void the_warp_is_continuous_towards_a_surface(void **state) {
         for (int kind = 0; kind < FIELD_COUNT; kind++) {
             struct field field = field_default((enum field_kind)kind);
             vec3 delta = warp_at(&w.scene, &field, y).displacement;
-            for (double h = 1e-4; h > 1e-10; h *= 0.5) {
+            for (double h = kind == FIELD_GAUSSIAN ? 1e-4 : 0.1; h > 1e-10; h *= 0.5) {
                 struct warp near = warp_at(&w.scene, &field, vec3_add_scaled(y, h, away));
                 assert_true(vec3_distance(near.displacement, delta) < 200 * h);
             }

@@ -346,6 +346,20 @@ static void single_needles_are_answered_rightly(void **state) {
     }
 }
 
+// Around the middle of a sphere all triangles are nearly as far: floats cannot tell which is the
+// closest.
+static void nearly_equal_distances_are_told_apart(void **state) {
+    (void)state;
+    struct random r = {12};
+    struct mesh sphere;
+    shape_sphere(&sphere, 20, 8);
+    struct query *query = create(&sphere);
+    for (int i = 0; i < 200; i++)
+        assert_right(query, &sphere, random_in_box(&r, pow(10, random_between(&r, -14, 0))), &r);
+    query_destroy(&query);
+    mesh_fini(&sphere);
+}
+
 static void a_metre_away_is_as_exact(void **state) {
     (void)state;
     struct random r = {9};
@@ -423,6 +437,7 @@ int main(void) {
         cmocka_unit_test(an_edge_is_the_same_from_both_sides),
         cmocka_unit_test(needles_and_triangles_without_area_are_answered_rightly),
         cmocka_unit_test(single_needles_are_answered_rightly),
+        cmocka_unit_test(nearly_equal_distances_are_told_apart),
         cmocka_unit_test(a_metre_away_is_as_exact),
         cmocka_unit_test(a_mesh_far_from_its_origin_is_as_exact),
         cmocka_unit_test(threads_get_the_same_bits),

@@ -2,8 +2,6 @@
 #include "link/link.h"
 
 #include "base/clock.h"
-#include "link/path.h"
-#include "net/authority.h"
 #include "net/datagram.h"
 #include "test.h"
 #include "wire/doorman.h"
@@ -13,7 +11,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 static struct doorman doorman;
@@ -243,19 +240,6 @@ a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying(void *
     doorman_close(&other);
 }
 
-static void a_link_trusts_only_the_host_it_called(void **state) {
-    (void)state;
-    struct doorman other = {.only_host = "elsewhere.example"};
-    struct error err;
-    char code[AUTHORITY_CODE_MAX], keys[160];
-    doorman_open(&other);
-    snprintf(keys, sizeof keys, "%s/anna", other.dir);
-    assert_int_equal(authority_issue_code(other.keys, "anna", code, &err), RESULT_OK);
-    assert_int_equal(link_enrol("localhost", other.port, code, "anna", keys, &err), RESULT_REFUSED);
-    assert_non_null(strstr(err.text, "certificate"));
-    doorman_close(&other);
-}
-
 static void a_challenge_is_answered_in_the_control_connection(void **state) {
     (void)state;
     struct link *link = link_to("localhost", anna);
@@ -428,100 +412,6 @@ static void a_closed_port_is_no_worse_than_a_silent_one(void **state) {
     link_destroy(&link);
 }
 
-// ---- which way ----------------------------------------------------------------------------------
-
-static void a_path_needs_three_answers_in_a_row(void **state) {
-    (void)state;
-    struct path path = {0};
-    int64_t now_ns = NS_PER_S;
-    for (int round = 0; round < 2;
-         round++) { // two answers, then a trial without one: from the start
-        for (int i = 0; i < 2; i++, now_ns += NS_PER_S) {
-            assert_true(path_next(&path, now_ns).datagram);
-            assert_false(path_next(&path, now_ns).datagram);
-            path_answered(&path, now_ns);
-            path_answered(&path, now_ns); // late ones do not count twice
-        }
-        assert_true(path_next(&path, now_ns).datagram);
-        now_ns += NS_PER_S;
-    }
-    assert_false(path.datagrams);
-    for (int i = 0; i < 3; i++, now_ns += NS_PER_S) {
-        struct route route = path_next(&path, now_ns);
-        assert_true(route.control && route.datagram);
-        path_answered(&path, now_ns);
-    }
-    struct route route = path_next(&path, now_ns);
-    assert_true(!route.control && route.datagram);
-}
-
-static void a_path_bears_a_pause_but_not_silence(void **state) {
-    (void)state;
-    struct path path = {.datagrams = true};
-    int64_t now_ns = NS_PER_S;
-    assert_false(path_next(&path, now_ns).control);
-    path_answered(&path, now_ns + 1);
-    now_ns += 60 * NS_PER_S; // nothing was sent, so nothing was missed
-    assert_false(path_next(&path, now_ns).control);
-    assert_false(path_next(&path, now_ns + 300 * NS_PER_MS).control);
-    assert_true(path_next(&path, now_ns + 301 * NS_PER_MS).control);
-}
-
-// ---- enrolment ----------------------------------------------------------------------------------
-
-static mode_t mode_of(const char *dir, const char *name) {
-    char path[256];
-    struct stat status;
-    snprintf(path, sizeof path, "%s/%s", dir, name);
-    assert_int_equal(stat(path, &status), 0);
-    return status.st_mode & 0777;
-}
-
-static void a_code_enrols_once(void **state) {
-    (void)state;
-    struct error err;
-    char code[AUTHORITY_CODE_MAX], keys[160], again[160];
-    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
-    snprintf(again, sizeof again, "%s/again", doorman.dir);
-    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
-    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err), RESULT_OK);
-    assert_int_equal(mode_of(keys, "station.key"), 0600);
-    mode_of(keys, "station.pem");
-    mode_of(keys, "authority.pem");
-    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", again, &err),
-                     RESULT_REFUSED);
-    assert_true(err.text[0]);
-    assert_int_equal(access(again, F_OK), -1);
-}
-
-static void a_wrong_code_enrols_nobody(void **state) {
-    (void)state;
-    struct error err;
-    char code[AUTHORITY_CODE_MAX], keys[160];
-    struct doorman other = {0};
-    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
-    assert_int_equal(link_enrol("localhost", doorman.port, "tomato", "bert", keys, &err),
-                     RESULT_FORMAT);
-    doorman_open(&other);
-    assert_int_equal(authority_issue_code(other.keys, "bert", code, &err), RESULT_OK);
-    // This server's authority is not the one that the code names: it is not even asked.
-    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err),
-                     RESULT_REFUSED);
-    assert_non_null(strstr(err.text, "certificate"));
-    assert_int_equal(link_enrol("localhost", other.port, code, "bert", keys, &err), RESULT_OK);
-    doorman_close(&other);
-}
-
-static void enrolling_where_nobody_listens_fails(void **state) {
-    (void)state;
-    struct error err;
-    char code[AUTHORITY_CODE_MAX];
-    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
-    doorman_stop(&doorman);
-    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", anna, &err), RESULT_IO);
-    assert_non_null(strstr(err.text, "localhost"));
-}
-
 #define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
 
 int main(void) {
@@ -534,18 +424,12 @@ int main(void) {
         IN_A_HOUSE(what_the_server_refuses_is_kept),
         IN_A_HOUSE(a_link_trusts_only_its_authority),
         IN_A_HOUSE(a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying),
-        IN_A_HOUSE(a_link_trusts_only_the_host_it_called),
         IN_A_HOUSE(a_challenge_is_answered_in_the_control_connection),
         IN_A_HOUSE(a_missing_key_is_named),
         IN_A_HOUSE(datagrams_are_taken_left_and_taken_again_as_they_pass),
         IN_A_HOUSE(a_new_epoch_loses_no_frame),
         IN_A_HOUSE(where_no_datagram_is_answered_frames_stay_in_the_control_connection),
         IN_A_HOUSE(a_closed_port_is_no_worse_than_a_silent_one),
-        cmocka_unit_test(a_path_needs_three_answers_in_a_row),
-        cmocka_unit_test(a_path_bears_a_pause_but_not_silence),
-        IN_A_HOUSE(a_code_enrols_once),
-        IN_A_HOUSE(a_wrong_code_enrols_nobody),
-        IN_A_HOUSE(enrolling_where_nobody_listens_fails),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

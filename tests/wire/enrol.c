@@ -1,0 +1,124 @@
+// A station's first contact with its server.
+#include "link/link.h"
+#include "net/authority.h"
+#include "test.h"
+#include "wire/code.h"
+#include "wire/doorman.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static struct doorman doorman;
+
+static int open_house(void **state) {
+    (void)state;
+    doorman = (struct doorman){0};
+    doorman_open(&doorman);
+    return 0;
+}
+
+static int close_house(void **state) {
+    (void)state;
+    doorman_close(&doorman);
+    return 0;
+}
+
+static mode_t mode_of(const char *dir, const char *name) {
+    char path[256];
+    struct stat status;
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    assert_int_equal(stat(path, &status), 0);
+    return status.st_mode & 0777;
+}
+
+static void a_code_enrols_once(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160], again[160];
+    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
+    snprintf(again, sizeof again, "%s/again", doorman.dir);
+    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err), RESULT_OK);
+    assert_int_equal(mode_of(keys, "station.key"), 0600);
+    mode_of(keys, "station.pem");
+    mode_of(keys, "authority.pem");
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", again, &err),
+                     RESULT_REFUSED);
+    assert_true(err.text[0]);
+    assert_int_equal(access(again, F_OK), -1);
+}
+
+static void a_wrong_code_enrols_nobody(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160];
+    struct doorman other = {0};
+    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
+    assert_int_equal(link_enrol("localhost", doorman.port, "tomato", "bert", keys, &err),
+                     RESULT_FORMAT);
+    doorman_open(&other);
+    assert_int_equal(authority_issue_code(other.keys, "bert", code, &err), RESULT_OK);
+    // This server's authority is not the one that the code names: it is not even asked.
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", keys, &err),
+                     RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "certificate"));
+    assert_int_equal(link_enrol("localhost", other.port, code, "bert", keys, &err), RESULT_OK);
+    doorman_close(&other);
+}
+
+static void a_guesser_is_slowed_down(void **state) {
+    (void)state;
+    struct error err;
+    char text[AUTHORITY_CODE_MAX], keys[160];
+    struct code code;
+    snprintf(keys, sizeof keys, "%s/bert", doorman.dir);
+    assert_int_equal(authority_issue_code(doorman.keys, "bert", text, &err), RESULT_OK);
+    assert_int_equal(code_read(text, &code, &err), RESULT_OK);
+    int tries = 0;
+    do { // the right authority, another secret
+        code.secret[0]++;
+        code_write(&code, text);
+        assert_int_equal(link_enrol("localhost", doorman.port, text, "bert", keys, &err),
+                         RESULT_REFUSED);
+    } while (!strstr(err.text, "too many") && ++tries < 100);
+    assert_in_range(tries, 10, 99);
+}
+
+static void enrolling_where_nobody_listens_fails(void **state) {
+    (void)state;
+    struct error err;
+    char code[AUTHORITY_CODE_MAX];
+    assert_int_equal(authority_issue_code(doorman.keys, "bert", code, &err), RESULT_OK);
+    doorman_stop(&doorman);
+    assert_int_equal(link_enrol("localhost", doorman.port, code, "bert", doorman.dir, &err),
+                     RESULT_IO);
+    assert_non_null(strstr(err.text, "localhost"));
+}
+
+static void a_station_trusts_only_the_host_it_called(void **state) {
+    (void)state;
+    struct doorman other = {.only_host = "elsewhere.example"};
+    struct error err;
+    char code[AUTHORITY_CODE_MAX], keys[160];
+    doorman_open(&other);
+    snprintf(keys, sizeof keys, "%s/anna", other.dir);
+    assert_int_equal(authority_issue_code(other.keys, "anna", code, &err), RESULT_OK);
+    assert_int_equal(link_enrol("localhost", other.port, code, "anna", keys, &err), RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "certificate"));
+    doorman_close(&other);
+}
+
+#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        IN_A_HOUSE(a_code_enrols_once),
+        IN_A_HOUSE(a_wrong_code_enrols_nobody),
+        IN_A_HOUSE(a_guesser_is_slowed_down),
+        IN_A_HOUSE(enrolling_where_nobody_listens_fails),
+        IN_A_HOUSE(a_station_trusts_only_the_host_it_called),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

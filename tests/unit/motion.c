@@ -42,8 +42,7 @@ static int destroy_knee(void **state) {
     return 0;
 }
 
-// ---- scripts and what they give
-// ------------------------------------------------------------------
+// ---- scripts and what they give ----------------------------------------------------------------
 
 static enum result load_text(const char *text, struct motion_script *out_script,
                              struct error *err) {
@@ -111,8 +110,7 @@ static pose body_pose(const struct joint_angles *joint, enum body body) {
     return body == BODY_PATELLA ? case_patella_pose(knee, joint->flexion_deg) : pose_identity();
 }
 
-// ---- the file's own numbers
-// ----------------------------------------------------------------------
+// ---- the file's own numbers --------------------------------------------------------------------
 
 // A row of the file with the columns of a probe and a punch.
 struct csv_row {
@@ -170,8 +168,7 @@ static void a_probe_that_touches_is_on_the_surface_in_the_pose_of_the_moment(voi
     motion_fini(&motion);
 }
 
-// ---- hands
-// ---------------------------------------------------------------------------------------
+// ---- hands -------------------------------------------------------------------------------------
 
 static void a_shaft_always_passes_through_its_portal_and_never_flips(void **state) {
     (void)state;
@@ -302,8 +299,7 @@ static void the_same_seed_gives_the_same_bytes_and_another_one_others(void **sta
         free(texts[i]);
 }
 
-// ---- the joint
-// -----------------------------------------------------------------------------------
+// ---- the joint ---------------------------------------------------------------------------------
 
 // The least signed distance of the femur's vertices on one side (1 lateral) from the tibia.
 static double gap_on(const struct solid *tibia, const struct joint_angles *joint, double side) {
@@ -340,23 +336,30 @@ static void valgus_opens_the_medial_side_about_the_lateral_contact(void **state)
     solid_fini(&tibia);
 }
 
-static void signed_distances_agree_with_the_solid_angle(void **state) {
-    (void)state;
-    const struct mesh *mesh = &case_group(knee, "meniscus_medial")->mesh;
+static void assert_signs_agree(const struct mesh *mesh, double spread) {
     struct solid solid;
     assert_int_equal(solid_init(&solid, mesh, NULL), RESULT_OK);
     struct random random = {7};
     uint32_t hint = MESH_NONE;
     for (int i = 0; i < 1000; i++) {
         uint32_t v = (uint32_t)(random_bits(&random) % mesh->vertex_count);
-        vec3 p = vec3_add(mesh_vertex(mesh, v), random_in_box(&random, 2));
+        vec3 p = vec3_add(mesh_vertex(mesh, v), random_in_box(&random, spread));
         assert_true((solid_distance(&solid, p, &hint) < 0) == is_inside(mesh, p));
     }
     solid_fini(&solid);
 }
 
-// ---- scripts
-// -------------------------------------------------------------------------------------
+static void signed_distances_agree_with_the_solid_angle(void **state) {
+    (void)state;
+    assert_signs_agree(&case_group(knee, "meniscus_medial")->mesh, 2);
+    // A splinter: near its points and edges a face's normal alone gives the wrong side.
+    float positions[] = {0, 0, 0, 1, 0.2f, 0, 0.3f, 1, 0, 4, 3, 9};
+    uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    struct mesh splinter = {4, 4, positions, triangles};
+    assert_signs_agree(&splinter, 3);
+}
+
+// ---- scripts -----------------------------------------------------------------------------------
 
 static void the_palpation_script_shows_all_that_a_demo_needs(void **state) {
     (void)state;

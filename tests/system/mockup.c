@@ -259,7 +259,7 @@ static void a_slave_that_is_started_again_is_found_again(void **state) {
     wait_for(runner, VALIDITY_LOST);
     m = start(1, "--motion", in_folder("motion.csv"), "--modbus-rtu", path); // replaces the link
     watch(runner, 20, check_registers);
-    assert_int_equal(1, status_of(runner).reopenings);
+    assert_true(status_of(runner).reopenings >= 1);
     runner_destroy(&runner);
     assert_int_equal(0, ended(&m, SIGTERM));
 }
@@ -323,7 +323,7 @@ static void a_tracker_that_vanishes_is_held_lost_and_found_again(void **state) {
     m = start(1, "--motion", in_folder("motion.csv"), "--tracker", m.tracker);
     watch(runner, 10, check_probe);
     struct device_status status = status_of(runner);
-    assert_int_equal(1, status.losses);
+    assert_true(status.losses >= 1);
     assert_true(status.reopenings >= 1);
     assert_string_equal("", status.problem);
     runner_destroy(&runner);

@@ -94,7 +94,7 @@ static void slave_stop(struct slave *s) {
 static void *opened(const struct slave *s, const char *varus, const char *sequence,
                     const char *latency_ms) {
     const struct device_option options[] = {
-        {"serial", s->path}, {"rate_hz", "500"},         {"timeout_ms", "25"},  {"flexion", "0"},
+        {"serial", s->path}, {"rate_hz", "500"},         {"timeout_ms", "60"},  {"flexion", "0"},
         {"varus", varus},    {"latency_ms", latency_ms}, {"sequence", sequence}};
     struct device_config config = {"encoders", options, sequence ? 7 : 6};
     struct device_outputs outputs = {0};
@@ -127,6 +127,15 @@ static enum result next(void *device, struct device_reading *out, struct error *
     return result;
 }
 
+// The same, but a reply that a busy machine made late is waited for again.
+static enum result answered(void *device, struct device_reading *out, struct error *err) {
+    enum result result;
+    do
+        result = next(device, out, err);
+    while (result == RESULT_TIMEOUT);
+    return result;
+}
+
 static void readings_answer_the_newest_request(void **state) {
     (void)state;
     struct slave slave;
@@ -135,7 +144,7 @@ static void readings_answer_the_newest_request(void **state) {
     for (int i = 0; i < 100; i++) {
         struct device_reading r;
         struct error err;
-        assert_int_equal(RESULT_OK, next(device, &r, &err));
+        assert_int_equal(RESULT_OK, answered(device, &r, &err));
         assert_int_equal(1, r.count);
         assert_near(r.samples[0].joint.flexion_deg, atomic_load(&slave.received), 0);
         assert_near(r.samples[0].joint.varus_deg, 107, 0);
@@ -151,7 +160,7 @@ static void late_replies_never_shift_values(void **state) {
     (void)state;
     struct slave slave;
     slave_start(&slave);
-    atomic_store(&slave.late_ms, 60);
+    atomic_store(&slave.late_ms, 150);
     atomic_store(&slave.late_every, 6);
     void *device = opened(&slave, "7", "0", "400");
     int readings = 0, timeouts = 0;
@@ -180,8 +189,8 @@ static void a_line_out_of_step_comes_into_step_again(void **state) {
     void *device = opened(&slave, "7", "0", "10");
     struct device_reading r;
     struct error err;
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
-    atomic_store(&slave.late_ms, 90);
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
+    atomic_store(&slave.late_ms, 200);
     atomic_store(&slave.late_every, 1);
     while (next(device, &r, &err) != RESULT_TIMEOUT)
         ;
@@ -209,11 +218,11 @@ static void junk_on_the_line_is_counted_and_thrown_away(void **state) {
     void *device = opened(&slave, "7", "0", "20");
     struct device_reading r;
     struct error err;
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     assert_int_equal(5, write(slave.fd, "noise", 5));
-    assert_int_equal(RESULT_FORMAT, next(device, &r, &err));
+    assert_int_equal(RESULT_FORMAT, answered(device, &r, &err));
     assert_int_equal(1, r.malformed);
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     assert_near(r.samples[0].joint.flexion_deg, atomic_load(&slave.received), 0);
     closed(device);
     slave_stop(&slave);
@@ -229,13 +238,13 @@ static void a_silent_slave_is_given_up_and_opened_again(void **state) {
     struct error err;
     for (int i = 0; i < 3; i++) {
         assert_int_equal(RESULT_TIMEOUT, next(device, &r, &err));
-        assert_non_null(strstr(err.text, "registers 0 to 7: no reply within 25 ms"));
+        assert_non_null(strstr(err.text, "registers 0 to 7: no reply within 60 ms"));
     }
     assert_int_equal(RESULT_CLOSED, next(device, &r, &err));
     atomic_store(&slave.silent, false);
     driver->close(device);
     assert_int_equal(RESULT_OK, driver->open(device, &err));
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     closed(device);
     slave_stop(&slave);
 }
@@ -247,9 +256,9 @@ static void a_line_that_is_pulled_out_is_closed(void **state) {
     void *device = opened(&slave, "7", "0", "20");
     struct device_reading r;
     struct error err;
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     slave_stop(&slave);
-    assert_int_equal(RESULT_CLOSED, next(device, &r, &err));
+    assert_int_equal(RESULT_CLOSED, answered(device, &r, &err));
     assert_non_null(strstr(err.text, slave.path));
     closed(device);
 }
@@ -262,7 +271,7 @@ static void a_slave_without_these_registers_says_so(void **state) {
     for (int i = 0; i < 3; i++) {
         struct device_reading r;
         struct error err;
-        assert_int_equal(RESULT_FORMAT, next(device, &r, &err));
+        assert_int_equal(RESULT_FORMAT, answered(device, &r, &err));
         assert_non_null(strstr(err.text, "slave 1, registers 0 to 20: Illegal data address"));
         assert_int_equal(1, r.malformed);
     }
@@ -278,18 +287,18 @@ static void a_sequence_that_stands_still_is_no_new_reading(void **state) {
     void *device = opened(&slave, "7", "0", "20");
     struct device_reading r;
     struct error err;
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     for (int i = 0; i < 20; i++) {
         assert_int_equal(RESULT_OK, polled(device, &r, &err));
         assert_int_equal(0, r.count);
     }
     atomic_store(&slave.sequence, 0); // wraps round
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
     assert_near(r.samples[0].joint.flexion_deg, 0, 0);
     atomic_store(&slave.sequence, 65000);
-    assert_int_equal(RESULT_FORMAT, next(device, &r, &err));
+    assert_int_equal(RESULT_FORMAT, answered(device, &r, &err));
     assert_non_null(strstr(err.text, "register 0: the sequence went back"));
-    assert_int_equal(RESULT_OK, next(device, &r, &err)); // a slave that was started again
+    assert_int_equal(RESULT_OK, answered(device, &r, &err)); // a slave that was started again
     closed(device);
     slave_stop(&slave);
 }
@@ -301,8 +310,8 @@ static void values_that_change_under_one_sequence_are_refused(void **state) {
     void *device = opened(&slave, "3", "7", "20"); // register 7 never changes, register 0 does
     struct device_reading r;
     struct error err;
-    assert_int_equal(RESULT_OK, next(device, &r, &err));
-    assert_int_equal(RESULT_FORMAT, next(device, &r, &err));
+    assert_int_equal(RESULT_OK, answered(device, &r, &err));
+    assert_int_equal(RESULT_FORMAT, answered(device, &r, &err));
     assert_non_null(strstr(err.text, "register 7: the sequence stood still while values changed"));
     closed(device);
     slave_stop(&slave);
@@ -331,7 +340,7 @@ static void registers_are_scaled_moved_and_signed_as_the_config_says(void **stat
         void *device = opened(&slave, rows[i].config, NULL, "20");
         struct device_reading r;
         struct error err;
-        assert_int_equal(RESULT_OK, next(device, &r, &err));
+        assert_int_equal(RESULT_OK, answered(device, &r, &err));
         assert_near(r.samples[0].joint.varus_deg, rows[i].value, 1e-9);
         closed(device);
         slave_stop(&slave);

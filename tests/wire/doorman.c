@@ -23,6 +23,10 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     d->peer = peer;
     pthread_mutex_unlock(&d->lock);
     strcpy(welcome->case_name, "healthy");
+    arthron_Control open = {.which_message = arthron_Control_session_change_tag};
+    open.message.session_change.state = arthron_SessionState_RUNNING;
+    strcpy(open.message.session_change.case_name, "healthy");
+    control_send(d->control, peer, &open);
     if (d->keys_at_hello) {
         arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
         message.message.udp_keys = *d->keys_at_hello;
@@ -34,8 +38,11 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
 
 static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns) {
-    (void)peer;
     struct doorman *d = user;
+    arthron_Control open = {.which_message = arthron_Control_session_change_tag};
+    open.message.session_change.state = arthron_SessionState_RUNNING;
+    strcpy(open.message.session_change.case_name, "healthy");
+    control_send(d->control, peer, &open);
     pthread_mutex_lock(&d->lock);
     d->offset_ns = offset_ns;
     d->uncertainty_ns = uncertainty_ns;

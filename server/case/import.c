@@ -8,6 +8,28 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#define BONE_MIDDLE_MIN_MM 40
+#define BONE_MIDDLE_MAX_MM 130
+
+static double middle_side(const struct mesh *mesh) {
+    struct box box = mesh_bounds(mesh);
+    vec3 side = vec3_sub(box.max, box.min);
+    return side.x + side.y + side.z - fmax(side.x, fmax(side.y, side.z)) -
+           fmin(side.x, fmin(side.y, side.z));
+}
+
+static const char *unit_that_fits(double middle_in_units) {
+    static const struct {
+        const char *name;
+        double mm;
+    } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
+    for (int i = 0; i < 3; i++)
+        if (middle_in_units * units[i].mm >= BONE_MIDDLE_MIN_MM &&
+            middle_in_units * units[i].mm <= BONE_MIDDLE_MAX_MM)
+            return units[i].name;
+    return NULL;
+}
+
 static enum result check_file(const char *path, size_t max_bytes, struct error *err) {
     struct stat status;
     if (stat(path, &status) != 0)
@@ -53,8 +75,11 @@ enum result import_mesh(const struct import_source *source, const struct case_li
     }
     result = mesh_validate(out_mesh, err);
     if (result != RESULT_OK) {
+        const char *unit = unit_that_fits(middle_side(out_mesh) / source->mm_per_unit);
         mesh_fini(out_mesh);
-        return fail_in(err, result, "%s: ", source->path);
+        return fail_in(err, result, "%s: %s%s%s", source->path,
+                       unit ? "the unit that would fit is " : "", unit ? unit : "",
+                       unit ? ": " : "");
     }
     *out_counts = (struct import_counts){arrays.dropped, turn_outwards(out_mesh)};
     return RESULT_OK;
@@ -92,28 +117,6 @@ enum body import_default_body(const char *group) {
 
 // ---- size
 // ----------------------------------------------------------------------------------------
-
-#define BONE_MIDDLE_MIN_MM 40
-#define BONE_MIDDLE_MAX_MM 130
-
-static double middle_side(const struct mesh *mesh) {
-    struct box box = mesh_bounds(mesh);
-    vec3 side = vec3_sub(box.max, box.min);
-    return side.x + side.y + side.z - fmax(side.x, fmax(side.y, side.z)) -
-           fmin(side.x, fmin(side.y, side.z));
-}
-
-static const char *unit_that_fits(double middle_in_units) {
-    static const struct {
-        const char *name;
-        double mm;
-    } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
-    for (int i = 0; i < 3; i++)
-        if (middle_in_units * units[i].mm >= BONE_MIDDLE_MIN_MM &&
-            middle_in_units * units[i].mm <= BONE_MIDDLE_MAX_MM)
-            return units[i].name;
-    return NULL;
-}
 
 enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
                               struct error *err) {

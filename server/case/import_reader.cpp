@@ -116,12 +116,15 @@ class collector final : public IO::BaseImporter {
     uint32_t triangles_max_;
 };
 
-bool ending_is_known(const std::string &path) {
+bool ends_with(const std::string &path, const char *ending) {
     size_t dot = path.rfind('.');
-    std::string ending = dot == std::string::npos ? "" : path.substr(dot);
+    return dot != std::string::npos && strcasecmp(path.c_str() + dot, ending) == 0;
+}
+
+bool ending_is_known(const std::string &path) {
     static const char *const known[] = {".ply", ".obj", ".stl", ".off"};
     return std::any_of(std::begin(known), std::end(known),
-                       [&](const char *each) { return strcasecmp(ending.c_str(), each) == 0; });
+                       [&](const char *each) { return ends_with(path, each); });
 }
 
 template <typename T> T *copy_out(const std::vector<T> &values) {
@@ -159,6 +162,11 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
         if (!ending_is_known(path))
             return fail(err, RESULT_FORMAT,
                         "%s: its name ends neither in .ply, .obj, .stl nor .off", path);
+        if (ends_with(path, ".ply")) {
+            enum result result = import_ply_check(path, err);
+            if (result != RESULT_OK)
+                return result;
+        }
         omlog().disable();
         omout().disable();
         omerr().disable();

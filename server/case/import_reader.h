@@ -24,6 +24,10 @@ struct import_arrays {
 enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err);
 
+// The header of a PLY file ends and has only lines that OpenMesh understands, which otherwise reads
+// on for ever. import_reader_read asks this first.
+enum result import_ply_check(const char *path, struct error *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,6 +1,6 @@
 #include "trace/replay.h"
 
-#include "scene/played.h"
+#include "replay/recording.h"
 #include "test.h"
 #include "trace/record.h"
 
@@ -9,82 +9,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#define ROWS 1200
-
-static struct played played;
-static char folder[64], case_dir[96], path[96];
-
-static int make_session(void **state) {
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/arthron-replay-XXXXXX");
-    if (!mkdtemp(folder))
-        return -1;
-    snprintf(case_dir, sizeof case_dir, "%s/case", folder);
-    snprintf(path, sizeof path, "%s/a.trace", folder);
-    struct error err = {""};
-    if (played_init(CASES, "arthrosis", case_dir, &played, &err) != RESULT_OK) {
-        print_error("%s\n", err.text);
-        return -1;
-    }
-    return 0;
-}
-
-static int remove_session(void **state) {
-    (void)state;
-    char file[128];
-    played_fini(&played);
-    unlink(path);
-    snprintf(file, sizeof file, "%s/case.json", case_dir);
-    unlink(file);
-    snprintf(file, sizeof file, "%s/anatomy.glb", case_dir);
-    unlink(file);
-    rmdir(case_dir);
-    return rmdir(folder);
-}
-
-static struct trace_header honest_header(void) {
-    struct trace_header header = {
-        .case_name = "arthrosis",
-        .case_hash = scene_case(played.scene)->hash,
-        .settings = session_settings_default(),
-    };
-    trace_header_set_machine(&header);
-    return header;
-}
-
-// ---- recording, honestly or not
-
-struct recorder {
-    struct trace_writer *writer;
-    uint64_t from;                           // the first step that `change` sees
-    void (*change)(struct session_output *); // of what is recorded, or NULL
-};
-
-static void record_step(void *context, const struct session_input *input,
-                        const struct session_output *output) {
-    struct recorder *r = context;
-    struct session_output recorded = *output;
-    if (r->change && output->step >= r->from)
-        r->change(&recorded);
-    assert_true(trace_append(r->writer, input, &recorded));
-}
-
-static void record(const struct trace_header *header, uint64_t from,
-                   void (*change)(struct session_output *)) {
-    struct session_settings settings = session_settings_default();
-    struct recorder r = {.from = from, .change = change};
-    struct error err = {""};
-    unlink(path);
-    if (trace_writer_create(path, header, &r.writer, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-    played_run(&played, &settings, ROWS, record_step, &r);
-    trace_writer_destroy(&r.writer);
-}
-
 static enum result replay(const struct scene *scene, struct replay_report *out_report) {
     struct trace_reader *reader;
     struct error err = {""};
-    if (trace_reader_create(path, &reader, &err) != RESULT_OK)
+    if (trace_reader_create(trace_path, &reader, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     enum result result = trace_replay(reader, scene, NULL, out_report, &err);
     trace_reader_destroy(&reader);
@@ -100,7 +28,7 @@ static void a_recorded_session_replays_without_a_difference(void **state) {
     struct replay_report report;
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.end, RESULT_CLOSED);
-    assert_int_equal(report.steps, ROWS + 2);
+    assert_int_equal(report.steps, RECORDED_ROWS + 2);
     assert_int_equal(report.different, 0);
     assert_int_equal(report.verdict, REPLAY_IDENTICAL);
     assert_true(report.same_build && report.same_libc && report.same_cpu && report.same_events);
@@ -115,7 +43,7 @@ static void the_session_that_is_replayed_has_displacement_contact_and_loss(void 
     record(&header, 0, NULL);
     struct trace_reader *reader;
     struct trace_record step;
-    assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
+    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
     uint32_t events = 0;
     double largest = 0;
     while (trace_read(reader, &step, NULL) == RESULT_OK) {
@@ -163,7 +91,7 @@ static void the_first_difference_is_named(void **state) {
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.first.step, 500);
     assert_string_equal(report.first.field, "probe_warped_tx_mm");
-    assert_true(report.different > 1 && report.different <= ROWS + 2 - 499);
+    assert_true(report.different > 1 && report.different <= RECORDED_ROWS + 2 - 499);
     assert_true(report.largest_mm > 0 && report.largest_mm < 1e-12);
     assert_int_equal(report.verdict, REPLAY_DIFFERENT);
 }
@@ -229,7 +157,7 @@ static void replace_by_gap(uint64_t step) {
     struct trace_reader *reader;
     struct trace_record record;
     uint8_t gap[RECORD_MAX];
-    assert_int_equal(trace_reader_create(path, &reader, NULL), RESULT_OK);
+    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
     uint64_t at = 0, after = 0, end = 0;
     while (trace_read(reader, &record, NULL) == RESULT_OK) {
         if (record.type == TRACE_END)
@@ -240,7 +168,7 @@ static void replace_by_gap(uint64_t step) {
     uint64_t size = trace_reader_size(reader);
     trace_reader_destroy(&reader);
     uint8_t *data = calloc(1, size);
-    FILE *f = fopen(path, "r+b");
+    FILE *f = fopen(trace_path, "r+b");
     assert_int_equal(fread(data, 1, size, f), size);
     rewind(f);
     size_t gap_size = record_encode_gap(1, gap);
@@ -262,7 +190,7 @@ static void steps_after_a_gap_are_left_out_and_counted(void **state) {
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.end, RESULT_MISSING);
     assert_int_equal(report.steps, 299);
-    assert_int_equal(report.left_out, ROWS + 2 - 299);
+    assert_int_equal(report.left_out, RECORDED_ROWS + 2 - 299);
     assert_int_equal(report.different, 0);
 }
 

@@ -1,0 +1,188 @@
+#include "replay/recording.h"
+#include "test.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static char output[4 << 20];
+
+// Runs arthron-trace; `output` gets stdout and stderr. Returns the exit code.
+static int run(const char *arguments) {
+    char line[512];
+    snprintf(line, sizeof line, "%s %s 2>&1", TRACE_PROGRAM, arguments);
+    FILE *program = popen(line, "r");
+    assert_non_null(program);
+    size_t used = fread(output, 1, sizeof output - 1, program);
+    output[used] = '\0';
+    int status = pclose(program);
+    assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static int run_on_trace(const char *command, const char *rest) {
+    char arguments[400];
+    snprintf(arguments, sizeof arguments, "%s %s %s", command, trace_path, rest);
+    return run(arguments);
+}
+
+static json_t *output_object(void) {
+    json_error_t err;
+    json_t *root = json_loads(output, 0, &err);
+    if (!root)
+        fail_msg("%s in: %s", err.text, output);
+    return root;
+}
+
+static json_int_t number(json_t *object, const char *key) {
+    json_t *value = json_object_get(object, key);
+    assert_true(json_is_integer(value));
+    return json_integer_value(value);
+}
+
+static void record_honestly(void) {
+    struct trace_header header = honest_header();
+    snprintf(header.case_dir, sizeof header.case_dir, "%s", case_dir);
+    snprintf(header.station, sizeof header.station, "bench 3");
+    record(&header, 0, NULL);
+}
+
+static void info_tells_whose_session_it_is(void **state) {
+    (void)state;
+    record_honestly();
+    assert_int_equal(run_on_trace("info", "--json"), 0);
+    json_t *root = output_object();
+    assert_int_equal(number(root, "steps"), RECORDED_ROWS + 2);
+    assert_string_equal(json_string_value(json_object_get(root, "station")), "bench 3");
+    assert_string_equal(json_string_value(json_object_get(root, "state")), "closed");
+    assert_true(number(json_object_get(root, "instruments"), "probe") > 500);
+    assert_true(number(json_object_get(root, "events"), "contact") > 0);
+    assert_true(json_is_true(json_object_get(root, "whole")));
+    json_decref(root);
+    assert_int_equal(run_on_trace("info", ""), 0);
+    assert_non_null(strstr(output, "bench 3"));
+}
+
+static void verify_tells_up_to_where_a_file_is_whole(void **state) {
+    (void)state;
+    record_honestly();
+    assert_int_equal(run_on_trace("verify", ""), 0);
+    assert_int_equal(run_on_trace("verify", "--json"), 0);
+    json_t *root = output_object();
+    json_int_t size = number(root, "file_bytes");
+    assert_int_equal(number(root, "whole_bytes"), size);
+    json_decref(root);
+    assert_int_equal(truncate(trace_path, size - 100), 0);
+    assert_int_equal(run_on_trace("verify", "--json"), 1);
+    root = output_object();
+    assert_true(json_is_false(json_object_get(root, "whole")));
+    assert_true(number(root, "whole_bytes") < size - 100);
+    assert_true(number(root, "records") < RECORDED_ROWS + 2);
+    json_decref(root);
+}
+
+static void replay_finds_the_case_that_the_trace_names(void **state) {
+    (void)state;
+    record_honestly();
+    assert_int_equal(run_on_trace("replay", ""), 0);
+    assert_int_equal(run_on_trace("replay", "--json"), 0);
+    json_t *root = output_object();
+    assert_int_equal(number(root, "different"), 0);
+    assert_string_equal(json_string_value(json_object_get(root, "verdict")), "identical");
+    assert_true(json_is_true(json_object_get(root, "same_build")));
+    json_decref(root);
+    struct trace_header moved = honest_header();
+    snprintf(moved.case_dir, sizeof moved.case_dir, "/nowhere");
+    record(&moved, 0, NULL);
+    assert_int_equal(run_on_trace("replay", ""), 1);
+    assert_non_null(strstr(output, "/nowhere"));
+    char option[128];
+    snprintf(option, sizeof option, "--case %s", case_dir);
+    assert_int_equal(run_on_trace("replay", option), 0);
+}
+
+static void lie(struct session_output *out) {
+    out->joint.flexion_deg += 1;
+}
+
+static void replay_of_a_forged_trace_fails_and_says_where(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    snprintf(header.case_dir, sizeof header.case_dir, "%s", case_dir);
+    record(&header, 77, lie);
+    assert_int_equal(run_on_trace("replay", ""), 1);
+    assert_non_null(strstr(output, "first in step 77: flexion_deg was "));
+    assert_int_equal(run_on_trace("replay", "--json"), 1);
+    json_t *root = output_object();
+    assert_int_equal(number(json_object_get(root, "first"), "step"), 77);
+    json_decref(root);
+}
+
+static size_t count(const char *text, char c) {
+    size_t n = 0;
+    for (; *text; text++)
+        n += *text == c;
+    return n;
+}
+
+static void export_writes_a_row_for_each_step(void **state) {
+    (void)state;
+    record_honestly();
+    assert_int_equal(run_on_trace("export", "--csv -"), 0);
+    assert_int_equal(count(output, '\n'), RECORDED_ROWS + 3);
+    assert_non_null(strstr(output, ",probe_tx_mm,"));
+    assert_non_null(strstr(output, ",probe_warped_tx_mm,"));
+    assert_null(strstr(output, "shaver")); // there was none
+    char *line = strtok(output, "\n");
+    size_t commas = count(line, ',');
+    while ((line = strtok(NULL, "\n")))
+        assert_int_equal(count(line, ','), commas);
+    assert_int_equal(run_on_trace("export", "--csv - --from 2 --to 2.5"), 0);
+    assert_int_equal(count(output, '\n'), 1 + 51); // 100 Hz, both ends
+}
+
+static void wrong_use_exits_2_and_says_why(void **state) {
+    (void)state;
+    static const char *const rows[] = {"",
+                                       "fly",
+                                       "info",
+                                       "info a b",
+                                       "verify --fast a",
+                                       "replay --case",
+                                       "export a",
+                                       "export a --csv - --from soon"};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        assert_int_equal(run(rows[i]), 2);
+        assert_true(strlen(output) > 0);
+    }
+    static const char *const helps[] = {"--help",        "--version",     "info --help",
+                                        "verify --help", "replay --help", "export --help"};
+    for (size_t i = 0; i < sizeof helps / sizeof *helps; i++)
+        assert_int_equal(run(helps[i]), 0);
+}
+
+static void what_is_no_trace_is_refused_by_name(void **state) {
+    (void)state;
+    static const char *const rows[] = {"info /dev/null", "verify /nowhere.trace",
+                                       "replay " TRACE_PROGRAM, "export / --csv -"};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        assert_int_equal(run(rows[i]), 1);
+        assert_non_null(strchr(output, '/'));
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(info_tells_whose_session_it_is),
+        cmocka_unit_test(verify_tells_up_to_where_a_file_is_whole),
+        cmocka_unit_test(replay_finds_the_case_that_the_trace_names),
+        cmocka_unit_test(replay_of_a_forged_trace_fails_and_says_where),
+        cmocka_unit_test(export_writes_a_row_for_each_step),
+        cmocka_unit_test(wrong_use_exits_2_and_says_why),
+        cmocka_unit_test(what_is_no_trace_is_refused_by_name),
+    };
+    return cmocka_run_group_tests_name("trace_commands", tests, make_session, remove_session);
+}

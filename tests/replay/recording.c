@@ -1,0 +1,76 @@
+#include "replay/recording.h"
+
+#include "test.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+struct played played;
+char case_dir[96], trace_path[96];
+static char folder[64];
+
+int make_session(void **state) {
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/arthron-replay-XXXXXX");
+    if (!mkdtemp(folder))
+        return -1;
+    snprintf(case_dir, sizeof case_dir, "%s/case", folder);
+    snprintf(trace_path, sizeof trace_path, "%s/a.trace", folder);
+    struct error err = {""};
+    if (played_init(CASES, "arthrosis", case_dir, &played, &err) != RESULT_OK) {
+        print_error("%s\n", err.text);
+        return -1;
+    }
+    return 0;
+}
+
+int remove_session(void **state) {
+    (void)state;
+    char file[128];
+    played_fini(&played);
+    unlink(trace_path);
+    snprintf(file, sizeof file, "%s/case.json", case_dir);
+    unlink(file);
+    snprintf(file, sizeof file, "%s/anatomy.glb", case_dir);
+    unlink(file);
+    rmdir(case_dir);
+    return rmdir(folder);
+}
+
+struct trace_header honest_header(void) {
+    struct trace_header header = {
+        .case_name = "arthrosis",
+        .case_hash = scene_case(played.scene)->hash,
+        .settings = session_settings_default(),
+    };
+    trace_header_set_machine(&header);
+    return header;
+}
+
+struct recorder {
+    struct trace_writer *writer;
+    uint64_t from;                           // the first step that `change` sees
+    void (*change)(struct session_output *); // of what is recorded, or NULL
+};
+
+static void record_step(void *context, const struct session_input *input,
+                        const struct session_output *output) {
+    struct recorder *r = context;
+    struct session_output recorded = *output;
+    if (r->change && output->step >= r->from)
+        r->change(&recorded);
+    assert_true(trace_append(r->writer, input, &recorded));
+}
+
+void record(const struct trace_header *header, uint64_t from,
+            void (*change)(struct session_output *)) {
+    struct session_settings settings = session_settings_default();
+    struct recorder r = {.from = from, .change = change};
+    struct error err = {""};
+    unlink(trace_path);
+    if (trace_writer_create(trace_path, header, &r.writer, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    played_run(&played, &settings, RECORDED_ROWS, record_step, &r);
+    trace_writer_destroy(&r.writer);
+}

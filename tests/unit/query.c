@@ -2,68 +2,13 @@
 
 #include "base/check.h"
 #include "random.h"
+#include "scene/brute.h"
 #include "scene/shapes.h"
 #include "test.h"
 
-#include <float.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-
-// ---- an oracle of another make: long double; the height over the plane where the foot is inside
-// all three sides, else the distance from the line of a side, else from a corner ----
-
-typedef struct wide {
-    long double x, y, z;
-} wide;
-
-static wide wide_sub(vec3 a, vec3 b) {
-    return (wide){(long double)a.x - b.x, (long double)a.y - b.y, (long double)a.z - b.z};
-}
-
-static long double wide_dot(wide a, wide b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static wide wide_cross(wide a, wide b) {
-    return (wide){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-static long double wide_length(wide a) {
-    return sqrtl(wide_dot(a, a));
-}
-
-static long double distance_to_side(vec3 p, vec3 from, vec3 to) {
-    wide side = wide_sub(to, from), off = wide_sub(p, from), back = wide_sub(p, to);
-    if (wide_dot(side, off) <= 0)
-        return wide_length(off);
-    if (wide_dot(side, back) >= 0)
-        return wide_length(back);
-    return wide_length(wide_cross(side, off)) / wide_length(side);
-}
-
-static long double distance_to_triangle(vec3 p, const vec3 corner[3]) {
-    wide normal = wide_cross(wide_sub(corner[1], corner[0]), wide_sub(corner[2], corner[0]));
-    long double area = wide_length(normal), best = INFINITY;
-    bool inside = area > 1e-12L;
-    for (int i = 0; i < 3; i++) {
-        vec3 from = corner[i], to = corner[(i + 1) % 3];
-        best = fminl(best, distance_to_side(p, from, to));
-        wide inward = wide_cross(normal, wide_sub(to, from));
-        inside = inside && wide_dot(inward, wide_sub(p, from)) >= 0;
-    }
-    return inside ? fminl(best, fabsl(wide_dot(normal, wide_sub(p, corner[0]))) / area) : best;
-}
-
-static double oracle_distance(const struct mesh *mesh, vec3 p) {
-    long double best = INFINITY;
-    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
-        vec3 corner[3] = {mesh_corner(mesh, t, 0), mesh_corner(mesh, t, 1),
-                          mesh_corner(mesh, t, 2)};
-        best = fminl(best, distance_to_triangle(p, corner));
-    }
-    return (double)best;
-}
 
 // Every triangle in turn; the search must find exactly this.
 static struct closest closest_of_all(const struct mesh *mesh, vec3 p) {
@@ -134,7 +79,7 @@ static void assert_right(const struct query *query, const struct mesh *mesh, vec
     if (!same_bits(&answer, &best))
         fail_msg("found triangle %u at %.17g, but %u at %.17g", answer.triangle, answer.distance,
                  best.triangle, best.distance);
-    assert_near(answer.distance, oracle_distance(mesh, p), 1e-9);
+    assert_near(answer.distance, brute_distance(mesh, p), 1e-9);
 }
 
 // ---- what is asked ----
@@ -266,7 +211,7 @@ static void ties_go_to_the_lower_triangle(void **state) {
             for (uint32_t t = 0; t < c.triangle; t++) {
                 vec3 corner[3] = {mesh_corner(&grid, t, 0), mesh_corner(&grid, t, 1),
                                   mesh_corner(&grid, t, 2)};
-                assert_true(distance_to_triangle(p, corner) > 3);
+                assert_true(brute_triangle(p, corner) > 3);
             }
         }
         query_destroy(&query);
@@ -339,7 +284,7 @@ static void single_needles_are_answered_rightly(void **state) {
                                   mesh_corner(&soup, t, 2)};
                 closest_on_triangle(&soup, t, p, &c);
                 assert_consistent(&soup, p, &c);
-                assert_near(c.distance, (double)distance_to_triangle(p, corner), 1e-9);
+                assert_near(c.distance, brute_triangle(p, corner), 1e-9);
             }
         }
         mesh_fini(&soup);

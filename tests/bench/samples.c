@@ -1,0 +1,45 @@
+#include "samples.h"
+
+#include "base/check.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+void samples_add(struct samples *samples, double value) {
+    if (samples->count == samples->capacity) {
+        samples->capacity = samples->capacity ? 2 * samples->capacity : 1024;
+        samples->values = alloc_resize(samples->values, samples->capacity, sizeof(double));
+    }
+    samples->values[samples->count++] = value;
+}
+
+void samples_fini(struct samples *samples) {
+    free(samples->values);
+    *samples = (struct samples){0};
+}
+
+double samples_mean(const struct samples *samples) {
+    double sum = 0;
+    for (size_t i = 0; i < samples->count; i++)
+        sum += samples->values[i];
+    return samples->count ? sum / (double)samples->count : NAN;
+}
+
+double samples_max(const struct samples *samples) {
+    double largest = samples->count ? samples->values[0] : NAN;
+    for (size_t i = 1; i < samples->count; i++)
+        largest = fmax(largest, samples->values[i]);
+    return largest;
+}
+
+static int compare(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+double samples_quantile(struct samples *samples, double share) {
+    if (!samples->count)
+        return NAN;
+    qsort(samples->values, samples->count, sizeof(double), compare);
+    return samples->values[(size_t)(share * (double)(samples->count - 1))];
+}

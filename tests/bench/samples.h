@@ -1,0 +1,19 @@
+// Samples of one figure, and their order statistics.
+#pragma once
+
+#include <stddef.h>
+
+// Zero-initialise; release with samples_fini.
+struct samples {
+    double *values;
+    size_t count, capacity;
+};
+
+void samples_add(struct samples *samples, double value);
+void samples_fini(struct samples *samples);
+
+double samples_mean(const struct samples *samples); // NaN where there is none, as the next ones
+double samples_max(const struct samples *samples);
+
+// The share-th value from below, 0.5 the median. Sorts the samples.
+double samples_quantile(struct samples *samples, double share);

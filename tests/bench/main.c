@@ -12,6 +12,7 @@ static const struct bench {
     bench_run *run;
 } benches[] = {
     {"touch", "touch error of each field on cases (--case)", bench_touch},
+    {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},
     {"warp", "time of one warp, and exactness of closest points", bench_warp},
 };
 

@@ -98,6 +98,18 @@ static double measure_size(const struct warp_scene *scene, const char *size, int
     return result;
 }
 
+static double surfaces_in_reach(const struct bodies *bodies, double reach_mm) {
+    const int points = 1000;
+    int found = 0;
+    for (int i = 0; i < points; i++)
+        for (int k = 0; k < bodies->count; k++) {
+            struct closest c;
+            found +=
+                query_closest(bodies->queries[k], place(false, 2 * i), reach_mm, MESH_NONE, &c);
+        }
+    return (double)found / points;
+}
+
 static double largest_error(const struct bodies *bodies, int points) {
     struct random r = {2};
     double largest = 0;
@@ -124,6 +136,8 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
         bodies_knee(&bodies, sizes[i].n);
         struct warp_scene scene = {bodies.surfaces, bodies.count, B, NULL};
         double us = measure_size(&scene, sizes[i].name, options->quick ? 4000 : 40000, report);
+        report_figure(report, surfaces_in_reach(&bodies, 12), "surfaces",
+                      "%s/near/within 12 mm of the tip, of %d", sizes[i].name, bodies.count);
         if (!strcmp(sizes[i].name, "20k"))
             report_mark(report, "warp_tip_us_20k", us, "us", 10, BETTER_LOW);
         int points = (options->quick ? 40000 : 400000) / (sizes[i].n * sizes[i].n) + 4;

@@ -73,5 +73,5 @@ void bodies_knee(struct bodies *out, int n) {
 }
 
 vec3 bodies_knee_path(double t) {
-    return (vec3){28 * sin(t / 31), 4 + 30 * sin(t / 47 + 1), 2 + 9 * sin(t / 23 + 2)};
+    return (vec3){30 * sin(t / 31), 3 + 17 * sin(t / 47 + 1), 4 * sin(t / 23 + 2)};
 }

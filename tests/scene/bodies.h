@@ -26,6 +26,6 @@ void bodies_walls(struct bodies *out, double gap_mm, double rise_mm);
 // menisci, patella, each of about 8 n² triangles, displaced by up to 3 mm; bodies 0, 1, 1, 1, 2.
 void bodies_knee(struct bodies *out, int n);
 
-// A tip that wanders between them, along which `t` counts millimetres: within 8 mm of some surface
-// most of the time.
+// A tip that wanders between femur, tibia and menisci and now and then into them; t counts
+// millimetres along its way, roughly.
 vec3 bodies_knee_path(double t);

@@ -298,7 +298,8 @@ static enum result note_issued(const char *dir, const X509 *certificate, const c
 struct enrolment {
     const char *dir;
     struct code code;
-    EVP_PKEY *key; // the station's
+    EVP_PKEY *key;                    // the station's
+    char name[CERTIFICATE_NAME_SIZE]; // as the station asks for
     struct issuer authority;
     struct records codes;
     X509 *certificate;
@@ -315,6 +316,8 @@ static enum result use_code(struct enrolment *e, struct error *err) {
     if (index < 0)
         return fail(err, RESULT_REFUSED, "the code is not known here, used already or too old");
     const char *station = e->codes.items[index].station;
+    if (strcmp(e->name, station))
+        return fail(err, RESULT_REFUSED, "the code was made for another station than %s", e->name);
     e->certificate = certificate_make(CERTIFICATE_STATION, station, NULL, e->key, &e->authority);
     result = note_issued(e->dir, e->certificate, station, err);
     records_remove(&e->codes, index);
@@ -343,7 +346,7 @@ enum result authority_enrol(const char *dir, const char *code, const uint8_t *re
     enum result result = code_read(code, &e.code, err);
     if (result != RESULT_OK)
         return result;
-    e.key = certificate_request_key(request_der, request_size);
+    e.key = certificate_request_key(request_der, request_size, e.name);
     if (!e.key)
         return fail(err, RESULT_FORMAT,
                     "the request is not PKCS #10, signed, with an EC key on P-256");

@@ -85,11 +85,16 @@ static bool is_p256(const EVP_PKEY *key) {
            !strcmp(group, SN_X9_62_prime256v1);
 }
 
-EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size) {
+EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size,
+                                  char out_name[CERTIFICATE_NAME_SIZE]) {
     const unsigned char *next = request_der;
     X509_REQ *request = d2i_X509_REQ(NULL, &next, (long)size);
     bool whole = request && next == request_der + size;
     EVP_PKEY *key = whole ? X509_REQ_get_pubkey(request) : NULL;
+    out_name[0] = '\0';
+    if (whole)
+        X509_NAME_get_text_by_NID(X509_REQ_get_subject_name(request), NID_commonName, out_name,
+                                  CERTIFICATE_NAME_SIZE);
     if (!is_p256(key) || X509_REQ_verify(request, key) != 1) {
         EVP_PKEY_free(key);
         key = NULL;

@@ -25,8 +25,12 @@ EVP_PKEY *certificate_key(void);
 X509 *certificate_make(enum certificate_use use, const char *common_name,
                        const char *alternative_names, EVP_PKEY *key, const struct issuer *issuer);
 
-// The key of a PKCS #10 request that is well-formed, signed by that key, and EC P-256. Else NULL.
-EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size);
+#define CERTIFICATE_NAME_SIZE 64
+
+// The key of a PKCS #10 request that is well-formed, signed by that key, and EC P-256, and the
+// common name that it asks for (empty where it names none). Else NULL.
+EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size,
+                                  char out_name[CERTIFICATE_NAME_SIZE]);
 
 #define CERTIFICATE_SERIAL_SIZE 48
 void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]);

@@ -100,11 +100,18 @@ static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
         log_warning("link", "the server refuses: %s", refusal->text);
 }
 
+// Called when either of the two has changed.
+static void update_ready(struct link *link) {
+    atomic_store(&link->ready, link->status.clock_known && link->line.session_open);
+}
+
 static void hear_change(struct link *link, const arthron_SessionChange *change) {
+    link->line.session_open = change->state != arthron_SessionState_CLOSED;
     pthread_mutex_lock(&link->lock);
     link->status.state = (arthron_SessionState)change->state;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
     pthread_mutex_unlock(&link->lock);
+    update_ready(link);
 }
 
 static void hear_ping(struct link *link, const arthron_Ping *ping, int64_t received_ns) {
@@ -132,7 +139,7 @@ static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t recei
     link->status.clock_offset_ns = offset_ns;
     link->status.clock_uncertainty_ns = uncertainty_ns;
     pthread_mutex_unlock(&link->lock);
-    atomic_store(&link->ready, true);
+    update_ready(link);
 }
 
 static int hear_keys(struct link *link, const arthron_UdpKeys *keys) {
@@ -275,6 +282,7 @@ static void connected(struct link *link, struct lws *socket) {
     line->used = 0;
     line->heard_ns = clock_now_ns();
     line->welcomed = false;
+    line->session_open = false;
     say_hello(link);
 }
 

@@ -43,6 +43,7 @@ struct line {
     struct ring *queue; // of struct outgoing: Hello, pings and answers
     struct clock_offset clock;
     bool welcomed;
+    bool session_open; // the server said that it takes frames
     int pings;
     int64_t heard_ns; // the last Pong
     size_t used;      // of incoming
@@ -70,7 +71,7 @@ struct link {
     struct ring *frames;   // caller to line: struct outgoing
     struct ring *arrivals; // line to caller: struct arrival
     int arrival_fd;        // eventfd, signalled behind each arrival
-    atomic_bool ready;     // welcomed, and the clock is known
+    atomic_bool ready;     // the clock is known and the session is open: frames may go
     atomic_int path;       // enum link_path while ready
     atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
     pthread_mutex_t lock;

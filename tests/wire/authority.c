@@ -81,11 +81,11 @@ struct request {
     int size;
 };
 
-static struct request make_request(EVP_PKEY *key) {
+static struct request make_request(EVP_PKEY *key, const char *name) {
     struct request request = {.key = key};
     X509_REQ *r = X509_REQ_new();
     X509_NAME_add_entry_by_txt(X509_REQ_get_subject_name(r), "CN", MBSTRING_UTF8,
-                               (const unsigned char *)"somebody-else", -1, -1, 0);
+                               (const unsigned char *)name, -1, -1, 0);
     X509_REQ_set_pubkey(r, key);
     assert_true(X509_REQ_sign(r, key, EVP_sha256()) > 0);
     request.size = i2d_X509_REQ(r, &request.der);
@@ -130,7 +130,7 @@ static void serial_of(X509 *certificate, char out[64]) {
 static X509 *enrol_station(const char *name) {
     char code[AUTHORITY_CODE_MAX];
     struct answer answer;
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), name);
     assert_int_equal(authority_issue_code(dir, name, code, NULL), RESULT_OK);
     assert_int_equal(enrol(code, &request, &answer), RESULT_OK);
     release_request(&request);
@@ -266,7 +266,7 @@ static void a_code_works_once(void **state) {
     (void)state;
     char code[AUTHORITY_CODE_MAX];
     struct answer answer;
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
     assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
     assert_int_equal(enrol(code, &request, &answer), RESULT_OK);
     X509 *station = enrolled_certificate(&answer);
@@ -282,7 +282,7 @@ static void a_code_carries_the_fingerprint_of_its_authority(void **state) {
     struct answer answer;
     struct code code;
     uint8_t fingerprint[CODE_FINGERPRINT_SIZE], whole[32];
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
     assert_int_equal(authority_issue_code(dir, "station-1", text, NULL), RESULT_OK);
     assert_int_equal(code_read(text, &code, NULL), RESULT_OK);
     assert_int_equal(enrol(text, &request, &answer), RESULT_OK);
@@ -314,7 +314,7 @@ static void a_code_lives_fifteen_minutes(void **state) {
     char code[AUTHORITY_CODE_MAX], file[4096], key[80], text[4096];
     long long ends;
     struct answer answer;
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
     assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
     read_file("codes", file, sizeof file);
     assert_int_equal(sscanf(file, "%79s %lld", key, &ends), 2);
@@ -333,13 +333,31 @@ static void a_new_code_voids_the_one_before_but_not_another_stations(void **stat
     (void)state;
     char first[AUTHORITY_CODE_MAX], second[AUTHORITY_CODE_MAX], other[AUTHORITY_CODE_MAX];
     struct answer answer;
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
+    struct request neighbour = make_request(EVP_EC_gen("P-256"), "station-2");
     assert_int_equal(authority_issue_code(dir, "station-1", first, NULL), RESULT_OK);
     assert_int_equal(authority_issue_code(dir, "station-2", other, NULL), RESULT_OK);
     assert_int_equal(authority_issue_code(dir, "station-1", second, NULL), RESULT_OK);
     assert_int_equal(enrol(first, &request, &answer), RESULT_REFUSED);
-    assert_int_equal(enrol(other, &request, &answer), RESULT_OK);
+    assert_int_equal(enrol(other, &neighbour, &answer), RESULT_OK);
     assert_int_equal(enrol(second, &request, &answer), RESULT_OK);
+    release_request(&neighbour);
+    release_request(&request);
+}
+
+static void a_code_is_good_for_one_name_alone(void **state) {
+    (void)state;
+    char code[AUTHORITY_CODE_MAX];
+    struct answer answer;
+    static const char *const others[] = {"station-2", "station-", "station-11", ""};
+    struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
+    assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
+    for (int i = 0; i < 4; i++) {
+        struct request other = make_request(EVP_EC_gen("P-256"), others[i]);
+        assert_int_equal(enrol(code, &other, &answer), RESULT_REFUSED);
+        release_request(&other);
+    }
+    assert_int_equal(enrol(code, &request, &answer), RESULT_OK);
     release_request(&request);
 }
 
@@ -363,7 +381,7 @@ static void of_many_who_come_at_once_one_gets_a_certificate(void **state) {
     enum { RIVALS = 8 };
     for (int round = 0; round < 10; round++) {
         char code[AUTHORITY_CODE_MAX];
-        struct request request = make_request(EVP_EC_gen("P-256"));
+        struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
         pthread_t threads[RIVALS];
         struct rival rivals[RIVALS];
         pthread_barrier_t start;
@@ -389,7 +407,7 @@ static void a_bad_request_is_refused_and_leaves_the_code_good(void **state) {
     (void)state;
     char code[AUTHORITY_CODE_MAX];
     struct answer answer;
-    struct request good = make_request(EVP_EC_gen("P-256"));
+    struct request good = make_request(EVP_EC_gen("P-256"), "station-1");
     assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
     for (int size = 0; size < good.size; size++) {
         // A copy of just this size, so that reading past it is found out.
@@ -409,7 +427,7 @@ static void a_bad_request_is_refused_and_leaves_the_code_good(void **state) {
                      RESULT_FORMAT);
     EVP_PKEY *others[] = {EVP_EC_gen("P-384"), EVP_RSA_gen(2048)};
     for (int i = 0; i < 2; i++) {
-        struct request other = make_request(others[i]);
+        struct request other = make_request(others[i], "station-1");
         assert_int_equal(enrol(code, &other, &answer), RESULT_FORMAT);
         release_request(&other);
     }
@@ -521,7 +539,7 @@ static void revoking_voids_an_open_code_too(void **state) {
     (void)state;
     char code[AUTHORITY_CODE_MAX];
     struct answer answer;
-    struct request request = make_request(EVP_EC_gen("P-256"));
+    struct request request = make_request(EVP_EC_gen("P-256"), "a");
     X509_free(enrol_station("a"));
     assert_int_equal(authority_issue_code(dir, "a", code, NULL), RESULT_OK);
     assert_int_equal(authority_revoke(dir, "a", NULL), RESULT_OK);
@@ -566,6 +584,7 @@ int main(void) {
         with_authority(a_second_authority_in_one_folder_is_refused),
         cmocka_unit_test(hosts_that_are_none_are_refused),
         with_authority(a_code_works_once),
+        with_authority(a_code_is_good_for_one_name_alone),
         with_authority(a_code_carries_the_fingerprint_of_its_authority),
         with_authority(the_secret_is_not_on_disk),
         with_authority(a_code_lives_fifteen_minutes),

@@ -5,8 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- making
-// -----------------------------------------------------------------------------------------
+// ---- making ----
 
 static double inverse(double value) {
     return value > 0 ? 1 / value : 0;
@@ -144,8 +143,7 @@ struct cluster *clusters_create(const struct mesh *mesh, uint32_t *out_count) {
     return clusters;
 }
 
-// ---- measuring
-// --------------------------------------------------------------------------------------
+// ---- measuring ----
 
 static inline lanes spread(float value) {
     return (lanes){value, value, value, value};

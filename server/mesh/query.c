@@ -17,8 +17,7 @@ struct query {
     RTCScene scene;
 };
 
-// ---- building
-// ---------------------------------------------------------------------------------------
+// ---- building ----
 
 static RTCDevice device;
 static pthread_once_t device_once = PTHREAD_ONCE_INIT;
@@ -89,8 +88,7 @@ void query_destroy(struct query **query) {
     *query = NULL;
 }
 
-// ---- asking
-// -----------------------------------------------------------------------------------------
+// ---- asking ----
 
 struct search {
     const struct query *query;

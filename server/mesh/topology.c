@@ -34,8 +34,7 @@ static struct side *sorted_sides(const struct mesh *mesh) {
     return sides;
 }
 
-// ---- union of sets, by path halving
-// ---------------------------------------------------------------
+// ---- union of sets, by path halving ----
 
 static uint32_t *singletons(uint32_t count) {
     uint32_t *parent = alloc(count, sizeof *parent);
@@ -54,8 +53,7 @@ static void join(uint32_t *parent, uint32_t a, uint32_t b) {
     parent[find(parent, a)] = find(parent, b);
 }
 
-// ---- edges
-// ------------------------------------------------------------------------------------------
+// ---- edges ----
 
 static size_t end_of_edge(const struct side *sides, size_t start, size_t count) {
     size_t end = start + 1;
@@ -95,8 +93,7 @@ static uint32_t count_edges(const struct mesh *mesh, uint32_t *fans, struct topo
     return edges;
 }
 
-// ---- vertices
-// ---------------------------------------------------------------------------------------
+// ---- vertices ----
 
 // A vertex with more than one fan of corners is a point where sheets touch.
 static void count_fans(const struct mesh *mesh, uint32_t *fans, struct topology *out) {

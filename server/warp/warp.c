@@ -37,8 +37,7 @@ void warp_memory_init(struct warp_memory *memory) {
         memory->triangle[i] = MESH_NONE;
 }
 
-// ---- one surface
-// ------------------------------------------------------------------------------------
+// ---- one surface ----
 
 static vec3 displacement_of(const struct warp_surface *surface, uint32_t vertex) {
     const float *d = surface->displacement + 3 * (size_t)vertex;
@@ -137,8 +136,7 @@ static bool touch_surface(const struct warp_scene *scene, int index, vec3 y, dou
     return true;
 }
 
-// ---- weights
-// ----------------------------------------------------------------------------------------
+// ---- weights ----
 
 struct weight {
     double value;
@@ -167,8 +165,7 @@ static struct weight weigh(const struct field *field, const struct contact *c,
     return field->kind == FIELD_GAUSSIAN ? gaussian(field, c, nearest) : inverse_distance(field, c);
 }
 
-// ---- the blend
-// --------------------------------------------------------------------------------------
+// ---- the blend ----
 
 // W = Σ ω Δ / S; ∇W = (1/S) Σ (ω G + (Δ − W) ∇ωᵀ)
 static void blend(const struct field *field, const struct contact *contacts, int count,

@@ -32,7 +32,7 @@ static const char help[] =
 
 struct arguments {
     const char *config, *name, *keys;
-    struct station_override overrides[OVERRIDES_MAX];
+    struct setting_override overrides[OVERRIDES_MAX];
     int override_count;
     struct loop_options loop;
 };
@@ -42,19 +42,6 @@ static volatile sig_atomic_t stop;
 static void on_signal(int signal_number) {
     (void)signal_number;
     stop = 1;
-}
-
-static bool split_override(char *text, struct station_override *out) {
-    char *equals = strchr(text, '=');
-    if (!equals)
-        return false;
-    *equals = '\0';
-    char *dot = strchr(text, '.');
-    if (!dot || dot == text || !dot[1])
-        return false;
-    *dot = '\0';
-    *out = (struct station_override){text, dot + 1, equals + 1};
-    return true;
 }
 
 // 'h', 'V': shown, end with 0; '?': wrong; 0: go on.
@@ -80,7 +67,7 @@ static int parse(int argc, char **argv, struct arguments *out) {
             break;
         case 's':
             good = out->override_count < OVERRIDES_MAX &&
-                   split_override(optarg, &out->overrides[out->override_count++]);
+                   setting_split(optarg, &out->overrides[out->override_count++]);
             break;
         case 't':
             good = number_double(optarg, 0.001, 1e9, &out->loop.seconds);

@@ -21,20 +21,6 @@ static const char help[] =
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
 
-// "section.key=value", cut in place. The key has no dot; a section may.
-static bool split_override(char *text, struct config_override *out) {
-    char *equals = strchr(text, '=');
-    if (!equals)
-        return false;
-    *equals = '\0';
-    char *dot = strrchr(text, '.');
-    if (!dot || dot == text || !dot[1])
-        return false;
-    *dot = '\0';
-    *out = (struct config_override){text, dot + 1, equals + 1};
-    return true;
-}
-
 static int wait_for_end(const struct hub_config *config, const sigset_t *ends) {
     struct hub *hub;
     struct error err;
@@ -50,7 +36,7 @@ static int wait_for_end(const struct hub_config *config, const sigset_t *ends) {
     return 0;
 }
 
-static int serve(const char *path, const struct config_override *overrides, int override_count) {
+static int serve(const char *path, const struct setting_override *overrides, int override_count) {
     static struct hub_config config;
     struct error err;
     if (config_load(path, overrides, override_count, &config, &err) != RESULT_OK) {
@@ -75,7 +61,7 @@ int command_run(int argc, char **argv) {
         {0},
     };
     const char *path = NULL;
-    struct config_override overrides[OVERRIDES_MAX];
+    struct setting_override overrides[OVERRIDES_MAX];
     int override_count = 0;
     for (int o; (o = getopt_long(argc, argv, "c:s:v", options, NULL)) != -1;) {
         if (o == 'h') {
@@ -86,7 +72,7 @@ int command_run(int argc, char **argv) {
         } else if (o == 'v') {
             log_set_level(LOG_DEBUG);
         } else if (o != 's' || override_count == OVERRIDES_MAX ||
-                   !split_override(optarg, &overrides[override_count++])) {
+                   !setting_split(optarg, &overrides[override_count++])) {
             fputs(help, stderr);
             return 2;
         }

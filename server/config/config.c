@@ -3,32 +3,19 @@
 #include "base/clock.h"
 #include "base/number.h"
 
-#include <ini.h>
-#include <libgen.h>
 #include <limits.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 struct reading {
-    const char *path;
     char dir[PATH_MAX];
     struct hub_config *config;
-    struct error *err;
-    enum result result;
 };
 
 // ---- values
 // -----------------------------------------------------------------------------------------
 
-static bool take_text(const char *value, char *out, size_t size) {
-    return *value && (size_t)snprintf(out, size, "%s", value) < size;
-}
-
-static bool take_path(const struct reading *r, const char *value, char *out) {
-    if (*value == '/')
-        return take_text(value, out, HUB_PATH_MAX);
-    return *value && snprintf(out, HUB_PATH_MAX, "%s/%s", r->dir, value) < HUB_PATH_MAX;
+static bool take_path(const struct reading *r, const char *value, char out[HUB_PATH_MAX]) {
+    return setting_path(r->dir, value, out, HUB_PATH_MAX);
 }
 
 static bool take_int(const char *value, int low, int high, int *out) {
@@ -44,7 +31,7 @@ static bool take_int(const char *value, int low, int high, int *out) {
 static bool take_server_key(struct reading *r, const char *key, const char *value) {
     struct hub_config *c = r->config;
     if (!strcmp(key, "address"))
-        return take_text(value, c->address, sizeof c->address);
+        return setting_text(value, c->address, sizeof c->address);
     if (!strcmp(key, "port"))
         return take_int(value, 1, 65535, &c->port);
     if (!strcmp(key, "udp_port"))
@@ -86,7 +73,7 @@ static struct hub_case *case_entry(struct hub_config *c, const char *name) {
         if (!strcmp(c->cases[i].name, name))
             return &c->cases[i];
     if (c->case_count == HUB_CASES_MAX ||
-        !take_text(name, c->cases[c->case_count].name, sizeof c->cases[0].name))
+        !setting_text(name, c->cases[c->case_count].name, sizeof c->cases[0].name))
         return NULL;
     return &c->cases[c->case_count++];
 }
@@ -101,7 +88,7 @@ static struct hub_station *station_entry(struct hub_config *c, const char *name)
         if (!strcmp(c->stations[i].name, name))
             return &c->stations[i];
     if (c->station_count == HUB_STATIONS_MAX ||
-        !take_text(name, c->stations[c->station_count].name, sizeof c->stations[0].name))
+        !setting_text(name, c->stations[c->station_count].name, sizeof c->stations[0].name))
         return NULL;
     return &c->stations[c->station_count++];
 }
@@ -112,16 +99,17 @@ static bool take_station_key(struct reading *r, const char *name, const char *ke
     if (!station)
         return false;
     if (!strcmp(key, "case"))
-        return take_text(value, station->case_name, sizeof station->case_name);
+        return setting_text(value, station->case_name, sizeof station->case_name);
     if (!strcmp(key, "trainee"))
-        return take_text(value, station->trainee, sizeof station->trainee);
+        return setting_text(value, station->trainee, sizeof station->trainee);
     if (strcmp(key, "start") || (strcmp(value, "auto") && strcmp(value, "command")))
         return false;
     station->start_by_command = !strcmp(value, "command");
     return true;
 }
 
-static bool take_key(struct reading *r, const char *section, const char *key, const char *value) {
+static bool take_key(void *user, const char *section, const char *key, const char *value) {
+    struct reading *r = user;
     if (!strcmp(section, "server"))
         return take_server_key(r, key, value);
     if (!strcmp(section, "warp"))
@@ -136,27 +124,15 @@ static bool take_key(struct reading *r, const char *section, const char *key, co
 // ---- file
 // -------------------------------------------------------------------------------------------
 
-static int handle_line(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
-    if (take_key(r, section, key, value))
-        return 1;
-    if (r->result == RESULT_OK)
-        r->result =
-            fail(r->err, RESULT_INVALID, "[%s] %s = %s: no such key, or a value out of its range",
-                 section, key, value);
-    return 0;
-}
-
-static enum result complete(const struct reading *r) {
-    const struct hub_config *c = r->config;
+static enum result complete(const struct hub_config *c, struct error *err) {
     if (!c->keys_dir[0] || !c->traces_dir[0] || !c->socket[0])
-        return fail(r->err, RESULT_MISSING, "[server] needs keys, traces and socket");
+        return fail(err, RESULT_MISSING, "[server] needs keys, traces and socket");
     for (int i = 0; i < c->case_count; i++)
         if (!c->cases[i].dir[0])
-            return fail(r->err, RESULT_MISSING, "[case %s] needs dir", c->cases[i].name);
+            return fail(err, RESULT_MISSING, "[case %s] needs dir", c->cases[i].name);
     for (int i = 0; i < c->station_count; i++)
         if (!c->stations[i].case_name[0])
-            return fail(r->err, RESULT_MISSING, "[station %s] needs case", c->stations[i].name);
+            return fail(err, RESULT_MISSING, "[station %s] needs case", c->stations[i].name);
     return RESULT_OK;
 }
 
@@ -168,30 +144,14 @@ static void set_defaults(struct hub_config *config) {
     config->settings = session_settings_default();
 }
 
-static enum result read_all(struct reading *r, const struct config_override *overrides,
-                            int override_count) {
-    int line = ini_parse(r->path, handle_line, r);
-    if (line < 0)
-        return fail(r->err, RESULT_MISSING, "cannot be read");
-    if (r->result != RESULT_OK)
-        return fail_in(r->err, r->result, "line %d: ", line);
-    if (line > 0)
-        return fail(r->err, RESULT_FORMAT, "line %d is neither [section] nor key = value", line);
-    for (int i = 0; i < override_count; i++)
-        if (!handle_line(r, overrides[i].section, overrides[i].key, overrides[i].value))
-            return fail_in(r->err, r->result, "--set: ");
-    return complete(r);
-}
-
-enum result config_load(const char *path, const struct config_override *overrides,
+enum result config_load(const char *path, const struct setting_override *overrides,
                         int override_count, struct hub_config *out_config, struct error *err) {
-    struct reading r = {.path = path, .config = out_config, .err = err};
-    char copy[PATH_MAX];
-    snprintf(copy, sizeof copy, "%s", path);
-    const char *dir = dirname(copy);
-    if (!realpath(dir, r.dir)) // traces name their case for good, from wherever they are read
-        snprintf(r.dir, sizeof r.dir, "%s", dir);
+    struct reading r = {.config = out_config};
+    settings_folder(path, r.dir, sizeof r.dir);
     set_defaults(out_config);
-    enum result result = read_all(&r, overrides, override_count);
+    enum result result = settings_read(path, overrides, override_count, take_key, &r, err);
+    if (result != RESULT_OK)
+        return result;
+    result = complete(out_config, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }

@@ -9,12 +9,9 @@
 #pragma once
 
 #include "hub/hub.h"
-
-struct config_override {
-    const char *section, *key, *value; // --set section.key=value
-};
+#include "settings/settings.h"
 
 // Paths in the file are relative to the file's folder. The error names file and line, section and
 // key: an unknown one, a value out of range, a station whose case is missing.
-enum result config_load(const char *path, const struct config_override *overrides,
+enum result config_load(const char *path, const struct setting_override *overrides,
                         int override_count, struct hub_config *out_config, struct error *err);

@@ -5,18 +5,6 @@
 
 #include <xxhash.h>
 
-static void write_vec3(struct writer *w, vec3 v) {
-    write_f64(w, v.x);
-    write_f64(w, v.y);
-    write_f64(w, v.z);
-}
-
-static void write_pose(struct writer *w, pose p) {
-    write_f64(w, p.rotation.w);
-    write_vec3(w, (vec3){p.rotation.x, p.rotation.y, p.rotation.z});
-    write_vec3(w, p.translation);
-}
-
 static void write_instrument(struct writer *w, const struct instrument_output *o) {
     write_u8(w, o->present);
     if (!o->present)

@@ -34,29 +34,6 @@ static bool time_is_sane(int64_t time_ns) {
 
 // ---- what both ends have in common, one pair for each type
 
-static void write_vec3(struct writer *w, vec3 v) {
-    write_f64(w, v.x);
-    write_f64(w, v.y);
-    write_f64(w, v.z);
-}
-
-static vec3 read_vec3(struct reader *r) {
-    double x = read_f64(r), y = read_f64(r);
-    return (vec3){x, y, read_f64(r)};
-}
-
-static void write_pose(struct writer *w, pose p) {
-    write_f64(w, p.rotation.w);
-    write_vec3(w, (vec3){p.rotation.x, p.rotation.y, p.rotation.z});
-    write_vec3(w, p.translation);
-}
-
-static pose read_pose(struct reader *r) {
-    double scalar = read_f64(r);
-    vec3 v = read_vec3(r);
-    return (pose){{scalar, v.x, v.y, v.z}, read_vec3(r)};
-}
-
 static void write_joint(struct writer *w, const struct joint_angles *a) {
     write_vec3(w, (vec3){a->flexion_deg, a->varus_deg, a->internal_deg});
     write_vec3(w, (vec3){a->shift_mm, a->drawer_mm, a->distraction_mm});

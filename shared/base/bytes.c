@@ -44,6 +44,18 @@ void write_f64(struct writer *w, double value) {
     write_u64(w, bits);
 }
 
+void write_vec3(struct writer *w, vec3 v) {
+    write_f64(w, v.x);
+    write_f64(w, v.y);
+    write_f64(w, v.z);
+}
+
+void write_pose(struct writer *w, pose p) {
+    write_f64(w, p.rotation.w);
+    write_vec3(w, (vec3){p.rotation.x, p.rotation.y, p.rotation.z});
+    write_vec3(w, p.translation);
+}
+
 void write_bytes(struct writer *w, const void *bytes, size_t size) {
     uint8_t *at = room_for(w, size);
     if (at && size)
@@ -99,6 +111,17 @@ double read_f64(struct reader *r) {
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
+}
+
+vec3 read_vec3(struct reader *r) {
+    double x = read_f64(r), y = read_f64(r);
+    return (vec3){x, y, read_f64(r)};
+}
+
+pose read_pose(struct reader *r) {
+    double w = read_f64(r);
+    vec3 v = read_vec3(r);
+    return (pose){{w, v.x, v.y, v.z}, read_vec3(r)};
 }
 
 void read_text(struct reader *r, char *out_text, size_t out_size) {

@@ -2,6 +2,8 @@
 // of every binary file of ours is a sequence of these calls.
 #pragma once
 
+#include "base/pose.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -18,6 +20,8 @@ void write_u32(struct writer *w, uint32_t value);
 void write_u64(struct writer *w, uint64_t value);
 void write_i64(struct writer *w, int64_t value);
 void write_f64(struct writer *w, double value); // bit for bit, NaN too
+void write_vec3(struct writer *w, vec3 v);
+void write_pose(struct writer *w, pose p); // rotation w, x, y, z, then translation
 void write_bytes(struct writer *w, const void *bytes, size_t size);
 void write_text(struct writer *w, const char *text); // u16 length, bytes
 
@@ -33,5 +37,7 @@ uint32_t read_u32(struct reader *r);
 uint64_t read_u64(struct reader *r);
 int64_t read_i64(struct reader *r);
 double read_f64(struct reader *r);
+vec3 read_vec3(struct reader *r);
+pose read_pose(struct reader *r);
 const uint8_t *read_bytes(struct reader *r, size_t size);          // NULL where missing
 void read_text(struct reader *r, char *out_text, size_t out_size); // too long: underflow

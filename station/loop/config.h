@@ -6,6 +6,7 @@
 
 #include "base/result.h"
 #include "device/device.h"
+#include "settings/settings.h"
 
 #define STATION_DEVICES_MAX 16
 #define STATION_OPTIONS_MAX 64 // of one device
@@ -26,13 +27,9 @@ struct station_config {
     struct station_device devices[STATION_DEVICES_MAX];
 };
 
-struct station_override {
-    const char *section, *key, *value; // --set section.key=value
-};
-
 // Paths in the file are relative to the file's folder. The error names file, line, section and key.
 // A device's own keys are checked when the device is made. The caller releases it.
-enum result station_config_load(const char *path, const struct station_override *overrides,
+enum result station_config_load(const char *path, const struct setting_override *overrides,
                                 int override_count, struct station_config **out_config,
                                 struct error *err);
 void station_config_destroy(struct station_config **config);

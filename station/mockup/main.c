@@ -4,7 +4,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/number.h"
-#include "device/socket.h"
 #include "slave.h"
 #include "tracker_server.h"
 
@@ -32,8 +31,7 @@ static const char help[] =
     "  --rate HZ                tracker frames a second, interpolated (each row at its own time)\n"
     "  --T-tracker-mockup POSE  where the mock-up stands before the tracker\n"
     "  --T-tool-tip NAME=POSE   where a tool's tip is in the tool\n"
-    "  --silent WHO:FROM:FOR    WHO (modbus or tracker) says nothing from FROM s on, for FOR s\n"
-    "  --late-modbus MS:EVERY   every EVERYth Modbus reply comes MS late\n"
+    "  --faults FILE            what goes wrong, and when (station/mockup/README.md)\n"
     "  --help, --version\n"
     "\n"
     "POSE is \"x y z qw qx qy qz\" in mm. PORT 0 takes a free one. Each line on stdout is ready "
@@ -42,10 +40,11 @@ static const char help[] =
 
 struct mockup {
     struct player player;
+    struct faults faults;
     atomic_bool stop;
     struct slave tcp, rtu;
     struct tracker_server tracker;
-    const char *motion, *recording, *tcp_address, *rtu_path, *tracker_address;
+    const char *motion, *recording, *tcp_address, *rtu_path, *tracker_address, *faults_path;
     enum channel tool;
     int thread_count;
     pthread_t threads[3];
@@ -84,31 +83,6 @@ static bool parse_tip(struct mockup *m, const char *text) {
            number_pose(equals + 1, &m->tracker.T_tool_tip[channel]);
 }
 
-static bool parse_silence(struct mockup *m, const char *text) {
-    char who[16], rest;
-    struct silence silence;
-    if (sscanf(text, "%15[a-z]:%lf:%lf%c", who, &silence.from_s, &silence.for_s, &rest) != 3 ||
-        !(silence.from_s >= 0) || !(silence.for_s >= 0))
-        return false;
-    if (!strcmp(who, "tracker"))
-        m->tracker.silence = silence;
-    else if (!strcmp(who, "modbus"))
-        m->tcp.silence = m->rtu.silence = silence;
-    else
-        return false;
-    return true;
-}
-
-static bool parse_late(struct mockup *m, const char *text) {
-    int ms, every;
-    char rest;
-    if (sscanf(text, "%d:%d%c", &ms, &every, &rest) != 2 || ms < 0 || ms > 10000 || every < 1)
-        return false;
-    m->tcp.late_ms = m->rtu.late_ms = ms;
-    m->tcp.late_every = m->rtu.late_every = every;
-    return true;
-}
-
 enum option_code {
     MOTION = 256,
     RECORDING,
@@ -123,8 +97,7 @@ enum option_code {
     RATE,
     T_TRACKER_MOCKUP,
     T_TOOL_TIP,
-    SILENT,
-    LATE_MODBUS,
+    FAULTS,
     HELP,
     VERSION
 };
@@ -143,8 +116,7 @@ static const struct option options[] = {
     {"rate", required_argument, NULL, RATE},
     {"T-tracker-mockup", required_argument, NULL, T_TRACKER_MOCKUP},
     {"T-tool-tip", required_argument, NULL, T_TOOL_TIP},
-    {"silent", required_argument, NULL, SILENT},
-    {"late-modbus", required_argument, NULL, LATE_MODBUS},
+    {"faults", required_argument, NULL, FAULTS},
     {"help", no_argument, NULL, HELP},
     {"version", no_argument, NULL, VERSION},
     {NULL, 0, NULL, 0},
@@ -185,10 +157,9 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         return number_pose(text, &m->tracker.T_tracker_mockup);
     case T_TOOL_TIP:
         return parse_tip(m, text);
-    case SILENT:
-        return parse_silence(m, text);
-    case LATE_MODBUS:
-        return parse_late(m, text);
+    case FAULTS:
+        m->faults_path = text;
+        return true;
     default:
         return false;
     }
@@ -233,31 +204,24 @@ static void parse_options(struct mockup *m, int argc, char **argv) {
 // ---- running
 // -------------------------------------------------------------------------------------
 
-static void say_ready(const char *what, const char *address, uint16_t port) {
-    const char *colon = strrchr(address, ':');
-    if (port)
-        printf("%s %.*s:%u\n", what, (int)(colon - address), address, port);
-    else
-        printf("%s %s\n", what, address);
-}
-
 static void start_thread(struct mockup *m, void *(*run)(void *), void *what) {
     CHECK(pthread_create(&m->threads[m->thread_count++], NULL, run, what) == 0);
 }
 
-static enum result start(struct mockup *m, struct error *err) {
-    uint16_t port;
+static enum result open_all(struct mockup *m, struct error *err) {
     enum result result = RESULT_OK;
-    if (m->tcp_address && (result = slave_listen(&m->tcp, m->tcp_address, &port, err)) == RESULT_OK)
-        say_ready("modbus-tcp", m->tcp_address, port);
+    if (m->tcp_address && (result = slave_listen(&m->tcp, m->tcp_address, err)) == RESULT_OK)
+        printf("modbus-tcp %s\n", m->tcp.address);
     if (result == RESULT_OK && m->rtu_path &&
         (result = slave_open_terminal(&m->rtu, m->rtu_path, err)) == RESULT_OK)
-        say_ready("modbus-rtu", m->rtu_path, 0);
+        printf("modbus-rtu %s\n", m->rtu_path);
     if (result == RESULT_OK && m->tracker_address &&
-        (result = socket_listen(m->tracker_address, &m->tracker.listener, &port, err)) == RESULT_OK)
-        say_ready("tracker", m->tracker_address, port);
-    if (result != RESULT_OK)
-        return result;
+        (result = tracker_server_listen(&m->tracker, m->tracker_address, err)) == RESULT_OK)
+        printf("tracker %s\n", m->tracker.address);
+    return result;
+}
+
+static void start(struct mockup *m) {
     m->player.start_ns = clock_now_ns();
     if (m->tcp_address)
         start_thread(m, slave_run, &m->tcp);
@@ -266,39 +230,55 @@ static enum result start(struct mockup *m, struct error *err) {
     if (m->tracker_address)
         start_thread(m, tracker_server_run, &m->tracker);
     fflush(stdout);
-    return result;
 }
 
 static void stop(struct mockup *m) {
     atomic_store(&m->stop, true);
     for (int i = 0; i < m->thread_count; i++)
         pthread_join(m->threads[i], NULL);
-    if (m->tcp.line)
-        slave_close(&m->tcp);
-    if (m->rtu.line)
-        slave_close(&m->rtu);
+    slave_close(&m->tcp);
+    slave_close(&m->rtu);
     if (m->tracker.listener >= 0)
         close(m->tracker.listener);
     recording_fini(&m->player.recording);
 }
 
+// Tells of the faults' beginnings and ends until a signal comes.
+static void wait_for(const struct mockup *m, const sigset_t *endings) {
+    double told_s = -1;
+    for (;;) {
+        double now_s = player_seconds(&m->player, clock_now_ns());
+        double wait_s = fmin(3600, faults_tell(&m->faults, told_s, now_s) - now_s);
+        int64_t wait_ns = (int64_t)(wait_s * NS_PER_S);
+        struct timespec wait = {wait_ns / NS_PER_S, wait_ns % NS_PER_S};
+        told_s = now_s;
+        if (sigtimedwait(endings, NULL, &wait) > 0)
+            return;
+    }
+}
+
 static enum result run(struct mockup *m, const sigset_t *endings, struct error *err) {
-    int signal;
     enum result result =
         recording_read(m->motion ? m->motion : m->recording, m->tool, &m->player.recording, err);
+    if (result == RESULT_OK && m->faults_path)
+        result = faults_read(m->faults_path, &m->faults, err);
     if (result == RESULT_OK)
-        result = start(m, err);
-    if (result == RESULT_OK)
-        sigwait(endings, &signal);
+        result = open_all(m, err);
+    if (result == RESULT_OK) {
+        start(m);
+        wait_for(m, endings);
+    }
     stop(m);
     return result;
 }
 
 int main(int argc, char **argv) {
     static struct mockup m = {.tool = CHANNEL_COUNT};
-    struct slave slave = {.player = &m.player, .stop = &m.stop, .update_hz = 200, .number = 1};
+    struct slave slave = {
+        .player = &m.player, .faults = &m.faults, .stop = &m.stop, .update_hz = 200, .number = 1};
     m.tcp = m.rtu = slave;
     m.tracker = (struct tracker_server){.player = &m.player,
+                                        .faults = &m.faults,
                                         .stop = &m.stop,
                                         .type = MESSAGE_TDATA,
                                         .header_version = 2,
@@ -313,6 +293,7 @@ int main(int argc, char **argv) {
     sigaddset(&endings, SIGINT);
     sigaddset(&endings, SIGTERM);
     pthread_sigmask(SIG_BLOCK, &endings, NULL);
+    signal(SIGPIPE, SIG_IGN); // a master that left
     struct error err;
     if (run(&m, &endings, &err) != RESULT_OK) {
         log_error("mockup", "%s", err.text);

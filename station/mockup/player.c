@@ -16,8 +16,3 @@ int64_t player_row_ns(const struct player *player, int64_t round, int row) {
     double seconds = r->t_seconds[row] - r->t_seconds[0] + (double)round * recording_period(r);
     return player->start_ns + (int64_t)(seconds * NS_PER_S);
 }
-
-bool player_is_silent(const struct player *player, const struct silence *silence, int64_t now_ns) {
-    double seconds = player_seconds(player, now_ns) - silence->from_s;
-    return seconds >= 0 && seconds < silence->for_s;
-}

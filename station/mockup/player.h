@@ -7,10 +7,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-struct silence {
-    double from_s, for_s; // after the start; for_s 0: never
-};
-
 struct player {
     struct recording recording;
     int64_t start_ns; // on the monotonic clock
@@ -23,5 +19,3 @@ double player_file_time(const struct player *player, double seconds);
 
 // When the file's row is played for the `round`th time, from 0.
 int64_t player_row_ns(const struct player *player, int64_t round, int row);
-
-bool player_is_silent(const struct player *player, const struct silence *silence, int64_t now_ns);

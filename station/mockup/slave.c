@@ -2,12 +2,14 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "device/socket.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <modbus.h>
 #include <poll.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -29,7 +31,8 @@ enum {
     REGISTERS
 };
 
-static const uint32_t patience_us = 5000;  // with half a request, while other masters wait
+static const uint32_t patience_us = 5000; // with half a request, while other masters wait
+static const uint8_t unknown_function = 0x41;
 static const double closed_opening = 0.05; // the handle's end switch closes below it
 
 // ---- registers
@@ -50,9 +53,9 @@ static void set_joint(const struct recording *r, double t, uint16_t *registers) 
     registers[DISTRACTION] = hundredths(a.distraction_mm);
 }
 
-static void set_registers(const struct slave *s, int64_t now_ns, uint16_t *registers) {
+static void set_registers(const struct slave *s, double seconds, uint16_t *registers) {
     const struct recording *r = &s->player->recording;
-    double updates = floor(player_seconds(s->player, now_ns) * s->update_hz);
+    double updates = floor(seconds * s->update_hz);
     double t = player_file_time(s->player, updates / s->update_hz);
     registers[SEQUENCE] = (uint16_t)(int64_t)updates;
     if (r->joints)
@@ -65,15 +68,43 @@ static void set_registers(const struct slave *s, int64_t now_ns, uint16_t *regis
         }
 }
 
+// Jump and noise of the joint's values; the register that stands for "no value".
+static void spoil_registers(struct slave *s, double seconds, uint16_t *registers) {
+    const struct fault *jump = faults_strike(s->faults, FAULT_MODBUS, FAULT_JUMP, seconds);
+    const struct fault *noise = faults_strike(s->faults, FAULT_MODBUS, FAULT_NOISE, seconds);
+    if (jump)
+        registers[FLEXION] = hundredths((int16_t)registers[FLEXION] / 100.0 + jump->value);
+    for (int i = FLEXION; i <= DISTRACTION && noise; i++)
+        registers[i] = hundredths((int16_t)registers[i] / 100.0 + noise->value * faults_noise());
+    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NAN, seconds))
+        for (int i = FLEXION; i <= OPENING; i++)
+            registers[i] = 0x8000;
+}
+
 // ---- lines
 // ---------------------------------------------------------------------------------------
 
-enum result slave_listen(struct slave *s, const char *address, uint16_t *out_port,
-                         struct error *err) {
-    s->line = modbus_new_tcp(NULL, 0); // only a reader and writer of frames: we own the sockets
+static void prepare_line(struct slave *s) {
     CHECK(s->line);
+    CHECK(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, s->capture) == 0);
+    modbus_set_slave(s->line, s->number);
+    modbus_set_byte_timeout(s->line, 0, patience_us);
+    // The pause that libmodbus makes, with all masters waiting, after a request that is none.
+    modbus_set_response_timeout(s->line, 0, patience_us);
+}
+
+enum result slave_listen(struct slave *s, const char *address, struct error *err) {
+    uint16_t port;
     s->other_end = -1;
-    return socket_listen(address, &s->listener, out_port, err);
+    enum result result = socket_listen(address, &s->listener, &port, err);
+    if (result != RESULT_OK)
+        return result;
+    int host = (int)(strrchr(address, ':') - address);
+    if (address != s->address)
+        snprintf(s->address, sizeof s->address, "%.*s:%u", host, address, port);
+    s->line = modbus_new_tcp(NULL, 0); // only a reader and writer of frames: we own the sockets
+    prepare_line(s);
+    return RESULT_OK;
 }
 
 static enum result replace_link(const char *target, const char *path, struct error *err) {
@@ -100,26 +131,32 @@ enum result slave_open_terminal(struct slave *s, const char *path, struct error 
     cfmakeraw(&raw);
     tcsetattr(s->other_end, TCSANOW, &raw);
     s->line = modbus_new_rtu(name, 115200, 'N', 8, 1);
-    CHECK(s->line);
+    prepare_line(s);
     s->listener = -1;
     s->masters[0] = fd;
     s->master_count = 1;
     enum result result = replace_link(name, path, err);
-    s->link = result == RESULT_OK ? path : NULL;
+    s->path = result == RESULT_OK ? path : NULL;
     return result;
 }
 
 void slave_close(struct slave *s) {
+    if (!s->line)
+        return;
     if (s->listener >= 0)
         close(s->listener);
     if (s->other_end >= 0)
         close(s->other_end);
     for (int i = 0; i < s->master_count; i++)
         close(s->masters[i]);
-    if (s->link)
-        unlink(s->link);
-    if (s->line)
-        modbus_free(s->line);
+    if (s->path)
+        unlink(s->path);
+    close(s->capture[0]);
+    close(s->capture[1]);
+    modbus_free(s->line);
+    s->line = NULL;
+    s->listener = -1;
+    s->master_count = 0;
 }
 
 // ---- serving
@@ -130,13 +167,41 @@ static void sleep_ms(int ms) {
     nanosleep(&time, NULL);
 }
 
-static void reply(struct slave *s, const uint8_t *request, int length, modbus_mapping_t *mapping) {
-    if (player_is_silent(s->player, &s->silence, clock_now_ns()))
+static double seconds_of(const struct slave *s) {
+    return player_seconds(s->player, clock_now_ns());
+}
+
+// What libmodbus answers, as bytes.
+static size_t encode_reply(struct slave *s, const uint8_t *request, int length,
+                           modbus_mapping_t *mapping, uint8_t *out) {
+    modbus_set_socket(s->line, s->capture[0]);
+    if (modbus_reply(s->line, request, length, mapping) <= 0)
+        return 0;
+    ssize_t size = read(s->capture[1], out, MODBUS_MAX_ADU_LENGTH);
+    return size < 0 ? 0 : (size_t)size;
+}
+
+static void reply(struct slave *s, int master, uint8_t *request, int length,
+                  modbus_mapping_t *mapping) {
+    uint8_t bytes[MODBUS_MAX_ADU_LENGTH];
+    int function = modbus_get_header_length(s->line);
+    double seconds = seconds_of(s);
+    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_DROPOUT, seconds))
         return;
-    set_registers(s, clock_now_ns(), mapping->tab_registers);
-    if (s->late_every && ++s->replies % (uint64_t)s->late_every == 0)
-        sleep_ms(s->late_ms);
-    modbus_reply(s->line, request, length, mapping);
+    const struct fault *late = faults_strike(s->faults, FAULT_MODBUS, FAULT_LATE, seconds);
+    double time = faults_time(s->faults, FAULT_MODBUS, seconds);
+    set_registers(s, time, mapping->tab_registers);
+    spoil_registers(s, seconds, mapping->tab_registers);
+    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_WRONG_SLAVE, seconds))
+        request[function - 1]++;
+    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NEWER_VERSION, seconds))
+        request[function] = unknown_function;
+    size_t size = encode_reply(s, request, length, mapping, bytes);
+    size = faults_spoil(s->faults, FAULT_MODBUS, seconds, bytes, size);
+    if (late)
+        sleep_ms((int)late->value);
+    if (size && write(s->masters[master], bytes, size) < 0)
+        log_debug("mockup", "a reply: %s", strerror(errno));
 }
 
 static void serve_master(struct slave *s, int i, modbus_mapping_t *mapping) {
@@ -144,7 +209,7 @@ static void serve_master(struct slave *s, int i, modbus_mapping_t *mapping) {
     modbus_set_socket(s->line, s->masters[i]);
     int length = modbus_receive(s->line, request);
     if (length > 0) {
-        reply(s, request, length, mapping);
+        reply(s, i, request, length, mapping);
     } else if (length < 0 && s->listener >= 0) {
         close(s->masters[i]);
         s->masters[i] = s->masters[--s->master_count];
@@ -176,16 +241,26 @@ static void serve(struct slave *s, modbus_mapping_t *mapping) {
         accept_master(s);
 }
 
+// True: it is plugged in.
+static bool plug(struct slave *s) {
+    struct error err;
+    if (faults_on(s->faults, FAULT_MODBUS, FAULT_UNPLUG, seconds_of(s)))
+        slave_close(s);
+    else if (!s->line && (s->path ? slave_open_terminal(s, s->path, &err)
+                                  : slave_listen(s, s->address, &err)) != RESULT_OK)
+        log_warning("mockup", "%s", err.text);
+    if (!s->line)
+        sleep_ms(10);
+    return s->line;
+}
+
 void *slave_run(void *slave) {
     struct slave *s = slave;
     modbus_mapping_t *mapping = modbus_mapping_new(0, 0, REGISTERS, 0);
     CHECK(mapping);
-    modbus_set_slave(s->line, s->number);
-    modbus_set_byte_timeout(s->line, 0, patience_us);
-    // The pause that libmodbus makes, with all masters waiting, after a request that is none.
-    modbus_set_response_timeout(s->line, 0, patience_us);
     while (!atomic_load(s->stop))
-        serve(s, mapping);
+        if (plug(s))
+            serve(s, mapping);
     modbus_mapping_free(mapping);
     return NULL;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "faults.h"
 #include "player.h"
 
 #include <stdatomic.h>
@@ -15,23 +16,22 @@ struct slave {
     const atomic_bool *stop;
     double update_hz; // how often the registers change
     int number;       // the slave's id
-    struct silence silence;
-    int late_ms, late_every; // every late_every-th reply comes late_ms late; 0: none
+    struct faults *faults;
 
     struct _modbus *line; // what follows belongs to slave.c
-    int listener;         // -1: serial
+    char address[300];    // with the port that was taken; empty: serial
+    int listener;         // -1: serial, or unplugged
     int masters[SLAVE_MASTERS_MAX], master_count;
-    int other_end; // of the pseudo terminal, kept open so that a master that leaves is no hang-up
-    const char *link; // to it; removed at the end
-    uint64_t replies;
+    int capture[2]; // a reply goes through it on its way out, so that a fault can spoil it
+    int other_end;  // of the pseudo terminal, kept open so that a master that leaves is no hang-up
+    const char *path; // of the link to it, which is there while it is plugged in
 };
 
-// Both fill what belongs to slave.c. *out_port: the port that was taken.
-enum result slave_listen(struct slave *slave, const char *address, uint16_t *out_port,
-                         struct error *err);
+// Both fill what belongs to slave.c.
+enum result slave_listen(struct slave *slave, const char *address, struct error *err);
 // Makes a pseudo terminal and the symbolic link `path` to the end that a master opens. A link that
 // is there is replaced; anything else is RESULT_REFUSED. `path` is kept.
 enum result slave_open_terminal(struct slave *slave, const char *path, struct error *err);
 
-void *slave_run(void *slave); // a thread: serves until *stop
-void slave_close(struct slave *slave);
+void *slave_run(void *slave);          // a thread: serves until *stop
+void slave_close(struct slave *slave); // nothing where it is not open

@@ -1,14 +1,19 @@
 #include "tracker_server.h"
 
 #include "base/clock.h"
+#include "base/log.h"
+#include "device/socket.h"
 
 #include <errno.h>
 #include <poll.h>
+#include <stdio.h>
+#include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
 enum { CLIENTS_MAX = 16 };
+static const int newer_version = 9;
 static const int64_t longest_wait_ns = 100 * NS_PER_MS; // to notice *stop
 
 struct clients {
@@ -36,23 +41,23 @@ static void advance(const struct tracker_server *s, struct cursor *c) {
     c->round++;
 }
 
+// `seconds` is the time that is told about; `due` when it is told.
 static struct recording_state state_of(const struct tracker_server *s, const struct cursor *c,
-                                       int tool) {
-    const struct player *p = s->player;
-    if (s->rate_hz > 0)
-        return recording_tool_at(&p->recording, tool,
-                                 player_file_time(p, (double)c->tick / s->rate_hz));
-    return p->recording.tools[tool].states[c->row];
+                                       int tool, double due, double seconds) {
+    const struct recording *r = &s->player->recording;
+    if (s->rate_hz > 0 || seconds != due)
+        return recording_tool_at(r, tool, player_file_time(s->player, seconds));
+    return r->tools[tool].states[c->row];
 }
 
 // T_tracker_tool = T_tracker_mockup · T_mockup_tip · T_tip_tool. A tool that is not valid is not
 // seen.
-static int visible_tools(const struct tracker_server *s, const struct cursor *c,
-                         struct tracked_tool *out) {
+static int visible_tools(const struct tracker_server *s, const struct cursor *c, double due,
+                         double seconds, struct tracked_tool *out) {
     int count = 0;
     for (int i = 0; i < s->player->recording.tool_count; i++) {
         enum channel channel = s->player->recording.tools[i].channel;
-        struct recording_state state = state_of(s, c, i);
+        struct recording_state state = state_of(s, c, i, due, seconds);
         if (!state.valid)
             continue;
         pose T_tracker_tip = pose_compose(s->T_tracker_mockup, state.pose);
@@ -61,6 +66,38 @@ static int visible_tools(const struct tracker_server *s, const struct cursor *c,
             pose_compose(T_tracker_tip, pose_inverse(s->T_tool_tip[channel]));
     }
     return count;
+}
+
+static const struct fault *strike(const struct tracker_server *s, enum fault_what what,
+                                  double seconds) {
+    return faults_strike(s->faults, FAULT_TRACKER, what, seconds);
+}
+
+static void spoil_tools(const struct tracker_server *s, double seconds, struct tracked_tool *tools,
+                        int count) {
+    const struct fault *jump = strike(s, FAULT_JUMP, seconds);
+    const struct fault *noise = strike(s, FAULT_NOISE, seconds);
+    const struct fault *nan = strike(s, FAULT_NAN, seconds);
+    for (int i = 0; i < count; i++) {
+        vec3 *p = &tools[i].T_tracker_tool.translation;
+        if (jump)
+            p->x += jump->value;
+        if (noise) {
+            vec3 off = {faults_noise(), faults_noise(), faults_noise()};
+            *p = vec3_add_scaled(*p, noise->value, off);
+        }
+        if (nan)
+            p->x = NAN;
+    }
+}
+
+// The tracker's clock when it measured what it tells.
+static int64_t stamp_ns(const struct tracker_server *s, double due, double seconds) {
+    const struct fault *step = faults_on(s->faults, FAULT_TRACKER, FAULT_CLOCK_STEP, due);
+    const struct fault *drift = faults_on(s->faults, FAULT_TRACKER, FAULT_CLOCK_DRIFT, due);
+    double off = (step ? step->value : 0) + (drift ? drift->value * (due - drift->at_s) : 0);
+    int64_t utc_of_start_ns = clock_utc_ns() - (clock_now_ns() - s->player->start_ns);
+    return utc_of_start_ns + (int64_t)((seconds + off) * NS_PER_S);
 }
 
 static void drop(struct clients *clients, int i) {
@@ -77,10 +114,15 @@ static void send_to_all(struct clients *clients, const uint8_t *bytes, size_t si
 static void play(const struct tracker_server *s, const struct cursor *c, struct clients *clients) {
     struct tracked_tool tools[CHANNEL_COUNT];
     uint8_t bytes[ENCODE_BYTES_MAX];
-    int count = visible_tools(s, c, tools);
-    if (count && !player_is_silent(s->player, &s->silence, clock_now_ns()))
-        send_to_all(clients, bytes,
-                    encode_tools(s->type, s->header_version, clock_utc_ns(), tools, count, bytes));
+    double due = player_seconds(s->player, due_ns(s, c));
+    double seconds = faults_time(s->faults, FAULT_TRACKER, due);
+    int count = visible_tools(s, c, due, seconds, tools);
+    if (!count || strike(s, FAULT_DROPOUT, due))
+        return;
+    int version = strike(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
+    spoil_tools(s, due, tools, count);
+    size_t size = encode_tools(s->type, version, stamp_ns(s, due, seconds), tools, count, bytes);
+    send_to_all(clients, bytes, faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size));
 }
 
 static void accept_client(const struct tracker_server *s, struct clients *clients) {
@@ -117,13 +159,45 @@ static void wait_for_clients(const struct tracker_server *s, struct clients *cli
         accept_client(s, clients);
 }
 
+enum result tracker_server_listen(struct tracker_server *s, const char *address,
+                                  struct error *err) {
+    uint16_t port;
+    enum result result = socket_listen(address, &s->listener, &port, err);
+    int host = result == RESULT_OK ? (int)(strrchr(address, ':') - address) : 0;
+    if (result == RESULT_OK && address != s->address)
+        snprintf(s->address, sizeof s->address, "%.*s:%u", host, address, port);
+    return result;
+}
+
+static void plug(struct tracker_server *s, struct clients *clients) {
+    struct error err;
+    double seconds = player_seconds(s->player, clock_now_ns());
+    if (!faults_on(s->faults, FAULT_TRACKER, FAULT_UNPLUG, seconds)) {
+        if (s->listener < 0 && tracker_server_listen(s, s->address, &err) != RESULT_OK)
+            log_warning("mockup", "%s", err.text);
+        return;
+    }
+    while (clients->count)
+        drop(clients, 0);
+    if (s->listener >= 0)
+        close(s->listener);
+    s->listener = -1;
+}
+
+static int64_t late_ns(const struct tracker_server *s) {
+    double seconds = player_seconds(s->player, clock_now_ns());
+    const struct fault *late = faults_on(s->faults, FAULT_TRACKER, FAULT_LATE, seconds);
+    return late ? (int64_t)(late->value * NS_PER_MS) : 0;
+}
+
 void *tracker_server_run(void *tracker_server) {
-    const struct tracker_server *s = tracker_server;
+    struct tracker_server *s = tracker_server;
     struct clients clients = {0};
     struct cursor cursor = {0};
     while (!atomic_load(s->stop)) {
-        wait_for_clients(s, &clients, due_ns(s, &cursor));
-        for (; due_ns(s, &cursor) <= clock_now_ns(); advance(s, &cursor))
+        plug(s, &clients);
+        wait_for_clients(s, &clients, due_ns(s, &cursor) + late_ns(s));
+        for (; due_ns(s, &cursor) + late_ns(s) <= clock_now_ns(); advance(s, &cursor))
             play(s, &cursor, &clients);
     }
     while (clients.count)

@@ -3,6 +3,7 @@
 
 #include "base/result.h"
 #include "encode.h"
+#include "faults.h"
 #include "player.h"
 
 #include <stdatomic.h>
@@ -14,9 +15,15 @@ struct tracker_server {
     int header_version;
     double rate_hz; // 0: each row of the file at its own time; else the file interpolated
     pose T_tracker_mockup, T_tool_tip[CHANNEL_COUNT];
-    struct silence silence;
-    int listener;
+    struct faults *faults;
+
+    char address[300]; // with the port that was taken
+    int listener;      // -1: unplugged
 };
+
+// *listener and *address become what they are.
+enum result tracker_server_listen(struct tracker_server *server, const char *address,
+                                  struct error *err);
 
 // A thread: serves until *stop. A client that does not read what it is sent is dropped.
 void *tracker_server_run(void *tracker_server);

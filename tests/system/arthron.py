@@ -134,6 +134,14 @@ class House(unittest.TestCase):
         self.modbus, self.tracker = ports["modbus-tcp"], ports["tracker"]
         return mockup
 
+    def faults(self, *faults):
+        """A file of faults: (who, what, at_s, for_s) and perhaps a dictionary of more keys."""
+        text = ""
+        for i, (who, what, at_s, for_s, *more) in enumerate(faults):
+            text += f"[fault {i}-{who}-{what}]\nwho = {who}\nwhat = {what}\nat_s = {at_s}\nfor_s = {for_s}\n"
+            text += "".join(f"{key} = {value}\n" for rest in more for key, value in rest.items())
+        return self.write("faults.ini", text)
+
     def server_config(self, stations="", extra=""):
         return self.write("server.ini", f"""
 [server]

@@ -1,5 +1,6 @@
 // The real mock-up program and the station's devices, over TCP and a serial line.
 
+#include "../../station/mockup/faults.h"
 #include "base/clock.h"
 #include "device/runner.h"
 #include "device/socket.h"
@@ -77,6 +78,19 @@ static const char *in_folder(const char *name) {
     static int next;
     char *path = paths[next++ % 4];
     snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    return path;
+}
+
+// A file with one fault; `value` NULL: none.
+static const char *faults(const char *who, const char *what, double at_s, double for_s,
+                          const char *value, const char *every) {
+    const char *path = in_folder("faults.ini");
+    FILE *file = fopen(path, "w");
+    fprintf(file, "[fault only]\nwho = %s\nwhat = %s\nat_s = %g\nfor_s = %g\nevery = %s\n", who,
+            what, at_s, for_s, every);
+    if (value)
+        fprintf(file, "value = %s\n", value);
+    fclose(file);
     return path;
 }
 
@@ -219,7 +233,7 @@ static void late_replies_on_a_serial_line_cost_readings_not_truth(void **state) 
     (void)state;
     const char *path = in_folder("line");
     struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--modbus-rtu", path,
-                            "--late-modbus", "60:25");
+                            "--faults", faults("modbus", "late", 0, 1000, "60", "25"));
     const struct device_option options[] =
         ENCODERS({"serial", path}, {"timeout_ms", "25"}, {"latency_ms", "150"});
     struct runner *runner = station_of("encoders", options);
@@ -232,7 +246,7 @@ static void late_replies_on_a_serial_line_cost_readings_not_truth(void **state) 
 static void a_slave_that_falls_silent_is_held_then_lost_then_back(void **state) {
     (void)state;
     struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--modbus-tcp", "127.0.0.1:0",
-                            "--silent", "modbus:1.5:0.8");
+                            "--faults", faults("modbus", "dropout", 1.5, 0.8, NULL, "1"));
     const struct device_option options[] = ENCODERS({"address", m.modbus_tcp});
     struct runner *runner = station_of("encoders", options);
     wait_for(runner, VALIDITY_OK);
@@ -333,7 +347,7 @@ static void a_tracker_that_vanishes_is_held_lost_and_found_again(void **state) {
 static void a_silent_tracker_keeps_its_connection(void **state) {
     (void)state;
     struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0",
-                            "--silent", "tracker:1.5:0.6");
+                            "--faults", faults("tracker", "dropout", 1.5, 0.6, NULL, "1"));
     const struct device_option options[] = {
         {"driver", "tracker"}, {"address", m.tracker}, {"tool.probe", "probe"}, {"hold_ms", "50"}};
     struct runner *runner = station_of("camera", options);
@@ -427,9 +441,6 @@ static void the_command_line_is_checked(void **state) {
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--message", "IMAGE"}},
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--header-version", "4"}},
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--rate", "0"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--silent", "tracker:1"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--silent", "hid:1:1"}},
-        {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--late-modbus", "5"}},
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--T-tool-tip", "probe=1"}},
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "--T-tracker-mockup", "here"}},
         {2, {"--motion", motion, "--tracker", "127.0.0.1:0", "extra"}},
@@ -439,6 +450,7 @@ static void the_command_line_is_checked(void **state) {
         {1, {"--motion", motion, "--tracker", "nowhere"}},
         {1, {"--motion", motion, "--tracker", "192.0.2.1:0"}},
         {1, {"--motion", motion, "--modbus-rtu", motion}},
+        {1, {"--motion", motion, "--tracker", "127.0.0.1:0", "--faults", motion}},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct mockup m = started(0, rows[i].arguments);
@@ -447,6 +459,37 @@ static void the_command_line_is_checked(void **state) {
             fail_msg("row %zu: exit %d, not %d", i, code, rows[i].code);
     }
     assert_int_equal(0, access(motion, R_OK)); // the refused --modbus-rtu left it alone
+}
+
+static void a_file_of_faults_is_checked(void **state) {
+    (void)state;
+    const struct {
+        const char *file, *complaint;
+    } rows[] = {
+        {"[fault a]\nwho = camera\n", "line 2"},
+        {"[fault a]\nwhat = boredom\n", "line 2"},
+        {"[fault a]\nat_s = soon\n", "line 2"},
+        {"[fault a]\nevery = 0\n", "line 2"},
+        {"[fault a]\nhow = badly\n", "line 2"},
+        {"[flaw a]\nwho = modbus\n", "line 2"},
+        {"at_s = 1\n", "line 1"},
+        {"[fault a]\nwho = modbus\nwhat = freeze\nat_s = 1\n", "[fault a]: needs"},
+        {"[fault a]\nwho=modbus\nwhat=clock-step\nvalue=1\nat_s=1\nfor_s=1\n", "modbus has no"},
+        {"[fault a]\nwho=tracker\nwhat=wrong-slave\nat_s=1\nfor_s=1\n", "tracker has no"},
+        {"[fault a]\nwho=tracker\nwhat=jump\nat_s=1\nfor_s=1\n", "needs a value"},
+        {"[fault a]\nwho=tracker\nwhat=junk\nvalue=1\nat_s=1\nfor_s=1\n", "takes no value"},
+        {"[fault a]\nwho=tracker\nwhat=late\nvalue=-1\nat_s=1\nfor_s=1\n", "0 to 10000"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        FILE *file = fopen(in_folder("faults.ini"), "w");
+        struct faults faults = {0};
+        struct error err;
+        fputs(rows[i].file, file);
+        fclose(file);
+        if (faults_read(in_folder("faults.ini"), &faults, &err) == RESULT_OK ||
+            !strstr(err.text, rows[i].complaint))
+            fail_msg("row %zu: %s", i, err.text);
+    }
 }
 
 static int prepare(void **state) {
@@ -462,6 +505,7 @@ static int clean_up(void **state) {
     (void)state;
     unlink(in_folder("motion.csv"));
     unlink(in_folder("glitch.csv"));
+    unlink(in_folder("faults.ini"));
     unlink(in_folder("line"));
     return rmdir(folder);
 }
@@ -479,6 +523,7 @@ int main(void) {
         cmocka_unit_test(a_glitch_of_the_tracker_never_reaches_a_frame),
         cmocka_unit_test(strangers_do_not_disturb),
         cmocka_unit_test(the_command_line_is_checked),
+        cmocka_unit_test(a_file_of_faults_is_checked),
     };
     return cmocka_run_group_tests_name("mockup", tests, prepare, clean_up);
 }

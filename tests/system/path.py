@@ -172,7 +172,7 @@ class Devices(House):
         return [row.split(",")[names.index(column)] for row in rows[1:]]
 
     def test_a_silent_tracker_is_held_then_lost_then_back(self):
-        self.start_mockup("--silent", "tracker:2:1")
+        self.start_mockup("--faults", self.faults(("tracker", "dropout", 2, 1)))
         server = self.start_server()
         self.enrol("room-1")
         station = self.start_station("room-1", "--seconds", "5")
@@ -185,7 +185,7 @@ class Devices(House):
         self.assertTrue(any(not v or v == "lost" for v in seen))
 
     def test_silent_encoders_leave_the_tracker_alone(self):
-        self.start_mockup("--silent", "modbus:1:2")
+        self.start_mockup("--faults", self.faults(("modbus", "dropout", 1, 2)))
         self.start_server()
         self.enrol("room-1")
         station = self.start_station("room-1", "--seconds", "4")

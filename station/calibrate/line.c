@@ -1,0 +1,47 @@
+#include "calibrate/line.h"
+
+#include <math.h>
+
+static double mean_of(const double *numbers, int count) {
+    double sum = 0;
+    for (int i = 0; i < count; i++)
+        sum += numbers[i];
+    return sum / count;
+}
+
+static void measure(const double *readings, const double *values, int count, struct line *line) {
+    double sum = 0;
+    line->max = 0;
+    for (int i = 0; i < count; i++) {
+        double off = fabs(line->scale * readings[i] + line->offset - values[i]);
+        sum += off * off;
+        line->max = fmax(line->max, off);
+    }
+    line->rms = sqrt(sum / count);
+}
+
+enum result line_fit(const double *readings, const double *values, int count, struct line *out,
+                     struct error *err) {
+    if (count < 2)
+        return fail(err, RESULT_MISSING, "%d known values are too few, at least 2 are needed",
+                    count);
+    double mean_reading = mean_of(readings, count), mean_value = mean_of(values, count);
+    double spread = 0, both = 0, low = readings[0], high = readings[0];
+    for (int i = 0; i < count; i++) {
+        double reading = readings[i] - mean_reading;
+        spread += reading * reading;
+        both += reading * (values[i] - mean_value);
+        low = fmin(low, readings[i]);
+        high = fmax(high, readings[i]);
+    }
+    if (!(high - low >= LINE_COUNTS_MIN) || !isfinite(both))
+        return fail(err, RESULT_INVALID,
+                    "the encoder's readings lie between %g and %g, at least %.0f counts apart are "
+                    "needed: is it the right register, and does it turn?",
+                    low, high, LINE_COUNTS_MIN);
+    struct line line = {.scale = both / spread};
+    line.offset = mean_value - line.scale * mean_reading;
+    measure(readings, values, count, &line);
+    *out = line;
+    return RESULT_OK;
+}

@@ -8,7 +8,7 @@
 #include <time.h>
 
 const struct device_driver *const device_drivers[] = {
-    &modbus_driver, &tracker_driver, &recorded_driver, &simulated_driver, NULL,
+    &modbus_driver, &hid_driver, &tracker_driver, &recorded_driver, &simulated_driver, NULL,
 };
 
 const struct device_driver *device_driver(const char *name) {

@@ -41,7 +41,7 @@ struct device_reading {
 // create .. destroy live as long as the station; open .. close once for each connection, always in
 // this order. `config` is not kept: a driver copies what it needs.
 struct device_driver {
-    const char *name; // "modbus", "tracker", "recorded", "simulated"
+    const char *name; // "modbus", "hid", "tracker", "recorded", "simulated"
 
     // Checks every option and reads files that they name, but touches no device. An unknown key, a
     // value out of range: RESULT_INVALID; a missing one: RESULT_MISSING; the error names the key.

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+extern const struct device_driver hid_driver;
 extern const struct device_driver modbus_driver;
 extern const struct device_driver recorded_driver;
 extern const struct device_driver simulated_driver;

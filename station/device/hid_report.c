@@ -1,0 +1,161 @@
+#include "device/hid_report.h"
+
+#include "base/check.h"
+#include "base/number.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { WORDS_MAX = 5, TEXT_MAX = 128 };
+
+// ---- text
+// ----------------------------------------------------------------------------------------
+
+static int split(char *text, char *out_words[WORDS_MAX]) {
+    int count = 0;
+    char *rest;
+    for (char *word = strtok_r(text, " \t", &rest); word; word = strtok_r(NULL, " \t", &rest)) {
+        if (count == WORDS_MAX)
+            return 0;
+        out_words[count++] = word;
+    }
+    return count;
+}
+
+static bool parse_place(char *words[], struct hid_field *out) {
+    int64_t report = 0, bit, count;
+    char *colon = strchr(words[0], ':'), *first_bit = colon ? colon + 1 : words[0];
+    if (colon)
+        *colon = 0;
+    if ((colon && !number_int(words[0], 1, 255, &report)) ||
+        !number_int(first_bit, 0, 8 * HID_REPORT_BYTES_MAX, &bit) ||
+        !number_int(words[1], 1, 32, &count) || bit + count > 8 * HID_REPORT_BYTES_MAX)
+        return false;
+    *out = (struct hid_field){(uint8_t)report, (int)bit, (int)count};
+    return true;
+}
+
+static bool axis_is_signed(const struct hid_axis *axis) {
+    return axis->closed < 0 || axis->open < 0;
+}
+
+static bool is_value_of(const struct hid_axis *axis, int64_t value) {
+    int64_t half = INT64_C(1) << (axis->field.count - 1);
+    return axis_is_signed(axis) ? value >= -half && value < half : value >= 0 && value < 2 * half;
+}
+
+bool hid_axis_parse(const char *text, struct hid_axis *out_axis) {
+    char copy[TEXT_MAX], *words[WORDS_MAX];
+    if (strlen(text) >= sizeof copy)
+        return false;
+    strcpy(copy, text);
+    int count = split(copy, words);
+    struct hid_axis axis = {.dead = 0};
+    if ((count != 4 && count != 5) || !parse_place(words, &axis.field) ||
+        !number_int(words[2], INT32_MIN, UINT32_MAX, &axis.closed) ||
+        !number_int(words[3], INT32_MIN, UINT32_MAX, &axis.open) ||
+        (count == 5 && !number_double(words[4], 0, 0.4, &axis.dead)) || axis.closed == axis.open ||
+        !is_value_of(&axis, axis.closed) || !is_value_of(&axis, axis.open))
+        return false;
+    *out_axis = axis;
+    return true;
+}
+
+bool hid_field_parse(const char *text, struct hid_field *out_field) {
+    char copy[TEXT_MAX], *words[WORDS_MAX];
+    if (strlen(text) >= sizeof copy)
+        return false;
+    strcpy(copy, text);
+    return split(copy, words) == 2 && parse_place(words, out_field);
+}
+
+// ---- reports
+// -------------------------------------------------------------------------------------
+
+static bool is_numbered(const struct hid_field *field) {
+    return field->count && field->report;
+}
+
+bool hid_layout_is_numbered(const struct hid_layout *layout) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (is_numbered(&layout->handles[i].opening.field) ||
+            is_numbered(&layout->handles[i].buttons))
+            return true;
+    return false;
+}
+
+static uint32_t bits_of(const uint8_t *bytes, const struct hid_field *field) {
+    uint32_t value = 0;
+    for (int i = 0; i < field->count; i++) {
+        int bit = field->bit + i;
+        value |= (uint32_t)(bytes[bit / 8] >> bit % 8 & 1) << i;
+    }
+    return value;
+}
+
+static int64_t raw_of(const uint8_t *bytes, const struct hid_axis *axis) {
+    int64_t value = bits_of(bytes, &axis->field), half = INT64_C(1) << (axis->field.count - 1);
+    return axis_is_signed(axis) && value >= half ? value - 2 * half : value;
+}
+
+double hid_opening(const struct hid_axis *axis, int64_t raw) {
+    double way = (double)(raw - axis->closed) / (double)(axis->open - axis->closed);
+    return fmax(0, fmin(1, (way - axis->dead) / (1 - 2 * axis->dead)));
+}
+
+static bool is_in(const struct hid_field *field, uint8_t report) {
+    return field->count && field->report == report;
+}
+
+static enum result check_size(const struct hid_field *field, uint8_t report, size_t size,
+                              struct error *err) {
+    size_t needed = (size_t)(field->bit + field->count + 7) / 8;
+    if (!is_in(field, report) || size >= needed)
+        return RESULT_OK;
+    return fail(err, RESULT_FORMAT, "report %u: %zu bytes, bits %d to %d need %zu", report, size,
+                field->bit, field->bit + field->count - 1, needed);
+}
+
+static enum result check_sizes(const struct hid_layout *layout, uint8_t report, size_t size,
+                               struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < INSTRUMENT_COUNT && result == RESULT_OK; i++) {
+        result = check_size(&layout->handles[i].opening.field, report, size, err);
+        if (result == RESULT_OK)
+            result = check_size(&layout->handles[i].buttons, report, size, err);
+    }
+    return result;
+}
+
+enum result hid_report_read(const struct hid_layout *layout, const uint8_t *bytes, size_t size,
+                            struct hid_state *state, uint32_t *out_news, struct error *err) {
+    bool numbered = hid_layout_is_numbered(layout);
+    *out_news = 0;
+    if (!size)
+        return fail(err, RESULT_FORMAT, "an empty report");
+    uint8_t report = numbered ? bytes[0] : 0;
+    bytes += numbered;
+    enum result result = check_sizes(layout, report, size - numbered, err);
+    for (int i = 0; i < INSTRUMENT_COUNT && result == RESULT_OK; i++) {
+        const struct hid_handle *handle = &layout->handles[i];
+        bool opening = is_in(&handle->opening.field, report),
+             buttons = is_in(&handle->buttons, report);
+        if (opening)
+            state->handles[i].opening =
+                hid_opening(&handle->opening, raw_of(bytes, &handle->opening));
+        if (buttons)
+            state->handles[i].buttons = bits_of(bytes, &handle->buttons);
+        state->has_opening[i] |= opening;
+        state->has_buttons[i] |= buttons;
+        *out_news |= (uint32_t)(opening || buttons) << i;
+    }
+    return result;
+}
+
+bool hid_state_is_whole(const struct hid_layout *layout, const struct hid_state *state, int i) {
+    CHECK(i >= 0 && i < INSTRUMENT_COUNT);
+    const struct hid_handle *handle = &layout->handles[i];
+    return (state->has_opening[i] || !handle->opening.field.count) &&
+           (state->has_buttons[i] || !handle->buttons.count);
+}

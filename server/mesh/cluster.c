@@ -17,27 +17,46 @@ static void set3(lanes out[3], int lane, vec3 v) {
     out[2][lane] = (float)v.z;
 }
 
-static void fill_lane(struct cluster_block *b, int lane, const struct mesh *mesh,
+static vec3 any_normal_to(vec3 unit) {
+    vec3 axis = fabs(unit.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0};
+    return vec3_unit_or(vec3_cross(unit, axis), (vec3){0, 0, 1});
+}
+
+// Its corner where the longest side begins, so that the frame is as good as rounding allows even
+// for needles.
+static int first_corner(const struct mesh *mesh, uint32_t triangle) {
+    int first = 0;
+    double longest = -1;
+    for (int i = 0; i < 3; i++) {
+        double length =
+            vec3_distance(mesh_corner(mesh, triangle, i), mesh_corner(mesh, triangle, (i + 1) % 3));
+        if (length > longest) {
+            longest = length;
+            first = i;
+        }
+    }
+    return first;
+}
+
+static void fill_lane(struct cluster_block *block, int lane, const struct mesh *mesh,
                       uint32_t triangle) {
-    vec3 a = mesh_corner(mesh, triangle, 0);
-    vec3 ab = vec3_sub(mesh_corner(mesh, triangle, 1), a);
-    vec3 ac = vec3_sub(mesh_corner(mesh, triangle, 2), a);
-    vec3 bc = vec3_sub(ac, ab), cross = vec3_cross(ab, ac);
-    double abab = vec3_dot(ab, ab), abac = vec3_dot(ab, ac), acac = vec3_dot(ac, ac);
-    double inv_det = inverse(vec3_dot(cross, cross));
-    set3(b->a, lane, a);
-    set3(b->ab, lane, ab);
-    set3(b->ac, lane, ac);
-    set3(b->normal, lane, vec3_unit_or(cross, (vec3){0, 0, 0}));
-    b->s_ab[lane] = (float)(acac * inv_det);
-    b->s_ac[lane] = (float)(abac * inv_det);
-    b->t_ac[lane] = (float)(abab * inv_det);
-    // A triangle without area has no plane: its edges alone count.
-    b->slack[lane] = inv_det > 0 ? (float)(1e-5 + 4e-6 * abab * acac * inv_det) : -1;
-    b->inv_ab[lane] = (float)inverse(abab);
-    b->inv_ac[lane] = (float)inverse(acac);
-    b->inv_bc[lane] = (float)inverse(vec3_dot(bc, bc));
-    b->bc_offset[lane] = (float)(abab - abac);
+    int first = first_corner(mesh, triangle);
+    vec3 a = mesh_corner(mesh, triangle, first);
+    vec3 ab = vec3_sub(mesh_corner(mesh, triangle, (first + 1) % 3), a);
+    vec3 ac = vec3_sub(mesh_corner(mesh, triangle, (first + 2) % 3), a);
+    vec3 x = vec3_unit_or(ab, (vec3){1, 0, 0});
+    vec3 z = vec3_unit_or(vec3_cross(ab, ac), any_normal_to(x));
+    vec3 y = vec3_cross(z, x);
+    double b_x = vec3_dot(x, ab), c_x = vec3_dot(x, ac), c_y = vec3_dot(y, ac);
+    set3(block->a, lane, a);
+    set3(block->x, lane, x);
+    set3(block->y, lane, y);
+    set3(block->z, lane, z);
+    block->b_x[lane] = (float)b_x;
+    block->c_x[lane] = (float)c_x;
+    block->c_y[lane] = (float)c_y;
+    block->inv_ac[lane] = (float)inverse(c_x * c_x + c_y * c_y);
+    block->inv_bc[lane] = (float)inverse((c_x - b_x) * (c_x - b_x) + c_y * c_y);
 }
 
 static void fill_box(struct cluster *cluster, const struct mesh *mesh) {
@@ -157,40 +176,34 @@ static inline lanes smaller(lanes a, lanes b) {
     return choose(a < b, a, b);
 }
 
-static inline lanes clamp01(lanes x) {
-    x = choose(x > 0.0f, x, spread(0));
-    return choose(x < 1.0f, x, spread(1));
+static inline lanes clamp(lanes value, lanes most) {
+    value = choose(value > 0.0f, value, spread(0));
+    return choose(value < most, value, most);
 }
 
 static inline lanes dot(const lanes a[3], const lanes b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// |v − u e|²
-static inline lanes square_off_edge(const lanes v[3], lanes u, const lanes e[3]) {
-    lanes r[3] = {v[0] - u * e[0], v[1] - u * e[1], v[2] - u * e[2]};
-    return dot(r, r);
+// From (x, y) to the side from the origin to (to_x, to_y), in the plane.
+static inline lanes square_to_side(lanes x, lanes y, lanes to_x, lanes to_y, lanes inv_square) {
+    lanes t = clamp((x * to_x + y * to_y) * inv_square, spread(1));
+    lanes off_x = x - t * to_x, off_y = y - t * to_y;
+    return off_x * off_x + off_y * off_y;
 }
 
-static inline lanes block_squares(const struct cluster_block *b, const float p[3]) {
-    lanes ap[3], bp[3], bc[3];
-    for (int i = 0; i < 3; i++) {
-        ap[i] = spread(p[i]) - b->a[i];
-        bp[i] = ap[i] - b->ab[i];
-        bc[i] = b->ac[i] - b->ab[i];
-    }
-    lanes along_ab = dot(b->ab, ap), along_ac = dot(b->ac, ap);
-    lanes square = square_off_edge(ap, clamp01(along_ab * b->inv_ab), b->ab);
-    square = smaller(square, square_off_edge(ap, clamp01(along_ac * b->inv_ac), b->ac));
-    lanes along_bc = (along_ac - along_ab + b->bc_offset) * b->inv_bc;
-    square = smaller(square, square_off_edge(bp, clamp01(along_bc), bc));
-
-    lanes s = b->s_ab * along_ab - b->s_ac * along_ac;
-    lanes t = b->t_ac * along_ac - b->s_ac * along_ab;
-    lanes height = dot(b->normal, ap);
+static inline lanes block_squares(const struct cluster_block *block, const float p[3]) {
+    lanes ap[3] = {spread(p[0]) - block->a[0], spread(p[1]) - block->a[1],
+                   spread(p[2]) - block->a[2]};
+    lanes x = dot(block->x, ap), y = dot(block->y, ap), z = dot(block->z, ap);
+    lanes from_b = x - block->b_x, bc_x = block->c_x - block->b_x;
+    lanes off_ab = x - clamp(x, block->b_x);
+    lanes square = off_ab * off_ab + y * y;
+    square = smaller(square, square_to_side(x, y, block->c_x, block->c_y, block->inv_ac));
+    square = smaller(square, square_to_side(from_b, y, bc_x, block->c_y, block->inv_bc));
     lane_mask inside =
-        (s >= -b->slack) & (t >= -b->slack) & (s + t <= 1.0f + b->slack) & (b->slack > 0.0f);
-    return choose(inside, height * height, square);
+        (y > 0.0f) & (bc_x * y > block->c_y * from_b) & (block->c_y * x > block->c_x * y);
+    return choose(inside, spread(0), square) + z * z;
 }
 
 void cluster_distances(const struct cluster *cluster, const float p[3],

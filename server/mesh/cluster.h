@@ -11,13 +11,13 @@ typedef int32_t lane_mask __attribute__((vector_size(LANES * sizeof(int32_t))));
 
 #define CLUSTER_BLOCKS (CLUSTER_SIZE / LANES)
 
-// Corner a, sides ab and ac, unit normal, and what the closest points of plane and edges need.
+// A triangle in a frame of its own: corner a the origin, x along its longest side to b at (b_x, 0),
+// c at (c_x, c_y) with c_y >= 0, z its normal. Rounding is then relative to the distance from a,
+// however thin the triangle is.
 struct cluster_block {
-    lanes a[3], ab[3], ac[3], normal[3];
-    lanes s_ab, s_ac, t_ac; // barycentric s = s_ab ab·ap − s_ac ac·ap, t = t_ac ac·ap − s_ac ab·ap
-    lanes slack;            // how far s and t may be off by rounding
-    lanes inv_ab, inv_ac, inv_bc; // 1/length², 0 where there is no length
-    lanes bc_offset;              // ab·ab − ab·ac
+    lanes a[3], x[3], y[3], z[3];
+    lanes b_x, c_x, c_y;
+    lanes inv_ac, inv_bc; // 1/length², 0 where there is no length
 };
 
 struct cluster {
@@ -29,7 +29,8 @@ struct cluster {
 // Clusters of triangles that lie together, at most CLUSTER_SIZE each. The caller frees the array.
 struct cluster *clusters_create(const struct mesh *mesh, uint32_t *out_count);
 
-// Square distances from p to all triangles of a cluster; by rounding alone off from the true ones,
-// and for thin triangles never above them by more. Same bits on every CPU.
+// Square distances from p to all triangles of a cluster. Their roots are off from the true
+// distances by a few roundings of |p − a| (at most 8 FLT_EPSILON (|p| + |a|)). Same bits on every
+// CPU.
 void cluster_distances(const struct cluster *cluster, const float p[3],
                        float out_squares[CLUSTER_SIZE]);

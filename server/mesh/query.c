@@ -90,6 +90,8 @@ void query_destroy(struct query **query) {
 
 // ---- asking ----
 
+#define FAR_MM 1e9 // from there single precision tells no two triangles apart, and then overflows
+
 struct search {
     const struct query *query;
     vec3 p;
@@ -136,28 +138,40 @@ static bool visit_cluster(struct RTCPointQueryFunctionArguments *arguments) {
     return true;
 }
 
+static void search_clusters(struct search *s) {
+    struct RTCPointQuery point = {
+        .x = s->p_single[0],
+        .y = s->p_single[1],
+        .z = s->p_single[2],
+        .radius = (float)(s->limit + s->margin),
+    };
+    struct RTCPointQueryContext context;
+    rtcInitPointQueryContext(&context);
+    rtcPointQuery(s->query->scene, &point, &context, visit_cluster, s);
+}
+
+static void search_all(struct search *s) {
+    for (uint32_t t = 0; t < s->query->mesh->triangle_count; t++)
+        try_triangle(s, t);
+}
+
 bool query_closest(const struct query *query, vec3 p, double max_distance, uint32_t hint,
                    struct closest *out) {
     CHECK(vec3_is_finite(p));
+    double farthest = fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z)));
+    bool far = farthest > FAR_MM;
+    if (far && max_distance < farthest - query->reach)
+        return false;
     struct search s = {
         .query = query,
         .p = p,
         .p_single = {(float)p.x, (float)p.y, (float)p.z},
-        .margin =
-            16 * (double)FLT_EPSILON * (query->reach + fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z)))),
+        .margin = 16 * (double)FLT_EPSILON * (query->reach + farthest),
         .limit = max_distance,
     };
     if (hint < query->mesh->triangle_count)
         try_triangle(&s, hint);
-    struct RTCPointQuery point = {
-        .x = s.p_single[0],
-        .y = s.p_single[1],
-        .z = s.p_single[2],
-        .radius = (float)(s.limit + s.margin),
-    };
-    struct RTCPointQueryContext context;
-    rtcInitPointQueryContext(&context);
-    rtcPointQuery(query->scene, &point, &context, visit_cluster, &s);
+    (far ? search_all : search_clusters)(&s);
     if (s.found)
         *out = s.best;
     return s.found;

@@ -330,6 +330,71 @@ static void a_mesh_far_from_its_origin_is_as_exact(void **state) {
     mesh_fini(&mesh);
 }
 
+// Triangle 0 of a mesh of two: two corners close together, the third far along nearly the same
+// line.
+static void make_needle(struct mesh *mesh, struct random *r, uint32_t turn) {
+    double length = pow(10, random_between(r, -0.3, 1.3));
+    double side = length * pow(10, random_between(r, -2.6, -1.8));
+    double thin = side * pow(10, random_between(r, -3, -1.7));
+    vec3 along = random_direction(r), a = random_in_box(r, 5);
+    vec3 b = vec3_add_scaled(vec3_add_scaled(a, side, along), thin, random_direction(r));
+    vec3 corner[3] = {a, b, vec3_add_scaled(a, length, along)};
+    mesh_init(mesh, 6, 2);
+    for (uint32_t v = 0; v < 6; v++)
+        mesh->triangles[v] = v;
+    for (uint32_t v = 0; v < 3; v++)
+        mesh_set_vertex(mesh, (v + turn) % 3, corner[turn % 2 ? v : 2 - v]);
+}
+
+// Triangle 1: a large one around `middle`, across `normal`.
+static void make_wall(struct mesh *mesh, struct random *r, vec3 middle, vec3 normal) {
+    vec3 right = vec3_unit_or(vec3_cross(normal, random_direction(r)), normal);
+    vec3 up = vec3_cross(normal, right), back = vec3_add_scaled(middle, -2, right);
+    mesh_set_vertex(mesh, 3, vec3_add_scaled(middle, 3, right));
+    mesh_set_vertex(mesh, 4, vec3_add_scaled(back, 2, up));
+    mesh_set_vertex(mesh, 5, vec3_add_scaled(back, -2, up));
+}
+
+// The wall is farther by less than floats of a needle's badly posed barycentric coordinates tell.
+static void a_needle_is_found_before_what_lies_behind_it(void **state) {
+    (void)state;
+    struct random r = {13};
+    for (uint32_t i = 0; i < 20000; i++) {
+        struct mesh mesh;
+        make_needle(&mesh, &r, i);
+        vec3 a = mesh_corner(&mesh, 0, 0);
+        vec3 ab = vec3_sub(mesh_corner(&mesh, 0, 1), a), ac = vec3_sub(mesh_corner(&mesh, 0, 2), a);
+        vec3 normal = vec3_unit_or(vec3_cross(ab, ac), (vec3){1, 0, 0});
+        double s = random_between(&r, 0, 1), t = random_between(&r, 0, 1 - s);
+        double off = pow(10, random_between(&r, -7, -5));
+        vec3 on = vec3_add_scaled(vec3_add_scaled(a, s, ab), t, ac);
+        vec3 p = vec3_add_scaled(on, off, normal);
+        make_wall(&mesh, &r, vec3_add_scaled(p, off + 2e-6, normal), normal);
+        struct query *query = create(&mesh);
+        assert_right(query, &mesh, p, &r);
+        query_destroy(&query);
+        mesh_fini(&mesh);
+    }
+}
+
+// Where the squares of floats, and in the end those of doubles, overflow.
+static void points_out_of_this_world_are_answered_all_the_same(void **state) {
+    (void)state;
+    struct random r = {14};
+    struct mesh mesh;
+    shape_bumpy(&mesh, (vec3){40, 30, 25}, 3, 12, 7);
+    struct query *query = create(&mesh);
+    for (int exponent = 4; exponent <= 307; exponent++) {
+        vec3 p = vec3_scale(pow(10, exponent), random_direction(&r));
+        struct closest answer = ask(query, &mesh, p, &r), best = closest_of_all(&mesh, p), none;
+        assert_true(vec3_is_finite(answer.point));
+        assert_true(same_bits(&answer, &best) || (answer.distance == INFINITY));
+        assert_false(query_closest(query, p, 12, answer.triangle, &none));
+    }
+    query_destroy(&query);
+    mesh_fini(&mesh);
+}
+
 // ---- threads ----
 
 #define QUESTIONS 4000
@@ -385,6 +450,8 @@ int main(void) {
         cmocka_unit_test(nearly_equal_distances_are_told_apart),
         cmocka_unit_test(a_metre_away_is_as_exact),
         cmocka_unit_test(a_mesh_far_from_its_origin_is_as_exact),
+        cmocka_unit_test(a_needle_is_found_before_what_lies_behind_it),
+        cmocka_unit_test(points_out_of_this_world_are_answered_all_the_same),
         cmocka_unit_test(threads_get_the_same_bits),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 
+#include <float.h>
 #include <string.h>
 
 #define TOUCH_MM 1e-6
@@ -219,7 +220,8 @@ static double trust_radius(double nearest, double second) {
 void warp_point(const struct warp_scene *scene, const struct field *field, vec3 y,
                 struct warp_memory *memory, struct warp *out) {
     CHECK(scene->surface_count <= WARP_SURFACES_MAX);
-    double reach = field->kind == FIELD_INVERSE_DISTANCE ? field->radius_mm : INFINITY;
+    // A distance that overflows has no weight and no order: out of reach.
+    double reach = field->kind == FIELD_INVERSE_DISTANCE ? field->radius_mm : DBL_MAX;
     struct contact contacts[WARP_SURFACES_MAX];
     const struct contact *nearest = NULL;
     double second = INFINITY;

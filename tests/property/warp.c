@@ -323,6 +323,24 @@ static void the_unit_of_length_matters_to_the_gaussian_alone(void **state) {
     world_fini(&w);
 }
 
+// Up to where distances overflow.
+static void however_far_away_the_warp_is_finite(void **state) {
+    (void)state;
+    struct random r = {13};
+    struct world w;
+    world_create(&w, &r, true);
+    for (int exponent = 0; exponent <= 307; exponent++)
+        for (int kind = 0; kind < FIELD_COUNT; kind++) {
+            struct field field = field_default((enum field_kind)kind);
+            vec3 y = vec3_scale(pow(10, exponent), random_direction(&r));
+            struct warp warp = world_warp(&w.scene, &field, y);
+            assert_true(vec3_is_finite(warp.displacement));
+            assert_true(isfinite(mat3_norm(warp.gradient)));
+            assert_true(warp.trust_radius_mm >= 0.5 && warp.trust_radius_mm <= 2);
+        }
+    world_fini(&w);
+}
+
 static void fields_are_found_by_name(void **state) {
     (void)state;
     for (int kind = 0; kind < FIELD_COUNT; kind++) {
@@ -349,6 +367,7 @@ int main(void) {
         cmocka_unit_test(memory_never_changes_a_bit),
         cmocka_unit_test(the_place_of_the_room_does_not_matter),
         cmocka_unit_test(the_unit_of_length_matters_to_the_gaussian_alone),
+        cmocka_unit_test(however_far_away_the_warp_is_finite),
         cmocka_unit_test(fields_are_found_by_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -43,7 +43,8 @@ static bool body_is_valid(pose p) {
 }
 
 static bool sample_is_valid(const struct sample *s) {
-    if ((unsigned)s->channel >= CHANNEL_COUNT || (unsigned)s->validity >= VALIDITY_COUNT)
+    if ((unsigned)s->channel >= CHANNEL_COUNT || (unsigned)s->validity >= VALIDITY_COUNT ||
+        s->filter >= FILTER_KIND_COUNT)
         return false;
     if ((s->kind == SAMPLE_JOINT) != (s->channel == CHANNEL_JOINT))
         return false;

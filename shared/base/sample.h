@@ -44,6 +44,9 @@ enum validity {
 
 const char *validity_name(enum validity validity);
 
+// What smoothed a value on its way from the device. Values are on the wire: append only.
+enum filter_kind { FILTER_NONE, FILTER_ONE_EURO, FILTER_KIND_COUNT };
+
 struct handle {
     double opening;   // 0 closed, 1 fully open
     uint32_t buttons; // bit i: button i is down
@@ -53,8 +56,10 @@ struct sample {
     enum channel channel;
     enum sample_kind kind;
     enum validity validity;
-    uint8_t device;  // index in the station's list of devices
-    int64_t time_ns; // when it was measured, on the station's monotonic clock
+    uint8_t device;             // index in the station's list of devices
+    uint8_t filter;             // enum filter_kind
+    uint16_t filter_latency_us; // that the filter adds; 65535: so much or more
+    int64_t time_ns;            // when it was measured, on the station's monotonic clock
     union {
         struct joint_angles joint;
         pose T_mockup_body; // bodies: the bone's frame; instruments: the tip's frame, z along the

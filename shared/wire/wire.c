@@ -25,13 +25,15 @@ _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size 
 
 // What a repeated message takes besides itself: its tag, and its length in up to two bytes.
 #define REPEATED_OVERHEAD 3
+#define SAMPLE_OVERHEAD 2   // its length is below 128
 #define FRAME_EMPTY_SIZE 18 // number and time
 #define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
 #define REPLY_EMPTY_SIZE (arthron_Reply_size - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 
 _Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds every instrument");
-_Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + REPEATED_OVERHEAD) +
+_Static_assert(arthron_Sample_size < 128, "a sample's length takes one byte");
+_Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + SAMPLE_OVERHEAD) +
                        SEAL_OVERHEAD <=
                    WIRE_DATAGRAM_MAX,
                "every frame fits a datagram");
@@ -131,8 +133,18 @@ static enum result reply_check(const arthron_Reply *m, struct error *err) {
     return result;
 }
 
+static enum result hello_check(const arthron_Hello *m, struct error *err) {
+    const arthron_Calibration *c = &m->calibration;
+    if (!m->has_calibration || (c->residual_mm >= 0 && isfinite(c->residual_mm) &&
+                                c->residual_deg >= 0 && isfinite(c->residual_deg)))
+        return RESULT_OK;
+    return fail(err, RESULT_FORMAT, "calibration: a residual is not one");
+}
+
 static enum result control_check(arthron_Control *m, struct error *err) {
     switch (m->which_message) {
+    case arthron_Control_hello_tag:
+        return hello_check(&m->message.hello, err);
     case arthron_Control_frame_tag:
         return frame_check(&m->message.frame, err);
     case arthron_Control_reply_tag:
@@ -243,6 +255,10 @@ static void sample_from(const struct sample *s, arthron_Sample *out) {
     out->validity = (arthron_Validity)s->validity;
     out->device = s->device;
     out->time_ns = s->time_ns;
+    if (s->filter == FILTER_ONE_EURO) {
+        out->which_filter = arthron_Sample_one_euro_us_tag;
+        out->filter.one_euro_us = s->filter_latency_us;
+    }
     switch (s->kind) {
     case SAMPLE_JOINT:
         out->which_value = arthron_Sample_joint_tag;
@@ -274,6 +290,10 @@ static bool sample_to(const arthron_Sample *m, struct sample *out) {
     out->validity = (enum validity)m->validity;
     out->device = (uint8_t)m->device;
     out->time_ns = m->time_ns;
+    if (m->which_filter == arthron_Sample_one_euro_us_tag) {
+        out->filter = FILTER_ONE_EURO;
+        out->filter_latency_us = m->filter.one_euro_us;
+    }
     switch (m->which_value) {
     case arthron_Sample_joint_tag:
         out->kind = SAMPLE_JOINT;

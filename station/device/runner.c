@@ -14,7 +14,7 @@
 #include <string.h>
 
 static const int64_t first_pause_ns = 100 * NS_PER_MS, longest_pause_ns = 5 * NS_PER_S;
-static const char *const own_keys[] = {"driver", "hold_ms", "jump_mm"};
+static const char *const own_keys[] = {"driver", "hold_ms", "jump_mm", "filter"};
 
 struct device {
     const struct device_driver *driver;
@@ -222,6 +222,8 @@ static enum result configure(struct device *d, const struct device_config *confi
                              struct error *err) {
     char driver[OPTION_TEXT_MAX];
     double hold_ms, jump_mm;
+    struct filter_settings filter = {FILTER_NONE};
+    const char *filter_text = option_text(config, "filter");
     struct device_outputs outputs = {0};
     enum result result = refuse_repeated_keys(config, err);
     if (result == RESULT_OK)
@@ -230,6 +232,10 @@ static enum result configure(struct device *d, const struct device_config *confi
         result = option_number(config, "hold_ms", 0, 10000, 100, &hold_ms, err);
     if (result == RESULT_OK)
         result = option_number(config, "jump_mm", 1, 10000, 50, &jump_mm, err);
+    if (result == RESULT_OK && filter_text && !filter_parse(filter_text, &filter))
+        result = option_fail(config, "filter", err, RESULT_INVALID,
+                             "\"%s\" is neither none nor one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ]",
+                             filter_text);
     if (result != RESULT_OK)
         return result;
     d->driver = device_driver(driver);
@@ -242,9 +248,12 @@ static enum result configure(struct device *d, const struct device_config *confi
     strcpy(d->status.name, config->name);
     d->status.driver = d->driver->name;
     d->slot_count = outputs.count;
-    for (int i = 0; i < outputs.count; i++)
+    d->status.filter = filter.kind;
+    for (int i = 0; i < outputs.count; i++) {
         slot_init(&d->slots[i], outputs.outputs[i].channel, outputs.outputs[i].kind, (uint8_t)index,
                   hold_ms, jump_mm);
+        filter_init(&d->slots[i].filter, &filter);
+    }
     return RESULT_OK;
 }
 
@@ -373,5 +382,8 @@ void runner_status(struct runner *r, int index, struct device_status *out_status
     struct device *d = &r->devices[index];
     pthread_mutex_lock(&d->lock);
     *out_status = d->status;
+    for (int i = 0; i < d->slot_count; i++)
+        out_status->filter_latency_ms =
+            fmax(out_status->filter_latency_ms, 1e3 * d->slots[i].filter.latency_s);
     pthread_mutex_unlock(&d->lock);
 }

@@ -6,6 +6,7 @@
 //   hold_ms  how long the last value of a silent channel is held before it is lost; 100
 //   jump_mm  a pose farther than this from what the last ones promise is not used (device/guard.h);
 //            50
+//   filter   none, or one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ] (device/filter.h); none
 //
 // A channel is OK while values come, HELD from the moment that it is silent (twice its usual
 // interval without a value, or the source or the guard said no), LOST hold_ms later. A channel that
@@ -27,14 +28,16 @@ struct device_status {
     char name[DEVICE_NAME_MAX];
     const char *driver;
     bool connected;
-    double rate_hz;      // readings a second, over the last second
-    uint64_t readings;   // polls that brought values
-    uint64_t timeouts;   // polls that brought nothing in time
-    uint64_t malformed;  // messages or values that were not what they should be
-    uint64_t skipped;    // messages of types that do not concern us
-    uint64_t jumps;      // poses that the guard did not let through
-    uint64_t losses;     // channels that went from held to lost
-    uint64_t reopenings; // connections after the first one
+    double rate_hz; // readings a second, over the last second
+    enum filter_kind filter;
+    double filter_latency_ms; // that it adds now; the largest of the device's channels
+    uint64_t readings;        // polls that brought values
+    uint64_t timeouts;        // polls that brought nothing in time
+    uint64_t malformed;       // messages or values that were not what they should be
+    uint64_t skipped;         // messages of types that do not concern us
+    uint64_t jumps;           // poses that the guard did not let through
+    uint64_t losses;          // channels that went from held to lost
+    uint64_t reopenings;      // connections after the first one
     char problem[sizeof((struct error *)0)->text]; // the newest one; empty while all is well
 };
 

@@ -34,6 +34,7 @@ static void use(struct slot *slot, const struct sample *sample) {
     uint8_t device = slot->newest.device;
     slot->newest = *sample;
     slot->newest.device = device;
+    filter_apply(&slot->filter, &slot->newest);
     double patience = slot->interval_ns ? 2 * slot->interval_ns : longest_interval_ns;
     slot->silent_ns = sample->time_ns + (int64_t)patience;
     slot->validity = VALIDITY_OK;

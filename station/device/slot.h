@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/sample.h"
+#include "device/filter.h"
 #include "device/guard.h"
 
 #include <stdbool.h>
@@ -10,6 +11,7 @@
 struct slot {
     struct sample newest; // neutral until the first sample was used
     struct guard guard;   // of poses
+    struct filter filter; // none, unless filter_init is called after slot_init
     int64_t hold_ns;      // from silent to lost
     double interval_ns;   // usual time between two samples that were used; 0: not known yet
     int64_t silent_ns;    // from when on the channel is silent, if nothing comes before

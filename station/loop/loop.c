@@ -66,16 +66,31 @@ static const char *path_name(enum link_path path) {
     return path == LINK_DATAGRAM ? "datagrams" : path == LINK_CONTROL ? "control" : "no link";
 }
 
+// What the slowest filter adds to the newest poses.
+static double filter_latency_ms(struct loop *loop) {
+    double most = 0;
+    for (int i = 0; i < runner_count(loop->runner); i++) {
+        struct device_status status;
+        runner_status(loop->runner, i, &status);
+        most = fmax(most, status.filter_latency_ms);
+    }
+    return most;
+}
+
 static void print_live(struct loop *loop) {
     struct link_status status;
     link_get_status(loop->link, &status);
+    char filter[32] = "";
+    double latency_ms = filter_latency_ms(loop);
+    if (latency_ms > 0)
+        snprintf(filter, sizeof filter, "  filter %.1f ms", latency_ms);
     printf("%5" PRIu64
            " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  lost %" PRIu64
-           "  %s%s%s\n",
+           "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
            meter_percentile_us(&loop->second, 0.99), loop->warp_mm,
-           loop->sent > loop->warped ? loop->sent - loop->warped : 0, path_name(status.path),
-           status.refusal[0] ? ": " : "", status.refusal);
+           loop->sent > loop->warped ? loop->sent - loop->warped : 0, filter,
+           path_name(status.path), status.refusal[0] ? ": " : "", status.refusal);
     fflush(stdout);
 }
 
@@ -146,7 +161,12 @@ static void run(struct loop *loop) {
 
 // ---- making and releasing -----------------------------------------------------------------------
 
-static struct link_config link_config_from(const struct station_config *config) {
+static arthron_Calibration calibration_from(const struct calibration *calibration) {
+    struct calibration_summary summary = calibration_summarise(calibration);
+    return (arthron_Calibration){summary.utc_s, summary.residual_mm, summary.residual_deg};
+}
+
+struct link_config loop_link_config(const struct station_config *config) {
     struct link_config link = {
         .host = config->host,
         .port = config->port,
@@ -155,7 +175,10 @@ static struct link_config link_config_from(const struct station_config *config) 
         .software = "arthron-station " ARTHRON_VERSION,
         .datagrams = config->datagrams,
         .device_count = config->device_count,
+        .calibrated = config->calibration.count > 0,
     };
+    if (link.calibrated)
+        link.calibration = calibration_from(&config->calibration);
     for (int i = 0; i < config->device_count; i++) {
         const struct device_config *device = &config->devices[i].config;
         snprintf(link.devices[i].name, sizeof link.devices[i].name, "%s", device->name);
@@ -175,7 +198,7 @@ static enum result start(struct loop *loop, struct error *err) {
     enum result result = runner_create(devices, config->device_count, &loop->runner, err);
     if (result != RESULT_OK)
         return result;
-    struct link_config link = link_config_from(config);
+    struct link_config link = loop_link_config(config);
     return link_create(&link, &loop->link, err);
 }
 

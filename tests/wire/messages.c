@@ -91,6 +91,8 @@ static struct sample make_sample(struct random *random, enum channel channel) {
     sample.validity = (enum validity)(random_bits(random) % VALIDITY_COUNT);
     sample.device = (uint8_t)(random_bits(random) % WIRE_DEVICES_MAX);
     sample.time_ns = (int64_t)random_bits(random);
+    sample.filter = random_bits(random) % FILTER_KIND_COUNT;
+    sample.filter_latency_us = sample.filter ? (uint16_t)random_bits(random) : 0;
     if (channel == CHANNEL_JOINT) {
         sample.kind = SAMPLE_JOINT;
         sample.joint = (struct joint_angles){random_between(random, -90, 90), -1.5, 2, 3, -4, 5};
@@ -316,6 +318,8 @@ static void assert_same_sample(const struct sample *a, const struct sample *b) {
     assert_int_equal(a->kind, b->kind);
     assert_int_equal(a->validity, b->validity);
     assert_int_equal(a->device, b->device);
+    assert_int_equal(a->filter, b->filter);
+    assert_int_equal(a->filter_latency_us, b->filter_latency_us);
     assert_int_equal(a->time_ns, b->time_ns);
     if (a->kind == SAMPLE_JOINT)
         assert_memory_equal(&a->joint, &b->joint, sizeof a->joint);

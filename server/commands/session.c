@@ -40,16 +40,41 @@ static const char *state_name(const arthron_SessionInfo *info) {
     return session_state_name((enum session_state)info->state);
 }
 
+static json_t *calibration_to_json(const arthron_SessionInfo *info) {
+    const arthron_Calibration *c = &info->calibration;
+    if (!info->has_calibration)
+        return json_null();
+    return json_pack("{s:I, s:f, s:f, s:s}", "utc_s", (json_int_t)c->utc_s, "residual_mm",
+                     c->residual_mm, "residual_deg", c->residual_deg, "problem",
+                     info->calibration_problem);
+}
+
+static json_t *drift_to_json(const arthron_SessionInfo *info) {
+    return info->touches ? json_real(info->drift_mm) : json_null();
+}
+
 static json_t *info_to_json(const arthron_SessionInfo *info) {
     char id[33];
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
-    return json_pack("{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:f, s:f, s:s}", "station",
-                     info->station, "id", id, "case", info->case_name, "state", state_name(info),
-                     "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9,
-                     "steps", (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost,
-                     "frames_old", (json_int_t)info->frames_old, "rtt_us", info->rtt_p50_us,
-                     "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace);
+    return json_pack(
+        "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:f, s:f, s:s, s:o, s:I, s:o}", "station",
+        info->station, "id", id, "case", info->case_name, "state", state_name(info), "connected",
+        info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
+        (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_old",
+        (json_int_t)info->frames_old, "rtt_us", info->rtt_p50_us, "clock_uncertainty_us",
+        info->clock_uncertainty_us, "trace", info->trace, "calibration", calibration_to_json(info),
+        "touches", (json_int_t)info->touches, "drift_mm", drift_to_json(info));
+}
+
+static json_t *refused_to_json(const arthron_Refused *r) {
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "strangers",
+                     (json_int_t)r->strangers, "forged", (json_int_t)r->forged, "replayed",
+                     (json_int_t)r->replayed, "malformed", (json_int_t)r->malformed, "too_long",
+                     (json_int_t)r->too_long, "certificates", (json_int_t)r->certificates,
+                     "control_malformed", (json_int_t)r->control_malformed, "control_unknown",
+                     (json_int_t)r->control_unknown, "replies_dropped",
+                     (json_int_t)r->replies_dropped);
 }
 
 static void print_json(const arthron_CommandReply *reply) {
@@ -58,6 +83,8 @@ static void print_json(const arthron_CommandReply *reply) {
         json_array_append_new(sessions, info_to_json(&reply->sessions[i]));
     json_t *whole =
         json_pack("{s:b, s:s, s:o}", "ok", reply->ok, "text", reply->text, "sessions", sessions);
+    if (reply->has_refused)
+        json_object_set_new(whole, "refused", refused_to_json(&reply->refused));
     json_dumpf(whole, stdout, JSON_COMPACT);
     putchar('\n');
     json_decref(whole);
@@ -71,6 +98,11 @@ static void print_table(const arthron_CommandReply *reply) {
         printf("%-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
                info->case_name, state_name(info), info->connected ? "connected" : "away",
                info->steps, info->frames_lost, info->trace);
+        if (info->calibration_problem[0])
+            printf("  %s: %s\n", info->station, info->calibration_problem);
+        if (info->touches)
+            printf("  %s: %" PRIu64 " touches, %.2f mm beside the surface\n", info->station,
+                   info->touches, info->drift_mm);
     }
 }
 

@@ -58,12 +58,6 @@ static enum result trace_path(const struct hub *hub, const struct seat *seat,
     return RESULT_OK;
 }
 
-static void close_card(struct hub *hub, struct card *card) {
-    pthread_mutex_lock(&hub->card_lock);
-    card->open = false;
-    pthread_mutex_unlock(&hub->card_lock);
-}
-
 static enum result make_live(struct hub *hub, struct seat *seat, struct live **out_live,
                              struct error *err) {
     pthread_mutex_lock(&hub->card_lock);
@@ -95,7 +89,7 @@ static enum result open_session(struct hub *hub, int index, struct error *err) {
     struct note note = {.kind = NOTE_ATTACH, .seat = index};
     enum result result = make_live(hub, seat, &note.live, err);
     if (result != RESULT_OK) {
-        close_card(hub, &seat->card);
+        atomic_store(&seat->counts.state, SESSION_CLOSED);
         return result;
     }
     struct worker *worker = seat_worker(hub, index);
@@ -115,18 +109,18 @@ static void log_trace_end(const struct seat *seat, struct trace_writer *trace) {
                  (unsigned long long)status.records);
 }
 
-// desk_lock held. Several sessions of one seat may end before the desk looks; the card is closed
-// only by the one that it describes.
+// desk_lock held.
 static void release_retired(struct hub *hub, struct worker *worker) {
     struct retired retired;
     while (ring_pop(worker->to_desk, &retired)) {
         struct seat *seat = &hub->seats[retired.seat];
+        if (retired.deserted)
+            log_warning("hub", "station %s: no frame for %d s, its session ends",
+                        seat->station->name, hub->config.wait_s);
         log_trace_end(seat, retired.live->trace);
         trace_writer_destroy(&retired.live->trace);
         session_destroy(&retired.live->session);
         free(retired.live);
-        if (atomic_load(&seat->counts.state) == SESSION_CLOSED)
-            close_card(hub, &seat->card);
     }
 }
 
@@ -235,7 +229,7 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     snprintf(out->station, sizeof out->station, "%s", seat->station->name);
     snprintf(out->case_name, sizeof out->case_name, "%s", hub->config.cases[card.scene].name);
     out->connected = card.connected;
-    out->state = (arthron_SessionState)(card.open ? atomic_load(&counts->state) : SESSION_CLOSED);
+    out->state = (arthron_SessionState)atomic_load(&counts->state);
     memcpy(out->id, card.session_id, sizeof out->id);
     out->start_utc_ns = card.start_utc_ns;
     snprintf(out->trace, sizeof out->trace, "%s", card.trace);
@@ -243,6 +237,13 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->frames_lost = atomic_load(&counts->frames_lost);
     out->frames_old = atomic_load(&counts->frames_old);
     out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
+    out->touches = atomic_load(&counts->touches);
+    out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
+    out->has_calibration = card.calibrated;
+    out->calibration = card.calibration;
+    if (card.calibrated)
+        calibration_judge(&card.calibration, &hub->config, clock_utc_ns() / NS_PER_S,
+                          out->calibration_problem, sizeof out->calibration_problem);
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
 }
 
@@ -282,13 +283,6 @@ static void give_input(struct hub *hub, int index, enum input_kind kind,
         reply->ok = true;
 }
 
-static bool card_is_open(struct hub *hub, int index) {
-    pthread_mutex_lock(&hub->card_lock);
-    bool open = hub->seats[index].card.open;
-    pthread_mutex_unlock(&hub->card_lock);
-    return open;
-}
-
 // A new session for a connected station, on a scene of its own choice.
 static bool reopen(struct hub *hub, int index, int scene, arthron_CommandReply *reply) {
     struct seat *seat = &hub->seats[index];
@@ -296,7 +290,6 @@ static bool reopen(struct hub *hub, int index, int scene, arthron_CommandReply *
     bool connected = seat->card.connected;
     seat->card.scene = scene;
     if (connected) {
-        seat->card.open = true;
         desk_new_id(seat->card.session_id);
         atomic_store(&seat->counts.state, SESSION_WAITING);
     }
@@ -311,7 +304,8 @@ static bool reopen(struct hub *hub, int index, int scene, arthron_CommandReply *
 }
 
 static void start(struct hub *hub, int index, arthron_CommandReply *reply) {
-    if (!card_is_open(hub, index) && !reopen(hub, index, hub->seats[index].card.scene, reply)) {
+    if (!seat_has_session(&hub->seats[index]) &&
+        !reopen(hub, index, hub->seats[index].card.scene, reply)) {
         refuse(reply, "station %s is not connected", hub->seats[index].station->name);
         return;
     }
@@ -324,7 +318,7 @@ static void change_case(struct hub *hub, int index, const char *name, arthron_Co
         refuse(reply, "there is no case %s", name);
         return;
     }
-    if (card_is_open(hub, index))
+    if (seat_has_session(&hub->seats[index]))
         give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
     release_all_retired(hub);
     reopen(hub, index, scene, reply);
@@ -336,7 +330,7 @@ static void command_station(struct hub *hub, const arthron_Command *command, int
         start(hub, index, reply);
     } else if (command->kind == arthron_Command_Kind_CASE) {
         change_case(hub, index, command->case_name, reply);
-    } else if (!card_is_open(hub, index)) {
+    } else if (!seat_has_session(&hub->seats[index])) {
         refuse(reply, "station %s has no session", command->station);
     } else if (command->kind == arthron_Command_Kind_PAUSE) {
         give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
@@ -349,7 +343,25 @@ static void command_station(struct hub *hub, const arthron_Command *command, int
     reply->sessions_count = 1;
 }
 
+static void list_refused(struct hub *hub, arthron_Refused *out) {
+    for (int i = 0; i < hub->worker_count; i++) {
+        const struct worker_counts *counts = &hub->workers[i].counts;
+        out->strangers += atomic_load(&counts->strangers);
+        out->forged += atomic_load(&counts->forged);
+        out->replayed += atomic_load(&counts->replayed);
+        out->malformed += atomic_load(&counts->malformed);
+        out->too_long += atomic_load(&counts->too_long);
+    }
+    struct control_counts control = control_counts(hub->control);
+    out->certificates = control.refused_certificates;
+    out->control_malformed = control.malformed_messages;
+    out->control_unknown = control.unknown_messages;
+    out->replies_dropped = control.replies_dropped;
+}
+
 static void list_all(struct hub *hub, arthron_CommandReply *reply) {
+    reply->has_refused = true;
+    list_refused(hub, &reply->refused);
     for (int i = 0; i < hub->config.station_count; i++)
         list_seat(hub, i, &reply->sessions[reply->sessions_count++]);
     reply->ok = true;

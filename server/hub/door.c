@@ -1,5 +1,6 @@
 // Who comes in over the control connection, and which seat is whose. Everything here runs in the
 // control thread and only leaves notes for workers and the clerk.
+#include "base/clock.h"
 #include "base/log.h"
 #include "hub/seat.h"
 
@@ -65,17 +66,40 @@ static void fill_welcome(struct hub *hub, const struct seat *seat, bool resumed,
 static void take_seat(struct hub *hub, int index, struct control_peer peer, uint64_t connection,
                       arthron_Welcome *welcome) {
     struct seat *seat = &hub->seats[index];
-    bool resumed = seat->card.open;
+    bool resumed = seat_has_session(seat);
     seat->card.connected = true;
     seat->card.peer = peer;
     seat->card.connection = connection;
     if (!resumed) {
-        seat->card.open = true;
         desk_new_id(seat->card.session_id);
         atomic_store(&seat->counts.state, SESSION_WAITING);
         desk_want_session(hub, index);
     }
     fill_welcome(hub, seat, resumed, welcome);
+}
+
+// card_lock held.
+static void keep_calibration(struct card *card, const arthron_Hello *hello) {
+    card->calibrated = hello->has_calibration;
+    card->calibration = hello->calibration;
+}
+
+static void warn_of_calibration(const struct hub *hub, const arthron_Hello *hello) {
+    char problem[128] = "";
+    if (hello->has_calibration)
+        calibration_judge(&hello->calibration, &hub->config, clock_utc_ns() / NS_PER_S, problem,
+                          sizeof problem);
+    if (problem[0])
+        log_warning("hub", "station %s: %s", hello->station, problem);
+}
+
+// A station that only asks whether it would be welcome.
+static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *welcome) {
+    pthread_mutex_lock(&hub->card_lock);
+    fill_welcome(hub, &hub->seats[index], hub->seats[index].card.open, welcome);
+    pthread_mutex_unlock(&hub->card_lock);
+    log_info("hub", "station %s visits", hub->seats[index].station->name);
+    return RESULT_OK;
 }
 
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
@@ -86,11 +110,15 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
                       "station %s has no case: the server's config does not name it",
                       hello->station);
+    if (hello->visit)
+        return receive_visit(hub, index, welcome);
     pthread_mutex_lock(&hub->card_lock);
-    const struct card *card = &hub->seats[index].card;
+    struct card *card = &hub->seats[index].card;
     bool rival = card->connected && card->connection != hello->connection;
-    if (!rival)
+    if (!rival) {
         take_seat(hub, index, peer, hello->connection, welcome);
+        keep_calibration(card, hello);
+    }
     pthread_mutex_unlock(&hub->card_lock);
     if (rival)
         return refuse(refusal, arthron_Refusal_Reason_BUSY,
@@ -99,6 +127,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     if (!tell(hub, &note))
         return refuse(refusal, arthron_Refusal_Reason_BUSY, "station %s: the server is too busy",
                       hello->station);
+    warn_of_calibration(hub, hello);
     log_info("hub", "station %s joined%s", hello->station, welcome->resumed ? " again" : "");
     return RESULT_OK;
 }

@@ -39,6 +39,7 @@ static enum result place_seats(struct hub *hub, struct error *err) {
     for (int i = 0; i < hub->config.station_count; i++) {
         const struct hub_station *station = &hub->config.stations[i];
         hub->seats[i].station = station;
+        atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
         hub->seats[i].card.scene = find_case(&hub->config, station->case_name);
         if (hub->seats[i].card.scene < 0)
             return fail(err, RESULT_INVALID, "station %s: there is no case %s", station->name,

@@ -23,6 +23,8 @@ struct hub_station {
     char case_name[HUB_NAME_MAX]; // one of the hub's cases
     char trainee[HUB_NAME_MAX];
     bool start_by_command; // else a session runs as soon as its station is there
+    // Buttons of each instrument's handle that are down while its tip touches; 0: none.
+    uint32_t contact_buttons[INSTRUMENT_COUNT];
 };
 
 struct hub_config {
@@ -34,6 +36,9 @@ struct hub_config {
     char traces_dir[HUB_PATH_MAX];
     char socket[HUB_PATH_MAX]; // local socket of the console
     int wait_s;                // how long a session waits for its station
+    // What is worse is warned of: age and residuals of a station's calibration, and drift.
+    int calibration_days;
+    double calibration_mm, calibration_deg;
     struct session_settings settings;
     int case_count;
     struct hub_case cases[HUB_CASES_MAX];

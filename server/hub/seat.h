@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/ring.h"
+#include "hub/calibration.h"
 #include "hub/hub.h"
 #include "net/console.h"
 #include "net/control.h"
@@ -23,7 +24,8 @@ struct card {
     bool connected;
     struct control_peer peer;
     uint64_t connection; // Hello.connection: tells a reconnect from a rival
-    bool open;           // there is a session, or the desk is about to make it
+    bool calibrated;
+    arthron_Calibration calibration; // as Hello told it
     uint8_t session_id[16];
     int scene; // index into hub.scenes
     int64_t start_utc_ns;
@@ -37,8 +39,10 @@ struct seat_counts {
     atomic_uint_fast64_t frames_old;   // older than one that came before: dropped
     atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
     atomic_uint_fast64_t frames_invalid; // values out of range: dropped
-    atomic_int state;                    // enum session_state
+    atomic_int state; // enum session_state; from the wish for a session until its end not closed
     atomic_int_fast64_t rtt_ns, clock_uncertainty_ns;
+    atomic_uint_fast64_t touches; // of this session
+    atomic_int_fast64_t drift_nm; // of the instrument that is farthest off
 };
 
 // A configured station: its card for all, the rest for its worker alone.
@@ -56,6 +60,8 @@ struct seat {
     uint64_t last_frame;
     arthron_Reply reply; // to last_frame
     int64_t last_step_ns, last_frame_ns;
+    struct drift drift[INSTRUMENT_COUNT];
+    bool drift_warned;
 };
 
 // To a worker.
@@ -88,7 +94,13 @@ struct note {
 // From a worker to the desk: a session that has ended.
 struct retired {
     int seat;
+    bool deserted; // its station stayed away for too long
     struct live *live;
+};
+
+// What a worker's socket did not take, for whoever asks.
+struct worker_counts {
+    atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;
 };
 
 struct worker {
@@ -100,6 +112,7 @@ struct worker {
     struct ring *from_control; // of struct note
     struct ring *from_desk;    // of struct note
     struct ring *to_desk;      // of struct retired
+    struct worker_counts counts;
 };
 
 struct hub {
@@ -119,6 +132,10 @@ struct hub {
     bool clerk_runs, clerk_stop;
     bool opening_wanted[HUB_STATIONS_MAX];
 };
+
+static inline bool seat_has_session(const struct seat *seat) {
+    return atomic_load(&seat->counts.state) != SESSION_CLOSED;
+}
 
 static inline struct worker *seat_worker(struct hub *hub, int seat) {
     return &hub->workers[seat % hub->worker_count];

@@ -2,11 +2,11 @@
 // anyone: rings to and from the other threads, non-blocking sends, a trace that only copies.
 #include "base/check.h"
 #include "base/clock.h"
-#include "base/log.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
 
 #include <errno.h>
+#include <math.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -23,9 +23,13 @@ enum path { PATH_CONTROL, PATH_DATAGRAM };
 // ---- steps
 // ----------------------------------------------------------------------------------------
 
+static bool seat_is_deserted(const struct hub *hub, const struct seat *seat) {
+    return clock_now_ns() - seat->last_frame_ns > hub->config.wait_s * NS_PER_S;
+}
+
 static void retire(struct worker *worker, struct seat *seat) {
     struct hub *hub = worker->hub;
-    struct retired retired = {(int)(seat - hub->seats), seat->live};
+    struct retired retired = {(int)(seat - hub->seats), seat_is_deserted(hub, seat), seat->live};
     seat->live = NULL;
     bool pushed = ring_push(worker->to_desk, &retired);
     CHECK(pushed); // as many places as there are sessions
@@ -64,6 +68,46 @@ static void step_without_frame(struct worker *worker, struct seat *seat, enum in
     struct session_input input = {.kind = kind, .time_ns = clock_now_ns()};
     struct session_output output;
     step(worker, seat, &input, &output);
+}
+
+// ---- drift --------------------------------------------------------------------------------------
+
+static void publish_drift(const struct worker *worker, struct seat *seat) {
+    double limit_mm = worker->hub->config.calibration_mm, largest_mm = 0;
+    uint64_t touches = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct drift *drift = &seat->drift[i];
+        touches += drift->touches;
+        largest_mm = fmax(largest_mm, drift->mean_mm);
+        if (seat->drift_warned || drift->touches < DRIFT_TOUCHES || drift->mean_mm <= limit_mm)
+            continue;
+        log_warning("hub", "station %s: %s touches %.2f mm beside the surface: calibrate it",
+                    seat->station->name, channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
+                    drift->mean_mm);
+        seat->drift_warned = true;
+    }
+    atomic_store(&seat->counts.touches, touches);
+    atomic_store(&seat->counts.drift_nm, (int64_t)(largest_mm * 1e6));
+}
+
+static void forget_drift(struct seat *seat) {
+    memset(seat->drift, 0, sizeof seat->drift);
+    seat->drift_warned = false;
+    atomic_store(&seat->counts.touches, 0);
+    atomic_store(&seat->counts.drift_nm, 0);
+}
+
+static void watch_drift(const struct worker *worker, struct seat *seat,
+                        const struct session_output *output) {
+    double reach_mm = worker->hub->config.settings.field.radius_mm;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &output->instruments[i];
+        bool closed = o->handle.buttons & seat->station->contact_buttons[i];
+        bool measured = o->present && o->validity == VALIDITY_OK;
+        double nearest_mm = isfinite(o->warp.nearest_mm) ? o->warp.nearest_mm : reach_mm;
+        if (drift_step(&seat->drift[i], closed, measured ? nearest_mm : -1))
+            publish_drift(worker, seat);
+    }
 }
 
 // ---- frames
@@ -126,6 +170,7 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     onto_server_clock(&input.frame, seat->clock_offset_ns);
     seat->last_frame_ns = received_ns;
     step(worker, seat, &input, &output);
+    watch_drift(worker, seat, &output);
     reply_from_output(&output, knee, frame->number, frame->time_ns, &seat->reply);
     answer(worker, seat, path, &seat->reply);
 }
@@ -134,6 +179,16 @@ static void ask_for_path(struct worker *worker, const struct seat *seat, uint64_
     arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
     message.message.udp_path.challenge = challenge;
     control_send(worker->hub->control, seat->peer, &message);
+}
+
+static void publish_counts(struct worker *worker) {
+    struct datagram_counts now = datagram_counts(worker->endpoint);
+    struct worker_counts *counts = &worker->counts;
+    atomic_store_explicit(&counts->strangers, now.strangers, memory_order_relaxed);
+    atomic_store_explicit(&counts->forged, now.forged, memory_order_relaxed);
+    atomic_store_explicit(&counts->replayed, now.replayed, memory_order_relaxed);
+    atomic_store_explicit(&counts->malformed, now.malformed, memory_order_relaxed);
+    atomic_store_explicit(&counts->too_long, now.too_long, memory_order_relaxed);
 }
 
 static void take_datagrams(struct worker *worker) {
@@ -150,6 +205,7 @@ static void take_datagrams(struct worker *worker) {
             take_frame(worker, seat, PATH_DATAGRAM, &frame, batch[i].received_ns);
     }
     datagram_flush(worker->endpoint);
+    publish_counts(worker);
 }
 
 // ---- notes
@@ -194,6 +250,7 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     if (seat->live)
         step_without_frame(worker, seat, INPUT_STOP);
     seat->live = live;
+    forget_drift(seat);
     seat->last_step_ns = 0;
     seat->last_frame_ns = clock_now_ns();
     atomic_store(&seat->counts.state, SESSION_WAITING);
@@ -262,9 +319,7 @@ static void watch_seat(struct worker *worker, struct seat *seat, int64_t now_ns)
         send_keys(worker, seat);
     if (!seat->live)
         return;
-    if (now_ns - seat->last_frame_ns > worker->hub->config.wait_s * NS_PER_S) {
-        log_warning("hub", "station %s: no frame for %d s, its session ends", seat->station->name,
-                    worker->hub->config.wait_s);
+    if (seat_is_deserted(worker->hub, seat)) {
         step_without_frame(worker, seat, INPUT_STOP);
     } else if (now_ns - seat->last_step_ns >= EMPTY_STEP_NS &&
                atomic_load(&seat->counts.state) == SESSION_RUNNING) {

@@ -114,6 +114,7 @@ class Strangers(House):
             with self.assertRaises(socket.timeout):
                 s.recv(2000)
         self.wait_for_steps()
+        self.assertEqual(self.steer("list")["refused"]["strangers"], 7)
 
     def test_a_revoked_station_is_refused(self):
         self.start_mockup()

@@ -2,10 +2,10 @@
 
 #include "base/check.h"
 #include "case/import_reader.h"
-#include "mesh/topology.h"
 
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 #define BONE_MIDDLE_MIN_MM 40
@@ -42,23 +42,26 @@ static enum result check_file(const char *path, size_t max_bytes, struct error *
     return RESULT_OK;
 }
 
-static bool turn_outwards(struct mesh *mesh) {
-    struct topology t = topology_of(mesh);
-    if (!t.closed || !t.oriented || mesh_volume(mesh) >= 0)
-        return false;
-    for (size_t i = 0; i < mesh->triangle_count; i++) {
-        uint32_t *corners = mesh->triangles + 3 * i, second = corners[1];
-        corners[1] = corners[2];
-        corners[2] = second;
-    }
-    return true;
+static bool is_soup(const char *path, const struct mesh *mesh) {
+    const char *dot = strrchr(path, '.');
+    return (dot && strcasecmp(dot, ".stl") == 0) ||
+           (mesh->triangle_count > 1 && mesh->vertex_count >= 3 * (uint64_t)mesh->triangle_count);
+}
+
+static enum result refuse(const struct import_source *source, struct mesh *mesh, enum result result,
+                          struct error *err) {
+    const char *unit =
+        mesh->vertex_count ? unit_that_fits(middle_side(mesh) / source->mm_per_unit) : NULL;
+    mesh_fini(mesh);
+    return fail_in(err, result, "%s: %s%s%s", source->path,
+                   unit ? "the unit that would fit is " : "", unit ? unit : "", unit ? ": " : "");
 }
 
 enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
-                        struct mesh *out_mesh, struct import_counts *out_counts,
+                        struct mesh *out_mesh, struct repair_report *out_report,
                         struct error *err) {
     *out_mesh = (struct mesh){0};
-    *out_counts = (struct import_counts){0};
+    *out_report = (struct repair_report){0};
     enum result result = check_file(source->path, limits->file_bytes, err);
     struct import_arrays arrays;
     if (result == RESULT_OK)
@@ -74,14 +77,17 @@ enum result import_mesh(const struct import_source *source, const struct case_li
         mesh_set_vertex(out_mesh, v, pose_apply(source->T_case_file, mm));
     }
     result = mesh_validate(out_mesh, err);
-    if (result != RESULT_OK) {
-        const char *unit = unit_that_fits(middle_side(out_mesh) / source->mm_per_unit);
-        mesh_fini(out_mesh);
-        return fail_in(err, result, "%s: %s%s%s", source->path,
-                       unit ? "the unit that would fit is " : "", unit ? unit : "",
-                       unit ? ": " : "");
-    }
-    *out_counts = (struct import_counts){arrays.dropped, turn_outwards(out_mesh)};
+    if (result != RESULT_OK)
+        return refuse(source, out_mesh, result, err);
+    struct repair_settings settings = {
+        .weld_mm = is_soup(source->path, out_mesh) ? IMPORT_SOUP_WELD_MM : 0,
+        .island_share = IMPORT_ISLAND_SHARE,
+    };
+    bool left = repair_mesh(out_mesh, &settings, out_report);
+    out_report->triangles_before += arrays.dropped;
+    out_report->repeated_corners += arrays.dropped;
+    if (!left)
+        return refuse(source, out_mesh, fail(err, RESULT_INVALID, "no triangle is left"), err);
     return RESULT_OK;
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "case/case.h"
+#include "case/repair.h"
 
 struct import_source {
     const char *path;
@@ -12,16 +13,18 @@ struct import_source {
     pose T_case_file;   // after scaling to mm
 };
 
-struct import_counts {
-    uint32_t dropped; // triangles with a repeated corner
-    bool turned;      // was closed and inside out: all triangles were turned
-};
+// Corners of an STL file, and of any other whose triangles share no vertex, as near as this are
+// one.
+#define IMPORT_SOUP_WELD_MM 1e-3
+// Of a mesh's area: components with less are taken for islands of a segmentation.
+#define IMPORT_ISLAND_SHARE 0.02
 
-// Reads a PLY, OBJ, STL or OFF file into the case's frame. The caller releases *out_mesh with
-// mesh_fini. Refused, naming the path: a file over the limits, what its reader does not understand,
-// what mesh_validate refuses.
+// Reads a PLY, OBJ, STL or OFF file into the case's frame and repairs it (case/repair.h). The
+// caller releases *out_mesh with mesh_fini. Refused, naming the path: a file over the limits, what
+// its reader does not understand or misreads, what mesh_validate refuses, a mesh of which repair
+// leaves nothing.
 enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
-                        struct mesh *out_mesh, struct import_counts *out_counts, struct error *err);
+                        struct mesh *out_mesh, struct repair_report *out_report, struct error *err);
 
 // The turn T_case_common from three letters that say where x, y, z of the common frame point: R or
 // L (right, left of the patient), A or P (anterior, posterior), S or I (superior, inferior).

@@ -1,13 +1,13 @@
 #include "case/import_reader.h"
 
+#include "case/import_claim.h"
+
 #include <OpenMesh/Core/IO/IOManager.hh>
 #include <OpenMesh/Core/IO/MeshIO.hh>
 #include <OpenMesh/Core/System/omstream.hh>
-#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <string>
-#include <strings.h>
 #include <vector>
 
 namespace {
@@ -22,7 +22,7 @@ class collector final : public IO::BaseImporter {
 
     std::vector<float> positions;
     std::vector<uint32_t> triangles;
-    uint32_t dropped = 0;
+    uint32_t faces = 0, dropped = 0;
     bool too_many = false;
 
     VertexHandle add_vertex(const Vec3f &point) override {
@@ -43,6 +43,8 @@ class collector final : public IO::BaseImporter {
     }
 
     FaceHandle add_face(const VHandles &corners) override {
+        faces++;
+        dropped += corners.size() < 3;
         for (size_t i = 2; i < corners.size() && !too_many; i++)
             add_triangle(corners[0], corners[i - 1], corners[i]);
         return FaceHandle((int)n_faces() - 1);
@@ -116,23 +118,26 @@ class collector final : public IO::BaseImporter {
     uint32_t triangles_max_;
 };
 
-bool ends_with(const std::string &path, const char *ending) {
-    size_t dot = path.rfind('.');
-    return dot != std::string::npos && strcasecmp(path.c_str() + dot, ending) == 0;
-}
-
-bool ending_is_known(const std::string &path) {
-    static const char *const known[] = {".ply", ".obj", ".stl", ".off"};
-    return std::any_of(std::begin(known), std::end(known),
-                       [&](const char *each) { return ends_with(path, each); });
-}
-
 template <typename T> T *copy_out(const std::vector<T> &values) {
     T *copy = static_cast<T *>(malloc(values.size() * sizeof(T)));
     if (!copy)
         throw std::bad_alloc();
     memcpy(copy, values.data(), values.size() * sizeof(T));
     return copy;
+}
+
+// What a reader leaves out by itself counts as dropped.
+enum result compare(const char *path, collector &from, const import_claim &claim,
+                    struct error *err) {
+    bool soup = claim.vertices == IMPORT_UNKNOWN;
+    if (!soup && from.n_vertices() != claim.vertices)
+        return fail(err, RESULT_FORMAT, "%s: %zu vertices arrived of %u", path, from.n_vertices(),
+                    claim.vertices);
+    uint32_t expected = claim.faces - claim.repeated;
+    if (soup ? from.faces > expected : from.faces != expected)
+        return fail(err, RESULT_FORMAT, "%s: %u faces arrived of %u", path, from.faces, expected);
+    from.dropped += claim.faces - from.faces;
+    return RESULT_OK;
 }
 
 enum result hand_over(const char *path, const collector &from, import_arrays &out,
@@ -159,14 +164,10 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err) {
     *out_arrays = {};
     try {
-        if (!ending_is_known(path))
-            return fail(err, RESULT_FORMAT,
-                        "%s: its name ends neither in .ply, .obj, .stl nor .off", path);
-        if (ends_with(path, ".ply")) {
-            enum result result = import_ply_check(path, err);
-            if (result != RESULT_OK)
-                return result;
-        }
+        import_claim claim;
+        enum result result = import_claim_of(path, &claim, err);
+        if (result != RESULT_OK)
+            return result;
         omlog().disable();
         omout().disable();
         omerr().disable();
@@ -174,7 +175,9 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
         IO::Options options;
         if (!IO::IOManager().read(path, mesh, options))
             return fail(err, RESULT_FORMAT, "%s: not readable as what its name says", path);
-        return hand_over(path, mesh, *out_arrays, err);
+        if (!mesh.too_many)
+            result = compare(path, mesh, claim, err);
+        return result == RESULT_OK ? hand_over(path, mesh, *out_arrays, err) : result;
     } catch (const std::exception &why) {
         free(out_arrays->positions);
         *out_arrays = {};

@@ -13,20 +13,17 @@ struct import_arrays {
     uint32_t vertex_count, triangle_count;
     float *positions;    // 3 * vertex_count, in the file's unit
     uint32_t *triangles; // 3 * triangle_count, all below vertex_count, the three distinct
-    uint32_t dropped;    // triangles with a repeated corner, left out
+    uint32_t dropped;    // triangles with a repeated corner, faces with fewer than three; left out
 };
 
 // The format is that of the name's ending. Polygons become fans of triangles; STL's corners with
 // equal coordinates become one vertex, other formats keep their vertices. Both arrays are released
 // with free(). Refused, with the path: other endings, a file that the reader does not understand
-// or that holds no triangle, an index out of range, more than triangles_max. The readers trust
-// counts inside of the file: cap its size first, and do not give them files of strangers.
+// or that holds no triangle, an index out of range, more than triangles_max, and a misreading: what
+// arrives is not what the file says (import_claim.h). The readers trust counts inside of the file:
+// cap its size first.
 enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err);
-
-// The header of a PLY file ends and has only lines that OpenMesh understands, which otherwise reads
-// on for ever. import_reader_read asks this first.
-enum result import_ply_check(const char *path, struct error *err);
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,277 @@
+#include "case/import_claim.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <sys/types.h>
+
+#define HEADER_LINES_MAX 1000
+#define STL_HEADER 84
+#define STL_TRIANGLE 50
+
+// A file by lines. `line` has neither blanks at its start nor its line's end.
+struct reading {
+    FILE *file;
+    char *buffer, *line;
+    size_t room;
+    unsigned number; // of the line, from 1
+};
+
+static bool next_line(struct reading *r) {
+    ssize_t length = getline(&r->buffer, &r->room, r->file);
+    if (length < 0)
+        return false;
+    r->buffer[strcspn(r->buffer, "\r\n")] = '\0';
+    r->line = r->buffer + strspn(r->buffer, " \t");
+    r->number++;
+    return true;
+}
+
+static bool is_data(const char *line) {
+    return *line != '\0' && *line != '#';
+}
+
+static bool starts_with_word(const char *line, const char *word) {
+    size_t length = strlen(word);
+    return strncasecmp(line, word, length) == 0 &&
+           (isspace((unsigned char)line[length]) || !line[length]);
+}
+
+// The lines of data that are left.
+static uint64_t count_data(struct reading *r) {
+    uint64_t count = 0;
+    while (next_line(r))
+        count += is_data(r->line);
+    return count;
+}
+
+// ---- PLY
+// -----------------------------------------------------------------------------------------
+
+static bool is_type(const char *word) {
+    static const char *const types[] = {"char",  "uchar",   "short",  "ushort", "int",   "uint",
+                                        "int8",  "uint8",   "int16",  "uint16", "int32", "uint32",
+                                        "float", "float32", "double", "float64"};
+    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
+        if (strcmp(word, types[i]) == 0)
+            return true;
+    return false;
+}
+
+// A list's length has at most 16 bits: OpenMesh makes room for whatever it reads there.
+static bool is_length_type(const char *word) {
+    return is_type(word) && !strstr(word, "int3") && strcmp(word, "int") != 0 &&
+           strcmp(word, "uint") != 0 && !strstr(word, "float") && strcmp(word, "double") != 0;
+}
+
+struct ply {
+    bool text;
+    uint64_t elements;
+    struct import_claim claim;
+};
+
+static bool take_element(const char *name, const char *count, struct ply *ply) {
+    if (strlen(count) >= 10 || strspn(count, "0123456789") != strlen(count))
+        return false;
+    uint32_t value = (uint32_t)strtoul(count, NULL, 10);
+    ply->elements += value;
+    if (strcmp(name, "vertex") == 0)
+        ply->claim.vertices = value;
+    if (strcmp(name, "face") == 0)
+        ply->claim.faces = value;
+    return true;
+}
+
+static bool take_header_line(const char *line, struct ply *ply) {
+    char word[4][64] = {""}, name[64];
+    int count = sscanf(line, "%63s %63s %63s %63s %63s", word[0], word[1], word[2], word[3], name);
+    if (count <= 0 || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0)
+        return true;
+    if (strcmp(word[0], "format") == 0) {
+        ply->text = strcmp(word[1], "ascii") == 0;
+        return count == 3;
+    }
+    if (strcmp(word[0], "element") == 0)
+        return count == 3 && take_element(word[1], word[2], ply);
+    if (strcmp(word[0], "property") != 0)
+        return false;
+    if (strcmp(word[1], "list") == 0)
+        return count == 5 && is_length_type(word[2]) && is_type(word[3]);
+    return count == 3 && is_type(word[1]);
+}
+
+static enum result claim_of_ply(struct reading *r, const char *path, struct import_claim *out,
+                                struct error *err) {
+    struct ply ply = {0};
+    bool ended = false, sound = true;
+    while (sound && !ended && r->number < HEADER_LINES_MAX && next_line(r)) {
+        ended = strcmp(r->line, "end_header") == 0;
+        sound = ended ||
+                (r->number == 1 ? strcmp(r->line, "ply") == 0 : take_header_line(r->line, &ply));
+    }
+    if (!sound || !ended)
+        return fail(err, RESULT_FORMAT, "%s: the PLY header %s line %u", path,
+                    sound ? "does not end by" : "is not understood in", r->number);
+    uint64_t lines = ply.text ? count_data(r) : 0;
+    if (ply.text && lines != ply.elements)
+        return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
+                    (unsigned long long)lines, (unsigned long long)ply.elements);
+    *out = ply.claim;
+    return RESULT_OK;
+}
+
+// ---- OFF and OBJ
+// ---------------------------------------------------------------------------------
+
+static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,
+                                struct error *err) {
+    bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
+    while (sound && (sound = next_line(r)) && !is_data(r->line))
+        continue;
+    if (!sound || sscanf(r->line, "%9u %9u", &out->vertices, &out->faces) != 2)
+        return fail(err, RESULT_FORMAT, "%s: line %u: not the header of a text OFF file", path,
+                    r->number);
+    uint64_t lines = count_data(r), said = (uint64_t)out->vertices + out->faces;
+    if (lines != said)
+        return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
+                    (unsigned long long)lines, (unsigned long long)said);
+    return RESULT_OK;
+}
+
+// "f 1/1/1 2//2 1": its first number tells a corner.
+static bool has_repeated_corner(const char *line) {
+    long corners[8];
+    int count = 0;
+    const char *at = line + 1;
+    for (char *end; count < 8; count++) {
+        corners[count] = strtol(at, &end, 10);
+        if (end == at)
+            break;
+        for (int i = 0; i < count; i++)
+            if (corners[i] == corners[count])
+                return true;
+        at = end + strcspn(end, " \t");
+    }
+    return false;
+}
+
+static enum result claim_of_obj(struct reading *r, const char *path, struct import_claim *out,
+                                struct error *err) {
+    while (next_line(r)) {
+        size_t length = strlen(r->line);
+        if (length > 0 && r->line[length - 1] == '\\')
+            return fail(err, RESULT_REFUSED, "%s: line %u: continued lines are not read here", path,
+                        r->number);
+        out->vertices += starts_with_word(r->line, "v");
+        bool face = starts_with_word(r->line, "f");
+        out->faces += face;
+        out->repeated += face && has_repeated_corner(r->line);
+    }
+    return RESULT_OK;
+}
+
+// ---- STL
+// -----------------------------------------------------------------------------------------
+
+static bool is_three_numbers(const char *text) {
+    for (int i = 0; i < 3; i++) {
+        char *end;
+        if (!isfinite(strtod(text, &end)) || end == text)
+            return false;
+        text = end;
+    }
+    return text[strspn(text, " \t")] == '\0';
+}
+
+static enum result claim_of_stl_text(struct reading *r, const char *path, struct import_claim *out,
+                                     struct error *err) {
+    uint64_t vertices = 0, ends = 0, solids = 0;
+    while (next_line(r)) {
+        bool vertex = starts_with_word(r->line, "vertex");
+        if (vertex && !is_three_numbers(r->line + strlen("vertex")))
+            return fail(err, RESULT_FORMAT, "%s: line %u: not a vertex with three numbers", path,
+                        r->number);
+        vertices += vertex;
+        out->faces += starts_with_word(r->line, "facet");
+        ends += starts_with_word(r->line, "endfacet");
+        solids += starts_with_word(r->line, "solid");
+        solids -= starts_with_word(r->line, "endsolid");
+    }
+    if (ends != out->faces || vertices != 3 * (uint64_t)out->faces)
+        return fail(err, RESULT_FORMAT, "%s: %u facets begin, %llu end, with %llu vertices", path,
+                    out->faces, (unsigned long long)ends, (unsigned long long)vertices);
+    if (solids != 0)
+        return fail(err, RESULT_FORMAT, "%s: a solid does not end by line %u", path, r->number);
+    return RESULT_OK;
+}
+
+// Twelve floats for each triangle, the normal first.
+static enum result check_stl_numbers(FILE *file, const char *path, uint32_t faces,
+                                     struct error *err) {
+    char bytes[STL_TRIANGLE];
+    float numbers[12];
+    for (uint32_t i = 0; i < faces; i++) {
+        if (fread(bytes, sizeof bytes, 1, file) != 1)
+            return fail(err, RESULT_IO, "%s: cannot be read", path);
+        memcpy(numbers, bytes, sizeof numbers);
+        for (int k = 3; k < 12; k++)
+            if (!isfinite(numbers[k]))
+                return fail(err, RESULT_INVALID, "%s: triangle %u: a coordinate is no number", path,
+                            i);
+    }
+    return RESULT_OK;
+}
+
+static enum result claim_of_stl(struct reading *r, const char *path, struct import_claim *out,
+                                struct error *err) {
+    struct stat status;
+    char header[STL_HEADER] = "";
+    out->vertices = IMPORT_UNKNOWN;
+    size_t got = fread(header, 1, sizeof header, r->file);
+    uint32_t faces;
+    memcpy(&faces, header + 80, sizeof faces);
+    if (fstat(fileno(r->file), &status) != 0)
+        return fail(err, RESULT_IO, "%s: cannot be read", path);
+    if (got == sizeof header &&
+        (uint64_t)status.st_size == STL_HEADER + (uint64_t)faces * STL_TRIANGLE) {
+        out->faces = faces;
+        return check_stl_numbers(r->file, path, faces, err);
+    }
+    rewind(r->file);
+    header[sizeof header - 1] = '\0';
+    if (starts_with_word(header + strspn(header, " \t\r\n"), "solid"))
+        return claim_of_stl_text(r, path, out, err);
+    return fail(err, RESULT_FORMAT,
+                "%s: neither a text STL, nor are its %lld bytes those of %u "
+                "triangles",
+                path, (long long)status.st_size, faces);
+}
+
+enum result import_claim_of(const char *path, struct import_claim *out_claim, struct error *err) {
+    static const struct {
+        const char *ending;
+        enum result (*claim)(struct reading *, const char *, struct import_claim *, struct error *);
+    } formats[] = {{".ply", claim_of_ply},
+                   {".off", claim_of_off},
+                   {".obj", claim_of_obj},
+                   {".stl", claim_of_stl}};
+    const char *dot = strrchr(path, '.');
+    *out_claim = (struct import_claim){0};
+    for (size_t i = 0; dot && i < sizeof formats / sizeof formats[0]; i++) {
+        if (strcasecmp(dot, formats[i].ending) != 0)
+            continue;
+        struct reading reading = {.file = fopen(path, "rb")};
+        if (!reading.file)
+            return fail(err, RESULT_IO, "%s: cannot be opened", path);
+        enum result result = formats[i].claim(&reading, path, out_claim, err);
+        free(reading.buffer);
+        fclose(reading.file);
+        return result;
+    }
+    return fail(err, RESULT_FORMAT, "%s: its name ends neither in .ply, .obj, .stl nor .off", path);
+}

@@ -1,0 +1,31 @@
+// What a surface file says that it holds: what arrives from a reader is held against it. Lines and
+// headers are counted; of numbers only those of STL are looked at.
+#pragma once
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "base/result.h"
+
+#define IMPORT_UNKNOWN UINT32_MAX
+
+struct import_claim {
+    uint32_t vertices; // STL does not say: IMPORT_UNKNOWN
+    uint32_t faces;    // STL's reader leaves out those with two corners in one place
+    uint32_t
+        repeated; // of the faces of an OBJ: with a repeated corner, which its reader leaves out
+};
+
+// By the ending of the name: .ply, .obj, .stl, .off. Refused, with the path and where it can be
+// told the line: what OpenMesh misreads or reads on for ever. That is a PLY header that does not
+// end or has lines of another form; text with more or fewer lines of data than its header says;
+// lines of an OBJ that are continued; an STL whose size is not that of its triangles, whose facets
+// are not three vertices of three numbers, whose solids do not end, or with numbers that are none.
+enum result import_claim_of(const char *path, struct import_claim *out_claim, struct error *err);
+
+#ifdef __cplusplus
+}
+#endif

@@ -96,7 +96,7 @@ static void warn_of_calibration(const struct hub *hub, const arthron_Hello *hell
 // A station that only asks whether it would be welcome.
 static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *welcome) {
     pthread_mutex_lock(&hub->card_lock);
-    fill_welcome(hub, &hub->seats[index], hub->seats[index].card.open, welcome);
+    fill_welcome(hub, &hub->seats[index], false, welcome);
     pthread_mutex_unlock(&hub->card_lock);
     log_info("hub", "station %s visits", hub->seats[index].station->name);
     return RESULT_OK;

@@ -46,6 +46,12 @@ static bool take_server_key(struct reading *r, const char *key, const char *valu
         return take_path(r, value, c->socket);
     if (!strcmp(key, "wait_s"))
         return take_int(value, 1, 86400, &c->wait_s);
+    if (!strcmp(key, "calibration_days"))
+        return take_int(value, 1, 3650, &c->calibration_days);
+    if (!strcmp(key, "calibration_mm"))
+        return number_double(value, 0.01, 100, &c->calibration_mm);
+    if (!strcmp(key, "calibration_deg"))
+        return number_double(value, 0.01, 100, &c->calibration_deg);
     return false;
 }
 
@@ -93,6 +99,17 @@ static struct hub_station *station_entry(struct hub_config *c, const char *name)
     return &c->stations[c->station_count++];
 }
 
+// contact.CHANNEL = BUTTON
+static bool take_contact_key(struct hub_station *station, const char *name, const char *value) {
+    enum channel channel;
+    int button;
+    if (!channel_from_name(name, &channel) || channel < CHANNEL_FIRST_INSTRUMENT ||
+        !take_int(value, 0, 31, &button))
+        return false;
+    station->contact_buttons[channel - CHANNEL_FIRST_INSTRUMENT] = UINT32_C(1) << button;
+    return true;
+}
+
 static bool take_station_key(struct reading *r, const char *name, const char *key,
                              const char *value) {
     struct hub_station *station = station_entry(r->config, name);
@@ -102,6 +119,8 @@ static bool take_station_key(struct reading *r, const char *name, const char *ke
         return setting_text(value, station->case_name, sizeof station->case_name);
     if (!strcmp(key, "trainee"))
         return setting_text(value, station->trainee, sizeof station->trainee);
+    if (!strncmp(key, "contact.", 8))
+        return take_contact_key(station, key + 8, value);
     if (strcmp(key, "start") || (strcmp(value, "auto") && strcmp(value, "command")))
         return false;
     station->start_by_command = !strcmp(value, "command");
@@ -141,6 +160,9 @@ static void set_defaults(struct hub_config *config) {
     config->port = 4810;
     config->udp_port = 4811;
     config->wait_s = 300;
+    config->calibration_days = 30;
+    config->calibration_mm = 1;
+    config->calibration_deg = 1;
     config->settings = session_settings_default();
 }
 

@@ -1,9 +1,10 @@
 // The server's config file (INI), read once at the start and never written.
 //
-//   [server]  address, port, udp_port, workers, keys, traces, socket, wait_s
+//   [server]  address, port, udp_port, workers, keys, traces, socket, wait_s,
+//            calibration_days, calibration_mm, calibration_deg
 //   [warp]    field, unit_mm, radius_mm, background_per_mm, strength, hold_ms
 //   [case NAME]     dir
-//   [station NAME]  case, start = auto|command, trainee
+//   [station NAME]  case, start = auto|command, trainee, contact.CHANNEL
 //
 // docs/CONFIG.md explains every key.
 #pragma once

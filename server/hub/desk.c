@@ -168,6 +168,16 @@ static bool clerk_should_stop(struct hub *hub) {
     return stop;
 }
 
+// Once for each session, when enough touches have told.
+static void warn_of_drift(const struct hub *hub, struct seat *seat) {
+    bool told = atomic_load(&seat->counts.touches) >= DRIFT_TOUCHES;
+    double drift_mm = (double)atomic_load(&seat->counts.drift_nm) / 1e6;
+    if (told && !seat->drift_warned && drift_mm > hub->config.calibration_mm)
+        log_warning("hub", "station %s: it touches %.2f mm beside the surface: calibrate it",
+                    seat->station->name, drift_mm);
+    seat->drift_warned = told && drift_mm > hub->config.calibration_mm;
+}
+
 static void *clerk(void *argument) {
     struct hub *hub = argument;
     while (!clerk_should_stop(hub)) {
@@ -175,6 +185,8 @@ static void *clerk(void *argument) {
         release_all_retired(hub);
         open_wanted(hub);
         pthread_mutex_unlock(&hub->desk_lock);
+        for (int i = 0; i < hub->config.station_count; i++)
+            warn_of_drift(hub, &hub->seats[i]);
         wait_for_work(hub);
     }
     return NULL;

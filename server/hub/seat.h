@@ -61,7 +61,7 @@ struct seat {
     arthron_Reply reply; // to last_frame
     int64_t last_step_ns, last_frame_ns;
     struct drift drift[INSTRUMENT_COUNT];
-    bool drift_warned;
+    bool drift_warned; // the clerk's
 };
 
 // To a worker.

@@ -72,19 +72,12 @@ static void step_without_frame(struct worker *worker, struct seat *seat, enum in
 
 // ---- drift --------------------------------------------------------------------------------------
 
-static void publish_drift(const struct worker *worker, struct seat *seat) {
-    double limit_mm = worker->hub->config.calibration_mm, largest_mm = 0;
+static void publish_drift(struct seat *seat) {
+    double largest_mm = 0;
     uint64_t touches = 0;
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
-        const struct drift *drift = &seat->drift[i];
-        touches += drift->touches;
-        largest_mm = fmax(largest_mm, drift->mean_mm);
-        if (seat->drift_warned || drift->touches < DRIFT_TOUCHES || drift->mean_mm <= limit_mm)
-            continue;
-        log_warning("hub", "station %s: %s touches %.2f mm beside the surface: calibrate it",
-                    seat->station->name, channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
-                    drift->mean_mm);
-        seat->drift_warned = true;
+        touches += seat->drift[i].touches;
+        largest_mm = fmax(largest_mm, seat->drift[i].mean_mm);
     }
     atomic_store(&seat->counts.touches, touches);
     atomic_store(&seat->counts.drift_nm, (int64_t)(largest_mm * 1e6));
@@ -92,7 +85,6 @@ static void publish_drift(const struct worker *worker, struct seat *seat) {
 
 static void forget_drift(struct seat *seat) {
     memset(seat->drift, 0, sizeof seat->drift);
-    seat->drift_warned = false;
     atomic_store(&seat->counts.touches, 0);
     atomic_store(&seat->counts.drift_nm, 0);
 }
@@ -106,7 +98,7 @@ static void watch_drift(const struct worker *worker, struct seat *seat,
         bool measured = o->present && o->validity == VALIDITY_OK;
         double nearest_mm = isfinite(o->warp.nearest_mm) ? o->warp.nearest_mm : reach_mm;
         if (drift_step(&seat->drift[i], closed, measured ? nearest_mm : -1))
-            publish_drift(worker, seat);
+            publish_drift(seat);
     }
 }
 

@@ -4,6 +4,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/number.h"
+#include "handle.h"
+#include "handle_player.h"
 #include "slave.h"
 #include "tracker_server.h"
 
@@ -29,6 +31,7 @@ static const char help[] =
     "  --message TYPE           TRANSFORM, TDATA, POSITION or QTDATA (TDATA)\n"
     "  --header-version N       1, 2 or 3 (2)\n"
     "  --rate HZ                tracker frames a second, interpolated (each row at its own time)\n"
+    "  --hid SERIAL             be an instrument handle (HID): the punch's opening; needs root\n"
     "  --T-tracker-mockup POSE  where the mock-up stands before the tracker\n"
     "  --T-tool-tip NAME=POSE   where a tool's tip is in the tool\n"
     "  --faults FILE            what goes wrong, and when (station/mockup/README.md)\n"
@@ -36,7 +39,8 @@ static const char help[] =
     "\n"
     "POSE is \"x y z qw qx qy qz\" in mm. PORT 0 takes a free one. Each line on stdout is ready "
     "for\n"
-    "use when it appears: \"modbus-tcp HOST:PORT\", \"modbus-rtu PATH\", \"tracker HOST:PORT\".\n";
+    "use when it appears: \"modbus-tcp HOST:PORT\", \"modbus-rtu PATH\", \"tracker HOST:PORT\",\n"
+    "\"hid VID:PID SERIAL\".\n";
 
 struct mockup {
     struct player player;
@@ -44,10 +48,11 @@ struct mockup {
     atomic_bool stop;
     struct slave tcp, rtu;
     struct tracker_server tracker;
+    struct handle_player hid;
     const char *motion, *recording, *tcp_address, *rtu_path, *tracker_address, *faults_path;
     enum channel tool;
     int thread_count;
-    pthread_t threads[3];
+    pthread_t threads[4];
 };
 
 // ---- options
@@ -95,6 +100,7 @@ enum option_code {
     MESSAGE,
     HEADER_VERSION,
     RATE,
+    HID,
     T_TRACKER_MOCKUP,
     T_TOOL_TIP,
     FAULTS,
@@ -114,6 +120,7 @@ static const struct option options[] = {
     {"message", required_argument, NULL, MESSAGE},
     {"header-version", required_argument, NULL, HEADER_VERSION},
     {"rate", required_argument, NULL, RATE},
+    {"hid", required_argument, NULL, HID},
     {"T-tracker-mockup", required_argument, NULL, T_TRACKER_MOCKUP},
     {"T-tool-tip", required_argument, NULL, T_TOOL_TIP},
     {"faults", required_argument, NULL, FAULTS},
@@ -153,6 +160,9 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         return parse_whole(text, 1, 3, &m->tracker.header_version);
     case RATE:
         return number_double(text, 1, 10000, &m->tracker.rate_hz);
+    case HID:
+        m->hid.serial = text;
+        return *text && strlen(text) < 64;
     case T_TRACKER_MOCKUP:
         return number_pose(text, &m->tracker.T_tracker_mockup);
     case T_TOOL_TIP:
@@ -177,8 +187,8 @@ static void check_usage(const struct mockup *m) {
         end_with_usage("--recording needs --tool");
     if (m->motion && m->tool != CHANNEL_COUNT)
         end_with_usage("--tool goes with --recording");
-    if (!m->tcp_address && !m->rtu_path && !m->tracker_address)
-        end_with_usage("nothing to be: --modbus-tcp, --modbus-rtu or --tracker");
+    if (!m->tcp_address && !m->rtu_path && !m->tracker_address && !m->hid.serial)
+        end_with_usage("nothing to be: --modbus-tcp, --modbus-rtu, --tracker or --hid");
 }
 
 static void parse_options(struct mockup *m, int argc, char **argv) {
@@ -218,6 +228,9 @@ static enum result open_all(struct mockup *m, struct error *err) {
     if (result == RESULT_OK && m->tracker_address &&
         (result = tracker_server_listen(&m->tracker, m->tracker_address, err)) == RESULT_OK)
         printf("tracker %s\n", m->tracker.address);
+    if (result == RESULT_OK && m->hid.serial &&
+        (result = handle_player_plug(&m->hid, err)) == RESULT_OK)
+        printf("hid %04x:%04x %s\n", HANDLE_VID, HANDLE_PID, m->hid.serial);
     return result;
 }
 
@@ -229,6 +242,8 @@ static void start(struct mockup *m) {
         start_thread(m, slave_run, &m->rtu);
     if (m->tracker_address)
         start_thread(m, tracker_server_run, &m->tracker);
+    if (m->hid.serial)
+        start_thread(m, handle_player_run, &m->hid);
     fflush(stdout);
 }
 
@@ -284,6 +299,8 @@ int main(int argc, char **argv) {
                                         .header_version = 2,
                                         .T_tracker_mockup = pose_identity(),
                                         .listener = -1};
+    m.hid = (struct handle_player){
+        .player = &m.player, .faults = &m.faults, .stop = &m.stop, .handle = -1};
     for (int i = 0; i < CHANNEL_COUNT; i++)
         m.tracker.T_tool_tip[i] = pose_identity();
     parse_options(&m, argc, argv);

@@ -44,25 +44,52 @@ const tinygltf::Accessor &find_accessor(const tinygltf::Model &model, int index,
     return accessor;
 }
 
-// Every element of the accessor lies within its view, the view within the buffer.
-elements locate(const tinygltf::Model &model, const tinygltf::Accessor &accessor, size_t element,
+size_t component_size(const tinygltf::Accessor &accessor) {
+    return (size_t)tinygltf::GetComponentSizeInBytes((uint32_t)accessor.componentType);
+}
+
+size_t element_size(const tinygltf::Accessor &accessor) {
+    return component_size(accessor) *
+           (size_t)tinygltf::GetNumComponentsInType((uint32_t)accessor.type);
+}
+
+// The view lies within the buffer.
+void check_view(const tinygltf::Model &model, const tinygltf::BufferView &view,
                 const std::string &what) {
-    if (accessor.bufferView < 0 || (size_t)accessor.bufferView >= model.bufferViews.size())
-        throw refusal{RESULT_FORMAT, what + ": there is no such buffer view"};
-    const tinygltf::BufferView &view = model.bufferViews[accessor.bufferView];
     if (view.buffer != 0 || model.buffers.size() != 1)
         throw refusal{RESULT_FORMAT, what + ": its view is in a buffer that is not there"};
     const std::vector<unsigned char> &data = model.buffers[0].data;
     if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset)
         throw refusal{RESULT_FORMAT, what + ": its view ends after the buffer"};
+    if (view.byteLength < 1)
+        throw refusal{RESULT_FORMAT, what + ": its view has no bytes"};
+    if (view.byteStride > 252 || view.byteStride > view.byteLength)
+        throw refusal{RESULT_FORMAT,
+                      what + ": stride of " + std::to_string(view.byteStride) + " bytes"};
+    if (view.byteStride && view.target == TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER)
+        throw refusal{RESULT_FORMAT, what + ": its view is for indices but has a stride"};
+}
+
+// Every element of the accessor lies within its view, the view within the buffer.
+elements locate(const tinygltf::Model &model, const tinygltf::Accessor &accessor,
+                const std::string &what) {
+    if (accessor.bufferView < 0 || (size_t)accessor.bufferView >= model.bufferViews.size())
+        throw refusal{RESULT_FORMAT, what + ": there is no such buffer view"};
+    const tinygltf::BufferView &view = model.bufferViews[accessor.bufferView];
+    check_view(model, view, what);
+    size_t element = element_size(accessor);
     size_t stride = view.byteStride ? view.byteStride : element;
-    if (stride < element || stride > 252)
+    if (stride < element)
         throw refusal{RESULT_FORMAT, what + ": stride of " + std::to_string(stride) + " bytes"};
     if (accessor.count < 1 || accessor.byteOffset > view.byteLength ||
         view.byteLength - accessor.byteOffset < element ||
         accessor.count - 1 > (view.byteLength - accessor.byteOffset - element) / stride)
         throw refusal{RESULT_FORMAT, what + ": " + std::to_string(accessor.count) +
                                          " elements do not fit into its view"};
+    if (accessor.byteOffset % component_size(accessor) != 0 ||
+        view.byteOffset % component_size(accessor) != 0)
+        throw refusal{RESULT_FORMAT, what + ": it does not start where its numbers may"};
+    const std::vector<unsigned char> &data = model.buffers[0].data;
     return {data.data() + view.byteOffset + accessor.byteOffset, stride, accessor.count};
 }
 
@@ -76,7 +103,7 @@ elements locate_vectors(const tinygltf::Model &model, int index, const char *nam
     if (accessor.type != TINYGLTF_TYPE_VEC3 ||
         accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
         throw refusal{RESULT_REFUSED, what + ": not vectors of three floats"};
-    return locate(model, accessor, 3 * sizeof(float), what);
+    return locate(model, accessor, what);
 }
 
 std::vector<float> read_vectors(const elements &from) {
@@ -98,7 +125,9 @@ std::vector<uint32_t> read_indices(const tinygltf::Model &model, int index,
     if (accessor.type != TINYGLTF_TYPE_SCALAR ||
         (!wide && accessor.componentType != TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT))
         throw refusal{RESULT_REFUSED, what + ": not unsigned integers of 16 or 32 bits"};
-    elements from = locate(model, accessor, wide ? 4 : 2, what);
+    elements from = locate(model, accessor, what);
+    if (model.bufferViews[accessor.bufferView].byteStride)
+        throw refusal{RESULT_FORMAT, what + ": its view has a stride"};
     if (from.count % 3 != 0)
         throw refusal{RESULT_FORMAT,
                       what + ": " + std::to_string(from.count) + " are not whole triangles"};
@@ -222,6 +251,26 @@ void load_model(const uint8_t *bytes, size_t size, tinygltf::Model &model) {
         throw refusal{RESULT_FORMAT, error.empty() ? "not readable as glTF" : first_line(error)};
 }
 
+// What no mesh uses must be sound too: a file that is broken there was not written with care.
+void check_the_rest(const tinygltf::Model &model) {
+    for (size_t i = 0; i < model.bufferViews.size(); i++)
+        check_view(model, model.bufferViews[i], "bufferViews[" + std::to_string(i) + "]");
+    for (size_t i = 0; i < model.accessors.size(); i++) {
+        const tinygltf::Accessor &accessor = model.accessors[i];
+        std::string what = "accessors[" + std::to_string(i) + "]";
+        if (accessor.bufferView >= 0)
+            locate(model, accessor, what);
+        else if (accessor.byteOffset)
+            throw refusal{RESULT_FORMAT, what + ": an offset without a buffer view"};
+        if (accessor.normalized && (accessor.componentType == TINYGLTF_COMPONENT_TYPE_FLOAT ||
+                                    accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT))
+            throw refusal{RESULT_FORMAT, what + ": such numbers cannot be normalised"};
+        if (accessor.sparse.isSparse &&
+            (accessor.sparse.count < 1 || (size_t)accessor.sparse.count > accessor.count))
+            throw refusal{RESULT_FORMAT, what + ": sparse.count is out of range"};
+    }
+}
+
 // A mesh for two nodes would cost memory that the file's size does not bound.
 const std::vector<size_t> nodes_with_mesh(const tinygltf::Model &model, uint32_t nodes_max) {
     std::vector<size_t> nodes;
@@ -274,6 +323,7 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
         budget -= used;
         out.nodes.push_back(std::move(node));
     }
+    check_the_rest(model);
     for (loaded_node &node : out.nodes)
         publish(node);
 }

@@ -2,6 +2,7 @@
 #include "case/gltf.h"
 
 #include <jansson.h>
+#include <string.h>
 
 #define MAGIC 0x46546c67u      // "glTF"
 #define CHUNK_JSON 0x4e4f534au // "JSON"
@@ -63,6 +64,30 @@ static enum result check_whole_numbers(const json_t *root, const char *list, str
     return RESULT_OK;
 }
 
+// "2.MINOR", and nothing newer needed than 2.0.
+static enum result check_asset(const json_t *root, struct error *err) {
+    const json_t *asset = json_object_get(root, "asset");
+    const char *version = json_string_value(json_object_get(asset, "version"));
+    const char *needed = json_string_value(json_object_get(asset, "minVersion"));
+    if (!version || strncmp(version, "2.", 2) != 0 || !version[2] ||
+        version[2 + strspn(version + 2, "0123456789")])
+        return fail(err, RESULT_VERSION, "asset.version: %.20s, where 2.0 is read here",
+                    version ? version : "none");
+    if (needed && strcmp(needed, "2.0") != 0)
+        return fail(err, RESULT_VERSION, "asset.minVersion: %.20s, where 2.0 is read here", needed);
+    return RESULT_OK;
+}
+
+static enum result check_lists(const json_t *root, struct error *err) {
+    static const char *const lists[] = {"accessors", "bufferViews", "buffers", "meshes", "nodes"};
+    for (size_t i = 0; i < sizeof lists / sizeof lists[0]; i++) {
+        const json_t *list = json_object_get(root, lists[i]);
+        if (list && !json_is_array(list))
+            return fail(err, RESULT_FORMAT, "%s: not a list", lists[i]);
+    }
+    return RESULT_OK;
+}
+
 static enum result check_root(const json_t *root, const struct chunk *bin, struct error *err) {
     if (!json_is_object(root))
         return fail(err, RESULT_FORMAT, "the JSON chunk is not an object");
@@ -74,10 +99,29 @@ static enum result check_root(const json_t *root, const struct chunk *bin, struc
     }
     if (json_object_get(root, "images"))
         return fail(err, RESULT_REFUSED, "images: an anatomy has no images");
-    enum result result = check_whole_numbers(root, "accessors", err);
+    enum result result = check_asset(root, err);
+    if (result == RESULT_OK)
+        result = check_lists(root, err);
+    if (result == RESULT_OK)
+        result = check_whole_numbers(root, "accessors", err);
     if (result == RESULT_OK)
         result = check_whole_numbers(root, "bufferViews", err);
     return result == RESULT_OK ? check_buffers(root, bin, err) : result;
+}
+
+// Chunks of other types may follow, and are passed over.
+static enum result check_further_chunks(struct reader *r, struct error *err) {
+    while (r->used < r->size) {
+        size_t at = r->used;
+        uint32_t size = read_u32(r), type = read_u32(r);
+        read_bytes(r, size);
+        if (r->underflow)
+            return fail(err, RESULT_FORMAT, "the chunk at byte %zu does not end", at);
+        if (type == CHUNK_JSON || type == CHUNK_BIN)
+            return fail(err, RESULT_FORMAT, "the chunk at byte %zu is a second one of its type",
+                        at);
+    }
+    return RESULT_OK;
 }
 
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err) {
@@ -93,6 +137,8 @@ enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error 
     enum result result = read_chunk(&r, CHUNK_JSON, "JSON", &text, err);
     if (result == RESULT_OK)
         result = read_chunk(&r, CHUNK_BIN, "BIN", &bin, err);
+    if (result == RESULT_OK)
+        result = check_further_chunks(&r, err);
     if (result != RESULT_OK)
         return result;
     if (text.size > JSON_BYTES_MAX)

@@ -97,11 +97,104 @@ static void malformed_messages_are_refused_and_the_stream_goes_on(void **state) 
     }
 }
 
+// What is missing came as zeros: the message is refused, and its neighbour is read.
+static void a_cut_message_that_is_filled_up_is_refused_and_the_stream_goes_on(void **state) {
+    (void)state;
+    static const uint8_t zeros[64];
+    static struct bytes bytes;
+    assert_true(
+        load("openigtlink_negative", "framing_header/body_size_greater_than_buffer.bin", &bytes));
+    append(&bytes, zeros, 48 - 10);
+    append_matrix(&bytes, quarter_turn);
+    struct report r = report_of(&bytes);
+    assert_int_equal(2, r.count);
+    assert_int_equal(IGTL_REFUSED, r.events[0]);
+    assert_int_equal(IGTL_POSES, r.events[1]);
+    assert_quarter_turn(r.last.tools[0].T_tracker_tool);
+}
+
+static const char *const vectors[] = {
+    "command_v2.bin",    "image_v1.bin",     "point_v1.bin",     "polydata_v1.bin",
+    "position_v1.bin",   "status_v1.bin",    "string_v1.bin",    "tdata_v1.bin",
+    "trajectory_v1.bin", "transform_v1.bin", "transform_v2.bin",
+};
+
+static struct igtl_stream stream;
+
+static void feed_in_pieces(const struct bytes *bytes, size_t piece, struct report *r) {
+    for (size_t at = 0; at < bytes->size; at += piece)
+        feed(&stream, bytes->data + at, bytes->size - at < piece ? bytes->size - at : piece, r);
+}
+
+static void pieces_of_any_size_give_the_same_messages(void **state) {
+    (void)state;
+    static const size_t pieces[] = {1, 2, 57, 58, 59, 1000};
+    static struct bytes all, bytes;
+    all.size = 0;
+    for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+        assert_true(load("openigtlink", vectors[i], &bytes));
+        append(&all, bytes.data, bytes.size);
+    }
+    struct report whole = report_of(&all);
+    for (size_t i = 0; i < sizeof pieces / sizeof *pieces; i++) {
+        struct report r = {0};
+        igtl_stream_init(&stream);
+        feed_in_pieces(&all, pieces[i], &r);
+        assert_int_equal(whole.count, r.count);
+        assert_memory_equal(whole.events, r.events, (size_t)whole.count * sizeof *r.events);
+    }
+}
+
+// One bit of the body is wrong: the checksum tells, and the next message is read.
+static void
+a_flipped_bit_in_a_message_that_is_read_is_refused_and_the_stream_goes_on(void **state) {
+    (void)state;
+    static const char *const read[] = {"position_v1.bin", "tdata_v1.bin", "transform_v1.bin",
+                                       "transform_v2.bin"};
+    static struct bytes bytes;
+    for (size_t i = 0; i < sizeof read / sizeof *read; i++) {
+        assert_true(load("openigtlink", read[i], &bytes));
+        size_t size = bytes.size;
+        append_matrix(&bytes, quarter_turn);
+        for (size_t bit = 8 * 58; bit < 8 * size; bit += 5) {
+            bytes.data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+            struct report r = report_of(&bytes);
+            if (r.count != 2 || r.refused != 1 || r.poses != 1)
+                fail_msg("%s, bit %zu: %d refused, %d read", read[i], bit, r.refused, r.poses);
+            bytes.data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+        }
+    }
+}
+
+// A connection that ends in the middle of a message leaves nothing behind for the next one.
+static void after_a_cut_at_any_byte_a_new_connection_reads(void **state) {
+    (void)state;
+    static struct bytes bytes, good;
+    good.size = 0;
+    append_matrix(&good, quarter_turn);
+    for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+        assert_true(load("openigtlink", vectors[i], &bytes));
+        for (size_t size = 1; size < bytes.size; size += 1 + size / 100) {
+            struct report r = {0};
+            igtl_stream_init(&stream);
+            feed(&stream, bytes.data, size, &r);
+            assert_int_equal(0, r.count);
+            igtl_stream_init(&stream);
+            feed(&stream, good.data, good.size, &r);
+            assert_int_equal(1, r.poses);
+        }
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(other_peoples_messages_are_read_or_skipped_by_type),
         cmocka_unit_test(other_peoples_poses_have_the_values_that_their_source_gives),
         cmocka_unit_test(malformed_messages_are_refused_and_the_stream_goes_on),
+        cmocka_unit_test(a_cut_message_that_is_filled_up_is_refused_and_the_stream_goes_on),
+        cmocka_unit_test(pieces_of_any_size_give_the_same_messages),
+        cmocka_unit_test(a_flipped_bit_in_a_message_that_is_read_is_refused_and_the_stream_goes_on),
+        cmocka_unit_test(after_a_cut_at_any_byte_a_new_connection_reads),
     };
     static struct bytes bytes;
     if (!load("openigtlink", "transform_v1.bin", &bytes)) {

@@ -1,5 +1,7 @@
 #include "device/igtl.h"
 
+#include "base/clock.h"
+
 #include <openigtlink/igtl_position.h>
 #include <openigtlink/igtl_qtdata.h>
 #include <openigtlink/igtl_tdata.h>
@@ -224,11 +226,18 @@ static enum result find_content(const struct igtl_stream *s, struct content *out
     return RESULT_OK;
 }
 
+// Seconds, and 2^-32 of a second.
+static int64_t stamp_of(const igtl_header *header) {
+    uint64_t fraction = header->timestamp & UINT32_MAX;
+    return (int64_t)(header->timestamp >> 32) * NS_PER_S + (int64_t)((fraction * NS_PER_S) >> 32);
+}
+
 static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_message *out,
                                     struct error *err) {
     const struct type *type = type_of(&s->header);
     struct content content;
     out->count = out->refused = 0;
+    out->stamp_ns = stamp_of(&s->header);
     if (s->header.body_size && s->crc != s->header.crc) {
         fail(err, RESULT_CORRUPT, "%s: wrong checksum", type ? type->name : "a message");
         return IGTL_REFUSED;

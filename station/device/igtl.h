@@ -27,6 +27,8 @@ enum igtl_event {
 };
 
 struct igtl_message {
+    int64_t
+        stamp_ns; // on the sender's clock, since 1970 UTC where it keeps to the standard; 0: none
     int count;
     int refused; // tools of this message whose pose is none
     struct igtl_tool {

@@ -13,7 +13,8 @@
 // and for each value `REGISTER [SCALE [OFFSET [signed|unsigned]]]`, value = scale · register +
 // offset:
 //   flexion, varus, internal (degrees), shift, drawer, distraction (mm); signed
-//   CHANNEL.opening (0 to 1; beyond is cut), CHANNEL.buttons (only a register)
+//   CHANNEL.opening (0 to 1; a little beyond is cut, more refused), CHANNEL.buttons (only a
+//   register)
 //
 // All registers are read in one block. A time stamp is the middle between request and reply.
 //
@@ -21,7 +22,9 @@
 // every later reply would be one behind for ever. So after a timeout the line is left alone for
 // latency_ms and flushed; bytes that wait before a request, and a sequence that goes back, lead to
 // the same. (TCP replies are numbered; a late one is recognised, but libmodbus then gives up on the
-// right one too.) A sequence that stands still is no new reading.
+// right one too. It does not look at their slave's number: only the sequence finds another slave.)
+// A sequence that stands still is no new reading. One that goes back or leaps ahead is refused for
+// a while; then the slave was started anew.
 
 #include "base/check.h"
 #include "base/clock.h"
@@ -39,6 +42,8 @@
 
 enum { VALUES_MAX = 6 + 2 * INSTRUMENT_COUNT, TIMEOUTS_BEFORE_REOPENING = 4 };
 static const int byte_timeout_ms = 20;
+static const int64_t sequence_memory_ns = 1500 * NS_PER_MS;
+static const double opening_slack = 0.1, fastest_sequence_hz = 10000;
 static const char *const joint_keys[] = {"flexion", "varus",  "internal",
                                          "shift",   "drawer", "distraction"};
 enum { JOINT_VALUES = 6, OPENING = JOINT_VALUES, BUTTONS };
@@ -64,6 +69,7 @@ struct modbus_device {
     int64_t next_ns, quiet_until_ns; // quiet_until_ns 0: the line is in step
     int timeouts;                    // in a row
     bool has_last;
+    int64_t last_ns; // when the sequence last followed
     uint16_t last[MODBUS_MAX_READ_REGISTERS];
 };
 
@@ -266,7 +272,6 @@ static void modbus_close_line(void *device) {
 // From now on no request is sent until late replies have come in and are thrown away.
 static void leave_alone(struct modbus_device *d) {
     d->quiet_until_ns = clock_now_ns() + d->latency_ns;
-    d->has_last = false;
 }
 
 static bool bytes_wait(const struct modbus_device *d) {
@@ -309,17 +314,25 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
         return RESULT_OK;
     size_t size = (size_t)d->count * sizeof *registers;
     int at = d->sequence - d->first;
+    int64_t now_ns = clock_now_ns(), since_ns = now_ns - d->last_ns;
     int step = d->has_last ? (int16_t)(registers[at] - d->last[at]) : 1;
-    *out_is_new = step != 0;
-    if (step > 0 || (!step && !memcmp(registers, d->last, size))) {
+    bool same = d->has_last && !memcmp(registers, d->last, size);
+    bool leaps = d->has_last && step > 10 + fastest_sequence_hz * (double)since_ns / NS_PER_S;
+    bool follows = same || (step > 0 && !leaps);
+    *out_is_new = !same;
+    if (follows || since_ns > sequence_memory_ns) {
         memcpy(d->last, registers, size);
         d->has_last = true;
+        d->last_ns = same ? d->last_ns : now_ns;
         return RESULT_OK;
     }
     leave_alone(d);
     reading->malformed++;
     return fail(err, RESULT_FORMAT, "%s, slave %d, register %d: the sequence %s", line_name(d),
-                d->slave, d->sequence, step ? "went back" : "stood still while values changed");
+                d->slave, d->sequence,
+                leaps  ? "leapt ahead"
+                : step ? "went back"
+                       : "stood still while values changed");
 }
 
 // ---- readings
@@ -333,7 +346,9 @@ static void set_value(const struct value *v, uint16_t word, struct sample *sampl
     if (v->what < JOINT_VALUES)
         *joint[v->what] = number;
     else if (v->what == OPENING)
-        sample->handle.opening = fmax(0, fmin(1, number));
+        sample->handle.opening = number < -opening_slack || number > 1 + opening_slack
+                                     ? NAN // no opening
+                                     : fmax(0, fmin(1, number));
     else
         sample->handle.buttons = word;
 }

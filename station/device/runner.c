@@ -14,7 +14,8 @@
 #include <string.h>
 
 static const int64_t first_pause_ns = 100 * NS_PER_MS, longest_pause_ns = 5 * NS_PER_S;
-static const char *const own_keys[] = {"driver", "hold_ms", "jump_mm", "filter"};
+static const char *const own_keys[] = {"driver",   "hold_ms",   "jump_mm", "jump_deg",
+                                       "noise_mm", "noise_deg", "filter"};
 
 struct device {
     const struct device_driver *driver;
@@ -93,16 +94,33 @@ static struct slot *slot_of(struct device *d, const struct sample *sample) {
     return NULL;
 }
 
-static void take_sample(struct device *d, const struct sample *sample) {
-    switch (slot_take(slot_of(d, sample), sample)) {
+// A value that is not used is the device's problem: said by name, and why.
+static void complain(struct device *d, const struct sample *sample, const char *why) {
+    snprintf(d->status.problem, sizeof d->status.problem, "%s: %s", channel_name(sample->channel),
+             why);
+}
+
+// True: it was used.
+static bool take_sample(struct device *d, const struct sample *sample) {
+    struct slot *slot = slot_of(d, sample);
+    switch (slot_take(slot, sample)) {
     case SLOT_MALFORMED:
         d->status.malformed++;
-        break;
+        complain(d, sample, "a value out of range, or no newer than the last");
+        return false;
     case SLOT_JUMP:
         d->status.jumps++;
-        break;
+        complain(d, sample, "jumped");
+        return false;
+    case SLOT_NOISY:
+        d->status.noisy++;
+        complain(d, sample, "shakes more than a hand can");
+        return false;
+    case SLOT_SILENT:
+        complain(d, sample, "the source has no value");
+        return false;
     default:
-        break;
+        return true;
     }
 }
 
@@ -114,16 +132,21 @@ static void age_slots(struct device *d, int64_t now_ns) {
 // Channels that changed between being there and being lost since the last call.
 static void log_changes(struct device *d) {
     bool lost[DEVICE_SAMPLES_MAX];
+    char why[sizeof d->status.problem];
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < d->slot_count; i++)
         lost[i] = d->slots[i].validity == VALIDITY_LOST;
+    strcpy(why, d->status.problem[0] ? d->status.problem : "nothing new comes");
     pthread_mutex_unlock(&d->lock);
     for (int i = 0; i < d->slot_count; i++) {
+        const char *channel = channel_name(d->slots[i].newest.channel);
         if (lost[i] == d->logged_lost[i])
             continue;
         d->logged_lost[i] = lost[i];
-        log_info("device", "%s: %s %s", d->status.name, channel_name(d->slots[i].newest.channel),
-                 lost[i] ? "lost" : "there");
+        if (lost[i])
+            log_warning("device", "%s: %s lost: %s", d->status.name, channel, why);
+        else
+            log_info("device", "%s: %s there", d->status.name, channel);
     }
 }
 
@@ -142,8 +165,9 @@ static void take_reading(struct device *d, enum result result, const struct devi
     int64_t now_ns = clock_now_ns();
     pthread_mutex_lock(&d->lock);
     age_slots(d, now_ns);
+    bool all_used = true;
     for (int i = 0; i < reading->count; i++)
-        take_sample(d, &reading->samples[i]);
+        all_used &= take_sample(d, &reading->samples[i]);
     d->status.readings += reading->count > 0;
     d->status.timeouts += result == RESULT_TIMEOUT;
     d->status.malformed += (uint64_t)reading->malformed;
@@ -151,7 +175,7 @@ static void take_reading(struct device *d, enum result result, const struct devi
     count_rate(d, reading->count > 0, now_ns);
     if (result != RESULT_OK)
         strcpy(d->status.problem, err->text);
-    else if (reading->count)
+    else if (reading->count && all_used)
         d->status.problem[0] = 0;
     pthread_mutex_unlock(&d->lock);
 }
@@ -221,7 +245,7 @@ static enum result refuse_repeated_keys(const struct device_config *config, stru
 static enum result configure(struct device *d, const struct device_config *config, int index,
                              struct error *err) {
     char driver[OPTION_TEXT_MAX];
-    double hold_ms, jump_mm;
+    double hold_ms, jump_mm, jump_deg, noise_mm, noise_deg;
     struct filter_settings filter = {FILTER_NONE};
     const char *filter_text = option_text(config, "filter");
     struct device_outputs outputs = {0};
@@ -232,6 +256,12 @@ static enum result configure(struct device *d, const struct device_config *confi
         result = option_number(config, "hold_ms", 0, 10000, 100, &hold_ms, err);
     if (result == RESULT_OK)
         result = option_number(config, "jump_mm", 1, 10000, 50, &jump_mm, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "jump_deg", 1, 180, SLOT_JUMP_DEG, &jump_deg, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "noise_mm", 0.01, 1000, SLOT_NOISE_MM, &noise_mm, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "noise_deg", 0.01, 180, SLOT_NOISE_DEG, &noise_deg, err);
     if (result == RESULT_OK && filter_text && !filter_parse(filter_text, &filter))
         result = option_fail(config, "filter", err, RESULT_INVALID,
                              "\"%s\" is neither none nor one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ]",
@@ -252,6 +282,9 @@ static enum result configure(struct device *d, const struct device_config *confi
     for (int i = 0; i < outputs.count; i++) {
         slot_init(&d->slots[i], outputs.outputs[i].channel, outputs.outputs[i].kind, (uint8_t)index,
                   hold_ms, jump_mm);
+        guard_init(&d->slots[i].guard, jump_mm, jump_deg);
+        d->slots[i].noise_mm = noise_mm;
+        d->slots[i].noise_deg = noise_deg;
         filter_init(&d->slots[i].filter, &filter);
     }
     return RESULT_OK;

@@ -6,6 +6,9 @@
 //   hold_ms  how long the last value of a silent channel is held before it is lost; 100
 //   jump_mm  a pose farther than this from what the last ones promise is not used (device/guard.h);
 //            50
+//   jump_deg the same for rotations and joint angles; 45
+//   noise_mm, noise_deg  values of a source that shakes more than this (standard deviation) are not
+//            used (device/noise.h); 2, 2
 //   filter   none, or one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ] (device/filter.h); none
 //
 // A channel is OK while values come, HELD from the moment that it is silent (twice its usual
@@ -36,6 +39,7 @@ struct device_status {
     uint64_t malformed;       // messages or values that were not what they should be
     uint64_t skipped;         // messages of types that do not concern us
     uint64_t jumps;           // poses that the guard did not let through
+    uint64_t noisy;           // values of a source that shakes (device/noise.h)
     uint64_t losses;          // channels that went from held to lost
     uint64_t reopenings;      // connections after the first one
     char problem[sizeof((struct error *)0)->text]; // the newest one; empty while all is well

@@ -11,13 +11,38 @@ void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, u
     slot->newest = (struct sample){.channel = channel, .kind = kind, .device = device};
     if (kind == SAMPLE_POSE)
         slot->newest.T_mockup_body = pose_identity();
-    guard_init(&slot->guard, jump_mm);
+    guard_init(&slot->guard, jump_mm, SLOT_JUMP_DEG);
+    slot->noise_mm = SLOT_NOISE_MM;
+    slot->noise_deg = SLOT_NOISE_DEG;
 }
 
 static bool is_sane(const struct slot *slot, const struct sample *sample) {
     struct frame frame = {.count = 1};
     frame.samples[0] = *sample;
     return frame_is_valid(&frame) && sample->time_ns > slot->newest.time_ns;
+}
+
+// A joint's angles as if they were the body's: how far it turned is how far they changed.
+static pose pose_of(const struct sample *s) {
+    if (s->kind == SAMPLE_POSE)
+        return s->T_mockup_body;
+    const struct joint_angles *a = &s->joint;
+    quat flexion = quat_from_axis_angle((vec3){1, 0, 0}, a->flexion_deg * RAD_PER_DEG);
+    quat varus = quat_from_axis_angle((vec3){0, 1, 0}, a->varus_deg * RAD_PER_DEG);
+    quat internal = quat_from_axis_angle((vec3){0, 0, 1}, a->internal_deg * RAD_PER_DEG);
+    return (pose){quat_multiply(flexion, quat_multiply(varus, internal)),
+                  {a->shift_mm, a->drawer_mm, a->distraction_mm}};
+}
+
+// What a body could not have done.
+static enum slot_verdict judge_motion(struct slot *slot, const struct sample *sample) {
+    if (sample->kind == SAMPLE_HANDLE)
+        return SLOT_USED;
+    pose p = pose_of(sample);
+    if (!guard_takes(&slot->guard, sample->time_ns, p))
+        return SLOT_JUMP;
+    bool noisy = noise_is_high(&slot->noise, slot->noise_mm, slot->noise_deg, sample->time_ns, p);
+    return noisy ? SLOT_NOISY : SLOT_USED;
 }
 
 static void fall_silent(struct slot *slot, int64_t time_ns) {
@@ -46,9 +71,8 @@ enum slot_verdict slot_take(struct slot *slot, const struct sample *sample) {
         verdict = SLOT_SILENT;
     else if (!is_sane(slot, sample))
         verdict = SLOT_MALFORMED;
-    else if (sample->kind == SAMPLE_POSE &&
-             !guard_takes(&slot->guard, sample->time_ns, sample->T_mockup_body))
-        verdict = SLOT_JUMP;
+    else
+        verdict = judge_motion(slot, sample);
     if (verdict == SLOT_USED)
         use(slot, sample);
     else
@@ -63,6 +87,7 @@ bool slot_age(struct slot *slot, int64_t now_ns) {
     if (now_ns < slot->silent_ns + slot->hold_ns)
         return false;
     slot->validity = VALIDITY_LOST;
-    guard_forget(&slot->guard);
+    if (!guard_is_catching(&slot->guard, now_ns))
+        guard_forget(&slot->guard);
     return true;
 }

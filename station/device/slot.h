@@ -4,13 +4,16 @@
 #include "base/sample.h"
 #include "device/filter.h"
 #include "device/guard.h"
+#include "device/noise.h"
 
 #include <stdbool.h>
 #include <stdint.h>
 
 struct slot {
     struct sample newest; // neutral until the first sample was used
-    struct guard guard;   // of poses
+    struct guard guard;   // of poses and joint angles
+    struct noise noise;   // of them
+    double noise_mm, noise_deg;
     struct filter filter; // none, unless filter_init is called after slot_init
     int64_t hold_ns;      // from silent to lost
     double interval_ns;   // usual time between two samples that were used; 0: not known yet
@@ -18,14 +21,20 @@ struct slot {
     enum validity validity;
 };
 
-enum slot_verdict { SLOT_USED, SLOT_SILENT, SLOT_JUMP, SLOT_MALFORMED };
+enum slot_verdict { SLOT_USED, SLOT_SILENT, SLOT_JUMP, SLOT_NOISY, SLOT_MALFORMED };
 
+// Leaps of angles are caught from SLOT_JUMP_DEG on, and noise from SLOT_NOISE_MM and
+// SLOT_NOISE_DEG, unless the caller changes what is in `guard`, noise_mm and noise_deg.
+#define SLOT_JUMP_DEG 45
+#define SLOT_NOISE_MM 2
+#define SLOT_NOISE_DEG 2
 void slot_init(struct slot *slot, enum channel channel, enum sample_kind kind, uint8_t device,
                double hold_ms, double jump_mm);
 
 // Takes a sample of the slot's channel and kind. Not used: one that the source calls LOST
 // (SLOT_SILENT), one that frame_is_valid would refuse or that is no newer than the last
-// (SLOT_MALFORMED), a jump (SLOT_JUMP). Any of them makes the channel silent from its time on.
+// (SLOT_MALFORMED), a jump (SLOT_JUMP), one of a source that shakes (SLOT_NOISY). Any of them makes
+// the channel silent from its time on.
 enum slot_verdict slot_take(struct slot *slot, const struct sample *sample);
 
 // Brings slot->validity to what it is at now_ns. True: it was lost just now.

@@ -4,9 +4,11 @@
 //   tool.CHANNEL      the tool's OpenIGTLink name; at least one
 //   tip.CHANNEL       T_tool_tip (bones: where the bone's frame lies in the marker's)
 //   T_mockup_tracker  where the tracker's frame lies in the mock-up's
+//   stamps            no: the tracker's time stamps mean nothing; yes
 //
 // A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
-// messages' own time stamps are of a clock that we do not know.
+// messages' own time stamps are of a clock that we do not know. They tell which message is late
+// (device/stamp.h), and whether a tool's pose is only said again.
 
 #include "base/check.h"
 #include "base/clock.h"
@@ -14,6 +16,7 @@
 #include "device/igtl.h"
 #include "device/options.h"
 #include "device/socket.h"
+#include "device/stamp.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -29,6 +32,9 @@ struct tracker {
     char address[OPTION_TEXT_MAX];
     char tools[CHANNEL_COUNT][IGTL_NAME_SIZE]; // empty: not tracked
     pose T_mockup_tracker, T_tool_tip[CHANNEL_COUNT];
+    bool uses_stamps;
+    struct stamp_clock clock;
+    int64_t stamps_ns[CHANNEL_COUNT]; // of the newest poses
     int fd;
     struct igtl_stream stream;
     struct igtl_message message;
@@ -57,7 +63,8 @@ static enum result configure_tools(struct tracker *d, const struct device_config
 
 static enum result configure(struct tracker *d, const struct device_config *config,
                              struct device_outputs *outputs, struct error *err) {
-    static const char *const keys[] = {"address", "tool.", "tip.", "T_mockup_tracker", NULL};
+    static const char *const keys[] = {"address",          "tool.",  "tip.",
+                                       "T_mockup_tracker", "stamps", NULL};
     char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
     struct error why;
     enum result result = options_check(config, keys, err);
@@ -69,6 +76,8 @@ static enum result configure(struct tracker *d, const struct device_config *conf
         result = option_pose(config, "T_mockup_tracker", &d->T_mockup_tracker, err);
     if (result == RESULT_OK)
         result = option_poses(config, "tip", d->T_tool_tip, err);
+    if (result == RESULT_OK)
+        result = option_switch(config, "stamps", true, &d->uses_stamps, err);
     if (result == RESULT_OK)
         result = configure_tools(d, config, outputs, err);
     return result;
@@ -88,6 +97,8 @@ static enum result tracker_create(const struct device_config *config, void **out
 static enum result tracker_open(void *device, struct error *err) {
     struct tracker *d = device;
     igtl_stream_init(&d->stream);
+    d->clock = (struct stamp_clock){0};
+    memset(d->stamps_ns, 0, sizeof d->stamps_ns);
     return socket_connect(d->address, connect_timeout_ms, &d->fd, err);
 }
 
@@ -104,11 +115,35 @@ static void add_sample(struct device_reading *reading, enum channel channel, int
                                            .T_mockup_body = T_mockup_body};
 }
 
-static void take_message(const struct tracker *d, int64_t time_ns, struct device_reading *reading) {
+static enum result check_stamp(struct tracker *d, int64_t time_ns, struct error *err) {
+    if (!d->uses_stamps || !d->message.stamp_ns)
+        return RESULT_OK;
+    enum stamp_verdict verdict = stamp_judge(&d->clock, d->message.stamp_ns, time_ns);
+    int64_t ms = d->clock.lateness_ns / NS_PER_MS;
+    switch (verdict) {
+    case STAMP_LATE:
+        return fail(err, RESULT_FORMAT, "a message that is %lld ms late", (long long)ms);
+    case STAMP_AHEAD:
+        return fail(err, RESULT_FORMAT, "its clock went ahead by %lld ms", (long long)-ms);
+    case STAMP_ANEW:
+        return fail(err, RESULT_FORMAT, "its clock was put back, or everything comes late now");
+    default:
+        return RESULT_OK;
+    }
+}
+
+static bool is_said_again(struct tracker *d, int channel) {
+    int64_t stamp_ns = d->message.stamp_ns;
+    bool again = d->uses_stamps && stamp_ns && stamp_ns == d->stamps_ns[channel];
+    d->stamps_ns[channel] = stamp_ns;
+    return again;
+}
+
+static void take_message(struct tracker *d, int64_t time_ns, struct device_reading *reading) {
     reading->malformed += d->message.refused;
     for (int i = 0; i < d->message.count; i++)
         for (int c = 0; c < CHANNEL_COUNT; c++)
-            if (!strcmp(d->message.tools[i].name, d->tools[c])) {
+            if (!strcmp(d->message.tools[i].name, d->tools[c]) && !is_said_again(d, c)) {
                 pose T_mockup_tool =
                     pose_compose(d->T_mockup_tracker, d->message.tools[i].T_tracker_tool);
                 add_sample(reading, (enum channel)c, time_ns,
@@ -127,6 +162,8 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
         size -= taken;
         if (event == IGTL_BROKEN)
             return fail_in(err, RESULT_CLOSED, "%s: ", d->address);
+        if (event == IGTL_POSES && check_stamp(d, time_ns, err) != RESULT_OK)
+            event = IGTL_REFUSED;
         if (event == IGTL_POSES)
             take_message(d, time_ns, reading);
         reading->skipped += event == IGTL_SKIPPED;

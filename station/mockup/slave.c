@@ -192,8 +192,10 @@ static void reply(struct slave *s, int master, uint8_t *request, int length,
     double time = faults_time(s->faults, FAULT_MODBUS, seconds);
     set_registers(s, time, mapping->tab_registers);
     spoil_registers(s, seconds, mapping->tab_registers);
-    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_WRONG_SLAVE, seconds))
+    if (faults_strike(s->faults, FAULT_MODBUS, FAULT_WRONG_SLAVE, seconds)) {
         request[function - 1]++;
+        memset(mapping->tab_registers, 0, REGISTERS * sizeof(uint16_t));
+    }
     if (faults_strike(s->faults, FAULT_MODBUS, FAULT_NEWER_VERSION, seconds))
         request[function] = unknown_function;
     size_t size = encode_reply(s, request, length, mapping, bytes);

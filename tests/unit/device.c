@@ -41,24 +41,24 @@ static enum validity validity_at(struct slot *slot, int64_t ms) {
 static void one_wild_pose_is_caught_and_the_next_good_one_taken(void **state) {
     (void)state;
     struct guard guard;
-    guard_init(&guard, 50);
+    guard_init(&guard, 50, 45);
     for (int i = 1; i <= 100; i++) {
         bool wild = i % 10 == 0;
         assert_int_equal(!wild, guard_takes(&guard, i * 20 * NS_PER_MS, at(wild ? 1562 : i)));
     }
 }
 
-static void a_body_that_was_moved_is_taken_after_a_few_poses(void **state) {
+static void a_body_that_was_moved_is_taken_after_a_while(void **state) {
     (void)state;
     struct guard guard;
-    guard_init(&guard, 50);
+    guard_init(&guard, 50, 45);
     int64_t ms = 0;
     for (int i = 0; i < 10; i++)
         assert_true(guard_takes(&guard, (ms += 10) * NS_PER_MS, at(0)));
-    for (int i = 0; i < GUARD_CONFIRMATIONS - 1; i++)
+    for (int i = 0; i < GUARD_CONFIRMATION_NS / (10 * NS_PER_MS); i++)
         assert_false(guard_takes(&guard, (ms += 10) * NS_PER_MS, at(400 + i)));
     for (int i = 0; i < 10; i++)
-        assert_true(guard_takes(&guard, (ms += 10) * NS_PER_MS, at(400 + i)));
+        assert_true(guard_takes(&guard, (ms += 10) * NS_PER_MS, at(520 + i)));
     assert_false(guard_takes(&guard, (ms += 10) * NS_PER_MS, at(0)));
 }
 
@@ -66,7 +66,7 @@ static void wild_poses_that_do_not_lie_together_are_never_taken(void **state) {
     (void)state;
     struct guard guard;
     struct random random = {1};
-    guard_init(&guard, 50);
+    guard_init(&guard, 50, 45);
     assert_true(guard_takes(&guard, NS_PER_MS, at(0)));
     for (int i = 2; i < 500; i++) {
         pose p = {{1, 0, 0, 0}, vec3_scale(500 + 200 * (i % 7), random_direction(&random))};
@@ -78,13 +78,39 @@ static void wild_poses_that_do_not_lie_together_are_never_taken(void **state) {
 static void a_fast_hand_at_a_slow_rate_is_no_jump(void **state) {
     (void)state;
     struct guard guard;
-    guard_init(&guard, 50);
+    guard_init(&guard, 50, 45);
     double x = 0, speed = 0; // accelerates by 40 mm a frame, to 3 m/s at 15 frames a second
     assert_true(guard_takes(&guard, NS_PER_MS, at(x)));
     for (int i = 0; i < 40; i++) {
         speed = fmin(200, speed + 40);
         x += speed;
         assert_true(guard_takes(&guard, (i + 1) * 66 * NS_PER_MS, at(x)));
+    }
+}
+
+static void a_turn_that_no_hand_makes_is_caught(void **state) {
+    (void)state;
+    struct guard guard;
+    guard_init(&guard, 50, 45);
+    for (int i = 1; i <= 50; i++) {
+        pose p = at(i);
+        if (i % 10 == 0)
+            p.rotation = quat_from_axis_angle((vec3){0, 1, 0}, 100 * RAD_PER_DEG);
+        assert_int_equal(i % 10 != 0, guard_takes(&guard, i * 10 * NS_PER_MS, p));
+    }
+}
+
+static void
+a_jump_that_lasts_too_short_to_be_true_is_never_taken_though_the_channel_is_lost(void **state) {
+    (void)state;
+    struct slot slot = probe_slot(100);
+    for (int64_t ms = 1000; ms < 4000; ms += 10) {
+        bool away = ms >= 2000 && ms < 3000;
+        struct sample s = probe(ms, away ? 300 : 0);
+        slot_age(&slot, ms * NS_PER_MS);
+        assert_int_equal(away ? SLOT_JUMP : SLOT_USED, slot_take(&slot, &s));
+        if (ms > 2150 && away)
+            assert_int_equal(VALIDITY_LOST, validity_at(&slot, ms));
     }
 }
 
@@ -518,9 +544,12 @@ static int remove_folder(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(one_wild_pose_is_caught_and_the_next_good_one_taken),
-        cmocka_unit_test(a_body_that_was_moved_is_taken_after_a_few_poses),
+        cmocka_unit_test(a_body_that_was_moved_is_taken_after_a_while),
         cmocka_unit_test(wild_poses_that_do_not_lie_together_are_never_taken),
         cmocka_unit_test(a_fast_hand_at_a_slow_rate_is_no_jump),
+        cmocka_unit_test(a_turn_that_no_hand_makes_is_caught),
+        cmocka_unit_test(
+            a_jump_that_lasts_too_short_to_be_true_is_never_taken_though_the_channel_is_lost),
         cmocka_unit_test(a_silent_channel_is_held_then_lost_then_back),
         cmocka_unit_test(what_the_source_calls_lost_is_held_first),
         cmocka_unit_test(values_that_no_frame_may_have_are_malformed),

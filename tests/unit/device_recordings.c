@@ -21,7 +21,7 @@ static bool load(const char *name, struct recording *out) {
 }
 
 struct counts {
-    int used, silent, jumps, malformed, losses;
+    int used, silent, jumps, noisy, malformed, losses;
     int jump_row; // the last one
 };
 
@@ -40,6 +40,9 @@ static struct counts play(const struct recording *r) {
         switch (slot_take(&slot, &sample)) {
         case SLOT_USED:
             counts.used++;
+            break;
+        case SLOT_NOISY:
+            counts.noisy++;
             break;
         case SLOT_SILENT:
             counts.silent++;
@@ -89,11 +92,12 @@ static void real_hands_do_not_jump(void **state) {
         struct recording r;
         assert_true(load(rows[i].file, &r));
         struct counts counts = play(&r);
-        if (counts.jumps || counts.malformed || counts.used != rows[i].used ||
+        if (counts.jumps || counts.noisy || counts.malformed || counts.used != rows[i].used ||
             counts.silent != rows[i].silent)
-            fail_msg("%s: %d used, %d silent, %d jumps (the last at row %d), %d malformed",
-                     rows[i].file, counts.used, counts.silent, counts.jumps, counts.jump_row,
-                     counts.malformed);
+            fail_msg(
+                "%s: %d used, %d silent, %d jumps (the last at row %d), %d noisy, %d malformed",
+                rows[i].file, counts.used, counts.silent, counts.jumps, counts.jump_row,
+                counts.noisy, counts.malformed);
         recording_fini(&r);
     }
 }

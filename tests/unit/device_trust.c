@@ -1,0 +1,119 @@
+// Which values a station trusts: sources that shake, and messages that are late.
+
+#include "base/clock.h"
+#include "device/slot.h"
+#include "device/stamp.h"
+#include "random.h"
+#include "test.h"
+
+// ---- noise
+// ---------------------------------------------------------------------------------------
+
+// Share of the poses of a hand with noise of `sigma` that a slot does not use.
+static double share_refused(double sigma, int64_t period_ms, double amplitude, double hz) {
+    struct slot slot;
+    slot_init(&slot, CHANNEL_PROBE, SAMPLE_POSE, 0, 100, 50);
+    struct random random = {9};
+    int refused = 0, count = 2000;
+    for (int i = 1; i <= count; i++) {
+        int64_t ms = i * period_ms;
+        double t = (double)ms / 1000, x = amplitude * sin(2 * M_PI * hz * t);
+        struct sample s = {
+            .channel = CHANNEL_PROBE, .kind = SAMPLE_POSE, .time_ns = ms * NS_PER_MS};
+        s.T_mockup_body = pose_identity();
+        s.T_mockup_body.translation.x = x + sigma * random_normal(&random);
+        s.T_mockup_body.translation.y = sigma * random_normal(&random);
+        s.T_mockup_body.translation.z = sigma * random_normal(&random);
+        refused += slot_take(&slot, &s) == SLOT_NOISY;
+    }
+    return refused / (double)count;
+}
+
+static void what_shakes_more_than_a_hand_is_refused_and_a_hand_is_not(void **state) {
+    (void)state;
+    static const int64_t periods_ms[] = {5, 10, 20, 50};
+    for (int i = 0; i < 4; i++) {
+        assert_near(share_refused(0.3, periods_ms[i], 0, 0), 0, 0);
+        assert_near(share_refused(0.3, periods_ms[i], 150, 1), 0, 0); // 0.9 m/s
+        assert_near(share_refused(0.3, periods_ms[i], 2, 8), 0, 0);   // a tremor
+        assert_near(share_refused(1.0, periods_ms[i], 100, 0.5), 0, 0);
+    }
+    assert_true(share_refused(8, 10, 0, 0) > 0.95);
+    assert_true(share_refused(8, 5, 100, 0.5) > 0.95);
+}
+
+// ---- time stamps
+// ---------------------------------------------------------------------------------
+
+struct verdicts {
+    int good, late, ahead, anew;
+};
+
+// A second at 100 messages, whose stamps and arrivals are off from what they should be.
+static struct verdicts judged(struct stamp_clock *clock, int second, double stamp_off_s,
+                              double arrival_off_s) {
+    struct verdicts v = {0};
+    for (int i = 0; i < 100; i++) {
+        double t = second + 0.01 * i, utc = 1.7e9 + t + stamp_off_s;
+        switch (
+            stamp_judge(clock, (int64_t)(utc * 1e9), (int64_t)((5 + t + arrival_off_s) * 1e9))) {
+        case STAMP_GOOD:
+            v.good++;
+            break;
+        case STAMP_LATE:
+            v.late++;
+            break;
+        case STAMP_AHEAD:
+            v.ahead++;
+            break;
+        case STAMP_ANEW:
+            v.anew++;
+            break;
+        }
+    }
+    return v;
+}
+
+static void late_messages_are_told_from_good_ones(void **state) {
+    (void)state;
+    struct stamp_clock clock = {0};
+    assert_int_equal(100, judged(&clock, 0, 0, 0.02).good);
+    assert_int_equal(100, judged(&clock, 1, 0, 0).good); // quicker than ever
+    assert_int_equal(100, judged(&clock, 2, 0, 0.09).good);
+    assert_int_equal(100, judged(&clock, 3, 0, 0.3).late);
+    assert_int_equal(100, judged(&clock, 4, 0, 0).good);
+}
+
+static void a_clock_that_steps_is_noticed_and_lived_with(void **state) {
+    (void)state;
+    struct stamp_clock clock = {0};
+    assert_int_equal(100, judged(&clock, 0, 0, 0).good);
+    struct verdicts forward = judged(&clock, 1, 3, 0);
+    assert_int_equal(1, forward.ahead);
+    assert_int_equal(99, forward.good);
+    assert_int_equal(100, judged(&clock, 2, 0, 0).late);
+    struct verdicts back = judged(&clock, 3, 0, 0);
+    assert_int_equal(1, back.anew);
+    assert_int_equal(100, back.late + back.anew + back.good);
+    assert_true(back.good > 40);
+    assert_int_equal(100, judged(&clock, 4, 0, 0).good);
+}
+
+static void a_clock_that_drifts_a_little_is_no_trouble(void **state) {
+    (void)state;
+    struct stamp_clock slow = {0}, fast = {0};
+    for (int s = 0; s < 1000; s++) {
+        assert_int_equal(100, judged(&slow, s, -4e-4 * s, 0).good);
+        assert_true(judged(&fast, s, 4e-4 * s, 0).good >= 99);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_shakes_more_than_a_hand_is_refused_and_a_hand_is_not),
+        cmocka_unit_test(late_messages_are_told_from_good_ones),
+        cmocka_unit_test(a_clock_that_steps_is_noticed_and_lived_with),
+        cmocka_unit_test(a_clock_that_drifts_a_little_is_no_trouble),
+    };
+    return cmocka_run_group_tests_name("device_trust", tests, NULL, NULL);
+}

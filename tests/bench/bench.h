@@ -32,4 +32,4 @@ void report_text(struct report *report, const char *name, const char *text);
 typedef enum result bench_run(const struct bench_options *options, struct report *report,
                               struct error *err);
 
-bench_run bench_touch, bench_trace, bench_warp;
+bench_run bench_devices, bench_touch, bench_trace, bench_warp;

@@ -1,0 +1,121 @@
+#include "mockup.h"
+
+#include "base/clock.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static void path_in(const struct mockup *m, const char *name, char *out, size_t size) {
+    snprintf(out, size, "%s/%s", m->folder, name);
+}
+
+static enum result write_file(const char *path, const char *text, struct error *err) {
+    FILE *file = fopen(path, "w");
+    bool good = file && fputs(text, file) >= 0;
+    good = file && fclose(file) == 0 && good;
+    return good ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+}
+
+static enum result write_motion(const char *path, struct error *err) {
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    fputs("t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,distraction_mm,"
+          "probe_tx_mm,probe_ty_mm,probe_tz_mm,probe_qw,probe_qx,probe_qy,probe_qz,probe_valid\n",
+          file);
+    for (int i = 0; i < MOTION_S * 100; i++)
+        fprintf(file, "%.2f,%.6f,0,0,0,0,0,%.6f,0,0,1,0,0,0,1\n", i * 0.01,
+                MOTION_DEG_PER_S * i * 0.01, MOTION_MM_PER_S * i * 0.01);
+    if (fclose(file))
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
+static enum result program_beside_us(char *out, size_t size, struct error *err) {
+    ssize_t length = readlink("/proc/self/exe", out, size - 1);
+    if (length < 0)
+        return fail(err, RESULT_IO, "/proc/self/exe: %s", strerror(errno));
+    out[length] = 0;
+    char *name = strrchr(out, '/') + 1;
+    snprintf(name, size - (size_t)(name - out), "arthron-mockup");
+    return access(out, X_OK) ? fail(err, RESULT_MISSING, "%s is not there: build it", out)
+                             : RESULT_OK;
+}
+
+static void run_program(const struct mockup *m, const char *program, double rate_hz, int out_fd) {
+    char rate[32], faults[96];
+    snprintf(rate, sizeof rate, "%g", rate_hz);
+    path_in(m, "faults.ini", faults, sizeof faults);
+    dup2(out_fd, STDOUT_FILENO);
+    execl(program, program, "--motion", m->motion, "--modbus-tcp", "127.0.0.1:0", "--modbus-rtu",
+          m->serial, "--modbus-rate", rate, "--tracker", "127.0.0.1:0", "--rate", rate, "--faults",
+          faults, (char *)NULL);
+    _exit(127);
+}
+
+static enum result read_addresses(struct mockup *m, int fd, struct error *err) {
+    FILE *out = fdopen(fd, "r");
+    char line[256];
+    int seen = 0;
+    while (seen < 3 && fgets(line, sizeof line, out)) {
+        seen++;
+        if (sscanf(line, "modbus-tcp %63s", m->modbus_tcp) != 1)
+            sscanf(line, "tracker %63s", m->tracker);
+    }
+    fclose(out);
+    m->start_ns = clock_now_ns();
+    return seen == 3 ? RESULT_OK : fail(err, RESULT_CLOSED, "arthron-mockup ended at once");
+}
+
+static enum result spawn(struct mockup *m, double rate_hz, struct error *err) {
+    char program[PATH_MAX];
+    int pipes[2];
+    enum result result = program_beside_us(program, sizeof program, err);
+    if (result != RESULT_OK)
+        return result;
+    if (pipe(pipes))
+        return fail(err, RESULT_IO, "pipe: %s", strerror(errno));
+    m->pid = fork();
+    if (!m->pid)
+        run_program(m, program, rate_hz, pipes[1]);
+    close(pipes[1]);
+    return read_addresses(m, pipes[0], err);
+}
+
+enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, struct error *err) {
+    char path[96];
+    *m = (struct mockup){.folder = "/tmp/arthron-bench-XXXXXX"};
+    if (!mkdtemp(m->folder))
+        return fail(err, RESULT_IO, "%s: %s", m->folder, strerror(errno));
+    path_in(m, "motion.csv", m->motion, sizeof m->motion);
+    path_in(m, "line", m->serial, sizeof m->serial);
+    path_in(m, "faults.ini", path, sizeof path);
+    enum result result = write_motion(m->motion, err);
+    if (result == RESULT_OK)
+        result = write_file(path, faults, err);
+    if (result == RESULT_OK)
+        result = spawn(m, rate_hz, err);
+    if (result != RESULT_OK)
+        mockup_end(m);
+    return result;
+}
+
+void mockup_end(struct mockup *m) {
+    static const char *const names[] = {"motion.csv", "faults.ini", "line"};
+    char path[96];
+    if (m->pid > 0) {
+        kill(m->pid, SIGTERM);
+        waitpid(m->pid, NULL, 0);
+    }
+    for (int i = 0; i < 3; i++) {
+        path_in(m, names[i], path, sizeof path);
+        unlink(path);
+    }
+    rmdir(m->folder);
+}

@@ -1,0 +1,25 @@
+// The real arthron-mockup as a child process, playing a steady motion: at t seconds of it flexion
+// is MOTION_DEG_PER_S · t and the probe's x is MOTION_MM_PER_S · t, so that a value tells its time.
+#pragma once
+
+#include "base/result.h"
+
+#include <stdint.h>
+#include <sys/types.h>
+
+#define MOTION_DEG_PER_S 1.7
+#define MOTION_MM_PER_S 20.0
+#define MOTION_S 100
+
+struct mockup {
+    pid_t pid;
+    int64_t start_ns; // when it was ready: its time 0
+    char folder[64], motion[96], serial[96];
+    char modbus_tcp[64], tracker[64]; // host:port
+};
+
+// Makes a folder with the motion and starts the program that lies beside this one; `faults`: the
+// text of its --faults file, `rate_hz`: registers' updates and tracker's frames. The caller ends it
+// with mockup_end, which also removes the folder.
+enum result mockup_start(const char *faults, double rate_hz, struct mockup *out, struct error *err);
+void mockup_end(struct mockup *mockup);

@@ -35,8 +35,9 @@ enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_
 // Decode all of `data`. RESULT_LIMIT where it is longer than its kind may be; RESULT_FORMAT with
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
-// UNKNOWN), and a Reply's poses, displacements and gradients are finite. A message of a kind that
-// this version does not know is RESULT_OK with which_message == 0: skip and count it.
+// UNKNOWN), a Hello's residuals not negative, and a Reply's poses, displacements and gradients are
+// finite. A message of a kind that this version does not know is RESULT_OK with which_message == 0:
+// skip and count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
 enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,

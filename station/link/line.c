@@ -52,6 +52,9 @@ static void say_hello(struct link *link) {
     hello->devices_count = (pb_size_t)config->device_count;
     memcpy(hello->devices, config->devices, sizeof hello->devices);
     hello->connection = link->id;
+    hello->visit = config->visit;
+    hello->has_calibration = config->calibrated;
+    hello->calibration = config->calibration;
     say(link, &message);
 }
 
@@ -124,6 +127,14 @@ static bool is_remote_time(int64_t time_ns) {
     return time_ns >= 0 && time_ns < REMOTE_TIME_MAX;
 }
 
+static int64_t shortest_round_trip(const struct clock_offset *clock) {
+    int64_t shortest_ns = INT64_MAX;
+    for (int i = 0; i < clock->count; i++)
+        if (clock->exchanges[i].round_trip_ns < shortest_ns)
+            shortest_ns = clock->exchanges[i].round_trip_ns;
+    return shortest_ns;
+}
+
 static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t received_ns) {
     struct line *line = &link->line;
     int64_t offset_ns, uncertainty_ns;
@@ -138,6 +149,7 @@ static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t recei
     link->status.clock_known = true;
     link->status.clock_offset_ns = offset_ns;
     link->status.clock_uncertainty_ns = uncertainty_ns;
+    link->status.round_trip_ns = shortest_round_trip(&line->clock);
     pthread_mutex_unlock(&link->lock);
     update_ready(link);
 }

@@ -12,8 +12,11 @@ struct link_config {
     const char *station;
     const char *software;
     bool datagrams; // false: frames always travel in the control connection
+    bool visit;     // only asks whether it would be welcome: no session, link_send sends nothing
     int device_count;
     arthron_Device devices[16];
+    bool calibrated;
+    arthron_Calibration calibration;
 };
 
 enum link_path { LINK_DOWN, LINK_CONTROL, LINK_DATAGRAM };
@@ -23,6 +26,7 @@ struct link_status {
     bool welcomed;
     bool clock_known;
     int64_t clock_offset_ns, clock_uncertainty_ns; // server = station + offset
+    int64_t round_trip_ns;                         // of the shortest of the last pings
     uint64_t connects;                             // successful ones, 1 after the first
     uint64_t frames_sent;
     uint64_t replies; // to frames of ours, each counted once
@@ -48,6 +52,10 @@ bool link_send(struct link *link, const struct frame *frame);
 bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply);
 
 void link_get_status(struct link *link, struct link_status *out_status);
+
+// Until when (seconds since 1970) the station's certificate is good. RESULT_MISSING or
+// RESULT_FORMAT name the file.
+enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struct error *err);
 
 // Asks the server at host:port for a certificate with a one-time code and writes the key files.
 enum result link_enrol(const char *host, int port, const char *code, const char *station,

@@ -1,14 +1,17 @@
 #include "link/trust.h"
 
 #include "base/check.h"
+#include "link/link.h"
 
 #include <errno.h>
 #include <openssl/crypto.h>
+#include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 static bool is_named_by(const struct code *code, X509 *certificate) {
@@ -115,4 +118,21 @@ enum result trust_init_code(struct trust *trust, const struct code *code, const 
 void trust_fini(struct trust *trust) {
     SSL_CTX_free(trust->context);
     trust->context = NULL;
+}
+
+enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struct error *err) {
+    char path[4096];
+    snprintf(path, sizeof path, "%s/station.pem", keys_dir);
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return fail(err, RESULT_MISSING, "%s: %s", path, strerror(errno));
+    X509 *certificate = PEM_read_X509(file, NULL, NULL, NULL);
+    fclose(file);
+    struct tm end;
+    bool read = certificate && ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1;
+    X509_free(certificate);
+    if (!read)
+        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", path);
+    *out_utc_s = timegm(&end);
+    return RESULT_OK;
 }

@@ -1,12 +1,14 @@
 #include "loop/config.h"
 
 #include "base/check.h"
+#include "base/log.h"
 #include "base/number.h"
 
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 struct reading {
     char dir[PATH_MAX];
@@ -41,40 +43,65 @@ static bool take_station_key(struct reading *r, const char *key, const char *val
         return number_double(value, 1, 2000, &c->rate_hz);
     if (!strcmp(key, "datagrams"))
         return number_bool(value, &c->datagrams);
+    if (!strcmp(key, "calibration"))
+        return setting_path(r->dir, value, c->calibration_path, sizeof c->calibration_path);
     return false;
 }
 
-static struct station_device *device_entry(struct station_config *c, const char *name) {
+struct station_device *station_config_device(struct station_config *c, const char *name) {
     for (int i = 0; i < c->device_count; i++)
         if (!strcmp(c->devices[i].config.name, name))
             return &c->devices[i];
+    return NULL;
+}
+
+static struct station_device *device_entry(struct station_config *c, const char *name) {
+    struct station_device *device = station_config_device(c, name);
+    if (device)
+        return device;
     if (c->device_count == STATION_DEVICES_MAX ||
         !setting_text(name, c->devices[c->device_count].config.name, DEVICE_NAME_MAX))
         return NULL;
-    struct station_device *device = &c->devices[c->device_count++];
+    device = &c->devices[c->device_count++];
     device->config.options = device->options;
     return device;
+}
+
+static void remove_option(struct station_device *device, int at) {
+    free((char *)device->options[at].key);
+    free((char *)device->options[at].value);
+    int behind = --device->config.option_count - at;
+    memmove(&device->options[at], &device->options[at + 1],
+            (size_t)behind * sizeof *device->options);
+}
+
+static bool set_option(struct station_device *device, const char *key, const char *value) {
+    int at = 0;
+    while (at < device->config.option_count && strcmp(device->options[at].key, key))
+        at++;
+    if (at < device->config.option_count)
+        remove_option(device, at);
+    at = device->config.option_count;
+    if (!value)
+        return true;
+    if (at == STATION_OPTIONS_MAX)
+        return false;
+    device->options[at] = (struct device_option){alloc_text(key), alloc_text(value)};
+    device->config.option_count++;
+    return true;
+}
+
+bool station_config_set(struct station_config *config, const char *name, const char *key,
+                        const char *value) {
+    struct station_device *device = station_config_device(config, name);
+    return device && set_option(device, key, value);
 }
 
 // A key given again (by --set) replaces the first.
 static bool take_device_key(struct reading *r, const char *name, const char *key,
                             const char *value) {
     struct station_device *device = device_entry(r->config, name);
-    if (!device)
-        return false;
-    int at = 0;
-    while (at < device->config.option_count && strcmp(device->options[at].key, key))
-        at++;
-    if (at == STATION_OPTIONS_MAX)
-        return false;
-    if (at == device->config.option_count) {
-        device->options[at].key = alloc_text(key);
-        device->config.option_count++;
-    } else {
-        free((char *)device->options[at].value);
-    }
-    device->options[at].value = alloc_text(value);
-    return true;
+    return device && set_option(device, key, value);
 }
 
 static bool take_key(void *user, const char *section, const char *key, const char *value) {
@@ -94,6 +121,16 @@ static enum result complete(const struct station_config *c, struct error *err) {
     return RESULT_OK;
 }
 
+static enum result read_calibration(struct station_config *config, struct error *err) {
+    const char *path = config->calibration_path;
+    if (!path[0])
+        return RESULT_OK;
+    if (!access(path, F_OK))
+        return calibration_read(path, &config->calibration, err);
+    log_warning("station", "%s: not there yet; `arthron-station calibrate` makes it", path);
+    return RESULT_OK;
+}
+
 enum result station_config_load(const char *path, const struct setting_override *overrides,
                                 int override_count, struct station_config **out_config,
                                 struct error *err) {
@@ -108,6 +145,8 @@ enum result station_config_load(const char *path, const struct setting_override 
         if (result != RESULT_OK)
             fail_in(err, result, "%s: ", path);
     }
+    if (result == RESULT_OK)
+        result = read_calibration(config, err);
     if (result != RESULT_OK) {
         station_config_destroy(&config);
         return result;

@@ -161,7 +161,12 @@ static void run(struct loop *loop) {
 
 // ---- making and releasing -----------------------------------------------------------------------
 
-static struct link_config link_config_from(const struct station_config *config) {
+static arthron_Calibration calibration_from(const struct calibration *calibration) {
+    struct calibration_summary summary = calibration_summarise(calibration);
+    return (arthron_Calibration){summary.utc_s, summary.residual_mm, summary.residual_deg};
+}
+
+struct link_config loop_link_config(const struct station_config *config) {
     struct link_config link = {
         .host = config->host,
         .port = config->port,
@@ -170,7 +175,10 @@ static struct link_config link_config_from(const struct station_config *config) 
         .software = "arthron-station " ARTHRON_VERSION,
         .datagrams = config->datagrams,
         .device_count = config->device_count,
+        .calibrated = config->calibration.count > 0,
     };
+    if (link.calibrated)
+        link.calibration = calibration_from(&config->calibration);
     for (int i = 0; i < config->device_count; i++) {
         const struct device_config *device = &config->devices[i].config;
         snprintf(link.devices[i].name, sizeof link.devices[i].name, "%s", device->name);
@@ -190,7 +198,7 @@ static enum result start(struct loop *loop, struct error *err) {
     enum result result = runner_create(devices, config->device_count, &loop->runner, err);
     if (result != RESULT_OK)
         return result;
-    struct link_config link = link_config_from(config);
+    struct link_config link = loop_link_config(config);
     return link_create(&link, &loop->link, err);
 }
 

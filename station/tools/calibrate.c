@@ -1,0 +1,176 @@
+#include "tools/calibrate.h"
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/number.h"
+#include "tools/tools.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: arthron-station calibrate tip --config FILE --device NAME --channel CHANNEL\n"
+    "                                 [--seconds N] [--json]\n"
+    "       arthron-station calibrate landmarks --config FILE --device NAME --channel CHANNEL\n"
+    "                                 --points FILE [--json]\n"
+    "       arthron-station calibrate encoder --config FILE --device NAME --key KEY\n"
+    "                                 --at VALUE,VALUE,... [--json]\n"
+    "\n"
+    "Writes what it finds, with date and residual, into the file that the config names\n"
+    "(calibration = FILE in [station]); what is not good enough is refused, and nothing written.\n"
+    "\n"
+    "tip        where a tool's tip is: turn the tool about its tip\n"
+    "landmarks  where the tracker stands: touch known points of the mock-up, one after the other\n"
+    "encoder    zero and scale of a register: bring the joint to known values\n"
+    "\n"
+    "  -c, --config FILE      the station's config\n"
+    "  -d, --device NAME      [device NAME] of the config\n"
+    "  -C, --channel CHANNEL  the tool\n"
+    "  -t, --seconds N        how long to turn it; 20\n"
+    "  -p, --points FILE      [landmarks] NAME = x y z: mm, in the mock-up's frame\n"
+    "  -k, --key KEY          flexion, varus, internal, shift, drawer, distraction\n"
+    "  -a, --at VALUES        at which values it is read: degrees, or mm\n"
+    "  -j, --json             print JSON\n"
+    "      --help             show this\n";
+
+typedef enum result calibrate_part(struct station_config *config,
+                                   const struct calibrate_arguments *arguments,
+                                   struct calibration_entry *out, json_t *report,
+                                   struct error *err);
+
+static const struct {
+    const char *name;
+    enum calibration_kind kind;
+    calibrate_part *run;
+} parts[] = {
+    {"tip", CALIBRATION_TIP, calibrate_tip},
+    {"landmarks", CALIBRATION_REGISTRATION, calibrate_landmarks},
+    {"encoder", CALIBRATION_ENCODER, calibrate_encoder},
+};
+
+static bool take_values(char *text, struct calibrate_arguments *out) {
+    char *rest;
+    for (char *word = strtok_r(text, ",", &rest); word; word = strtok_r(NULL, ",", &rest))
+        if (out->value_count == CALIBRATE_VALUES_MAX ||
+            !number_double(word, -1000, 1000, &out->values[out->value_count++]))
+            return false;
+    return out->value_count > 0;
+}
+
+static bool take_option(int option, struct calibrate_arguments *out) {
+    switch (option) {
+    case 'c':
+        out->config = optarg;
+        return true;
+    case 'd':
+        out->device = optarg;
+        return true;
+    case 'C':
+        return channel_from_name(optarg, &out->channel) && out->channel != CHANNEL_JOINT;
+    case 't':
+        return number_double(optarg, 0.1, 600, &out->seconds);
+    case 'p':
+        out->points = optarg;
+        return true;
+    case 'k':
+        out->key = optarg;
+        return true;
+    case 'a':
+        return take_values(optarg, out);
+    case 'j':
+        out->json = true;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static bool is_complete(const struct calibrate_arguments *a, enum calibration_kind kind) {
+    bool needed[CALIBRATION_KIND_COUNT] = {
+        [CALIBRATION_TIP] = a->channel != CHANNEL_COUNT,
+        [CALIBRATION_REGISTRATION] = a->channel != CHANNEL_COUNT && a->points,
+        [CALIBRATION_ENCODER] = a->key && a->value_count,
+    };
+    return a->config && a->device && needed[kind];
+}
+
+static void print(const struct calibration_entry *entry, json_t *report, bool json) {
+    const char *unit = calibration_is_angle(entry) ? "degrees" : "mm";
+    json_object_set_new(report, "residual", json_real(entry->residual));
+    if (!json) {
+        printf("%s%s%s: residual %.2f %s; %s\n", entry->device, entry->of[0] ? " " : "", entry->of,
+               entry->residual, unit, entry->details);
+        const char *name;
+        json_t *residual;
+        json_object_foreach(json_object_get(report, "landmarks_mm"), name, residual)
+            printf("  %-24s %6.2f mm\n", name, json_real_value(residual));
+        return;
+    }
+    json_dumpf(report, stdout, JSON_COMPACT);
+    putchar('\n');
+}
+
+static enum result keep(struct station_config *config, struct calibration_entry *entry,
+                        struct error *err) {
+    entry->utc_s = clock_utc_ns() / NS_PER_S;
+    if (!calibration_put(&config->calibration, entry))
+        return fail(err, RESULT_LIMIT, "%s: too many sections", config->calibration_path);
+    return calibration_write(config->calibration_path, &config->calibration, err);
+}
+
+static enum result calibrate(struct station_config *config, int part,
+                             const struct calibrate_arguments *arguments, struct error *err) {
+    struct calibration_entry entry = {.kind = parts[part].kind};
+    if (!config->calibration_path[0])
+        return fail(err, RESULT_MISSING, "%s: [station] calibration = FILE says where it goes",
+                    arguments->config);
+    if (!setting_text(arguments->device, entry.device, sizeof entry.device))
+        return fail(err, RESULT_INVALID, "%s: no device can have this name", arguments->device);
+    json_t *report = json_object();
+    enum result result = parts[part].run(config, arguments, &entry, report, err);
+    if (result == RESULT_OK)
+        result = keep(config, &entry, err);
+    if (entry.details[0]) // measured, if perhaps not well enough
+        print(&entry, report, arguments->json);
+    json_decref(report);
+    return result;
+}
+
+static int run(int part, const struct calibrate_arguments *arguments) {
+    struct station_config *config;
+    struct error err;
+    if (station_config_load(arguments->config, NULL, 0, &config, &err) != RESULT_OK) {
+        log_error("station", "%s", err.text);
+        return 2;
+    }
+    enum result result = calibrate(config, part, arguments, &err);
+    station_config_destroy(&config);
+    if (result != RESULT_OK)
+        log_error("station", "%s", err.text);
+    return result == RESULT_OK ? 0 : 1;
+}
+
+int tool_calibrate(int argc, char **argv) {
+    static const struct option options[] = {
+        {"config", required_argument, NULL, 'c'},  {"device", required_argument, NULL, 'd'},
+        {"channel", required_argument, NULL, 'C'}, {"seconds", required_argument, NULL, 't'},
+        {"points", required_argument, NULL, 'p'},  {"key", required_argument, NULL, 'k'},
+        {"at", required_argument, NULL, 'a'},      {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},          {0},
+    };
+    struct calibrate_arguments arguments = {.channel = CHANNEL_COUNT, .seconds = 20};
+    bool good = true;
+    for (int o; good && (o = getopt_long(argc, argv, "c:d:C:t:p:k:a:j", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        }
+        good = take_option(o, &arguments);
+    }
+    for (int i = 0; good && i < 3 && argc - optind == 1; i++)
+        if (!strcmp(argv[optind], parts[i].name) && is_complete(&arguments, parts[i].kind))
+            return run(i, &arguments);
+    fputs(help, stderr);
+    return 2;
+}

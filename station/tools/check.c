@@ -1,0 +1,276 @@
+#include "base/check.h"
+
+#include "base/clock.h"
+#include "base/number.h"
+#include "calibrate/noise.h"
+#include "device/runner.h"
+#include "loop/loop.h"
+#include "tools/findings.h"
+#include "tools/tools.h"
+
+#include <getopt.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define POINTS_MAX 8192 // of one channel
+#define DAY_S 86400
+#define NOISE_MAX_MM 1.0
+#define CALIBRATION_DAYS 30
+#define CALIBRATION_MAX 1.0 // mm, degrees
+#define CERTIFICATE_DAYS 30
+#define UNCERTAINTY_MAX_MS 5.0
+#define ROUND_TRIP_MAX_MS 20.0
+
+static const char help[] =
+    "Usage: arthron-station check --config FILE [--seconds N] [--json]\n"
+    "\n"
+    "Before class: are the devices, the calibration, the server and the clocks well? One line "
+    "each,\n"
+    "and what to do where one is not. Exits 0 where all is well, else 1. Not while `run` runs: "
+    "some\n"
+    "devices speak to one program only. The server opens no session for it.\n"
+    "\n"
+    "  -c, --config FILE  the station's config\n"
+    "  -t, --seconds N    how long to look; 3\n"
+    "  -j, --json         print JSON\n"
+    "      --help         show this\n";
+
+// The poses of one channel, for its noise.
+struct track {
+    int count;
+    int64_t last_ns;
+    vec3 points[POINTS_MAX];
+};
+
+struct check {
+    struct station_config *config;
+    struct findings findings;
+    struct runner *runner;
+    struct link *link;
+    struct frame frame; // the newest
+    struct track tracks[FRAME_SAMPLES_MAX];
+};
+
+// ---- looking ------------------------------------------------------------------------------------
+
+static void look_once(struct check *check) {
+    check->frame = (struct frame){.count = 0};
+    runner_collect(check->runner, clock_now_ns(), &check->frame);
+    for (int i = 0; i < check->frame.count; i++) {
+        const struct sample *sample = &check->frame.samples[i];
+        struct track *track = &check->tracks[i];
+        if (sample->kind != SAMPLE_POSE || sample->validity != VALIDITY_OK ||
+            sample->time_ns <= track->last_ns || track->count == POINTS_MAX)
+            continue;
+        track->last_ns = sample->time_ns;
+        track->points[track->count++] = sample->T_mockup_body.translation;
+    }
+}
+
+static void look(struct check *check, double seconds) {
+    static const struct timespec look_again = {0, 1000000};
+    int64_t end_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
+    while (clock_now_ns() < end_ns) {
+        look_once(check);
+        nanosleep(&look_again, NULL);
+    }
+}
+
+// ---- devices ------------------------------------------------------------------------------------
+
+static double noise_of_device(const struct check *check, int device) {
+    double noise_mm = 0;
+    for (int i = 0; i < check->frame.count; i++)
+        if (check->frame.samples[i].device == device)
+            noise_mm =
+                fmax(noise_mm, noise_of_points(check->tracks[i].points, check->tracks[i].count));
+    return noise_mm;
+}
+
+static void judge_device(struct check *check, int index) {
+    struct device_status s;
+    runner_status(check->runner, index, &s);
+    struct findings *f = &check->findings;
+    double noise_mm = noise_of_device(check, index);
+    if (!s.connected) {
+        findings_add(f, false, s.name, "is it switched on and plugged in, is its address right?",
+                     "%s", s.problem[0] ? s.problem : "not connected");
+        return;
+    }
+    const char *advice = !s.readings ? "it gives nothing of what the config names: restart it, or "
+                                       "look at names and registers"
+                         : s.malformed * 100 > s.readings ? "look at its cable and its settings"
+                         : s.jumps
+                             ? "remove metal, mirrors and second markers from around the tracker"
+                         : noise_mm > NOISE_MAX_MM ? "clean the markers, look at distance and cable"
+                                                   : NULL;
+    findings_add(f, !advice, s.name, advice,
+                 "%s: %.0f readings/s, %" PRIu64 " malformed, %" PRIu64 " jumps, noise %.2f mm%s%s",
+                 s.driver, s.rate_hz, s.malformed, s.jumps, noise_mm, s.problem[0] ? "; " : "",
+                 s.problem);
+}
+
+static void judge_channels(struct check *check) {
+    for (int i = 0; i < check->frame.count; i++) {
+        const struct sample *sample = &check->frame.samples[i];
+        struct device_status s;
+        runner_status(check->runner, sample->device, &s);
+        if (s.connected && sample->validity == VALIDITY_LOST)
+            findings_add(&check->findings, false, channel_name(sample->channel),
+                         "bring it into view, or look at the name that the device gives it",
+                         "%s gives no value of it", s.name);
+    }
+}
+
+// ---- calibration --------------------------------------------------------------------------------
+
+static void judge_calibration(struct check *check) {
+    static const char what[] = "calibration", advice[] = "arthron-station calibrate";
+    const struct calibration *c = &check->config->calibration;
+    struct findings *f = &check->findings;
+    if (!c->count) {
+        findings_add(f, !check->config->calibration_path[0], what, advice, "%s",
+                     check->config->calibration_path[0] ? "there is none yet"
+                                                        : "the config names none");
+        return;
+    }
+    struct calibration_summary s = calibration_summarise(c);
+    int64_t age_s = clock_utc_ns() / NS_PER_S - s.utc_s;
+    bool good = age_s >= -DAY_S && age_s <= CALIBRATION_DAYS * DAY_S &&
+                s.residual_mm <= CALIBRATION_MAX && s.residual_deg <= CALIBRATION_MAX;
+    findings_add(f, good, what, advice,
+                 "%d parts, the oldest %" PRId64 " days, residuals %.2f mm, %.2f degrees", c->count,
+                 age_s / DAY_S, s.residual_mm, s.residual_deg);
+}
+
+// ---- server -------------------------------------------------------------------------------------
+
+static void judge_certificate(struct check *check) {
+    static const char what[] = "certificate";
+    static const char advice[] =
+        "arthron-server keys enrol on the server, then arthron-station enrol";
+    int64_t end_s;
+    struct error err;
+    if (link_certificate_end(check->config->keys_dir, &end_s, &err) != RESULT_OK) {
+        findings_add(&check->findings, false, what, advice, "%s", err.text);
+        return;
+    }
+    int64_t days = (end_s - clock_utc_ns() / NS_PER_S) / DAY_S;
+    findings_add(&check->findings, days >= CERTIFICATE_DAYS, what, advice,
+                 "good for %" PRId64 " days", days);
+}
+
+static void judge_server(struct check *check) {
+    struct findings *f = &check->findings;
+    const struct station_config *c = check->config;
+    struct link_status s = {.welcomed = false};
+    if (check->link)
+        link_get_status(check->link, &s);
+    if (!s.welcomed || !s.clock_known) {
+        findings_add(f, false, "server",
+                     "is the server running, the network plugged in, the station in its config?",
+                     "%s, port %d: %s", c->host, c->port,
+                     s.refusal[0] ? s.refusal : "no connection");
+        return;
+    }
+    double uncertainty_ms = (double)s.clock_uncertainty_ns / 1e6;
+    double round_trip_ms = (double)s.round_trip_ns / 1e6;
+    findings_add(f, true, "server", NULL, "%s, port %d: welcome, case %s", c->host, c->port,
+                 s.session_case);
+    findings_add(f, uncertainty_ms <= UNCERTAINTY_MAX_MS, "clock",
+                 "the network is too slow or too busy: use a cable", "known within %.2f ms",
+                 uncertainty_ms);
+    findings_add(f, round_trip_ms <= ROUND_TRIP_MAX_MS, "round trip",
+                 "the network is too slow or too busy: use a cable", "%.2f ms", round_trip_ms);
+}
+
+// ---- the whole ----------------------------------------------------------------------------------
+
+static enum result start(struct check *check, struct error *err) {
+    struct station_config *config = check->config;
+    struct device_config devices[STATION_DEVICES_MAX];
+    enum result result = station_config_calibrate(config, err);
+    for (int i = 0; i < config->device_count; i++)
+        devices[i] = config->devices[i].config;
+    if (result == RESULT_OK)
+        result = runner_create(devices, config->device_count, &check->runner, err);
+    if (result != RESULT_OK)
+        return result;
+    struct link_config link = loop_link_config(config);
+    link.visit = true;
+    if (link_create(&link, &check->link, err) != RESULT_OK) {
+        findings_add(&check->findings, false, "keys", "arthron-station enrol", "%s", err->text);
+        check->link = NULL;
+    }
+    return RESULT_OK;
+}
+
+static void judge(struct check *check) {
+    for (int i = 0; i < runner_count(check->runner); i++)
+        judge_device(check, i);
+    judge_channels(check);
+    judge_calibration(check);
+    judge_certificate(check);
+    judge_server(check);
+}
+
+static void examine(struct check *check, const char *path, double seconds) {
+    struct error err;
+    enum result result = station_config_load(path, NULL, 0, &check->config, &err);
+    if (result == RESULT_OK)
+        result = start(check, &err);
+    if (result != RESULT_OK) {
+        findings_add(&check->findings, false, "config", "mend the file (docs/CONFIG.md)", "%s",
+                     err.text);
+        return;
+    }
+    look(check, seconds);
+    judge(check);
+}
+
+static int run(const char *path, double seconds, bool json) {
+    struct check *check = alloc(1, sizeof *check);
+    examine(check, path, seconds);
+    const char *station = check->config ? check->config->name : path;
+    if (json)
+        findings_print_json(&check->findings, station);
+    else
+        findings_print(&check->findings, station);
+    int code = findings_are_good(&check->findings) ? 0 : 1;
+    if (check->link)
+        link_destroy(&check->link);
+    runner_destroy(&check->runner);
+    if (check->config)
+        station_config_destroy(&check->config);
+    free(check);
+    return code;
+}
+
+int tool_check(int argc, char **argv) {
+    static const struct option options[] = {
+        {"config", required_argument, NULL, 'c'},
+        {"seconds", required_argument, NULL, 't'},
+        {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},
+        {0},
+    };
+    const char *path = NULL;
+    double seconds = 3;
+    bool json = false, good = true;
+    for (int o; good && (o = getopt_long(argc, argv, "c:t:j", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        }
+        path = o == 'c' ? optarg : path;
+        json |= o == 'j';
+        good = o != '?' && (o != 't' || number_double(optarg, 1.2, 600, &seconds));
+    }
+    if (!good || !path || optind != argc) {
+        fputs(help, stderr);
+        return 2;
+    }
+    return run(path, seconds, json);
+}

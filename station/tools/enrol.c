@@ -1,0 +1,60 @@
+#include "base/log.h"
+#include "link/link.h"
+#include "loop/config.h"
+#include "tools/tools.h"
+
+#include <getopt.h>
+#include <stdio.h>
+
+static const char help[] =
+    "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
+    "\n"
+    "Gets a certificate with a one-time code of `arthron-server keys enrol`.\n"
+    "\n"
+    "  -n, --name STATION  the station's name, as the code was made for\n"
+    "  -k, --keys DIR      where key and certificate go\n"
+    "      --help          show this\n";
+
+static int enrol(const char *server, const char *code, const char *name, const char *keys) {
+    char host[256];
+    int port;
+    struct error err;
+    if (!station_parse_server(server, host, sizeof host, &port)) {
+        log_error("station", "%s is not HOST:PORT", server);
+        return 2;
+    }
+    if (link_enrol(host, port, code, name, keys, &err) != RESULT_OK) {
+        log_error("station", "%s", err.text);
+        return 1;
+    }
+    log_info("station", "%s is enrolled; its key is in %s", name, keys);
+    return 0;
+}
+
+int tool_enrol(int argc, char **argv) {
+    static const struct option options[] = {
+        {"name", required_argument, NULL, 'n'},
+        {"keys", required_argument, NULL, 'k'},
+        {"help", no_argument, NULL, 'h'},
+        {0},
+    };
+    const char *name = NULL, *keys = NULL;
+    for (int o; (o = getopt_long(argc, argv, "n:k:", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        } else if (o == 'n') {
+            name = optarg;
+        } else if (o == 'k') {
+            keys = optarg;
+        } else {
+            fputs(help, stderr);
+            return 2;
+        }
+    }
+    if (!name || !keys || argc - optind != 2) {
+        fputs(help, stderr);
+        return 2;
+    }
+    return enrol(argv[optind], argv[optind + 1], name, keys);
+}

@@ -1,0 +1,21 @@
+// Samples of one device as it gives them, for calibration: no filter, no guard against jumps.
+#pragma once
+
+#include "device/runner.h"
+#include "loop/config.h"
+
+struct gather;
+
+// Starts the device of that name. RESULT_MISSING: there is none.
+enum result gather_create(struct station_config *config, const char *device,
+                          struct gather **out_gather, struct error *err);
+void gather_destroy(struct gather **gather);
+
+// The samples of a channel and kind that are measured from now on, for so long, at most `max` of
+// them. RESULT_TIMEOUT: not a single one came; the error says what is wrong with the device.
+enum result gather_take(struct gather *gather, enum channel channel, enum sample_kind kind,
+                        double seconds, struct sample *out_samples, int max, int *out_count,
+                        struct error *err);
+
+// Says on stderr what to do, and waits for Enter. RESULT_CLOSED: stdin has ended.
+enum result gather_prompt(const char *text, struct error *err);

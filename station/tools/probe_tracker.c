@@ -1,0 +1,132 @@
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/sample.h"
+#include "device/igtl.h"
+#include "device/socket.h"
+#include "tools/probe.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define CONNECT_MS 1000
+
+struct seen {
+    int count, skipped, refused;
+    struct {
+        char name[IGTL_NAME_SIZE];
+        int messages;
+        pose T_tracker_tool; // the newest
+    } tools[IGTL_TOOLS_MAX];
+};
+
+struct listening {
+    struct igtl_stream stream;
+    struct igtl_message message;
+    struct seen seen;
+};
+
+static void take_tool(struct seen *seen, const struct igtl_tool *tool) {
+    int at = 0;
+    while (at < seen->count && strcmp(seen->tools[at].name, tool->name))
+        at++;
+    if (at == IGTL_TOOLS_MAX)
+        return;
+    seen->count += at == seen->count;
+    strcpy(seen->tools[at].name, tool->name);
+    seen->tools[at].messages++;
+    seen->tools[at].T_tracker_tool = tool->T_tracker_tool;
+}
+
+// False: the stream is beyond repair.
+static bool take_bytes(struct listening *l, const uint8_t *bytes, size_t size) {
+    while (size) {
+        enum igtl_event event;
+        struct error why;
+        size_t taken = igtl_stream_feed(&l->stream, bytes, size, &event, &l->message, &why);
+        bytes += taken;
+        size -= taken;
+        l->seen.skipped += event == IGTL_SKIPPED;
+        l->seen.refused += event == IGTL_REFUSED;
+        for (int i = 0; event == IGTL_POSES && i < l->message.count; i++)
+            take_tool(&l->seen, &l->message.tools[i]);
+        if (event == IGTL_BROKEN)
+            return false;
+    }
+    return true;
+}
+
+static void listen_to(int fd, double seconds, struct listening *l) {
+    int64_t end_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
+    uint8_t bytes[16384];
+    igtl_stream_init(&l->stream);
+    for (int64_t left_ns; (left_ns = end_ns - clock_now_ns()) > 0;) {
+        struct pollfd ready = {.fd = fd, .events = POLLIN};
+        if (poll(&ready, 1, (int)(left_ns / NS_PER_MS) + 1) <= 0)
+            continue;
+        ssize_t size = recv(fd, bytes, sizeof bytes, 0);
+        if (size < 0 && (errno == EINTR || errno == EAGAIN))
+            continue;
+        if (size <= 0 || !take_bytes(l, bytes, (size_t)size))
+            return;
+    }
+}
+
+static bool is_channel(const char *name, char *out_channel, size_t size) {
+    enum channel channel;
+    snprintf(out_channel, size, "%s", name);
+    for (char *c = out_channel; *c; c++)
+        *c = (char)tolower((unsigned char)*c);
+    return channel_from_name(out_channel, &channel) && channel != CHANNEL_JOINT;
+}
+
+// Names come from outside: what would break a line of the config is not repeated.
+static void make_printable(char *name) {
+    for (; *name; name++)
+        if (!isgraph((unsigned char)*name) || *name == ';')
+            *name = '?';
+}
+
+static void report(const char *address, double seconds, struct seen *seen, FILE *config,
+                   json_t *out) {
+    json_t *tools = json_array();
+    fprintf(config, "\n; %s: %d other messages, %d malformed\n", address, seen->skipped,
+            seen->refused);
+    fprintf(config, "[device tracker-%zu]\ndriver = tracker\naddress = %s\n",
+            json_array_size(out) + 1, address);
+    for (int i = 0; i < seen->count; i++) {
+        char channel[IGTL_NAME_SIZE], *name = seen->tools[i].name;
+        double rate_hz = seen->tools[i].messages / seconds;
+        vec3 at = seen->tools[i].T_tracker_tool.translation;
+        make_printable(name);
+        fprintf(config, "; %s: %.0f Hz, at %.1f %.1f %.1f mm\n", name, rate_hz, at.x, at.y, at.z);
+        if (is_channel(name, channel, sizeof channel))
+            fprintf(config, "tool.%s = %s\n", channel, name);
+        else
+            fprintf(config, "; tool.CHANNEL = %s\n", name);
+        json_array_append_new(tools, json_pack("{s:s, s:f, s:[f, f, f]}", "name", name, "rate_hz",
+                                               rate_hz, "at_mm", at.x, at.y, at.z));
+    }
+    json_array_append_new(out, json_pack("{s:s, s:o, s:i, s:i}", "address", address, "tools", tools,
+                                         "skipped", seen->skipped, "malformed", seen->refused));
+}
+
+enum result probe_tracker(const char *address, double seconds, FILE *config, json_t *out,
+                          struct error *err) {
+    int fd;
+    enum result result = socket_connect(address, CONNECT_MS, &fd, err);
+    if (result != RESULT_OK)
+        return result;
+    struct listening *l = alloc(1, sizeof *l);
+    listen_to(fd, seconds, l);
+    close(fd);
+    report(address, seconds, &l->seen, config, out);
+    if (!l->seen.count)
+        result = fail(err, RESULT_TIMEOUT, "%s: no pose in %.0f s", address, seconds);
+    free(l);
+    return result;
+}

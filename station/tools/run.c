@@ -1,0 +1,117 @@
+#include "base/log.h"
+#include "base/number.h"
+#include "loop/loop.h"
+#include "tools/tools.h"
+
+#include <getopt.h>
+#include <signal.h>
+#include <stdio.h>
+
+#define OVERRIDES_MAX 32
+
+static const char help[] =
+    "Usage: arthron-station run --config FILE [--set SECTION.KEY=VALUE ...] [--live] [--json]\n"
+    "\n"
+    "Sends what the mock-up's devices say to the server, until SIGTERM or SIGINT.\n"
+    "\n"
+    "  -c, --config FILE            the config (docs/CONFIG.md)\n"
+    "  -s, --set SECTION.KEY=VALUE  a value instead of the config's\n"
+    "  -t, --seconds N              end after N seconds\n"
+    "  -l, --live                   a line each second: poses, round trip, warp, lost\n"
+    "  -j, --json                   at the end one line of JSON\n"
+    "  -v, --verbose                log more\n"
+    "      --help                   show this\n";
+
+struct arguments {
+    const char *config;
+    struct setting_override overrides[OVERRIDES_MAX];
+    int override_count;
+    struct loop_options loop;
+};
+
+static volatile sig_atomic_t stop;
+
+static void on_signal(int signal_number) {
+    (void)signal_number;
+    stop = 1;
+}
+
+static bool take_option(struct arguments *out, int option) {
+    switch (option) {
+    case 'c':
+        out->config = optarg;
+        return true;
+    case 's':
+        return out->override_count < OVERRIDES_MAX &&
+               setting_split(optarg, &out->overrides[out->override_count++]);
+    case 't':
+        return number_double(optarg, 0.001, 1e9, &out->loop.seconds);
+    case 'l':
+        out->loop.live = true;
+        return true;
+    case 'j':
+        out->loop.json = true;
+        return true;
+    case 'v':
+        log_set_level(LOG_DEBUG);
+        return true;
+    default:
+        return false;
+    }
+}
+
+static enum result load(const struct arguments *arguments, struct station_config **out_config,
+                        struct error *err) {
+    enum result result = station_config_load(arguments->config, arguments->overrides,
+                                             arguments->override_count, out_config, err);
+    if (result != RESULT_OK)
+        return result;
+    result = station_config_calibrate(*out_config, err);
+    if (result != RESULT_OK)
+        station_config_destroy(out_config);
+    return result;
+}
+
+static int run(const struct arguments *arguments) {
+    struct station_config *config;
+    struct error err;
+    if (load(arguments, &config, &err) != RESULT_OK) {
+        log_error("station", "%s", err.text);
+        return 2;
+    }
+    struct sigaction action = {.sa_handler = on_signal};
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGINT, &action, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    enum result result = loop_run(config, &arguments->loop, &stop, &err);
+    station_config_destroy(&config);
+    if (result == RESULT_OK)
+        return 0;
+    log_error("station", "%s", err.text);
+    return result == RESULT_INVALID ? 2 : 1;
+}
+
+int tool_run(int argc, char **argv) {
+    static const struct option options[] = {
+        {"config", required_argument, NULL, 'c'},  {"set", required_argument, NULL, 's'},
+        {"seconds", required_argument, NULL, 't'}, {"live", no_argument, NULL, 'l'},
+        {"json", no_argument, NULL, 'j'},          {"verbose", no_argument, NULL, 'v'},
+        {"help", no_argument, NULL, 'h'},          {0},
+    };
+    struct arguments arguments = {0};
+    for (int o; (o = getopt_long(argc, argv, "c:s:t:ljv", options, NULL)) != -1;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return 0;
+        }
+        if (!take_option(&arguments, o)) {
+            fputs(help, stderr);
+            return 2;
+        }
+    }
+    if (!arguments.config || optind != argc) {
+        fputs(help, stderr);
+        return 2;
+    }
+    return run(&arguments);
+}

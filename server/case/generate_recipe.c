@@ -150,16 +150,20 @@ static enum result check_cavities(const struct recipe *recipe, struct error *err
     return RESULT_OK;
 }
 
-// The name of the folder that holds the file.
+// The name of the folder that holds the file: of its whole path, or where a folder above may not be
+// entered (the demo below root's home) of the path as given.
 static enum result name_after_folder(const char *file, char name[CASE_NAME_MAX],
                                      struct error *err) {
-    char *path = realpath(file, NULL), *end = path ? strrchr(path, '/') : NULL;
+    char *path = realpath(file, NULL);
+    if (!path)
+        path = strdup(file);
+    char *end = path ? strrchr(path, '/') : NULL;
     if (end)
         *end = '\0';
-    const char *folder = end ? strrchr(path, '/') : NULL;
-    bool valid = folder && case_name_is_valid(folder + 1);
+    const char *slash = end ? strrchr(path, '/') : NULL, *folder = slash ? slash + 1 : path;
+    bool valid = end && case_name_is_valid(folder);
     if (valid)
-        snprintf(name, CASE_NAME_MAX, "%s", folder + 1);
+        snprintf(name, CASE_NAME_MAX, "%s", folder);
     free(path);
     if (!valid)
         return fail(err, RESULT_INVALID,

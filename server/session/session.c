@@ -95,21 +95,26 @@ static uint32_t change_state(struct session *s, enum input_kind kind) {
     return s->state != before ? EVENT_STATE : 0;
 }
 
+static bool is_too_old(const struct session *s, const struct sample *sample) {
+    return s->time_ns - sample->time_ns > s->settings.hold_ns;
+}
+
+// The last good value stays when a sample is lost. A time ahead of ours is clock error: taken as
+// now, so that no sample is held for longer than another.
 static uint32_t take_sample(struct session *s, const struct sample *sample) {
     struct sample *newest = &s->samples[sample->channel][sample->kind];
     bool *known = &s->known[sample->channel][sample->kind];
-    uint32_t events = 0;
-    if (*known && newest->validity != VALIDITY_LOST && sample->validity == VALIDITY_LOST)
-        events = EVENT_DEVICE_LOST;
-    if (*known && newest->validity == VALIDITY_LOST && sample->validity != VALIDITY_LOST)
-        events = EVENT_DEVICE_BACK;
-    if (sample->validity == VALIDITY_LOST) {
-        newest->validity = VALIDITY_LOST; // the last good value stays
-    } else {
-        *newest = *sample;
-        *known = true;
+    bool was_lost = *known && newest->validity == VALIDITY_LOST;
+    bool is_lost = sample->validity == VALIDITY_LOST || is_too_old(s, sample);
+    if (is_lost) {
+        newest->validity = VALIDITY_LOST;
+        return *known && !was_lost ? EVENT_DEVICE_LOST : 0;
     }
-    return events;
+    *newest = *sample;
+    if (newest->time_ns > s->time_ns)
+        newest->time_ns = s->time_ns;
+    *known = true;
+    return was_lost ? EVENT_DEVICE_BACK : 0;
 }
 
 // A sample that stopped coming is held, then lost.
@@ -120,7 +125,7 @@ static uint32_t age_samples(struct session *s) {
             struct sample *sample = &s->samples[c][k];
             if (!s->known[c][k] || sample->validity == VALIDITY_LOST)
                 continue;
-            if (s->time_ns - sample->time_ns > s->settings.hold_ns) {
+            if (is_too_old(s, sample)) {
                 sample->validity = VALIDITY_LOST;
                 events |= EVENT_DEVICE_LOST;
             }
@@ -143,36 +148,62 @@ static uint32_t take_input(struct session *s, const struct session_input *input)
 // ---- bones
 // ----------------------------------------------------------------------------------------
 
-static bool tracked_pose(const struct session *s, enum channel channel, pose *out_pose) {
-    const struct sample *sample = &s->samples[channel][SAMPLE_POSE];
-    if (!s->known[channel][SAMPLE_POSE] || sample->validity == VALIDITY_LOST)
-        return false;
-    *out_pose = sample->T_mockup_body;
-    return true;
+static bool pose_is_known(const struct session *s, enum channel channel) {
+    return s->known[channel][SAMPLE_POSE];
 }
 
-// Tracked bones win over the joint's encoders; an untracked femur is the mock-up's own frame. Where
-// the joint is lost it stays as it was last seen.
-static void place_bones(const struct session *s, struct session_output *out) {
-    const struct knee_case *knee = s->scene->knee;
+static pose last_pose(const struct session *s, enum channel channel) {
+    return s->samples[channel][SAMPLE_POSE].T_mockup_body;
+}
+
+static enum validity pose_validity(const struct session *s, enum channel channel) {
+    return s->samples[channel][SAMPLE_POSE].validity;
+}
+
+static enum validity worse(enum validity a, enum validity b) {
+    return a > b ? a : b;
+}
+
+// A tracked tibia wins over the joint's encoders, unless it is lost and they are not.
+static bool tibia_is_tracked(const struct session *s) {
+    if (!pose_is_known(s, CHANNEL_TIBIA))
+        return false;
+    bool encoders_good = s->known[CHANNEL_JOINT][SAMPLE_JOINT] &&
+                         s->samples[CHANNEL_JOINT][SAMPLE_JOINT].validity != VALIDITY_LOST;
+    return pose_validity(s, CHANNEL_TIBIA) != VALIDITY_LOST || !encoders_good;
+}
+
+static void place_tibia(const struct session *s, struct session_output *out) {
+    const struct joint_frame *joint = &s->scene->knee->joint;
     const struct sample *encoders = &s->samples[CHANNEL_JOINT][SAMPLE_JOINT];
     pose *bodies = out->T_mockup_body;
-    if (!tracked_pose(s, CHANNEL_FEMUR, &bodies[BODY_FEMUR]))
-        bodies[BODY_FEMUR] = pose_identity();
-    if (tracked_pose(s, CHANNEL_TIBIA, &bodies[BODY_TIBIA])) {
-        pose T_femur_tibia = pose_compose(pose_inverse(bodies[BODY_FEMUR]), bodies[BODY_TIBIA]);
-        out->joint = joint_from_pose(&knee->joint, T_femur_tibia);
-        out->joint_validity = s->samples[CHANNEL_TIBIA][SAMPLE_POSE].validity;
-    } else {
-        bool known = s->known[CHANNEL_JOINT][SAMPLE_JOINT];
-        out->joint = known ? encoders->joint : (struct joint_angles){0};
-        out->joint_validity = known ? encoders->validity : VALIDITY_LOST;
-        bodies[BODY_TIBIA] =
-            pose_compose(bodies[BODY_FEMUR], joint_to_pose(&knee->joint, &out->joint));
+    if (tibia_is_tracked(s)) {
+        bodies[BODY_TIBIA] = last_pose(s, CHANNEL_TIBIA);
+        pose T_mockup_femur = bodies[BODY_FEMUR];
+        out->joint =
+            joint_from_pose(joint, pose_compose(pose_inverse(T_mockup_femur), bodies[BODY_TIBIA]));
+        out->joint_validity = pose_validity(s, CHANNEL_TIBIA);
+        if (pose_is_known(s, CHANNEL_FEMUR))
+            out->joint_validity = worse(out->joint_validity, pose_validity(s, CHANNEL_FEMUR));
+        return;
     }
-    if (!tracked_pose(s, CHANNEL_PATELLA, &bodies[BODY_PATELLA]))
-        bodies[BODY_PATELLA] =
-            pose_compose(bodies[BODY_FEMUR], case_patella_pose(knee, out->joint.flexion_deg));
+    bool known = s->known[CHANNEL_JOINT][SAMPLE_JOINT];
+    out->joint = known ? encoders->joint : (struct joint_angles){0};
+    out->joint_validity = known ? encoders->validity : VALIDITY_LOST;
+    bodies[BODY_TIBIA] = pose_compose(bodies[BODY_FEMUR], joint_to_pose(joint, &out->joint));
+}
+
+// An untracked femur is the mock-up's own frame. What is lost stays where it was last seen: a bone
+// that jumped would take the surfaces under the instruments with it.
+static void place_bones(const struct session *s, struct session_output *out) {
+    pose *bodies = out->T_mockup_body;
+    bodies[BODY_FEMUR] =
+        pose_is_known(s, CHANNEL_FEMUR) ? last_pose(s, CHANNEL_FEMUR) : pose_identity();
+    place_tibia(s, out);
+    pose T_femur_patella = case_patella_pose(s->scene->knee, out->joint.flexion_deg);
+    bodies[BODY_PATELLA] = pose_is_known(s, CHANNEL_PATELLA)
+                               ? last_pose(s, CHANNEL_PATELLA)
+                               : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
 }
 
 // ---- instruments
@@ -209,11 +240,11 @@ static uint32_t feel_contact(struct session *s, int instrument, double distance_
 static uint32_t move_instrument(struct session *s, int instrument, struct session_output *out) {
     enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument);
     struct instrument_output *o = &out->instruments[instrument];
-    pose T_mockup_tip;
-    if (!tracked_pose(s, channel, &T_mockup_tip))
+    if (!pose_is_known(s, channel) || pose_validity(s, channel) == VALIDITY_LOST)
         return feel_contact(s, instrument, INFINITY);
+    pose T_mockup_tip = last_pose(s, channel);
     o->present = true;
-    o->validity = s->samples[channel][SAMPLE_POSE].validity;
+    o->validity = pose_validity(s, channel);
     o->T_mockup_tip = o->T_mockup_warped = T_mockup_tip;
     if (s->known[channel][SAMPLE_HANDLE])
         o->handle = s->samples[channel][SAMPLE_HANDLE].handle;

@@ -312,6 +312,18 @@ static bool sample_to(const arthron_Sample *m, struct sample *out) {
     }
 }
 
+// So that adding the offset between two clocks cannot overflow.
+static bool is_sane_time(int64_t time_ns) {
+    return time_ns >= 0 && time_ns < WIRE_TIME_MAX_NS;
+}
+
+static bool times_are_sane(const struct frame *frame) {
+    for (int i = 0; i < frame->count; i++)
+        if (!is_sane_time(frame->samples[i].time_ns))
+            return false;
+    return is_sane_time(frame->time_ns);
+}
+
 enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct error *err) {
     *out = (struct frame){.number = m->number, .time_ns = m->time_ns, .count = m->samples_count};
     CHECK(out->count <= FRAME_SAMPLES_MAX);
@@ -319,6 +331,9 @@ enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct erro
         if (!sample_to(&m->samples[i], &out->samples[i]))
             return fail(err, RESULT_INVALID, "frame %llu: sample %d has no known value or device",
                         (unsigned long long)m->number, i);
+    if (!times_are_sane(out))
+        return fail(err, RESULT_INVALID, "frame %llu: a time is negative or centuries ahead",
+                    (unsigned long long)m->number);
     if (!frame_is_valid(out))
         return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
                     (unsigned long long)m->number);

@@ -22,6 +22,9 @@
 #define WIRE_CONSOLE_MAX 65536
 #define WIRE_DATAGRAM_MAX 1452
 
+// Times on the wire lie in [0, WIRE_TIME_MAX_NS): 36 years of a monotonic clock.
+#define WIRE_TIME_MAX_NS (INT64_C(1) << 60)
+
 // Encode into `data`. RESULT_LIMIT where it does not fit `size`.
 enum result wire_encode_control(const arthron_Control *message, uint8_t *data, size_t size,
                                 size_t *out_used);

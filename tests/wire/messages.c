@@ -90,7 +90,7 @@ static struct sample make_sample(struct random *random, enum channel channel) {
     struct sample sample = {.channel = channel, .kind = SAMPLE_POSE};
     sample.validity = (enum validity)(random_bits(random) % VALIDITY_COUNT);
     sample.device = (uint8_t)(random_bits(random) % WIRE_DEVICES_MAX);
-    sample.time_ns = (int64_t)random_bits(random);
+    sample.time_ns = (int64_t)(random_bits(random) >> 4); // below WIRE_TIME_MAX_NS
     sample.filter = random_bits(random) % FILTER_KIND_COUNT;
     sample.filter_latency_us = sample.filter ? (uint16_t)random_bits(random) : 0;
     if (channel == CHANNEL_JOINT) {
@@ -618,6 +618,10 @@ static void values_out_of_their_range_do_not_become_a_frame(void **state) {
     m = good, m.samples[1].value.pose.z = 10001, assert_not_a_frame(&m);
     m = good, m.samples[2].value.handle.opening = 1.5, assert_not_a_frame(&m);
     m = good, m.samples[2].value.handle.opening = NAN, assert_not_a_frame(&m);
+    m = good, m.samples[2].time_ns = -1, assert_not_a_frame(&m);
+    m = good, m.samples[0].time_ns = WIRE_TIME_MAX_NS, assert_not_a_frame(&m);
+    m = good, m.time_ns = INT64_MIN, assert_not_a_frame(&m);
+    m = good, m.time_ns = INT64_MAX, assert_not_a_frame(&m);
 }
 
 int main(void) {

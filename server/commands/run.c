@@ -71,9 +71,12 @@ int command_run(int argc, char **argv) {
             path = optarg;
         } else if (o == 'v') {
             log_set_level(LOG_DEBUG);
-        } else if (o != 's' || override_count == OVERRIDES_MAX ||
-                   !setting_split(optarg, &overrides[override_count++])) {
+        } else if (o != 's') {
             fputs(help, stderr);
+            return 2;
+        } else if (override_count == OVERRIDES_MAX ||
+                   !setting_split(optarg, &overrides[override_count++])) {
+            fprintf(stderr, "arthron-server run: --set %s is not SECTION.KEY=VALUE\n", optarg);
             return 2;
         }
     }

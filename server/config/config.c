@@ -144,6 +144,10 @@ static bool take_key(void *user, const char *section, const char *key, const cha
 // -------------------------------------------------------------------------------------------
 
 static enum result complete(const struct hub_config *c, struct error *err) {
+    if (c->udp_port && c->udp_port + hub_worker_count(c) - 1 > 65535)
+        return fail(err, RESULT_INVALID,
+                    "[server] udp_port = %d: %d workers need ports beyond 65535", c->udp_port,
+                    hub_worker_count(c));
     if (!c->keys_dir[0] || !c->traces_dir[0] || !c->socket[0])
         return fail(err, RESULT_MISSING, "[server] needs keys, traces and socket");
     for (int i = 0; i < c->case_count; i++)

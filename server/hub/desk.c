@@ -15,6 +15,7 @@
 
 #define CLERK_ROUND_MS 100
 #define STATE_WAIT_MS 500
+#define RETRY_NS (3 * NS_PER_S)
 
 // ---- opening and closing ----------------------------------------------------------------------
 
@@ -83,15 +84,37 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     return RESULT_OK;
 }
 
-// desk_lock held. Makes the session that the card describes and hands it to the worker.
+static void tell_failure(struct hub *hub, struct seat *seat, const struct error *err) {
+    arthron_Control message = {.which_message = arthron_Control_session_change_tag};
+    arthron_SessionChange *change = &message.message.session_change;
+    change->state = arthron_SessionState_CLOSED;
+    snprintf(change->text, sizeof change->text, "no session: %.200s", err->text);
+    pthread_mutex_lock(&hub->card_lock);
+    atomic_store(&seat->counts.state, SESSION_CLOSED);
+    seat->card.trace[0] = '\0';
+    seat->card.retry_ns = clock_now_ns() + RETRY_NS;
+    struct control_peer peer = seat->card.peer;
+    pthread_mutex_unlock(&hub->card_lock);
+    control_send(hub->control, peer, &message);
+    log_error("hub", "station %s: no session: %s", seat->station->name, err->text);
+}
+
+// desk_lock held, and the seat has no session. Makes one on the card's case for the worker.
 static enum result open_session(struct hub *hub, int index, struct error *err) {
     struct seat *seat = &hub->seats[index];
     struct note note = {.kind = NOTE_ATTACH, .seat = index};
+    pthread_mutex_lock(&hub->card_lock);
+    if (!seat->card.id_is_fresh)
+        desk_new_id(seat->card.session_id);
+    seat->card.id_is_fresh = false;
+    seat->card.stopped = false;
+    pthread_mutex_unlock(&hub->card_lock);
     enum result result = make_live(hub, seat, &note.live, err);
     if (result != RESULT_OK) {
-        atomic_store(&seat->counts.state, SESSION_CLOSED);
+        tell_failure(hub, seat, err);
         return result;
     }
+    atomic_store(&seat->counts.state, SESSION_WAITING);
     struct worker *worker = seat_worker(hub, index);
     bool told = worker_tell(worker, worker->from_desk, &note);
     CHECK(told);
@@ -130,15 +153,30 @@ static void release_all_retired(struct hub *hub) {
             release_retired(hub, &hub->workers[i]);
 }
 
-static void open_wanted(struct hub *hub) {
+// A connected station has a session, unless a command stopped it.
+static bool needs_session(const struct seat *seat, int64_t now_ns) {
+    const struct card *card = &seat->card;
+    return card->connected && !card->stopped && !seat_has_session(seat) && now_ns >= card->retry_ns;
+}
+
+// card_lock held.
+static bool anyone_needs_session(const struct hub *hub) {
+    for (int i = 0; i < hub->config.station_count; i++)
+        if (needs_session(&hub->seats[i], clock_now_ns()))
+            return true;
+    return false;
+}
+
+// desk_lock held. From here on nothing is half open: a session that is not closed has a worker.
+static void put_in_order(struct hub *hub) {
+    release_all_retired(hub);
     for (int i = 0; i < hub->config.station_count; i++) {
         pthread_mutex_lock(&hub->card_lock);
-        bool wanted = hub->opening_wanted[i];
-        hub->opening_wanted[i] = false;
+        bool needed = needs_session(&hub->seats[i], clock_now_ns());
         pthread_mutex_unlock(&hub->card_lock);
         struct error err;
-        if (wanted && open_session(hub, i, &err) != RESULT_OK)
-            log_error("hub", "station %s: no session: %s", hub->seats[i].station->name, err.text);
+        if (needed)
+            open_session(hub, i, &err);
     }
 }
 
@@ -153,10 +191,7 @@ static void wait_for_work(struct hub *hub) {
         until.tv_sec++;
     }
     pthread_mutex_lock(&hub->card_lock);
-    bool wanted = hub->clerk_stop;
-    for (int i = 0; i < hub->config.station_count; i++)
-        wanted |= hub->opening_wanted[i];
-    if (!wanted)
+    if (!hub->clerk_stop && !anyone_needs_session(hub))
         pthread_cond_timedwait(&hub->clerk_wake, &hub->card_lock, &until);
     pthread_mutex_unlock(&hub->card_lock);
 }
@@ -182,8 +217,7 @@ static void *clerk(void *argument) {
     struct hub *hub = argument;
     while (!clerk_should_stop(hub)) {
         pthread_mutex_lock(&hub->desk_lock);
-        release_all_retired(hub);
-        open_wanted(hub);
+        put_in_order(hub);
         pthread_mutex_unlock(&hub->desk_lock);
         for (int i = 0; i < hub->config.station_count; i++)
             warn_of_drift(hub, &hub->seats[i]);
@@ -206,6 +240,9 @@ void desk_stop(struct hub *hub) {
     pthread_cond_signal(&hub->clerk_wake);
     pthread_mutex_unlock(&hub->card_lock);
     pthread_join(hub->clerk, NULL);
+}
+
+void desk_release(struct hub *hub) {
     release_all_retired(hub);
 }
 
@@ -214,8 +251,7 @@ void desk_new_id(uint8_t out_id[16]) {
     CHECK(got == 16);
 }
 
-void desk_want_session(struct hub *hub, int seat) {
-    hub->opening_wanted[seat] = true;
+void desk_call(struct hub *hub) {
     pthread_cond_signal(&hub->clerk_wake);
 }
 
@@ -248,6 +284,8 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->steps = atomic_load(&counts->steps);
     out->frames_lost = atomic_load(&counts->frames_lost);
     out->frames_old = atomic_load(&counts->frames_old);
+    out->frames_early = atomic_load(&counts->frames_early);
+    out->frames_invalid = atomic_load(&counts->frames_invalid);
     out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
     out->touches = atomic_load(&counts->touches);
     out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
@@ -257,20 +295,6 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
         calibration_judge(&card.calibration, &hub->config, clock_utc_ns() / NS_PER_S,
                           out->calibration_problem, sizeof out->calibration_problem);
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
-}
-
-static int find_station(const struct hub *hub, const char *name) {
-    for (int i = 0; i < hub->config.station_count; i++)
-        if (!strcmp(hub->config.stations[i].name, name))
-            return i;
-    return -1;
-}
-
-static int find_case(const struct hub *hub, const char *name) {
-    for (int i = 0; i < hub->config.case_count; i++)
-        if (!strcmp(hub->config.cases[i].name, name))
-            return i;
-    return -1;
 }
 
 static bool wait_for_state(struct seat *seat, enum session_state state) {
@@ -295,51 +319,59 @@ static void give_input(struct hub *hub, int index, enum input_kind kind,
         reply->ok = true;
 }
 
-// A new session for a connected station, on a scene of its own choice.
-static bool reopen(struct hub *hub, int index, int scene, arthron_CommandReply *reply) {
-    struct seat *seat = &hub->seats[index];
+static bool is_connected(struct hub *hub, int index) {
     pthread_mutex_lock(&hub->card_lock);
-    bool connected = seat->card.connected;
-    seat->card.scene = scene;
-    if (connected) {
-        desk_new_id(seat->card.session_id);
-        atomic_store(&seat->counts.state, SESSION_WAITING);
-    }
+    bool connected = hub->seats[index].card.connected;
     pthread_mutex_unlock(&hub->card_lock);
-    struct error err;
-    if (connected && open_session(hub, index, &err) != RESULT_OK) {
-        refuse(reply, "%s", err.text);
-        return false;
-    }
-    reply->ok = true;
     return connected;
 }
 
-static void start(struct hub *hub, int index, arthron_CommandReply *reply) {
-    if (!seat_has_session(&hub->seats[index]) &&
-        !reopen(hub, index, hub->seats[index].card.scene, reply)) {
+// A new session where there is none. False: the reply says why not.
+static bool have_session(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct error err;
+    if (seat_has_session(&hub->seats[index]))
+        return true;
+    if (!is_connected(hub, index)) {
         refuse(reply, "station %s is not connected", hub->seats[index].station->name);
-        return;
+        return false;
     }
-    give_input(hub, index, INPUT_START, SESSION_RUNNING, reply);
+    if (open_session(hub, index, &err) == RESULT_OK)
+        return true;
+    refuse(reply, "%s", err.text);
+    return false;
 }
 
+static void stop(struct hub *hub, int index, arthron_CommandReply *reply) {
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[index].card.stopped = true;
+    pthread_mutex_unlock(&hub->card_lock);
+    give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
+}
+
+// A station that is away meets the new case when it comes.
 static void change_case(struct hub *hub, int index, const char *name, arthron_CommandReply *reply) {
-    int scene = find_case(hub, name);
+    int scene = hub_find_case(&hub->config, name);
     if (scene < 0) {
         refuse(reply, "there is no case %s", name);
         return;
     }
+    reply->ok = true;
     if (seat_has_session(&hub->seats[index]))
-        give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
-    release_all_retired(hub);
-    reopen(hub, index, scene, reply);
+        stop(hub, index, reply);
+    if (!reply->ok)
+        return;
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[index].card.scene = scene;
+    pthread_mutex_unlock(&hub->card_lock);
+    if (is_connected(hub, index))
+        have_session(hub, index, reply);
 }
 
 static void command_station(struct hub *hub, const arthron_Command *command, int index,
                             arthron_CommandReply *reply) {
     if (command->kind == arthron_Command_Kind_START) {
-        start(hub, index, reply);
+        if (have_session(hub, index, reply))
+            give_input(hub, index, INPUT_START, SESSION_RUNNING, reply);
     } else if (command->kind == arthron_Command_Kind_CASE) {
         change_case(hub, index, command->case_name, reply);
     } else if (!seat_has_session(&hub->seats[index])) {
@@ -347,7 +379,7 @@ static void command_station(struct hub *hub, const arthron_Command *command, int
     } else if (command->kind == arthron_Command_Kind_PAUSE) {
         give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
     } else if (command->kind == arthron_Command_Kind_STOP) {
-        give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
+        stop(hub, index, reply);
     } else {
         give_input(hub, index, INPUT_RESET, SESSION_RUNNING, reply);
     }
@@ -386,13 +418,13 @@ void desk_command(void *user, const arthron_Command *command, arthron_CommandRep
         list_all(hub, reply);
         return;
     }
-    int index = find_station(hub, command->station);
+    int index = hub_find_station(&hub->config, command->station);
     if (index < 0) {
         refuse(reply, "there is no station %s in the server's config", command->station);
         return;
     }
     pthread_mutex_lock(&hub->desk_lock);
-    release_all_retired(hub);
+    put_in_order(hub);
     command_station(hub, command, index, reply);
     pthread_mutex_unlock(&hub->desk_lock);
     log_info("hub", "station %s: command %d: %s", command->station, (int)command->kind,

@@ -34,13 +34,6 @@ static bool tell(struct hub *hub, const struct note *note) {
 // ---- hello
 // ------------------------------------------------------------------------------------------
 
-static int station_seat(const struct hub *hub, const char *name) {
-    for (int i = 0; i < hub->config.station_count; i++)
-        if (!strcmp(hub->config.stations[i].name, name))
-            return i;
-    return -1;
-}
-
 __attribute__((format(printf, 3, 4))) static enum result
 refuse(arthron_Refusal *refusal, arthron_Refusal_Reason reason, const char *format, ...) {
     va_list args;
@@ -70,12 +63,20 @@ static void take_seat(struct hub *hub, int index, struct control_peer peer, uint
     seat->card.connected = true;
     seat->card.peer = peer;
     seat->card.connection = connection;
+    seat->card.stopped = false;
+    seat->card.retry_ns = 0;
     if (!resumed) {
         desk_new_id(seat->card.session_id);
-        atomic_store(&seat->counts.state, SESSION_WAITING);
-        desk_want_session(hub, index);
+        seat->card.id_is_fresh = true;
+        desk_call(hub);
     }
     fill_welcome(hub, seat, resumed, welcome);
+}
+
+static void leave_seat(struct hub *hub, int index) {
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[index].card.connected = false;
+    pthread_mutex_unlock(&hub->card_lock);
 }
 
 // card_lock held.
@@ -105,7 +106,7 @@ static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *we
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
     struct hub *hub = user;
-    int index = station_seat(hub, hello->station);
+    int index = hub_find_station(&hub->config, hello->station);
     if (index < 0)
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
                       "station %s has no case: the server's config does not name it",
@@ -124,9 +125,11 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse(refusal, arthron_Refusal_Reason_BUSY,
                       "station %s is connected already, from another place", hello->station);
     struct note note = {.kind = NOTE_JOINED, .seat = index, .peer = peer};
-    if (!tell(hub, &note))
+    if (!tell(hub, &note)) {
+        leave_seat(hub, index);
         return refuse(refusal, arthron_Refusal_Reason_BUSY, "station %s: the server is too busy",
                       hello->station);
+    }
     warn_of_calibration(hub, hello);
     log_info("hub", "station %s joined%s", hello->station, welcome->resumed ? " again" : "");
     return RESULT_OK;

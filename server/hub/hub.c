@@ -11,9 +11,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static int find_case(const struct hub_config *config, const char *name) {
+int hub_find_case(const struct hub_config *config, const char *name) {
     for (int i = 0; i < config->case_count; i++)
         if (!strcmp(config->cases[i].name, name))
+            return i;
+    return -1;
+}
+
+int hub_find_station(const struct hub_config *config, const char *name) {
+    for (int i = 0; i < config->station_count; i++)
+        if (!strcmp(config->stations[i].name, name))
             return i;
     return -1;
 }
@@ -40,7 +47,7 @@ static enum result place_seats(struct hub *hub, struct error *err) {
         const struct hub_station *station = &hub->config.stations[i];
         hub->seats[i].station = station;
         atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
-        hub->seats[i].card.scene = find_case(&hub->config, station->case_name);
+        hub->seats[i].card.scene = hub_find_case(&hub->config, station->case_name);
         if (hub->seats[i].card.scene < 0)
             return fail(err, RESULT_INVALID, "station %s: there is no case %s", station->name,
                         station->case_name);
@@ -57,9 +64,12 @@ static enum result make_traces_dir(const struct hub *hub, struct error *err) {
     return RESULT_OK;
 }
 
+int hub_worker_count(const struct hub_config *config) {
+    return config->workers ? config->workers : (int)sysconf(_SC_NPROCESSORS_ONLN);
+}
+
 static enum result start_workers(struct hub *hub, struct error *err) {
-    long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    int wanted = hub->config.workers ? hub->config.workers : (int)cores;
+    int wanted = hub_worker_count(&hub->config);
     hub->workers = alloc((unsigned long)wanted, sizeof *hub->workers);
     hub->worker_count = wanted;
     for (int i = 0; i < wanted; i++) {
@@ -122,17 +132,18 @@ static void release(struct hub *hub) {
     free(hub);
 }
 
-// Doors first, so that nobody comes in; then the workers, who end their sessions; then the desk,
-// who closes their traces.
+// Console and clerk first, so that no session begins; then the workers, who end theirs and tell the
+// stations; then the control connections; then what the workers left for the desk.
 void hub_destroy(struct hub **hub) {
     struct hub *h = *hub;
     if (h->console)
         console_destroy(&h->console);
+    desk_stop(h);
     for (int i = 0; i < h->worker_count; i++)
         worker_stop(&h->workers[i]);
     if (h->control)
         control_destroy(&h->control);
-    desk_stop(h);
+    desk_release(h);
     release(h);
     *hub = NULL;
 }

@@ -46,6 +46,9 @@ struct hub_config {
     struct hub_station stations[HUB_STATIONS_MAX];
 };
 
+// The workers that a hub of this config has: one for each core where the config says 0.
+int hub_worker_count(const struct hub_config *config);
+
 struct hub;
 
 // Loads all cases, opens all sockets, starts all threads. The config is copied. The error names the

@@ -26,8 +26,11 @@ struct card {
     uint64_t connection; // Hello.connection: tells a reconnect from a rival
     bool calibrated;
     arthron_Calibration calibration; // as Hello told it
-    uint8_t session_id[16];
-    int scene; // index into hub.scenes
+    uint8_t session_id[16];          // of the session, or of the one to come where it is fresh
+    bool id_is_fresh;
+    bool stopped;     // by command: no session until start, case or the next connection
+    int64_t retry_ns; // not before this time: the last attempt to open one failed
+    int scene;        // index into hub.scenes
     int64_t start_utc_ns;
     char trace[HUB_PATH_MAX];
 };
@@ -130,7 +133,6 @@ struct hub {
     pthread_t clerk;
     pthread_cond_t clerk_wake; // with card_lock
     bool clerk_runs, clerk_stop;
-    bool opening_wanted[HUB_STATIONS_MAX];
 };
 
 static inline bool seat_has_session(const struct seat *seat) {
@@ -141,6 +143,10 @@ static inline struct worker *seat_worker(struct hub *hub, int seat) {
     return &hub->workers[seat % hub->worker_count];
 }
 
+// hub.c: an index, -1 where there is none of that name
+int hub_find_case(const struct hub_config *config, const char *name);
+int hub_find_station(const struct hub_config *config, const char *name);
+
 // worker.c
 enum result worker_start(struct hub *hub, int index, struct error *err);
 void worker_stop(struct worker *worker);    // ends its sessions, joins, closes the socket
@@ -150,9 +156,10 @@ bool worker_tell(struct worker *worker, struct ring *ring, const struct note *no
 
 // desk.c
 void desk_start(struct hub *hub);
-void desk_stop(struct hub *hub); // after the workers: releases what they retired
+void desk_stop(struct hub *hub);    // before the workers
+void desk_release(struct hub *hub); // after the workers: what they retired
 void desk_new_id(uint8_t out_id[16]);
-void desk_want_session(struct hub *hub, int seat); // card_lock held: the clerk will open it
+void desk_call(struct hub *hub); // card_lock held: someone may need a session
 void desk_command(void *hub, const arthron_Command *command, arthron_CommandReply *out_reply);
 
 // door.c: what the control thread calls

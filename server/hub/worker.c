@@ -24,7 +24,7 @@ enum path { PATH_CONTROL, PATH_DATAGRAM };
 // ----------------------------------------------------------------------------------------
 
 static bool seat_is_deserted(const struct hub *hub, const struct seat *seat) {
-    return clock_now_ns() - seat->last_frame_ns > hub->config.wait_s * NS_PER_S;
+    return !seat->connected && clock_now_ns() - seat->last_frame_ns > hub->config.wait_s * NS_PER_S;
 }
 
 static void retire(struct worker *worker, struct seat *seat) {
@@ -238,11 +238,19 @@ static void station_gone(struct worker *worker, struct seat *seat) {
     seat->udp_connection = 0;
 }
 
+static void clear_counts(struct seat_counts *counts) {
+    atomic_store(&counts->frames_lost, 0);
+    atomic_store(&counts->frames_old, 0);
+    atomic_store(&counts->frames_early, 0);
+    atomic_store(&counts->frames_invalid, 0);
+}
+
 static void attach(struct worker *worker, struct seat *seat, struct live *live) {
-    if (seat->live)
-        step_without_frame(worker, seat, INPUT_STOP);
+    CHECK(!seat->live);
     seat->live = live;
     forget_drift(seat);
+    clear_counts(&seat->counts);
+    seat->last_frame = 0;
     seat->last_step_ns = 0;
     seat->last_frame_ns = clock_now_ns();
     atomic_store(&seat->counts.state, SESSION_WAITING);

@@ -16,7 +16,6 @@
 #define SILENCE_NS (5 * NS_PER_S)
 #define CONNECT_S 5
 #define QUEUE_LENGTH 16
-#define REMOTE_TIME_MAX (1LL << 60) // beyond it differences of times could overflow
 
 static const uint32_t delays_ms[] = {100, 200, 400, 800, 1600, 3200, 4000};
 static const lws_retry_bo_t backoff = {
@@ -113,6 +112,7 @@ static void hear_change(struct link *link, const arthron_SessionChange *change) 
     pthread_mutex_lock(&link->lock);
     link->status.state = (arthron_SessionState)change->state;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
+    snprintf(link->status.refusal, sizeof link->status.refusal, "%s", change->text);
     pthread_mutex_unlock(&link->lock);
     update_ready(link);
 }
@@ -124,7 +124,7 @@ static void hear_ping(struct link *link, const arthron_Ping *ping, int64_t recei
 }
 
 static bool is_remote_time(int64_t time_ns) {
-    return time_ns >= 0 && time_ns < REMOTE_TIME_MAX;
+    return time_ns >= 0 && time_ns < WIRE_TIME_MAX_NS;
 }
 
 static int64_t shortest_round_trip(const struct clock_offset *clock) {

@@ -22,10 +22,9 @@ struct loop {
     const volatile sig_atomic_t *stop;
     struct runner *runner;
     struct link *link;
-    uint64_t number;
     uint64_t sent, warped;
     struct meter whole, second; // round trips: since the start, since the last live line
-    uint64_t sent_second, warped_second;
+    uint64_t warped_second;
     double warp_mm; // of the newest reply, largest of its instruments
     bool was_lost[RUNNER_DEVICES_MAX];
 };
@@ -33,12 +32,10 @@ struct loop {
 // ---- frames and replies -----------------------------------------------------------------------
 
 static void send_frame(struct loop *loop) {
-    struct frame frame = {.number = ++loop->number, .time_ns = clock_now_ns()};
+    struct frame frame = {.number = loop->sent + 1, .time_ns = clock_now_ns()};
     runner_collect(loop->runner, frame.time_ns, &frame);
-    if (link_send(loop->link, &frame)) {
+    if (link_send(loop->link, &frame))
         loop->sent++;
-        loop->sent_second++;
-    }
 }
 
 static void take_reply(struct loop *loop, const arthron_Reply *reply) {
@@ -113,7 +110,7 @@ static void each_second(struct loop *loop) {
         print_live(loop);
     log_devices(loop);
     meter_clear(&loop->second);
-    loop->sent_second = loop->warped_second = 0;
+    loop->warped_second = 0;
 }
 
 static void print_summary(const struct loop *loop) {

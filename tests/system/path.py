@@ -2,6 +2,7 @@
 
 import os
 import socket
+import time
 import unittest
 
 from arthron import House, call, call_json, free_port, program, wait_until
@@ -51,6 +52,28 @@ class Path(House):
         self.assertEqual(before["id"], after["id"])
         self.assertGreater(after["steps"], before["steps"])
 
+    def test_a_station_that_comes_back_at_the_last_moment_has_a_session(self):
+        self.start_mockup()
+        self.start_server(extra="wait_s = 1")
+        self.enrol("room-1")
+        for label in ("first", "second", "third"):
+            station = self.start_station(label=label)
+            self.wait_for_steps()
+            station.end()
+            time.sleep(0.85)
+
+    def test_a_session_that_cannot_be_opened_is_told_and_tried_again(self):
+        self.start_mockup()
+        self.start_server()
+        self.enrol("room-1")
+        os.rmdir(self.traces)
+        station = self.start_station("room-1", "--live")
+        wait_until("told", lambda: "no session: " in station.out())
+        self.assertIn(self.traces, self.steer("start", "room-1", code=1)["text"])
+        os.mkdir(self.traces)
+        wait_until("running", lambda: self.session()["state"] == "running")
+        self.wait_for_steps()
+
     def test_a_session_ends_when_its_station_stays_away(self):
         self.start_mockup()
         self.start_server(extra="wait_s = 1")
@@ -94,6 +117,7 @@ class Path(House):
         self.assertTrue(self.steer("start", "room-1")["ok"])
         self.assertNotEqual(self.session()["trace"], ended)
         self.wait_for_steps()
+        self.assertEqual(self.session()["frames_lost"], 0)
         self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
         self.assertEqual(self.session()["case"], "healthy")
         self.assertIn("no case", self.steer("case", "room-1", "nowhere", code=1)["text"])
@@ -180,10 +204,12 @@ class Devices(House):
         station.process.wait(timeout=30)
         server.wait_for_log("is gone")
         seen = self.validity("probe_validity")
-        order = [v for i, v in enumerate(seen) if i == 0 or seen[i - 1] != v]
-        self.assertIn("ok,held", ",".join(order))
-        self.assertEqual([v for v in order if v == "ok"][-1:], ["ok"])
-        self.assertTrue(any(not v or v == "lost" for v in seen))
+        seen = seen[seen.index("ok"):]
+        order = [v or "lost" for i, v in enumerate(seen) if i == 0 or seen[i - 1] != v]
+        self.assertRegex(",".join(order), "^(ok,held,)*ok,held,lost,ok(,held,ok)*(,held)?(,lost)?$")
+        events = call_json("arthron-trace", "info", self.session()["trace"], code=None)["events"]
+        self.assertEqual(events["device_back"], 1)
+        self.assertLessEqual(events["device_lost"], 2)  # the tracker, and at the end the station
 
     def test_silent_encoders_leave_the_tracker_alone(self):
         self.start_mockup("--faults", self.faults(("modbus", "dropout", 1, 2)))

@@ -20,13 +20,18 @@ struct reading {
     char *buffer, *line;
     size_t room;
     unsigned number; // of the line, from 1
+    bool foul;       // reading has ended at a zero byte or a carriage return inside of a line
 };
 
 static bool next_line(struct reading *r) {
     ssize_t length = getline(&r->buffer, &r->room, r->file);
     if (length < 0)
         return false;
-    r->buffer[strcspn(r->buffer, "\r\n")] = '\0';
+    size_t used = strcspn(r->buffer, "\r\n");
+    r->foul = used + strspn(r->buffer + used, "\r\n") != (size_t)length;
+    if (r->foul)
+        return false;
+    r->buffer[used] = '\0';
     r->line = r->buffer + strspn(r->buffer, " \t");
     r->number++;
     return true;
@@ -87,15 +92,19 @@ static bool take_element(const char *name, const char *count, struct ply *ply) {
     return true;
 }
 
+static bool take_format(const char *name, const char *version, struct ply *ply) {
+    ply->text = strcmp(name, "ascii") == 0;
+    return strcmp(version, "1.0") == 0 && (ply->text || strcmp(name, "binary_little_endian") == 0 ||
+                                           strcmp(name, "binary_big_endian") == 0);
+}
+
 static bool take_header_line(const char *line, struct ply *ply) {
     char word[4][64] = {""}, name[64];
     int count = sscanf(line, "%63s %63s %63s %63s %63s", word[0], word[1], word[2], word[3], name);
     if (count <= 0 || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0)
         return true;
-    if (strcmp(word[0], "format") == 0) {
-        ply->text = strcmp(word[1], "ascii") == 0;
-        return count == 3;
-    }
+    if (strcmp(word[0], "format") == 0)
+        return count == 3 && take_format(word[1], word[2], ply);
     if (strcmp(word[0], "element") == 0)
         return count == 3 && take_element(word[1], word[2], ply);
     if (strcmp(word[0], "property") != 0)
@@ -143,21 +152,32 @@ static enum result claim_of_off(struct reading *r, const char *path, struct impo
     return RESULT_OK;
 }
 
-// "f 1/1/1 2//2 1": its first number tells a corner.
-static bool has_repeated_corner(const char *line) {
-    long corners[8];
+// "1", "1/2", "1//3" or "1/2/3": its vertex, and what follows; NULL for anything else.
+static const char *take_corner(const char *at, long *out_vertex) {
+    char *end;
+    *out_vertex = strtol(at, &end, 10);
+    if (end == at || *out_vertex == 0 || labs(*out_vertex) > INT32_MAX)
+        return NULL;
+    for (int i = 0; i < 2 && *end == '/'; i++)
+        if (isspace((unsigned char)*++end) == 0)
+            strtol(end, &end, 10);
+    return *end && !isspace((unsigned char)*end) ? NULL : end + strspn(end, " \t");
+}
+
+static bool take_face(const char *line, bool *out_repeated) {
+    long corners[8], corner;
     int count = 0;
-    const char *at = line + 1;
-    for (char *end; count < 8; count++) {
-        corners[count] = strtol(at, &end, 10);
-        if (end == at)
-            break;
+    *out_repeated = false;
+    for (const char *at = line + 1 + strspn(line + 1, " \t"); *at;) {
+        at = take_corner(at, &corner);
+        if (!at)
+            return false;
         for (int i = 0; i < count; i++)
-            if (corners[i] == corners[count])
-                return true;
-        at = end + strcspn(end, " \t");
+            *out_repeated |= corners[i] == corner;
+        if (count < 8)
+            corners[count++] = corner;
     }
-    return false;
+    return true;
 }
 
 static enum result claim_of_obj(struct reading *r, const char *path, struct import_claim *out,
@@ -167,10 +187,18 @@ static enum result claim_of_obj(struct reading *r, const char *path, struct impo
         if (length > 0 && r->line[length - 1] == '\\')
             return fail(err, RESULT_REFUSED, "%s: line %u: continued lines are not read here", path,
                         r->number);
+        if (starts_with_word(r->line, "mtllib") && strstr(r->line, ".."))
+            return fail(err, RESULT_REFUSED, "%s: line %u: a file outside of its folder", path,
+                        r->number);
         out->vertices += starts_with_word(r->line, "v");
-        bool face = starts_with_word(r->line, "f");
-        out->faces += face;
-        out->repeated += face && has_repeated_corner(r->line);
+        if (!starts_with_word(r->line, "f"))
+            continue;
+        bool repeated;
+        if (!take_face(r->line, &repeated))
+            return fail(err, RESULT_FORMAT, "%s: line %u: not a face of numbers of vertices", path,
+                        r->number);
+        out->faces++;
+        out->repeated += repeated;
     }
     return RESULT_OK;
 }
@@ -269,6 +297,9 @@ enum result import_claim_of(const char *path, struct import_claim *out_claim, st
         if (!reading.file)
             return fail(err, RESULT_IO, "%s: cannot be opened", path);
         enum result result = formats[i].claim(&reading, path, out_claim, err);
+        if (reading.foul)
+            result = fail(err, RESULT_FORMAT, "%s: line %u: not a line of text", path,
+                          reading.number + 1);
         free(reading.buffer);
         fclose(reading.file);
         return result;

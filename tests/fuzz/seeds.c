@@ -1,0 +1,248 @@
+// Makes the corpora's first inputs, small and good: fuzz-seeds FOLDER writes FOLDER/TARGET/NAME.
+#include "base/bytes.h"
+#include "base/check.h"
+#include "device/igtl.h"
+#include "mockup/encode.h"
+#include "trace/trace.h"
+#include "unit/case_knee.h"
+#include "wire/seal.h"
+#include "wire/wire.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static const char *root;
+
+static void seed(const char *target, const char *name, const void *bytes, size_t size) {
+    char folder[512];
+    snprintf(folder, sizeof folder, "%s/%s", root, target);
+    mkdir(folder, 0777);
+    write_file(folder, name, bytes, size);
+}
+
+static void seed_text(const char *target, const char *name, const char *text) {
+    seed(target, name, text, strlen(text));
+}
+
+static struct frame some_frame(void) {
+    pose p = {quat_from_axis_angle((vec3){0, 0, 1}, 0.5), {1, -2, 30}};
+    return (struct frame){
+        .number = 7,
+        .time_ns = 5000000000,
+        .count = 3,
+        .samples = {{.channel = CHANNEL_JOINT,
+                     .kind = SAMPLE_JOINT,
+                     .time_ns = 4999000000,
+                     .joint = {30, 1, -2, 0.5, 1, 0}},
+                    {.channel = CHANNEL_PROBE,
+                     .kind = SAMPLE_POSE,
+                     .device = 1,
+                     .filter = FILTER_ONE_EURO,
+                     .filter_latency_us = 4000,
+                     .time_ns = 4999500000,
+                     .T_mockup_body = p},
+                    {.channel = CHANNEL_PUNCH,
+                     .kind = SAMPLE_HANDLE,
+                     .validity = VALIDITY_HELD,
+                     .device = 2,
+                     .time_ns = 4990000000,
+                     .handle = {0.25, 5}}},
+    };
+}
+
+static void messages(void) {
+    static arthron_Control control;
+    static arthron_Console console;
+    static uint8_t data[WIRE_CONSOLE_MAX];
+    size_t used;
+    struct frame frame = some_frame();
+    control.which_message = arthron_Control_frame_tag;
+    wire_frame_from(&frame, &control.message.frame);
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "frame", data, used);
+
+    control = (arthron_Control){.which_message = arthron_Control_hello_tag};
+    arthron_Hello *hello = &control.message.hello;
+    hello->version_min = hello->version_max = 1;
+    snprintf(hello->station, sizeof hello->station, "bench");
+    hello->devices_count = 1;
+    snprintf(hello->devices[0].name, sizeof hello->devices[0].name, "probe");
+    hello->has_calibration = true;
+    hello->calibration = (arthron_Calibration){1790000000, 0.25, 0.125};
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "hello", data, used);
+
+    control = (arthron_Control){.which_message = arthron_Control_welcome_tag};
+    snprintf(control.message.welcome.case_name, sizeof control.message.welcome.case_name, "boxes");
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "welcome", data, used);
+
+    console.which_message = arthron_Console_command_tag;
+    CHECK(wire_encode_console(&console, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "console", data, used);
+}
+
+static void datagrams(void) {
+    static arthron_Frame message;
+    static const uint8_t key[SEAL_KEY_SIZE] = "arthron fuzzing", iv[SEAL_IV_SIZE] = "a known one";
+    uint8_t data[WIRE_DATAGRAM_MAX], sealed[WIRE_DATAGRAM_MAX];
+    size_t used;
+    struct frame frame = some_frame();
+    wire_frame_from(&frame, &message);
+    CHECK(wire_encode_frame(&message, data, sizeof data, &used) == RESULT_OK);
+    seed("datagram", "frame", data, used);
+    struct seal *seal = seal_create(SEAL_TO_SERVER, 1, 7, key, iv);
+    seed("datagram", "sealed", sealed, seal_seal(seal, data, used, sealed));
+    seal_destroy(&seal);
+    arthron_Reply reply = {.frame_number = 7, .instruments_count = 1};
+    reply.instruments[0].has_pose = true;
+    CHECK(wire_encode_reply(&reply, data, sizeof data, &used) == RESULT_OK);
+    seed("datagram", "reply", data, used);
+}
+
+// The manifest without the anatomy's hash, for no mutated anatomy has it.
+static void take_out_line(char *text, const char *key) {
+    char *begin = strstr(text, key), *end;
+    CHECK(begin && (end = strchr(begin, '\n')));
+    while (begin[-1] != '\n')
+        begin--;
+    memmove(begin, end + 1, strlen(end + 1) + 1);
+}
+
+static void cases(void) {
+    char folder[256];
+    struct knee_case *knee = box_knee();
+    struct error err;
+    size_t size;
+    make_folder(folder, sizeof folder);
+    CHECK(case_save(knee, folder, &err) == RESULT_OK);
+    char *manifest = read_file(folder, "case.json", NULL);
+    char *anatomy = read_file(folder, "anatomy.glb", &size);
+    take_out_line(manifest, "anatomy_xxh3");
+    size_t first = strlen(manifest) + 1;
+    manifest = alloc_resize(manifest, first + size, 1);
+    memcpy(manifest + first, anatomy, size);
+    seed("case", "boxes", manifest, first + size);
+    free(manifest);
+    free(anatomy);
+    remove_folder(folder);
+    case_destroy(&knee);
+}
+
+static void meshes(void) {
+    static const char stl_facet[] = "facet normal 0 0 1\nouter loop\nvertex %d 0 0\nvertex %d 1 0\n"
+                                    "vertex 0 %d 1\nendloop\nendfacet\n";
+    char stl[1024];
+    int used = snprintf(stl, sizeof stl, "2solid a\n");
+    for (int i = 1; i < 4; i++)
+        used += snprintf(stl + used, sizeof stl - (size_t)used, stl_facet, i, -i, i);
+    snprintf(stl + used, sizeof stl - (size_t)used, "endsolid a\n");
+    seed_text("mesh", "stl", stl);
+
+    uint8_t binary[1 + 84 + 50 * 2] = "2 two facets";
+    struct writer w = {binary, sizeof binary, 81};
+    write_u32(&w, 2);
+    for (int i = 0; i < 24; i++) {
+        float value = (float)(i * i % 7);
+        write_bytes(&w, &value, sizeof value);
+        if (i % 12 == 11)
+            write_u16(&w, 0);
+    }
+    seed("mesh", "stl_binary", binary, sizeof binary);
+
+    seed_text("mesh", "ply",
+              "0ply\nformat ascii 1.0\ncomment a square\nelement vertex 4\nproperty float x\n"
+              "property float y\nproperty float z\nelement face 2\n"
+              "property list uchar int vertex_indices\nend_header\n"
+              "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n");
+    seed_text("mesh", "obj",
+              "1# a square\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n"
+              "f 1/1/1 2/1/1 3/1/1 4/1/1\nf -4 -3 -1\n");
+    seed_text("mesh", "off",
+              "3OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n");
+}
+
+static void traces(void) {
+    static struct session_input input;
+    static struct session_output output;
+    char folder[256], file[300];
+    struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
+    header.settings = session_settings_default();
+    struct trace_writer *writer;
+    struct error err;
+    make_folder(folder, sizeof folder);
+    snprintf(file, sizeof file, "%s/a.trace", folder);
+    CHECK(trace_writer_create(file, &header, &writer, &err) == RESULT_OK);
+    for (uint64_t step = 1; step <= 3; step++) {
+        input.kind = step == 1 ? INPUT_START : step == 2 ? INPUT_FRAME : INPUT_STOP;
+        input.time_ns = output.time_ns = 5000000000 + (int64_t)step;
+        input.frame = step == 2 ? some_frame() : (struct frame){0};
+        output.step = step;
+        output.instruments[0].present = step == 2;
+        CHECK(trace_append(writer, &input, &output));
+    }
+    trace_writer_destroy(&writer);
+    size_t size;
+    char *bytes = read_file(folder, "a.trace", &size);
+    seed("trace", "steps", bytes, size);
+    free(bytes);
+    remove_folder(folder);
+}
+
+static void trackers(void) {
+    static const char *const names[] = {"transform", "tdata", "position", "qtdata"};
+    uint8_t bytes[ENCODE_BYTES_MAX];
+    struct tracked_tool tools[] = {
+        {"probe", {quat_from_axis_angle((vec3){0, 1, 0}, 0.3), {10, 20, -1500}}},
+        {"a tool of 20 letters", {quat_identity(), {0, 0, 0}}},
+    };
+    for (int type = MESSAGE_TRANSFORM; type <= MESSAGE_QTDATA; type++)
+        for (int version = 1; version <= 2; version++) {
+            char name[32];
+            snprintf(name, sizeof name, "%s_%d", names[type], version);
+            size_t used =
+                encode_tools((enum message_type)type, version, 1790000000, tools, 2, bytes);
+            seed("tracker", name, bytes, used);
+        }
+}
+
+static void recordings(void) {
+    seed_text("csv", "tool",
+              "t_seconds,tx_mm,ty_mm,tz_mm,qw,qx,qy,qz,valid\n0,1,2,3,1,0,0,0,1\n"
+              "0.01,1,2,3,0.6,0.8,0,0,1\n0.02,0,0,0,0,0,0,0,0\n");
+    seed_text("csv", "motion",
+              "t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,distraction_mm,"
+              "punch_tx_mm,punch_ty_mm,punch_tz_mm,punch_qw,punch_qx,punch_qy,punch_qz,"
+              "punch_valid,punch_opening,touch\n0,10,0,0,0,0,0,1,2,3,1,0,0,0,1,0.5,tibia\n"
+              "0.5,20,0,0,0,0,0.25,1,2,3,1,0,0,0,1,1,-\n");
+}
+
+static void handles(void) {
+    static const uint8_t descriptor[] =
+        "0 16 0 4095 0.05\n16 8\n"
+        "\x05\x01\x09\x04\xa1\x01\x09\x30\x16\x00\x00\x26\xff\x0f\x75\x10\x95\x01\x81\x02\x05\x09"
+        "\x19\x01\x29\x08\x15\x00\x25\x01\x75\x01\x95\x08\x81\x02\xc0";
+    static const uint8_t numbered[] = "2:0 12 -5 2000\n2:16 3\n\x02\x34\x12\x05\x01\xff";
+    seed("hid", "descriptor", descriptor, sizeof descriptor - 1);
+    seed("hid", "numbered", numbered, sizeof numbered - 1);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
+        return 2;
+    }
+    root = argv[1];
+    messages();
+    datagrams();
+    cases();
+    meshes();
+    traces();
+    trackers();
+    recordings();
+    handles();
+    return 0;
+}

@@ -45,7 +45,7 @@ struct repair_report {
     uint32_t voids;          // closed components inside of another one
     uint32_t island_count, island_triangles;
     double island_area_mm2, area_mm2;                 // removed; of the whole before
-    struct repair_island islands[REPAIR_ISLANDS_MAX]; // the first ones, by their lowest triangle
+    struct repair_island islands[REPAIR_ISLANDS_MAX]; // the largest ones, the largest first
 };
 
 // In place; both arrays may be replaced. The mesh must pass mesh_validate but for repeated corners.

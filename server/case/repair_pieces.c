@@ -83,10 +83,15 @@ static void pieces_fini(struct pieces *pieces) {
 // -------------------------------------------------------------------------------------
 
 static void report_island(const struct piece *piece, struct repair_report *report) {
-    if (report->island_count < REPAIR_ISLANDS_MAX)
-        report->islands[report->island_count] =
-            (struct repair_island){piece->triangles, piece->area,
+    struct repair_island island = {piece->triangles, piece->area,
                                    vec3_scale(0.5, vec3_add(piece->box.min, piece->box.max))};
+    for (uint32_t i = 0; i < REPAIR_ISLANDS_MAX && i <= report->island_count; i++) {
+        struct repair_island at = report->islands[i];
+        if (i < report->island_count && at.area_mm2 >= island.area_mm2)
+            continue;
+        report->islands[i] = island;
+        island = at;
+    }
     report->island_count++;
     report->island_triangles += piece->triangles;
     report->island_area_mm2 += piece->area;

@@ -149,6 +149,9 @@ static void a_handle_that_is_plugged_in_again_is_read_again(void **state) {
         int handle = plugged("A4");
         assert_soon(status(runner).connected);
         assert_int_equal(i, status(runner).reopenings);
+        sleep_ms(
+            100); // it has said nothing yet, and what it said before the plug was pulled is old
+        assert_int_equal(VALIDITY_LOST, newest(runner).validity);
         assert_soon(tells(handle, runner, 0.1 * i, (uint8_t)i));
         handle_unplug(handle);
         assert_soon(!status(runner).connected);
@@ -159,7 +162,9 @@ static void a_handle_that_is_plugged_in_again_is_read_again(void **state) {
 
 static void the_serial_number_tells_two_handles_apart(void **state) {
     (void)state;
+    struct hid_plugged all[8];
     int left = plugged("left"), right = plugged("right");
+    assert_soon(hid_list(all, 8) == 2);
     struct runner *runner = reading("right", "yes"), *any = reading("", "yes");
     assert_soon(status(runner).connected);
     assert_soon(strstr(status(any).problem, "several"));

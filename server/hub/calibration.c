@@ -15,10 +15,10 @@ void calibration_judge(const arthron_Calibration *c, const struct hub_config *co
         snprintf(out_text, size, "its calibration is %" PRId64 " days old, more than %d", days,
                  config->calibration_days);
     else if (c->residual_mm > config->calibration_mm)
-        snprintf(out_text, size, "its calibration has a residual of %.2f mm, more than %g",
+        snprintf(out_text, size, "its calibration has a residual of %.3g mm, more than %g",
                  c->residual_mm, config->calibration_mm);
     else if (c->residual_deg > config->calibration_deg)
-        snprintf(out_text, size, "its calibration has a residual of %.2f degrees, more than %g",
+        snprintf(out_text, size, "its calibration has a residual of %.3g degrees, more than %g",
                  c->residual_deg, config->calibration_deg);
 }
 

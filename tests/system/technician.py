@@ -1,5 +1,6 @@
 """What a technician does: probe, calibrate, check; what the server says of it; drift of touches."""
 
+import csv
 import json
 import math
 import os
@@ -216,7 +217,7 @@ class Technician(House):
         self.enrol("room-1")
         self.play(swinging())
         for date, residual, words in (("2020-01-01", 0.1, "days old"), ("2100-01-01", 0.1, "to come"),
-                                      (None, 4.5, "4.50 mm")):
+                                      (None, 4.5, "4.5 mm")):
             date = date or today()
             self.write("calibration.ini", f"[tip tracker probe]\ndate = {date}T00:00:00Z\nresidual = {residual}\n"
                                           "tip_mm = 0 0 0\n")
@@ -283,6 +284,44 @@ class Technician(House):
         self.wait_for_steps()
         self.assertTrue(self.findings(self.check(config, 0))["server"]["good"])
         self.wait_for_steps()
+
+
+    # ---- drift
+
+    def touching(self):
+        """The probe's palpation, made with a punch that closes (its end switch) where the probe touches."""
+        with open(self.motion, newline="") as f:
+            rows = list(csv.DictReader(f))
+        names = ["t_seconds", "flexion_deg", "varus_deg", "internal_deg", "shift_mm", "drawer_mm", "distraction_mm"]
+        pose = ["tx_mm", "ty_mm", "tz_mm", "qw", "qx", "qy", "qz", "valid"]
+        lines = [",".join(names + ["punch_" + n for n in pose] + ["punch_opening"])]
+        for row in rows:
+            lines.append(",".join([row[n] for n in names] + [row["probe_" + n] for n in pose] +
+                                  ["1" if row["touch"] == "-" else "0"]))
+        return "\n".join(lines) + "\n"
+
+    def drift(self, offset):
+        """Drift after some touches, where the station believes that the tracker stands elsewhere by this."""
+        self.play(self.touching())
+        text = self.read(self.config(f"calibration = {offset[0]}.ini\n")).replace("tool.probe = probe", "tool.punch = punch")
+        x, y, z = offset
+        self.write(f"{offset[0]}.ini", f"[registration tracker]\ndate = {today()}T00:00:00Z\nresidual = 0.1\n"
+                                       f"T_mockup_tracker = {x} {y} {z}\n")
+        config = self.write("drift.ini", text.replace("punch.opening = 7 0.0001 0", "punch.buttons = 8"))
+        before = self.session()["id"]
+        station = self.start("drift", "arthron-station", "run", "--config", config)
+        wait_until("a new session", lambda: self.session()["id"] != before and not self.session()["touches"])
+        wait_until("touches", lambda: self.session()["touches"] >= 3, 60)
+        drift_mm = self.session()["drift_mm"]
+        station.end()
+        self.steer("stop", "room-1")
+        return drift_mm
+
+    def test_a_tracker_that_was_moved_shows_in_the_drift_of_touches(self):
+        self.start_server("[station room-1]\ncase = healthy\ncontact.punch = 0")
+        self.enrol("room-1")
+        self.assertLess(self.drift((0, 0, 0)), 0.5)
+        self.assertGreater(self.drift((0, 0, 4)), 1)
 
 
 def today():

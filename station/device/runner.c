@@ -24,6 +24,7 @@ struct device {
     int64_t pause_ns; // before the next try to open
     bool was_open;
     bool logged_lost[DEVICE_SAMPLES_MAX];
+    int64_t refusal_logged_ns;
 
     pthread_mutex_t lock; // of what follows; held for copies only
     pthread_cond_t wake;
@@ -180,12 +181,23 @@ static void take_reading(struct device *d, enum result result, const struct devi
     pthread_mutex_unlock(&d->lock);
 }
 
+// At most one line a second.
+static void log_refusal(struct device *d, const struct error *err) {
+    int64_t now_ns = clock_now_ns();
+    if (now_ns - d->refusal_logged_ns < NS_PER_S)
+        return;
+    d->refusal_logged_ns = now_ns;
+    log_warning("device", "%s: refused: %s", d->status.name, err->text);
+}
+
 static void read_device(struct device *d) {
     while (!stopping(d)) {
         struct device_reading reading = {0};
         struct error err = {{0}};
         enum result result = d->driver->poll(d->handle, &reading, &err);
         take_reading(d, result, &reading, &err);
+        if (result == RESULT_FORMAT)
+            log_refusal(d, &err);
         log_changes(d);
         if (reading.count)
             d->pause_ns = first_pause_ns;

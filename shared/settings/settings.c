@@ -12,6 +12,7 @@ struct reading {
     void *user;
     struct error *err;
     bool refused;
+    char last[256]; // section and key of the line before
 };
 
 bool setting_split(char *text, struct setting_override *out) {
@@ -27,6 +28,22 @@ bool setting_split(char *text, struct setting_override *out) {
     return true;
 }
 
+static int refuse_line(struct reading *r, const char *section, const char *key, const char *value,
+                       const char *reason) {
+    r->refused = true;
+    fail(r->err, RESULT_INVALID, "[%s] %s = %s: %s", section, key, value, reason);
+    return 0;
+}
+
+// To inih a line that begins with a blank goes on with the value before: it gives the key again.
+static bool is_given_again(struct reading *r, const char *section, const char *key) {
+    char entry[sizeof r->last];
+    snprintf(entry, sizeof entry, "%s/%s", section, key);
+    bool again = !strcmp(entry, r->last);
+    memcpy(r->last, entry, sizeof entry);
+    return again;
+}
+
 // inih reads on behind a refused entry and tells the line of the first: so only that one counts.
 static int take_entry(void *user, const char *section, const char *key, const char *value) {
     struct reading *r = user;
@@ -34,16 +51,21 @@ static int take_entry(void *user, const char *section, const char *key, const ch
         return 0;
     if (r->take(r->user, section, key, value))
         return 1;
-    r->refused = true;
-    fail(r->err, RESULT_INVALID, "[%s] %s = %s: no such key, or a value out of its range", section,
-         key, value);
-    return 0;
+    return refuse_line(r, section, key, value, "no such key, or a value out of its range");
+}
+
+static int take_line(void *user, const char *section, const char *key, const char *value) {
+    struct reading *r = user;
+    if (!r->refused && is_given_again(r, section, key))
+        return refuse_line(r, section, key, value,
+                           "given twice; lines must not begin with a blank");
+    return take_entry(r, section, key, value);
 }
 
 enum result settings_read(const char *path, const struct setting_override *overrides,
                           int override_count, setting_taker take, void *user, struct error *err) {
-    struct reading r = {take, user, err, false};
-    int line = ini_parse(path, take_entry, &r);
+    struct reading r = {.take = take, .user = user, .err = err};
+    int line = ini_parse(path, take_line, &r);
     if (line < 0)
         return fail(err, RESULT_MISSING, "%s cannot be read", path);
     if (r.refused)

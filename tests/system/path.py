@@ -238,6 +238,7 @@ class Configs(House):
             (("port = ", "prot = "), ("server.ini", "line", "[server]", "prot")),
             ((f"port = {self.port}", "port = 70000"), ("[server]", "port", "70000")),
             (("case = arthrosis", "case = nowhere"), ("room-1", "nowhere")),
+            (("udp_port = ", " udp_port = "), ("line", "port", "blank")),
             (("[case healthy]", "[cose healthy]"), ("cose healthy",)),
             ((f"dir = {self.cases}/healthy", "dir = /nowhere"), ("healthy", "/nowhere")),
         ):

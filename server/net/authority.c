@@ -191,7 +191,7 @@ enum result authority_init(const char *dir, const char *const *hosts, int host_c
     if (result == RESULT_OK)
         result = make_folder(dir, err);
     if (result == RESULT_OK)
-        result = authority_lock(dir, &lock, err);
+        result = authority_lock(dir, true, &lock, err);
     if (result != RESULT_OK)
         return result;
     FILE *there = open_in(dir, "authority.pem");
@@ -257,7 +257,7 @@ enum result authority_issue_code(const char *dir, const char *station,
     fingerprint_of(certificate, code.fingerprint);
     X509_free(certificate);
     int lock;
-    result = authority_lock(dir, &lock, err);
+    result = authority_lock(dir, true, &lock, err);
     if (result != RESULT_OK)
         return result;
     result = store_code(dir, &code, station, err);
@@ -330,7 +330,7 @@ static enum result use_code_locked(struct enrolment *e, struct error *err) {
     int lock;
     enum result result = issuer_read(e->dir, &e->authority, err);
     if (result == RESULT_OK)
-        result = authority_lock(e->dir, &lock, err);
+        result = authority_lock(e->dir, false, &lock, err);
     if (result != RESULT_OK)
         return result;
     result = use_code(e, err);
@@ -402,7 +402,7 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
     int lock;
     enum result result = check_name(station, err);
     if (result == RESULT_OK)
-        result = authority_lock(dir, &lock, err);
+        result = authority_lock(dir, true, &lock, err);
     if (result != RESULT_OK)
         return result;
     struct records issued = {0}, revoked = {0};
@@ -417,12 +417,4 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
     records_release(&revoked);
     close(lock);
     return result;
-}
-
-bool authority_is_revoked(const char *dir, const char *serial_hex) {
-    struct records revoked;
-    enum result result = records_read(dir, "revoked", &revoked, NULL);
-    bool refused = result != RESULT_OK || contains(&revoked, serial_hex);
-    records_release(&revoked);
-    return refused;
 }

@@ -31,6 +31,8 @@ enum result authority_issue_code(const char *dir, const char *station,
 // Turns code and request (PKCS #10, DER) into a certificate whose common name is the station's.
 // Uses the code up: of two who come with it at once, one gets a certificate. RESULT_REFUSED: no
 // such code, or it is too old. RESULT_FORMAT: mistyped, or not a request with an EC key on P-256.
+// RESULT_TIMEOUT: another process is at work on the folder; nothing has changed, try again. With
+// any other result the fault lies in the folder, and the text names it: not for strangers.
 enum result authority_enrol(const char *dir, const char *code, const uint8_t *request_der,
                             size_t request_size, uint8_t *out_certificate_der,
                             size_t *in_out_certificate_size, uint8_t *out_authority_der,
@@ -39,7 +41,3 @@ enum result authority_enrol(const char *dir, const char *code, const uint8_t *re
 // From now on no certificate or code issued so far to this station is accepted. RESULT_MISSING: no
 // certificate was ever issued to that name.
 enum result authority_revoke(const char *dir, const char *station, struct error *err);
-
-// Whether the serial number (hex) of a station's certificate is revoked; read afresh each time.
-// True also where the record of revocations is there and cannot be read.
-bool authority_is_revoked(const char *dir, const char *serial_hex);

@@ -24,7 +24,7 @@ static enum result path_of(const char *dir, const char *name, char out_path[PATH
     return RESULT_OK;
 }
 
-enum result authority_lock(const char *dir, int *out_fd, struct error *err) {
+enum result authority_lock(const char *dir, bool waits, int *out_fd, struct error *err) {
     char path[PATH_SIZE];
     enum result result = path_of(dir, "lock", path, err);
     if (result != RESULT_OK)
@@ -32,8 +32,13 @@ enum result authority_lock(const char *dir, int *out_fd, struct error *err) {
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    while (flock(fd, LOCK_EX))
-        CHECK(errno == EINTR);
+    while (flock(fd, waits ? LOCK_EX : LOCK_EX | LOCK_NB)) {
+        CHECK(errno == EINTR || errno == EWOULDBLOCK);
+        if (errno == EWOULDBLOCK) {
+            close(fd);
+            return fail(err, RESULT_TIMEOUT, "%s: another process is at work here", path);
+        }
+    }
     *out_fd = fd;
     return RESULT_OK;
 }
@@ -117,7 +122,7 @@ static enum result read_lines(FILE *file, const char *path, struct records *out,
         if (sscanf(line, "%64s %" SCNd64 " %63s%n", record.key, &record.utc_s, record.station,
                    &end) != 3 ||
             line[end] != '\n')
-            return fail(err, RESULT_FORMAT, "%s: line %d is not a key, a time and a station", path,
+            return fail(err, RESULT_CORRUPT, "%s: line %d is not a key, a time and a station", path,
                         number);
         if (out->count == RECORDS_MAX)
             return fail(err, RESULT_LIMIT, "%s: more than %d lines", path, RECORDS_MAX);

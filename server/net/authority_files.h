@@ -4,6 +4,7 @@
 
 #include "base/result.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -23,15 +24,16 @@ struct records {
     int count;
 };
 
-// Waits for the folder's lock, which keeps out other processes and threads; close the descriptor to
-// release it.
-enum result authority_lock(const char *dir, int *out_fd, struct error *err);
+// Takes the folder's lock, which keeps out other processes and threads; close the descriptor to
+// release it. Where another holds it: waits, or, unless `waits`, RESULT_TIMEOUT.
+enum result authority_lock(const char *dir, bool waits, int *out_fd, struct error *err);
 
 // Writes beside, syncs, renames: a reader finds the old file or the new one.
 enum result authority_write(const char *dir, const char *name, const void *data, size_t size,
                             struct error *err);
 
-// A file that is not there has no records. Release with records_release, after an error too.
+// A file that is not there has no records, one with other lines is RESULT_CORRUPT. Release with
+// records_release, after an error too.
 enum result records_read(const char *dir, const char *name, struct records *out_records,
                          struct error *err);
 enum result records_write(const char *dir, const char *name, const struct records *records,

@@ -99,19 +99,6 @@ bool control_send(struct control *control, struct control_peer handle,
     return queued;
 }
 
-void control_refuse(struct control *control, struct control_peer handle,
-                    enum _arthron_Refusal_Reason reason, const char *text) {
-    pthread_mutex_lock(&control->lock);
-    struct slot *slot = find_slot(control, handle);
-    if (slot && !slot->refused) {
-        slot->wakes = slot->refused = true;
-        slot->refusal.reason = reason;
-        snprintf(slot->refusal.text, sizeof slot->refusal.text, "%s", text);
-    }
-    pthread_mutex_unlock(&control->lock);
-    lws_cancel_service(control->context);
-}
-
 // ---- the control thread -------------------------------------------------------------------------
 
 static void serve(struct control *control, const struct slot *slot) {
@@ -120,14 +107,19 @@ static void serve(struct control *control, const struct slot *slot) {
         peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
     else if (slot->overflown)
         lws_set_timeout(peer->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
-    else if (slot->refused)
-        peer_refuse(peer, slot->refusal.reason, "%s", slot->refusal.text);
     else
         lws_callback_on_writable(peer->wsi);
 }
 
 static void on_drained(lws_sorted_usec_list_t *drain) {
     lws_container_of(drain, struct control, drain)->drained = true;
+}
+
+static void hand_out_answers(struct control *control) {
+    struct peer *applicant;
+    arthron_Control answer;
+    while (registrar_next_answer(control->registrar, &applicant, &answer))
+        peer_answered(applicant, &answer);
 }
 
 static void on_wake(struct control *control) {
@@ -143,6 +135,7 @@ static void on_wake(struct control *control) {
         if (slot.peer && (slot.wakes || control->draining))
             serve(control, &slot);
     }
+    hand_out_answers(control);
 }
 
 static int open_peer(struct control *control, struct peer *peer, struct lws *wsi, bool enrols) {
@@ -255,6 +248,11 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
     }
 }
 
+// Out of the registrar's thread.
+static void wake(void *user) {
+    lws_cancel_service(((struct control *)user)->context);
+}
+
 static void *serve_peers(void *argument) {
     struct control *control = argument;
     while (!control->drained && !(control->draining && control->connections == 0))
@@ -326,7 +324,6 @@ static enum result listen_at(struct control *control, const struct control_confi
 static void release(struct control *control) {
     pthread_mutex_destroy(&control->lock);
     SSL_CTX_free(control->no_client);
-    free(control->authority_dir);
     free(control->software);
     free(control);
 }
@@ -337,7 +334,6 @@ enum result control_create(const struct control_config *config,
     lws_set_log_level(0, NULL);
     struct control *control = alloc(1, sizeof *control);
     control->handler = *handler;
-    control->authority_dir = alloc_text(config->authority_dir);
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
     control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
@@ -352,6 +348,7 @@ enum result control_create(const struct control_config *config,
         release(control);
         return result;
     }
+    control->registrar = registrar_create(config->authority_dir, wake, control);
     *out_control = control; // before the thread runs: its handler may ask for it
     CHECK(pthread_create(&control->thread, NULL, serve_peers, control) == 0);
     return RESULT_OK;
@@ -362,6 +359,7 @@ void control_destroy(struct control **control) {
     atomic_store(&c->stopping, true);
     lws_cancel_service(c->context);
     pthread_join(c->thread, NULL);
+    registrar_destroy(&c->registrar);
     lws_context_destroy(c->context); // not before: until now it could still be woken
     release(c);
     *control = NULL;

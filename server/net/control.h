@@ -59,10 +59,6 @@ void control_destroy(struct control **control);
 bool control_send(struct control *control, struct control_peer peer,
                   const arthron_Control *message);
 
-// Closes a peer, telling it why.
-void control_refuse(struct control *control, struct control_peer peer,
-                    enum _arthron_Refusal_Reason reason, const char *text);
-
 struct control_counts {
     uint64_t unknown_messages;   // of a kind that this version does not know: skipped
     uint64_t malformed_messages; // the peer was told and closed

@@ -6,6 +6,7 @@
 #include "base/ring.h"
 #include "net/control.h"
 #include "net/identity.h"
+#include "net/registrar.h"
 
 #include <libwebsockets.h>
 #include <pthread.h>
@@ -24,15 +25,15 @@ struct peer {
     struct lws *wsi;
     struct identity identity;
     bool enrols;  // speaks the subprotocol of enrolment
+    bool applies; // and waits for the registrar's answer
     bool agreed;  // Hello was good: it has a slot
     bool closing; // says one last thing, and hears nothing any more
     bool done;    // has said it
     struct control_peer handle;
     struct clock_offset clock;
     int pings;
-    int64_t heard_ns;   // the last Pong
-    int64_t checked_ns; // when its certificate was last looked up among the revoked ones
-    size_t used;        // of incoming
+    int64_t heard_ns; // the last Pong
+    size_t used;      // of incoming
     uint8_t incoming[WIRE_CONTROL_MAX];
     struct outgoing urgent; // goes before the outbox: Welcome, Refusal, Enrolled; size 0: none
 };
@@ -44,13 +45,11 @@ struct slot {
     struct ring *outbox; // of struct outgoing; the lock makes many producers one
     bool wakes;          // the control thread has something to do for it:
     bool overflown;      // it did not read what it must not miss
-    bool refused;        // control_refuse was called
-    arthron_Refusal refusal;
 };
 
 struct control {
     struct control_handler handler;
-    char *authority_dir;
+    struct registrar *registrar;
     char *software;
     int64_t hello_timeout_ns;
     struct lws_context *context;
@@ -83,6 +82,7 @@ void control_say(struct peer *peer, const arthron_Control *message, bool last);
 
 void peer_opened(struct peer *peer);
 void peer_heard(struct peer *peer, int64_t now_ns); // a whole message is in peer->incoming
+void peer_answered(struct peer *peer, const arthron_Control *answer); // by the registrar
 void peer_gone(struct peer *peer);
 
 // Timeouts, pings, revocation. False: close it at once. *out_next_us: when to call again.

@@ -10,7 +10,7 @@ struct ssl_ctx_st; // OpenSSL's SSL_CTX
 struct identity {
     bool certified;  // the peer showed a certificate of our authority
     char name[64];   // its common name
-    char serial[64]; // hexadecimal, as authority_is_revoked takes it
+    char serial[64]; // hexadecimal, as registrar_is_revoked takes it
 };
 
 // After the handshake. A certificate whose name or serial number does not fit counts as none.

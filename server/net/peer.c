@@ -1,5 +1,4 @@
 #include "base/log.h"
-#include "net/authority.h"
 #include "net/control_parts.h"
 
 #include <stdarg.h>
@@ -10,13 +9,19 @@
 #define FAST_PING_NS (20 * NS_PER_MS)
 #define PING_NS NS_PER_S
 #define SILENCE_NS (5 * NS_PER_S)
-#define REVOCATION_CHECK_NS NS_PER_S
 #define CLOSING_NS NS_PER_S
 #define ENROL_COST_NS NS_PER_S
 #define ENROL_BUDGET_NS (10 * NS_PER_S)
+#define ENROL_WAIT_NS (10 * NS_PER_S)
 #define REMOTE_TIME_MAX (1LL << 60) // beyond it differences of times could overflow
 
 static const char *const capabilities[] = {"datagrams"};
+
+static void withdraw(struct peer *peer) {
+    if (peer->applies && peer->control->registrar) // none: the server has stopped
+        registrar_withdraw(peer->control->registrar, peer);
+    peer->applies = false;
+}
 
 void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...) {
     arthron_Control message = {.which_message = arthron_Control_refusal_tag};
@@ -30,6 +35,7 @@ void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *f
         log_info("control", "%s is sent away: %s", peer->identity.name, refusal->text);
     else
         log_debug("control", "a stranger is sent away: %s", refusal->text);
+    withdraw(peer);
     control_say(peer, &message, true);
 }
 
@@ -38,9 +44,8 @@ void peer_malformed(struct peer *peer, const char *text) {
     peer_refuse(peer, arthron_Refusal_Reason_MALFORMED, "%s", text);
 }
 
-static bool is_revoked(struct peer *peer, int64_t now_ns) {
-    peer->checked_ns = now_ns;
-    return authority_is_revoked(peer->control->authority_dir, peer->identity.serial);
+static bool is_revoked(const struct peer *peer) {
+    return registrar_is_revoked(peer->control->registrar, peer->identity.serial);
 }
 
 void peer_opened(struct peer *peer) {
@@ -51,7 +56,7 @@ void peer_opened(struct peer *peer) {
     const char *why = NULL;
     if (!peer->identity.certified)
         why = "a station needs a certificate: enrol first";
-    else if (is_revoked(peer, clock_now_ns()))
+    else if (is_revoked(peer))
         why = "this certificate is revoked";
     if (!why)
         return;
@@ -60,6 +65,7 @@ void peer_opened(struct peer *peer) {
 }
 
 void peer_gone(struct peer *peer) {
+    withdraw(peer);
     if (!peer->agreed)
         return;
     struct control_handler *handler = &peer->control->handler;
@@ -149,22 +155,21 @@ static void hear_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t no
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
         return;
     }
-    arthron_Control answer = {.which_message = arthron_Control_enrolled_tag};
-    arthron_Enrolled *enrolled = &answer.message.enrolled;
-    size_t certificate_size = sizeof enrolled->certificate_der.bytes;
-    size_t authority_size = sizeof enrolled->authority_der.bytes;
-    struct error err;
-    enum result result =
-        authority_enrol(peer->control->authority_dir, enrol->code, enrol->request_der.bytes,
-                        enrol->request_der.size, enrolled->certificate_der.bytes, &certificate_size,
-                        enrolled->authority_der.bytes, &authority_size, &err);
-    if (result != RESULT_OK) {
-        peer_refuse(peer, arthron_Refusal_Reason_CODE, "%s", err.text);
-        return;
-    }
-    enrolled->certificate_der.size = (pb_size_t)certificate_size;
-    enrolled->authority_der.size = (pb_size_t)authority_size;
-    control_say(peer, &answer, true);
+    peer->applies = registrar_apply(peer->control->registrar, peer, enrol);
+    if (peer->applies)
+        lws_set_timer_usecs(peer->wsi, ENROL_WAIT_NS / 1000);
+    else
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d others wait to be enrolled, try again",
+                    REGISTRAR_APPLICANTS_MAX);
+}
+
+void peer_answered(struct peer *peer, const arthron_Control *answer) {
+    const arthron_Refusal *refusal = &answer->message.refusal;
+    peer->applies = false;
+    if (answer->which_message == arthron_Control_refusal_tag)
+        peer_refuse(peer, refusal->reason, "%s", refusal->text);
+    else
+        control_say(peer, answer, true);
 }
 
 // ---- clock --------------------------------------------------------------------------------------
@@ -203,12 +208,12 @@ static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t recei
 // ---- messages -----------------------------------------------------------------------------------
 
 static void hear_stranger(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
-    if (peer->enrols && message->which_message == arthron_Control_enrol_tag)
+    if (peer->enrols && !peer->applies && message->which_message == arthron_Control_enrol_tag)
         hear_enrol(peer, &message->message.enrol, now_ns);
     else if (!peer->enrols && message->which_message == arthron_Control_hello_tag)
         hear_hello(peer, &message->message.hello, now_ns);
     else
-        peer_malformed(peer, peer->enrols ? "the only message here is Enrol"
+        peer_malformed(peer, peer->enrols ? "the only message here is one Enrol"
                                           : "the first message must be Hello");
 }
 
@@ -249,6 +254,11 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
     *out_next_us = CLOSING_NS / 1000;
     if (peer->closing)
         return false; // it did not take its last message in time
+    if (peer->applies) {
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY,
+                    "the server's keys are in use, try again with the same code");
+        return true;
+    }
     if (!peer->agreed) {
         peer_refuse(peer, arthron_Refusal_Reason_MALFORMED, "no %s in time",
                     peer->enrols ? "Enrol" : "Hello");
@@ -258,7 +268,7 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
         log_warning("control", "%s: no answer for 5 s", peer->identity.name);
         return false;
     }
-    if (now_ns - peer->checked_ns >= REVOCATION_CHECK_NS && is_revoked(peer, now_ns)) {
+    if (is_revoked(peer)) {
         atomic_fetch_add(&peer->control->refused_certificates, 1);
         peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "this certificate is revoked");
         return true;

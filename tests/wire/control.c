@@ -1,10 +1,14 @@
 // The control connection as the server sees it, spoken to by a client that knows no manners.
 #include "base/clock.h"
 #include "net/authority.h"
+#include "net/authority_files.h"
+#include "net/registrar.h"
 #include "test.h"
 #include "wire/doorman.h"
 #include "wire/websocket.h"
 
+#include <openssl/evp.h>
+#include <openssl/x509.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,6 +16,7 @@
 
 static struct doorman doorman;
 static char anna[128];
+static int keys_lock = -1; // of hold_the_keys
 
 static int open_house(void **state) {
     (void)state;
@@ -21,8 +26,15 @@ static int open_house(void **state) {
     return 0;
 }
 
+static void let_go_of_the_keys(void) {
+    if (keys_lock >= 0)
+        close(keys_lock);
+    keys_lock = -1;
+}
+
 static int close_house(void **state) {
     (void)state;
+    let_go_of_the_keys(); // where the test failed before it could
     doorman_close(&doorman);
     return 0;
 }
@@ -221,6 +233,162 @@ static void revoking_closes_the_connection_and_the_door(void **state) {
     expect_refusal(call_as(anna), arthron_Refusal_Reason_IDENTITY);
 }
 
+// ---- enrolment ----------------------------------------------------------------------------------
+
+// As another process would.
+static void hold_the_keys(void) {
+    assert_int_equal(authority_lock(doorman.keys, true, &keys_lock, NULL), RESULT_OK);
+}
+
+static arthron_Control good_enrol(const char *station) {
+    arthron_Control message = {.which_message = arthron_Control_enrol_tag};
+    arthron_Enrol *enrol = &message.message.enrol;
+    assert_int_equal(authority_issue_code(doorman.keys, station, enrol->code, NULL), RESULT_OK);
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    X509_REQ *request = X509_REQ_new();
+    X509_NAME_add_entry_by_txt(X509_REQ_get_subject_name(request), "CN", MBSTRING_UTF8,
+                               (const unsigned char *)station, -1, -1, 0);
+    X509_REQ_set_pubkey(request, key);
+    assert_true(X509_REQ_sign(request, key, EVP_sha256()) > 0);
+    unsigned char *der = enrol->request_der.bytes;
+    enrol->request_der.size = (pb_size_t)i2d_X509_REQ(request, &der);
+    X509_REQ_free(request);
+    EVP_PKEY_free(key);
+    return message;
+}
+
+static struct websocket *apply(const arthron_Control *enrol) {
+    struct websocket *socket = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    assert_non_null(socket);
+    tell(socket, enrol);
+    return socket;
+}
+
+static void expect_enrolled(struct websocket *socket) {
+    arthron_Control message;
+    assert_true(hear(socket, &message));
+    assert_int_equal(message.which_message, arthron_Control_enrolled_tag);
+    assert_false(hear(socket, &message));
+    websocket_close(socket);
+}
+
+static void expect_reply(struct websocket *socket, uint32_t number) {
+    arthron_Control message = {.which_message = arthron_Control_frame_tag};
+    message.message.frame.number = number;
+    tell(socket, &message);
+    assert_true(hear_kind(socket, arthron_Control_reply_tag, &message));
+    assert_int_equal(message.message.reply.frame_number, number);
+}
+
+static void while_another_process_holds_the_keys_frames_are_answered(void **state) {
+    (void)state;
+    arthron_Control enrol = good_enrol("bert");
+    struct websocket *station = call_and_greet();
+    hold_the_keys();
+    struct websocket *stranger = apply(&enrol);
+    for (uint32_t number = 1; number <= 50; number++) {
+        expect_reply(station, number);
+        usleep(10000);
+    }
+    let_go_of_the_keys();
+    expect_enrolled(stranger);
+    expect_reply(station, 51);
+    websocket_close(station);
+}
+
+static void revoking_works_while_an_enrolment_waits(void **state) {
+    (void)state;
+    arthron_Control enrol = good_enrol("bert");
+    struct websocket *station = call_and_greet();
+    assert_int_equal(authority_revoke(doorman.keys, "anna", NULL), RESULT_OK);
+    hold_the_keys();
+    struct websocket *stranger = apply(&enrol);
+    expect_refusal(station, arthron_Refusal_Reason_IDENTITY);
+    expect_refusal(call_as(anna), arthron_Refusal_Reason_IDENTITY);
+    let_go_of_the_keys();
+    expect_enrolled(stranger);
+}
+
+static void who_leaves_while_it_waits_keeps_its_code(void **state) {
+    (void)state;
+    arthron_Control enrol = good_enrol("bert");
+    hold_the_keys();
+    struct websocket *impatient = apply(&enrol);
+    tell(impatient, &enrol); // once is enough: what follows ends the first
+    expect_refusal(impatient, arthron_Refusal_Reason_MALFORMED);
+    let_go_of_the_keys();
+    expect_enrolled(apply(&enrol));
+}
+
+static void count_news(void *user) {
+    atomic_fetch_add((atomic_int *)user, 1);
+}
+
+static void no_more_than_ten_wait_to_be_enrolled(void **state) {
+    (void)state;
+    static char places[REGISTRAR_APPLICANTS_MAX + 1]; // an applicant is only an address
+    arthron_Control enrol = good_enrol("bert"), answer;
+    struct peer *applicant, *last = (struct peer *)&places[REGISTRAR_APPLICANTS_MAX];
+    atomic_int news = 0;
+    int enrolled = 0;
+    hold_the_keys();
+    struct registrar *registrar = registrar_create(doorman.keys, count_news, &news);
+    for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
+        assert_true(registrar_apply(registrar, (struct peer *)&places[i], &enrol.message.enrol));
+    assert_false(registrar_apply(registrar, last, &enrol.message.enrol));
+    registrar_withdraw(registrar, (struct peer *)&places[0]);
+    for (int tries = 0; !registrar_apply(registrar, last, &enrol.message.enrol); tries++) {
+        assert_in_range(tries, 0, 1000);
+        usleep(2000);
+    }
+    assert_false(registrar_next_answer(registrar, &applicant, &answer));
+    let_go_of_the_keys();
+    assert_true(wait_for(&news, REGISTRAR_APPLICANTS_MAX));
+    for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++) {
+        assert_true(registrar_next_answer(registrar, &applicant, &answer));
+        assert_ptr_not_equal(applicant, &places[0]);
+        enrolled += answer.which_message == arthron_Control_enrolled_tag;
+    }
+    assert_int_equal(enrolled, 1); // they all had the same code
+    assert_false(registrar_next_answer(registrar, &applicant, &answer));
+    registrar_destroy(&registrar);
+}
+
+static void a_server_can_stop_while_an_enrolment_waits(void **state) {
+    (void)state;
+    arthron_Control enrol = good_enrol("bert");
+    struct websocket *station = call_and_greet();
+    hold_the_keys();
+    struct websocket *stranger = apply(&enrol);
+    expect_pong(station);
+    doorman_stop(&doorman);
+    websocket_close(stranger);
+    websocket_close(station);
+    let_go_of_the_keys();
+    doorman_start(&doorman);
+    expect_enrolled(apply(&enrol));
+}
+
+static void a_stranger_learns_nothing_of_the_servers_files(void **state) {
+    (void)state;
+    static const char *const broken[] = {"authority.key", "authority.pem", "codes", "issued"};
+    for (size_t i = 0; i < sizeof broken / sizeof *broken; i++) {
+        arthron_Control enrol = good_enrol("bert"), message;
+        char path[128], aside[160];
+        snprintf(path, sizeof path, "%s/%s", doorman.keys, broken[i]);
+        snprintf(aside, sizeof aside, "%s.aside", path);
+        assert_int_equal(rename(path, aside), 0);
+        assert_int_equal(authority_write(doorman.keys, broken[i], "?", 1, NULL), RESULT_OK);
+        struct websocket *socket = apply(&enrol);
+        assert_true(hear(socket, &message));
+        assert_int_equal(message.message.refusal.reason, arthron_Refusal_Reason_CODE);
+        assert_true(message.message.refusal.text[0]);
+        assert_null(strstr(message.message.refusal.text, doorman.dir));
+        websocket_close(socket);
+        assert_int_equal(rename(aside, path), 0);
+    }
+}
+
 // ---- messages -----------------------------------------------------------------------------------
 
 static void an_unknown_message_is_skipped_and_counted(void **state) {
@@ -357,13 +525,6 @@ static void a_stopping_server_says_so(void **state) {
     assert_int_equal(atomic_load(&doorman.gone), 1);
 }
 
-static void the_handler_can_send_a_peer_away(void **state) {
-    (void)state;
-    struct websocket *socket = call_and_greet();
-    control_refuse(doorman.control, doorman.peer, arthron_Refusal_Reason_NO_CASE, "no case");
-    expect_refusal(socket, arthron_Refusal_Reason_NO_CASE);
-}
-
 static void a_port_that_is_taken_is_named(void **state) {
     (void)state;
     struct control_handler handler = {0};
@@ -405,7 +566,12 @@ int main(void) {
         IN_A_HOUSE(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
         IN_A_HOUSE(a_message_for_a_peer_that_is_gone_goes_nowhere),
         IN_A_HOUSE(a_stopping_server_says_so),
-        IN_A_HOUSE(the_handler_can_send_a_peer_away),
+        IN_A_HOUSE(while_another_process_holds_the_keys_frames_are_answered),
+        IN_A_HOUSE(revoking_works_while_an_enrolment_waits),
+        IN_A_HOUSE(who_leaves_while_it_waits_keeps_its_code),
+        IN_A_HOUSE(no_more_than_ten_wait_to_be_enrolled),
+        IN_A_HOUSE(a_server_can_stop_while_an_enrolment_waits),
+        IN_A_HOUSE(a_stranger_learns_nothing_of_the_servers_files),
         IN_A_HOUSE(a_port_that_is_taken_is_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

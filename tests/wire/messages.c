@@ -154,7 +154,10 @@ static void fill_hello(arthron_Hello *hello) {
                              .software = "arthron-station 1",
                              .devices_count = 2,
                              .devices = {{"encoders", "modbus"}, {"optical", "tracker"}},
-                             .connection = 99};
+                             .connection = 99,
+                             .has_calibration = true,
+                             .calibration = {1790000000, 0.25, 0.5},
+                             .visit = true};
 }
 
 static void fill_keys(arthron_UdpKeys *keys) {
@@ -564,6 +567,21 @@ static void poses_of_a_reply_that_are_none_are_refused(void **state) {
     free(m);
 }
 
+static void residuals_of_a_hello_that_are_none_are_refused(void **state) {
+    (void)state;
+    const double bad[] = {-0.1, NAN, INFINITY};
+    arthron_Control *m = malloc(sizeof *m);
+    for (int i = 0; i < 3; i++) {
+        fill_control(arthron_Control_hello_tag, m);
+        m->message.hello.calibration.residual_mm = bad[i];
+        assert_control_refused(m, "residual");
+        fill_control(arthron_Control_hello_tag, m);
+        m->message.hello.calibration.residual_deg = bad[i];
+        assert_control_refused(m, "residual");
+    }
+    free(m);
+}
+
 static void a_refusal_for_a_reason_of_a_later_version_is_still_one(void **state) {
     (void)state;
     arthron_Control *m = malloc(sizeof *m);
@@ -637,6 +655,7 @@ int main(void) {
         cmocka_unit_test(numbers_that_are_no_enum_are_refused),
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
         cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
+        cmocka_unit_test(residuals_of_a_hello_that_are_none_are_refused),
         cmocka_unit_test(a_refusal_for_a_reason_of_a_later_version_is_still_one),
         cmocka_unit_test(a_text_that_fills_its_array_is_not_sent),
         cmocka_unit_test(values_out_of_their_range_do_not_become_a_frame),

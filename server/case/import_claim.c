@@ -137,6 +137,22 @@ static enum result claim_of_ply(struct reading *r, const char *path, struct impo
 // ---- OFF and OBJ
 // ---------------------------------------------------------------------------------
 
+// A vertex begins with three numbers, a face with the number of its corners and so many more.
+static bool is_off_line(const char *line, bool face) {
+    char *end = (char *)line;
+    long count = face ? strtol(line, &end, 10) : 3;
+    bool sound = !face || (end != line && count > 0);
+    for (long i = 0; sound && i < count; i++) {
+        const char *at = end;
+        if (face)
+            strtol(at, &end, 10);
+        else
+            strtod(at, &end);
+        sound = end != at && (!*end || isspace((unsigned char)*end));
+    }
+    return sound;
+}
+
 static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
@@ -145,7 +161,12 @@ static enum result claim_of_off(struct reading *r, const char *path, struct impo
     if (!sound || sscanf(r->line, "%9u %9u", &out->vertices, &out->faces) != 2)
         return fail(err, RESULT_FORMAT, "%s: line %u: not the header of a text OFF file", path,
                     r->number);
-    uint64_t lines = count_data(r), said = (uint64_t)out->vertices + out->faces;
+    uint64_t lines = 0, said = (uint64_t)out->vertices + out->faces;
+    while (next_line(r)) {
+        if (is_data(r->line) && !is_off_line(r->line, lines++ >= out->vertices))
+            return fail(err, RESULT_FORMAT, "%s: line %u: neither a vertex nor a face", path,
+                        r->number);
+    }
     if (lines != said)
         return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
                     (unsigned long long)lines, (unsigned long long)said);

@@ -11,7 +11,8 @@
 
 // Magic and version, size of the fields, fields, checksum.
 static size_t mend_header(uint8_t *data, size_t size) {
-    struct reader r = {data, size, 10};
+    struct reader r = {data, size, 0};
+    read_bytes(&r, 10);
     size_t used = 14 + (size_t)read_u32(&r);
     if (r.underflow || used + 8 > size)
         return size;

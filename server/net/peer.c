@@ -13,7 +13,6 @@
 #define ENROL_COST_NS NS_PER_S
 #define ENROL_BUDGET_NS (10 * NS_PER_S)
 #define ENROL_WAIT_NS (10 * NS_PER_S)
-#define REMOTE_TIME_MAX (1LL << 60) // beyond it differences of times could overflow
 
 static const char *const capabilities[] = {"datagrams"};
 
@@ -188,7 +187,7 @@ static void hear_ping(struct peer *peer, const arthron_Ping *ping, int64_t recei
 }
 
 static bool is_remote_time(int64_t time_ns) {
-    return time_ns >= 0 && time_ns < REMOTE_TIME_MAX;
+    return time_ns >= 0 && time_ns < WIRE_TIME_MAX_NS;
 }
 
 static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {

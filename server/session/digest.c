@@ -5,7 +5,7 @@
 
 #include <xxhash.h>
 
-static void write_instrument(struct writer *w, const struct instrument_output *o) {
+void digest_write_instrument(struct writer *w, const struct instrument_output *o) {
     write_u8(w, o->present);
     if (!o->present)
         return;
@@ -42,7 +42,7 @@ uint64_t digest_output(uint64_t previous, const struct session_output *out) {
     for (int i = 0; i < BODY_COUNT; i++)
         write_pose(&w, out->T_mockup_body[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        write_instrument(&w, &out->instruments[i]);
+        digest_write_instrument(&w, &out->instruments[i]);
     CHECK(!w.overflow);
     return XXH3_64bits(data, w.used);
 }

@@ -2,6 +2,7 @@
 
 #include "base/bytes.h"
 #include "base/check.h"
+#include "session/digest.h"
 
 #include <string.h>
 #include <xxhash.h>
@@ -225,23 +226,6 @@ static bool read_input(struct reader *r, struct session_input *out) {
 
 // ---- the output of a step
 
-static void write_instrument(struct writer *w, const struct instrument_output *o) {
-    write_u8(w, o->present);
-    if (!o->present)
-        return;
-    write_u8(w, (uint8_t)o->validity);
-    write_pose(w, o->T_mockup_tip);
-    write_pose(w, o->T_mockup_warped);
-    write_vec3(w, o->warp.displacement);
-    for (int i = 0; i < 9; i++)
-        write_f64(w, o->warp.gradient.m[i / 3][i % 3]);
-    write_f64(w, o->warp.trust_radius_mm);
-    write_u32(w, (uint32_t)o->warp.nearest);
-    write_f64(w, o->warp.nearest_mm);
-    write_f64(w, o->gain);
-    write_handle(w, &o->handle);
-}
-
 static bool read_instrument(struct reader *r, struct instrument_output *out) {
     unsigned present = read_u8(r);
     out->present = present == 1;
@@ -273,7 +257,7 @@ static void write_output(struct writer *w, const struct session_output *out) {
     for (int i = 0; i < BODY_COUNT; i++)
         write_pose(w, out->T_mockup_body[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        write_instrument(w, &out->instruments[i]);
+        digest_write_instrument(w, &out->instruments[i]);
     write_u64(w, out->hash);
 }
 

@@ -1,6 +1,9 @@
 #include "case/import_claim.h"
 
+#include "base/number.h"
+
 #include <ctype.h>
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -47,14 +50,6 @@ static bool starts_with_word(const char *line, const char *word) {
            (isspace((unsigned char)line[length]) || !line[length]);
 }
 
-// The lines of data that are left.
-static uint64_t count_data(struct reading *r) {
-    uint64_t count = 0;
-    while (next_line(r))
-        count += is_data(r->line);
-    return count;
-}
-
 // ---- PLY
 // -----------------------------------------------------------------------------------------
 
@@ -68,27 +63,52 @@ static bool is_type(const char *word) {
     return false;
 }
 
-// A list's length has at most 16 bits: OpenMesh makes room for whatever it reads there.
+// OpenMesh makes room for whatever it reads as a list's length: at most 16 bits, and no sign.
 static bool is_length_type(const char *word) {
-    return is_type(word) && !strstr(word, "int3") && strcmp(word, "int") != 0 &&
-           strcmp(word, "uint") != 0 && !strstr(word, "float") && strcmp(word, "double") != 0;
+    return strcmp(word, "uchar") == 0 || strcmp(word, "uint8") == 0 ||
+           strcmp(word, "ushort") == 0 || strcmp(word, "uint16") == 0;
 }
+
+#define PLY_ELEMENTS_MAX 8
+#define PLY_PROPERTIES_MAX 64
+
+struct ply_element {
+    uint32_t count;
+    int property_count;
+    struct {
+        bool list, real;
+    } properties[PLY_PROPERTIES_MAX];
+};
 
 struct ply {
     bool text;
-    uint64_t elements;
+    int element_count;
+    struct ply_element elements[PLY_ELEMENTS_MAX];
     struct import_claim claim;
 };
 
 static bool take_element(const char *name, const char *count, struct ply *ply) {
-    if (strlen(count) >= 10 || strspn(count, "0123456789") != strlen(count))
+    if (strlen(count) >= 10 || strspn(count, "0123456789") != strlen(count) ||
+        ply->element_count == PLY_ELEMENTS_MAX)
         return false;
     uint32_t value = (uint32_t)strtoul(count, NULL, 10);
-    ply->elements += value;
+    ply->elements[ply->element_count++].count = value;
     if (strcmp(name, "vertex") == 0)
         ply->claim.vertices = value;
     if (strcmp(name, "face") == 0)
         ply->claim.faces = value;
+    return true;
+}
+
+static bool take_property(const char *type, bool list, struct ply *ply) {
+    if (!ply->element_count || !is_type(type))
+        return false;
+    struct ply_element *element = &ply->elements[ply->element_count - 1];
+    if (element->property_count == PLY_PROPERTIES_MAX)
+        return false;
+    int i = element->property_count++;
+    element->properties[i].list = list;
+    element->properties[i].real = *type == 'f' || *type == 'd';
     return true;
 }
 
@@ -110,8 +130,49 @@ static bool take_header_line(const char *line, struct ply *ply) {
     if (strcmp(word[0], "property") != 0)
         return false;
     if (strcmp(word[1], "list") == 0)
-        return count == 5 && is_length_type(word[2]) && is_type(word[3]);
-    return count == 3 && is_type(word[1]);
+        return count == 5 && is_length_type(word[2]) && take_property(word[3], true, ply);
+    return count == 3 && take_property(word[1], false, ply);
+}
+
+// Takes the line apart.
+static bool is_ply_row(char *line, const struct ply_element *element) {
+    char *rest, *word = strtok_r(line, " \t", &rest);
+    for (int p = 0; p < element->property_count; p++) {
+        int64_t count = 1, whole;
+        double real;
+        if (element->properties[p].list) {
+            if (!word || !number_int(word, 0, UINT16_MAX, &count))
+                return false;
+            word = strtok_r(NULL, " \t", &rest);
+        }
+        for (; count > 0; count--, word = strtok_r(NULL, " \t", &rest))
+            if (!word ||
+                !(element->properties[p].real ? number_double(word, -FLT_MAX, FLT_MAX, &real)
+                                              : number_int(word, INT32_MIN, INT32_MAX, &whole)))
+                return false;
+    }
+    return word == NULL;
+}
+
+static enum result check_ply_rows(struct reading *r, const char *path, struct ply *ply,
+                                  struct error *err) {
+    uint64_t said = 0, lines = 0, end = 0; // end: of the element's rows
+    int next = 0;
+    for (int i = 0; i < ply->element_count; i++)
+        said += ply->elements[i].count;
+    while (next_line(r)) {
+        if (!is_data(r->line))
+            continue;
+        while (lines == end && next < ply->element_count)
+            end += ply->elements[next++].count;
+        if (lines++ < end && !is_ply_row(r->line, &ply->elements[next - 1]))
+            return fail(err, RESULT_FORMAT, "%s: line %u: not what the header says", path,
+                        r->number);
+    }
+    if (lines != said)
+        return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
+                    (unsigned long long)lines, (unsigned long long)said);
+    return RESULT_OK;
 }
 
 static enum result claim_of_ply(struct reading *r, const char *path, struct import_claim *out,
@@ -126,12 +187,8 @@ static enum result claim_of_ply(struct reading *r, const char *path, struct impo
     if (!sound || !ended)
         return fail(err, RESULT_FORMAT, "%s: the PLY header %s line %u", path,
                     sound ? "does not end by" : "is not understood in", r->number);
-    uint64_t lines = ply.text ? count_data(r) : 0;
-    if (ply.text && lines != ply.elements)
-        return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
-                    (unsigned long long)lines, (unsigned long long)ply.elements);
     *out = ply.claim;
-    return RESULT_OK;
+    return ply.text ? check_ply_rows(r, path, &ply, err) : RESULT_OK;
 }
 
 // ---- OFF and OBJ

@@ -1,5 +1,5 @@
 // What a surface file says that it holds: what arrives from a reader is held against it. Lines and
-// headers are counted; of numbers only those of STL are looked at.
+// headers are counted, and the form of what they hold is looked at.
 #pragma once
 
 #include <stdint.h>
@@ -21,11 +21,12 @@ struct import_claim {
 
 // By the ending of the name: .ply, .obj, .stl, .off. Refused, with the path and where it can be
 // told the line: what OpenMesh misreads or reads on for ever. That is a PLY header that does not
-// end or has lines of another form; text with more or fewer lines of data than its header says;
-// lines of an OFF that are neither a vertex nor a face; lines of an OBJ that are continued, faces
-// whose corners are not numbers, and materials outside of its folder; zero bytes in a text; an STL
-// whose size is not that of its triangles, whose facets are not three vertices of three numbers,
-// whose solids do not end, or with numbers that are none.
+// end or has lines of another form; text with more, fewer or other lines of data than its header
+// says; list lengths with a sign or over 16 bits; lines of an OFF that are neither a vertex nor a
+// face; lines of an OBJ that are continued, faces whose corners are not numbers, and materials
+// outside of its folder; zero bytes in a text; an STL whose size is not that of its triangles,
+// whose facets are not three vertices of three numbers, whose solids do not end, or with numbers
+// that are none.
 enum result import_claim_of(const char *path, struct import_claim *out_claim, struct error *err);
 
 #ifdef __cplusplus

@@ -24,6 +24,13 @@ static enum result path_of(const char *dir, const char *name, char out_path[PATH
     return RESULT_OK;
 }
 
+// An administrator works here as root, the server as a user of its own: files belong to whom the
+// folder belongs.
+static bool give_to_owner(const char *dir, int fd) {
+    struct stat owner;
+    return geteuid() != 0 || (!stat(dir, &owner) && !fchown(fd, owner.st_uid, owner.st_gid));
+}
+
 enum result authority_lock(const char *dir, bool waits, int *out_fd, struct error *err) {
     char path[PATH_SIZE];
     enum result result = path_of(dir, "lock", path, err);
@@ -32,6 +39,10 @@ enum result authority_lock(const char *dir, bool waits, int *out_fd, struct erro
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    if (!give_to_owner(dir, fd)) {
+        close(fd);
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    }
     while (flock(fd, waits ? LOCK_EX : LOCK_EX | LOCK_NB)) {
         CHECK(errno == EINTR || errno == EWOULDBLOCK);
         if (errno == EWOULDBLOCK) {
@@ -72,7 +83,7 @@ static bool replace(const char *dir, const char *path, const char *beside, const
     int fd = open(beside, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (fd < 0)
         return false;
-    bool written = write_all(fd, data, size);
+    bool written = give_to_owner(dir, fd) && write_all(fd, data, size);
     written &= !close(fd);
     return written && !rename(beside, path) && sync_folder(dir);
 }

@@ -180,8 +180,7 @@ pose case_patella_pose(const struct knee_case *knee, double flexion_deg) {
     return keys[count - 1].T_femur_patella;
 }
 
-// ---- what every case must be
-// ---------------------------------------------------------------------
+// ---- what every case must be --------------------------------------------------------------------
 
 static enum result check_displacement(const struct case_group *group, const char *name,
                                       const float *values, struct error *err) {

@@ -25,8 +25,7 @@ static uint64_t hash_of_both(const void *manifest, size_t manifest_size, const v
     return hash;
 }
 
-// ---- loading
-// -------------------------------------------------------------------------------------
+// ---- loading ------------------------------------------------------------------------------------
 
 struct case_bytes {
     uint8_t *manifest, *anatomy;
@@ -142,8 +141,7 @@ enum result case_load(const char *dir, const struct case_limits *limits,
     return result;
 }
 
-// ---- saving
-// --------------------------------------------------------------------------------------
+// ---- saving -------------------------------------------------------------------------------------
 
 // A part as a node; its triangles count from the group's first vertex and are moved into `indices`.
 static struct gltf_node node_of_part(const struct case_group *group, const struct case_part *part,

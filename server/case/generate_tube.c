@@ -83,7 +83,7 @@ static void even_angles(vec3 (*outline)(double angle, const void *shape), const 
     }
 }
 
-// ---- menisci -----------------------------------------------------------------------------------
+// ---- menisci ------------------------------------------------------------------------------------
 
 // Angles about the middle of the compartment: 0 outward, 90 degrees anterior.
 struct outline {
@@ -200,7 +200,7 @@ bool tube_meniscus(bool is_lateral, double volume, double edge, struct mesh *out
     return reached;
 }
 
-// ---- ligaments ---------------------------------------------------------------------------------
+// ---- ligaments ----------------------------------------------------------------------------------
 
 // They move with the tibia, so their femoral ends lie near the flexion axis.
 const struct ligament ligaments[LIGAMENT_COUNT] = {

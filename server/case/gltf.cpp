@@ -24,8 +24,7 @@ float to_metres(float mm) {
     return (float)((double)mm / mm_per_m);
 }
 
-// ---- reading
-// -------------------------------------------------------------------------------------
+// ---- reading ------------------------------------------------------------------------------------
 
 struct elements {
     const unsigned char *first;
@@ -362,8 +361,7 @@ const struct gltf_node *gltf_at(const struct gltf *gltf, uint32_t index) {
     return &gltf->nodes.at(index).view;
 }
 
-// ---- writing
-// -------------------------------------------------------------------------------------
+// ---- writing ------------------------------------------------------------------------------------
 
 namespace {
 

@@ -5,7 +5,8 @@
 // and `maxcut` (mesh.extras.targetNames) as differences. Materials, normals, cameras, lights are
 // passed over. Refused, with node and accessor: sparse or quantised accessors, required extensions
 // (Draco and the like), anything outside of the file, images, nodes with a transform or a parent,
-// and whatever does not lie within its buffer view, read or not. Files are in metres, memory in millimetres.
+// and whatever does not lie within its buffer view, read or not. Files are in metres, memory in
+// millimetres.
 #pragma once
 
 #include <stdint.h>
@@ -48,9 +49,10 @@ enum result gltf_encode(const struct gltf_node *nodes, uint32_t count, uint8_t *
                         size_t *out_size, struct error *err);
 
 // What must hold before tinygltf may see a file: version 2, chunks within their bounds and one of
-// each type, JSON that is not nested deeply, lists that are lists, exactly one buffer inside the file, no images, no required extension. Its own
-// checks leave gaps there: a BIN chunk read 8 bytes past its end, a copy of it for each buffer
-// listed, images taken from unchecked views, unbounded recursion, 0 for a negative offset.
+// each type, JSON that is not nested deeply, lists that are lists, exactly one buffer inside the
+// file, no images, no required extension. Its own checks leave gaps there: a BIN chunk read 8 bytes
+// past its end, a copy of it for each buffer listed, images taken from unchecked views, unbounded
+// recursion, 0 for a negative offset.
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err);
 
 #ifdef __cplusplus

@@ -121,8 +121,7 @@ enum body import_default_body(const char *group) {
     return BODY_FEMUR;
 }
 
-// ---- size
-// ----------------------------------------------------------------------------------------
+// ---- size ---------------------------------------------------------------------------------------
 
 enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
                               struct error *err) {
@@ -136,8 +135,7 @@ enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
                 unit ? unit : "");
 }
 
-// ---- joint
-// ---------------------------------------------------------------------------------------
+// ---- joint --------------------------------------------------------------------------------------
 
 pose import_estimate_joint(struct knee_case *knee) {
     const struct case_group *femur = case_group(knee, "femur");

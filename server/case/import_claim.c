@@ -50,8 +50,7 @@ static bool starts_with_word(const char *line, const char *word) {
            (isspace((unsigned char)line[length]) || !line[length]);
 }
 
-// ---- PLY
-// -----------------------------------------------------------------------------------------
+// ---- PLY ----------------------------------------------------------------------------------------
 
 static bool is_type(const char *word) {
     static const char *const types[] = {"char",  "uchar",   "short",  "ushort", "int",   "uint",
@@ -191,8 +190,7 @@ static enum result claim_of_ply(struct reading *r, const char *path, struct impo
     return ply.text ? check_ply_rows(r, path, &ply, err) : RESULT_OK;
 }
 
-// ---- OFF and OBJ
-// ---------------------------------------------------------------------------------
+// ---- OFF and OBJ --------------------------------------------------------------------------------
 
 // A vertex begins with three numbers, a face with the number of its corners and so many more.
 static bool is_off_line(const char *line, bool face) {
@@ -281,8 +279,7 @@ static enum result claim_of_obj(struct reading *r, const char *path, struct impo
     return RESULT_OK;
 }
 
-// ---- STL
-// -----------------------------------------------------------------------------------------
+// ---- STL ----------------------------------------------------------------------------------------
 
 static bool is_three_numbers(const char *text) {
     for (int i = 0; i < 3; i++) {

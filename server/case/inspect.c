@@ -42,8 +42,7 @@ vec3 inspect_joint_centre(const struct knee_case *knee) {
     return knee->joint.T_femur_joint.translation;
 }
 
-// ---- the medial plateau
-// --------------------------------------------------------------------------
+// ---- the medial plateau -------------------------------------------------------------------------
 
 // The height z over (x, y) of a triangle seen from above; false where (x, y) is beside it.
 static bool height_over(const vec3 p[3], double x, double y, double *out_z) {
@@ -97,8 +96,7 @@ bool inspect_medial_plateau(struct knee_case *knee, vec3 *out_point) {
     return isfinite(top.z);
 }
 
-// ---- findings
-// ------------------------------------------------------------------------------------
+// ---- findings -----------------------------------------------------------------------------------
 
 static void inspect_surface(const struct case_group *group, struct inspection *out) {
     struct topology t = topology_of(&group->mesh);

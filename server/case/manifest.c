@@ -254,8 +254,7 @@ enum result manifest_read(const char *text, size_t size, struct knee_case **out_
     return m.result;
 }
 
-// ---- writing
-// -------------------------------------------------------------------------------------
+// ---- writing ------------------------------------------------------------------------------------
 
 static json_t *numbers(int count, const double *values) {
     json_t *array = json_array();

@@ -64,7 +64,7 @@ static vec3 on_surface(const struct query *surface, vec3 p) {
     return closest.point;
 }
 
-// ---- palpate -----------------------------------------------------------------------------------
+// ---- palpate ------------------------------------------------------------------------------------
 
 // A line on a surface, in the group's frame: points of the surface and their way from the start.
 struct line {
@@ -142,7 +142,7 @@ static enum result palpate(struct plan *plan, struct hand *hand, const struct mo
     return result;
 }
 
-// ---- bite --------------------------------------------------------------------------------------
+// ---- bite ---------------------------------------------------------------------------------------
 
 // The vertex nearest to the group's middle that the shaft reaches past all bones.
 static enum result reachable_point(struct plan *plan, const struct hand *hand,
@@ -196,7 +196,7 @@ static enum result bite(struct plan *plan, struct hand *hand, const struct motio
     return plan_move(plan, hand, before);
 }
 
-// ---- the whole script --------------------------------------------------------------------------
+// ---- the whole script ---------------------------------------------------------------------------
 
 static enum result do_step(struct plan *plan, const struct motion_step *step) {
     if (step->verb == MOTION_FLEX)

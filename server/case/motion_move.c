@@ -23,7 +23,7 @@ static double hand_depth(const struct hand *hand) {
     return vec3_distance(hand->tip, hand->portal.position);
 }
 
-// ---- rows --------------------------------------------------------------------------------------
+// ---- rows ---------------------------------------------------------------------------------------
 
 // The deepest that the segment lies inside a bone, and in which.
 static double depth_in_bones(const struct plan *plan, vec3 from, vec3 to, enum body *out_body) {
@@ -92,7 +92,7 @@ enum result plan_add_row(struct plan *plan, const struct case_group *touch) {
     return RESULT_OK;
 }
 
-// ---- segments ----------------------------------------------------------------------------------
+// ---- segments -----------------------------------------------------------------------------------
 
 // Minimum jerk from 0 to 1: its highest speed is 15/8 of the mean.
 double plan_progress(int row, int rows) {

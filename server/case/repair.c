@@ -34,8 +34,7 @@ static uint32_t remove_repeated_corners(struct mesh *mesh) {
     return before - mesh->triangle_count;
 }
 
-// ---- what is left
-// --------------------------------------------------------------------------------
+// ---- what is left -------------------------------------------------------------------------------
 
 static uint32_t count_flat(const struct mesh *mesh) {
     uint32_t count = 0;

@@ -59,8 +59,7 @@ static void keep_first_ones(struct mesh *mesh, bool *doubled) {
     free(triples);
 }
 
-// ---- walls
-// ---------------------------------------------------------------------------------------
+// ---- walls --------------------------------------------------------------------------------------
 
 // Doubled triangles of one edge belong to one wall. Where other triangles are there too, it tells
 // how many edges would be even without the wall, less those that are even with it.

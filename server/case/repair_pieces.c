@@ -79,8 +79,7 @@ static void pieces_fini(struct pieces *pieces) {
     free(pieces->all);
 }
 
-// ---- islands
-// -------------------------------------------------------------------------------------
+// ---- islands ------------------------------------------------------------------------------------
 
 static void report_island(const struct piece *piece, struct repair_report *report) {
     struct repair_island island = {piece->triangles, piece->area,
@@ -125,8 +124,7 @@ void repair_islands(struct mesh *mesh, double share, bool *turned, struct repair
     pieces_fini(&pieces);
 }
 
-// ---- outwards
-// ------------------------------------------------------------------------------------
+// ---- outwards -----------------------------------------------------------------------------------
 
 // Of a triangle seen from p; van Oosterom and Strackee: tan(Ω/2) = a·(b×c) / (abc + (a·b)c + ...).
 static double solid_angle(const struct mesh *mesh, uint32_t t, vec3 p) {

@@ -9,8 +9,7 @@
 #define AROUND_MAX 64 // triangles at one edge
 #define SAME_ANGLE 1e-9
 
-// ---- which triangles run the same way round: disjoint sets with a parity
-// -------------------------
+// ---- which triangles run the same way round: disjoint sets with a parity ------------------------
 
 struct ways {
     uint32_t *parent;
@@ -40,8 +39,7 @@ static void link_ways(struct ways *ways, uint32_t a, uint32_t b, bool against) {
     ways->against[b_root] = a_against ^ b_against ^ against;
 }
 
-// ---- around an edge
-// ------------------------------------------------------------------------------
+// ---- around an edge -----------------------------------------------------------------------------
 
 struct around {
     double angle; // about the edge, from low to high
@@ -85,8 +83,7 @@ static bool sort_around(const struct mesh *mesh, const struct side *sides, size_
     return out[0].angle + 2 * M_PI - out[count - 1].angle >= SAME_ANGLE;
 }
 
-// ---- turning
-// -------------------------------------------------------------------------------------
+// ---- turning ------------------------------------------------------------------------------------
 
 static struct ways find_ways(const struct mesh *mesh, const struct side *sides) {
     size_t count = 3 * (size_t)mesh->triangle_count;
@@ -160,8 +157,7 @@ static void turn_ways(struct mesh *mesh, const struct side *sides, bool *turned)
     free(ways.against);
 }
 
-// ---- splitting
-// -----------------------------------------------------------------------------------
+// ---- splitting ----------------------------------------------------------------------------------
 
 // A triangle that runs from low to high faces the rising angle: its solid lies before it.
 static bool alternates(const struct around *around, size_t count) {

@@ -11,8 +11,7 @@ struct reading {
     struct hub_config *config;
 };
 
-// ---- values
-// -----------------------------------------------------------------------------------------
+// ---- values -------------------------------------------------------------------------------------
 
 static bool take_path(const struct reading *r, const char *value, char out[HUB_PATH_MAX]) {
     return setting_path(r->dir, value, out, HUB_PATH_MAX);
@@ -26,7 +25,7 @@ static bool take_int(const char *value, int low, int high, int *out) {
     return true;
 }
 
-// ---- sections: true where the key is known and the value good ---------------------------------
+// ---- sections: true where the key is known and the value good -----------------------------------
 
 static bool take_server_key(struct reading *r, const char *key, const char *value) {
     struct hub_config *c = r->config;
@@ -140,8 +139,7 @@ static bool take_key(void *user, const char *section, const char *key, const cha
     return false;
 }
 
-// ---- file
-// -------------------------------------------------------------------------------------------
+// ---- file ---------------------------------------------------------------------------------------
 
 static enum result complete(const struct hub_config *c, struct error *err) {
     if (c->udp_port && c->udp_port + hub_worker_count(c) - 1 > 65535)

@@ -17,7 +17,7 @@
 #define STATE_WAIT_MS 500
 #define RETRY_NS (3 * NS_PER_S)
 
-// ---- opening and closing ----------------------------------------------------------------------
+// ---- opening and closing ------------------------------------------------------------------------
 
 static void utc_stamp(int64_t utc_ns, char *out_text, size_t size) {
     time_t seconds = (time_t)(utc_ns / NS_PER_S);
@@ -255,8 +255,7 @@ void desk_call(struct hub *hub) {
     pthread_cond_signal(&hub->clerk_wake);
 }
 
-// ---- commands
-// -------------------------------------------------------------------------------------
+// ---- commands -----------------------------------------------------------------------------------
 
 __attribute__((format(printf, 2, 3))) static void refuse(arthron_CommandReply *reply,
                                                          const char *format, ...) {

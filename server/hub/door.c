@@ -31,8 +31,7 @@ static bool tell(struct hub *hub, const struct note *note) {
     return worker_tell(worker, worker->from_control, note);
 }
 
-// ---- hello
-// ------------------------------------------------------------------------------------------
+// ---- hello --------------------------------------------------------------------------------------
 
 __attribute__((format(printf, 3, 4))) static enum result
 refuse(arthron_Refusal *refusal, arthron_Refusal_Reason reason, const char *format, ...) {

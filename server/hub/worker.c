@@ -20,8 +20,7 @@
 // Where an answer goes.
 enum path { PATH_CONTROL, PATH_DATAGRAM };
 
-// ---- steps
-// ----------------------------------------------------------------------------------------
+// ---- steps --------------------------------------------------------------------------------------
 
 static bool seat_is_deserted(const struct hub *hub, const struct seat *seat) {
     return !seat->connected && clock_now_ns() - seat->last_frame_ns > hub->config.wait_s * NS_PER_S;
@@ -102,8 +101,7 @@ static void watch_drift(const struct worker *worker, struct seat *seat,
     }
 }
 
-// ---- frames
-// ---------------------------------------------------------------------------------------
+// ---- frames -------------------------------------------------------------------------------------
 
 static void count(atomic_uint_fast64_t *counter, uint64_t by) {
     atomic_fetch_add_explicit(counter, by, memory_order_relaxed);
@@ -200,8 +198,7 @@ static void take_datagrams(struct worker *worker) {
     publish_counts(worker);
 }
 
-// ---- notes
-// ----------------------------------------------------------------------------------------
+// ---- notes --------------------------------------------------------------------------------------
 
 static void send_keys(struct worker *worker, struct seat *seat) {
     arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
@@ -311,8 +308,7 @@ static void take_notes(struct worker *worker) {
         take_note(worker, &note);
 }
 
-// ---- time
-// -----------------------------------------------------------------------------------------
+// ---- time ---------------------------------------------------------------------------------------
 
 static void watch_seat(struct worker *worker, struct seat *seat, int64_t now_ns) {
     if (seat->connected && datagram_epoch_is_old(worker->endpoint, seat->udp_connection, now_ns))
@@ -341,8 +337,7 @@ static void end_session(struct worker *worker, struct seat *seat, int64_t now_ns
         step_without_frame(worker, seat, INPUT_STOP);
 }
 
-// ---- thread
-// ---------------------------------------------------------------------------------------
+// ---- thread -------------------------------------------------------------------------------------
 
 static void *work(void *argument) {
     struct worker *worker = argument;

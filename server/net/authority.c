@@ -49,7 +49,7 @@ static enum result check_name(const char *station, struct error *err) {
                 STATION_NAME_MAX_LENGTH);
 }
 
-// ---- keys and certificates on disk -------------------------------------------------------------
+// ---- keys and certificates on disk --------------------------------------------------------------
 
 static enum result write_memory(const char *dir, const char *name, BIO *memory, struct error *err) {
     char *data;
@@ -132,7 +132,7 @@ static void fingerprint_of(X509 *certificate, uint8_t out[CODE_FINGERPRINT_SIZE]
     OPENSSL_free(der);
 }
 
-// ---- init --------------------------------------------------------------------------------------
+// ---- init ---------------------------------------------------------------------------------------
 
 static bool is_address(const char *host) {
     uint8_t bytes[sizeof(struct in6_addr)];
@@ -205,7 +205,7 @@ enum result authority_init(const char *dir, const char *const *hosts, int host_c
     return result;
 }
 
-// ---- codes -------------------------------------------------------------------------------------
+// ---- codes --------------------------------------------------------------------------------------
 
 static void hash_secret(const struct code *code, char out_hex[RECORD_KEY_MAX]) {
     uint8_t hash[32];
@@ -268,7 +268,7 @@ enum result authority_issue_code(const char *dir, const char *station,
     return result;
 }
 
-// ---- enrolment ---------------------------------------------------------------------------------
+// ---- enrolment ----------------------------------------------------------------------------------
 
 // All records are compared in full, so that the time tells nothing about them.
 static int find_code(const struct records *codes, const struct code *code) {
@@ -363,7 +363,7 @@ enum result authority_enrol(const char *dir, const char *code, const uint8_t *re
     return result;
 }
 
-// ---- revocation --------------------------------------------------------------------------------
+// ---- revocation ---------------------------------------------------------------------------------
 
 static bool contains(const struct records *records, const char *serial) {
     for (int i = 0; i < records->count; i++)

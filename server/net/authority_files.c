@@ -54,7 +54,7 @@ enum result authority_lock(const char *dir, bool waits, int *out_fd, struct erro
     return RESULT_OK;
 }
 
-// ---- whole files -------------------------------------------------------------------------------
+// ---- whole files --------------------------------------------------------------------------------
 
 static bool write_all(int fd, const char *data, size_t size) {
     while (size) {
@@ -102,7 +102,7 @@ enum result authority_write(const char *dir, const char *name, const void *data,
     return RESULT_OK;
 }
 
-// ---- records -----------------------------------------------------------------------------------
+// ---- records ------------------------------------------------------------------------------------
 
 void records_add(struct records *records, const char *key, int64_t utc_s, const char *station) {
     records->items =

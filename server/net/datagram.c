@@ -68,7 +68,7 @@ struct datagram_endpoint {
     struct datagram_counts counts;
 };
 
-// ---- socket ------------------------------------------------------------------------------------
+// ---- socket -------------------------------------------------------------------------------------
 
 static int bind_one(const struct addrinfo *info) {
     int fd = socket(info->ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
@@ -152,7 +152,7 @@ struct datagram_counts datagram_counts(const struct datagram_endpoint *endpoint)
     return endpoint->counts;
 }
 
-// ---- connections and epochs --------------------------------------------------------------------
+// ---- connections and epochs ---------------------------------------------------------------------
 
 static struct connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
     for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++) {
@@ -258,7 +258,7 @@ static struct epoch *reply_epoch(struct connection *c) {
     return c->epoch.used || !c->old_epoch.to_server ? &c->epoch : &c->old_epoch;
 }
 
-// ---- addresses ---------------------------------------------------------------------------------
+// ---- addresses ----------------------------------------------------------------------------------
 
 static bool same_address(const struct address *a, const struct address *b) {
     return a->size == b->size && !memcmp(&a->storage, &b->storage, a->size);
@@ -297,7 +297,7 @@ void datagram_confirm(struct datagram_endpoint *endpoint, uint32_t connection, u
     c->unconfirmed_left = DATAGRAM_UNCONFIRMED_REPLIES;
 }
 
-// ---- receiving ---------------------------------------------------------------------------------
+// ---- receiving ----------------------------------------------------------------------------------
 
 struct opened {
     struct connection *connection;
@@ -373,7 +373,7 @@ int datagram_receive(struct datagram_endpoint *endpoint, struct datagram_in *out
     return count;
 }
 
-// ---- replying ----------------------------------------------------------------------------------
+// ---- replying -----------------------------------------------------------------------------------
 
 static struct question *find_question(struct datagram_endpoint *endpoint, uint32_t connection,
                                       uint64_t frame_number) {

@@ -66,8 +66,7 @@ void session_destroy(struct session **session) {
     *session = NULL;
 }
 
-// ---- inputs
-// ---------------------------------------------------------------------------------------
+// ---- inputs -------------------------------------------------------------------------------------
 
 static enum session_state next_state(enum session_state state, enum input_kind kind) {
     if (state == SESSION_CLOSED)
@@ -145,8 +144,7 @@ static uint32_t take_input(struct session *s, const struct session_input *input)
     return events | age_samples(s);
 }
 
-// ---- bones
-// ----------------------------------------------------------------------------------------
+// ---- bones --------------------------------------------------------------------------------------
 
 static bool pose_is_known(const struct session *s, enum channel channel) {
     return s->known[channel][SAMPLE_POSE];
@@ -206,8 +204,7 @@ static void place_bones(const struct session *s, struct session_output *out) {
                                : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
 }
 
-// ---- instruments
-// ----------------------------------------------------------------------------------
+// ---- instruments --------------------------------------------------------------------------------
 
 static void warp_tip(struct session *s, const pose *bodies, int instrument, vec3 tip,
                      struct instrument_output *out) {
@@ -253,8 +250,7 @@ static uint32_t move_instrument(struct session *s, int instrument, struct sessio
     return feel_contact(s, instrument, o->warp.nearest_mm);
 }
 
-// ---- the step
-// -------------------------------------------------------------------------------------
+// ---- the step -----------------------------------------------------------------------------------
 
 void session_step(struct session *s, const struct session_input *input,
                   struct session_output *out) {

@@ -79,8 +79,7 @@ struct request {
     json_t *json; // an array to say it in; NULL: as text on stdout
 };
 
-// ---- the command line
-// ----------------------------------------------------------------------------
+// ---- the command line ---------------------------------------------------------------------------
 
 // "NAME=rest": the name into out_name, the rest returned; NULL where it is not that.
 static char *split_name(char *text, char *out_name) {
@@ -184,8 +183,7 @@ static bool take_option(int option, char *text, struct request *request) {
     }
 }
 
-// ---- meshes to groups
-// ----------------------------------------------------------------------------
+// ---- meshes to groups ---------------------------------------------------------------------------
 
 static enum body body_of(const struct request *request, const char *group) {
     for (int i = 0; i < request->body_count; i++)

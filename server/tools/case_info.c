@@ -20,8 +20,7 @@ static const char *side_name(enum side side) {
     return side == SIDE_LEFT ? "left" : "right";
 }
 
-// ---- JSON
-// ----------------------------------------------------------------------------------------
+// ---- JSON ---------------------------------------------------------------------------------------
 
 static json_t *vector(vec3 v) {
     return json_pack("[f, f, f]", v.x, v.y, v.z);
@@ -88,8 +87,7 @@ static int print_json(struct knee_case *knee) {
     return bad ? EXIT_FAULT : EXIT_OK;
 }
 
-// ---- text
-// ----------------------------------------------------------------------------------------
+// ---- text ---------------------------------------------------------------------------------------
 
 static void print_group(const struct case_group *group) {
     struct topology t = topology_of(&group->mesh);

@@ -51,7 +51,7 @@ void seal_destroy(struct seal **seal) {
     *seal = NULL;
 }
 
-// ---- header and nonce --------------------------------------------------------------------------
+// ---- header and nonce ---------------------------------------------------------------------------
 
 static void put_big_endian(uint8_t *data, uint64_t value, int size) {
     for (int i = 0; i < size; i++)
@@ -95,7 +95,7 @@ static void make_nonce(const struct seal *seal, uint64_t sequence, uint8_t nonce
         nonce[SEAL_IV_SIZE - 1 - i] ^= (uint8_t)(sequence >> 8 * i);
 }
 
-// ---- sealing -----------------------------------------------------------------------------------
+// ---- sealing ------------------------------------------------------------------------------------
 
 bool seal_exhausted(const struct seal *seal) {
     return seal->next >= SEQUENCE_END;
@@ -119,7 +119,7 @@ size_t seal_seal(struct seal *seal, const uint8_t *message, size_t size, uint8_t
     return size + SEAL_OVERHEAD;
 }
 
-// ---- opening -----------------------------------------------------------------------------------
+// ---- opening ------------------------------------------------------------------------------------
 
 static size_t window_word(uint64_t sequence) {
     return sequence / 64 % WINDOW_WORDS;

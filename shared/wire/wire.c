@@ -42,7 +42,7 @@ _Static_assert(arthron_Reply_size + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DAT
 _Static_assert(arthron_Reply_size <= sizeof((arthron_Frame){0}.padding.bytes),
                "padding reaches the longest reply");
 
-// ---- encoding ----------------------------------------------------------------------------------
+// ---- encoding -----------------------------------------------------------------------------------
 
 static enum result encode(const pb_msgdesc_t *kind, const void *message, uint8_t *data, size_t size,
                           size_t *out_used) {
@@ -73,7 +73,7 @@ enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_
     return encode(arthron_Reply_fields, message, data, size, out_used);
 }
 
-// ---- what nanopb does not check ----------------------------------------------------------------
+// ---- what nanopb does not check -----------------------------------------------------------------
 
 // A value that cannot be in an enum of `count` values from 0: nanopb takes any 32 bits.
 static enum result enum_check(const char *field, int value, int count, struct error *err) {
@@ -179,7 +179,7 @@ static enum result console_check(const arthron_Console *m, struct error *err) {
     return RESULT_OK;
 }
 
-// ---- decoding ----------------------------------------------------------------------------------
+// ---- decoding -----------------------------------------------------------------------------------
 
 static enum result decode(const char *name, const pb_msgdesc_t *kind, const uint8_t *data,
                           size_t size, size_t largest, void *out_message, struct error *err) {
@@ -228,7 +228,7 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
     return result;
 }
 
-// ---- frames as the plain types of base ---------------------------------------------------------
+// ---- frames as the plain types of base ----------------------------------------------------------
 
 arthron_Pose wire_pose_from(pose p) {
     quat q = p.rotation;
@@ -340,7 +340,7 @@ enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct erro
     return RESULT_OK;
 }
 
-// ---- padding -----------------------------------------------------------------------------------
+// ---- padding ------------------------------------------------------------------------------------
 
 static size_t longest_reply(const arthron_Frame *m) {
     bool there[CHANNEL_COUNT] = {false};

@@ -29,8 +29,7 @@ void filter_init(struct filter *filter, const struct filter_settings *settings) 
     *filter = (struct filter){.settings = *settings};
 }
 
-// ---- one step of a low-pass
-// ----------------------------------------------------------------------
+// ---- one step of a low-pass ---------------------------------------------------------------------
 
 static double lag_s(double cutoff_hz) {
     return 1 / (2 * M_PI * cutoff_hz);
@@ -50,8 +49,7 @@ static double share_after(struct filter *f, vec3 *speed, vec3 step, double dt_s)
     return share(lag, dt_s);
 }
 
-// ---- lengths, angles, openings
-// -------------------------------------------------------------------
+// ---- lengths, angles, openings ------------------------------------------------------------------
 
 static vec3 lengths_of(const struct sample *s) {
     if (s->kind == SAMPLE_POSE)

@@ -35,8 +35,7 @@ struct handle_device {
     struct hid_state state;
 };
 
-// ---- config
-// --------------------------------------------------------------------------------------
+// ---- config -------------------------------------------------------------------------------------
 
 static bool parse_hex(const char *text, uint16_t *out) {
     char *end;
@@ -151,8 +150,7 @@ static enum result handle_create(const struct device_config *config, void **out_
     return result;
 }
 
-// ---- readings
-// ------------------------------------------------------------------------------------
+// ---- readings -----------------------------------------------------------------------------------
 
 static enum result handle_open(void *device, struct error *err) {
     struct handle_device *d = device;

@@ -48,8 +48,7 @@ static enum result refuse(const struct parser *p, enum result code, const char *
     return fail(err, code, "report descriptor, byte %zu: %s", p->item_at, why);
 }
 
-// ---- fields
-// --------------------------------------------------------------------------------------
+// ---- fields -------------------------------------------------------------------------------------
 
 static uint32_t with_page(const struct parser *p, uint32_t usage) {
     return usage >> 16 ? usage : (uint32_t)p->globals.page << 16 | usage;
@@ -113,8 +112,7 @@ static enum result take_input(struct parser *p, uint32_t flags, struct error *er
     return RESULT_OK;
 }
 
-// ---- items
-// ---------------------------------------------------------------------------------------
+// ---- items --------------------------------------------------------------------------------------
 
 static enum result take_main(struct parser *p, const struct item *item, struct error *err) {
     enum result result = RESULT_OK;
@@ -246,8 +244,7 @@ enum result hid_descriptor_read(const uint8_t *bytes, size_t size, struct hid_de
     return result;
 }
 
-// ---- a proposal
-// ----------------------------------------------------------------------------------
+// ---- a proposal ---------------------------------------------------------------------------------
 
 static bool is_axis(const struct hid_descriptor_field *f) {
     bool desktop = f->usage_page == 0x01 && f->usage >= 0x30 && f->usage <= 0x38; // X to Wheel

@@ -9,8 +9,7 @@
 
 enum { WORDS_MAX = 5, TEXT_MAX = 128 };
 
-// ---- text
-// ----------------------------------------------------------------------------------------
+// ---- text ---------------------------------------------------------------------------------------
 
 static int split(char *text, char *out_words[WORDS_MAX]) {
     int count = 0;
@@ -70,8 +69,7 @@ bool hid_field_parse(const char *text, struct hid_field *out_field) {
     return split(copy, words) == 2 && parse_place(words, out_field);
 }
 
-// ---- reports
-// -------------------------------------------------------------------------------------
+// ---- reports ------------------------------------------------------------------------------------
 
 static bool is_numbered(const struct hid_field *field) {
     return field->count && field->report;

@@ -27,8 +27,7 @@ struct type {
     enum result (*read)(const struct content *content, struct igtl_message *out, struct error *err);
 };
 
-// ---- poses
-// ---------------------------------------------------------------------------------------
+// ---- poses --------------------------------------------------------------------------------------
 
 static void copy_name(char *out, const char *name, size_t size) {
     size_t length = strnlen(name, size);
@@ -88,8 +87,7 @@ static bool pose_from_quaternion(const float position[3], quat q, pose *out) {
            length <= longest_quaternion;
 }
 
-// ---- types
-// ---------------------------------------------------------------------------------------
+// ---- types --------------------------------------------------------------------------------------
 
 static enum result wrong_size(const struct content *c, const char *type, struct error *err) {
     return fail(err, RESULT_FORMAT, "%s with a content of %zu bytes", type, c->size);
@@ -191,8 +189,7 @@ static const struct type types[] = {
     {"QTDATA", read_qtdata},
 };
 
-// ---- the stream
-// ----------------------------------------------------------------------------------
+// ---- the stream ---------------------------------------------------------------------------------
 
 static const struct type *type_of(const igtl_header *header) {
     char name[IGTL_HEADER_TYPE_SIZE + 1];

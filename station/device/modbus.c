@@ -73,8 +73,7 @@ struct modbus_device {
     uint16_t last[MODBUS_MAX_READ_REGISTERS];
 };
 
-// ---- config
-// --------------------------------------------------------------------------------------
+// ---- config -------------------------------------------------------------------------------------
 
 static bool parse_value(const char *text, struct value *v) {
     char copy[OPTION_TEXT_MAX], *rest, *word;
@@ -226,8 +225,7 @@ static enum result modbus_create(const struct device_config *config, void **out_
     return result;
 }
 
-// ---- the line
-// ------------------------------------------------------------------------------------
+// ---- the line -----------------------------------------------------------------------------------
 
 static const char *line_name(const struct modbus_device *d) {
     return d->serial[0] ? d->serial : d->address;
@@ -335,8 +333,7 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
                        : "stood still while values changed");
 }
 
-// ---- readings
-// ------------------------------------------------------------------------------------
+// ---- readings -----------------------------------------------------------------------------------
 
 static void set_value(const struct value *v, uint16_t word, struct sample *sample) {
     double number = v->scale * (v->is_signed ? (int16_t)word : word) + v->offset;

@@ -30,8 +30,7 @@ struct csv {
     } tools[CHANNEL_COUNT];
 };
 
-// ---- lines and columns
-// ---------------------------------------------------------------------------
+// ---- lines and columns --------------------------------------------------------------------------
 
 // RESULT_MISSING at the end of the file.
 static enum result next_row(struct csv *csv, struct error *err) {
@@ -138,8 +137,7 @@ static enum result read_names(struct csv *csv, enum channel unnamed, struct reco
     return result;
 }
 
-// ---- rows
-// ----------------------------------------------------------------------------------------
+// ---- rows ---------------------------------------------------------------------------------------
 
 static enum result read_number(const struct csv *csv, int column, double *out_value,
                                struct error *err) {
@@ -261,8 +259,7 @@ void recording_fini(struct recording *r) {
     *r = (struct recording){0};
 }
 
-// ---- the value at a time
-// -------------------------------------------------------------------------
+// ---- the value at a time ------------------------------------------------------------------------
 
 double recording_period(const struct recording *r) {
     const double *t = r->t_seconds;

@@ -41,8 +41,7 @@ struct runner {
     struct device devices[RUNNER_DEVICES_MAX];
 };
 
-// ---- the thread of a device
-// ----------------------------------------------------------------------
+// ---- the thread of a device ---------------------------------------------------------------------
 
 static bool stopping(struct device *d) {
     pthread_mutex_lock(&d->lock);
@@ -221,8 +220,7 @@ static void *device_thread(void *argument) {
     return NULL;
 }
 
-// ---- checking the configs
-// ------------------------------------------------------------------------
+// ---- checking the configs -----------------------------------------------------------------------
 
 static bool is_own_key(const char *key) {
     for (size_t i = 0; i < sizeof own_keys / sizeof *own_keys; i++)
@@ -344,8 +342,7 @@ static enum result configure_all(struct runner *r, const struct device_config *c
     return RESULT_OK;
 }
 
-// ---- the interface
-// -------------------------------------------------------------------------------
+// ---- the interface ------------------------------------------------------------------------------
 
 static void start_device(struct device *d) {
     pthread_condattr_t monotonic;

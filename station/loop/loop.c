@@ -29,7 +29,7 @@ struct loop {
     bool was_lost[RUNNER_DEVICES_MAX];
 };
 
-// ---- frames and replies -----------------------------------------------------------------------
+// ---- frames and replies -------------------------------------------------------------------------
 
 static void send_frame(struct loop *loop) {
     struct frame frame = {.number = loop->sent + 1, .time_ns = clock_now_ns()};

@@ -35,8 +35,7 @@ static const struct kind {
     [FAULT_HALF_MESSAGE] = {"half-message", EVERYONE, false},
 };
 
-// ---- the file
-// ------------------------------------------------------------------------------------
+// ---- the file -----------------------------------------------------------------------------------
 
 static struct fault *fault_named(struct faults *f, const char *name) {
     for (int i = 0; i < f->count; i++)
@@ -124,8 +123,7 @@ enum result faults_read(const char *path, struct faults *out, struct error *err)
     return result;
 }
 
-// ---- what is on
-// ----------------------------------------------------------------------------------
+// ---- what is on ---------------------------------------------------------------------------------
 
 const struct fault *faults_on(const struct faults *f, enum fault_who who, enum fault_what what,
                               double seconds) {
@@ -155,8 +153,7 @@ double faults_time(struct faults *f, enum fault_who who, double seconds) {
     return stale ? fmax(0, seconds - stale->value / 1e3) : seconds;
 }
 
-// ---- randomness
-// ----------------------------------------------------------------------------------
+// ---- randomness ---------------------------------------------------------------------------------
 
 static _Thread_local unsigned short random_state[3] = {1, 2, 3};
 
@@ -174,8 +171,7 @@ size_t faults_spoil(struct faults *f, enum fault_who who, double seconds, uint8_
     return faults_strike(f, who, FAULT_HALF_MESSAGE, seconds) ? size / 2 : size;
 }
 
-// ---- what a person reads
-// -------------------------------------------------------------------------
+// ---- what a person reads ------------------------------------------------------------------------
 
 double faults_tell(const struct faults *f, double from_s, double to_s) {
     double next_s = INFINITY;

@@ -55,8 +55,7 @@ struct mockup {
     pthread_t threads[4];
 };
 
-// ---- options
-// -------------------------------------------------------------------------------------
+// ---- options ------------------------------------------------------------------------------------
 
 static bool parse_whole(const char *text, int low, int high, int *out) {
     int64_t value;
@@ -211,8 +210,7 @@ static void parse_options(struct mockup *m, int argc, char **argv) {
     check_usage(m);
 }
 
-// ---- running
-// -------------------------------------------------------------------------------------
+// ---- running ------------------------------------------------------------------------------------
 
 static void start_thread(struct mockup *m, void *(*run)(void *), void *what) {
     CHECK(pthread_create(&m->threads[m->thread_count++], NULL, run, what) == 0);

@@ -35,8 +35,7 @@ static const uint32_t patience_us = 5000; // with half a request, while other ma
 static const uint8_t unknown_function = 0x41;
 static const double closed_opening = 0.05; // the handle's end switch closes below it
 
-// ---- registers
-// -----------------------------------------------------------------------------------
+// ---- registers ----------------------------------------------------------------------------------
 
 static uint16_t hundredths(double value) {
     double steps = fmax(INT16_MIN, fmin(INT16_MAX, round(100 * value)));
@@ -81,8 +80,7 @@ static void spoil_registers(struct slave *s, double seconds, uint16_t *registers
             registers[i] = 0x8000;
 }
 
-// ---- lines
-// ---------------------------------------------------------------------------------------
+// ---- lines --------------------------------------------------------------------------------------
 
 static void prepare_line(struct slave *s) {
     CHECK(s->line);
@@ -159,8 +157,7 @@ void slave_close(struct slave *s) {
     s->master_count = 0;
 }
 
-// ---- serving
-// -------------------------------------------------------------------------------------
+// ---- serving ------------------------------------------------------------------------------------
 
 static void sleep_ms(int ms) {
     struct timespec time = {ms / 1000, ms % 1000 * NS_PER_MS};

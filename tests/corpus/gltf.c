@@ -135,8 +135,7 @@ static const char *reason_for(const char *name) {
     return NULL;
 }
 
-// ---- tests
-// ---------------------------------------------------------------------------------------
+// ---- tests --------------------------------------------------------------------------------------
 
 static void no_file_brings_the_reader_down_or_makes_a_case(void **state) {
     (void)state;
@@ -165,8 +164,7 @@ static void what_the_validator_calls_an_error_is_refused_or_not_read(void **stat
     }
 }
 
-// ---- the table
-// -----------------------------------------------------------------------------------
+// ---- the table ----------------------------------------------------------------------------------
 
 static void count_rows(size_t counts[2][2]) {
     for (size_t i = 0; i < row_count; i++)

@@ -95,8 +95,7 @@ struct model_bytes model_read(const struct model *model) {
     return bytes;
 }
 
-// ---- completing
-// ----------------------------------------------------------------------------------
+// ---- completing ---------------------------------------------------------------------------------
 
 static uint32_t u32_at(const uint8_t *p) {
     uint32_t value;

@@ -249,8 +249,7 @@ static void the_mockups_handle_plays_its_file_and_its_faults(void **state) {
     runner_destroy(&runner);
 }
 
-// ---- the machine
-// ---------------------------------------------------------------------------------
+// ---- the machine --------------------------------------------------------------------------------
 
 static void must(bool ok, const char *what) {
     if (!ok) {

@@ -18,8 +18,7 @@
 
 static char folder[] = "/tmp/arthron-mockup-XXXXXX";
 
-// ---- the program
-// ---------------------------------------------------------------------------------
+// ---- the program --------------------------------------------------------------------------------
 
 struct mockup {
     pid_t pid;
@@ -94,8 +93,7 @@ static const char *faults(const char *who, const char *what, double at_s, double
     return path;
 }
 
-// ---- a motion whose values tell by themselves whether they belong together
-// -------------------------
+// ---- a motion whose values tell by themselves whether they belong together ----------------------
 
 // u runs from 0 to 1 and back; all is linear in u.
 static struct joint_angles joint_of(double u) {
@@ -125,8 +123,7 @@ static void write_motion(void) {
     fclose(file);
 }
 
-// ---- a station
-// -----------------------------------------------------------------------------------
+// ---- a station ----------------------------------------------------------------------------------
 
 #define ENCODERS(...)                                                                              \
     {                                                                                              \
@@ -183,8 +180,7 @@ static struct device_status status_of(struct runner *runner) {
     return status;
 }
 
-// ---- Modbus
-// --------------------------------------------------------------------------------------
+// ---- Modbus -------------------------------------------------------------------------------------
 
 static void check_registers(const struct frame *frame) {
     const double half = 0.0051; // half a register's step, and the rounding of flexion's
@@ -278,8 +274,7 @@ static void a_slave_that_is_started_again_is_found_again(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
-// ---- the tracker
-// ---------------------------------------------------------------------------------
+// ---- the tracker --------------------------------------------------------------------------------
 
 #define TRACKER_POSE "100 -200 -1500 0.5 0.5 0.5 0.5"
 #define TIP_POSE "0 3 150 0.8 0 0.6 0"
@@ -359,8 +354,7 @@ static void a_silent_tracker_keeps_its_connection(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
-// ---- recordings
-// ----------------------------------------------------------------------------------
+// ---- recordings ---------------------------------------------------------------------------------
 
 // 50 rows at 50 Hz, of which row 25 lies far away, and row 40 is not valid.
 static void write_glitch(void) {
@@ -391,8 +385,7 @@ static void a_glitch_of_the_tracker_never_reaches_a_frame(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
-// ---- many clients, foreign bytes
-// -----------------------------------------------------------------
+// ---- many clients, foreign bytes ----------------------------------------------------------------
 
 static void strangers_do_not_disturb(void **state) {
     (void)state;
@@ -422,8 +415,7 @@ static void strangers_do_not_disturb(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
-// ---- the command line
-// ----------------------------------------------------------------------------
+// ---- the command line ---------------------------------------------------------------------------
 
 static void the_command_line_is_checked(void **state) {
     (void)state;

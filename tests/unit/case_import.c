@@ -206,8 +206,7 @@ static void a_file_cut_anywhere_is_refused_or_read_but_never_does_harm(void **st
     }
 }
 
-// ---- what readers misread
-// ------------------------------------------------------------------------
+// ---- what readers misread -----------------------------------------------------------------------
 
 // A number as some Windows programs print it: 1.0e-001.
 static void print_long(char *out, size_t size, double value) {

@@ -35,8 +35,7 @@ static enum validity validity_at(struct slot *slot, int64_t ms) {
     return slot->validity;
 }
 
-// ---- the guard
-// -----------------------------------------------------------------------------------
+// ---- the guard ----------------------------------------------------------------------------------
 
 static void one_wild_pose_is_caught_and_the_next_good_one_taken(void **state) {
     (void)state;
@@ -114,8 +113,7 @@ a_jump_that_lasts_too_short_to_be_true_is_never_taken_though_the_channel_is_lost
     }
 }
 
-// ---- the slot
-// ------------------------------------------------------------------------------------
+// ---- the slot -----------------------------------------------------------------------------------
 
 static void a_silent_channel_is_held_then_lost_then_back(void **state) {
     (void)state;
@@ -192,8 +190,7 @@ static void a_slow_source_is_not_called_silent_between_its_samples(void **state)
     }
 }
 
-// ---- recordings
-// ----------------------------------------------------------------------------------
+// ---- recordings ---------------------------------------------------------------------------------
 
 static char folder[] = "/tmp/arthron-device-XXXXXX";
 
@@ -305,8 +302,7 @@ static void a_motion_file_is_read_and_interpolated(void **state) {
     recording_fini(&r);
 }
 
-// ---- configs
-// -------------------------------------------------------------------------------------
+// ---- configs ------------------------------------------------------------------------------------
 
 #define OPTIONS_MAX 12
 
@@ -416,8 +412,7 @@ static void more_devices_than_there_may_be_are_refused(void **state) {
     assert_int_equal(RESULT_LIMIT, runner_create(configs, RUNNER_DEVICES_MAX + 1, &runner, NULL));
 }
 
-// ---- running
-// -------------------------------------------------------------------------------------
+// ---- running ------------------------------------------------------------------------------------
 
 static struct runner *started(const struct section *sections) {
     struct device_config configs[3];

@@ -88,8 +88,7 @@ static void slave_stop(struct slave *s) {
     modbus_free(s->line);
 }
 
-// ---- the driver
-// ----------------------------------------------------------------------------------
+// ---- the driver ---------------------------------------------------------------------------------
 
 static void *opened(const struct slave *s, const char *varus, const char *sequence,
                     const char *latency_ms) {

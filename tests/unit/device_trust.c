@@ -6,8 +6,7 @@
 #include "random.h"
 #include "test.h"
 
-// ---- noise
-// ---------------------------------------------------------------------------------------
+// ---- noise --------------------------------------------------------------------------------------
 
 // Share of the poses of a hand with noise of `sigma` that a slot does not use.
 static double share_refused(double sigma, int64_t period_ms, double amplitude, double hz) {
@@ -42,8 +41,7 @@ static void what_shakes_more_than_a_hand_is_refused_and_a_hand_is_not(void **sta
     assert_true(share_refused(8, 5, 100, 0.5) > 0.95);
 }
 
-// ---- time stamps
-// ---------------------------------------------------------------------------------
+// ---- time stamps --------------------------------------------------------------------------------
 
 struct verdicts {
     int good, late, ahead, anew;

@@ -27,8 +27,7 @@ static struct sample posed(int64_t time_ns, vec3 translation, quat rotation) {
 
 static const int64_t period_ns = 10 * NS_PER_MS;
 
-// ---- lag
-// -----------------------------------------------------------------------------------------
+// ---- lag ----------------------------------------------------------------------------------------
 
 // Runs a steady motion of speeds that are multiples of `rate` a second, until the filter is
 // settled.
@@ -81,8 +80,7 @@ static void a_steady_motion_lags_by_the_latency_that_is_stated(void **state) {
         }
 }
 
-// ---- against the paper's algorithm
-// ---------------------------------------------------------------
+// ---- against the paper's algorithm --------------------------------------------------------------
 
 struct scalar {
     double raw, smoothed, speed;
@@ -162,8 +160,7 @@ static void noise_at_rest_becomes_smaller_by_the_closed_form(void **state) {
     assert_near(sum / raw_sum, a / (2 - a), 0.005);
 }
 
-// ---- beginnings
-// ----------------------------------------------------------------------------------
+// ---- beginnings ---------------------------------------------------------------------------------
 
 static void after_a_pause_it_starts_anew(void **state) {
     (void)state;
@@ -217,8 +214,7 @@ static void only_what_is_a_filter_is_taken_for_one(void **state) {
     assert_near(s.dcutoff_hz, 1, 0);
 }
 
-// ---- in a station
-// --------------------------------------------------------------------------------
+// ---- in a station -------------------------------------------------------------------------------
 
 static void a_station_states_it_in_samples_and_status(void **state) {
     (void)state;

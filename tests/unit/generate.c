@@ -93,7 +93,7 @@ static pose tibia_at(const struct knee_case *knee, double flexion_deg) {
     return joint_to_pose(&knee->joint, &angles);
 }
 
-// ---- the healthy knee --------------------------------------------------------------------------
+// ---- the healthy knee ---------------------------------------------------------------------------
 
 static void every_group_is_one_closed_manifold_oriented_ball(void **state) {
     (void)state;
@@ -230,7 +230,7 @@ static void the_skin_holds_the_extended_knee(void **state) {
     }
 }
 
-// ---- recipes -----------------------------------------------------------------------------------
+// ---- recipes ------------------------------------------------------------------------------------
 
 static void a_left_knee_mirrors_a_right_one(void **state) {
     (void)state;
@@ -330,7 +330,7 @@ static void the_same_recipe_gives_the_same_bytes(void **state) {
     rmdir(folders[1]);
 }
 
-// ---- cavities ----------------------------------------------------------------------------------
+// ---- cavities -----------------------------------------------------------------------------------
 
 static const struct recipe_cavity plateau_cavity = {"plateau", BODY_TIBIA, {{-19, 6, -22}, 9, 3}};
 
@@ -398,7 +398,7 @@ static void a_cavity_far_from_its_bone_is_refused(void **state) {
     assert_non_null(strstr(err.text, "[cavity plateau]"));
 }
 
-// ---- recipe files ------------------------------------------------------------------------------
+// ---- recipe files -------------------------------------------------------------------------------
 
 static enum result load_text(const char *text, struct recipe *out_recipe, struct error *err) {
     char folder[64], path[128];

@@ -28,8 +28,7 @@ static struct hid_layout punch_layout(const char *opening, const char *buttons) 
 
 static const uint32_t punch_bit = 1u << (CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT);
 
-// ---- fields
-// --------------------------------------------------------------------------------------
+// ---- fields -------------------------------------------------------------------------------------
 
 // Puts a field into a report bit by bit.
 static void put(uint8_t *bytes, int bit, int count, uint64_t value) {
@@ -158,8 +157,7 @@ static void a_report_that_is_too_short_changes_nothing(void **state) {
     }
 }
 
-// ---- configs
-// -------------------------------------------------------------------------------------
+// ---- configs ------------------------------------------------------------------------------------
 
 #define IDENTITY                                                                                   \
     {"vid", "1209"}, {                                                                             \

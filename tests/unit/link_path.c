@@ -1,7 +1,6 @@
 // Which way frames travel.
-#include "link/path.h"
-
 #include "base/clock.h"
+#include "link/path.h"
 #include "test.h"
 
 static void a_path_needs_three_answers_in_a_row(void **state) {

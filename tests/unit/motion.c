@@ -42,7 +42,7 @@ static int destroy_knee(void **state) {
     return 0;
 }
 
-// ---- scripts and what they give ----------------------------------------------------------------
+// ---- scripts and what they give -----------------------------------------------------------------
 
 static enum result load_text(const char *text, struct motion_script *out_script,
                              struct error *err) {
@@ -110,7 +110,7 @@ static pose body_pose(const struct joint_angles *joint, enum body body) {
     return body == BODY_PATELLA ? case_patella_pose(knee, joint->flexion_deg) : pose_identity();
 }
 
-// ---- the file's own numbers --------------------------------------------------------------------
+// ---- the file's own numbers ---------------------------------------------------------------------
 
 // A row of the file with the columns of a probe and a punch.
 struct csv_row {
@@ -168,7 +168,7 @@ static void a_probe_that_touches_is_on_the_surface_in_the_pose_of_the_moment(voi
     motion_fini(&motion);
 }
 
-// ---- hands -------------------------------------------------------------------------------------
+// ---- hands --------------------------------------------------------------------------------------
 
 static void a_shaft_always_passes_through_its_portal_and_never_flips(void **state) {
     (void)state;
@@ -299,7 +299,7 @@ static void the_same_seed_gives_the_same_bytes_and_another_one_others(void **sta
         free(texts[i]);
 }
 
-// ---- the joint ---------------------------------------------------------------------------------
+// ---- the joint ----------------------------------------------------------------------------------
 
 // The least signed distance of the femur's vertices on one side (1 lateral) from the tibia.
 static double gap_on(const struct solid *tibia, const struct joint_angles *joint, double side) {
@@ -359,7 +359,7 @@ static void signed_distances_agree_with_the_solid_angle(void **state) {
     assert_signs_agree(&splinter, 3);
 }
 
-// ---- scripts -----------------------------------------------------------------------------------
+// ---- scripts ------------------------------------------------------------------------------------
 
 static void the_palpation_script_shows_all_that_a_demo_needs(void **state) {
     (void)state;

@@ -7,8 +7,7 @@
 #include <openigtlink/igtl_tdata.h>
 #include <string.h>
 
-// ---- own messages
-// --------------------------------------------------------------------------------
+// ---- own messages -------------------------------------------------------------------------------
 
 // What the mock-up writes, in every type and version, comes back within a float's resolution.
 static void every_type_and_version_comes_back(void **state) {

@@ -19,7 +19,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// ---- folders and files -------------------------------------------------------------------------
+// ---- folders and files --------------------------------------------------------------------------
 
 static char dir[64]; // a fresh authority for each test
 
@@ -75,7 +75,7 @@ static X509 *load_certificate(const char *name) {
     return certificate;
 }
 
-// ---- enrolling ---------------------------------------------------------------------------------
+// ---- enrolling ----------------------------------------------------------------------------------
 
 struct request {
     EVP_PKEY *key;
@@ -139,7 +139,7 @@ static X509 *enrol_station(const char *name) {
     return enrolled_certificate(&answer);
 }
 
-// ---- certificates ------------------------------------------------------------------------------
+// ---- certificates -------------------------------------------------------------------------------
 
 // OpenSSL's verdict on a certificate for a purpose, with our authority as the only trusted one.
 static int verdict(X509 *certificate, int purpose, const char *host, const char *address) {
@@ -268,7 +268,7 @@ static void hosts_that_are_none_are_refused(void **state) {
     assert_int_equal(access("/tmp/arthron-never-made", F_OK), -1);
 }
 
-// ---- codes -------------------------------------------------------------------------------------
+// ---- codes --------------------------------------------------------------------------------------
 
 static void a_code_works_once(void **state) {
     (void)state;
@@ -481,7 +481,7 @@ static void without_an_authority_there_are_no_codes(void **state) {
     assert_non_null(strstr(err.text, "/tmp/arthron-never-made"));
 }
 
-// ---- the text of a code ------------------------------------------------------------------------
+// ---- the text of a code -------------------------------------------------------------------------
 
 static const struct code sample_code = {
     .secret = {0x00, 0x44, 0x32, 0x14, 0xc7, 0x42, 0x54, 0xb6, 0x35, 0xcf, 0x84, 0x65, 0x3a},
@@ -537,7 +537,7 @@ static void a_mistyped_code_is_told_from_an_unknown_one(void **state) {
     assert_int_equal(code_read(changed, &code, NULL), RESULT_FORMAT);
 }
 
-// ---- revocation --------------------------------------------------------------------------------
+// ---- revocation ---------------------------------------------------------------------------------
 
 static bool is_revoked(const char *serial) {
     struct revocations *revocations = revocations_read(dir, NULL);

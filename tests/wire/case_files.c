@@ -59,8 +59,7 @@ static void assert_says(const char *row, const char *says) {
         fail_msg("%s: \"%s\" does not say \"%s\"", row, err.text, says);
 }
 
-// ---- JSON that is changed in one place
-// -----------------------------------------------------------
+// ---- JSON that is changed in one place ----------------------------------------------------------
 
 static json_t *child(json_t *json, const char *key) {
     return json_is_array(json) ? json_array_get(json, (size_t)atoi(key))
@@ -361,8 +360,7 @@ static void limits_hold_before_anything_is_read(void **state) {
     assert_says("triangles", "12 triangles, more than 11");
 }
 
-// ---- manifest
-// ------------------------------------------------------------------------------------
+// ---- manifest -----------------------------------------------------------------------------------
 
 static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
     (void)state;

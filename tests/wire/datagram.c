@@ -13,7 +13,7 @@
 
 #define QUIET_MS 20 // a datagram on loopback is there at once
 
-// ---- a station ---------------------------------------------------------------------------------
+// ---- a station ----------------------------------------------------------------------------------
 
 struct station {
     int fd;
@@ -102,7 +102,7 @@ static uint64_t hear_reply(struct station *s) {
     return reply.frame_number;
 }
 
-// ---- the server's side -------------------------------------------------------------------------
+// ---- the server's side --------------------------------------------------------------------------
 
 static struct datagram_endpoint *open_endpoint(void) {
     struct datagram_endpoint *endpoint = NULL;
@@ -149,7 +149,7 @@ static bool passes(struct datagram_endpoint *endpoint, struct station *s, uint64
            hear_reply(s) == number;
 }
 
-// ---- there and back ----------------------------------------------------------------------------
+// ---- there and back -----------------------------------------------------------------------------
 
 static void a_frame_comes_in_and_its_reply_goes_back(void **state) {
     (void)state;
@@ -219,7 +219,7 @@ static void an_endpoint_on_all_addresses_answers_ipv4(void **state) {
     datagram_destroy(&endpoint);
 }
 
-// ---- strangers ---------------------------------------------------------------------------------
+// ---- strangers ----------------------------------------------------------------------------------
 
 static void strangers_get_silence_and_a_count(void **state) {
     (void)state;
@@ -290,7 +290,7 @@ static void a_connection_that_was_forgotten_is_a_stranger(void **state) {
     datagram_destroy(&endpoint);
 }
 
-// ---- amplification -----------------------------------------------------------------------------
+// ---- amplification ------------------------------------------------------------------------------
 
 static void a_reply_answers_one_frame_once(void **state) {
     (void)state;
@@ -339,7 +339,7 @@ static void a_reply_longer_than_its_frame_is_not_sent(void **state) {
     datagram_destroy(&endpoint);
 }
 
-// ---- addresses ---------------------------------------------------------------------------------
+// ---- addresses ----------------------------------------------------------------------------------
 
 static void confirm_first_address(struct datagram_endpoint *endpoint, struct station *s) {
     send_frame(s, 1);
@@ -442,7 +442,7 @@ static void an_address_never_confirmed_gets_a_limited_number_of_replies(void **s
     datagram_destroy(&endpoint);
 }
 
-// ---- epochs ------------------------------------------------------------------------------------
+// ---- epochs -------------------------------------------------------------------------------------
 
 static void the_old_epoch_is_good_until_and_after_the_new_one_is_used(void **state) {
     (void)state;

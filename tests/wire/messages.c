@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- each kind of message ----------------------------------------------------------------------
+// ---- each kind of message -----------------------------------------------------------------------
 
 struct kind {
     const char *name;
@@ -84,7 +84,7 @@ static enum result decode_copy(int kind, const uint8_t *bytes, size_t size, void
     return result;
 }
 
-// ---- valid messages ----------------------------------------------------------------------------
+// ---- valid messages -----------------------------------------------------------------------------
 
 static struct sample make_sample(struct random *random, enum channel channel) {
     struct sample sample = {.channel = channel, .kind = SAMPLE_POSE};
@@ -278,7 +278,7 @@ static void release_all(struct valid *valid, int count) {
         free(valid[i].bytes);
 }
 
-// ---- there and back ----------------------------------------------------------------------------
+// ---- there and back -----------------------------------------------------------------------------
 
 static void every_message_comes_back_as_it_went(void **state) {
     (void)state;
@@ -352,7 +352,7 @@ static void a_frame_comes_back_bit_for_bit(void **state) {
     }
 }
 
-// ---- padding -----------------------------------------------------------------------------------
+// ---- padding ------------------------------------------------------------------------------------
 
 static void a_padded_frame_is_never_shorter_than_the_longest_reply_to_it(void **state) {
     (void)state;
@@ -377,7 +377,7 @@ static void a_padded_frame_is_never_shorter_than_the_longest_reply_to_it(void **
     }
 }
 
-// ---- malformed ---------------------------------------------------------------------------------
+// ---- malformed ----------------------------------------------------------------------------------
 
 static void assert_terminated(const char *text, size_t size) {
     assert_non_null(memchr(text, 0, size));
@@ -491,7 +491,7 @@ static void each_malformed_row_gets_its_answer(void **state) {
     free(message);
 }
 
-// ---- what nanopb does not check ----------------------------------------------------------------
+// ---- what nanopb does not check -----------------------------------------------------------------
 
 static void assert_control_refused(const arthron_Control *control, const char *text) {
     struct valid bytes = encoded(KIND_CONTROL, control);

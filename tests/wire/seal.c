@@ -154,7 +154,7 @@ static void other_directions_epochs_connections_and_keys_are_refused(void **stat
     }
 }
 
-// ---- window ------------------------------------------------------------------------------------
+// ---- window -------------------------------------------------------------------------------------
 
 static void a_replay_is_refused(void **state) {
     (void)state;
@@ -228,7 +228,7 @@ static void the_window_accepts_what_a_full_memory_would(void **state) {
     seal_destroy(&seal);
 }
 
-// ---- memory ------------------------------------------------------------------------------------
+// ---- memory -------------------------------------------------------------------------------------
 
 static size_t allocations;
 

@@ -203,15 +203,27 @@ static void reply(struct slave *s, int master, uint8_t *request, int length,
         log_debug("mockup", "a reply: %s", strerror(errno));
 }
 
+// What libmodbus does not look at over TCP: the protocol's number, and the length that the header
+// says.
+static bool header_is_honest(const uint8_t *request, int length) {
+    int protocol = request[2] << 8 | request[3], rest = request[4] << 8 | request[5];
+    return protocol == 0 && rest == length - 6;
+}
+
+static void drop_master(struct slave *s, int i) {
+    close(s->masters[i]);
+    s->masters[i] = s->masters[--s->master_count];
+}
+
 static void serve_master(struct slave *s, int i, modbus_mapping_t *mapping) {
     uint8_t request[MODBUS_MAX_ADU_LENGTH];
+    bool tcp = s->listener >= 0;
     modbus_set_socket(s->line, s->masters[i]);
     int length = modbus_receive(s->line, request);
-    if (length > 0) {
+    if (length > 0 && (!tcp || header_is_honest(request, length))) {
         reply(s, i, request, length, mapping);
-    } else if (length < 0 && s->listener >= 0) {
-        close(s->masters[i]);
-        s->masters[i] = s->masters[--s->master_count];
+    } else if (length && tcp) {
+        drop_master(s, i);
     } else if (length < 0) {
         modbus_flush(s->line);
         sleep_ms(1);

@@ -26,16 +26,18 @@ NOT_IN_OUR_MAP = {
     "write_multi_reg_3": ("9002", "holding registers from 0x160"),
 }
 
-# libmodbus takes a frame's length from its function and looks neither at the header's length nor at its
-# protocol: it answers these as it answers the same request without the fault.
-HEADER_NOT_LOOKED_AT = {"header_len_lie": "8302", "protocol_id_nonzero": "8302"}
+# A header that lies about the length, or names another protocol, closes the connection.
+CLOSED = {"header_len_lie", "protocol_id_nonzero"}
 
 
 def ask(address, request):
-    """The answer to one frame on a connection of its own."""
+    """The answer to one frame on a connection of its own; nothing where that is closed."""
     with socket.create_connection(address, timeout=10) as line:
         line.sendall(request)
-        return line.recv(300)
+        try:
+            return line.recv(300)
+        except ConnectionResetError:  # closed with bytes of ours unread
+            return b""
 
 
 def frame(pdu, unit=0x11, transaction=1):
@@ -82,8 +84,8 @@ class Frames(unittest.TestCase):
     def check(self, name, expected, answer):
         if name in NOT_IN_OUR_MAP:
             self.assertEqual(answer, frame(bytes.fromhex(NOT_IN_OUR_MAP[name][0])), name)
-        elif name in HEADER_NOT_LOOKED_AT:
-            self.assertEqual(answer[-2:], bytes.fromhex(HEADER_NOT_LOOKED_AT[name]), name)
+        elif name in CLOSED:
+            self.assertEqual(answer, b"", name)
         elif expected.startswith("exception"):
             self.assertEqual(answer, frame(bytes.fromhex(expected[len("exception"):])), name)
         else:

@@ -203,11 +203,19 @@ static void reply(struct slave *s, int master, uint8_t *request, int length,
         log_debug("mockup", "a reply: %s", strerror(errno));
 }
 
-// What libmodbus does not look at over TCP: the protocol's number, and the length that the header
-// says.
+// The functions whose requests libmodbus knows the length of.
+static bool length_is_known(uint8_t function) {
+    return (function >= MODBUS_FC_READ_COILS && function <= MODBUS_FC_WRITE_SINGLE_REGISTER) ||
+           function == MODBUS_FC_WRITE_MULTIPLE_COILS ||
+           function == MODBUS_FC_WRITE_MULTIPLE_REGISTERS ||
+           function == MODBUS_FC_MASK_WRITE_REGISTER ||
+           function == MODBUS_FC_WRITE_AND_READ_REGISTERS;
+}
+
+// libmodbus looks neither at the protocol's number nor at the length that the header says.
 static bool header_is_honest(const uint8_t *request, int length) {
     int protocol = request[2] << 8 | request[3], rest = request[4] << 8 | request[5];
-    return protocol == 0 && rest == length - 6;
+    return protocol == 0 && (rest == length - 6 || !length_is_known(request[7]));
 }
 
 static void drop_master(struct slave *s, int i) {

@@ -192,20 +192,35 @@ static enum result claim_of_ply(struct reading *r, const char *path, struct impo
 
 // ---- OFF and OBJ --------------------------------------------------------------------------------
 
-// A vertex begins with three numbers, a face with the number of its corners and so many more.
-static bool is_off_line(const char *line, bool face) {
-    char *end = (char *)line;
-    long count = face ? strtol(line, &end, 10) : 3;
-    bool sound = !face || (end != line && count > 0);
+// Numbers up to the line's end, at most so many: -1 for anything else.
+static int count_numbers(const char *at, int most) {
+    int count = 0;
+    for (char *end; *(at += strspn(at, " \t\r")); at = end, count++) {
+        strtod(at, &end);
+        if (end == at || count == most || (*end && !isspace((unsigned char)*end)))
+            return -1;
+    }
+    return count;
+}
+
+// Three coordinates, then perhaps a normal, a colour and texture coordinates.
+static bool is_off_vertex(const char *line) {
+    return count_numbers(line, 12) >= 3;
+}
+
+// The number of corners, so many vertices that are there, then perhaps a colour of up to four
+// parts.
+static bool is_off_face(const char *line, unsigned vertices) {
+    char *end;
+    long count = strtol(line, &end, 10);
+    bool sound = end != line && count > 0;
     for (long i = 0; sound && i < count; i++) {
         const char *at = end;
-        if (face)
-            strtol(at, &end, 10);
-        else
-            strtod(at, &end);
-        sound = end != at && (!*end || isspace((unsigned char)*end));
+        long vertex = strtol(at, &end, 10);
+        sound = end != at && vertex >= 0 && (unsigned long)vertex < vertices &&
+                (!*end || isspace((unsigned char)*end));
     }
-    return sound;
+    return sound && count_numbers(end, 4) >= 0;
 }
 
 static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,
@@ -218,7 +233,10 @@ static enum result claim_of_off(struct reading *r, const char *path, struct impo
                     r->number);
     uint64_t lines = 0, said = (uint64_t)out->vertices + out->faces;
     while (next_line(r)) {
-        if (is_data(r->line) && !is_off_line(r->line, lines++ >= out->vertices))
+        if (!is_data(r->line))
+            continue;
+        bool face = lines++ >= out->vertices;
+        if (!(face ? is_off_face(r->line, out->vertices) : is_off_vertex(r->line)))
             return fail(err, RESULT_FORMAT, "%s: line %u: neither a vertex nor a face", path,
                         r->number);
     }

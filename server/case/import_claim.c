@@ -192,12 +192,16 @@ static enum result claim_of_ply(struct reading *r, const char *path, struct impo
 
 // ---- OFF and OBJ --------------------------------------------------------------------------------
 
-// Numbers up to the line's end, at most so many: -1 for anything else.
-static int count_numbers(const char *at, int most) {
+// Numbers up to the line's end, at most so many and none beyond a limit: -1 for anything else. A
+// word that a stream cannot read into a number would end all of OpenMesh's reading, unnoticed by
+// it.
+static int count_numbers(const char *at, int most, double limit) {
     int count = 0;
-    for (char *end; *(at += strspn(at, " \t\r")); at = end, count++) {
-        strtod(at, &end);
-        if (end == at || count == most || (*end && !isspace((unsigned char)*end)))
+    for (size_t size; *(at += strspn(at, " \t\r")); at += size, count++) {
+        char *end;
+        size = strcspn(at, " \t\r");
+        bool plain = strspn(at, "0123456789+-.eE") >= size;
+        if (!plain || count == most || !(fabs(strtod(at, &end)) <= limit) || end != at + size)
             return -1;
     }
     return count;
@@ -205,7 +209,7 @@ static int count_numbers(const char *at, int most) {
 
 // Three coordinates, then perhaps a normal, a colour and texture coordinates.
 static bool is_off_vertex(const char *line) {
-    return count_numbers(line, 12) >= 3;
+    return count_numbers(line, 12, 1e30) >= 3;
 }
 
 // The number of corners, so many vertices that are there, then perhaps a colour of up to four
@@ -220,7 +224,7 @@ static bool is_off_face(const char *line, unsigned vertices) {
         sound = end != at && vertex >= 0 && (unsigned long)vertex < vertices &&
                 (!*end || isspace((unsigned char)*end));
     }
-    return sound && count_numbers(end, 4) >= 0;
+    return sound && count_numbers(end, 4, 255) >= 0;
 }
 
 static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,

@@ -9,13 +9,14 @@
 
 #include "base/joint.h"
 #include "base/result.h"
-#include "mesh/mesh.h"
+#include "mesh/convex.h"
 
 #define CASE_NAME_MAX 64
 #define CASE_GROUPS_MAX 32
 #define CASE_PARTS_MAX 8
 #define CASE_PORTALS_MAX 8
 #define CASE_PATELLA_PATH_MAX 64
+#define CASE_REGION_PARTS_MAX 32
 
 enum body { BODY_FEMUR, BODY_TIBIA, BODY_PATELLA, BODY_COUNT };
 
@@ -29,6 +30,19 @@ struct case_part {
     uint32_t first_triangle, triangle_count;
 };
 
+// A union of convex polyhedra in the frame of a group's virtual mesh (S').
+struct case_region {
+    int part_count; // at most CASE_REGION_PARTS_MAX
+    struct convex *parts;
+};
+
+// What is wrong with a cuttable group, and what is to be done about it. All may be empty.
+struct case_lesion {
+    struct case_region tear;   // the cleft: missing from the virtual mesh from the start
+    struct case_region damage; // the damaged tissue around it
+    struct case_region plan;   // the planned resection
+};
+
 struct case_group {
     char name[CASE_NAME_MAX]; // tibia, femur, patella, meniscus_medial, meniscus_lateral, acl,
                               // pcl, mcl, lcl, skin; others are allowed
@@ -37,6 +51,7 @@ struct case_group {
     struct mesh mesh; // all parts, joined
     float *warp;      // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
     float *maxcut;    // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
+    struct case_lesion lesion;
     int part_count;
     struct case_part parts[CASE_PARTS_MAX];
 };

@@ -1,0 +1,1 @@
+#include "cut/blade.h"

@@ -1,0 +1,27 @@
+// The blades of the instruments: what one of them takes while it moves from one frame to the next.
+//
+// The tip's frame: origin at the tip, z along the shaft away from the handle, y the side to which a
+// punch's upper jaw opens and a knife's edge looks.
+#pragma once
+
+#include "cut/cut.h"
+
+enum blade_kind { BLADE_PUNCH, BLADE_SHAVER, BLADE_KNIFE, BLADE_COUNT };
+
+const char *blade_name(enum blade_kind kind); // "punch", "shaver", "knife"
+
+struct blade_move {
+    enum blade_kind kind;
+    pose T_mesh_tip[2]; // before and after
+    double opening[2];  // punch: 0 closed, 1 open
+};
+
+// The convex parts that the move takes, at most CUT_PARTS_MAX:
+//   punch   what the upper jaw sweeps as it closes: nothing while it opens or stands still
+//   shaver  the burr, swept along the move; where it stands, the burr itself
+//   knife   the wedge behind the edge, swept along the move, as wide as its kerf
+// The number of parts, 0 where the move takes nothing.
+int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]);
+
+// No part reaches farther than this from the tip's origin, in either frame.
+double blade_reach_mm(enum blade_kind kind);

@@ -1,0 +1,88 @@
+// Tissue minus blade: a mesh that is cut where a blade is, and nowhere else.
+//
+// Closed, manifold and oriented after every cut by construction, whatever rounding does: edges
+// share their crossings, caps are made of cycles, and what does not link up is refused as a whole.
+// A cut that is refused or that removes nothing changes nothing. The cost of a cut follows the
+// triangles that the blade touches, not the size of the mesh. Deterministic: the same calls give
+// the same bits. Millimetres, in the mesh's own frame.
+//
+// Ids: vertices and triangles are named by ids that do not change while they live. No vertex is
+// ever moved. The ids of the mesh that it was made from are never given to another vertex; those of
+// vertices that a cut made, and of triangles, are used again once they are free.
+#pragma once
+
+#include "mesh/convex.h"
+
+#define CUT_PARTS_MAX 8
+
+struct cut_mesh;
+
+// mesh: closed, manifold, oriented, facing outwards, as RESULT_INVALID says where it is not. Vertex
+// and triangle ids are those of the mesh. The caller destroys it.
+enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh, struct error *err);
+struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh); // equal to the bit, ids and all
+void cut_mesh_destroy(struct cut_mesh **mesh);               // NULL inside is fine
+
+// What lies behind ids: below these bounds, alive or not.
+uint32_t cut_mesh_vertex_bound(const struct cut_mesh *mesh);
+uint32_t cut_mesh_triangle_bound(const struct cut_mesh *mesh);
+uint32_t cut_mesh_triangle_count(const struct cut_mesh *mesh); // alive
+bool cut_mesh_vertex_alive(const struct cut_mesh *mesh, uint32_t vertex);
+bool cut_mesh_triangle_alive(const struct cut_mesh *mesh, uint32_t triangle);
+vec3 cut_mesh_vertex(const struct cut_mesh *mesh, uint32_t vertex); // double precision
+const uint32_t *cut_mesh_triangle(const struct cut_mesh *mesh, uint32_t triangle); // 3 vertex ids
+// The number of the cut that made a triangle's surface, 0 for the original surface.
+uint32_t cut_mesh_label(const struct cut_mesh *mesh, uint32_t triangle);
+
+double cut_mesh_volume(const struct cut_mesh *mesh); // mm³, of all triangles, summed anew
+
+// The living triangles as flat arrays, vertices and triangles in the order of their ids.
+// out_vertices, out_triangles: NULL, or the ids behind, which the caller frees.
+void cut_mesh_flatten(const struct cut_mesh *mesh, struct mesh *out_mesh, uint32_t **out_vertices,
+                      uint32_t **out_triangles);
+
+// A connected part of the surface that a cut made.
+struct cut_patch {
+    vec3 centroid; // weighted by area
+    double area;   // mm²
+    double extent; // largest distance of a vertex of the patch from the centroid
+};
+
+// A part that came off: no longer in the mesh.
+struct cut_piece {
+    double volume; // mm³
+    vec3 centroid; // of the volume
+    struct mesh mesh;
+};
+
+// What a cut did. Ids are ascending and each once.
+struct cut_change {
+    uint32_t number;      // of the cut: 1 for the first that changed the mesh
+    double removed_mm3;   // by the blade, pieces not among it
+    double volume_mm3;    // of the mesh after it
+    int retries;          // with the blade shifted by about 1e-5 mm, all parts together
+    uint32_t freed_count; // triangles that are gone, their ids not in use after the cut
+    uint32_t *freed;
+    uint32_t made_count; // triangles that are new or have other corners than before
+    uint32_t *made;
+    uint32_t vertex_count; // vertices that are new
+    uint32_t *vertices;
+    int patch_count;
+    struct cut_patch *patches;
+    int piece_count; // the largest part stays; these are the others
+    struct cut_piece *pieces;
+};
+
+void cut_change_fini(struct cut_change *change); // a zeroed change is fine; it is zeroed
+
+enum cut_outcome {
+    CUT_CHANGED,
+    CUT_NOTHING, // the blade does not touch the tissue, or takes less than 1e-4 mm³
+    CUT_REFUSED  // nothing changed; the error says why
+};
+
+// Takes the union of convex parts out of the mesh. The parts may overlap or touch. Where they take
+// all that there is, the cut is refused. *out_change is set where the mesh changed; the caller
+// releases it.
+enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
+                           struct cut_change *out_change, struct error *err);

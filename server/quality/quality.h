@@ -1,0 +1,63 @@
+// How good a resection is: what was taken beside what was planned, and what is left of the rim.
+//
+// The tissue is a lattice of samples (0.25 mm) in the virtual mesh, each with its zone and whether
+// it is planned to go, may go at all (outside S'_max), or is damaged; cuts take samples. Zones
+// follow the meniscus in plan: horns and body along its arc (thirds), thirds from the inner margin
+// to the rim. Millimetres, in the mesh's frame.
+#pragma once
+
+#include "mesh/convex.h"
+
+enum zone_along { ZONE_ANTERIOR_HORN, ZONE_BODY, ZONE_POSTERIOR_HORN, ZONE_ALONG_COUNT };
+enum zone_across { ZONE_INNER, ZONE_MIDDLE, ZONE_OUTER, ZONE_ACROSS_COUNT };
+
+struct zone_volumes {
+    double mm3[ZONE_ALONG_COUNT][ZONE_ACROSS_COUNT];
+};
+
+// Of one cuttable group; immutable, shared by all sessions of a case.
+struct quality_plan;
+
+struct quality_setting {
+    const struct mesh *tissue; // S', closed
+    const struct mesh *least;  // S'_max, closed; NULL where there is none: nothing may go
+    vec3 up, anterior;         // of the knee, in the mesh's frame, unit length
+    const struct convex *plan; // what is to be resected: a union; none where the count is 0
+    int plan_count;
+    const struct convex *damage; // the damaged region: a union
+    int damage_count;
+};
+
+struct quality_plan *quality_plan_create(const struct quality_setting *setting);
+void quality_plan_destroy(struct quality_plan **plan); // NULL inside is fine
+
+// The zone of a point, by its place in plan; points off the meniscus get the nearest.
+void quality_zone(const struct quality_plan *plan, vec3 p, enum zone_along *out_along,
+                  enum zone_across *out_across);
+
+// The signed share of one triangle in the volumes by zone of a closed mesh: the sum over all its
+// triangles is that of the mesh. times: 1, or -1 to take a triangle out again.
+void quality_add_triangle(const struct quality_plan *plan, const vec3 corners[3], double times,
+                          struct zone_volumes *volumes);
+
+// One session's tissue. The plan must outlive it.
+struct quality;
+
+struct quality *quality_create(const struct quality_plan *plan);
+void quality_destroy(struct quality **quality);
+
+void quality_take_parts(struct quality *quality, const struct convex *parts, int count);
+void quality_take_piece(struct quality *quality, const struct mesh *piece); // closed
+
+struct quality_report {
+    double removed_mm3; // all, by samples
+    double planned_mm3; // the whole plan within the tissue
+    double over_mm3;    // removed, but not planned
+    double under_mm3;   // planned, but not removed
+    double damage_mm3;  // damaged, and still there
+    double rim_mm;      // least width in plan that is left from the rim inwards
+    double step_mm;     // largest step of the inner contour within 1 mm along the rim
+    struct zone_volumes whole, removed, budget; // budget: what may go down to S'_max
+};
+
+void quality_report(const struct quality *quality, struct quality_report *out_report);

@@ -1,1 +1,166 @@
 #include "cut/blade.h"
+
+#include "base/check.h"
+
+// The upper jaw of a punch turns about a hinge on the shaft's axis, from the closed lower jaw
+// towards y. It takes tissue between jaw_root and jaw_length from the hinge.
+static const double jaw_length = 6, jaw_root = 1, jaw_half_width = 1.75, jaw_full_deg = 35;
+static const double burr_radius = 2;
+static const vec3 knife_low = {-0.1, -1.25, -3.5},
+                  knife_high = {0.1, 1.25, 0}; // its kerf is along x
+
+// A knife that turns is swept in parts, each turning by no more than this, where there are enough.
+static const double knife_part_deg = 1;
+
+const char *blade_name(enum blade_kind kind) {
+    static const char *const names[BLADE_COUNT] = {"punch", "shaver", "knife"};
+    return (unsigned)kind < BLADE_COUNT ? names[kind] : "unknown";
+}
+
+double blade_reach_mm(enum blade_kind kind) {
+    static const double reach[BLADE_COUNT] = {6.5, 4.5, 4};
+    CHECK((unsigned)kind < BLADE_COUNT);
+    return reach[kind];
+}
+
+// ---- planes around points -----------------------------------------------------------------------
+
+struct body {
+    vec3 points[16];
+    int point_count;
+    vec3 normals[CONVEX_PLANES_MAX];
+    int normal_count;
+};
+
+// A direction that is there already, but for a hair, would only make a face without width.
+static void add_normal(struct body *body, vec3 direction) {
+    vec3 none = {0}, normal = vec3_unit_or(direction, none);
+    if (vec3_length(normal) < 0.5)
+        return;
+    for (int i = 0; i < body->normal_count; i++)
+        if (vec3_distance(body->normals[i], normal) < 1e-3)
+            return;
+    body->normals[body->normal_count++] = normal;
+}
+
+static void add_both(struct body *body, vec3 direction) {
+    add_normal(body, direction);
+    add_normal(body, vec3_scale(-1, direction));
+}
+
+static int finish(const struct body *body, double thickness, struct convex *out_part) {
+    struct plane planes[CONVEX_PLANES_MAX];
+    convex_supports(body->points, body->point_count, body->normals, body->normal_count, planes);
+    for (int i = 0; i < body->normal_count; i++)
+        planes[i].offset += thickness;
+    return convex_create(planes, body->normal_count, out_part, NULL) == RESULT_OK;
+}
+
+// ---- the three blades ---------------------------------------------------------------------------
+
+static vec3 jaw_direction(double opening) {
+    double angle = opening * jaw_full_deg * RAD_PER_DEG;
+    return (vec3){0, sin(angle), cos(angle)};
+}
+
+// A wedge about the hinge, from the opening before to that after.
+static int punch_parts(const struct blade_move *move, struct convex *out_parts) {
+    double high = move->opening[0], low = move->opening[1];
+    if (high - low < 1e-3)
+        return 0;
+    pose at = move->T_mesh_tip[1];
+    vec3 hinge = {0, 0, -jaw_length};
+    vec3 directions[3] = {jaw_direction(low), jaw_direction((low + high) / 2), jaw_direction(high)};
+    struct body body = {0};
+    for (int i = 0; i < 3; i++)
+        for (int side = -1; side <= 1; side += 2) {
+            vec3 beside = {side * jaw_half_width, 0, 0};
+            vec3 from = vec3_add(hinge, beside);
+            body.points[body.point_count++] =
+                pose_apply(at, vec3_add_scaled(from, jaw_root, directions[i]));
+            body.points[body.point_count++] =
+                pose_apply(at, vec3_add_scaled(from, jaw_length, directions[i]));
+        }
+    vec3 across = {1, 0, 0};
+    add_both(&body, quat_rotate(at.rotation, across));
+    add_normal(&body, quat_rotate(at.rotation, vec3_cross(across, directions[0])));
+    add_normal(&body, quat_rotate(at.rotation, vec3_cross(directions[2], across)));
+    add_normal(&body, quat_rotate(at.rotation, vec3_scale(-1, directions[1])));
+    add_normal(&body, quat_rotate(at.rotation, vec3_add(directions[0], directions[1])));
+    add_normal(&body, quat_rotate(at.rotation, vec3_add(directions[1], directions[2])));
+    return finish(&body, 0, out_parts);
+}
+
+// Directions of a ball whose rings stand across `axis`, so that sweeping it along the axis makes a
+// prism and no more.
+static void add_ball(struct body *body, vec3 axis) {
+    static const struct {
+        double latitude_deg;
+        int count;
+    } rings[] = {{0, 12}, {32, 10}, {-32, 10}, {62, 6}, {-62, 6}};
+    vec3 helper = fabs(axis.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0};
+    vec3 u = vec3_unit_or(vec3_cross(axis, helper), helper), v = vec3_cross(axis, u);
+    for (int r = 0; r < 5; r++)
+        for (int i = 0; i < rings[r].count; i++) {
+            double up = sin(rings[r].latitude_deg * RAD_PER_DEG);
+            double out = cos(rings[r].latitude_deg * RAD_PER_DEG);
+            double turn = 2 * M_PI * (i + 0.25 * r) / rings[r].count;
+            vec3 ring = vec3_add_scaled(vec3_scale(cos(turn), u), sin(turn), v);
+            add_normal(body, vec3_add_scaled(vec3_scale(out, ring), up, axis));
+        }
+    add_both(body, axis);
+}
+
+static int shaver_parts(const struct blade_move *move, struct convex *out_parts) {
+    struct body body = {.point_count = 2};
+    vec3 shaft = quat_rotate(move->T_mesh_tip[1].rotation, (vec3){0, 0, 1});
+    for (int i = 0; i < 2; i++)
+        body.points[i] = pose_apply(move->T_mesh_tip[i], (vec3){0, 0, -burr_radius});
+    vec3 way = vec3_sub(body.points[1], body.points[0]);
+    add_ball(&body, vec3_length(way) < 0.02 ? shaft : vec3_unit_or(way, shaft));
+    return finish(&body, burr_radius, out_parts);
+}
+
+// Exact for a straight move; for one that turns an outer bound.
+static int sweep_knife(pose from, pose to, struct convex *out_part) {
+    struct body body = {0};
+    for (int end = 0; end < 2; end++)
+        for (int i = 0; i < 8; i++) {
+            vec3 corner = {(i & 1 ? knife_high : knife_low).x, (i & 2 ? knife_high : knife_low).y,
+                           (i & 4 ? knife_high : knife_low).z};
+            body.points[body.point_count++] = pose_apply(end ? to : from, corner);
+        }
+    pose middle = pose_interpolate(from, to, 0.5);
+    vec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (int i = 0; i < 3; i++)
+        add_both(&body, quat_rotate(middle.rotation, axes[i]));
+    vec3 way = vec3_sub(to.translation, from.translation);
+    for (int i = 0; i < 3 && vec3_length(way) > 1e-3; i++)
+        add_both(&body, vec3_cross(quat_rotate(middle.rotation, axes[i]), way));
+    return finish(&body, 0, out_part);
+}
+
+static int knife_parts(const struct blade_move *move, struct convex *out_parts) {
+    const pose *at = move->T_mesh_tip;
+    double turn_deg = quat_angle(at[0].rotation, at[1].rotation) * DEG_PER_RAD;
+    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / knife_part_deg), count = 0;
+    for (int i = 0; i < steps; i++)
+        count += sweep_knife(pose_interpolate(at[0], at[1], (double)i / steps),
+                             pose_interpolate(at[0], at[1], (i + 1.0) / steps), &out_parts[count]);
+    return count;
+}
+
+int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]) {
+    CHECK(pose_is_valid(move->T_mesh_tip[0]) && pose_is_valid(move->T_mesh_tip[1]));
+    switch (move->kind) {
+    case BLADE_PUNCH:
+        return punch_parts(move, out_parts);
+    case BLADE_SHAVER:
+        return shaver_parts(move, out_parts);
+    case BLADE_KNIFE:
+        return knife_parts(move, out_parts);
+    default:
+        CHECK(false);
+        return 0;
+    }
+}

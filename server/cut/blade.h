@@ -17,11 +17,12 @@ struct blade_move {
 };
 
 // The convex parts that the move takes, at most CUT_PARTS_MAX:
-//   punch   what the upper jaw sweeps as it closes: nothing while it opens or stands still
+//   punch   what the upper jaw sweeps as it closes, where the tip is after the move: nothing while
+//           it opens or stands still
 //   shaver  the burr, swept along the move; where it stands, the burr itself
 //   knife   the wedge behind the edge, swept along the move, as wide as its kerf
 // The number of parts, 0 where the move takes nothing.
 int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]);
 
-// No part reaches farther than this from the tip's origin, in either frame.
+// No point of a part is farther than this from the straight way of the tip's origin.
 double blade_reach_mm(enum blade_kind kind);

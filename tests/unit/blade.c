@@ -1,0 +1,109 @@
+#include "cut/blade.h"
+
+#include "random.h"
+#include "test.h"
+
+static double distance_to_way(const struct blade_move *move, vec3 p) {
+    vec3 a = move->T_mesh_tip[0].translation, b = move->T_mesh_tip[1].translation;
+    vec3 way = vec3_sub(b, a);
+    double length = vec3_dot(way, way);
+    double t = length > 0 ? vec3_dot(vec3_sub(p, a), way) / length : 0;
+    return vec3_distance(p, vec3_lerp(a, b, fmax(0, fmin(1, t))));
+}
+
+static struct blade_move random_move(struct random *r, enum blade_kind kind) {
+    pose at = random_pose(r, 50);
+    quat turn = quat_from_axis_angle(random_direction(r), random_between(r, 0, 0.2));
+    pose after = {quat_multiply(turn, at.rotation), vec3_add(at.translation, random_in_box(r, 2))};
+    return (struct blade_move){kind, {at, after}, {random_between(r, 0.5, 1), 0.3}};
+}
+
+static bool contained(const struct convex *parts, int count, vec3 p) {
+    for (int i = 0; i < count; i++)
+        if (convex_contains(&parts[i], p))
+            return true;
+    return false;
+}
+
+static void every_part_is_within_reach(void **state) {
+    (void)state;
+    struct random r = {7};
+    struct convex parts[CUT_PARTS_MAX];
+    for (int round = 0; round < 600; round++) {
+        struct blade_move move = random_move(&r, (enum blade_kind)(round % BLADE_COUNT));
+        int count = blade_parts(&move, parts);
+        assert_in_range(count, 1, CUT_PARTS_MAX);
+        for (int i = 0; i < count; i++)
+            for (int v = 0; v < parts[i].vertex_count; v++)
+                assert_true(distance_to_way(&move, parts[i].vertices[v]) <=
+                            blade_reach_mm(move.kind));
+    }
+}
+
+// Points of the burr at any time of the move are taken; a hair's breadth off its rim they are not.
+static void a_burr_takes_what_it_sweeps(void **state) {
+    (void)state;
+    struct random r = {8};
+    struct convex parts[CUT_PARTS_MAX];
+    for (int round = 0; round < 200; round++) {
+        struct blade_move move = random_move(&r, BLADE_SHAVER);
+        int count = blade_parts(&move, parts);
+        vec3 centres[2];
+        for (int i = 0; i < 2; i++)
+            centres[i] = pose_apply(move.T_mesh_tip[i], (vec3){0, 0, -2});
+        vec3 centre = vec3_lerp(centres[0], centres[1], random_between(&r, 0, 1));
+        vec3 direction = random_direction(&r);
+        assert_true(contained(parts, count, vec3_add_scaled(centre, 1.999, direction)));
+        vec3 way = vec3_unit_or(vec3_sub(centres[1], centres[0]), direction);
+        vec3 across = vec3_unit_or(vec3_cross(way, direction), direction);
+        assert_false(contained(parts, count, vec3_add_scaled(centre, 2.1, across)));
+    }
+}
+
+// The jaw's own face at any opening in between is taken, the tissue above and below it is not.
+static void a_punch_takes_what_its_jaw_closes_over(void **state) {
+    (void)state;
+    struct random r = {9};
+    struct convex parts[CUT_PARTS_MAX];
+    for (int round = 0; round < 200; round++) {
+        struct blade_move move = random_move(&r, BLADE_PUNCH);
+        int count = blade_parts(&move, parts);
+        for (int i = 0; i < 30; i++) {
+            double opening = random_between(&r, 0, 1.2), along = random_between(&r, 1.01, 5.9);
+            double angle = opening * 35 * RAD_PER_DEG, beside = random_between(&r, -1.7, 1.7);
+            vec3 p = {beside, along * sin(angle), along * cos(angle) - 6};
+            bool closes_over = opening < move.opening[0] && opening > move.opening[1];
+            assert_int_equal(contained(parts, count, pose_apply(move.T_mesh_tip[1], p)),
+                             closes_over);
+        }
+        double opening = move.opening[0];
+        move.opening[0] = move.opening[1];
+        move.opening[1] = opening;
+        assert_int_equal(blade_parts(&move, parts), 0);
+    }
+}
+
+static void a_knife_takes_its_kerf_along_its_way(void **state) {
+    (void)state;
+    struct convex parts[CUT_PARTS_MAX];
+    pose start = pose_identity(), end = pose_identity();
+    end.translation = (vec3){0, 4, -1};
+    struct blade_move move = {BLADE_KNIFE, {start, end}, {0}};
+    assert_int_equal(blade_parts(&move, parts), 1);
+    double plate = 2.5 * 3.5, swept = 4 * 3.5 + 1 * 2.5; // of its plan, as it moves within it
+    assert_near(parts[0].volume, 0.2 * (plate + swept), 1e-9);
+    move.T_mesh_tip[1] = (pose){quat_from_axis_angle((vec3){1, 0, 0}, 0.3), {0, 0, 0}};
+    assert_int_equal(blade_parts(&move, parts), CUT_PARTS_MAX);
+    for (int i = 0; i < CUT_PARTS_MAX; i++)
+        assert_near(parts[i].box.max.x - parts[i].box.min.x, 0.2, 1e-9);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_part_is_within_reach),
+        cmocka_unit_test(a_burr_takes_what_it_sweeps),
+        cmocka_unit_test(a_punch_takes_what_its_jaw_closes_over),
+        cmocka_unit_test(a_knife_takes_its_kerf_along_its_way),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -212,9 +212,14 @@ static bool is_off_vertex(const char *line) {
     return count_numbers(line, 12, 1e30) >= 3;
 }
 
+// The header says that there are colours: else OpenMesh takes a face's colour for the next face.
+static bool off_is_coloured(const char *header) {
+    return header[strncmp(header, "ST", 2) == 0 ? 2 : 0] == 'C';
+}
+
 // The number of corners, so many vertices that are there, then perhaps a colour of up to four
 // parts.
-static bool is_off_face(const char *line, unsigned vertices) {
+static bool is_off_face(const char *line, unsigned vertices, bool coloured) {
     char *end;
     long count = strtol(line, &end, 10);
     bool sound = end != line && count > 0;
@@ -224,12 +229,13 @@ static bool is_off_face(const char *line, unsigned vertices) {
         sound = end != at && vertex >= 0 && (unsigned long)vertex < vertices &&
                 (!*end || isspace((unsigned char)*end));
     }
-    return sound && count_numbers(end, 4, 255) >= 0;
+    return sound && count_numbers(end, coloured ? 4 : 0, 255) >= 0;
 }
 
 static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
+    bool coloured = sound && off_is_coloured(r->line);
     while (sound && (sound = next_line(r)) && !is_data(r->line))
         continue;
     if (!sound || sscanf(r->line, "%9u %9u", &out->vertices, &out->faces) != 2)
@@ -240,9 +246,10 @@ static enum result claim_of_off(struct reading *r, const char *path, struct impo
         if (!is_data(r->line))
             continue;
         bool face = lines++ >= out->vertices;
-        if (!(face ? is_off_face(r->line, out->vertices) : is_off_vertex(r->line)))
-            return fail(err, RESULT_FORMAT, "%s: line %u: neither a vertex nor a face", path,
-                        r->number);
+        if (!(face ? is_off_face(r->line, out->vertices, coloured) : is_off_vertex(r->line)))
+            return fail(err, RESULT_FORMAT, "%s: line %u: neither a vertex nor a face%s", path,
+                        r->number,
+                        coloured ? "" : " (colours of faces are read in a COFF file only)");
     }
     if (lines != said)
         return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,

@@ -136,6 +136,13 @@ static void polygons_become_triangles_and_degenerate_ones_are_counted(void **sta
     mesh_fini(&mesh);
 }
 
+static void colours_of_an_off_file_are_passed_over(void **state) {
+    (void)state;
+    write_text("c.off", "COFF\n4 4 0\n0 0 0 255 0 0\n1 0 0 255 0 0\n0 2 0 255 0 0\n0 0 3 255 0 0\n"
+                        "3 0 2 1 255 0 0\n3 0 1 3 0 255 0 255\n3 1 2 3 7\n3 0 3 2\n");
+    assert_tetra("c.off");
+}
+
 // Three triangles on one edge: an importer that builds half-edges would split or drop one.
 static void what_is_not_manifold_stays_as_it_is(void **state) {
     (void)state;
@@ -314,6 +321,7 @@ static void what_the_reader_misreads_is_refused_by_name(void **state) {
          "4 lines of data, where its header says 6"},
         {"more.off", "OFF\n3 1 0\n" CORNERS "3 0 1 2\n3 0 2 1\n", "5 lines of data"},
         {"comment.off", "OFF\n3 1 0\n0 0 0\n# here\n1 0 0\n0 1 0\n3 0 1 2\n", "comment.off"},
+        {"coloured.off", "OFF\n3 1 0\n" CORNERS "3 0 1 2 255 0 0\n", "COFF"},
         {"binary.off", "OFF BINARY\n3 1 0\n", "not the header of a text OFF"},
         {"fewer.ply", PLY_HEADER("2") CORNERS "3 0 1 2\n",
          "4 lines of data, where its header says 5"},
@@ -457,6 +465,7 @@ int main(void) {
         with_folder(unit_and_frame_of_a_file_are_applied),
         with_folder(a_closed_mesh_that_is_inside_out_is_turned),
         with_folder(polygons_become_triangles_and_degenerate_ones_are_counted),
+        with_folder(colours_of_an_off_file_are_passed_over),
         with_folder(what_is_not_manifold_stays_as_it_is),
         with_folder(a_bad_file_is_refused_by_name),
         with_folder(a_file_cut_anywhere_is_refused_or_read_but_never_does_harm),

@@ -265,6 +265,8 @@ static enum result take_planes(const struct plane *planes, int count, struct pla
             return fail(err, RESULT_INVALID, "plane %d has a number that is not finite", i);
         if (length < 1e-9)
             return fail(err, RESULT_INVALID, "plane %d has a normal without length", i);
+        if (fabs(length - 1) < 1e-15)
+            length = 1; // so that planes which were made so before come back as they are
         out_planes[i].normal = vec3_scale(1 / length, planes[i].normal);
         out_planes[i].offset = planes[i].offset / length;
     }

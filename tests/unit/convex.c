@@ -159,6 +159,25 @@ static void what_is_no_polyhedron_is_refused(void **state) {
     assert_int_equal(convex_create(cube, 3, &c, NULL), RESULT_INVALID);
 }
 
+static void its_own_planes_make_it_again(void **state) {
+    (void)state;
+    struct random r = {2};
+    for (int round = 0; round < 200; round++) {
+        struct plane planes[CONVEX_PLANES_MAX];
+        int count = random_planes(&r, planes);
+        for (int i = 0; i < count; i++) {
+            double scale = random_between(&r, 0.1, 9);
+            planes[i].normal = vec3_scale(scale, planes[i].normal);
+            planes[i].offset *= scale;
+        }
+        struct convex c, again;
+        assert_int_equal(convex_create(planes, count, &c, NULL), RESULT_OK);
+        assert_int_equal(convex_create(c.planes, c.plane_count, &again, NULL), RESULT_OK);
+        assert_int_equal(again.plane_count, c.plane_count);
+        assert_memory_equal(again.planes, c.planes, sizeof c.planes);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_cube_has_its_corners_and_volume),
@@ -167,6 +186,7 @@ int main(void) {
         cmocka_unit_test(a_cuboctahedron_has_corners_of_four_faces),
         cmocka_unit_test(supports_hold_all_points),
         cmocka_unit_test(what_is_no_polyhedron_is_refused),
+        cmocka_unit_test(its_own_planes_make_it_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -69,6 +69,9 @@ void case_destroy(struct knee_case **knee) {
         mesh_fini(&group->mesh);
         free(group->warp);
         free(group->maxcut);
+        free(group->lesion.tear.parts);
+        free(group->lesion.damage.parts);
+        free(group->lesion.plan.parts);
     }
     free(*knee);
     *knee = NULL;
@@ -163,6 +166,23 @@ float *case_group_need_maxcut(struct case_group *group) {
     return group->maxcut;
 }
 
+void case_group_virtual(const struct case_group *group, struct mesh *out_mesh) {
+    mesh_copy(out_mesh, &group->mesh);
+    for (size_t i = 0; group->warp && i < 3 * (size_t)group->mesh.vertex_count; i++)
+        out_mesh->positions[i] += group->warp[i];
+}
+
+enum result case_region_add(struct case_region *region, const struct plane *planes, int count,
+                            struct error *err) {
+    if (region->part_count == CASE_REGION_PARTS_MAX)
+        return fail(err, RESULT_LIMIT, "more than %d parts", CASE_REGION_PARTS_MAX);
+    if (!region->parts)
+        region->parts = alloc(CASE_REGION_PARTS_MAX, sizeof *region->parts);
+    enum result result = convex_create(planes, count, &region->parts[region->part_count], err);
+    region->part_count += result == RESULT_OK;
+    return result;
+}
+
 pose case_patella_pose(const struct knee_case *knee, double flexion_deg) {
     int count = knee->patella_key_count;
     const struct case_patella_key *keys = knee->patella_keys;
@@ -216,6 +236,38 @@ static enum result check_cuttable(const struct case_group *group, struct error *
     return RESULT_OK;
 }
 
+static bool boxes_meet(struct box a, struct box b) {
+    return a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y &&
+           a.min.z <= b.max.z && b.min.z <= a.max.z;
+}
+
+static enum result check_region(const struct case_group *group, const char *name,
+                                const struct case_region *region, struct error *err) {
+    if (region->part_count == 0)
+        return RESULT_OK;
+    if (!group->cuttable)
+        return fail(err, RESULT_INVALID, "group %s has lesion.%s but is not cuttable", group->name,
+                    name);
+    struct mesh mesh;
+    case_group_virtual(group, &mesh);
+    struct box box = mesh_bounds(&mesh);
+    mesh_fini(&mesh);
+    for (int i = 0; i < region->part_count; i++)
+        if (!boxes_meet(region->parts[i].box, box))
+            return fail(err, RESULT_INVALID, "group %s: lesion.%s[%d] lies beside the mesh",
+                        group->name, name, i);
+    return RESULT_OK;
+}
+
+static enum result check_lesion(const struct case_group *group, struct error *err) {
+    enum result result = check_region(group, "tear", &group->lesion.tear, err);
+    if (result == RESULT_OK)
+        result = check_region(group, "damage", &group->lesion.damage, err);
+    if (result == RESULT_OK)
+        result = check_region(group, "plan", &group->lesion.plan, err);
+    return result;
+}
+
 static enum result check_group(const struct case_group *group, struct error *err) {
     if (group->part_count == 0)
         return fail(err, RESULT_MISSING, "group %s has no mesh", group->name);
@@ -224,6 +276,8 @@ static enum result check_group(const struct case_group *group, struct error *err
         result = check_displacement(group, "maxcut", group->maxcut, err);
     if (result == RESULT_OK && group->cuttable)
         result = check_cuttable(group, err);
+    if (result == RESULT_OK)
+        result = check_lesion(group, err);
     return result;
 }
 

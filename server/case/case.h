@@ -96,8 +96,9 @@ enum result case_load(const char *dir, const struct case_limits *limits,
                       struct knee_case **out_case, struct error *err);
 
 // Refused: a missing tibia or femur; a cuttable group that is not one closed, manifold, oriented
-// component facing outwards; a displacement, pose, portal or patella key that is not finite or out
-// of order; a group without a mesh. The error names group or key.
+// component facing outwards; a lesion of a group that is not cuttable, or a part of it that lies
+// beside the virtual mesh; a displacement, pose, portal or patella key that is not finite or out of
+// order; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
 // Writes both files into `dir` (made where missing, with its parents) and sets the hash. The case
@@ -129,6 +130,14 @@ struct case_group *case_group(struct knee_case *knee, const char *name); // NULL
 // The displacement arrays of a group, made of zeros where there is none. The group has a part.
 float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
+
+// S' = S + warp, allocated; the caller releases it with mesh_fini.
+void case_group_virtual(const struct case_group *group, struct mesh *out_mesh);
+
+// Adds the polyhedron of the half-spaces to a region. RESULT_LIMIT where it has
+// CASE_REGION_PARTS_MAX parts already; otherwise what convex_create refuses.
+enum result case_region_add(struct case_region *region, const struct plane *planes, int count,
+                            struct error *err);
 
 // The patella's pose at a flexion: between the keys, constant past the outer ones.
 pose case_patella_pose(const struct knee_case *knee, double flexion_deg);

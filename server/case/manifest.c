@@ -133,6 +133,70 @@ static void read_joint(struct manifest *m, const struct object *root, struct joi
     joint->T_tibia_joint = read_pose(m, &object, "T_tibia_joint");
 }
 
+// ---- lesions ------------------------------------------------------------------------------------
+
+static bool read_plane(const json_t *row, struct plane *out_plane) {
+    double v[4];
+    bool good = json_is_array(row) && json_array_size(row) == 4;
+    for (size_t i = 0; good && i < 4; i++) {
+        good = json_is_number(json_array_get(row, i));
+        v[i] = json_number_value(json_array_get(row, i));
+    }
+    if (good)
+        *out_plane = (struct plane){{v[0], v[1], v[2]}, v[3]};
+    return good;
+}
+
+static void read_polyhedron(struct manifest *m, const json_t *rows, const char *path,
+                            struct case_region *region) {
+    struct plane planes[CONVEX_PLANES_MAX];
+    size_t count = json_array_size(rows);
+    char at[PATH_MAX_LENGTH];
+    if (!json_is_array(rows))
+        refuse(m, RESULT_FORMAT, path, "not an array of planes");
+    if (count > CONVEX_PLANES_MAX)
+        refuse(m, RESULT_LIMIT, path, "more than 64 planes");
+    for (size_t i = 0; m->result == RESULT_OK && i < count; i++) {
+        snprintf(at, sizeof at, "%.100s[%zu]", path, i);
+        if (!read_plane(json_array_get(rows, i), &planes[i]))
+            refuse(m, RESULT_INVALID, at, "not a plane of four numbers: nx, ny, nz, offset");
+    }
+    struct error why;
+    if (m->result == RESULT_OK && case_region_add(region, planes, (int)count, &why) != RESULT_OK)
+        refuse(m, RESULT_INVALID, path, why.text);
+}
+
+static void read_region(struct manifest *m, const struct object *lesion, const char *key,
+                        struct case_region *region) {
+    const json_t *parts = json_object_get(lesion->json, key);
+    char path[PATH_MAX_LENGTH], at[PATH_MAX_LENGTH];
+    key_path(lesion, key, path);
+    if (parts && !json_is_array(parts))
+        refuse(m, RESULT_FORMAT, path, "not an array");
+    if (json_array_size(parts) > CASE_REGION_PARTS_MAX)
+        refuse(m, RESULT_LIMIT, path, "more than 32 parts");
+    for (size_t i = 0; m->result == RESULT_OK && i < json_array_size(parts); i++) {
+        snprintf(at, sizeof at, "%.100s[%zu]", path, i);
+        read_polyhedron(m, json_array_get(parts, i), at, region);
+    }
+}
+
+static void read_lesion(struct manifest *m, const struct object *group_object,
+                        struct case_lesion *lesion) {
+    static const char *const keys[] = {"tear", "damage", "plan", NULL};
+    const json_t *json = json_object_get(group_object->json, "lesion");
+    if (!json)
+        return;
+    char path[PATH_MAX_LENGTH];
+    key_path(group_object, "lesion", path);
+    struct object object = open_object(m, json, path, keys);
+    read_region(m, &object, "tear", &lesion->tear);
+    read_region(m, &object, "damage", &lesion->damage);
+    read_region(m, &object, "plan", &lesion->plan);
+}
+
+// ---- groups and the rest ------------------------------------------------------------------------
+
 static void read_group(struct manifest *m, const struct object *object, struct knee_case *knee) {
     char name[CASE_NAME_MAX] = "";
     enum body body = BODY_FEMUR;
@@ -144,8 +208,11 @@ static void read_group(struct manifest *m, const struct object *object, struct k
         refuse_key(m, object, "cuttable", "neither true nor false");
     if (name[0] && case_group(knee, name))
         refuse_key(m, object, "name", "there are two groups of this name");
-    if (m->result == RESULT_OK)
-        case_add_group(knee, name, body)->cuttable = json_is_true(cuttable);
+    if (m->result != RESULT_OK)
+        return;
+    struct case_group *group = case_add_group(knee, name, body);
+    group->cuttable = json_is_true(cuttable);
+    read_lesion(m, object, &group->lesion);
 }
 
 static void read_portal(struct manifest *m, const struct object *object, struct knee_case *knee) {
@@ -192,7 +259,7 @@ static void read_list(struct manifest *m, const struct object *root, const struc
 }
 
 static void read_lists(struct manifest *m, const struct object *root, struct knee_case *knee) {
-    static const char *const group_keys[] = {"name", "body", "cuttable", NULL};
+    static const char *const group_keys[] = {"name", "body", "cuttable", "lesion", NULL};
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
     static const struct list lists[] = {
@@ -272,13 +339,36 @@ static json_t *pose_array(pose p) {
                                  p.rotation.x, p.rotation.y, p.rotation.z});
 }
 
+static json_t *write_region(const struct case_region *region) {
+    json_t *parts = json_array();
+    for (int i = 0; i < region->part_count; i++) {
+        json_t *planes = json_array();
+        for (int k = 0; k < region->parts[i].plane_count; k++) {
+            struct plane p = region->parts[i].planes[k];
+            double row[] = {p.normal.x, p.normal.y, p.normal.z, p.offset};
+            json_array_append_new(planes, numbers(4, row));
+        }
+        json_array_append_new(parts, planes);
+    }
+    return parts;
+}
+
+static void write_lesion(json_t *group_object, const struct case_lesion *lesion) {
+    if (lesion->tear.part_count + lesion->damage.part_count + lesion->plan.part_count > 0)
+        json_object_set_new(group_object, "lesion",
+                            json_pack("{s:o, s:o, s:o}", "tear", write_region(&lesion->tear),
+                                      "damage", write_region(&lesion->damage), "plan",
+                                      write_region(&lesion->plan)));
+}
+
 static json_t *write_groups(const struct knee_case *knee) {
     json_t *array = json_array();
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
-        json_array_append_new(array,
-                              json_pack("{s:s, s:s, s:b}", "name", group->name, "body",
-                                        body_name(group->body), "cuttable", (int)group->cuttable));
+        json_t *object = json_pack("{s:s, s:s, s:b}", "name", group->name, "body",
+                                   body_name(group->body), "cuttable", (int)group->cuttable);
+        write_lesion(object, &group->lesion);
+        json_array_append_new(array, object);
     }
     return array;
 }

@@ -10,11 +10,34 @@
 static const char help[] =
     "Usage: arthron-case info DIR [--json]\n"
     "\n"
-    "Prints name, side, hash, groups (triangles, box, volume, displaced extent, topology), "
-    "portals,\n"
-    "the joint's centre and a point on top of the medial tibial plateau. Millimetres, in the "
-    "frame\n"
-    "of the femur at rest: x to the patient's right, y anterior, z proximal.\n";
+    "Prints name, side, hash, groups (triangles, box, volume, largest displacements by warp and\n"
+    "maxcut, topology), lesions (parts and volume of each region), portals, the joint's centre and "
+    "a\n"
+    "point on top of the medial tibial plateau. Millimetres, in the frame of the femur at rest: x "
+    "to\n"
+    "the patient's right, y anterior, z proximal.\n";
+
+// The regions of a lesion, as the manifest names them.
+static const struct {
+    const char *name;
+    size_t offset; // in struct case_lesion
+} regions[] = {{"tear", offsetof(struct case_lesion, tear)},
+               {"damage", offsetof(struct case_lesion, damage)},
+               {"plan", offsetof(struct case_lesion, plan)}};
+
+#define REGION_COUNT (sizeof regions / sizeof *regions)
+
+static const struct case_region *region_of(const struct case_group *group, size_t region) {
+    return (const struct case_region *)((const char *)&group->lesion + regions[region].offset);
+}
+
+// Of all parts; where they overlap, twice.
+static double region_volume(const struct case_region *region) {
+    double volume = 0;
+    for (int i = 0; i < region->part_count; i++)
+        volume += region->parts[i].volume;
+    return volume;
+}
 
 static const char *side_name(enum side side) {
     return side == SIDE_LEFT ? "left" : "right";
@@ -49,17 +72,29 @@ static json_t *parts_array(const struct case_group *group) {
     return array;
 }
 
+static json_t *lesion_object(const struct case_group *group) {
+    json_t *object = json_object();
+    for (size_t i = 0; i < REGION_COUNT; i++) {
+        const struct case_region *region = region_of(group, i);
+        json_object_set_new(object, regions[i].name,
+                            json_pack("{s:i, s:f}", "parts", region->part_count, "parts_mm3",
+                                      region_volume(region)));
+    }
+    return object;
+}
+
 static json_t *group_object(const struct case_group *group) {
     struct topology t = topology_of(&group->mesh);
     struct box box = mesh_bounds(&group->mesh);
     return json_pack(
-        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o}", "name",
+        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o, s:o}", "name",
         group->name, "body", body_name(group->body), "cuttable", (int)group->cuttable, "parts",
         parts_array(group), "vertices", (int)group->mesh.vertex_count, "triangles",
         (int)group->mesh.triangle_count, "box", "min", vector(box.min), "max", vector(box.max),
         "volume_mm3", t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(),
         "area_mm2", mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
-        "maxcut_max_mm", inspect_largest(group, group->maxcut), "topology", topology_object(&t));
+        "maxcut_max_mm", inspect_largest(group, group->maxcut), "lesion", lesion_object(group),
+        "topology", topology_object(&t));
 }
 
 static int print_json(struct knee_case *knee) {
@@ -98,11 +133,20 @@ static void print_group(const struct case_group *group) {
         printf("%9.0f ", mesh_volume(&group->mesh));
     else
         printf("%9s ", "-");
-    printf("%6.2f  %s%s%s%s  [%.1f %.1f %.1f] to [%.1f %.1f %.1f]\n",
-           inspect_largest(group, group->warp), t.closed ? "closed" : "open",
-           t.manifold ? "" : ", not manifold", t.oriented ? "" : ", not oriented",
-           group->cuttable ? ", cuttable" : "", box.min.x, box.min.y, box.min.z, box.max.x,
-           box.max.y, box.max.z);
+    printf("%6.2f %6.2f  %s%s%s%s  [%.1f %.1f %.1f] to [%.1f %.1f %.1f]\n",
+           inspect_largest(group, group->warp), inspect_largest(group, group->maxcut),
+           t.closed ? "closed" : "open", t.manifold ? "" : ", not manifold",
+           t.oriented ? "" : ", not oriented", group->cuttable ? ", cuttable" : "", box.min.x,
+           box.min.y, box.min.z, box.max.x, box.max.y, box.max.z);
+}
+
+static void print_lesion(const struct case_group *group) {
+    for (size_t i = 0; i < REGION_COUNT; i++) {
+        const struct case_region *region = region_of(group, i);
+        if (region->part_count > 0)
+            printf("%-6s %-17s %d parts of %.1f mm3 together\n", regions[i].name, group->name,
+                   region->part_count, region_volume(region));
+    }
 }
 
 static int print_text(struct knee_case *knee) {
@@ -112,10 +156,12 @@ static int print_text(struct knee_case *knee) {
     printf("joint centre %.1f %.1f %.1f\n", centre.x, centre.y, centre.z);
     if (inspect_medial_plateau(knee, &plateau))
         printf("medial plateau %.1f %.1f %.1f\n", plateau.x, plateau.y, plateau.z);
-    printf("\n%-17s %-8s %5s %9s %9s %6s  surface, box in mm\n", "group", "body", "parts",
-           "triangles", "mm3", "warp");
+    printf("\n%-17s %-8s %5s %9s %9s %6s %6s  surface, box in mm\n", "group", "body", "parts",
+           "triangles", "mm3", "warp", "maxcut");
     for (int i = 0; i < knee->group_count; i++)
         print_group(&knee->groups[i]);
+    for (int i = 0; i < knee->group_count; i++)
+        print_lesion(&knee->groups[i]);
     for (int i = 0; i < knee->portal_count; i++)
         printf("portal %-17s %.1f %.1f %.1f\n", knee->portals[i].name, knee->portals[i].position.x,
                knee->portals[i].position.y, knee->portals[i].position.z);

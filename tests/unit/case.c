@@ -46,6 +46,12 @@ static void assert_same_floats(const float *a, const float *b, size_t count) {
         assert_memory_equal(a, b, count * sizeof *a);
 }
 
+static void assert_same_region(const struct case_region *a, const struct case_region *b) {
+    assert_int_equal(a->part_count, b->part_count);
+    if (a->part_count)
+        assert_memory_equal(a->parts, b->parts, (size_t)a->part_count * sizeof *a->parts);
+}
+
 static void assert_same(const struct knee_case *a, const struct knee_case *b) {
     assert_string_equal(a->name, b->name);
     assert_string_equal(a->title, b->title);
@@ -70,6 +76,9 @@ static void assert_same(const struct knee_case *a, const struct knee_case *b) {
         assert_same_floats(g->mesh.positions, h->mesh.positions, floats);
         assert_same_floats(g->warp, h->warp, floats);
         assert_same_floats(g->maxcut, h->maxcut, floats);
+        assert_same_region(&g->lesion.tear, &h->lesion.tear);
+        assert_same_region(&g->lesion.damage, &h->lesion.damage);
+        assert_same_region(&g->lesion.plan, &h->lesion.plan);
         assert_memory_equal(g->mesh.triangles, h->mesh.triangles,
                             3 * sizeof(uint32_t) * g->mesh.triangle_count);
     }
@@ -154,6 +163,58 @@ static void the_file_is_in_metres_with_a_node_for_each_part_and_named_targets(vo
     assert_int_equal(json_unpack(json, "{s:{s:s}}", "asset", "generator", &generator), 0);
     assert_string_equal(generator, "Arthron " ARTHRON_VERSION);
     json_decref(json);
+    case_destroy(&knee);
+}
+
+static const struct plane slanted[] = {{{0.6, 0.64, 0.48}, 3 - 23.5},
+                                       {{-3, 1, 1}, 3 + 59},
+                                       {{1, -2, 0.7}, 3 - 36.2},
+                                       {{0.1, 0.2, -5}, 2 + 77.5}};
+
+static void a_lesion_comes_back_and_counts_in_the_hash(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    assert_ok(case_save(knee, folder, &err));
+    uint64_t hash = knee->hash;
+    struct case_lesion *lesion = &case_group(knee, "meniscus_medial")->lesion;
+    assert_ok(case_region_add(&lesion->damage, slanted, 4, &err));
+    assert_ok(case_save(knee, folder, &err));
+    assert_true(knee->hash != hash);
+    struct knee_case *once = load();
+    assert_true(once->hash == knee->hash);
+    const struct case_lesion *loaded = &case_group(once, "meniscus_medial")->lesion;
+    assert_int_equal(loaded->tear.part_count, 1);
+    assert_int_equal(loaded->damage.part_count, 1);
+    assert_int_equal(loaded->plan.part_count, 2);
+    assert_near(loaded->plan.parts[0].volume, 6 * 4 * 8, 1e-9);
+    for (int i = 0; i < 4; i++) {
+        double length = vec3_length(slanted[i].normal);
+        struct plane p = loaded->damage.parts[0].planes[i];
+        assert_vec3_near(p.normal, vec3_scale(1 / length, slanted[i].normal), 1e-15);
+        assert_near(p.offset, slanted[i].offset / length, 1e-14 * fabs(p.offset));
+    }
+    assert_ok(case_save(once, folder, &err));
+    struct knee_case *twice = load();
+    assert_same(once, twice);
+    case_destroy(&knee);
+    case_destroy(&once);
+    case_destroy(&twice);
+}
+
+static void a_region_takes_32_parts_and_no_more(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct case_region *damage = &case_group(knee, "meniscus_medial")->lesion.damage;
+    assert_int_equal(case_region_add(damage, slanted, 3, &err), RESULT_INVALID);
+    assert_int_equal(damage->part_count, 0);
+    for (int i = 0; i < CASE_REGION_PARTS_MAX; i++)
+        assert_ok(case_region_add(damage, slanted, 4, &err));
+    assert_int_equal(case_region_add(damage, slanted, 4, &err), RESULT_LIMIT);
+    assert_int_equal(damage->part_count, CASE_REGION_PARTS_MAX);
+    assert_ok(case_save(knee, folder, &err));
+    case_destroy(&knee);
+    knee = load();
+    assert_int_equal(case_group(knee, "meniscus_medial")->lesion.damage.part_count, 32);
     case_destroy(&knee);
 }
 
@@ -244,6 +305,19 @@ static void infinite_warp(struct knee_case *knee) {
     case_group(knee, "tibia")->warp[4] = INFINITY;
 }
 
+static void lesion_of_bone(struct knee_case *knee) {
+    struct case_group *femur = case_group(knee, "femur");
+    assert_ok(case_region_add(&femur->lesion.damage, slanted, 4, &err));
+}
+
+// The meniscus lies there, but S' does not.
+static void lesion_beside(struct knee_case *knee) {
+    struct case_group *meniscus = case_group(knee, "meniscus_medial");
+    float *warp = case_group_need_warp(meniscus);
+    for (uint32_t v = 0; v < meniscus->mesh.vertex_count; v++)
+        warp[3 * v + 2] = -9;
+}
+
 static void empty_group(struct knee_case *knee) {
     case_add_group(knee, "acl", BODY_TIBIA);
 }
@@ -275,6 +349,8 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         {meniscus_of_two_parts, RESULT_INVALID, "meniscus_medial is cuttable but has 2 parts"},
         {infinite_warp, RESULT_INVALID, "group tibia: warp of vertex 1"},
         {empty_group, RESULT_MISSING, "group acl"},
+        {lesion_of_bone, RESULT_INVALID, "group femur has lesion.damage but is not cuttable"},
+        {lesion_beside, RESULT_INVALID, "meniscus_medial: lesion.tear[0] lies beside the mesh"},
         {long_direction, RESULT_INVALID, "portal anteromedial: direction"},
         {falling_keys, RESULT_INVALID, "patella[1]: flexion_deg"},
         {bent_joint, RESULT_INVALID, "joint.T_tibia_joint"},
@@ -426,6 +502,8 @@ int main(void) {
                                         make, clear),
         cmocka_unit_test_setup_teardown(
             the_file_is_in_metres_with_a_node_for_each_part_and_named_targets, make, clear),
+        cmocka_unit_test_setup_teardown(a_lesion_comes_back_and_counts_in_the_hash, make, clear),
+        cmocka_unit_test_setup_teardown(a_region_takes_32_parts_and_no_more, make, clear),
         cmocka_unit_test(a_part_added_later_gets_no_displacement),
         cmocka_unit_test(parts_are_refused_by_name_number_and_mesh),
         cmocka_unit_test(the_patella_follows_its_keys_and_stays_past_them),

@@ -34,6 +34,16 @@ static struct case_group *add_box(struct knee_case *knee, const char *group_name
     return group;
 }
 
+static void add_region(struct case_region *region, vec3 centre, vec3 half) {
+    const struct plane planes[] = {
+        {{1, 0, 0}, half.x + centre.x}, {{-1, 0, 0}, half.x - centre.x},
+        {{0, 1, 0}, half.y + centre.y}, {{0, -1, 0}, half.y - centre.y},
+        {{0, 0, 1}, half.z + centre.z}, {{0, 0, -1}, half.z - centre.z},
+    };
+    struct error err;
+    CHECK(case_region_add(region, planes, 6, &err) == RESULT_OK);
+}
+
 struct knee_case *box_knee(void) {
     struct knee_case *knee = case_create("boxes", "A knee of boxes – ½");
     add_box(knee, "tibia", BODY_TIBIA, "bone", (vec3){0, 0, -52}, (vec3){38, 25, 30});
@@ -45,6 +55,9 @@ struct knee_case *box_knee(void) {
                                           (vec3){-25, 0, -16}, (vec3){6, 15, 3});
     meniscus->cuttable = true;
     case_group_need_maxcut(meniscus)[0] = 0.125f;
+    add_region(&meniscus->lesion.tear, (vec3){-20, 2, -16}, (vec3){3, 0.0625, 4});
+    add_region(&meniscus->lesion.plan, (vec3){-20, 2, -16}, (vec3){3, 2, 4});
+    add_region(&meniscus->lesion.plan, (vec3){-19, 2, -16}, (vec3){2, 4, 4});
     knee->portals[knee->portal_count++] =
         (struct case_portal){"anteromedial", {-20, 50, -10}, {0.48, -0.8, -0.36}};
     quat bent = quat_from_axis_angle((vec3){1, 0, 0}, -1.1);

@@ -4,7 +4,8 @@
 #include "case/case.h"
 
 // Right knee "boxes": tibia (parts bone and cartilage, with a warp), femur, patella,
-// meniscus_medial (cuttable, with a maxcut), one portal, two patella keys. Passes case_validate.
+// meniscus_medial (cuttable, with a maxcut, a tear of one part and a plan of two), one portal, two
+// patella keys. Passes case_validate.
 struct knee_case *box_knee(void);
 
 // A closed box with 8 vertices and 12 triangles facing outwards.

@@ -396,6 +396,22 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
         {"groups/0/body", "\"pelvis\"", RESULT_INVALID, "groups[0].body"},
         {"groups/0/cuttable", "1", RESULT_INVALID, "groups[0].cuttable"},
         {"groups/0/cuttable", "true", RESULT_INVALID, "tibia is cuttable but has 2 parts"},
+#define LESION "groups/3/lesion"
+        {LESION, "[]", RESULT_FORMAT, "groups[3].lesion: not an object"},
+        {LESION, "{\"tears\":[]}", RESULT_FORMAT, "groups[3].lesion.tears: unknown key"},
+        {LESION "/tear", "{}", RESULT_FORMAT, "groups[3].lesion.tear: not an array"},
+        {LESION "/tear/0", "7", RESULT_FORMAT, "groups[3].lesion.tear[0]: not an array of"},
+        {LESION "/tear/0", "[]", RESULT_INVALID, "groups[3].lesion.tear[0]: 0 planes"},
+        {LESION "/tear/0/2", "[1,0,0]", RESULT_INVALID, "lesion.tear[0][2]: not a plane"},
+        {LESION "/plan/1/5", "[1,0,0,0,0]", RESULT_INVALID, "lesion.plan[1][5]: not a plane"},
+        {LESION "/plan/1/0", "[1,0,\"0\",0]", RESULT_INVALID, "lesion.plan[1][0]: not a plane"},
+        {LESION "/plan/1/0", "5", RESULT_INVALID, "lesion.plan[1][0]: not a plane"},
+        {LESION "/plan/1/0", "[0,0,0,1]", RESULT_INVALID, "lesion.plan[1]: plane 0"},
+        {LESION "/plan/1/0/3", "1e300", RESULT_INVALID, "lesion.plan[1]: the planes enclose"},
+        {LESION "/plan/1/0/3", "-1e300", RESULT_INVALID, "lesion.plan[1]: plane"},
+        {LESION "/plan/1/0", NULL, RESULT_INVALID, "lesion.plan[1]: the planes enclose nothing"},
+        {LESION "/tear/0/0/3", "-900", RESULT_INVALID, "lesion.tear[0]: plane"},
+        {"groups/3/cuttable", "false", RESULT_INVALID, "medial has lesion.tear but is not"},
         {"groups/0", NULL, RESULT_FORMAT, "node tibia/bone: the manifest has no such group"},
         {"portals/0/position", "[1,2]", RESULT_INVALID, "portals[0].position"},
         {"portals/0/direction", "[0,0,5]", RESULT_INVALID, "portal anteromedial: direction"},
@@ -442,6 +458,33 @@ static void too_many_groups_portals_and_keys_are_refused(void **state) {
     }
 }
 
+static void too_many_parts_and_planes_of_a_lesion_are_refused(void **state) {
+    (void)state;
+    static const struct {
+        const char *key, *says;
+        int parts, planes;
+    } rows[] = {
+        {"tear", "groups[3].lesion.tear: more than 32 parts", 33, 6},
+        {"plan", "groups[3].lesion.plan[0]: more than 64 planes", 1, 65},
+    };
+    for (size_t i = 0; i < 2; i++) {
+        json_t *json = json_loads(manifest, 0, NULL), *parts = json_array(), *part = json_array();
+        for (int k = 0; k < rows[i].planes; k++)
+            json_array_append_new(part, json_pack("[i, i, i, i]", 0, 0, 1, 1));
+        for (int k = 0; k < rows[i].parts; k++)
+            json_array_append(parts, part);
+        json_t *meniscus = json_array_get(json_object_get(json, "groups"), 3);
+        json_object_set_new(json_object_get(meniscus, "lesion"), rows[i].key, parts);
+        json_decref(part);
+        char *text = json_dumps(json, JSON_REAL_PRECISION(17));
+        json_decref(json);
+        write_file(folder, "case.json", text, strlen(text));
+        free(text);
+        assert_int_equal(load(), RESULT_LIMIT);
+        assert_says(rows[i].key, rows[i].says);
+    }
+}
+
 static void a_manifest_that_is_no_json_is_refused_with_its_line(void **state) {
     (void)state;
     static const char *const texts[] = {
@@ -472,6 +515,7 @@ static void an_open_meniscus_to_be_cut_is_refused(void **state) {
     struct knee_case *knee = box_knee();
     struct case_group *meniscus = case_group(knee, "meniscus_medial");
     meniscus->cuttable = false;
+    meniscus->lesion.tear.part_count = meniscus->lesion.plan.part_count = 0;
     meniscus->mesh.triangle_count = meniscus->parts[0].triangle_count = 11;
     assert_int_equal(case_save(knee, folder, &err), RESULT_OK);
     case_destroy(&knee);
@@ -508,6 +552,7 @@ int main(void) {
         row(limits_hold_before_anything_is_read),
         row(a_manifest_at_fault_is_refused_with_the_key),
         row(too_many_groups_portals_and_keys_are_refused),
+        row(too_many_parts_and_planes_of_a_lesion_are_refused),
         row(a_manifest_that_is_no_json_is_refused_with_its_line),
         row(an_open_meniscus_to_be_cut_is_refused),
         row(files_that_are_not_there_are_named),

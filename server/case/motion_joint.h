@@ -2,7 +2,7 @@
 #pragma once
 
 #include "case/case.h"
-#include "case/motion_solid.h"
+#include "case/solid.h"
 
 // The joint's six values at a flexion and valgus (degrees). In valgus the tibia turns about the
 // lateral contact, in varus about the medial one, and keeps the gap that was there before. In

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "case/motion.h"
-#include "case/motion_solid.h"
 #include "case/motion_tremor.h"
+#include "case/solid.h"
 
 struct hand {
     struct case_portal portal;

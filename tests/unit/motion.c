@@ -2,7 +2,7 @@
 
 #include "case/generate.h"
 #include "case/motion_joint.h"
-#include "case/motion_solid.h"
+#include "case/solid.h"
 #include "mesh/query.h"
 #include "random.h"
 #include "test.h"

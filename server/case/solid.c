@@ -1,4 +1,4 @@
-#include "case/motion_solid.h"
+#include "case/solid.h"
 
 #include "base/check.h"
 

@@ -6,7 +6,6 @@
 
 #include <time.h>
 
-static const int64_t period_ns = 8 * NS_PER_MS;
 static const double closed_opening = 0.05; // the end switch closes below it
 
 enum result handle_player_plug(struct handle_player *p, struct error *err) {
@@ -63,7 +62,7 @@ void *handle_player_run(void *handle_player) {
             result = send_report(p, due, &err);
         if (result != RESULT_OK)
             log_warning("hid", "%s", err.text);
-        due_ns += result == RESULT_OK ? period_ns : NS_PER_S;
+        due_ns += result == RESULT_OK ? (int64_t)(NS_PER_S / p->rate_hz) : NS_PER_S;
         struct timespec at = {due_ns / NS_PER_S, due_ns % NS_PER_S};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
     }

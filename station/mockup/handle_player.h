@@ -12,6 +12,7 @@ struct handle_player {
     struct faults *faults;
     const atomic_bool *stop;
     const char *serial;
+    double rate_hz; // of reports
     int handle; // -1: not plugged in
 };
 

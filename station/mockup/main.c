@@ -32,6 +32,7 @@ static const char help[] =
     "  --header-version N       1, 2 or 3 (2)\n"
     "  --rate HZ                tracker frames a second, interpolated (each row at its own time)\n"
     "  --hid SERIAL             be an instrument handle (HID): the punch's opening; needs root\n"
+    "  --hid-rate HZ            how often the handle reports (125)\n"
     "  --T-tracker-mockup POSE  where the mock-up stands before the tracker\n"
     "  --T-tool-tip NAME=POSE   where a tool's tip is in the tool\n"
     "  --faults FILE            what goes wrong, and when (station/mockup/README.md)\n"
@@ -100,6 +101,7 @@ enum option_code {
     HEADER_VERSION,
     RATE,
     HID,
+    HID_RATE,
     T_TRACKER_MOCKUP,
     T_TOOL_TIP,
     FAULTS,
@@ -120,6 +122,7 @@ static const struct option options[] = {
     {"header-version", required_argument, NULL, HEADER_VERSION},
     {"rate", required_argument, NULL, RATE},
     {"hid", required_argument, NULL, HID},
+    {"hid-rate", required_argument, NULL, HID_RATE},
     {"T-tracker-mockup", required_argument, NULL, T_TRACKER_MOCKUP},
     {"T-tool-tip", required_argument, NULL, T_TOOL_TIP},
     {"faults", required_argument, NULL, FAULTS},
@@ -162,6 +165,8 @@ static bool set_option(struct mockup *m, int code, const char *text) {
     case HID:
         m->hid.serial = text;
         return *text && strlen(text) < 64;
+    case HID_RATE:
+        return number_double(text, 1, 10000, &m->hid.rate_hz);
     case T_TRACKER_MOCKUP:
         return number_pose(text, &m->tracker.T_tracker_mockup);
     case T_TOOL_TIP:
@@ -298,7 +303,7 @@ int main(int argc, char **argv) {
                                         .T_tracker_mockup = pose_identity(),
                                         .listener = -1};
     m.hid = (struct handle_player){
-        .player = &m.player, .faults = &m.faults, .stop = &m.stop, .handle = -1};
+        .player = &m.player, .faults = &m.faults, .stop = &m.stop, .rate_hz = 125, .handle = -1};
     for (int i = 0; i < CHANNEL_COUNT; i++)
         m.tracker.T_tool_tip[i] = pose_identity();
     parse_options(&m, argc, argv);

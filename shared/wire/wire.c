@@ -42,6 +42,16 @@ _Static_assert(arthron_Reply_size + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DAT
 _Static_assert(arthron_Reply_size <= sizeof((arthron_Frame){0}.padding.bytes),
                "padding reaches the longest reply");
 
+#define CHUNK_TAG 15 // of mesh_chunk in Control
+#define CHUNK_OVERHEAD 4
+
+_Static_assert(arthron_MeshChunk_size + CHUNK_OVERHEAD <= WIRE_CHUNK_MAX,
+               "every chunk is within its limit");
+_Static_assert(sizeof((arthron_MeshChunk){0}.data.bytes) == WIRE_CHUNK_DATA &&
+                   sizeof((arthron_MeshAsk){0}.have) / sizeof(arthron_MeshState) ==
+                       WIRE_MESH_GROUPS_MAX,
+               "chunks and groups of the schema are those of wire.h");
+
 // ---- encoding -----------------------------------------------------------------------------------
 
 static enum result encode(const pb_msgdesc_t *kind, const void *message, uint8_t *data, size_t size,
@@ -196,6 +206,8 @@ enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Contro
                                 struct error *err) {
     enum result result = decode("control message", arthron_Control_fields, data, size,
                                 WIRE_CONTROL_MAX, out_message, err);
+    if (result == RESULT_OK && wire_is_chunk(data, size))
+        return fail(err, RESULT_FORMAT, "control message: a piece of a mesh is not for here");
     if (result == RESULT_OK && control_check(out_message, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "control message: ");
     return result;
@@ -226,6 +238,64 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
     if (result == RESULT_OK && reply_check(out_message, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "reply: ");
     return result;
+}
+
+// ---- pieces of meshes ---------------------------------------------------------------------------
+
+enum result wire_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, size_t size,
+                              size_t *out_used) {
+    pb_ostream_t stream = pb_ostream_from_buffer(data, size);
+    if (!pb_encode_tag(&stream, PB_WT_STRING, CHUNK_TAG) ||
+        !pb_encode_submessage(&stream, arthron_MeshChunk_fields, chunk))
+        return RESULT_LIMIT;
+    *out_used = stream.bytes_written;
+    return RESULT_OK;
+}
+
+bool wire_is_chunk(const uint8_t *data, size_t size) {
+    return size > 0 && data[0] == (CHUNK_TAG << 3 | PB_WT_STRING);
+}
+
+static bool decode_chunk(pb_istream_t *stream, arthron_MeshChunk *out_chunk) {
+    pb_istream_t inner;
+    pb_wire_type_t type;
+    uint32_t tag;
+    bool end;
+    return pb_decode_tag(stream, &type, &tag, &end) && pb_make_string_substream(stream, &inner) &&
+           pb_decode(&inner, arthron_MeshChunk_fields, out_chunk) &&
+           pb_close_string_substream(stream, &inner);
+}
+
+static enum result chunk_check(const arthron_MeshChunk *m, struct error *err) {
+    if (!m->group[0])
+        return fail(err, RESULT_FORMAT, "its group has no name");
+    if (m->number <= m->base)
+        return fail(err, RESULT_FORMAT, "number %u is not above base %u", m->number, m->base);
+    if (m->size == 0 || m->size > WIRE_MESH_MAX)
+        return fail(err, RESULT_LIMIT, "%u bytes, 1 to %u are accepted", m->size, WIRE_MESH_MAX);
+    if (m->index > (m->size - 1) / WIRE_CHUNK_DATA)
+        return fail(err, RESULT_FORMAT, "piece %u of %u bytes", m->index, m->size);
+    uint32_t left = m->size - m->index * WIRE_CHUNK_DATA;
+    uint32_t due = left < WIRE_CHUNK_DATA ? left : WIRE_CHUNK_DATA;
+    if (m->data.size != due)
+        return fail(err, RESULT_FORMAT, "piece %u has %u bytes, not %u", m->index, m->data.size,
+                    due);
+    return RESULT_OK;
+}
+
+enum result wire_decode_chunk(const uint8_t *data, size_t size, arthron_MeshChunk *out_chunk,
+                              struct error *err) {
+    if (size > WIRE_CHUNK_MAX)
+        return fail(err, RESULT_LIMIT, "piece of a mesh: %zu bytes, at most %d are accepted", size,
+                    WIRE_CHUNK_MAX);
+    CHECK(wire_is_chunk(data, size));
+    pb_istream_t stream = pb_istream_from_buffer(data, size);
+    if (!decode_chunk(&stream, out_chunk))
+        return fail(err, RESULT_FORMAT, "piece of a mesh: %s", PB_GET_ERROR(&stream));
+    if (stream.bytes_left)
+        return fail(err, RESULT_FORMAT, "piece of a mesh: %zu bytes behind it", stream.bytes_left);
+    enum result result = chunk_check(out_chunk, err);
+    return result == RESULT_OK ? result : fail_in(err, result, "piece of a mesh: ");
 }
 
 // ---- frames as the plain types of base ----------------------------------------------------------

@@ -6,6 +6,7 @@
 #include "base/result.h"
 #include "base/sample.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -21,6 +22,11 @@
 #define WIRE_CONTROL_MAX 8192
 #define WIRE_CONSOLE_MAX 65536
 #define WIRE_DATAGRAM_MAX 1452
+#define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
+
+#define WIRE_CHUNK_DATA 32768     // in each piece of a mesh but the last
+#define WIRE_MESH_MAX (64u << 20) // in all of them together
+#define WIRE_MESH_GROUPS_MAX 8    // that a station follows at once
 
 // Times on the wire lie in [0, WIRE_TIME_MAX_NS): 36 years of a monotonic clock.
 #define WIRE_TIME_MAX_NS (INT64_C(1) << 60)
@@ -48,6 +54,15 @@ enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Consol
 enum result wire_decode_frame(const uint8_t *data, size_t size, arthron_Frame *out_message,
                               struct error *err);
 enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *out_message,
+                              struct error *err);
+
+// A Control that holds a MeshChunk and nothing else: struct arthron_Control has no place for one.
+// wire_decode_control refuses it (RESULT_FORMAT). After RESULT_OK number is above base, size at
+// most WIRE_MESH_MAX, index within it, and data as long as its place demands.
+enum result wire_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, size_t size,
+                              size_t *out_used);
+bool wire_is_chunk(const uint8_t *data, size_t size); // whatever else is wrong with it
+enum result wire_decode_chunk(const uint8_t *data, size_t size, arthron_MeshChunk *out_chunk,
                               struct error *err);
 
 void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);

@@ -11,54 +11,92 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { DRIVERS = 5 };
 static const double device_hz = 500, loop_hz = 1000;
 
-enum result runner_of(const char *name, const struct device_option *options, int count,
-                      struct runner **out, struct error *err) {
-    struct device_config config = {.options = options, .option_count = count};
-    snprintf(config.name, sizeof config.name, "%s", name);
+// ---- the drivers --------------------------------------------------------------------------------
+
+const char *line_name(enum line line) {
+    static const char *const names[LINES] = {"modbus-tcp", "modbus-rtu", "tracker",
+                                             "hid",        "recorded",   "simulated"};
+    return names[line];
+}
+
+enum { OPTIONS_MAX = 6 };
+
+enum result line_open(const struct mockup *m, enum line line, double rate_hz, struct runner **out,
+                      struct error *err) {
+    char hz[16];
+    snprintf(hz, sizeof hz, "%g", rate_hz);
+    const struct device_option options[LINES][OPTIONS_MAX] = {
+        [MODBUS_TCP] = {{"driver", "modbus"},
+                        {"address", m->modbus_tcp},
+                        {"rate_hz", hz},
+                        {"flexion", "1 0.01"},
+                        {"sequence", "0"}},
+        [MODBUS_RTU] = {{"driver", "modbus"},
+                        {"serial", m->serial},
+                        {"rate_hz", hz},
+                        {"flexion", "1 0.01"},
+                        {"sequence", "0"}},
+        [TRACKER] = {{"driver", "tracker"}, {"address", m->tracker}, {"tool.probe", "probe"}},
+        [HID] = {{"driver", "hid"},
+                 {"vid", "1209"},
+                 {"pid", "0001"},
+                 {"serial", m->hid},
+                 {"on_change", "no"},
+                 {"punch.opening", "1:0 16 0 10000"}},
+        [RECORDED] = {{"driver", "recorded"}, {"file", m->motion}},
+        [SIMULATED] = {{"driver", "simulated"}, {"rate_hz", hz}},
+    };
+    struct device_config config = {.options = options[line]};
+    while (config.option_count < OPTIONS_MAX && options[line][config.option_count].key)
+        config.option_count++;
+    snprintf(config.name, sizeof config.name, "%s", line_name(line));
     return runner_create(&config, 1, out, err);
 }
 
-// ---- from the device to the datagram ----
+// Those that the arguments name, all where they name none; a handle only where it can be made.
+static enum result choose(const struct bench_options *options, bool chosen[LINES],
+                          struct report *report, struct error *err) {
+    const char *without_hid = mockup_without_hid();
+    for (int i = 0; i < options->input_count; i++) {
+        int line = 0;
+        while (line < LINES && strcmp(options->inputs[i], line_name(line)) != 0)
+            line++;
+        if (line == LINES)
+            return fail(err, RESULT_INVALID, "no line is named %s", options->inputs[i]);
+        chosen[line] = true;
+    }
+    for (int i = 0; i < LINES && !options->input_count; i++)
+        chosen[i] = true;
+    if (chosen[HID] && without_hid) {
+        char text[64];
+        snprintf(text, sizeof text, "skipped: %s", without_hid);
+        report_text(report, line_name(HID), text);
+        chosen[HID] = false;
+    }
+    return RESULT_OK;
+}
+
+// ---- from the device to the datagram ------------------------------------------------------------
 
 struct lane {
-    const char *name;
-    struct runner *runner;
+    struct runner *runner; // NULL: not chosen
     struct seal *seal;
     int64_t newest_ns;
     int values;
     struct samples latency_us;
 };
 
-static enum result open_lanes(const struct mockup *m, struct lane *lanes, struct error *err) {
-    char hz[16];
-    snprintf(hz, sizeof hz, "%g", device_hz);
-    const struct device_option options[DRIVERS][5] = {
-        {{"driver", "modbus"},
-         {"address", m->modbus_tcp},
-         {"rate_hz", hz},
-         {"flexion", "1 0.01"},
-         {"sequence", "0"}},
-        {{"driver", "modbus"},
-         {"serial", m->serial},
-         {"rate_hz", hz},
-         {"flexion", "1 0.01"},
-         {"sequence", "0"}},
-        {{"driver", "tracker"}, {"address", m->tracker}, {"tool.probe", "probe"}},
-        {{"driver", "recorded"}, {"file", m->motion}},
-        {{"driver", "simulated"}, {"rate_hz", hz}},
-    };
-    static const char *const names[DRIVERS] = {"modbus-tcp", "modbus-rtu", "tracker", "recorded",
-                                               "simulated"};
-    static const int counts[DRIVERS] = {5, 5, 3, 2, 2};
+static enum result open_lanes(const struct mockup *m, const bool chosen[LINES], struct lane *lanes,
+                              struct error *err) {
     static const uint8_t key[SEAL_KEY_SIZE], iv[SEAL_IV_SIZE];
     enum result result = RESULT_OK;
-    for (int i = 0; i < DRIVERS && result == RESULT_OK; i++) {
-        lanes[i].name = names[i];
+    for (int i = 0; i < LINES && result == RESULT_OK; i++) {
+        if (!chosen[i])
+            continue;
         lanes[i].seal = seal_create(SEAL_TO_SERVER, 0, 1, key, iv);
-        result = runner_of(names[i], options[i], counts[i], &lanes[i].runner, err);
+        result = line_open(m, (enum line)i, device_hz, &lanes[i].runner, err);
     }
     return result;
 }
@@ -82,31 +120,36 @@ static void make_datagram(struct lane *lane, uint64_t number) {
     samples_add(&lane->latency_us, (double)(clock_now_ns() - newest_ns) / 1e3);
 }
 
-static void report_lane(struct lane *lane, double seconds, struct report *report) {
+static void report_lane(struct lane *lane, enum line line, double seconds, struct report *report) {
+    const char *name = line_name(line);
     struct samples *l = &lane->latency_us;
-    report_figure(report, lane->values / seconds, "values/s", "%s/rate", lane->name);
-    report_figure(report, samples_quantile(l, 0.5), "us", "%s/to_datagram/p50", lane->name);
-    report_figure(report, samples_quantile(l, 0.99), "us", "%s/to_datagram/p99", lane->name);
-    report_figure(report, samples_max(l), "us", "%s/to_datagram/max", lane->name);
+    double asked_hz = line == RECORDED ? MOTION_HZ : device_hz;
+    report_figure(report, asked_hz, "values/s", "%s/rate_asked", name);
+    report_figure(report, lane->values / seconds, "values/s", "%s/rate", name);
+    report_figure(report, samples_quantile(l, 0.5), "us", "%s/to_datagram/p50", name);
+    report_figure(report, samples_quantile(l, 0.99), "us", "%s/to_datagram/p99", name);
+    report_figure(report, samples_max(l), "us", "%s/to_datagram/max", name);
 }
 
-static enum result bench_rates(double seconds, struct report *report, struct error *err) {
-    struct lane lanes[DRIVERS] = {0};
+static enum result bench_rates(const bool chosen[LINES], double seconds, struct report *report,
+                               struct error *err) {
+    struct lane lanes[LINES] = {0};
     struct mockup mockup;
     enum result result = mockup_start("", device_hz, &mockup, err);
     if (result != RESULT_OK)
         return result;
-    result = open_lanes(&mockup, lanes, err);
+    result = open_lanes(&mockup, chosen, lanes, err);
     int64_t start_ns = clock_now_ns() + NS_PER_S / 2; // all are connected by then
     uint64_t ticks = result == RESULT_OK ? (uint64_t)(seconds * loop_hz) : 0;
     for (uint64_t i = 1; i <= ticks; i++) {
         sleep_until(start_ns + (int64_t)((double)i / loop_hz * NS_PER_S));
-        for (int k = 0; k < DRIVERS; k++)
-            make_datagram(&lanes[k], i);
+        for (int k = 0; k < LINES; k++)
+            if (chosen[k])
+                make_datagram(&lanes[k], i);
     }
-    for (int i = 0; i < DRIVERS; i++) {
-        if (result == RESULT_OK)
-            report_lane(&lanes[i], seconds, report);
+    for (int i = 0; i < LINES; i++) {
+        if (result == RESULT_OK && chosen[i])
+            report_lane(&lanes[i], (enum line)i, seconds, report);
         runner_destroy(&lanes[i].runner);
         if (lanes[i].seal)
             seal_destroy(&lanes[i].seal);
@@ -118,6 +161,14 @@ static enum result bench_rates(double seconds, struct report *report, struct err
 
 enum result bench_devices(const struct bench_options *options, struct report *report,
                           struct error *err) {
-    enum result result = bench_rates(options->quick ? 1.5 : 10, report, err);
-    return result == RESULT_OK ? bench_faults(options->quick, report, err) : result;
+    bool chosen[LINES] = {false};
+    enum result result = choose(options, chosen, report, err);
+    if (result == RESULT_OK)
+        result = bench_rates(chosen, options->quick ? 1.5 : 10, report, err);
+    bool any = false;
+    for (int i = 0; i < MOCKUP_LINES; i++)
+        any |= chosen[i];
+    if (result == RESULT_OK && any)
+        result = bench_faults(chosen, options->quick, report, err);
+    return result;
 }

@@ -5,10 +5,26 @@
 #include "device/runner.h"
 #include "mockup.h"
 
-enum result runner_of(const char *name, const struct device_option *options, int count,
+enum line {
+    MODBUS_TCP,
+    MODBUS_RTU,
+    TRACKER,
+    HID,
+    MOCKUP_LINES,
+    RECORDED = MOCKUP_LINES,
+    SIMULATED,
+    LINES
+};
+
+const char *line_name(enum line line);
+
+// The driver that reads that line of the mock-up; `rate_hz`: of its polls where it sets their pace.
+enum result line_open(const struct mockup *mockup, enum line line, double rate_hz,
                       struct runner **out_runner, struct error *err);
 
 void sleep_until(int64_t time_ns); // on the monotonic clock
 
-// Each fault that the mock-up knows, one after the other, on all lines at once.
-enum result bench_faults(bool quick, struct report *report, struct error *err);
+// Each fault that the mock-up knows, one after the other, on all lines of it that are chosen, at
+// once.
+enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,
+                         struct error *err);

@@ -9,25 +9,32 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { LINES = 3, TRACKER = 2 };
-static const char *const line_names[LINES] = {"modbus-tcp", "modbus-rtu", "tracker"};
-
-// What is asked of each line; NULL: it has no such fault.
+// What is asked of each line; NULL: it has no such fault, or (a handle's, which a hand may move in
+// any way and whose reports have neither number nor time) none that anyone could tell.
 static const struct planned {
-    const char *what, *modbus, *tracker; // values, "-": the fault takes none
+    const char *what, *modbus, *tracker, *hid; // values, "-": the fault takes none
 } plan[] = {
-    {"dropout", "-", "-"},       {"freeze", "-", "-"},       {"jump", "60", "200"},
-    {"noise", "10", "10"},       {"nan", "-", "-"},          {"late", "120", "400"},
-    {"stale", "2000", "2000"},   {"junk", "-", "-"},         {"wrong-slave", "-", NULL},
-    {"unplug", "-", "-"},        {"clock-step", NULL, "3"},  {"clock-drift", NULL, "0.5"},
-    {"newer-version", "-", "-"}, {"half-message", "-", "-"},
+    {"dropout", "-", "-", "-"},  {"freeze", "-", "-"},
+    {"jump", "60", "200"},       {"noise", "10", "10"},
+    {"nan", "-", "-"},           {"late", "120", "400"},
+    {"stale", "2000", "2000"},   {"junk", "-", "-", "-"},
+    {"wrong-slave", "-", NULL},  {"unplug", "-", "-", "-"},
+    {"clock-step", NULL, "3"},   {"clock-drift", NULL, "0.5"},
+    {"newer-version", "-", "-"}, {"half-message", "-", "-", "-"},
 };
 
 enum { FAULTS = sizeof plan / sizeof plan[0] };
 
+static const char *asked_of(enum line line, int fault) {
+    return line == TRACKER ? plan[fault].tracker
+           : line == HID   ? plan[fault].hid
+                           : plan[fault].modbus;
+}
+
 static const double loop_hz = 200, first_s = 1.5;
-static const double steady_s = 0.1;              // good for so long: recovered
-static const double wrong_deg = 1, wrong_mm = 5; // that far from where it was at its own time
+static const double steady_s = 0.1; // good for so long: recovered
+// That far from where it was at its own time.
+static const double wrong_deg = 1, wrong_mm = 5, wrong_opening = 0.02;
 
 // One fault on one line, as a session sees it.
 struct outcome {
@@ -39,8 +46,8 @@ struct outcome {
     bool event_lost, event_back;
 };
 
-struct line {
-    struct runner *runner;
+struct watched {
+    struct runner *runner; // NULL: not chosen
     struct session *session;
     double offset; // of values, learnt while all is well
     int healthy;
@@ -79,6 +86,7 @@ static char *script(const struct times *t) {
     for (int i = 0; i < FAULTS; i++) {
         write_fault(out, t, i, "modbus", plan[i].modbus);
         write_fault(out, t, i, "tracker", plan[i].tracker);
+        write_fault(out, t, i, "hid", plan[i].hid);
     }
     fclose(out);
     return text;
@@ -86,41 +94,37 @@ static char *script(const struct times *t) {
 
 // ---- watching ----
 
-static enum result open_lines(const struct mockup *m, const struct scene *scene, struct line *lines,
-                              struct error *err) {
-    const struct device_option options[LINES][5] = {
-        {{"driver", "modbus"},
-         {"address", m->modbus_tcp},
-         {"rate_hz", "200"},
-         {"flexion", "1 0.01"},
-         {"sequence", "0"}},
-        {{"driver", "modbus"},
-         {"serial", m->serial},
-         {"rate_hz", "200"},
-         {"flexion", "1 0.01"},
-         {"sequence", "0"}},
-        {{"driver", "tracker"}, {"address", m->tracker}, {"tool.probe", "probe"}},
-    };
+static enum result open_lines(const struct mockup *m, const bool chosen[LINES],
+                              const struct scene *scene, struct watched *lines, struct error *err) {
     struct session_settings settings = session_settings_default();
     enum result result = RESULT_OK;
-    for (int i = 0; i < LINES && result == RESULT_OK; i++) {
+    for (int i = 0; i < MOCKUP_LINES && result == RESULT_OK; i++) {
+        if (!chosen[i])
+            continue;
         lines[i].session = session_create(scene, &settings);
-        result = runner_of(line_names[i], options[i], i == TRACKER ? 3 : 5, &lines[i].runner, err);
+        result = line_open(m, (enum line)i, loop_hz, &lines[i].runner, err);
     }
     return result;
 }
 
 // How far a value lies from what the motion has at the value's own time, in units of what counts as
 // wrong.
-static double falsehood(struct line *line, const struct sample *s, const struct mockup *m,
+static double falsehood(struct watched *line, const struct sample *s, const struct mockup *m,
                         bool learn) {
-    double seconds = (double)(s->time_ns - m->start_ns) / NS_PER_S;
-    bool is_joint = s->kind == SAMPLE_JOINT;
-    double value = is_joint ? s->joint.flexion_deg : s->T_mockup_body.translation.x;
-    double off = value - seconds * (is_joint ? MOTION_DEG_PER_S : MOTION_MM_PER_S);
+    double seconds = (double)(s->time_ns - m->start_ns) / NS_PER_S, off, wrong;
+    if (s->kind == SAMPLE_JOINT) {
+        off = s->joint.flexion_deg - seconds * MOTION_DEG_PER_S;
+        wrong = wrong_deg;
+    } else if (s->kind == SAMPLE_HANDLE) {
+        off = s->handle.opening - seconds * MOTION_OPENING_PER_S;
+        wrong = wrong_opening;
+    } else {
+        off = s->T_mockup_body.translation.x - seconds * MOTION_MM_PER_S;
+        wrong = wrong_mm;
+    }
     if (learn)
         line->offset += (off - line->offset) / ++line->healthy;
-    return fabs(off - line->offset) / (is_joint ? wrong_deg : wrong_mm);
+    return fabs(off - line->offset) / wrong;
 }
 
 static bool counters_rose(const struct device_status *a, const struct device_status *b) {
@@ -131,23 +135,33 @@ static bool counters_rose(const struct device_status *a, const struct device_sta
            (a->connected && !b->connected);
 }
 
-static void step_session(struct line *line, const struct frame *frame, struct outcome *o) {
+// Of a handle a session tells no validity: it is the sample's.
+static enum validity validity_told(const struct frame *frame, const struct session_output *output) {
+    const struct instrument_output *probe =
+        &output->instruments[CHANNEL_PROBE - CHANNEL_FIRST_INSTRUMENT];
+    switch (frame->samples[0].kind) {
+    case SAMPLE_JOINT:
+        return output->joint_validity;
+    case SAMPLE_HANDLE:
+        return frame->samples[0].validity;
+    default:
+        return probe->present ? probe->validity : VALIDITY_LOST;
+    }
+}
+
+static void step_session(struct watched *line, const struct frame *frame, struct outcome *o) {
     struct session_input input = {INPUT_FRAME, frame->time_ns, *frame};
     struct session_output output;
     session_step(line->session, &input, &output);
     o->event_lost |= (output.events & EVENT_DEVICE_LOST) != 0;
     o->event_back |= (output.events & EVENT_DEVICE_BACK) != 0;
-    const struct instrument_output *probe =
-        &output.instruments[CHANNEL_PROBE - CHANNEL_FIRST_INSTRUMENT];
-    enum validity v = probe->present ? probe->validity : VALIDITY_LOST;
-    if (frame->samples[0].kind == SAMPLE_JOINT)
-        v = output.joint_validity;
+    enum validity v = validity_told(frame, &output);
     o->held_s += (v == VALIDITY_HELD) / loop_hz;
     o->lost_s += (v == VALIDITY_LOST) / loop_hz;
 }
 
 // `into_s`: since the fault's beginning, to the beginning of the next one.
-static void watch(struct line *line, struct outcome *o, const struct mockup *m, double into_s,
+static void watch(struct watched *line, struct outcome *o, const struct mockup *m, double into_s,
                   double fault_s, uint64_t tick) {
     struct frame frame = {.number = tick, .time_ns = clock_now_ns()};
     runner_collect(line->runner, frame.time_ns, &frame);
@@ -167,14 +181,14 @@ static void watch(struct line *line, struct outcome *o, const struct mockup *m, 
         o->recovered_s = o->good_since_s - fault_s;
 }
 
-static void begin(struct line *line, int fault) {
+static void begin(struct watched *line, int fault) {
     struct outcome *o = &line->outcomes[fault];
     *o = (struct outcome){.noticed_s = NAN, .recovered_s = NAN, .good_since_s = NAN};
     runner_status(line->runner, 0, &o->before);
     o->after = o->before;
 }
 
-static void learn(struct line *line, const struct mockup *m, uint64_t tick) {
+static void learn(struct watched *line, const struct mockup *m, uint64_t tick) {
     struct session_input input = {tick == 1 ? INPUT_START : INPUT_FRAME, clock_now_ns()};
     struct session_output output;
     input.frame = (struct frame){.number = tick, .time_ns = input.time_ns};
@@ -184,7 +198,7 @@ static void learn(struct line *line, const struct mockup *m, uint64_t tick) {
     session_step(line->session, &input, &output);
 }
 
-static void watch_all(struct line *lines, const struct mockup *m, const struct times *t) {
+static void watch_all(struct watched *lines, const struct mockup *m, const struct times *t) {
     double end_s = begin_of(t, FAULTS);
     int fault = -1;
     for (uint64_t tick = 1;; tick++) {
@@ -194,7 +208,9 @@ static void watch_all(struct line *lines, const struct mockup *m, const struct t
             return;
         bool next = now_s >= begin_of(t, fault + 1);
         fault += next;
-        for (int i = 0; i < LINES; i++) {
+        for (int i = 0; i < MOCKUP_LINES; i++) {
+            if (!lines[i].runner)
+                continue;
             if (next)
                 begin(&lines[i], fault);
             if (fault < 0)
@@ -226,14 +242,14 @@ static void report_outcome(const struct outcome *o, const char *line, const char
     report_text(report, name, text);
 }
 
-static void report_all(const struct line *lines, struct report *report) {
+static void report_all(const struct watched *lines, struct report *report) {
     double unnoticed = 0, slowest_s = 0, wrong = 0;
-    for (int i = 0; i < LINES; i++)
+    for (int i = 0; i < MOCKUP_LINES; i++)
         for (int k = 0; k < FAULTS; k++) {
-            if (!(i == TRACKER ? plan[k].tracker : plan[k].modbus))
+            if (!lines[i].runner || !asked_of((enum line)i, k))
                 continue;
             const struct outcome *o = &lines[i].outcomes[k];
-            report_outcome(o, line_names[i], plan[k].what, report);
+            report_outcome(o, line_name((enum line)i), plan[k].what, report);
             unnoticed += isnan(o->noticed_s);
             slowest_s = isnan(o->recovered_s) ? INFINITY : fmax(slowest_s, o->recovered_s);
             wrong += o->wrong;
@@ -243,21 +259,21 @@ static void report_all(const struct line *lines, struct report *report) {
     report_figure(report, wrong, "frames", "wrong_passed");
 }
 
-static enum result run_script(const struct scene *scene, const struct times *t,
-                              struct report *report, struct error *err) {
-    struct line lines[LINES] = {0};
+static enum result run_script(const bool chosen[LINES], const struct scene *scene,
+                              const struct times *t, struct report *report, struct error *err) {
+    struct watched lines[MOCKUP_LINES] = {0};
     struct mockup mockup;
     char *faults = script(t);
     enum result result = mockup_start(faults, loop_hz, &mockup, err);
     free(faults);
     if (result != RESULT_OK)
         return result;
-    result = open_lines(&mockup, scene, lines, err);
+    result = open_lines(&mockup, chosen, scene, lines, err);
     if (result == RESULT_OK) {
         watch_all(lines, &mockup, t);
         report_all(lines, report);
     }
-    for (int i = 0; i < LINES; i++) {
+    for (int i = 0; i < MOCKUP_LINES; i++) {
         runner_destroy(&lines[i].runner);
         if (lines[i].session)
             session_destroy(&lines[i].session);
@@ -266,7 +282,8 @@ static enum result run_script(const struct scene *scene, const struct times *t,
     return result;
 }
 
-enum result bench_faults(bool quick, struct report *report, struct error *err) {
+enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,
+                         struct error *err) {
     const struct times times = quick ? (struct times){0.5, 1.8} : (struct times){1, 4};
     static const char *const files[] = {"case.json", "anatomy.glb"};
     char folder[] = "/tmp/arthron-bench-XXXXXX", file[64];
@@ -275,7 +292,7 @@ enum result bench_faults(bool quick, struct report *report, struct error *err) {
         return fail(err, RESULT_IO, "%s cannot be made", folder);
     enum result result = played_init(CASES, "healthy", folder, &played, err);
     if (result == RESULT_OK) {
-        result = run_script(played.scene, &times, report, err);
+        result = run_script(chosen, played.scene, &times, report, err);
         played_fini(&played);
     }
     for (int i = 0; i < 2; i++) {

@@ -11,7 +11,8 @@ static const struct bench {
     const char *name, *help;
     bench_run *run;
 } benches[] = {
-    {"devices", "rate and latency of each driver; each fault: noticed, held or lost, recovered",
+    {"devices",
+     "rate and latency of each driver (NAME: only that one); each fault: noticed, recovered",
      bench_devices},
     {"touch", "touch error of each field on cases (--case)", bench_touch},
     {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},

@@ -27,11 +27,14 @@ static enum result write_motion(const char *path, struct error *err) {
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     fputs("t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,distraction_mm,"
-          "probe_tx_mm,probe_ty_mm,probe_tz_mm,probe_qw,probe_qx,probe_qy,probe_qz,probe_valid\n",
+          "probe_tx_mm,probe_ty_mm,probe_tz_mm,probe_qw,probe_qx,probe_qy,probe_qz,probe_valid,"
+          "punch_tx_mm,punch_ty_mm,punch_tz_mm,punch_qw,punch_qx,punch_qy,punch_qz,punch_valid,"
+          "punch_opening\n",
           file);
-    for (int i = 0; i < MOTION_S * 100; i++)
-        fprintf(file, "%.2f,%.6f,0,0,0,0,0,%.6f,0,0,1,0,0,0,1\n", i * 0.01,
-                MOTION_DEG_PER_S * i * 0.01, MOTION_MM_PER_S * i * 0.01);
+    for (int i = 0; i < MOTION_S * MOTION_HZ; i++)
+        fprintf(file, "%.2f,%.6f,0,0,0,0,0,%.6f,0,0,1,0,0,0,1,0,0,0,1,0,0,0,0,%.6f\n", i * 0.01,
+                MOTION_DEG_PER_S * i * 0.01, MOTION_MM_PER_S * i * 0.01,
+                MOTION_OPENING_PER_S * i * 0.01);
     if (fclose(file))
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return RESULT_OK;
@@ -55,22 +58,23 @@ static void run_program(const struct mockup *m, const char *program, double rate
     dup2(out_fd, STDOUT_FILENO);
     execl(program, program, "--motion", m->motion, "--modbus-tcp", "127.0.0.1:0", "--modbus-rtu",
           m->serial, "--modbus-rate", rate, "--tracker", "127.0.0.1:0", "--rate", rate, "--faults",
-          faults, (char *)NULL);
+          faults, mockup_without_hid() ? (char *)NULL : "--hid", m->hid, "--hid-rate", rate,
+          (char *)NULL);
     _exit(127);
 }
 
 static enum result read_addresses(struct mockup *m, int fd, struct error *err) {
     FILE *out = fdopen(fd, "r");
     char line[256];
-    int seen = 0;
-    while (seen < 3 && fgets(line, sizeof line, out)) {
+    int seen = 0, wanted = mockup_without_hid() ? 3 : 4;
+    while (seen < wanted && fgets(line, sizeof line, out)) {
         seen++;
         if (sscanf(line, "modbus-tcp %63s", m->modbus_tcp) != 1)
             sscanf(line, "tracker %63s", m->tracker);
     }
     fclose(out);
     m->start_ns = clock_now_ns();
-    return seen == 3 ? RESULT_OK : fail(err, RESULT_CLOSED, "arthron-mockup ended at once");
+    return seen == wanted ? RESULT_OK : fail(err, RESULT_CLOSED, "arthron-mockup ended at once");
 }
 
 static enum result spawn(struct mockup *m, double rate_hz, struct error *err) {
@@ -93,6 +97,7 @@ enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, s
     *m = (struct mockup){.folder = "/tmp/arthron-bench-XXXXXX"};
     if (!mkdtemp(m->folder))
         return fail(err, RESULT_IO, "%s: %s", m->folder, strerror(errno));
+    snprintf(m->hid, sizeof m->hid, "%s", strrchr(m->folder, '/') + 1);
     path_in(m, "motion.csv", m->motion, sizeof m->motion);
     path_in(m, "line", m->serial, sizeof m->serial);
     path_in(m, "faults.ini", path, sizeof path);
@@ -118,4 +123,12 @@ void mockup_end(struct mockup *m) {
         unlink(path);
     }
     rmdir(m->folder);
+}
+
+const char *mockup_without_hid(void) {
+    if (access("/dev/uhid", F_OK))
+        return "no /dev/uhid";
+    if (access("/dev/uhid", R_OK | W_OK))
+        return "/dev/uhid is not ours to use";
+    return access("/sys/class/hidraw", F_OK) ? "no hidraw" : NULL;
 }

@@ -1,5 +1,6 @@
 // The real arthron-mockup as a child process, playing a steady motion: at t seconds of it flexion
-// is MOTION_DEG_PER_S · t and the probe's x is MOTION_MM_PER_S · t, so that a value tells its time.
+// is MOTION_DEG_PER_S · t, the probe's x is MOTION_MM_PER_S · t and the punch's opening is
+// MOTION_OPENING_PER_S · t, so that a value tells its time.
 #pragma once
 
 #include "base/result.h"
@@ -10,16 +11,22 @@
 #define MOTION_DEG_PER_S 1.7
 #define MOTION_MM_PER_S 20.0
 #define MOTION_S 100
+#define MOTION_HZ 100 // rows
+#define MOTION_OPENING_PER_S (1.0 / MOTION_S)
 
 struct mockup {
     pid_t pid;
     int64_t start_ns; // when it was ready: its time 0
     char folder[64], motion[96], serial[96];
     char modbus_tcp[64], tracker[64]; // host:port
+    char hid[64];                     // serial number
 };
 
 // Makes a folder with the motion and starts the program that lies beside this one; `faults`: the
-// text of its --faults file, `rate_hz`: registers' updates and tracker's frames. The caller ends it
-// with mockup_end, which also removes the folder.
+// text of its --faults file, `rate_hz`: registers' updates, tracker's frames and handle's reports.
+// The caller ends it with mockup_end, which also removes the folder.
 enum result mockup_start(const char *faults, double rate_hz, struct mockup *out, struct error *err);
 void mockup_end(struct mockup *mockup);
+
+// Why it cannot be a handle here; NULL: it is one.
+const char *mockup_without_hid(void);

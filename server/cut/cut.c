@@ -1,1 +1,209 @@
 #include "cut/cut.h"
+
+#include "cut/stage.h"
+#include "mesh/edges.h"
+#include "mesh/topology.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// ---- create ----
+
+#define CELL_LEAST_MM 0.25
+
+static enum result check_solid(const struct mesh *mesh, struct error *err) {
+    enum result result = mesh_validate(mesh, err);
+    if (result != RESULT_OK)
+        return result;
+    struct topology topology = topology_of(mesh);
+    if (!topology.closed)
+        return fail(err, RESULT_INVALID, "it has %u open edges", topology.open_edges);
+    if (!topology.manifold)
+        return fail(err, RESULT_INVALID,
+                    "more than two triangles meet at an edge, or sheets touch");
+    if (!topology.oriented)
+        return fail(err, RESULT_INVALID, "%u edges have triangles that face different ways",
+                    topology.flipped_edges);
+    if (!(mesh_volume(mesh) > 0))
+        return fail(err, RESULT_INVALID, "it faces inwards");
+    return RESULT_OK;
+}
+
+static uint32_t side_of(const struct mesh *mesh, const struct side *side) {
+    uint32_t from = side->forward ? side->low : side->high, i = 3 * side->triangle;
+    while (mesh->triangles[i] != from)
+        i++;
+    return i;
+}
+
+static double mean_edge(const struct mesh *mesh, const struct side *sides) {
+    size_t count = 3 * (size_t)mesh->triangle_count;
+    double sum = 0;
+    for (size_t i = 0; i < count; i++)
+        sum += vec3_distance(mesh_vertex(mesh, sides[i].low), mesh_vertex(mesh, sides[i].high));
+    return sum / (double)count;
+}
+
+static void take_arrays(struct cut_mesh *out, const struct mesh *mesh, const struct side *sides) {
+    size_t count = 3 * (size_t)mesh->triangle_count;
+    out->vertex_bound = out->vertex_room = out->original_count = mesh->vertex_count;
+    out->triangle_bound = out->triangle_room = out->living = mesh->triangle_count;
+    out->points = alloc(mesh->vertex_count, sizeof *out->points);
+    out->spokes = alloc(mesh->vertex_count, sizeof *out->spokes);
+    out->corners = array_copy(mesh->triangles, count, sizeof *out->corners);
+    out->twins = alloc(count, sizeof *out->twins);
+    out->labels = alloc(mesh->triangle_count, sizeof *out->labels);
+    memset(out->spokes, 0xff, mesh->vertex_count * sizeof *out->spokes);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        out->points[v] = mesh_vertex(mesh, v);
+    for (size_t i = count; i-- > 0;)
+        out->spokes[mesh->triangles[i]] = (uint32_t)i;
+    for (size_t i = 0; i < count; i += 2) {
+        uint32_t a = side_of(mesh, &sides[i]), b = side_of(mesh, &sides[i + 1]);
+        out->twins[a] = b;
+        out->twins[b] = a;
+    }
+}
+
+enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
+                            struct error *err) {
+    *out_mesh = NULL;
+    enum result result = check_solid(mesh, err);
+    if (result != RESULT_OK)
+        return result;
+    struct cut_mesh *m = *out_mesh = alloc(1, sizeof *m);
+    struct side *sides = edges_sorted(mesh);
+    take_arrays(m, mesh, sides);
+    grid_init(&m->grid, mesh_bounds(mesh), fmax(CELL_LEAST_MM, 2 * mean_edge(mesh, sides)));
+    free(sides);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        vec3 points[3];
+        triangle_points(m, m->corners + 3 * (size_t)t, points);
+        grid_add(&m->grid, t, points);
+    }
+    m->volume = cut_mesh_volume(m);
+    m->stage = stage_create();
+    return RESULT_OK;
+}
+
+struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {
+    struct cut_mesh *copy = alloc(1, sizeof *copy);
+    *copy = *mesh;
+    copy->vertex_room = mesh->vertex_bound;
+    copy->triangle_room = mesh->triangle_bound;
+    copy->points = array_copy(mesh->points, mesh->vertex_bound, sizeof *mesh->points);
+    copy->spokes = array_copy(mesh->spokes, mesh->vertex_bound, sizeof *mesh->spokes);
+    copy->corners = array_copy(mesh->corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
+    copy->twins = array_copy(mesh->twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
+    copy->labels = array_copy(mesh->labels, mesh->triangle_bound, sizeof *mesh->labels);
+    copy->free_vertices = ids_copy(&mesh->free_vertices);
+    copy->free_triangles = ids_copy(&mesh->free_triangles);
+    grid_copy(&copy->grid, &mesh->grid);
+    copy->undo = (struct undo){0};
+    copy->stage = stage_create();
+    return copy;
+}
+
+void cut_mesh_destroy(struct cut_mesh **mesh) {
+    struct cut_mesh *m = *mesh;
+    *mesh = NULL;
+    if (!m)
+        return;
+    free(m->points);
+    free(m->spokes);
+    free(m->corners);
+    free(m->twins);
+    free(m->labels);
+    ids_fini(&m->free_vertices);
+    ids_fini(&m->free_triangles);
+    grid_fini(&m->grid);
+    marks_fini(&m->undo.triangles_seen);
+    marks_fini(&m->undo.vertices_seen);
+    free(m->undo.triangles);
+    free(m->undo.vertices);
+    stage_destroy(&m->stage);
+    free(m);
+}
+
+// ---- look ----
+
+uint32_t cut_mesh_vertex_bound(const struct cut_mesh *mesh) {
+    return mesh->vertex_bound;
+}
+
+uint32_t cut_mesh_triangle_bound(const struct cut_mesh *mesh) {
+    return mesh->triangle_bound;
+}
+
+uint32_t cut_mesh_triangle_count(const struct cut_mesh *mesh) {
+    return mesh->living;
+}
+
+bool cut_mesh_vertex_alive(const struct cut_mesh *mesh, uint32_t vertex) {
+    CHECK(vertex < mesh->vertex_bound);
+    return mesh->spokes[vertex] != MESH_NONE;
+}
+
+bool cut_mesh_triangle_alive(const struct cut_mesh *mesh, uint32_t triangle) {
+    CHECK(triangle < mesh->triangle_bound);
+    return mesh->corners[3 * (size_t)triangle] != MESH_NONE;
+}
+
+vec3 cut_mesh_vertex(const struct cut_mesh *mesh, uint32_t vertex) {
+    CHECK(vertex < mesh->vertex_bound);
+    return mesh->points[vertex];
+}
+
+const uint32_t *cut_mesh_triangle(const struct cut_mesh *mesh, uint32_t triangle) {
+    CHECK(triangle < mesh->triangle_bound);
+    return mesh->corners + 3 * (size_t)triangle;
+}
+
+uint32_t cut_mesh_label(const struct cut_mesh *mesh, uint32_t triangle) {
+    CHECK(triangle < mesh->triangle_bound);
+    return mesh->labels[triangle];
+}
+
+double cut_mesh_volume(const struct cut_mesh *mesh) {
+    double sum = 0;
+    for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
+        if (!cut_mesh_triangle_alive(mesh, t))
+            continue;
+        vec3 points[3];
+        triangle_points(mesh, mesh->corners + 3 * (size_t)t, points);
+        sum += six_volumes(points, mesh->grid.origin);
+    }
+    return sum / 6;
+}
+
+void cut_mesh_flatten(const struct cut_mesh *mesh, struct mesh *out, uint32_t **out_vertices,
+                      uint32_t **out_triangles) {
+    uint32_t vertices = 0, triangles = 0;
+    for (uint32_t v = 0; v < mesh->vertex_bound; v++)
+        vertices += cut_mesh_vertex_alive(mesh, v);
+    mesh_init(out, vertices, mesh->living);
+    uint32_t *names = alloc(mesh->vertex_bound, sizeof *names);
+    uint32_t *vertex_ids = alloc(vertices, sizeof *vertex_ids);
+    uint32_t *triangle_ids = alloc(mesh->living, sizeof *triangle_ids);
+    vertices = 0;
+    for (uint32_t v = 0; v < mesh->vertex_bound; v++)
+        if (cut_mesh_vertex_alive(mesh, v)) {
+            mesh_set_vertex(out, names[v] = vertices, mesh->points[v]);
+            vertex_ids[vertices++] = v;
+        }
+    for (uint32_t t = 0; t < mesh->triangle_bound; t++)
+        if (cut_mesh_triangle_alive(mesh, t)) {
+            for (size_t i = 0; i < 3; i++)
+                out->triangles[3 * (size_t)triangles + i] = names[mesh->corners[3 * (size_t)t + i]];
+            triangle_ids[triangles++] = t;
+        }
+    free(names);
+    if (out_vertices)
+        *out_vertices = vertex_ids;
+    else
+        free(vertex_ids);
+    if (out_triangles)
+        *out_triangles = triangle_ids;
+    else
+        free(triangle_ids);
+}

@@ -1,0 +1,62 @@
+#include "cut/change.h"
+#include "cut/stage.h"
+
+#define LEAST_MM3 1e-4
+
+static bool stage_part(struct cut_mesh *mesh, const struct convex *part, int attempt) {
+    struct stage *stage = mesh->stage;
+    stage_begin(stage, part, attempt);
+    near_gather(mesh, stage);
+    trace_triangles(mesh, stage);
+    if (!wind_blade(mesh, stage) || !cap_faces(mesh, stage))
+        return false;
+    fill_regions(mesh, stage);
+    return link_triangles(mesh, stage);
+}
+
+// A part that takes next to nothing is left out.
+static bool take_part(struct cut_mesh *mesh, const struct convex *part, struct cut_change *change) {
+    for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
+        struct vertex_mark mark = tissue_mark_vertices(mesh);
+        bool fits = stage_part(mesh, part, attempt);
+        if (fits && mesh->stage->removed_mm3 >= LEAST_MM3 / CUT_PARTS_MAX) {
+            link_commit(mesh, mesh->stage);
+            change->removed_mm3 += mesh->stage->removed_mm3;
+            return true;
+        }
+        tissue_return_vertices(mesh, mark);
+        if (fits)
+            return true;
+        change->retries++;
+    }
+    return false;
+}
+
+static enum cut_outcome give_up(struct cut_mesh *mesh, enum cut_outcome outcome) {
+    tissue_undo(mesh);
+    return outcome;
+}
+
+enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
+                           struct cut_change *out_change, struct error *err) {
+    CHECK(part_count >= 0 && part_count <= CUT_PARTS_MAX);
+    struct cut_change change = {.number = mesh->number + 1};
+    mesh->stage->number = change.number;
+    tissue_begin(mesh);
+    for (int i = 0; i < part_count; i++)
+        if (!take_part(mesh, &parts[i], &change)) {
+            fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->stage->refusal);
+            return give_up(mesh, CUT_REFUSED);
+        }
+    if (change.removed_mm3 < LEAST_MM3)
+        return give_up(mesh, CUT_NOTHING);
+    if (!mesh->living) {
+        fail(err, RESULT_REFUSED, "the blade takes all that there is");
+        return give_up(mesh, CUT_REFUSED);
+    }
+    mesh->number = change.number;
+    change_gather(mesh, &change);
+    tissue_commit(mesh);
+    *out_change = change;
+    return CUT_CHANGED;
+}

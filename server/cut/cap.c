@@ -1,0 +1,137 @@
+#include "cut/flat.h"
+#include "cut/stage.h"
+
+#include <stdlib.h>
+
+// ---- segments into loops: on each face, every vertex has one segment to it and one from it ----
+
+static int compare_segments(const void *a, const void *b) {
+    const struct segment *s = a, *t = b;
+    if (s->face != t->face)
+        return s->face - t->face;
+    return s->from < t->from ? -1 : s->from > t->from;
+}
+
+// The loop of a vertex as a ring of the last region.
+static bool follow(struct stage *stage, uint32_t end, uint32_t start) {
+    uint32_t i = start;
+    stage_begin_ring(stage);
+    do {
+        struct segment *segment = &stage->segments[i];
+        stage_add_to_ring(stage, segment->from);
+        segment->face = -1; // done
+        if (!marks_has(&stage->slots, segment->to))
+            return stage_refuse(stage, "a border on a face of the blade has an end");
+        i = marks_get(&stage->slots, segment->to);
+    } while (i < end && stage->segments[i].face >= 0);
+    return i == start ? true : stage_refuse(stage, "borders on a face of the blade meet");
+}
+
+static bool face_loops(struct cut_mesh *mesh, struct stage *stage, uint32_t start, uint32_t end) {
+    marks_begin(&stage->slots, mesh->vertex_bound);
+    for (uint32_t i = start; i < end; i++) {
+        if (marks_has(&stage->slots, stage->segments[i].from))
+            return stage_refuse(stage, "borders on a face of the blade part");
+        marks_set(&stage->slots, stage->segments[i].from, i);
+    }
+    for (uint32_t i = start; i < end; i++)
+        if (stage->segments[i].face >= 0 && !follow(stage, end, i))
+            return false;
+    return true;
+}
+
+// ---- loops into regions: each hole goes to the smallest loop around it ----
+
+static double ring_area(const struct cut_mesh *mesh, const struct stage *stage,
+                        const struct flat *flat, const struct ring *ring) {
+    const uint32_t *v = stage->ring_vertices.at + ring->first;
+    double sum = 0;
+    struct flat_point a = flat_of(flat, mesh->points[v[ring->count - 1]]);
+    for (uint32_t i = 0; i < ring->count; i++) {
+        struct flat_point b = flat_of(flat, mesh->points[v[i]]);
+        sum += a.x * b.y - a.y * b.x;
+        a = b;
+    }
+    return sum / 2;
+}
+
+static bool ring_holds(const struct cut_mesh *mesh, const struct stage *stage,
+                       const struct flat *flat, const struct ring *ring, struct flat_point p) {
+    const uint32_t *v = stage->ring_vertices.at + ring->first;
+    bool inside = false;
+    struct flat_point a = flat_of(flat, mesh->points[v[ring->count - 1]]);
+    for (uint32_t i = 0; i < ring->count; i++) {
+        struct flat_point b = flat_of(flat, mesh->points[v[i]]);
+        if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x))
+            inside = !inside;
+        a = b;
+    }
+    return inside;
+}
+
+struct loop {
+    struct ring ring;
+    double area;
+    int owner; // of a hole: the loop that it is a hole of; itself where there is none
+};
+
+static void find_owners(const struct cut_mesh *mesh, const struct stage *stage,
+                        const struct flat *flat, struct loop *loops, int count) {
+    for (int k = 0; k < count; k++) {
+        loops[k].owner = k;
+        if (loops[k].area >= 0)
+            continue;
+        struct flat_point p =
+            flat_of(flat, mesh->points[stage->ring_vertices.at[loops[k].ring.first]]);
+        for (int i = 0; i < count; i++)
+            if (loops[i].area > 0 && ring_holds(mesh, stage, flat, &loops[i].ring, p) &&
+                (loops[k].owner == k || loops[i].area < loops[loops[k].owner].area))
+                loops[k].owner = i;
+    }
+}
+
+static void add_loop(struct stage *stage, struct ring ring) {
+    stage->rings =
+        array_grow(stage->rings, &stage->ring_room, stage->ring_count + 1, sizeof *stage->rings);
+    stage->rings[stage->ring_count++] = ring;
+    stage->regions[stage->region_count - 1].ring_count++;
+}
+
+static void split_into_regions(const struct cut_mesh *mesh, struct stage *stage) {
+    struct region whole = stage->regions[--stage->region_count];
+    struct flat flat = flat_on(
+        whole.normal, mesh->points[stage->ring_vertices.at[stage->rings[whole.first_ring].first]]);
+    int count = (int)whole.ring_count;
+    struct loop *loops = alloc((size_t)count, sizeof *loops);
+    for (int k = 0; k < count; k++) {
+        loops[k].ring = stage->rings[whole.first_ring + (uint32_t)k];
+        loops[k].area = ring_area(mesh, stage, &flat, &loops[k].ring);
+    }
+    find_owners(mesh, stage, &flat, loops, count);
+    stage->ring_count = whole.first_ring;
+    for (int k = 0; k < count; k++) {
+        if (loops[k].owner != k)
+            continue;
+        stage_add_region(stage, whole.label, whole.normal);
+        add_loop(stage, loops[k].ring);
+        for (int i = 0; i < count; i++)
+            if (i != k && loops[i].owner == k)
+                add_loop(stage, loops[i].ring);
+    }
+    free(loops);
+}
+
+bool cap_faces(struct cut_mesh *mesh, struct stage *stage) {
+    if (stage->segment_count)
+        qsort(stage->segments, stage->segment_count, sizeof *stage->segments, compare_segments);
+    for (uint32_t start = 0, end; start < stage->segment_count; start = end) {
+        int face = stage->segments[start].face;
+        for (end = start; end < stage->segment_count && stage->segments[end].face == face;)
+            end++;
+        stage_add_region(stage, stage->number, vec3_scale(-1, stage->blade.planes[face].normal));
+        if (!face_loops(mesh, stage, start, end))
+            return false;
+        split_into_regions(mesh, stage);
+    }
+    return true;
+}

@@ -1,0 +1,7 @@
+// Scratch of link.c.
+#pragma once
+
+struct linker;
+
+struct linker *linker_create(void);
+void linker_destroy(struct linker **linker);

@@ -1,0 +1,72 @@
+#include "cut/stage.h"
+
+// A mesh vertex so near to a plane is on it, and what is on a plane is inside the blade: between
+// flush bites no skin is left.
+#define ON_MM 1e-9
+#define MARGIN_MM 1e-6
+
+static uint64_t take_values(const struct convex *blade, vec3 p, double *out_values) {
+    uint64_t outside = 0;
+    for (int i = 0; i < blade->plane_count; i++) {
+        double s = vec3_dot(blade->planes[i].normal, p) - blade->planes[i].offset;
+        out_values[i] = fabs(s) < ON_MM ? 0 : s;
+        outside |= (uint64_t)(out_values[i] > 0) << i;
+    }
+    return outside;
+}
+
+static uint32_t near_vertex(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
+    if (marks_has(&stage->slots, id))
+        return marks_get(&stage->slots, id);
+    uint32_t slot = stage->vertex_count++, planes = (uint32_t)stage->blade.plane_count;
+    stage->vertices = array_grow(stage->vertices, &stage->vertex_room, stage->vertex_count,
+                                 sizeof *stage->vertices);
+    stage->values = array_grow(stage->values, &stage->value_room, planes * stage->vertex_count,
+                               sizeof *stage->values);
+    uint64_t outside =
+        take_values(&stage->blade, mesh->points[id], stage->values + (size_t)planes * slot);
+    stage->vertices[slot] = (struct near_vertex){id, outside};
+    marks_set(&stage->slots, id, slot);
+    return slot;
+}
+
+static bool boxes_meet(const struct cut_mesh *mesh, uint32_t triangle, const struct box *box) {
+    vec3 p[3];
+    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, p);
+    return !((p[0].x < box->min.x && p[1].x < box->min.x && p[2].x < box->min.x) ||
+             (p[0].y < box->min.y && p[1].y < box->min.y && p[2].y < box->min.y) ||
+             (p[0].z < box->min.z && p[1].z < box->min.z && p[2].z < box->min.z) ||
+             (p[0].x > box->max.x && p[1].x > box->max.x && p[2].x > box->max.x) ||
+             (p[0].y > box->max.y && p[1].y > box->max.y && p[2].y > box->max.y) ||
+             (p[0].z > box->max.z && p[1].z > box->max.z && p[2].z > box->max.z));
+}
+
+static void add_triangle(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
+    struct near_triangle near = {.id = id};
+    uint64_t outside = UINT64_MAX;
+    for (int i = 0; i < 3; i++) {
+        near.corners[i] = near_vertex(mesh, stage, mesh->corners[3 * (size_t)id + (size_t)i]);
+        outside &= stage->vertices[near.corners[i]].outside;
+    }
+    if (outside)
+        return;
+    stage->triangles = array_grow(stage->triangles, &stage->triangle_room,
+                                  stage->triangle_count + 1, sizeof *stage->triangles);
+    stage->triangles[stage->triangle_count++] = near;
+}
+
+// The margin takes in both triangles of each edge that has a crossing.
+void near_gather(struct cut_mesh *mesh, struct stage *stage) {
+    vec3 margin = {MARGIN_MM, MARGIN_MM, MARGIN_MM};
+    struct box box = {vec3_sub(stage->blade.box.min, margin),
+                      vec3_add(stage->blade.box.max, margin)};
+    stage->candidates.count = 0;
+    marks_begin(&stage->slots, mesh->triangle_room);
+    grid_collect(&mesh->grid, box, &stage->slots, &stage->candidates);
+    ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
+    marks_begin(&stage->slots, mesh->vertex_room);
+    stage->vertex_count = stage->triangle_count = 0;
+    for (uint32_t i = 0; i < stage->candidates.count; i++)
+        if (boxes_meet(mesh, stage->candidates.at[i], &box))
+            add_triangle(mesh, stage, stage->candidates.at[i]);
+}

@@ -1,0 +1,7 @@
+// The winding number of a mesh around a point, by a vertical ray.
+#pragma once
+
+#include "cut/tissue.h"
+
+// slots and hits: scratch.
+int ray_winding(const struct cut_mesh *mesh, struct marks *slots, struct ids *hits, vec3 point);

@@ -1,0 +1,127 @@
+// One attempt to take one convex part out of the mesh, staged: the mesh is only read, but for ids
+// of vertices that are taken, until link.c has found that all fits together.
+//
+//     near    triangles and vertices near the blade, and on which side of each plane they lie
+//     trace   where edges enter and leave the blade, and the arcs that triangles draw on its faces
+//     wind    which parts of the blade's own edges lie inside the mesh, and the loops on its faces
+//     fill    polygons with holes into triangles
+//     link    neighbours of the new triangles; then the mesh changes
+//
+// A function that returns false refuses: stage->refusal says why.
+#pragma once
+
+#include "cut/tissue.h"
+
+// An original vertex of the mesh: bit i of `outside` where it is outside plane i.
+struct near_vertex {
+    uint32_t id;
+    uint64_t outside;
+};
+
+struct crossing {
+    uint32_t vertex; // MESH_NONE: there is none
+    int plane;
+};
+
+// Of a mesh edge, in the direction of the lower of its two sides.
+struct edge_trace {
+    struct crossing enter, leave;
+};
+
+struct near_triangle {
+    uint32_t id;
+    uint32_t corners[3]; // near vertices
+    uint32_t edges[3];   // edge traces
+    bool goes;
+};
+
+// Where an edge of the blade goes through a triangle: sign is 1 into the mesh, -1 out of it, going
+// from the edge's first end to its second.
+struct piercing {
+    int edge, sign;
+    double t; // 0 to 1 along the edge
+    uint32_t vertex;
+};
+
+// A directed piece of the border of new surface on a face of the blade.
+struct segment {
+    int face;
+    uint32_t from, to;
+};
+
+// A polygon with holes, seen from the side that `normal` points to: rings of vertices, the first
+// one counter-clockwise around it, holes clockwise.
+struct region {
+    uint32_t first_ring, ring_count;
+    uint32_t label;
+    vec3 normal; // of any length
+};
+
+struct ring {
+    uint32_t first, count; // of ring_vertices
+};
+
+struct new_triangle {
+    uint32_t corners[3];
+    uint32_t label;
+    uint32_t region;
+};
+
+struct stage {
+    struct convex blade;                                        // grown by a hair
+    int16_t edge_between[CONVEX_PLANES_MAX][CONVEX_PLANES_MAX]; // of two faces; -1: none
+    uint64_t beside[CONVEX_PLANES_MAX];                         // faces that share an edge
+    uint32_t number;                                            // of the cut: new surface's label
+    const char *refusal;
+
+    struct marks slots; // of vertices or triangles, as each step needs
+    struct ids candidates;
+    struct near_vertex *vertices;
+    double *values; // signed distances from the planes, plane_count for each near vertex
+    struct near_triangle *triangles;
+    struct edge_trace *edges;
+    uint32_t vertex_count, vertex_room, value_room, triangle_count, triangle_room;
+    uint32_t edge_count, edge_room;
+
+    struct ids taken;   // vertices
+    struct ids pierced; // by the arc at work
+    struct piercing *piercings;
+    struct segment *segments;
+    uint32_t piercing_count, piercing_room, segment_count, segment_room;
+
+    struct region *regions;
+    struct ring *rings;
+    struct ids ring_vertices;
+    uint32_t region_count, region_room, ring_count, ring_room;
+
+    struct new_triangle *made;
+    uint32_t made_count, made_room;
+    struct filler *filler;
+    struct linker *linker;
+    double removed_mm3;
+};
+
+struct stage *stage_create(void);
+void stage_destroy(struct stage **stage);
+
+#define CUT_ATTEMPTS 9
+
+// attempt: 0 to CUT_ATTEMPTS - 1, each with the blade grown and leaning by another hair.
+void stage_begin(struct stage *stage, const struct convex *part, int attempt);
+
+bool stage_refuse(struct stage *stage, const char *why); // false
+uint32_t stage_take_vertex(struct cut_mesh *mesh, struct stage *stage, vec3 point);
+void stage_add_segment(struct stage *stage, int face, uint32_t from, uint32_t to);
+void stage_add_piercing(struct stage *stage, struct piercing piercing);
+// Rings are appended to the last region.
+void stage_add_region(struct stage *stage, uint32_t label, vec3 normal);
+void stage_begin_ring(struct stage *stage);
+void stage_add_to_ring(struct stage *stage, uint32_t vertex);
+
+void near_gather(struct cut_mesh *mesh, struct stage *stage);
+bool trace_triangles(struct cut_mesh *mesh, struct stage *stage);
+bool wind_blade(struct cut_mesh *mesh, struct stage *stage);
+bool cap_faces(struct cut_mesh *mesh, struct stage *stage);
+void fill_regions(const struct cut_mesh *mesh, struct stage *stage);
+bool link_triangles(struct cut_mesh *mesh, struct stage *stage);
+void link_commit(struct cut_mesh *mesh, struct stage *stage); // the mesh changes

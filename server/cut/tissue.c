@@ -1,0 +1,189 @@
+#include "cut/tissue.h"
+
+// ---- begin, undo, commit ----
+
+void tissue_begin(struct cut_mesh *mesh) {
+    struct undo *undo = &mesh->undo;
+    marks_begin(&undo->triangles_seen, mesh->triangle_room);
+    marks_begin(&undo->vertices_seen, mesh->vertex_room);
+    undo->triangle_count = undo->vertex_count = 0;
+    undo->vertex_bound = mesh->vertex_bound;
+    undo->triangle_bound = mesh->triangle_bound;
+    undo->living = mesh->living;
+    undo->free_vertices = mesh->free_vertices.count;
+    undo->free_triangles = mesh->free_triangles.count;
+}
+
+static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
+    struct undo *undo = &mesh->undo;
+    if (marks_has(&undo->triangles_seen, triangle))
+        return;
+    marks_set(&undo->triangles_seen, triangle, 0);
+    undo->triangles = array_grow(undo->triangles, &undo->triangle_room, undo->triangle_count + 1,
+                                 sizeof *undo->triangles);
+    const uint32_t *c = mesh->corners + 3 * (size_t)triangle;
+    const uint32_t *t = mesh->twins + 3 * (size_t)triangle;
+    undo->triangles[undo->triangle_count++] = (struct triangle_before){
+        triangle, {c[0], c[1], c[2]}, {t[0], t[1], t[2]}, mesh->labels[triangle]};
+}
+
+static void touch_vertex(struct cut_mesh *mesh, uint32_t vertex) {
+    struct undo *undo = &mesh->undo;
+    if (marks_has(&undo->vertices_seen, vertex))
+        return;
+    marks_set(&undo->vertices_seen, vertex, 0);
+    undo->vertices = array_grow(undo->vertices, &undo->vertex_room, undo->vertex_count + 1,
+                                sizeof *undo->vertices);
+    undo->vertices[undo->vertex_count++] = (struct vertex_before){vertex, mesh->spokes[vertex]};
+}
+
+static void leave_grid(struct cut_mesh *mesh, uint32_t triangle) {
+    vec3 points[3];
+    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, points);
+    grid_remove(&mesh->grid, triangle, points);
+}
+
+static void enter_grid(struct cut_mesh *mesh, uint32_t triangle) {
+    vec3 points[3];
+    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, points);
+    grid_add(&mesh->grid, triangle, points);
+}
+
+static void restore_triangle(struct cut_mesh *mesh, const struct triangle_before *before) {
+    if (cut_mesh_triangle_alive(mesh, before->id))
+        leave_grid(mesh, before->id);
+    for (int i = 0; i < 3; i++) {
+        mesh->corners[3 * (size_t)before->id + (size_t)i] = before->corners[i];
+        mesh->twins[3 * (size_t)before->id + (size_t)i] = before->twins[i];
+    }
+    mesh->labels[before->id] = before->label;
+    if (cut_mesh_triangle_alive(mesh, before->id))
+        enter_grid(mesh, before->id);
+}
+
+void tissue_undo(struct cut_mesh *mesh) {
+    struct undo *undo = &mesh->undo;
+    for (uint32_t i = 0; i < undo->triangle_count; i++)
+        restore_triangle(mesh, &undo->triangles[i]);
+    for (uint32_t i = 0; i < undo->vertex_count; i++)
+        mesh->spokes[undo->vertices[i].id] = undo->vertices[i].spoke;
+    mesh->vertex_bound = undo->vertex_bound;
+    mesh->triangle_bound = undo->triangle_bound;
+    mesh->living = undo->living;
+    mesh->free_vertices.count = undo->free_vertices;
+    mesh->free_triangles.count = undo->free_triangles;
+}
+
+// The lowest id is used first.
+static void append_descending(struct ids *free_ids, uint32_t first) {
+    struct ids added = {free_ids->at + first, free_ids->count - first, 0};
+    ids_sort(&added);
+    for (uint32_t i = 0; i < added.count / 2; i++) {
+        uint32_t id = added.at[i];
+        added.at[i] = added.at[added.count - 1 - i];
+        added.at[added.count - 1 - i] = id;
+    }
+}
+
+void tissue_commit(struct cut_mesh *mesh) {
+    struct undo *undo = &mesh->undo;
+    uint32_t first = mesh->free_triangles.count;
+    for (uint32_t i = 0; i < undo->triangle_count; i++)
+        if (!cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
+            ids_push(&mesh->free_triangles, undo->triangles[i].id);
+    append_descending(&mesh->free_triangles, first);
+    first = mesh->free_vertices.count;
+    for (uint32_t i = 0; i < undo->vertex_count; i++)
+        if (undo->vertices[i].id >= mesh->original_count &&
+            !cut_mesh_vertex_alive(mesh, undo->vertices[i].id))
+            ids_push(&mesh->free_vertices, undo->vertices[i].id);
+    append_descending(&mesh->free_vertices, first);
+}
+
+// ---- vertices ----
+
+uint32_t tissue_take_vertex(struct cut_mesh *mesh, vec3 point) {
+    uint32_t id;
+    if (mesh->free_vertices.count) {
+        id = mesh->free_vertices.at[--mesh->free_vertices.count];
+    } else {
+        id = mesh->vertex_bound++;
+        if (mesh->vertex_bound > mesh->vertex_room) {
+            uint32_t room = mesh->vertex_room;
+            mesh->points = array_grow(mesh->points, &mesh->vertex_room, mesh->vertex_bound,
+                                      sizeof *mesh->points);
+            mesh->spokes =
+                array_grow(mesh->spokes, &room, mesh->vertex_bound, sizeof *mesh->spokes);
+            marks_reserve(&mesh->undo.vertices_seen, mesh->vertex_room);
+        }
+        mesh->spokes[id] = MESH_NONE;
+    }
+    mesh->points[id] = point;
+    return id;
+}
+
+struct vertex_mark tissue_mark_vertices(const struct cut_mesh *mesh) {
+    return (struct vertex_mark){mesh->vertex_bound, mesh->free_vertices.count};
+}
+
+void tissue_return_vertices(struct cut_mesh *mesh, struct vertex_mark mark) {
+    mesh->vertex_bound = mark.bound;
+    mesh->free_vertices.count = mark.free_count;
+}
+
+void tissue_set_spoke(struct cut_mesh *mesh, uint32_t vertex, uint32_t side) {
+    touch_vertex(mesh, vertex);
+    mesh->spokes[vertex] = side;
+}
+
+// ---- triangles ----
+
+static uint32_t take_triangle(struct cut_mesh *mesh) {
+    if (mesh->free_triangles.count)
+        return mesh->free_triangles.at[--mesh->free_triangles.count];
+    uint32_t id = mesh->triangle_bound++;
+    if (mesh->triangle_bound > mesh->triangle_room) {
+        uint32_t corners = mesh->triangle_room, twins = mesh->triangle_room;
+        mesh->labels = array_grow(mesh->labels, &mesh->triangle_room, mesh->triangle_bound,
+                                  sizeof *mesh->labels);
+        mesh->corners =
+            array_grow(mesh->corners, &corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
+        mesh->twins =
+            array_grow(mesh->twins, &twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
+        marks_reserve(&mesh->undo.triangles_seen, mesh->triangle_room);
+    }
+    mesh->corners[3 * (size_t)id] = MESH_NONE;
+    return id;
+}
+
+uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], uint32_t label) {
+    uint32_t id = take_triangle(mesh);
+    touch_triangle(mesh, id);
+    for (size_t i = 0; i < 3; i++)
+        mesh->corners[3 * (size_t)id + i] = corners[i];
+    mesh->labels[id] = label;
+    mesh->living++;
+    enter_grid(mesh, id);
+    return id;
+}
+
+void tissue_remove_triangle(struct cut_mesh *mesh, uint32_t triangle) {
+    touch_triangle(mesh, triangle);
+    leave_grid(mesh, triangle);
+    mesh->corners[3 * (size_t)triangle] = MESH_NONE;
+    mesh->living--;
+}
+
+void tissue_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex) {
+    touch_triangle(mesh, side / 3);
+    leave_grid(mesh, side / 3);
+    mesh->corners[side] = vertex;
+    enter_grid(mesh, side / 3);
+}
+
+void tissue_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin) {
+    touch_triangle(mesh, side / 3);
+    touch_triangle(mesh, twin / 3);
+    mesh->twins[side] = twin;
+    mesh->twins[twin] = side;
+}

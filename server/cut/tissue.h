@@ -1,0 +1,96 @@
+// What a cut mesh is made of: triangles that know their neighbours, ids that are given once or
+// again, a grid, and an undo log, so that a cut that fails half way leaves no trace.
+//
+// Side 3 t + i of triangle t runs from its corner i to its corner i + 1; its twin is the side of
+// the neighbour that runs back.
+#pragma once
+
+#include "cut/cut.h"
+#include "cut/grid.h"
+
+// What a triangle and a vertex were before the cut first touched them.
+struct triangle_before {
+    uint32_t id, corners[3], twins[3], label;
+};
+
+struct vertex_before {
+    uint32_t id, spoke;
+};
+
+struct undo {
+    struct marks triangles_seen, vertices_seen;
+    struct triangle_before *triangles;
+    struct vertex_before *vertices;
+    uint32_t triangle_count, triangle_room, vertex_count, vertex_room;
+    uint32_t vertex_bound, triangle_bound, living, free_vertices, free_triangles;
+};
+
+struct stage;
+struct flood;
+
+struct cut_mesh {
+    uint32_t vertex_bound, vertex_room;
+    uint32_t original_count; // vertices below this are those of the mesh that it was made from
+    vec3 *points;
+    uint32_t *spokes; // a side that starts at the vertex; MESH_NONE: not alive
+    uint32_t triangle_bound, triangle_room;
+    uint32_t living;   // triangles
+    uint32_t *corners; // the first is MESH_NONE: not alive
+    uint32_t *twins;
+    uint32_t *labels;
+    struct ids free_vertices, free_triangles; // used again from the end
+    uint32_t number;                          // of the last cut that changed the mesh
+    double volume;                            // mm³, kept up to date by what each cut changes
+    struct grid grid;
+    struct undo undo;
+    struct stage *stage; // scratch, kept from cut to cut
+    struct flood *flood;
+};
+
+static inline uint32_t side_next(uint32_t side) {
+    return side % 3 == 2 ? side - 2 : side + 1;
+}
+
+static inline uint32_t side_previous(uint32_t side) {
+    return side % 3 == 0 ? side + 2 : side - 1;
+}
+
+static inline uint32_t side_end(const struct cut_mesh *mesh, uint32_t side) {
+    return mesh->corners[side_next(side)];
+}
+
+// The next side that starts at the same vertex, clockwise seen from outside.
+static inline uint32_t side_around(const struct cut_mesh *mesh, uint32_t side) {
+    return side_next(mesh->twins[side]);
+}
+
+static inline void triangle_points(const struct cut_mesh *mesh, const uint32_t corners[3],
+                                   vec3 out[3]) {
+    for (int i = 0; i < 3; i++)
+        out[i] = mesh->points[corners[i]];
+}
+
+// Six times the signed volume of the tetrahedron that a triangle makes with a point.
+static inline double six_volumes(const vec3 c[3], vec3 apex) {
+    return vec3_dot(vec3_sub(c[0], apex), vec3_cross(vec3_sub(c[1], apex), vec3_sub(c[2], apex)));
+}
+
+// Every change lies between begin and commit or undo.
+void tissue_begin(struct cut_mesh *mesh);
+void tissue_undo(struct cut_mesh *mesh);
+void tissue_commit(struct cut_mesh *mesh); // what is gone may be used again from now on
+
+// A taken vertex has an id and a place. With its first spoke, even MESH_NONE, the cut knows it;
+// before that it can be returned.
+uint32_t tissue_take_vertex(struct cut_mesh *mesh, vec3 point);
+struct vertex_mark {
+    uint32_t bound, free_count;
+};
+struct vertex_mark tissue_mark_vertices(const struct cut_mesh *mesh);
+void tissue_return_vertices(struct cut_mesh *mesh, struct vertex_mark mark); // taken since
+
+void tissue_set_spoke(struct cut_mesh *mesh, uint32_t vertex, uint32_t side);
+uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], uint32_t label);
+void tissue_remove_triangle(struct cut_mesh *mesh, uint32_t triangle);
+void tissue_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex);
+void tissue_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin);

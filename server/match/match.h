@@ -3,11 +3,13 @@
 //
 //     S''_i = S'_i + s_i (S'_max,i − S'_i),   s_i in [0, 1],   S' = S + warp, S'_max = S' + maxcut
 //
-// A match raises s_i around the new surface of a cut: s_i ← clamp(s_i + s b_i, 0, 1), b the
-// brushes' falloff, until the volume inside S'' is the wanted one. That volume is a piecewise cubic
-// polynomial in s, with a breakpoint wherever a vertex reaches its bound: its coefficients are
-// summed once, over the touched triangles. Always ends: matched, or saturated with a rest.
-// Millimetres.
+// A match raises s_i around the new surface of a cut: s_i ← clamp(s_i + s b_i, 0, 1), s in [0, 1],
+// b the brushes' falloff, until the volume inside S'' is the wanted one. That volume is a piecewise
+// cubic polynomial in s, with a breakpoint wherever a vertex reaches its bound: its coefficients
+// are summed once, over the touched triangles. It need not fall all the way, where S'_max is not
+// inside S': the smallest s is taken. Brushes that cannot give all widen. Always ends: matched, or
+// saturated with a rest. Millimetres. A call allocates nothing, and the same calls give the same
+// bits.
 #pragma once
 
 #include "mesh/mesh.h"
@@ -15,7 +17,8 @@
 // What all sessions of a case share. Immutable.
 struct match_surface;
 
-// warp, maxcut: 3 * vertex_count, copied; warp may be NULL for 0.
+// mesh: closed, oriented, facing outwards. warp, maxcut: 3 * vertex_count; warp may be NULL for 0.
+// All are copied.
 struct match_surface *match_surface_create(const struct mesh *mesh, const float *warp,
                                            const float *maxcut);
 void match_surface_destroy(struct match_surface **surface);       // NULL inside is fine
@@ -31,15 +34,23 @@ const double *match_blends(const struct match *match);         // s, one for eac
 double match_volume(const struct match *match);                // inside S'', summed anew
 vec3 match_vertex(const struct match *match, uint32_t vertex); // S''
 
+// Where a match raises s_i, and how strongly:
+//
+//     b_i = 2 (exp(−2 d²/h²) − exp(−2)) / (1 − exp(−2)),   0 for d >= h
+//
+// a Gaussian (σ = h/2) that ends with the extent of the cut, and at s = 1 takes its inner half to
+// S'_max. d is the distance of x_cut from the way that the vertex still has to go, from S'' to
+// S'_max: what a cut took lies on the way of the vertices that have to recede, while S' may be far
+// off after the cuts before. Of several brushes a vertex gets the highest.
 struct brush {
     vec3 centre;   // x_cut: in the frame of the mesh, on the surface as the trainee sees it
-    double radius; // h, the extent of the new surface
+    double radius; // h, the extent of the new surface; no less than a mean edge is used
 };
 
 enum match_outcome {
     MATCH_REACHED,
-    MATCH_SATURATED // the brushes, as wide as they may get, cannot give all: the rest is in
-                    // left_mm3
+    MATCH_SATURATED // the brushes, as wide as they may get, cannot give all: they gave what they
+                    // can, and the rest is in left_mm3
 };
 
 struct match_report {
@@ -55,11 +66,11 @@ struct match_report {
 
 #define MATCH_WIDENING_MAX 4.0
 
-// Brings the volume inside S'' to target_mm3. A target above the present volume changes nothing and
-// leaves a negative rest.
+// Brings the volume inside S'' to target_mm3 with at least one brush. A target above the present
+// volume changes nothing and leaves a negative rest.
 void match_to_volume(struct match *match, const struct brush *brushes, int brush_count,
                      double target_mm3, struct match_report *out_report);
 
-// Algorithm 1 of the paper, bounded: for comparison. tolerance_mm3: its ε.
+// The same with Algorithm 1 of the paper, bounded: for comparison. tolerance_mm3: its ε.
 void match_by_bisection(struct match *match, const struct brush *brushes, int brush_count,
                         double target_mm3, double tolerance_mm3, struct match_report *out_report);

@@ -2,8 +2,9 @@
 //
 // The tissue is a lattice of samples (0.25 mm) in the virtual mesh, each with its zone and whether
 // it is planned to go, may go at all (outside S'_max), or is damaged; cuts take samples. Zones
-// follow the meniscus in plan: horns and body along its arc (thirds), thirds from the inner margin
-// to the rim. Millimetres, in the mesh's frame.
+// follow the meniscus in plan, a C about the centre of the circle that fits it best: horns and body
+// are thirds of its arc, and there are thirds from the inner margin to the rim. Millimetres, in the
+// mesh's frame. Only create allocates.
 #pragma once
 
 #include "mesh/convex.h"
@@ -31,12 +32,14 @@ struct quality_setting {
 struct quality_plan *quality_plan_create(const struct quality_setting *setting);
 void quality_plan_destroy(struct quality_plan **plan); // NULL inside is fine
 
-// The zone of a point, by its place in plan; points off the meniscus get the nearest.
+// The zone of a point, by its place in plan; points off the meniscus get the nearest along and
+// across.
 void quality_zone(const struct quality_plan *plan, vec3 p, enum zone_along *out_along,
                   enum zone_across *out_across);
 
-// The signed share of one triangle in the volumes by zone of a closed mesh: the sum over all its
-// triangles is that of the mesh. times: 1, or -1 to take a triangle out again.
+// The signed share of one triangle in the volumes by zone of a closed mesh: that of the prism
+// between it and a fixed plane, so that the sum over the mesh is the volume in each zone. times: 1,
+// or -1 to take a triangle out again.
 void quality_add_triangle(const struct quality_plan *plan, const vec3 corners[3], double times,
                           struct zone_volumes *volumes);
 
@@ -57,7 +60,10 @@ struct quality_report {
     double damage_mm3;  // damaged, and still there
     double rim_mm;      // least width in plan that is left from the rim inwards
     double step_mm;     // largest step of the inner contour within 1 mm along the rim
-    struct zone_volumes whole, removed, budget; // budget: what may go down to S'_max
+    struct zone_volumes whole, removed, budget; // by samples; budget: may go, down to S'_max
 };
 
+// In plan a column of tissue is there while a quarter of it is; the roots of the horns, 8 % of the
+// arc at either end, are left out. A step is what two widths differ by more than they did uncut.
+// Both are as fine as the lattice: the rim within 0.4 mm, a step within 0.8 mm.
 void quality_report(const struct quality *quality, struct quality_report *out_report);

@@ -18,6 +18,7 @@ static const struct {
     {"import", command_import, "make a case from meshes of a scan"},
     {"deform", command_deform, "add a cavity to a case"},
     {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
+    {"picture", command_picture, "draw it"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])

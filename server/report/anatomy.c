@@ -1,0 +1,172 @@
+#include "report/anatomy.h"
+
+#include <string.h>
+
+#define CREASE_DEG 40
+#define SIGHT_MM 62.0   // from the joint's centre: beyond, shafts may run out of the picture
+#define EYE_HEIGHTS 4.0 // heights of the picture from which it is seen
+
+static const struct colour background = {1, 1, 1};
+
+// ---- views ----
+
+// Right knee: x lateral, y anterior, z proximal.
+static const struct {
+    const char *name;
+    vec3 from, up;
+} views[VIEW_COUNT] = {
+    [VIEW_FRONT] = {"front", {0.1, 1, 0.15}, {0, 0, 1}},
+    [VIEW_BACK] = {"back", {-0.1, -1, 0.15}, {0, 0, 1}},
+    [VIEW_MEDIAL] = {"medial", {-1, 0.2, 0.15}, {0, 0, 1}},
+    [VIEW_LATERAL] = {"lateral", {1, 0.2, 0.15}, {0, 0, 1}},
+    [VIEW_TOP] = {"top", {0, 0, 1}, {0, 1, 0}},
+};
+
+const char *view_name(enum view view) {
+    return views[view].name;
+}
+
+bool view_from_name(const char *name, enum view *out_view) {
+    for (int i = 0; i < VIEW_COUNT; i++) {
+        if (strcmp(views[i].name, name) == 0) {
+            *out_view = (enum view)i;
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool begins(const char *name, const char *with) {
+    return strncmp(name, with, strlen(with)) == 0;
+}
+
+void anatomy_choose(const struct knee_case *knee, enum view view, bool out_shown[CASE_GROUPS_MAX]) {
+    for (int i = 0; i < knee->group_count; i++) {
+        const char *name = knee->groups[i].name;
+        bool plateau = begins(name, "tibia") || begins(name, "meniscus");
+        out_shown[i] = view == VIEW_TOP ? plateau : !begins(name, "skin");
+    }
+}
+
+// ---- colours ----
+
+static bool is_cartilage(const struct case_group *group, uint32_t triangle) {
+    for (int i = 0; i < group->part_count; i++) {
+        const struct case_part *part = &group->parts[i];
+        if (triangle - part->first_triangle < part->triangle_count)
+            return strstr(part->name, "cartilage") != NULL;
+    }
+    return false;
+}
+
+static struct colour colour_of(const struct case_group *group, uint32_t triangle) {
+    if (begins(group->name, "meniscus"))
+        return (struct colour){0.66, 0.77, 0.84};
+    if (begins(group->name, "skin"))
+        return (struct colour){0.87, 0.66, 0.55};
+    if (is_cartilage(group, triangle))
+        return (struct colour){0.85, 0.90, 0.91};
+    if (begins(group->name, "femur") || begins(group->name, "tibia") ||
+        begins(group->name, "patella"))
+        return (struct colour){0.94, 0.89, 0.77};
+    return (struct colour){0.86, 0.70, 0.64};
+}
+
+static bool is_inside(const struct case_region *region, vec3 p) {
+    for (int i = 0; i < region->part_count; i++)
+        if (convex_contains(&region->parts[i], p))
+            return true;
+    return false;
+}
+
+static struct colour paint(const void *context, const struct render_spot *spot) {
+    const struct case_group *group = context;
+    if (is_inside(&group->lesion.tear, spot->point))
+        return (struct colour){0.55, 0.05, 0.08};
+    if (is_inside(&group->lesion.damage, spot->point))
+        return (struct colour){0.93, 0.52, 0.28};
+    if (is_inside(&group->lesion.plan, spot->point))
+        return (struct colour){0.95, 0.84, 0.42};
+    return colour_of(group, spot->triangle);
+}
+
+// ---- what is shown ----
+
+struct shown {
+    int count;
+    struct mesh meshes[CASE_GROUPS_MAX];
+    struct render_surface surfaces[CASE_GROUPS_MAX];
+};
+
+static void shown_add(struct shown *shown, const struct case_group *group, pose T_femur_body) {
+    struct mesh *mesh = &shown->meshes[shown->count];
+    mesh_copy(mesh, &group->mesh);
+    for (size_t i = 0; group->warp && i < 3 * (size_t)mesh->vertex_count; i++)
+        mesh->positions[i] += group->warp[i];
+    shown->surfaces[shown->count++] = (struct render_surface){
+        .mesh = mesh,
+        .T_world_mesh = T_femur_body,
+        .crease_deg = CREASE_DEG,
+        .opacity = begins(group->name, "skin") ? 0.25 : 1,
+        .paint = paint,
+        .paint_context = group,
+    };
+}
+
+static void shown_fini(struct shown *shown) {
+    for (int i = 0; i < shown->count; i++)
+        mesh_fini(&shown->meshes[i]);
+}
+
+static void box_include(struct box *box, vec3 p) {
+    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
+    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
+}
+
+static struct box box_about(const struct shown *shown, vec3 centre) {
+    struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+    for (int i = 0; i < shown->count; i++) {
+        const struct render_surface *surface = &shown->surfaces[i];
+        for (uint32_t v = 0; v < surface->mesh->vertex_count; v++) {
+            vec3 p = pose_apply(surface->T_world_mesh, mesh_vertex(surface->mesh, v));
+            if (vec3_distance(p, centre) < SIGHT_MM)
+                box_include(&box, p);
+        }
+    }
+    return box;
+}
+
+static vec3 from_of(enum view view, enum side side) {
+    vec3 from = views[view].from;
+    if (side == SIDE_LEFT)
+        from.x = -from.x;
+    return from;
+}
+
+enum result anatomy_picture(const struct knee_case *knee, const struct anatomy_view *view,
+                            int width, int height, struct picture *out_picture, struct error *err) {
+    struct joint_angles angles = {.flexion_deg = view->flexion_deg};
+    pose T_femur_body[BODY_COUNT] = {
+        [BODY_FEMUR] = pose_identity(),
+        [BODY_TIBIA] = joint_to_pose(&knee->joint, &angles),
+        [BODY_PATELLA] = case_patella_pose(knee, view->flexion_deg),
+    };
+    struct shown shown = {0};
+    for (int i = 0; i < knee->group_count; i++)
+        if (view->shown[i])
+            shown_add(&shown, &knee->groups[i], T_femur_body[knee->groups[i].body]);
+    struct box box = box_about(&shown, knee->joint.T_femur_joint.translation);
+    bool empty = !(box.min.x <= box.max.x);
+    enum result result = RESULT_MISSING;
+    if (empty) {
+        fail(err, result, "no group that is shown has a point within %g mm of the joint", SIGHT_MM);
+    } else {
+        struct camera camera =
+            camera_fit(&box, from_of(view->view, knee->joint.side), views[view->view].up,
+                       (double)width / height, EYE_HEIGHTS);
+        struct render_scene scene = {shown.surfaces, shown.count, camera, background};
+        result = render(&scene, width, height, out_picture, err);
+    }
+    shown_fini(&shown);
+    return result;
+}

@@ -1,0 +1,25 @@
+// Pictures of a case as a surgeon knows it: bones ivory, menisci bluish, ligaments reddish, and
+// bluish white what a part calls cartilage. What is shown is the patient (S'). On the menisci the
+// tear is dark red, damage orange, and the planned resection yellow.
+#pragma once
+
+#include "case/case.h"
+#include "report/render.h"
+
+enum view { VIEW_FRONT, VIEW_BACK, VIEW_MEDIAL, VIEW_LATERAL, VIEW_TOP, VIEW_COUNT };
+
+const char *view_name(enum view view); // "front", "back", ...
+bool view_from_name(const char *name, enum view *out_view);
+
+struct anatomy_view {
+    enum view view; // top: on the tibia's plateau, front above
+    double flexion_deg;
+    bool shown[CASE_GROUPS_MAX]; // by the index of the group
+};
+
+// All but the skin; from the top tibia and menisci.
+void anatomy_choose(const struct knee_case *knee, enum view view, bool out_shown[CASE_GROUPS_MAX]);
+
+// The skin is translucent. The caller releases *out_picture. RESULT_MISSING where nothing is shown.
+enum result anatomy_picture(const struct knee_case *knee, const struct anatomy_view *view,
+                            int width, int height, struct picture *out_picture, struct error *err);

@@ -27,6 +27,91 @@ void mesh_delta_fini(struct mesh_delta *delta) {
     *delta = (struct mesh_delta){0};
 }
 
+// ---- what a change must be ----------------------------------------------------------------------
+
+static bool is_within_reach(const float *values, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (!(fabsf(values[i]) <= MESH_DELTA_REACH_MM)) // NaN too
+            return false;
+    return true;
+}
+
+// *next: the lowest that may come.
+static enum result id_check(uint32_t id, uint32_t *next, struct error *err) {
+    if (id >= MESH_DELTA_IDS_MAX)
+        return fail(err, RESULT_LIMIT, "id %u is not below %u", id, MESH_DELTA_IDS_MAX);
+    if (id < *next)
+        return fail(err, RESULT_FORMAT, "id %u is not above the one before", id);
+    *next = id + 1;
+    return RESULT_OK;
+}
+
+static enum result corners_check(const uint32_t corners[3], uint32_t bound, struct error *err) {
+    for (int k = 0; k < 3; k++)
+        if (corners[k] >= bound)
+            return fail(err, RESULT_LIMIT, "corner %u is not below %u", corners[k], bound);
+    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
+        return fail(err, RESULT_FORMAT, "corners %u, %u, %u are not three", corners[0], corners[1],
+                    corners[2]);
+    return RESULT_OK;
+}
+
+static enum result vertices_check(const struct mesh_delta *delta, struct error *err) {
+    uint32_t next = 0;
+    enum result result = RESULT_OK;
+    for (uint32_t i = 0; i < delta->vertex_count && result == RESULT_OK; i++) {
+        const struct delta_vertex *vertex = &delta->vertices[i];
+        result = id_check(vertex->id, &next, err);
+        if (result == RESULT_OK && !is_within_reach(vertex->position, 3))
+            result = fail(err, RESULT_FORMAT, "a coordinate of %u is none", vertex->id);
+    }
+    return result == RESULT_OK ? result : fail_in(err, result, "new vertices: ");
+}
+
+static enum result triangles_check(const struct mesh_delta *delta, struct error *err) {
+    uint32_t next = 0;
+    enum result result = RESULT_OK;
+    for (uint32_t i = 0; i < delta->freed_count && result == RESULT_OK; i++)
+        result = id_check(delta->freed[i], &next, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "freed triangles: ");
+    next = 0;
+    for (uint32_t i = 0; i < delta->made_count && result == RESULT_OK; i++) {
+        result = id_check(delta->made[i].id, &next, err);
+        if (result == RESULT_OK)
+            result = corners_check(delta->made[i].corners, MESH_DELTA_IDS_MAX, err);
+    }
+    return result == RESULT_OK ? result : fail_in(err, result, "made triangles: ");
+}
+
+static enum result piece_check(const struct delta_piece *piece, struct error *err) {
+    enum result result = RESULT_OK;
+    if (!isfinite(piece->volume_mm3) || !is_within_reach(piece->centroid, 3) ||
+        !is_within_reach(piece->positions, 3 * (size_t)piece->vertex_count))
+        return fail(err, RESULT_FORMAT, "its volume or a coordinate is none");
+    for (uint32_t i = 0; i < piece->triangle_count && result == RESULT_OK; i++)
+        result = corners_check(piece->triangles + 3 * (size_t)i, piece->vertex_count, err);
+    return result;
+}
+
+enum result mesh_delta_validate(const struct mesh_delta *delta, struct error *err) {
+    if (delta->number <= delta->base)
+        return fail(err, RESULT_FORMAT, "number %u is not above %u, which it changes",
+                    delta->number, delta->base);
+    if (delta->piece_count > MESH_DELTA_PIECES_MAX)
+        return fail(err, RESULT_LIMIT, "%u pieces, at most %d are accepted", delta->piece_count,
+                    MESH_DELTA_PIECES_MAX);
+    enum result result = triangles_check(delta, err);
+    if (result == RESULT_OK)
+        result = vertices_check(delta, err);
+    for (uint32_t i = 0; i < delta->piece_count && result == RESULT_OK; i++) {
+        result = piece_check(&delta->pieces[i], err);
+        if (result != RESULT_OK)
+            fail_in(err, result, "piece %u: ", i);
+    }
+    return result;
+}
+
 // ---- encoding -----------------------------------------------------------------------------------
 
 static void write_varint(struct writer *w, uint32_t value) {
@@ -146,14 +231,7 @@ static void read_floats(struct reader *r, float *out_values, size_t count) {
     }
 }
 
-static bool is_within_reach(const float *values, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        if (!(fabsf(values[i]) <= MESH_DELTA_REACH_MM)) // NaN too
-            return false;
-    return true;
-}
-
-static enum result whole_check(const struct reader *r, struct error *err) {
+static enum result end_check(const struct reader *r, struct error *err) {
     if (!r->underflow)
         return RESULT_OK;
     return fail(err, RESULT_FORMAT, "cut short, or a number beyond 32 bits");
@@ -164,7 +242,7 @@ static enum result read_count(struct reader *r, size_t least_size, uint32_t *out
                               struct error *err) {
     *out_count = 0;
     uint32_t count = read_varint(r);
-    if (whole_check(r, err) != RESULT_OK)
+    if (end_check(r, err) != RESULT_OK)
         return RESULT_FORMAT;
     if (count > (r->size - r->used) / least_size)
         return fail(err, RESULT_FORMAT, "%u of them do not fit the bytes that follow", count);
@@ -172,126 +250,67 @@ static enum result read_count(struct reader *r, size_t least_size, uint32_t *out
     return RESULT_OK;
 }
 
-// The id behind a gap, and the check of all that was read until here.
-static enum result read_id(const struct reader *r, uint32_t gap, uint32_t *next, uint32_t *out_id,
-                           struct error *err) {
-    if (whole_check(r, err) != RESULT_OK)
-        return RESULT_FORMAT;
-    if (gap >= MESH_DELTA_IDS_MAX - *next)
-        return fail(err, RESULT_LIMIT, "an id of %u or more", MESH_DELTA_IDS_MAX);
-    *out_id = *next + gap;
-    *next = *out_id + 1;
-    return RESULT_OK;
-}
-
-static enum result corners_check(const uint32_t corners[3], uint32_t bound, struct error *err) {
-    for (int k = 0; k < 3; k++)
-        if (corners[k] >= bound)
-            return fail(err, RESULT_LIMIT, "corner %u is not below %u", corners[k], bound);
-    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
-        return fail(err, RESULT_FORMAT, "corners %u, %u, %u are not three", corners[0], corners[1],
-                    corners[2]);
-    return RESULT_OK;
-}
-
 static enum result read_freed(struct reader *r, struct mesh_delta *delta, struct error *err) {
     uint32_t next = 0;
-    enum result result = read_count(r, FREED_MIN, &delta->freed_count, err);
+    if (read_count(r, FREED_MIN, &delta->freed_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "freed triangles: ");
     delta->freed = alloc(delta->freed_count, sizeof *delta->freed);
-    for (uint32_t i = 0; i < delta->freed_count && result == RESULT_OK; i++)
-        result = read_id(r, read_varint(r), &next, &delta->freed[i], err);
-    return result == RESULT_OK ? result : fail_in(err, result, "freed triangles: ");
+    for (uint32_t i = 0; i < delta->freed_count; i++, next++)
+        delta->freed[i] = next += read_varint(r);
+    return RESULT_OK;
 }
 
 static enum result read_vertices(struct reader *r, struct mesh_delta *delta, struct error *err) {
     uint32_t next = 0;
-    enum result result = read_count(r, VERTEX_MIN, &delta->vertex_count, err);
+    if (read_count(r, VERTEX_MIN, &delta->vertex_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "new vertices: ");
     delta->vertices = alloc(delta->vertex_count, sizeof *delta->vertices);
-    for (uint32_t i = 0; i < delta->vertex_count && result == RESULT_OK; i++) {
-        struct delta_vertex *vertex = &delta->vertices[i];
-        uint32_t gap = read_varint(r);
-        read_floats(r, vertex->position, 3);
-        result = read_id(r, gap, &next, &vertex->id, err);
-        if (result == RESULT_OK && !is_within_reach(vertex->position, 3))
-            result = fail(err, RESULT_FORMAT, "a coordinate of %u is none", vertex->id);
+    for (uint32_t i = 0; i < delta->vertex_count; i++, next++) {
+        delta->vertices[i].id = next += read_varint(r);
+        read_floats(r, delta->vertices[i].position, 3);
     }
-    return result == RESULT_OK ? result : fail_in(err, result, "new vertices: ");
+    return RESULT_OK;
 }
 
 static enum result read_made(struct reader *r, struct mesh_delta *delta, struct error *err) {
     uint32_t next = 0, corner = 0, label = 0;
-    enum result result = read_count(r, MADE_MIN, &delta->made_count, err);
+    if (read_count(r, MADE_MIN, &delta->made_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "made triangles: ");
     delta->made = alloc(delta->made_count, sizeof *delta->made);
-    for (uint32_t i = 0; i < delta->made_count && result == RESULT_OK; i++) {
+    for (uint32_t i = 0; i < delta->made_count; i++, next++) {
         struct delta_triangle *made = &delta->made[i];
         uint32_t head = read_varint(r);
+        made->id = next += head >> 1;
         made->label = head & 1 ? read_difference(r, &label) : label;
         for (int k = 0; k < 3; k++)
             made->corners[k] = read_difference(r, &corner);
-        result = read_id(r, head >> 1, &next, &made->id, err);
-        if (result == RESULT_OK)
-            result = corners_check(made->corners, MESH_DELTA_IDS_MAX, err);
     }
-    return result == RESULT_OK ? result : fail_in(err, result, "made triangles: ");
-}
-
-static enum result read_piece_triangles(struct reader *r, struct delta_piece *piece,
-                                        struct error *err) {
-    uint32_t corner = 0;
-    enum result result = read_count(r, 3, &piece->triangle_count, err);
-    piece->triangles = alloc(3 * (size_t)piece->triangle_count, sizeof *piece->triangles);
-    for (uint32_t i = 0; i < piece->triangle_count && result == RESULT_OK; i++) {
-        uint32_t *corners = piece->triangles + 3 * (size_t)i;
-        for (int k = 0; k < 3; k++)
-            corners[k] = read_difference(r, &corner);
-        result = whole_check(r, err);
-        if (result == RESULT_OK)
-            result = corners_check(corners, piece->vertex_count, err);
-    }
-    return result;
+    return RESULT_OK;
 }
 
 static enum result read_piece(struct reader *r, struct delta_piece *piece, struct error *err) {
+    uint32_t corner = 0;
     read_floats(r, &piece->volume_mm3, 1);
     read_floats(r, piece->centroid, 3);
-    enum result result = read_count(r, 3 * FLOAT_SIZE, &piece->vertex_count, err);
-    if (result != RESULT_OK)
-        return result;
-    size_t coordinates = 3 * (size_t)piece->vertex_count;
-    piece->positions = alloc(coordinates, sizeof *piece->positions);
-    read_floats(r, piece->positions, coordinates);
-    if (!isfinite(piece->volume_mm3) || !is_within_reach(piece->centroid, 3) ||
-        !is_within_reach(piece->positions, coordinates))
-        return fail(err, RESULT_FORMAT, "its volume or a coordinate is none");
-    return read_piece_triangles(r, piece, err);
+    if (read_count(r, 3 * FLOAT_SIZE, &piece->vertex_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "vertices: ");
+    piece->positions = alloc(3 * (size_t)piece->vertex_count, sizeof *piece->positions);
+    read_floats(r, piece->positions, 3 * (size_t)piece->vertex_count);
+    if (read_count(r, 3, &piece->triangle_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "triangles: ");
+    piece->triangles = alloc(3 * (size_t)piece->triangle_count, sizeof *piece->triangles);
+    for (size_t i = 0; i < 3 * (size_t)piece->triangle_count; i++)
+        piece->triangles[i] = read_difference(r, &corner);
+    return RESULT_OK;
 }
 
 static enum result read_pieces(struct reader *r, struct mesh_delta *delta, struct error *err) {
-    uint32_t count;
-    enum result result = read_count(r, PIECE_MIN, &count, err);
-    if (result == RESULT_OK && count > MESH_DELTA_PIECES_MAX)
-        result = fail(err, RESULT_LIMIT, "%u of them, at most %d are accepted", count,
-                      MESH_DELTA_PIECES_MAX);
-    if (result != RESULT_OK)
-        return fail_in(err, result, "pieces: ");
-    delta->pieces = alloc(count, sizeof *delta->pieces);
-    for (delta->piece_count = count; count > 0 && result == RESULT_OK; count--) {
-        uint32_t index = delta->piece_count - count;
-        result = read_piece(r, &delta->pieces[index], err);
-        if (result != RESULT_OK)
-            fail_in(err, result, "piece %u: ", index);
-    }
-    return result;
-}
-
-static enum result read_numbers(struct reader *r, struct mesh_delta *delta, struct error *err) {
-    delta->base = read_varint(r);
-    uint32_t more = read_varint(r);
-    if (whole_check(r, err) != RESULT_OK)
-        return RESULT_FORMAT;
-    if (more >= UINT32_MAX - delta->base)
-        return fail(err, RESULT_FORMAT, "its number is beyond 32 bits");
-    delta->number = delta->base + more + 1;
+    if (read_count(r, PIECE_MIN, &delta->piece_count, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "pieces: ");
+    delta->pieces = alloc(delta->piece_count, sizeof *delta->pieces);
+    for (uint32_t i = 0; i < delta->piece_count; i++)
+        if (read_piece(r, &delta->pieces[i], err) != RESULT_OK)
+            return fail_in(err, RESULT_FORMAT, "piece %u: ", i);
     return RESULT_OK;
 }
 
@@ -299,9 +318,9 @@ enum result mesh_delta_decode(const uint8_t *data, size_t size, size_t *out_used
                               struct mesh_delta *out_delta, struct error *err) {
     struct reader r = {.data = data, .size = size};
     *out_delta = (struct mesh_delta){0};
-    enum result result = read_numbers(&r, out_delta, err);
-    if (result == RESULT_OK)
-        result = read_freed(&r, out_delta, err);
+    out_delta->base = read_varint(&r);
+    out_delta->number = out_delta->base + read_varint(&r) + 1;
+    enum result result = read_freed(&r, out_delta, err);
     if (result == RESULT_OK)
         result = read_vertices(&r, out_delta, err);
     if (result == RESULT_OK)
@@ -310,7 +329,9 @@ enum result mesh_delta_decode(const uint8_t *data, size_t size, size_t *out_used
         result = read_pieces(&r, out_delta, err);
     out_delta->hash = read_u64(&r);
     if (result == RESULT_OK)
-        result = whole_check(&r, err);
+        result = end_check(&r, err);
+    if (result == RESULT_OK)
+        result = mesh_delta_validate(out_delta, err);
     if (result != RESULT_OK)
         mesh_delta_fini(out_delta);
     *out_used = r.used;

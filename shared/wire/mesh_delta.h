@@ -56,13 +56,17 @@ struct mesh_delta {
 
 void mesh_delta_fini(struct mesh_delta *delta); // frees all arrays; a zeroed delta is fine
 
-// Encodes into `data`; the bytes used are at most mesh_delta_bound.
+// RESULT_FORMAT or RESULT_LIMIT, with which, where a number is not above its base, ids are not
+// ascending or too high, corners not distinct, coordinates not finite or out of reach, indices of a
+// piece out of its vertices, or pieces too many.
+enum result mesh_delta_validate(const struct mesh_delta *delta, struct error *err);
+
+// Encodes a valid change into `data`; the bytes used are at most mesh_delta_bound.
 size_t mesh_delta_bound(const struct mesh_delta *delta);
 size_t mesh_delta_encode(const struct mesh_delta *delta, uint8_t *data, size_t size);
 
-// Decodes the change at the start of `data`; *out_used bytes, others may follow. RESULT_FORMAT or
-// RESULT_LIMIT name what is wrong; *out_delta is then zeroed. What can be seen without the mesh is
-// as said above after RESULT_OK: number above base, ids, distinct corners, finite coordinates,
-// indices of pieces. Takes memory in proportion to `size`. The caller releases the delta.
+// Decodes the change at the start of `data`; *out_used bytes, others may follow. A refusal is that
+// of mesh_delta_validate, or RESULT_FORMAT where the bytes are no change; *out_delta is then
+// zeroed. Takes memory in proportion to `size`. The caller releases the delta.
 enum result mesh_delta_decode(const uint8_t *data, size_t size, size_t *out_used,
                               struct mesh_delta *out_delta, struct error *err);

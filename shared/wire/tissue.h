@@ -29,7 +29,7 @@ static inline bool tissue_triangle_alive(const struct tissue *tissue, uint32_t t
            tissue->corners[3 * (size_t)triangle] != tissue->corners[3 * (size_t)triangle + 1];
 }
 
-// Makes one change, whatever delta->hash says. Refusals, with what was wrong:
+// Makes one valid change, whatever delta->hash says. Refusals, with what was wrong:
 //   RESULT_MISSING  its base is not the tissue's number: the tissue is as before
 //   RESULT_INVALID  it frees what is not alive, gives a living vertex's id to a new one, brings a
 //                   vertex without a triangle, or a triangle has a dead corner: nothing is left

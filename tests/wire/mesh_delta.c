@@ -33,7 +33,7 @@ static void a_change_is_the_same_behind_the_wire(void **state) {
     static struct model model;
     struct random random = {1};
     for (uint32_t i = 0; i < 100; i++) {
-        struct mesh_delta delta = model_change(&model, &random, i), back;
+        struct mesh_delta delta = model_change(&model, &random, 0.2, i), back;
         struct mesh_bytes bytes = mesh_bytes_of(&delta);
         size_t used;
         assert_int_equal(mesh_delta_decode(bytes.data, bytes.size, &used, &back, NULL), RESULT_OK);
@@ -63,7 +63,7 @@ static void a_tissue_follows_a_model_through_random_changes(void **state) {
         struct random random = {seed};
         struct tissue tissue = {0};
         for (uint32_t i = 0; i < 60; i++) {
-            struct mesh_delta delta = model_change(&model, &random, i);
+            struct mesh_delta delta = model_change(&model, &random, 0.2, i);
             assert_int_equal(apply(&tissue, &delta), RESULT_OK);
             assert_int_equal(tissue.number, i + 1);
             model_assert_same(&tissue, &model);
@@ -79,7 +79,7 @@ static void grow(struct model *model, struct tissue *tissue, uint32_t count) {
     *model = (struct model){0};
     *tissue = (struct tissue){0};
     for (uint32_t i = 0; i < count; i++) {
-        struct mesh_delta delta = model_change(model, &random, i);
+        struct mesh_delta delta = model_change(model, &random, 0.2, i);
         assert_int_equal(apply(tissue, &delta), RESULT_OK);
         mesh_delta_fini(&delta);
     }
@@ -110,7 +110,7 @@ static void a_copy_is_equal_and_its_own(void **state) {
     grow(&model, &tissue, 10);
     before = model;
     tissue_copy(&copy, &tissue);
-    struct mesh_delta delta = model_change(&model, &random, 10);
+    struct mesh_delta delta = model_change(&model, &random, 0.2, 10);
     assert_int_equal(apply(&tissue, &delta), RESULT_OK);
     model_assert_same(&tissue, &model);
     model_assert_same(&copy, &before);
@@ -129,7 +129,7 @@ static void several_changes_travel_in_one_payload(void **state) {
     struct random random = {7};
     grow(&model, &tissue, 4);
     for (uint32_t i = 4; i < 9; i++) {
-        struct mesh_delta delta = model_change(&model, &random, i);
+        struct mesh_delta delta = model_change(&model, &random, 0.2, i);
         used += mesh_delta_encode(&delta, payload + used, sizeof payload - used);
         mesh_delta_fini(&delta);
     }
@@ -151,7 +151,7 @@ static void after_a_gap_the_tissue_is_as_before(void **state) {
     ahead = model;
     static const uint32_t bases[] = {5, 7, 4000000000};
     for (size_t i = 0; i < sizeof bases / sizeof *bases; i++) {
-        struct mesh_delta delta = model_change(&ahead, &random, bases[i]);
+        struct mesh_delta delta = model_change(&ahead, &random, 0.2, bases[i]);
         assert_int_equal(apply(&tissue, &delta), RESULT_MISSING);
         assert_int_equal(tissue.number, 6);
         model_assert_same(&tissue, &model);
@@ -229,7 +229,7 @@ static void a_wrong_hash_is_refused_and_nothing_is_left(void **state) {
     struct tissue tissue;
     struct random random = {5};
     grow(&model, &tissue, 3);
-    struct mesh_delta delta = model_change(&model, &random, 3);
+    struct mesh_delta delta = model_change(&model, &random, 0.2, 3);
     delta.hash++;
     assert_int_equal(apply(&tissue, &delta), RESULT_CORRUPT);
     assert_int_equal(tissue.number, 0);
@@ -244,7 +244,7 @@ static void every_change_that_is_cut_short_is_refused(void **state) {
     (void)state;
     struct model model = {0};
     struct random random = {9};
-    struct mesh_delta delta = model_change(&model, &random, 0);
+    struct mesh_delta delta = model_change(&model, &random, 0.2, 0);
     struct mesh_bytes bytes = mesh_bytes_of(&delta);
     for (size_t size = 1; size < bytes.size; size++) {
         struct tissue tissue;
@@ -265,7 +265,7 @@ static void no_flipped_bit_makes_another_mesh(void **state) {
     (void)state;
     struct model model = {0};
     struct random random = {13};
-    struct mesh_delta delta = model_change(&model, &random, 0);
+    struct mesh_delta delta = model_change(&model, &random, 0.2, 0);
     struct mesh_bytes bytes = mesh_bytes_of(&delta);
     int refused = 0;
     for (size_t bit = 0; bit < 8 * bytes.size; bit++) {

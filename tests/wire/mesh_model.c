@@ -75,22 +75,22 @@ static struct mesh_delta with_room(void) {
 }
 
 // Frees some triangles, gives some other corners, and makes new ones.
-static void choose_triangles(const struct model *m, struct random *r, struct mesh_delta *out,
-                             bool touched[MODEL_IDS]) {
+static void choose_triangles(const struct model *m, struct random *r, double share,
+                             struct mesh_delta *out, bool touched[MODEL_IDS]) {
     for (uint32_t t = 0; t < MODEL_IDS; t++) {
-        touched[t] = m->alive[t] && chance(r, 0.2);
+        touched[t] = m->alive[t] && chance(r, share);
         if (touched[t] && chance(r, 0.5))
             out->freed[out->freed_count++] = t;
-        else if (touched[t] || (!m->alive[t] && chance(r, 0.1)))
+        else if (touched[t] || (!m->alive[t] && chance(r, share / 2)))
             out->made[out->made_count++].id = t;
     }
 }
 
 // Among the ids that no triangle has once those are gone; no more of them than made triangles.
-static void choose_vertices(const struct model *m, struct random *r, struct mesh_delta *out,
-                            const bool touched[MODEL_IDS]) {
+static void choose_vertices(const struct model *m, struct random *r, double share,
+                            struct mesh_delta *out, const bool touched[MODEL_IDS]) {
     for (uint32_t v = 0; v < MODEL_IDS && out->vertex_count < out->made_count; v++)
-        if (chance(r, 0.15) && !vertex_lives(m, v, touched)) {
+        if (chance(r, share) && !vertex_lives(m, v, touched)) {
             struct delta_vertex *vertex = &out->vertices[out->vertex_count++];
             vertex->id = v;
             for (int k = 0; k < 3; k++)
@@ -117,8 +117,8 @@ static void choose_corners(const struct model *m, struct random *r, struct mesh_
     }
 }
 
-static void choose_pieces(struct random *r, struct mesh_delta *out) {
-    out->piece_count = below(r, 3);
+static void choose_pieces(struct random *r, double share, struct mesh_delta *out) {
+    out->piece_count = chance(r, share) + chance(r, share);
     for (uint32_t i = 0; i < out->piece_count; i++) {
         struct delta_piece *piece = &out->pieces[i];
         *piece = (struct delta_piece){.volume_mm3 = 2.5f, .centroid = {1, -2, 3}};
@@ -145,18 +145,18 @@ static void apply_to_model(struct model *m, const struct mesh_delta *delta) {
     }
 }
 
-struct mesh_delta model_change(struct model *m, struct random *r, uint32_t base) {
+struct mesh_delta model_change(struct model *m, struct random *r, double share, uint32_t base) {
     struct mesh_delta delta = with_room();
     bool touched[MODEL_IDS];
     delta.base = base;
     delta.number = base + 1;
     do {
         delta.freed_count = delta.made_count = delta.vertex_count = 0;
-        choose_triangles(m, r, &delta, touched);
-        choose_vertices(m, r, &delta, touched);
-    } while (delta.vertex_count < 3);
+        choose_triangles(m, r, share, &delta, touched);
+        choose_vertices(m, r, share, &delta, touched);
+    } while (delta.vertex_count < 3 && !triangles_alive(m));
     choose_corners(m, r, &delta);
-    choose_pieces(r, &delta);
+    choose_pieces(r, share, &delta);
     apply_to_model(m, &delta);
     delta.hash = model_hash(m);
     return delta;

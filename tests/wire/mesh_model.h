@@ -16,9 +16,11 @@ struct model {
 uint64_t model_hash(const struct model *model);
 void model_assert_same(const struct tissue *tissue, const struct model *model);
 
-// A random change, with which the model has changed already: freed, re-made and new triangles, new
-// vertices some of which have the ids of others that go, pieces. The caller releases it.
-struct mesh_delta model_change(struct model *model, struct random *random, uint32_t base);
+// A random change of about that share of the mesh, with which the model has changed already: freed,
+// re-made and new triangles, new vertices some of which have the ids of others that go, pieces. The
+// caller releases it.
+struct mesh_delta model_change(struct model *model, struct random *random, double share,
+                               uint32_t base);
 
 struct mesh_bytes {
     uint8_t *data; // memory of just its size; the caller frees it

@@ -5,6 +5,8 @@
 #include "net/control_parts.h"
 
 #include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +16,7 @@
 
 #define OUTBOX_LENGTH 64
 #define STRANGERS_MAX 64 // connections that have not said Hello yet
+#define UNSENT_MAX 16384
 #define HANDSHAKE_S 5
 #define DRAIN_US (500 * LWS_US_PER_MS)
 
@@ -47,7 +50,10 @@ bool control_seat(struct peer *peer) {
         index++;
     if (index < CONTROL_PEERS_MAX) {
         struct slot *slot = &control->slots[index];
-        *slot = (struct slot){.generation = slot->generation + 1, .peer = peer, .outbox = outbox};
+        *slot = (struct slot){.generation = slot->generation + 1,
+                              .peer = peer,
+                              .outbox = outbox,
+                              .meshes = peer->meshes};
         peer->handle = (struct control_peer){index, slot->generation};
     }
     pthread_mutex_unlock(&control->lock);
@@ -62,10 +68,10 @@ void control_unseat(struct peer *peer) {
     slot->peer = NULL;
     pthread_mutex_unlock(&peer->control->lock);
     ring_destroy(&slot->outbox);
+    control_drop_meshes(slot);
 }
 
-// The slot of a handle, NULL where the peer is gone. Under the lock.
-static struct slot *find_slot(struct control *control, struct control_peer handle) {
+struct slot *control_find_slot(struct control *control, struct control_peer handle) {
     CHECK(handle.index >= 0 && handle.index < CONTROL_PEERS_MAX);
     struct slot *slot = &control->slots[handle.index];
     return slot->peer && slot->generation == handle.generation ? slot : NULL;
@@ -84,7 +90,7 @@ bool control_send(struct control *control, struct control_peer handle,
     struct outgoing out;
     encode(message, &out);
     pthread_mutex_lock(&control->lock);
-    struct slot *slot = find_slot(control, handle);
+    struct slot *slot = control_find_slot(control, handle);
     if (slot) {
         queued = ring_push(slot->outbox, &out);
         slot->overflown |= !queued && !may_be_missed(message);
@@ -138,6 +144,12 @@ static void on_wake(struct control *control) {
     hand_out_answers(control);
 }
 
+// So little may wait in the kernel: a reply does not queue there behind a mesh.
+static void keep_queue_short(struct lws *wsi) {
+    int bytes = UNSENT_MAX;
+    setsockopt(lws_get_socket_fd(wsi), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);
+}
+
 static int open_peer(struct control *control, struct peer *peer, struct lws *wsi, bool enrols) {
     if (control->draining || control->connections == CONTROL_PEERS_MAX + STRANGERS_MAX)
         return -1;
@@ -145,6 +157,7 @@ static int open_peer(struct control *control, struct peer *peer, struct lws *wsi
     peer->wsi = wsi;
     peer->enrols = enrols;
     control->connections++;
+    keep_queue_short(wsi);
     lws_set_timer_usecs(wsi, control->hello_timeout_ns / 1000);
     peer_opened(peer);
     return 0;
@@ -185,19 +198,25 @@ static bool next_to_say(struct peer *peer, struct outgoing *out) {
            ring_pop(peer->control->slots[peer->handle.index].outbox, out);
 }
 
+static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {
+    if (lws_write(peer->wsi, bytes, size, LWS_WRITE_BINARY) < (int)size)
+        return -1;
+    lws_callback_on_writable(peer->wsi);
+    return 0;
+}
+
 static int say(struct peer *peer) {
     struct outgoing out;
     if (peer->done) {
         lws_close_reason(peer->wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION, NULL, 0);
         return -1;
     }
-    if (!next_to_say(peer, &out))
-        return 0;
-    if (lws_write(peer->wsi, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
-        return -1;
-    peer->done = out.last;
-    lws_callback_on_writable(peer->wsi);
-    return 0;
+    if (next_to_say(peer, &out)) {
+        peer->done = out.last;
+        return write_message(peer, out.bytes, out.size);
+    }
+    size_t size = peer->agreed && !peer->closing ? control_next_chunk(peer) : 0;
+    return size ? write_message(peer, peer->control->chunk_bytes.bytes, size) : 0;
 }
 
 static int tick(struct peer *peer) {

@@ -3,6 +3,7 @@
 // here; everything else goes to the handler.
 #pragma once
 
+#include "net/mesh_payload.h"
 #include "wire/wire.h"
 
 #define CONTROL_PEERS_MAX 64
@@ -29,7 +30,7 @@ struct control_handler {
     // A frame that came in the control connection; message is the caller's.
     void (*on_frame)(void *user, struct control_peer peer, const arthron_Frame *message,
                      int64_t received_ns);
-    // Any other known message of a station (its answer to UdpPath).
+    // Any other known message of a station: its answer to UdpPath, MeshAsk, mesh_ack.
     void (*on_message)(void *user, struct control_peer peer, const arthron_Control *message);
     void (*on_gone)(void *user, struct control_peer peer);
 };
@@ -58,6 +59,13 @@ void control_destroy(struct control **control);
 // What is sent out of on_hello or soon after goes out behind Welcome.
 bool control_send(struct control *control, struct control_peer peer,
                   const arthron_Control *message);
+
+// From any thread, never waits: sends a mesh's payload in chunks, each one only while no message
+// waits for that peer. Takes a reference of its own, until the last chunk has gone or the peer has.
+// It takes the place of a payload of the same group that is still on its way. False where the peer
+// is gone, did not name the capability "meshes", or has WIRE_MESH_GROUPS_MAX others on their way.
+bool control_send_mesh(struct control *control, struct control_peer peer,
+                       struct mesh_payload *payload);
 
 struct control_counts {
     uint64_t unknown_messages;   // of a kind that this version does not know: skipped

@@ -19,11 +19,17 @@ struct outgoing {
     uint8_t bytes[WIRE_CONTROL_MAX];
 };
 
+struct outgoing_chunk {
+    uint8_t header[LWS_PRE];
+    uint8_t bytes[WIRE_CHUNK_MAX];
+};
+
 // One connection, in libwebsockets' memory for it.
 struct peer {
     struct control *control;
     struct lws *wsi;
     struct identity identity;
+    bool meshes;  // named that capability
     bool enrols;  // speaks the subprotocol of enrolment
     bool applies; // and waits for the registrar's answer
     bool agreed;  // Hello was good: it has a slot
@@ -38,13 +44,22 @@ struct peer {
     struct outgoing urgent; // goes before the outbox: Welcome, Refusal, Enrolled; size 0: none
 };
 
+// A payload on its way to a peer.
+struct delivery {
+    struct mesh_payload *payload; // NULL: none
+    uint32_t next;                // chunk
+};
+
 // One agreed peer as other threads know it; all of it under the lock.
 struct slot {
     uint32_t generation;
     struct peer *peer;   // NULL: free
     struct ring *outbox; // of struct outgoing; the lock makes many producers one
-    bool wakes;          // the control thread has something to do for it:
-    bool overflown;      // it did not read what it must not miss
+    bool meshes;         // it takes them
+    struct delivery deliveries[WIRE_MESH_GROUPS_MAX];
+    int turn;       // of deliveries
+    bool wakes;     // the control thread has something to do for it:
+    bool overflown; // it did not read what it must not miss
 };
 
 struct control {
@@ -63,7 +78,9 @@ struct control {
     int64_t enrol_budget_ns; // time saved up for attempts to enrol
     int64_t enrol_checked_ns;
     arthron_Control message; // the one being read
-    pthread_mutex_t lock;    // held for a copy of one message at most
+    arthron_MeshChunk chunk; // the one being written
+    struct outgoing_chunk chunk_bytes;
+    pthread_mutex_t lock; // held for a copy of one message at most
     struct slot slots[CONTROL_PEERS_MAX];
     atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
         replies_dropped;
@@ -77,6 +94,16 @@ void control_unseat(struct peer *peer);
 
 // Says `message` next, before anything queued; with `last` the connection closes behind it.
 void control_say(struct peer *peer, const arthron_Control *message, bool last);
+
+// The slot of a handle, NULL where the peer is gone. Under the lock.
+struct slot *control_find_slot(struct control *control, struct control_peer handle);
+
+// ---- control_mesh.c: meshes ---------------------------------------------------------------------
+
+// Encodes the next chunk of what is on its way to the peer into control->chunk_bytes; its size, 0
+// where there is nothing.
+size_t control_next_chunk(struct peer *peer);
+void control_drop_meshes(struct slot *slot); // that nobody can find any more
 
 // ---- peer.c: the protocol -----------------------------------------------------------------------
 

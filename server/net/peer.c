@@ -14,7 +14,7 @@
 #define ENROL_BUDGET_NS (10 * NS_PER_S)
 #define ENROL_WAIT_NS (10 * NS_PER_S)
 
-static const char *const capabilities[] = {"datagrams"};
+static const char *const capabilities[] = {"datagrams", "meshes"};
 
 static void withdraw(struct peer *peer) {
     if (peer->applies && peer->control->registrar) // none: the server has stopped
@@ -74,13 +74,17 @@ void peer_gone(struct peer *peer) {
 
 // ---- hello --------------------------------------------------------------------------------------
 
+static bool names(const arthron_Hello *hello, const char *capability) {
+    for (int k = 0; k < hello->capabilities_count; k++)
+        if (!strcmp(hello->capabilities[k], capability))
+            return true;
+    return false;
+}
+
 static void agree_capabilities(const arthron_Hello *hello, arthron_Welcome *welcome) {
     for (size_t i = 0; i < sizeof capabilities / sizeof *capabilities; i++)
-        for (int k = 0; k < hello->capabilities_count; k++)
-            if (!strcmp(hello->capabilities[k], capabilities[i])) {
-                strcpy(welcome->capabilities[welcome->capabilities_count++], capabilities[i]);
-                break;
-            }
+        if (names(hello, capabilities[i]))
+            strcpy(welcome->capabilities[welcome->capabilities_count++], capabilities[i]);
 }
 
 static bool agree_version(const arthron_Hello *hello, uint32_t *out_version) {
@@ -103,6 +107,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
                     "Hello names another station than the certificate");
         return false;
     }
+    peer->meshes = names(hello, "meshes");
     if (!control_seat(peer)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
                     CONTROL_PEERS_MAX);
@@ -216,6 +221,14 @@ static void hear_stranger(struct peer *peer, const arthron_Control *message, int
                                           : "the first message must be Hello");
 }
 
+static void hear_mesh(struct peer *peer, const arthron_Control *message) {
+    struct control_handler *handler = &peer->control->handler;
+    if (peer->meshes)
+        handler->on_message(handler->user, peer->handle, message);
+    else
+        peer_malformed(peer, "only a station that named the capability meshes may say this");
+}
+
 static void hear_station(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
     struct control_handler *handler = &peer->control->handler;
     switch (message->which_message) {
@@ -230,6 +243,10 @@ static void hear_station(struct peer *peer, const arthron_Control *message, int6
         break;
     case arthron_Control_udp_path_tag:
         handler->on_message(handler->user, peer->handle, message);
+        break;
+    case arthron_Control_mesh_ask_tag:
+    case arthron_Control_mesh_ack_tag:
+        hear_mesh(peer, message);
         break;
     default:
         peer_malformed(peer, "a message that only a server, or only the start, may say");

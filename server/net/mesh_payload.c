@@ -1,0 +1,33 @@
+#include "net/mesh_payload.h"
+
+#include "base/check.h"
+#include "wire/tissue.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+struct mesh_payload *mesh_payload_create(const char *group, uint32_t base, uint32_t number,
+                                         size_t size) {
+    struct mesh_payload *payload = alloc(1, sizeof *payload + size);
+    atomic_init(&payload->references, 1);
+    snprintf(payload->group, sizeof payload->group, "%s", group);
+    payload->base = base;
+    payload->number = number;
+    payload->size = size;
+    return payload;
+}
+
+void mesh_payload_seal(struct mesh_payload *payload) {
+    payload->hash = tissue_payload_hash(payload->bytes, payload->size);
+}
+
+struct mesh_payload *mesh_payload_hold(struct mesh_payload *payload) {
+    atomic_fetch_add(&payload->references, 1);
+    return payload;
+}
+
+void mesh_payload_release(struct mesh_payload **payload) {
+    if (*payload && atomic_fetch_sub(&(*payload)->references, 1) == 1)
+        free(*payload);
+    *payload = NULL;
+}

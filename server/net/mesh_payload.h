@@ -1,0 +1,27 @@
+// Encoded changes of a mesh on their way to stations: made once, never changed, shared by all that
+// still send it. Thread-safe.
+#pragma once
+
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define MESH_GROUP_MAX 64
+
+struct mesh_payload {
+    atomic_int references;
+    char group[MESH_GROUP_MAX];
+    uint32_t base, number; // as in arthron_MeshChunk
+    uint64_t hash;         // of the bytes
+    size_t size;
+    uint8_t bytes[];
+};
+
+// Of `size` bytes, undefined, with one reference: the caller's. mesh_payload_seal when they are
+// there.
+struct mesh_payload *mesh_payload_create(const char *group, uint32_t base, uint32_t number,
+                                         size_t size);
+void mesh_payload_seal(struct mesh_payload *payload); // sets the hash
+
+struct mesh_payload *mesh_payload_hold(struct mesh_payload *payload); // one reference more
+void mesh_payload_release(struct mesh_payload **payload); // one less; NULL inside is fine

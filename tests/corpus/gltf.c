@@ -88,7 +88,8 @@ static bool judge(const struct model_bytes *bytes, struct verdict *out_verdict) 
     pid_t pid = fork();
     assert_true(pid >= 0);
     if (pid == 0) {
-#ifndef __SANITIZE_ADDRESS__ // which maps terabytes for itself
+// These map terabytes for themselves.
+#if !defined __SANITIZE_ADDRESS__ && !defined __SANITIZE_THREAD__
         setrlimit(RLIMIT_AS, &(struct rlimit){MEMORY_MAX, MEMORY_MAX});
 #endif
         setrlimit(RLIMIT_CPU, &(struct rlimit){SECONDS_MAX, SECONDS_MAX});

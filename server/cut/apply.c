@@ -8,10 +8,8 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, int att
     stage_begin(stage, part, attempt);
     near_gather(mesh, stage);
     trace_triangles(mesh, stage);
-    if (!wind_blade(mesh, stage) || !cap_faces(mesh, stage))
-        return false;
-    fill_regions(mesh, stage);
-    return link_triangles(mesh, stage);
+    return wind_blade(mesh, stage) && cap_faces(mesh, stage) && fill_regions(mesh, stage) &&
+           link_triangles(mesh, stage);
 }
 
 // A part that takes next to nothing is left out.

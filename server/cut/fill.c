@@ -21,7 +21,8 @@ struct node {
 struct filler {
     struct node *nodes;
     uint32_t count, room;
-    struct ids holes; // a node of each
+    struct ids holes;         // a node of each
+    struct side_table *drawn; // no side is drawn twice, in whatever polygon
 };
 
 struct filler *filler_create(void) {
@@ -33,6 +34,14 @@ void filler_destroy(struct filler **filler) {
     ids_fini(&(*filler)->holes);
     free(*filler);
     *filler = NULL;
+}
+
+static bool is_drawn(const struct filler *f, uint32_t a, uint32_t b) {
+    return a == b || sides_has(f->drawn, a < b ? a : b, a < b ? b : a);
+}
+
+static void draw(struct filler *f, uint32_t a, uint32_t b) {
+    sides_enter(f->drawn, (struct side_entry){a < b ? a : b, a < b ? b : a, 0, false, false});
 }
 
 static uint32_t add_node(struct filler *f, struct node node) {
@@ -90,7 +99,8 @@ static struct bridge find_bridge(const struct filler *f, uint32_t outer, uint32_
         uint32_t o = outer;
         do {
             double square = square_distance(f->nodes[h].p, f->nodes[o].p);
-            if (square < best.square && (!must_see || sees(f, o, h)))
+            if (square < best.square && !is_drawn(f, f->nodes[h].vertex, f->nodes[o].vertex) &&
+                (!must_see || sees(f, o, h)))
                 best = (struct bridge){o, h, square};
             o = f->nodes[o].next;
         } while (o != outer);
@@ -104,10 +114,12 @@ static void link_nodes(struct filler *f, uint32_t a, uint32_t b) {
     f->nodes[b].previous = a;
 }
 
-static void join_hole(struct filler *f, uint32_t outer, uint32_t hole) {
+static bool join_hole(struct filler *f, uint32_t outer, uint32_t hole) {
     struct bridge bridge = find_bridge(f, outer, hole, true);
     if (!isfinite(bridge.square))
         bridge = find_bridge(f, outer, hole, false);
+    if (!isfinite(bridge.square))
+        return false;
     uint32_t o = bridge.outer, h = bridge.hole;
     uint32_t o_after = f->nodes[o].next, h_before = f->nodes[h].previous;
     uint32_t o_again = add_node(f, f->nodes[o]), h_again = add_node(f, f->nodes[h]);
@@ -115,6 +127,8 @@ static void join_hole(struct filler *f, uint32_t outer, uint32_t hole) {
     link_nodes(f, h_before, h_again);
     link_nodes(f, h_again, o_again);
     link_nodes(f, o_again, o_after);
+    draw(f, f->nodes[o].vertex, f->nodes[h].vertex);
+    return true;
 }
 
 // ---- ears ----
@@ -133,10 +147,12 @@ static double quality_of(const struct filler *f, uint32_t i, enum strictness str
     double longest = fmax(square_distance(a->p, b->p),
                           fmax(square_distance(b->p, c->p), square_distance(c->p, a->p)));
     double quality = longest > 0 ? flat_cross(a->p, b->p, c->p) / longest : 0;
+    if (strictness != FORCED && quality < (strictness == STRICT ? FLAT : -FLAT))
+        return -1;
+    if (is_drawn(f, a->vertex, c->vertex))
+        return -1;
     if (strictness == FORCED)
         return quality + 2; // which is above 0
-    if (quality < (strictness == STRICT ? FLAT : -FLAT))
-        return -1;
     for (uint32_t k = c->next; k != b->previous; k = f->nodes[k].next) {
         const struct node *n = &f->nodes[k];
         if (n->vertex != a->vertex && n->vertex != b->vertex && n->vertex != c->vertex &&
@@ -166,36 +182,40 @@ static void judge_all(struct filler *f, uint32_t start, enum strictness strictne
 
 static uint32_t find_ear(struct filler *f, uint32_t start) {
     uint32_t ear = best_ear(f, start);
-    for (int strictness = STRICT; f->nodes[ear].quality < 0; strictness++) {
+    for (int strictness = STRICT; f->nodes[ear].quality < 0 && strictness <= FORCED; strictness++) {
         judge_all(f, start, (enum strictness)strictness);
         ear = best_ear(f, start);
     }
     return ear;
 }
 
-static void add_made(struct stage *stage, uint32_t region, const struct node *a,
+static void add_made(struct stage *stage, uint32_t label, const struct node *a,
                      const struct node *b, const struct node *c) {
     stage->made =
         array_grow(stage->made, &stage->made_room, stage->made_count + 1, sizeof *stage->made);
-    stage->made[stage->made_count++] = (struct new_triangle){
-        {a->vertex, b->vertex, c->vertex}, stage->regions[region].label, region};
+    stage->made[stage->made_count++] =
+        (struct new_triangle){{a->vertex, b->vertex, c->vertex}, label};
 }
 
-static void cut_ears(struct stage *stage, struct filler *f, uint32_t region, uint32_t start,
+static bool cut_ears(struct stage *stage, struct filler *f, uint32_t label, uint32_t start,
                      uint32_t count) {
     if (count > 3)
         judge_all(f, start, STRICT);
     for (; count > 3; count--) {
         uint32_t ear = find_ear(f, start);
         uint32_t before = f->nodes[ear].previous, after = f->nodes[ear].next;
-        add_made(stage, region, &f->nodes[before], &f->nodes[ear], &f->nodes[after]);
+        if (f->nodes[ear].quality < 0)
+            return stage_refuse(stage, "a polygon has no triangles that are not drawn already");
+        draw(f, f->nodes[before].vertex, f->nodes[after].vertex);
+        add_made(stage, label, &f->nodes[before], &f->nodes[ear], &f->nodes[after]);
         link_nodes(f, before, after);
         f->nodes[before].quality = quality_of(f, before, STRICT);
         f->nodes[after].quality = quality_of(f, after, STRICT);
         start = after;
     }
     const struct node *a = &f->nodes[start], *b = &f->nodes[a->next];
-    add_made(stage, region, a, b, &f->nodes[b->next]);
+    add_made(stage, label, a, b, &f->nodes[b->next]);
+    return true;
 }
 
 // ---- regions ----
@@ -213,12 +233,12 @@ static uint32_t add_ring(const struct cut_mesh *mesh, struct stage *stage, struc
 }
 
 // Rings of two vertices are slits: both sides are borders of others, which will find each other.
-static void fill_region(const struct cut_mesh *mesh, struct stage *stage, uint32_t index) {
+static bool fill_region(const struct cut_mesh *mesh, struct stage *stage, uint32_t index) {
     const struct region *region = &stage->regions[index];
     const struct ring *rings = stage->rings + region->first_ring;
     struct filler *f = stage->filler;
     if (rings[0].count < 3)
-        return;
+        return true;
     struct flat flat =
         flat_on(region->normal, mesh->points[stage->ring_vertices.at[rings[0].first]]);
     f->count = 0;
@@ -228,11 +248,26 @@ static void fill_region(const struct cut_mesh *mesh, struct stage *stage, uint32
         if (rings[r].count >= 3)
             ids_push(&f->holes, add_ring(mesh, stage, f, &flat, &rings[r]));
     for (uint32_t h = 0; h < f->holes.count; h++)
-        join_hole(f, outer, f->holes.at[h]);
-    cut_ears(stage, f, index, outer, f->count);
+        if (!join_hole(f, outer, f->holes.at[h]))
+            return stage_refuse(stage, "a hole in a polygon cannot be reached");
+    return cut_ears(stage, f, region->label, outer, f->count);
 }
 
-void fill_regions(const struct cut_mesh *mesh, struct stage *stage) {
+static void draw_rings(struct stage *stage) {
+    struct filler *f = stage->filler;
+    f->drawn = &stage->drawn;
+    sides_clear(f->drawn, 2 * stage->ring_vertices.count + 4 * stage->ring_count);
+    for (uint32_t r = 0; r < stage->ring_count; r++) {
+        const uint32_t *v = stage->ring_vertices.at + stage->rings[r].first;
+        for (uint32_t i = 0, last = stage->rings[r].count - 1; i <= last; i++)
+            draw(f, v[i], v[i < last ? i + 1 : 0]);
+    }
+}
+
+bool fill_regions(const struct cut_mesh *mesh, struct stage *stage) {
+    draw_rings(stage);
     for (uint32_t i = 0; i < stage->region_count; i++)
-        fill_region(mesh, stage, i);
+        if (!fill_region(mesh, stage, i))
+            return false;
+    return true;
 }

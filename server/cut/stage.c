@@ -1,7 +1,6 @@
 #include "cut/stage.h"
 
 #include "cut/fill.h"
-#include "cut/link.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -131,7 +130,6 @@ void stage_add_to_ring(struct stage *stage, uint32_t vertex) {
 struct stage *stage_create(void) {
     struct stage *stage = alloc(1, sizeof *stage);
     stage->filler = filler_create();
-    stage->linker = linker_create();
     return stage;
 }
 
@@ -153,6 +151,8 @@ void stage_destroy(struct stage **stage) {
     free(s->rings);
     free(s->made);
     filler_destroy(&s->filler);
-    linker_destroy(&s->linker);
+    ids_fini(&s->made_ids);
+    sides_fini(&s->drawn);
+    sides_fini(&s->sides);
     free(s);
 }

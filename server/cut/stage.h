@@ -10,6 +10,7 @@
 // A function that returns false refuses: stage->refusal says why.
 #pragma once
 
+#include "cut/sides.h"
 #include "cut/tissue.h"
 
 // An original vertex of the mesh: bit i of `outside` where it is outside plane i.
@@ -64,7 +65,6 @@ struct ring {
 struct new_triangle {
     uint32_t corners[3];
     uint32_t label;
-    uint32_t region;
 };
 
 struct stage {
@@ -96,8 +96,10 @@ struct stage {
 
     struct new_triangle *made;
     uint32_t made_count, made_room;
+    struct ids made_ids;     // once they are in the mesh
+    struct side_table drawn; // sides of polygons and diagonals, from the lower vertex
+    struct side_table sides; // of new triangles, and those that look at a triangle that goes
     struct filler *filler;
-    struct linker *linker;
     double removed_mm3;
 };
 
@@ -122,6 +124,6 @@ void near_gather(struct cut_mesh *mesh, struct stage *stage);
 bool trace_triangles(struct cut_mesh *mesh, struct stage *stage);
 bool wind_blade(struct cut_mesh *mesh, struct stage *stage);
 bool cap_faces(struct cut_mesh *mesh, struct stage *stage);
-void fill_regions(const struct cut_mesh *mesh, struct stage *stage);
+bool fill_regions(const struct cut_mesh *mesh, struct stage *stage);
 bool link_triangles(struct cut_mesh *mesh, struct stage *stage);
 void link_commit(struct cut_mesh *mesh, struct stage *stage); // the mesh changes

@@ -129,24 +129,33 @@ static void step_to(struct cut_mesh *mesh, struct stage *stage, struct arc *arc,
         step_over(mesh, stage, arc, path[i], near);
 }
 
-// The place in the clip polygon of a run of planes from a side to a side that starts and ends with
-// the planes of both events; -1 where rounding left none. *out_end: the index behind it.
-static int find_run(const struct clip *clip, int from_side, int first, int last, int to_side,
-                    int *out_end) {
+// The run of planes in the clip polygon between two of the triangle's sides: labels first to end -
+// 1, modulo their count; empty where rounding left none.
+struct run {
+    int first, end;
+};
+
+static struct run find_run(const struct clip *clip, int from_side, int to_side) {
     for (int k = 0; k < clip->count; k++) {
         if (clip->labels[k] != CLIP_SIDE + from_side)
             continue;
-        int start = k + 1, end = start;
-        while (end < start + clip->count && clip->labels[end % clip->count] < CLIP_SIDE)
+        int end = k + 1;
+        while (end < k + clip->count && clip->labels[end % clip->count] < CLIP_SIDE)
             end++;
-        *out_end = end;
-        return end > start && clip->labels[start % clip->count] == first &&
-                       clip->labels[(end - 1) % clip->count] == last &&
-                       clip->labels[end % clip->count] == CLIP_SIDE + to_side
-                   ? start
-                   : -1;
+        bool arrives = clip->labels[end % clip->count] == CLIP_SIDE + to_side;
+        return arrives ? (struct run){k + 1, end} : (struct run){0, 0};
     }
-    return -1;
+    return (struct run){0, 0};
+}
+
+// The events know better than the run by which planes it starts and ends: where two planes are as
+// near, it may have them the other way round.
+static struct run trim_run(const struct clip *clip, struct run run, int first, int last) {
+    if (run.end - run.first > 1 && clip->labels[(run.first + 1) % clip->count] == first)
+        run.first++;
+    if (run.end - run.first > 1 && clip->labels[(run.end - 2) % clip->count] == last)
+        run.end--;
+    return run;
 }
 
 // ---- triangles ----
@@ -186,14 +195,15 @@ static vec3 normal_of(const struct cut_mesh *mesh, uint32_t triangle) {
 
 static void draw_arc(struct cut_mesh *mesh, struct stage *stage, const struct clip *clip,
                      const struct event *leave, const struct event *enter) {
-    stage->pierced.count = 0;
     struct arc arc = {leave->vertex, leave->plane};
-    int end, start = find_run(clip, leave->side, leave->plane, enter->plane, enter->side, &end);
-    for (int k = start + 1; start >= 0 && k < end; k++)
+    struct run run =
+        trim_run(clip, find_run(clip, leave->side, enter->side), leave->plane, enter->plane);
+    vec3 p_leave = mesh->points[leave->vertex], p_enter = mesh->points[enter->vertex];
+    vec3 last = run.first < run.end ? p_enter : vec3_lerp(p_leave, p_enter, 0.5);
+    stage->pierced.count = 0;
+    for (int k = run.first; k < run.end; k++)
         step_to(mesh, stage, &arc, clip->labels[k % clip->count], clip->points[k % clip->count]);
-    if (start < 0)
-        step_to(mesh, stage, &arc, enter->plane,
-                vec3_lerp(mesh->points[leave->vertex], mesh->points[enter->vertex], 0.5));
+    step_to(mesh, stage, &arc, enter->plane, last);
     stage_add_segment(stage, arc.face, arc.last, enter->vertex);
 }
 

@@ -1,7 +1,0 @@
-// Scratch of link.c.
-#pragma once
-
-struct linker;
-
-struct linker *linker_create(void);
-void linker_destroy(struct linker **linker);

@@ -179,6 +179,19 @@ static void a_piece_takes_what_a_blade_of_its_shape_takes(void **state) {
     washer_scene_end(&s);
 }
 
+static void two_boxes_mesh(const struct convex boxes[2], struct mesh *out_mesh) {
+    mesh_init(out_mesh, 16, 24);
+    for (uint32_t k = 0; k < 2; k++) {
+        struct mesh mesh;
+        convex_mesh(&boxes[k], &mesh);
+        for (uint32_t i = 0; i < 8; i++)
+            mesh_set_vertex(out_mesh, 8 * k + i, mesh_vertex(&mesh, i));
+        for (uint32_t i = 0; i < 36; i++)
+            out_mesh->triangles[36 * k + i] = 8 * k + mesh.triangles[i];
+        mesh_fini(&mesh);
+    }
+}
+
 // Two bodies that share some of their space, as scans have them; and one that is inside out.
 static void a_piece_that_overlaps_itself_takes_its_union(void **state) {
     (void)state;
@@ -187,20 +200,15 @@ static void a_piece_that_overlaps_itself_takes_its_union(void **state) {
     washer_scene_begin(&s, &washer_usual, random_pose(&r, 40), (struct quality_setting){0});
     struct convex boxes[2] = {convex_box(s.T_mesh_washer, (vec3){-4, -15, -1}, (vec3){2, -10, 1}),
                               convex_box(s.T_mesh_washer, (vec3){-2, -14, -3}, (vec3){4, -9, 3})};
-    struct mesh mesh[2], both;
-    convex_mesh(&boxes[0], &mesh[0]);
-    convex_mesh(&boxes[1], &mesh[1]);
-    mesh_init(&both, 16, 24);
-    for (uint32_t i = 0; i < 16; i++)
-        mesh_set_vertex(&both, i, mesh_vertex(&mesh[i / 8], i % 8));
-    for (uint32_t i = 0; i < 72; i++)
-        both.triangles[i] = 8 * (i / 36) + mesh[i / 36].triangles[i % 36];
-    for (uint32_t i = 0; i < 36; i += 3) { // the first alone, inside out
-        uint32_t corner = mesh[0].triangles[i];
-        mesh[0].triangles[i] = mesh[0].triangles[i + 1];
-        mesh[0].triangles[i + 1] = corner;
+    struct mesh inside_out, both;
+    convex_mesh(&boxes[0], &inside_out);
+    for (uint32_t i = 0; i < 36; i += 3) {
+        uint32_t corner = inside_out.triangles[i];
+        inside_out.triangles[i] = inside_out.triangles[i + 1];
+        inside_out.triangles[i + 1] = corner;
     }
-    quality_take_piece(s.quality, &mesh[0]);
+    two_boxes_mesh(boxes, &both);
+    quality_take_piece(s.quality, &inside_out);
     assert_true(quality_of(&s).removed_mm3 == 0);
     quality_take_piece(s.quality, &both);
     double by_piece = quality_of(&s).removed_mm3;
@@ -210,10 +218,38 @@ static void a_piece_that_overlaps_itself_takes_its_union(void **state) {
     quality_report(cut, &by_parts);
     assert_near(by_piece, by_parts.removed_mm3, 0.1);
     quality_destroy(&cut);
-    for (int i = 0; i < 2; i++)
-        mesh_fini(&mesh[i]);
+    mesh_fini(&inside_out);
     mesh_fini(&both);
     washer_scene_end(&s);
+}
+
+// Two leaves with a cleft between them, which is no tissue.
+static void a_cleft_in_the_tissue_is_not_counted(void **state) {
+    (void)state;
+    struct convex leaves[2] = {convex_box(pose_identity(), (vec3){-10, -8, -2}, (vec3){10, 8, -1}),
+                               convex_box(pose_identity(), (vec3){-10, -8, 1}, (vec3){10, 8, 2})};
+    struct mesh mesh;
+    two_boxes_mesh(leaves, &mesh);
+    struct quality_setting setting = {
+        .tissue = &mesh, .up = {0, 0, 1}, .anterior = {0, 1, 0}, .least = &mesh};
+    struct convex all = convex_box(pose_identity(), (vec3){-11, -9, -3}, (vec3){11, 9, 3});
+    setting.plan = setting.damage = &all;
+    setting.plan_count = setting.damage_count = 1;
+    struct quality_plan *plan = quality_plan_create(&setting);
+    struct quality *quality = quality_create(plan);
+    struct quality_report report;
+    quality_report(quality, &report);
+    assert_near(zones_sum(&report.whole), 640, 1e-9);
+    assert_near(report.planned_mm3, 640, 1e-9);
+    assert_near(report.damage_mm3, 640, 1e-9);
+    assert_true(zones_sum(&report.budget) == 0);
+    quality_take_parts(quality, &all, 1);
+    quality_report(quality, &report);
+    assert_near(report.removed_mm3, 640, 1e-9);
+    assert_true(report.under_mm3 == 0 && report.over_mm3 == 0 && report.damage_mm3 == 0);
+    quality_destroy(&quality);
+    quality_plan_destroy(&plan);
+    mesh_fini(&mesh);
 }
 
 // A discoid meniscus is no C: its zones mean little, but all is counted.
@@ -357,6 +393,7 @@ int main(void) {
         cmocka_unit_test(the_whole_as_a_piece_takes_all),
         cmocka_unit_test(a_piece_takes_what_a_blade_of_its_shape_takes),
         cmocka_unit_test(a_piece_that_overlaps_itself_takes_its_union),
+        cmocka_unit_test(a_cleft_in_the_tissue_is_not_counted),
         cmocka_unit_test(a_disc_is_counted_too),
         cmocka_unit_test(the_rim_is_what_a_cut_leaves_of_the_width),
         cmocka_unit_test(an_even_cut_makes_no_step),

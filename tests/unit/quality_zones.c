@@ -114,6 +114,39 @@ static void shares_add_up_to_the_volume(void **state) {
     }
 }
 
+static void add_quarters(const struct quality_plan *plan, const vec3 c[3], int times_over,
+                         struct zone_volumes *volumes) {
+    if (times_over == 0) {
+        quality_add_triangle(plan, c, 1, volumes);
+        return;
+    }
+    vec3 m[3];
+    for (int i = 0; i < 3; i++)
+        m[i] = vec3_lerp(c[i], c[(i + 1) % 3], 0.5);
+    for (int i = 0; i < 3; i++)
+        add_quarters(plan, (vec3[]){c[i], m[i], m[(i + 2) % 3]}, times_over - 1, volumes);
+    add_quarters(plan, m, times_over - 1, volumes);
+}
+
+static void a_large_triangle_has_the_shares_of_its_parts(void **state) {
+    (void)state;
+    struct random r = {17};
+    struct washer_scene s;
+    washer_scene_begin(&s, &washer_usual, random_pose(&r, 40), (struct quality_setting){0});
+    vec3 corners[3] = {{-16, -2, 3}, {0, -18, 4}, {16, -2, 5}};
+    for (int i = 0; i < 3; i++)
+        corners[i] = pose_apply(s.T_mesh_washer, corners[i]);
+    struct zone_volumes whole = {0}, parts = {0};
+    quality_add_triangle(s.plan, corners, 1, &whole);
+    add_quarters(s.plan, corners, 7, &parts);
+    assert_near(zones_sum(&whole), 32 * 16 / 2 * 4,
+                1e-3); // the plane is that of the mesh in floats
+    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
+        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
+            assert_near(whole.mm3[i][k], parts.mm3[i][k], 0.5);
+    washer_scene_end(&s);
+}
+
 // As the triangles of a surface that gives way are: out with their old corners, in with the new.
 static void taking_a_triangle_out_gives_back_what_it_gave(void **state) {
     (void)state;
@@ -164,6 +197,7 @@ int main(void) {
         cmocka_unit_test(a_points_zone_follows_from_its_place_in_plan),
         cmocka_unit_test(the_anterior_horn_is_in_front_on_either_side),
         cmocka_unit_test(shares_add_up_to_the_volume),
+        cmocka_unit_test(a_large_triangle_has_the_shares_of_its_parts),
         cmocka_unit_test(taking_a_triangle_out_gives_back_what_it_gave),
         cmocka_unit_test(no_column_slips_between_triangles),
     };

@@ -309,7 +309,7 @@ static struct solution bisect(struct match *match, double target, double toleran
 
 static void match_with(solver *solve, struct match *match, const struct brush *brushes, int count,
                        double target, double tolerance, struct match_report *out) {
-    CHECK(count > 0 && isfinite(target));
+    CHECK(isfinite(target));
     *out = (struct match_report){.volume_mm3 = match->volume,
                                  .widening = 1,
                                  .left_mm3 = match->volume - target,
@@ -317,7 +317,7 @@ static void match_with(solver *solve, struct match *match, const struct brush *b
     match->touched_count = 0;
     if (target >= match->volume)
         return;
-    match->origin = brushes[0].centre;
+    match->origin = count ? brushes[0].centre : (vec3){0};
     measure_distances(match, brushes, count);
     struct solution solution;
     for (double widening = 1;; widening = fmin(WIDENING_STEP * widening, MATCH_WIDENING_MAX)) {

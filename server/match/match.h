@@ -66,8 +66,8 @@ struct match_report {
 
 #define MATCH_WIDENING_MAX 4.0
 
-// Brings the volume inside S'' to target_mm3 with at least one brush. A target above the present
-// volume changes nothing and leaves a negative rest.
+// Brings the volume inside S'' to target_mm3. A target above the present volume changes nothing and
+// leaves a negative rest; without a brush nothing can be given.
 void match_to_volume(struct match *match, const struct brush *brushes, int brush_count,
                      double target_mm3, struct match_report *out_report);
 

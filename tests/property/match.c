@@ -284,6 +284,17 @@ static void a_way_that_only_adds_is_not_gone(void **state) {
     tissue_fini(&tissue);
 }
 
+static void without_a_brush_nothing_is_given(void **state) {
+    (void)state;
+    struct tissue tissue;
+    tissue_sphere(&tissue, 6, 5);
+    struct match_report report = nibble(&tissue, NULL, 0, match_volume(tissue.match) - 2);
+    assert_int_equal(report.outcome, MATCH_SATURATED);
+    assert_near(report.left_mm3, 2, 1e-10);
+    assert_int_equal(report.changed_count, 0);
+    tissue_fini(&tissue);
+}
+
 static void a_target_above_the_volume_changes_nothing(void **state) {
     (void)state;
     struct random r = {8};
@@ -400,6 +411,7 @@ int main(void) {
         cmocka_unit_test(what_a_brush_cannot_give_is_left_over),
         cmocka_unit_test(a_whole_resection_ends_at_the_least_volume),
         cmocka_unit_test(a_way_that_only_adds_is_not_gone),
+        cmocka_unit_test(without_a_brush_nothing_is_given),
         cmocka_unit_test(a_target_above_the_volume_changes_nothing),
         cmocka_unit_test(a_second_bite_in_the_same_place_goes_deeper),
         cmocka_unit_test(a_cut_finer_than_the_mesh_is_matched),

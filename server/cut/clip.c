@@ -18,12 +18,18 @@ static void clip_by(const struct clip *in, const double *sides, int plane, struc
     }
 }
 
-// A convex polygon crosses a plane twice; where rounding has bent it, the rest is left out.
-static bool is_convex_split(const double *sides, int count) {
-    int changes = 0;
-    for (int i = 0; i < count; i++)
-        changes += (sides[i] <= 0) != (sides[i + 1 < count ? i + 1 : 0] <= 0);
-    return changes == 2;
+// A convex polygon crosses a plane twice. Where rounding has bent it, what is outside is what hangs
+// together with the corner that is farthest outside.
+static void straighten(double *sides, int count) {
+    int farthest = 0, first, last;
+    for (int i = 1; i < count; i++)
+        farthest = sides[i] > sides[farthest] ? i : farthest;
+    for (first = farthest; sides[(first + count - 1) % count] > 0;)
+        first = (first + count - 1) % count;
+    for (last = farthest; sides[(last + 1) % count] > 0;)
+        last = (last + 1) % count;
+    for (int i = (last + 1) % count; i != first; i = (i + 1) % count)
+        sides[i] = fmin(sides[i], 0);
 }
 
 void clip_triangle(const struct convex *blade, const vec3 corners[3], const double *const values[3],
@@ -46,8 +52,8 @@ void clip_triangle(const struct convex *blade, const vec3 corners[3], const doub
         }
         if (inside == now->count)
             continue;
-        if (inside && !is_convex_split(sides, now->count))
-            continue;
+        if (inside)
+            straighten(sides, now->count);
         clip_by(now, sides, plane, then);
         whole = false;
         struct clip *swap = now;

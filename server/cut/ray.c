@@ -1,8 +1,8 @@
 #include "cut/ray.h"
 
 // Off the lattices on which vertices like to lie.
-#define NUDGE_X_MM 1.2345e-7
-#define NUDGE_Y_MM 0.7391e-7
+#define NUDGE_X_MM 1.2345e-10
+#define NUDGE_Y_MM 0.7391e-10
 
 // On which side of the edge q lies, seen from above; the same for both triangles of the edge.
 static bool is_left(const struct cut_mesh *mesh, uint32_t from, uint32_t to, vec3 q) {

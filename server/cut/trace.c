@@ -129,23 +129,40 @@ static void step_to(struct cut_mesh *mesh, struct stage *stage, struct arc *arc,
         step_over(mesh, stage, arc, path[i], near);
 }
 
+// What one meets on a walk around a triangle.
+struct event {
+    enum { EVENT_CORNER, EVENT_ENTER, EVENT_LEAVE } kind; // corners outside only
+    uint32_t vertex;
+    int plane, side;
+};
+
 // The run of planes in the clip polygon between two of the triangle's sides: labels first to end -
 // 1, modulo their count; empty where rounding left none.
 struct run {
     int first, end;
 };
 
-static struct run find_run(const struct clip *clip, int from_side, int to_side) {
-    for (int k = 0; k < clip->count; k++) {
-        if (clip->labels[k] != CLIP_SIDE + from_side)
-            continue;
-        int end = k + 1;
-        while (end < k + clip->count && clip->labels[end % clip->count] < CLIP_SIDE)
-            end++;
-        bool arrives = clip->labels[end % clip->count] == CLIP_SIDE + to_side;
-        return arrives ? (struct run){k + 1, end} : (struct run){0, 0};
+static int find_label(const struct clip *clip, int label) {
+    for (int k = 0; k < clip->count; k++)
+        if (clip->labels[k] == label)
+            return k;
+    return -1;
+}
+
+// Behind the side that the arc leaves from; where so little of that lies inside that it is lost,
+// behind the one before it; where all are lost, all around.
+static struct run find_run(const struct clip *clip, const struct event *leave) {
+    int start = -1;
+    for (int i = 3; i > 0 && start < 0; i--)
+        start = find_label(clip, CLIP_SIDE + (leave->side + i) % 3);
+    if (start < 0) {
+        start = find_label(clip, leave->plane);
+        return start < 0 ? (struct run){0, 0} : (struct run){start, start + clip->count};
     }
-    return (struct run){0, 0};
+    int end = start + 1;
+    while (end < start + clip->count && clip->labels[end % clip->count] < CLIP_SIDE)
+        end++;
+    return (struct run){start + 1, end};
 }
 
 // The events know better than the run by which planes it starts and ends: where two planes are as
@@ -159,13 +176,6 @@ static struct run trim_run(const struct clip *clip, struct run run, int first, i
 }
 
 // ---- triangles ----
-
-// What one meets on a walk around a triangle.
-struct event {
-    enum { EVENT_CORNER, EVENT_ENTER, EVENT_LEAVE } kind; // corners outside only
-    uint32_t vertex;
-    int plane, side;
-};
 
 static int walk_around(const struct cut_mesh *mesh, const struct stage *stage,
                        const struct near_triangle *near, struct event out[9]) {
@@ -196,8 +206,7 @@ static vec3 normal_of(const struct cut_mesh *mesh, uint32_t triangle) {
 static void draw_arc(struct cut_mesh *mesh, struct stage *stage, const struct clip *clip,
                      const struct event *leave, const struct event *enter) {
     struct arc arc = {leave->vertex, leave->plane};
-    struct run run =
-        trim_run(clip, find_run(clip, leave->side, enter->side), leave->plane, enter->plane);
+    struct run run = trim_run(clip, find_run(clip, leave), leave->plane, enter->plane);
     vec3 p_leave = mesh->points[leave->vertex], p_enter = mesh->points[enter->vertex];
     vec3 last = run.first < run.end ? p_enter : vec3_lerp(p_leave, p_enter, 0.5);
     stage->pierced.count = 0;

@@ -53,7 +53,11 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
         return give_up(mesh, CUT_REFUSED);
     }
     mesh->number = change.number;
-    change_gather(mesh, &change);
+    change_update_volume(mesh);
+    change_take_pieces(mesh, &change);
+    change.volume_mm3 = mesh->volume;
+    change_list_ids(mesh, &change);
+    change_measure_patches(mesh, &change);
     tissue_commit(mesh);
     *out_change = change;
     return CUT_CHANGED;

@@ -14,7 +14,35 @@ void cut_change_fini(struct cut_change *change) {
     *change = (struct cut_change){0};
 }
 
-// ---- ids and volume ----
+static bool is_same(const struct cut_mesh *mesh, const struct triangle_before *before) {
+    const uint32_t *corners = mesh->corners + 3 * (size_t)before->id;
+    return before->corners[0] != MESH_NONE &&
+           !memcmp(before->corners, corners, sizeof before->corners);
+}
+
+// ---- volume ----
+
+static double six_volumes_of(const struct cut_mesh *mesh, const uint32_t corners[3], vec3 apex) {
+    vec3 points[3];
+    if (corners[0] == MESH_NONE)
+        return 0;
+    triangle_points(mesh, corners, points);
+    return six_volumes(points, apex);
+}
+
+void change_update_volume(struct cut_mesh *mesh) {
+    vec3 apex = mesh->grid.origin;
+    double sum = 0;
+    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
+        const struct triangle_before *before = &mesh->undo.triangles[i];
+        if (!is_same(mesh, before))
+            sum += six_volumes_of(mesh, mesh->corners + 3 * (size_t)before->id, apex) -
+                   six_volumes_of(mesh, before->corners, apex);
+    }
+    mesh->volume += sum / 6;
+}
+
+// ---- ids ----
 
 static uint32_t *keep(struct ids *ids, uint32_t *out_count) {
     ids_sort(ids);
@@ -22,38 +50,22 @@ static uint32_t *keep(struct ids *ids, uint32_t *out_count) {
     return ids->at;
 }
 
-static double six_volumes_of(const struct cut_mesh *mesh, const uint32_t corners[3], vec3 apex) {
-    vec3 points[3];
-    triangle_points(mesh, corners, points);
-    return six_volumes(points, apex);
-}
-
-static void gather_triangles(struct cut_mesh *mesh, struct cut_change *change) {
+static void list_triangles(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids freed = {0}, made = {0};
-    vec3 apex = mesh->grid.origin;
-    double sum = 0;
     for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
         const struct triangle_before *before = &mesh->undo.triangles[i];
-        const uint32_t *corners = mesh->corners + 3 * (size_t)before->id;
-        bool was = before->corners[0] != MESH_NONE, is = corners[0] != MESH_NONE;
-        if (was && is && !memcmp(before->corners, corners, sizeof before->corners))
+        if (is_same(mesh, before))
             continue;
-        if (was)
-            sum -= six_volumes_of(mesh, before->corners, apex);
-        if (is)
-            sum += six_volumes_of(mesh, corners, apex);
-        if (is)
+        if (cut_mesh_triangle_alive(mesh, before->id))
             ids_push(&made, before->id);
-        else if (was)
+        else if (before->corners[0] != MESH_NONE)
             ids_push(&freed, before->id);
     }
-    mesh->volume += sum / 6;
-    change->volume_mm3 = mesh->volume;
     change->freed = keep(&freed, &change->freed_count);
     change->made = keep(&made, &change->made_count);
 }
 
-static void gather_vertices(struct cut_mesh *mesh, struct cut_change *change) {
+static void list_vertices(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids vertices = {0};
     for (uint32_t i = 0; i < mesh->undo.vertex_count; i++)
         if (mesh->undo.vertices[i].spoke == MESH_NONE &&
@@ -62,7 +74,7 @@ static void gather_vertices(struct cut_mesh *mesh, struct cut_change *change) {
     change->vertices = keep(&vertices, &change->vertex_count);
 }
 
-void change_gather(struct cut_mesh *mesh, struct cut_change *change) {
-    gather_triangles(mesh, change);
-    gather_vertices(mesh, change);
+void change_list_ids(struct cut_mesh *mesh, struct cut_change *change) {
+    list_triangles(mesh, change);
+    list_vertices(mesh, change);
 }

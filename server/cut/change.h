@@ -1,7 +1,10 @@
-// What a cut has done to a mesh, told from what the undo log remembers.
+// What a cut has done to a mesh, told from what the undo log remembers. In this order, and before
+// tissue_commit.
 #pragma once
 
 #include "cut/tissue.h"
 
-// Before tissue_commit. Pieces are left as they are.
-void change_gather(struct cut_mesh *mesh, struct cut_change *change);
+void change_update_volume(struct cut_mesh *mesh); // by the triangles that have changed
+void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change);
+void change_list_ids(struct cut_mesh *mesh, struct cut_change *change);
+void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change);

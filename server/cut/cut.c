@@ -1,5 +1,6 @@
 #include "cut/cut.h"
 
+#include "cut/flood.h"
 #include "cut/stage.h"
 #include "mesh/edges.h"
 #include "mesh/topology.h"
@@ -83,6 +84,7 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
     }
     m->volume = cut_mesh_volume(m);
     m->stage = stage_create();
+    m->flood = alloc(1, sizeof *m->flood);
     return RESULT_OK;
 }
 
@@ -101,6 +103,7 @@ struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {
     grid_copy(&copy->grid, &mesh->grid);
     copy->undo = (struct undo){0};
     copy->stage = stage_create();
+    copy->flood = alloc(1, sizeof *copy->flood);
     return copy;
 }
 
@@ -122,6 +125,8 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     free(m->undo.triangles);
     free(m->undo.vertices);
     stage_destroy(&m->stage);
+    flood_fini(m->flood);
+    free(m->flood);
     free(m);
 }
 

@@ -1,0 +1,32 @@
+// Which connected bodies a cut has left where it cut. Floods start from what it has touched and
+// advance in step, so their cost follows the smaller bodies.
+#pragma once
+
+#include "cut/tissue.h"
+
+struct triangle_list {
+    uint32_t first, last; // of entries; MESH_NONE: none
+};
+
+struct body {
+    uint32_t parent; // the body that it has become part of; itself where it has not
+    bool whole;      // all its triangles are known
+    uint32_t count;
+    struct triangle_list done, waiting;
+};
+
+struct flood {
+    struct marks owner; // of a triangle: a body
+    struct flood_entry {
+        uint32_t triangle, next;
+    } * entries;
+    struct body *bodies;
+    uint32_t entry_count, entry_room, body_count, body_room;
+};
+
+void flood_fini(struct flood *flood);
+
+// Bodies that are their own parents, all whole but at most one.
+void flood_run(const struct cut_mesh *mesh, struct flood *flood);
+void flood_finish(const struct cut_mesh *mesh, struct flood *flood,
+                  uint32_t body); // makes it whole

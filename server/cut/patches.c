@@ -1,0 +1,63 @@
+#include "cut/change.h"
+#include "cut/flood.h"
+
+// ---- one patch ----
+
+static bool is_new_surface(const struct cut_mesh *mesh, uint32_t triangle) {
+    return marks_has(&mesh->undo.triangles_seen, triangle) &&
+           cut_mesh_triangle_alive(mesh, triangle) && mesh->labels[triangle] == mesh->number;
+}
+
+// All new surface that hangs together with a triangle: appended to `list`.
+static void spread(const struct cut_mesh *mesh, struct marks *seen, struct ids *list,
+                   uint32_t triangle) {
+    uint32_t next = list->count;
+    marks_set(seen, triangle, 0);
+    for (ids_push(list, triangle); next < list->count; next++)
+        for (size_t i = 0; i < 3; i++) {
+            uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
+            if (marks_has(seen, beside) || !is_new_surface(mesh, beside))
+                continue;
+            marks_set(seen, beside, 0);
+            ids_push(list, beside);
+        }
+}
+
+static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *triangles,
+                                uint32_t count) {
+    struct cut_patch patch = {0};
+    vec3 origin = mesh->points[mesh->corners[3 * (size_t)triangles[0]]], moment = {0}, p[3];
+    for (uint32_t i = 0; i < count; i++) {
+        triangle_points(mesh, mesh->corners + 3 * (size_t)triangles[i], p);
+        vec3 normal = vec3_cross(vec3_sub(p[1], p[0]), vec3_sub(p[2], p[0]));
+        double area = vec3_length(normal) / 2;
+        for (int k = 0; k < 3; k++)
+            moment = vec3_add_scaled(moment, area / 3, vec3_sub(p[k], origin));
+        patch.area += area;
+    }
+    patch.centroid = patch.area > 0 ? vec3_add_scaled(origin, 1 / patch.area, moment) : origin;
+    for (uint32_t i = 0; i < count; i++) {
+        triangle_points(mesh, mesh->corners + 3 * (size_t)triangles[i], p);
+        for (int k = 0; k < 3; k++)
+            patch.extent = fmax(patch.extent, vec3_distance(p[k], patch.centroid));
+    }
+    return patch;
+}
+
+// ---- all ----
+
+void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
+    struct marks *seen = &mesh->flood->owner;
+    struct ids list = {0};
+    marks_begin(seen, mesh->triangle_room);
+    for (uint32_t i = 0; i < change->made_count; i++) {
+        uint32_t first = list.count, triangle = change->made[i];
+        if (marks_has(seen, triangle) || !is_new_surface(mesh, triangle))
+            continue;
+        spread(mesh, seen, &list, triangle);
+        change->patches =
+            alloc_resize(change->patches, (size_t)change->patch_count + 1, sizeof *change->patches);
+        change->patches[change->patch_count++] = measure(mesh, list.at + first, list.count - first);
+    }
+    ids_fini(&list);
+}

@@ -1,0 +1,154 @@
+#include "cut/change.h"
+#include "cut/flood.h"
+
+#include <stdlib.h>
+
+#define DEBRIS_MM3 1e-6 // what is smaller has no inside to speak of
+
+// ---- measures ----
+
+struct moments {
+    double six_volumes;
+    vec3 sum; // of six volumes times four centroids from the apex
+};
+
+static void add_triangle(struct moments *moments, const struct cut_mesh *mesh, uint32_t triangle,
+                         vec3 apex) {
+    vec3 p[3];
+    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, p);
+    double six = six_volumes(p, apex);
+    vec3 corners =
+        vec3_add(vec3_sub(p[0], apex), vec3_add(vec3_sub(p[1], apex), vec3_sub(p[2], apex)));
+    moments->six_volumes += six;
+    moments->sum = vec3_add_scaled(moments->sum, six, corners);
+}
+
+static vec3 any_point(const struct cut_mesh *mesh, uint32_t triangle) {
+    return mesh->points[mesh->corners[3 * (size_t)triangle]];
+}
+
+static struct moments body_moments(const struct cut_mesh *mesh, const struct flood *flood,
+                                   uint32_t body, vec3 apex) {
+    struct moments moments = {0};
+    for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
+        add_triangle(&moments, mesh, flood->entries[e].triangle, apex);
+    return moments;
+}
+
+static double body_volume(const struct cut_mesh *mesh, const struct flood *flood, uint32_t body) {
+    uint32_t first = flood->entries[flood->bodies[body].done.first].triangle;
+    return body_moments(mesh, flood, body, any_point(mesh, first)).six_volumes / 6;
+}
+
+// ---- which body stays ----
+
+struct shares {
+    uint32_t growing; // the body that is not whole; MESH_NONE: there is none
+    uint32_t largest;
+    double rest; // volume of all that is in no whole body; cavities count with what they are in
+};
+
+static struct shares share_out(const struct cut_mesh *mesh, struct flood *flood, double *volumes) {
+    struct shares shares = {MESH_NONE, MESH_NONE, mesh->volume};
+    for (uint32_t b = 0; b < flood->body_count; b++) {
+        if (flood->bodies[b].parent != b)
+            continue;
+        if (!flood->bodies[b].whole) {
+            shares.growing = b;
+            continue;
+        }
+        volumes[b] = body_volume(mesh, flood, b);
+        if (volumes[b] > DEBRIS_MM3)
+            shares.rest -= volumes[b];
+        if (shares.largest == MESH_NONE || volumes[b] > volumes[shares.largest])
+            shares.largest = b;
+    }
+    return shares;
+}
+
+// The body that stays; the one that was growing is finished where it does not.
+static uint32_t find_largest(const struct cut_mesh *mesh, struct flood *flood, double *volumes) {
+    struct shares shares = share_out(mesh, flood, volumes);
+    if (shares.growing == MESH_NONE)
+        return shares.largest;
+    if (shares.largest == MESH_NONE || shares.rest >= volumes[shares.largest])
+        return shares.growing;
+    flood_finish(mesh, flood, shares.growing);
+    volumes[shares.growing] = body_volume(mesh, flood, shares.growing);
+    return shares.largest;
+}
+
+// ---- a piece ----
+
+static struct mesh mesh_of(const struct cut_mesh *mesh, struct flood *flood,
+                           const struct ids *triangles, struct ids *vertices) {
+    struct mesh out;
+    marks_begin(&flood->owner, mesh->vertex_room);
+    vertices->count = 0;
+    for (uint32_t i = 0; i < 3 * triangles->count; i++) {
+        uint32_t vertex = mesh->corners[3 * (size_t)triangles->at[i / 3] + i % 3];
+        if (!marks_has(&flood->owner, vertex))
+            ids_push(vertices, vertex);
+        marks_set(&flood->owner, vertex, 0);
+    }
+    ids_sort(vertices);
+    mesh_init(&out, vertices->count, triangles->count);
+    for (uint32_t v = 0; v < vertices->count; v++) {
+        marks_set(&flood->owner, vertices->at[v], v);
+        mesh_set_vertex(&out, v, mesh->points[vertices->at[v]]);
+    }
+    for (uint32_t i = 0; i < 3 * triangles->count; i++)
+        out.triangles[i] =
+            marks_get(&flood->owner, mesh->corners[3 * (size_t)triangles->at[i / 3] + i % 3]);
+    return out;
+}
+
+// Takes a body out of the mesh.
+static struct cut_piece take_out(struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
+    struct ids triangles = {0}, vertices = {0};
+    struct cut_piece piece = {0};
+    struct moments moments = {0};
+    for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
+        ids_push(&triangles, flood->entries[e].triangle);
+    ids_sort(&triangles);
+    vec3 apex = any_point(mesh, triangles.at[0]);
+    for (uint32_t i = 0; i < triangles.count; i++)
+        add_triangle(&moments, mesh, triangles.at[i], apex);
+    piece.volume = moments.six_volumes / 6;
+    piece.centroid = vec3_add_scaled(apex, 1 / (4 * moments.six_volumes), moments.sum);
+    piece.mesh = mesh_of(mesh, flood, &triangles, &vertices);
+    for (uint32_t i = 0; i < triangles.count; i++)
+        tissue_remove_triangle(mesh, triangles.at[i]);
+    for (uint32_t v = 0; v < vertices.count; v++)
+        tissue_set_spoke(mesh, vertices.at[v], MESH_NONE);
+    mesh->volume -= piece.volume;
+    ids_fini(&triangles);
+    ids_fini(&vertices);
+    return piece;
+}
+
+static void add_piece(struct cut_change *change, struct cut_piece piece) {
+    change->pieces =
+        alloc_resize(change->pieces, (size_t)change->piece_count + 1, sizeof *change->pieces);
+    change->pieces[change->piece_count++] = piece;
+}
+
+// The largest body stays, and with it what is a cavity; what is next to nothing just goes.
+void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
+    struct flood *flood = mesh->flood;
+    flood_run(mesh, flood);
+    if (flood->body_count < 2)
+        return;
+    double *volumes = alloc(flood->body_count, sizeof *volumes);
+    uint32_t largest = find_largest(mesh, flood, volumes);
+    for (uint32_t b = 0; b < flood->body_count; b++) {
+        if (flood->bodies[b].parent != b || b == largest || volumes[b] < -DEBRIS_MM3)
+            continue;
+        struct cut_piece piece = take_out(mesh, flood, b);
+        if (piece.volume > DEBRIS_MM3)
+            add_piece(change, piece);
+        else
+            mesh_fini(&piece.mesh);
+    }
+    free(volumes);
+}

@@ -3,9 +3,10 @@
 
 #define LEAST_MM3 1e-4
 
-static bool stage_part(struct cut_mesh *mesh, const struct convex *part, int attempt) {
+static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_t seed,
+                       int attempt) {
     struct stage *stage = mesh->stage;
-    stage_begin(stage, part, attempt);
+    stage_begin(stage, part, seed, attempt);
     near_gather(mesh, stage);
     trace_triangles(mesh, stage);
     return wind_blade(mesh, stage) && cap_faces(mesh, stage) && fill_regions(mesh, stage) &&
@@ -13,10 +14,13 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, int att
 }
 
 // A part that takes next to nothing is left out.
-static bool take_part(struct cut_mesh *mesh, const struct convex *part, struct cut_change *change) {
+static bool take_part(struct cut_mesh *mesh, const struct convex *part, int index,
+                      struct cut_change *change) {
     for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
         struct vertex_mark mark = tissue_mark_vertices(mesh);
-        bool fits = stage_part(mesh, part, attempt);
+        uint64_t seed =
+            ((uint64_t)change->number << 16) + (uint64_t)(CUT_ATTEMPTS * index + attempt);
+        bool fits = stage_part(mesh, part, seed, attempt);
         if (fits && mesh->stage->removed_mm3 >= LEAST_MM3 / CUT_PARTS_MAX) {
             link_commit(mesh, mesh->stage);
             change->removed_mm3 += mesh->stage->removed_mm3;
@@ -42,7 +46,7 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
     mesh->stage->number = change.number;
     tissue_begin(mesh);
     for (int i = 0; i < part_count; i++)
-        if (!take_part(mesh, &parts[i], &change)) {
+        if (!take_part(mesh, &parts[i], i, &change)) {
             fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->stage->refusal);
             return give_up(mesh, CUT_REFUSED);
         }

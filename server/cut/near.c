@@ -1,15 +1,11 @@
 #include "cut/stage.h"
 
-// A mesh vertex so near to a plane is on it, and what is on a plane is inside the blade: between
-// flush bites no skin is left.
-#define ON_MM 1e-9
 #define MARGIN_MM 1e-6
 
 static uint64_t take_values(const struct convex *blade, vec3 p, double *out_values) {
     uint64_t outside = 0;
     for (int i = 0; i < blade->plane_count; i++) {
-        double s = vec3_dot(blade->planes[i].normal, p) - blade->planes[i].offset;
-        out_values[i] = fabs(s) < ON_MM ? 0 : s;
+        out_values[i] = vec3_dot(blade->planes[i].normal, p) - blade->planes[i].offset;
         outside |= (uint64_t)(out_values[i] > 0) << i;
     }
     return outside;

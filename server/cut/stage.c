@@ -7,17 +7,20 @@
 
 // ---- the blade's place ----
 //
-// Each plane moves outwards by a hair, more or less by a part that depends on its direction alone.
-// So blades and meshes on one lattice are in general position, neighbouring bites overlap rather
-// than leave a skin, and planes that were one plane remain one.
+// Each plane moves outwards by a hair, another one for each blade: the blade grows by the half of
+// GROWTH_MM or more and leans by less than that. So no plane, edge or vertex of a blade coincides
+// with one of an earlier blade or of a lattice, and flush bites overlap rather than leave a skin.
 
-#define GROWTH_MM 1e-7
-#define GROWTH_MORE_MM 3e-6 // with each attempt
+#define GROWTH_MM 2e-7
+#define GROWTH_MORE_MM 3e-6 // with each further attempt
 
-static const vec3 leans[CUT_ATTEMPTS] = {
-    {0.2741, 0.1413, -0.3719}, {-0.3187, 0.2233, 0.1091},   {0.1531, -0.3361, 0.2297},
-    {0.3413, 0.1879, 0.2083},  {-0.2129, -0.1637, -0.3529}, {0.0967, 0.3727, -0.2549},
-    {-0.3571, 0.0821, 0.3023}, {0.2339, -0.2927, -0.1223},  {-0.1097, 0.3167, 0.2671}};
+// Splitmix64, as a number from -1 to 1.
+static double draw(uint64_t *state) {
+    uint64_t z = (*state += UINT64_C(0x9e3779b97f4a7c15));
+    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
+    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
+    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-52 - 1;
+}
 
 // What a vertex moves by where each of its planes moves outwards by one: (Σ n nᵀ) m = Σ n.
 static vec3 mitre(const vec3 columns[3], vec3 sum) {
@@ -70,11 +73,16 @@ static void connect_faces(struct stage *stage) {
     }
 }
 
-void stage_begin(struct stage *stage, const struct convex *part, int attempt) {
-    double growth = GROWTH_MM + attempt * GROWTH_MORE_MM;
+static void place(struct convex *blade, uint64_t seed, int attempt) {
+    double size = GROWTH_MM + attempt * GROWTH_MORE_MM;
+    double x = draw(&seed), y = draw(&seed), z = draw(&seed);
+    grow(blade, size * (0.75 + 0.25 * draw(&seed)));
+    shift_by(blade, vec3_scale(size / 4, (vec3){x, y, z}));
+}
+
+void stage_begin(struct stage *stage, const struct convex *part, uint64_t seed, int attempt) {
     stage->blade = *part;
-    grow(&stage->blade, growth);
-    shift_by(&stage->blade, vec3_scale(growth, leans[attempt]));
+    place(&stage->blade, seed, attempt);
     connect_faces(stage);
     stage->refusal = NULL;
     stage->taken.count = stage->ring_vertices.count = 0;

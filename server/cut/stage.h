@@ -108,8 +108,8 @@ void stage_destroy(struct stage **stage);
 
 #define CUT_ATTEMPTS 9
 
-// attempt: 0 to CUT_ATTEMPTS - 1, each with the blade grown and leaning by another hair.
-void stage_begin(struct stage *stage, const struct convex *part, int attempt);
+// seed: of the hair by which the blade grows; attempt: 0 to CUT_ATTEMPTS - 1, by more each time.
+void stage_begin(struct stage *stage, const struct convex *part, uint64_t seed, int attempt);
 
 bool stage_refuse(struct stage *stage, const char *why); // false
 uint32_t stage_take_vertex(struct cut_mesh *mesh, struct stage *stage, vec3 point);

@@ -58,9 +58,6 @@ static void spread(const struct stage *stage, struct winding *winding) {
 
 // ---- the constant ----
 
-// What lies on the blade counts as inside it, so the mesh's surface on an edge lies before it.
-#define BEYOND_MM 2e-9
-
 // The longest part of an edge without piercings: its middle, and the winding number there.
 struct interval {
     double length;
@@ -73,12 +70,8 @@ static void keep_longer(struct interval *longest, const struct convex *blade, in
     vec3 a = blade->vertices[blade->edges[edge].ends[0]];
     vec3 b = blade->vertices[blade->edges[edge].ends[1]];
     double length = (to - from) * vec3_distance(a, b);
-    if (length <= longest->length)
-        return;
-    vec3 out = vec3_add(blade->planes[blade->edges[edge].left].normal,
-                        blade->planes[blade->edges[edge].right].normal);
-    vec3 middle = vec3_add_scaled(vec3_lerp(a, b, (from + to) / 2), BEYOND_MM, out);
-    *longest = (struct interval){length, middle, winding};
+    if (length > longest->length)
+        *longest = (struct interval){length, vec3_lerp(a, b, (from + to) / 2), winding};
 }
 
 static struct interval longest_interval(const struct stage *stage, const struct winding *winding) {

@@ -46,7 +46,8 @@ static void forget(struct mesh_feed *feed, uint32_t count) {
         free(feed->kept[i].bytes);
     }
     feed->kept_count -= count;
-    memmove(feed->kept, feed->kept + count, feed->kept_count * sizeof *feed->kept);
+    if (feed->kept_count)
+        memmove(feed->kept, feed->kept + count, feed->kept_count * sizeof *feed->kept);
 }
 
 // No more than half of what a whole mesh takes: always worth sending instead of it.

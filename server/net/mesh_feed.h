@@ -28,7 +28,8 @@ enum result mesh_feed_push(struct mesh_feed *feed, const struct mesh_delta *chan
 const struct tissue *mesh_feed_tissue(const struct mesh_feed *feed); // number, hash, the mesh
 
 // What one station has of one group. Zeroed: it has not asked yet, and gets nothing. Zero it when
-// its connection ends.
+// its connection ends. Where another feed takes the place of this one while the station stays, it
+// has nothing of that: {.asked = true}.
 struct mesh_cursor {
     bool asked;
     uint32_t number; // what the station said that it has; 0: nothing

@@ -11,11 +11,13 @@
 
 static const char help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
+    "       arthron-server session --socket PATH show STATION [--json]\n"
     "       arthron-server session --socket PATH start|pause|stop|reset STATION [--json]\n"
     "       arthron-server session --socket PATH case STATION CASE [--json]\n"
     "\n"
     "Speaks to a running server through its local socket.\n"
     "\n"
+    "  show    the session of one station, and what was cut in it\n"
     "  start   starts a waiting or paused session; a new one where the last has ended\n"
     "  pause   freezes it until start\n"
     "  stop    ends it and closes its trace\n"
@@ -34,6 +36,7 @@ static const struct {
     {"list", arthron_Command_Kind_LIST, 0},   {"start", arthron_Command_Kind_START, 1},
     {"pause", arthron_Command_Kind_PAUSE, 1}, {"stop", arthron_Command_Kind_STOP, 1},
     {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
+    {"show", arthron_Command_Kind_SHOW, 1},
 };
 
 static const char *state_name(const arthron_SessionInfo *info) {
@@ -53,20 +56,42 @@ static json_t *drift_to_json(const arthron_SessionInfo *info) {
     return info->touches ? json_real(info->drift_mm) : json_null();
 }
 
+static json_t *zones_to_json(const float zones[9]) {
+    json_t *array = json_array();
+    for (int i = 0; i < 9; i++)
+        json_array_append_new(array, json_real((double)zones[i]));
+    return array;
+}
+
+static json_t *resection_to_json(const arthron_Resection *r) {
+    return json_pack(
+        "{s:s, s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, "
+        "s:o, s:o, s:o}",
+        "group", r->group, "mesh_number", (json_int_t)r->mesh_number, "cuts", (json_int_t)r->cuts,
+        "cuts_refused", (json_int_t)r->cuts_refused, "pieces", (json_int_t)r->pieces, "volume_mm3",
+        r->volume_mm3, "removed_mm3", r->removed_mm3, "pieces_mm3", r->pieces_mm3, "warped_mm3",
+        r->warped_mm3, "left_mm3", r->left_mm3, "distance_mm", r->distance_mm, "planned_mm3",
+        r->planned_mm3, "over_mm3", r->over_mm3, "under_mm3", r->under_mm3, "damage_mm3",
+        r->damage_mm3, "rim_mm", r->rim_mm, "step_mm", r->step_mm, "whole_zone_mm3",
+        zones_to_json(r->whole_zone_mm3), "removed_zone_mm3", zones_to_json(r->removed_zone_mm3),
+        "budget_zone_mm3", zones_to_json(r->budget_zone_mm3));
+}
+
 static json_t *info_to_json(const arthron_SessionInfo *info) {
     char id[33];
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
-    return json_pack(
-        "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, s:I, s:o}",
-        "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
-        "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
-        (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_old",
-        (json_int_t)info->frames_old, "frames_early", (json_int_t)info->frames_early,
-        "frames_invalid", (json_int_t)info->frames_invalid, "rtt_us", info->rtt_p50_us,
-        "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace, "calibration",
-        calibration_to_json(info), "touches", (json_int_t)info->touches, "drift_mm",
-        drift_to_json(info));
+    return json_pack("{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
+                     "s:I, s:o}",
+                     "station", info->station, "id", id, "case", info->case_name, "state",
+                     state_name(info), "connected", info->connected, "start_utc_s",
+                     (double)info->start_utc_ns / 1e9, "steps", (json_int_t)info->steps,
+                     "frames_lost", (json_int_t)info->frames_lost, "frames_old",
+                     (json_int_t)info->frames_old, "frames_early", (json_int_t)info->frames_early,
+                     "frames_invalid", (json_int_t)info->frames_invalid, "rtt_us", info->rtt_p50_us,
+                     "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace,
+                     "calibration", calibration_to_json(info), "touches", (json_int_t)info->touches,
+                     "drift_mm", drift_to_json(info));
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {
@@ -85,6 +110,10 @@ static void print_json(const arthron_CommandReply *reply) {
         json_array_append_new(sessions, info_to_json(&reply->sessions[i]));
     json_t *whole =
         json_pack("{s:b, s:s, s:o}", "ok", reply->ok, "text", reply->text, "sessions", sessions);
+    json_t *resections = json_array();
+    for (pb_size_t i = 0; i < reply->resections_count; i++)
+        json_array_append_new(resections, resection_to_json(&reply->resections[i]));
+    json_object_set_new(whole, "resections", resections);
     if (reply->has_refused)
         json_object_set_new(whole, "refused", refused_to_json(&reply->refused));
     json_dumpf(whole, stdout, JSON_COMPACT);
@@ -108,6 +137,20 @@ static void print_table(const arthron_CommandReply *reply) {
     }
 }
 
+static void print_resection(const arthron_Resection *r) {
+    printf("%s: %u cuts took %.1f mm3 of %.1f", r->group, r->cuts, r->removed_mm3,
+           r->volume_mm3 + r->removed_mm3 + r->pieces_mm3);
+    if (r->pieces)
+        printf(", and %u pieces of %.1f mm3 came off", r->pieces, r->pieces_mm3);
+    printf(
+        "\n  plan: %.1f mm3, taken beyond it %.1f, not yet taken %.1f; damaged tissue left %.1f\n",
+        r->planned_mm3, r->over_mm3, r->under_mm3, r->damage_mm3);
+    printf("  rim %.2f mm at its narrowest, largest step of the contour %.2f mm\n", r->rim_mm,
+           r->step_mm);
+    printf("  touch: %.1f mm3 not matched, at most %.2f mm beside the cut; %u cuts refused\n",
+           r->left_mm3, r->distance_mm, r->cuts_refused);
+}
+
 static int call(const char *socket, const arthron_Command *command, bool json) {
     static arthron_CommandReply reply;
     struct error err;
@@ -119,6 +162,8 @@ static int call(const char *socket, const arthron_Command *command, bool json) {
         print_json(&reply);
     else if (reply.sessions_count)
         print_table(&reply);
+    for (pb_size_t i = 0; i < reply.resections_count && !json; i++)
+        print_resection(&reply.resections[i]);
     if (!reply.ok)
         fprintf(stderr, "arthron-server session: %s\n", reply.text);
     return reply.ok ? 0 : 1;

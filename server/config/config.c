@@ -66,6 +66,10 @@ static bool take_warp_key(struct reading *r, const char *key, const char *value)
         return number_double(value, 0, 100, &s->field.background_per_mm);
     if (!strcmp(key, "strength"))
         return number_double(value, 0, 1, &s->strength);
+    if (!strcmp(key, "ease_share"))
+        return number_double(value, 0, 1000, &s->ease_share);
+    if (!strcmp(key, "ease_mm_s"))
+        return number_double(value, 0, 1e6, &s->ease_mm_s);
     int ms;
     if (strcmp(key, "hold_ms") || !take_int(value, 0, 10000, &ms))
         return false;

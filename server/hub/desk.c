@@ -4,6 +4,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "hub/reply.h"
 #include "hub/seat.h"
 
 #include <stdarg.h>
@@ -63,6 +64,7 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
                              struct error *err) {
     pthread_mutex_lock(&hub->card_lock);
     seat->card.start_utc_ns = clock_utc_ns();
+    memset(seat->card.tissues, 0, sizeof seat->card.tissues);
     enum result result = trace_path(hub, seat, &seat->card, seat->card.trace, err);
     struct card card = seat->card;
     pthread_mutex_unlock(&hub->card_lock);
@@ -76,10 +78,12 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
         return result;
     struct live *live = alloc(1, sizeof *live);
     live->trace = trace;
-    live->session = session_create(hub->scenes[card.scene], &hub->config.settings);
-    live->knee = scene_case(hub->scenes[card.scene]);
+    live->serial = ++hub->sessions_made;
+    live->scene = hub->scenes[card.scene];
+    live->session = session_create(live->scene, &hub->config.settings);
+    live->operation = operation_create(live->scene);
     log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
-             live->knee->name, card.trace);
+             scene_case(live->scene)->name, card.trace);
     *out_live = live;
     return RESULT_OK;
 }
@@ -135,7 +139,7 @@ static void log_trace_end(const struct seat *seat, struct trace_writer *trace) {
 // desk_lock held.
 static void release_retired(struct hub *hub, struct worker *worker) {
     struct retired retired;
-    while (ring_pop(worker->to_desk, &retired)) {
+    while (theatre_retired(worker->theatre, &retired)) {
         struct seat *seat = &hub->seats[retired.seat];
         if (retired.deserted)
             log_warning("hub", "station %s: no frame for %d s, its session ends",
@@ -143,13 +147,14 @@ static void release_retired(struct hub *hub, struct worker *worker) {
         log_trace_end(seat, retired.live->trace);
         trace_writer_destroy(&retired.live->trace);
         session_destroy(&retired.live->session);
+        operation_destroy(&retired.live->operation);
         free(retired.live);
     }
 }
 
 static void release_all_retired(struct hub *hub) {
     for (int i = 0; i < hub->worker_count; i++)
-        if (hub->workers[i].to_desk)
+        if (hub->workers[i].theatre)
             release_retired(hub, &hub->workers[i]);
 }
 
@@ -296,6 +301,22 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
 }
 
+static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct seat *seat = &hub->seats[index];
+    pthread_mutex_lock(&hub->card_lock);
+    struct card card = seat->card;
+    pthread_mutex_unlock(&hub->card_lock);
+    const struct scene *scene = hub->scenes[card.scene];
+    list_seat(hub, index, &reply->sessions[0]);
+    reply->sessions_count = 1;
+    reply->resections_count = (pb_size_t)scene_tissue_count(scene);
+    for (int i = 0; i < scene_tissue_count(scene); i++)
+        reply_resection(&card.tissues[i],
+                        scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
+                        &reply->resections[i]);
+    reply->ok = true;
+}
+
 static bool wait_for_state(struct seat *seat, enum session_state state) {
     const struct timespec pause = {0, 5 * NS_PER_MS};
     for (int waited = 0; waited < STATE_WAIT_MS; waited += 5) {
@@ -420,6 +441,10 @@ void desk_command(void *user, const arthron_Command *command, arthron_CommandRep
     int index = hub_find_station(&hub->config, command->station);
     if (index < 0) {
         refuse(reply, "there is no station %s in the server's config", command->station);
+        return;
+    }
+    if (command->kind == arthron_Command_Kind_SHOW) {
+        show_seat(hub, index, reply);
         return;
     }
     pthread_mutex_lock(&hub->desk_lock);

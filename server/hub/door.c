@@ -164,7 +164,12 @@ static void on_frame(void *user, struct control_peer peer, const arthron_Frame *
 static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
     struct hub *hub = user;
     int index = find_seat(hub, peer);
-    if (index < 0 || message->which_message != arthron_Control_udp_path_tag)
+    if (index < 0)
+        return;
+    if (message->which_message == arthron_Control_mesh_ask_tag ||
+        message->which_message == arthron_Control_mesh_ack_tag)
+        theatre_tell(seat_worker(hub, index)->theatre, index, peer, message);
+    if (message->which_message != arthron_Control_udp_path_tag)
         return;
     struct note note = {.kind = NOTE_CONFIRM,
                         .seat = index,
@@ -183,6 +188,7 @@ static void on_gone(void *user, struct control_peer peer) {
     if (index < 0)
         return;
     log_info("hub", "station %s is gone, its session waits", hub->seats[index].station->name);
+    theatre_tell(seat_worker(hub, index)->theatre, index, peer, NULL);
     struct note note = {.kind = NOTE_GONE, .seat = index, .peer = peer};
     if (!tell(hub, &note))
         log_error("hub", "station %s: its worker could not be told that it is gone",

@@ -1,6 +1,7 @@
 #include "hub/reply.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 static enum body nearest_body(const struct instrument_output *instrument,
@@ -41,4 +42,35 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (output->instruments[i].present)
             fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
+}
+
+static void take_zones(const struct zone_volumes *zones, float out[9]) {
+    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
+        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
+            out[i * ZONE_ACROSS_COUNT + k] = (float)zones->mm3[i][k];
+}
+
+void reply_resection(const struct tissue_figures *f, const char *group, arthron_Resection *out) {
+    *out = (arthron_Resection){
+        .mesh_number = f->mesh_number,
+        .cuts = f->cuts,
+        .cuts_refused = f->refused,
+        .pieces = f->pieces,
+        .volume_mm3 = f->volume_mm3,
+        .removed_mm3 = f->removed_mm3,
+        .pieces_mm3 = f->pieces_mm3,
+        .warped_mm3 = f->warped_mm3,
+        .left_mm3 = f->left_mm3,
+        .distance_mm = f->distance_mm,
+        .planned_mm3 = f->quality.planned_mm3,
+        .over_mm3 = f->quality.over_mm3,
+        .under_mm3 = f->quality.under_mm3,
+        .damage_mm3 = f->quality.damage_mm3,
+        .rim_mm = f->quality.rim_mm,
+        .step_mm = f->quality.step_mm,
+    };
+    snprintf(out->group, sizeof out->group, "%s", group);
+    take_zones(&f->quality.whole, out->whole_zone_mm3);
+    take_zones(&f->quality.removed, out->removed_zone_mm3);
+    take_zones(&f->quality.budget, out->budget_zone_mm3);
 }

@@ -1,4 +1,4 @@
-// What a session's output says to its station.
+// What a session's output and a job's outcome say to its station.
 #pragma once
 
 #include "session/session.h"
@@ -9,3 +9,6 @@
 // old.
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
                        uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out_reply);
+
+void reply_resection(const struct tissue_figures *figures, const char *group,
+                     arthron_Resection *out_resection);

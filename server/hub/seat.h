@@ -12,11 +12,14 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-// A session with its trace. The desk makes and releases it; in between it is one worker's alone.
+// A session with its trace. The desk makes and releases it; in between session and trace are one
+// worker's alone, the operation its theatre's.
 struct live {
+    uint64_t serial; // no two are equal
     struct session *session;
     struct trace_writer *trace;
-    const struct knee_case *knee;
+    struct operation *operation;
+    const struct scene *scene;
 };
 
 // What any thread may know of a seat, under hub.card_lock, which is held for copies only.
@@ -31,6 +34,7 @@ struct card {
     bool stopped;     // by command: no session until start, case or the next connection
     int64_t retry_ns; // not before this time: the last attempt to open one failed
     int scene;        // index into hub.scenes
+    struct tissue_figures tissues[TISSUES_MAX]; // of the session, as its last jobs left them
     int64_t start_utc_ns;
     char trace[HUB_PATH_MAX];
 };
@@ -94,7 +98,7 @@ struct note {
     };
 };
 
-// From a worker to the desk: a session that has ended.
+// From a theatre to the desk: a session that has ended.
 struct retired {
     int seat;
     bool deserted; // its station stayed away for too long
@@ -106,15 +110,17 @@ struct worker_counts {
     atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;
 };
 
+struct theatre;
+
 struct worker {
     struct hub *hub;
     int index;
     pthread_t thread;
+    struct theatre *theatre;
     struct datagram_endpoint *endpoint;
     int wake_fd;
     struct ring *from_control; // of struct note
     struct ring *from_desk;    // of struct note
-    struct ring *to_desk;      // of struct retired
     struct worker_counts counts;
 };
 
@@ -130,6 +136,7 @@ struct hub {
 
     pthread_mutex_t card_lock;
     pthread_mutex_t desk_lock; // one at a time opens, closes or commands sessions; may take long
+    uint64_t sessions_made;    // with desk_lock
     pthread_t clerk;
     pthread_cond_t clerk_wake; // with card_lock
     bool clerk_runs, clerk_stop;
@@ -153,6 +160,28 @@ void worker_stop(struct worker *worker);    // ends its sessions, joins, closes 
 void worker_release(struct worker *worker); // its rings, once no other thread uses them
 // Pushes a note and wakes the worker; false where the ring is full.
 bool worker_tell(struct worker *worker, struct ring *ring, const struct note *note);
+
+// theatre.c: beside each worker, the thread that runs the jobs of its sessions and brings their
+// meshes to the stations, at a lower priority.
+void theatre_start(struct worker *worker);
+void theatre_stop(struct worker *worker); // after the worker's thread: finishes what was asked for
+void theatre_release(struct worker *worker); // its rings, once no other thread uses them
+
+// The worker's thread. None waits.
+void theatre_open(struct theatre *theatre, int seat, struct live *live);
+void theatre_run(struct theatre *theatre, int seat, const struct live *live, const struct job *job);
+void theatre_landed(struct theatre *theatre, int seat, uint64_t serial, struct job_result *result);
+void theatre_close(struct theatre *theatre, int seat, struct live *live, bool deserted);
+// False where there is none. The result goes back with theatre_landed.
+bool theatre_take(struct theatre *theatre, int *out_seat, uint64_t *out_serial,
+                  struct job_result **out_result);
+
+// The control thread: a station's MeshAsk or mesh_ack, or NULL where it is gone.
+void theatre_tell(struct theatre *theatre, int seat, struct control_peer peer,
+                  const arthron_Control *message);
+
+// The desk.
+bool theatre_retired(struct theatre *theatre, struct retired *out_retired);
 
 // desk.c
 void desk_start(struct hub *hub);

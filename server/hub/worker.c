@@ -28,17 +28,16 @@ static bool seat_is_deserted(const struct hub *hub, const struct seat *seat) {
 
 static void retire(struct worker *worker, struct seat *seat) {
     struct hub *hub = worker->hub;
-    struct retired retired = {(int)(seat - hub->seats), seat_is_deserted(hub, seat), seat->live};
+    theatre_close(worker->theatre, (int)(seat - hub->seats), seat->live,
+                  seat_is_deserted(hub, seat));
     seat->live = NULL;
-    bool pushed = ring_push(worker->to_desk, &retired);
-    CHECK(pushed); // as many places as there are sessions
 }
 
 // Tells a station what its session is; from the first of these on it sends frames.
 static void announce(struct worker *worker, const struct seat *seat) {
     if (!seat->connected || !seat->clock_known || !seat->live)
         return;
-    const struct knee_case *knee = seat->live->knee;
+    const struct knee_case *knee = scene_case(seat->live->scene);
     arthron_Control message = {.which_message = arthron_Control_session_change_tag};
     arthron_SessionChange *change = &message.message.session_change;
     change->state = (arthron_SessionState)atomic_load(&seat->counts.state);
@@ -55,6 +54,8 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
     session_step(seat->live->session, input, output);
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
+    if (output->job.id)
+        theatre_run(worker->theatre, (int)(seat - worker->hub->seats), seat->live, &output->job);
     if (output->events & EVENT_STATE) {
         atomic_store(&seat->counts.state, (int)output->state);
         announce(worker, seat);
@@ -67,6 +68,23 @@ static void step_without_frame(struct worker *worker, struct seat *seat, enum in
     struct session_input input = {.kind = kind, .time_ns = clock_now_ns()};
     struct session_output output;
     step(worker, seat, &input, &output);
+}
+
+// A session that has ended since takes its results with it.
+static void take_results(struct worker *worker) {
+    int index;
+    uint64_t serial;
+    struct job_result *result;
+    while (theatre_take(worker->theatre, &index, &serial, &result)) {
+        struct seat *seat = &worker->hub->seats[index];
+        if (seat->live && seat->live->serial == serial) {
+            struct session_input input = {
+                .kind = INPUT_JOB, .time_ns = clock_now_ns(), .job = result->job, .result = result};
+            struct session_output output;
+            step(worker, seat, &input, &output);
+        }
+        theatre_landed(worker->theatre, index, serial, result);
+    }
 }
 
 // ---- drift --------------------------------------------------------------------------------------
@@ -154,7 +172,7 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     }
     if (!accept_frame(seat, frame))
         return;
-    const struct knee_case *knee = seat->live->knee;
+    const struct knee_case *knee = scene_case(seat->live->scene);
     struct session_input input = {.kind = INPUT_FRAME, .time_ns = received_ns, .frame = *frame};
     struct session_output output;
     onto_server_clock(&input.frame, seat->clock_offset_ns);
@@ -245,6 +263,7 @@ static void clear_counts(struct seat_counts *counts) {
 static void attach(struct worker *worker, struct seat *seat, struct live *live) {
     CHECK(!seat->live);
     seat->live = live;
+    theatre_open(worker->theatre, (int)(seat - worker->hub->seats), live);
     forget_drift(seat);
     clear_counts(&seat->counts);
     seat->last_frame = 0;
@@ -351,6 +370,7 @@ static void *work(void *argument) {
         if (fds[1].revents && read(worker->wake_fd, &wakes, sizeof wakes) < 0)
             CHECK(errno == EAGAIN);
         take_notes(worker);
+        take_results(worker);
         take_datagrams(worker);
         for_own_seats(worker, watch_seat);
     }
@@ -380,7 +400,7 @@ enum result worker_start(struct hub *hub, int index, struct error *err) {
     CHECK(worker->wake_fd >= 0);
     worker->from_control = ring_create(RING_NOTES, sizeof(struct note));
     worker->from_desk = ring_create(RING_NOTES, sizeof(struct note));
-    worker->to_desk = ring_create(RING_NOTES, sizeof(struct retired));
+    theatre_start(worker);
     int failed = pthread_create(&worker->thread, NULL, work, worker);
     CHECK(!failed);
     return RESULT_OK;
@@ -391,6 +411,7 @@ void worker_stop(struct worker *worker) {
         return;
     atomic_store(&worker->hub->workers_stop, true);
     pthread_join(worker->thread, NULL);
+    theatre_stop(worker);
     datagram_destroy(&worker->endpoint);
 }
 
@@ -399,5 +420,5 @@ void worker_release(struct worker *worker) {
         close(worker->wake_fd);
     ring_destroy(&worker->from_control);
     ring_destroy(&worker->from_desk);
-    ring_destroy(&worker->to_desk);
+    theatre_release(worker);
 }

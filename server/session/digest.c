@@ -21,10 +21,65 @@ void digest_write_instrument(struct writer *w, const struct instrument_output *o
     write_f64(w, o->gain);
     write_f64(w, o->handle.opening);
     write_u32(w, o->handle.buttons);
+    write_u8(w, (uint8_t)o->handle_validity);
+}
+
+void digest_write_job(struct writer *w, const struct job *job) {
+    write_u64(w, job->id);
+    if (!job->id)
+        return;
+    write_u8(w, (uint8_t)job->kind);
+    write_u8(w, (uint8_t)job->tissue);
+    if (job->kind != JOB_CUT)
+        return;
+    write_u8(w, (uint8_t)job->move.kind);
+    for (int i = 0; i < 2; i++) {
+        write_pose(w, job->move.T_mesh_tip[i]);
+        write_f64(w, job->move.opening[i]);
+    }
+}
+
+static void write_zones(struct writer *w, const struct zone_volumes *zones) {
+    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
+        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
+            write_f64(w, zones->mm3[i][k]);
+}
+
+static void write_figures(struct writer *w, const struct tissue_figures *f) {
+    write_u32(w, f->mesh_number);
+    write_u32(w, f->cuts);
+    write_u32(w, f->refused);
+    write_u32(w, f->pieces);
+    write_f64(w, f->volume_mm3);
+    write_f64(w, f->removed_mm3);
+    write_f64(w, f->pieces_mm3);
+    write_f64(w, f->warped_mm3);
+    write_f64(w, f->left_mm3);
+    write_f64(w, f->distance_mm);
+    write_f64(w, f->quality.removed_mm3);
+    write_f64(w, f->quality.planned_mm3);
+    write_f64(w, f->quality.over_mm3);
+    write_f64(w, f->quality.under_mm3);
+    write_f64(w, f->quality.damage_mm3);
+    write_f64(w, f->quality.rim_mm);
+    write_f64(w, f->quality.step_mm);
+    write_zones(w, &f->quality.whole);
+    write_zones(w, &f->quality.removed);
+    write_zones(w, &f->quality.budget);
+}
+
+void digest_write_landed(struct writer *w, const struct landed *landed) {
+    write_u64(w, landed->job);
+    if (!landed->job)
+        return;
+    write_u8(w, (uint8_t)landed->outcome);
+    write_u8(w, (uint8_t)landed->tissue);
+    write_figures(w, &landed->figures);
+    write_u64(w, landed->hash);
 }
 
 uint64_t digest_output(uint64_t previous, const struct session_output *out) {
-    uint8_t data[2048];
+    uint8_t data[4096];
     struct writer w = {data, sizeof data, 0, false};
     write_u64(&w, previous);
     write_u64(&w, out->step);
@@ -43,6 +98,8 @@ uint64_t digest_output(uint64_t previous, const struct session_output *out) {
         write_pose(&w, out->T_mockup_body[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         digest_write_instrument(&w, &out->instruments[i]);
+    digest_write_job(&w, &out->job);
+    digest_write_landed(&w, &out->landed);
     CHECK(!w.overflow);
     return XXH3_64bits(data, w.used);
 }

@@ -8,6 +8,9 @@
 // in the order of the struct, little-endian, absent instruments by their absence alone.
 uint64_t digest_output(uint64_t previous, const struct session_output *output);
 
-// The bytes of an instrument's output, in hash and trace alike: its fields in the order of the
-// struct, little-endian; of an absent one only that it is absent.
+// The bytes of parts of an output, in hash and trace alike: their fields in the order of the
+// struct, little-endian; of an absent instrument only that it is absent, of no job and nothing
+// landed only the id 0, of a job that restores tissue no move.
 void digest_write_instrument(struct writer *w, const struct instrument_output *output);
+void digest_write_job(struct writer *w, const struct job *job);
+void digest_write_landed(struct writer *w, const struct landed *landed);

@@ -1,12 +1,24 @@
-// The inside of struct scene, for this room only: what session.c asks the warp for.
+// The inside of struct scene, for this room only: what session.c and operation.c ask the kernels
+// for.
 #pragma once
 
 #include "session/session.h"
 
 _Static_assert(CASE_GROUPS_MAX <= WARP_SURFACES_MAX, "every group of a case is a surface");
 
+// A cuttable group.
+struct scene_tissue {
+    int group;
+    struct box box;              // of S'
+    struct cut_mesh *mesh;       // S' without its tear
+    struct match_surface *match; // NULL where the group has no S'_max
+    struct quality_plan *plan;
+};
+
 struct scene {
     struct knee_case *knee;
     struct query *queries[CASE_GROUPS_MAX];
     struct warp_surface surfaces[CASE_GROUPS_MAX];
+    int tissue_count;
+    struct scene_tissue tissues[TISSUES_MAX];
 };

@@ -2,8 +2,9 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "session/cutting.h"
 #include "session/digest.h"
-#include "session/scene.h"
+#include "session/easing.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -23,6 +24,15 @@ struct session {
     bool known[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
     bool in_contact[INSTRUMENT_COUNT];
     struct warp_memory memory[INSTRUMENT_COUNT];
+    bool seen[INSTRUMENT_COUNT]; // at the step before, with its tip at `tips`
+    vec3 tips[INSTRUMENT_COUNT];
+    struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
+    struct cutting cutting;
+    uint64_t last_job;
+    bool job_is_out; // given to the caller, and not yet landed
+    bool to_restore[TISSUES_MAX];
+    bool touched[TISSUES_MAX]; // by a job since it was last whole
 };
 
 struct session_settings session_settings_default(void) {
@@ -30,6 +40,8 @@ struct session_settings session_settings_default(void) {
         .field = field_default(FIELD_INVERSE_DISTANCE),
         .strength = 1,
         .hold_ns = 100 * NS_PER_MS,
+        .ease_share = 0.2,
+        .ease_mm_s = 2,
     };
 }
 
@@ -40,28 +52,50 @@ const char *session_state_name(enum session_state state) {
 }
 
 const char *input_kind_name(enum input_kind kind) {
-    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start",
-                                                        "pause", "stop",  "reset"};
+    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
+                                                        "stop",  "reset", "job"};
     return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
+}
+
+const char *event_name(int bit) {
+    static const char *const names[EVENT_COUNT] = {
+        "state", "device_lost", "device_back", "contact", "release", "cut", "piece", "refused"};
+    return bit >= 0 && bit < EVENT_COUNT ? names[bit] : "unknown";
 }
 
 static void forget(struct session *s) {
     memset(s->known, 0, sizeof s->known);
     memset(s->in_contact, 0, sizeof s->in_contact);
+    memset(s->seen, 0, sizeof s->seen);
+    memset(&s->cutting, 0, sizeof s->cutting);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         warp_memory_init(&s->memory[i]);
 }
 
+static void take_surfaces(struct session *s) {
+    memcpy(s->surfaces, s->scene->surfaces, sizeof s->surfaces);
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        if (!s->scene->tissues[t].match)
+            continue;
+        s->easings[t] = easing_create(s->scene, t);
+        s->surfaces[s->scene->tissues[t].group].displacement = easing_displacement(s->easings[t]);
+    }
+}
+
 struct session *session_create(const struct scene *scene, const struct session_settings *settings) {
     CHECK(settings->strength >= 0 && settings->strength <= 1 && settings->hold_ns >= 0);
+    CHECK(settings->ease_share >= 0 && settings->ease_mm_s >= 0);
     struct session *s = alloc(1, sizeof *s);
     s->scene = scene;
     s->settings = *settings;
+    take_surfaces(s);
     forget(s);
     return s;
 }
 
 void session_destroy(struct session **session) {
+    for (int t = 0; t < TISSUES_MAX; t++)
+        easing_destroy(&(*session)->easings[t]);
     free(*session);
     *session = NULL;
 }
@@ -84,11 +118,22 @@ static enum session_state next_state(enum session_state state, enum input_kind k
     }
 }
 
+// The warp is whole at once; the caller's operation has to be told by a job for each tissue.
+static void restore_tissues(struct session *s) {
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        s->to_restore[t] |= s->touched[t];
+        s->touched[t] = false;
+        if (s->easings[t])
+            easing_restore(s->easings[t]);
+    }
+}
+
 static uint32_t change_state(struct session *s, enum input_kind kind) {
     enum session_state before = s->state;
     s->state = next_state(before, kind);
     if (kind == INPUT_RESET && before != SESSION_CLOSED) {
         forget(s);
+        restore_tissues(s);
         return EVENT_STATE;
     }
     return s->state != before ? EVENT_STATE : 0;
@@ -132,9 +177,31 @@ static uint32_t age_samples(struct session *s) {
     return events;
 }
 
-static uint32_t take_input(struct session *s, const struct session_input *input) {
+// A cut that was asked for before the tissue was restored changes nothing any more.
+static uint32_t land(struct session *s, const struct session_input *input, struct landed *out) {
+    const struct job_result *result = input->result;
+    if (!s->job_is_out || input->job != s->last_job)
+        return 0;
+    s->job_is_out = false;
+    if (!result || s->to_restore[result->tissue])
+        return 0;
+    CHECK(result->job == input->job);
+    *out =
+        (struct landed){input->job, result->outcome, result->tissue, result->figures, result->hash};
+    if (s->easings[result->tissue])
+        easing_aim(s->easings[result->tissue], result);
+    if (result->outcome == JOB_REFUSED)
+        return EVENT_REFUSED;
+    return (result->outcome == JOB_DONE ? EVENT_CUT : 0) |
+           (result->change.piece_count ? EVENT_PIECE : 0);
+}
+
+static uint32_t take_input(struct session *s, const struct session_input *input,
+                           struct landed *out_landed) {
     CHECK(input->time_ns >= s->time_ns);
     s->time_ns = input->time_ns;
+    if (input->kind == INPUT_JOB)
+        return land(s, input, out_landed) | age_samples(s);
     if (input->kind != INPUT_FRAME)
         return change_state(s, input->kind) | age_samples(s);
     CHECK(frame_is_valid(&input->frame));
@@ -204,12 +271,58 @@ static void place_bones(const struct session *s, struct session_output *out) {
                                : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
 }
 
+// ---- easing
+// ---------------------------------------------------------------------------------------
+
+// Displacements are kept as floats: what rounding adds stays within the allowance.
+#define EASE_ROUNDING 0.998
+
+// How far the displacement at a tip may change at this step for the sake of new blends. Who was not
+// seen at the step before can see no jump.
+static double allowance_mm(const struct session *s, int instrument, int64_t passed_ns, vec3 tip) {
+    if (!s->seen[instrument])
+        return INFINITY;
+    double way = vec3_distance(tip, s->tips[instrument]);
+    double floor_mm = s->settings.ease_mm_s * (double)passed_ns / NS_PER_S;
+    return EASE_ROUNDING * (s->settings.ease_share * way + floor_mm);
+}
+
+// The share of what is left that a tissue's blends may go: each tip's closest triangle bounds what
+// the tip would notice, since W is a mean of displacements of closest points.
+static double ease_share(const struct session *s, int tissue, int active, int64_t passed_ns,
+                         const struct session_output *out) {
+    double share = 1;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &out->instruments[i];
+        if (!o->present)
+            continue;
+        uint32_t triangle = s->memory[i].triangle[s->scene->tissues[tissue].group];
+        double rest = easing_rest_mm(s->easings[tissue], triangle);
+        double allowed = allowance_mm(s, i, passed_ns, o->T_mockup_tip.translation) / active;
+        if (allowed < share * rest)
+            share = allowed / rest;
+    }
+    return share;
+}
+
+// True where a displacement changed.
+static bool ease(struct session *s, int64_t passed_ns, const struct session_output *out) {
+    bool is_active[TISSUES_MAX] = {0};
+    int active = 0;
+    for (int t = 0; t < s->scene->tissue_count; t++)
+        active += is_active[t] = s->easings[t] && easing_active(s->easings[t]);
+    for (int t = 0; active && t < s->scene->tissue_count; t++)
+        if (is_active[t])
+            easing_advance(s->easings[t], ease_share(s, t, active, passed_ns, out));
+    return active > 0;
+}
+
 // ---- instruments --------------------------------------------------------------------------------
 
 static void warp_tip(struct session *s, const pose *bodies, int instrument, vec3 tip,
                      struct instrument_output *out) {
     struct warp_scene scene = {
-        .surfaces = s->scene->surfaces,
+        .surfaces = s->surfaces,
         .surface_count = s->scene->knee->group_count,
         .T_world_body = bodies,
     };
@@ -219,6 +332,7 @@ static void warp_tip(struct session *s, const pose *bodies, int instrument, vec3
     mat3 zero = {0};
     out->warp.gradient = mat3_add_scaled(zero, s->settings.strength, out->warp.gradient);
     out->gain = mat3_norm(mat3_add_scaled(mat3_identity(), 1, out->warp.gradient));
+    out->T_mockup_warped.translation = vec3_add(tip, out->warp.displacement);
 }
 
 static uint32_t feel_contact(struct session *s, int instrument, double distance_mm) {
@@ -234,35 +348,86 @@ static uint32_t feel_contact(struct session *s, int instrument, double distance_
     return 0;
 }
 
-static uint32_t move_instrument(struct session *s, int instrument, struct session_output *out) {
+static void place_instrument(struct session *s, int instrument, struct session_output *out) {
     enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument);
     struct instrument_output *o = &out->instruments[instrument];
     if (!pose_is_known(s, channel) || pose_validity(s, channel) == VALIDITY_LOST)
-        return feel_contact(s, instrument, INFINITY);
-    pose T_mockup_tip = last_pose(s, channel);
+        return;
     o->present = true;
     o->validity = pose_validity(s, channel);
-    o->T_mockup_tip = o->T_mockup_warped = T_mockup_tip;
-    if (s->known[channel][SAMPLE_HANDLE])
+    o->T_mockup_tip = o->T_mockup_warped = last_pose(s, channel);
+    o->handle_validity = VALIDITY_LOST;
+    if (s->known[channel][SAMPLE_HANDLE]) {
         o->handle = s->samples[channel][SAMPLE_HANDLE].handle;
-    warp_tip(s, out->T_mockup_body, instrument, T_mockup_tip.translation, o);
-    o->T_mockup_warped.translation = vec3_add(T_mockup_tip.translation, o->warp.displacement);
-    return feel_contact(s, instrument, o->warp.nearest_mm);
+        o->handle_validity = s->samples[channel][SAMPLE_HANDLE].validity;
+    }
+    warp_tip(s, out->T_mockup_body, instrument, o->T_mockup_tip.translation, o);
+}
+
+static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct session_output *out) {
+    uint32_t events = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        place_instrument(s, i, out);
+    if (ease(s, passed_ns, out))
+        for (int i = 0; i < INSTRUMENT_COUNT; i++)
+            if (out->instruments[i].present)
+                warp_tip(s, out->T_mockup_body, i, out->instruments[i].T_mockup_tip.translation,
+                         &out->instruments[i]);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &out->instruments[i];
+        events |= feel_contact(s, i, o->present ? o->warp.nearest_mm : INFINITY);
+        s->seen[i] = o->present;
+        s->tips[i] = o->T_mockup_tip.translation;
+    }
+    return events;
+}
+
+// ---- jobs ---------------------------------------------------------------------------------------
+
+static bool restoring_is_due(struct session *s, struct job *out_job) {
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        if (!s->to_restore[t] || s->job_is_out)
+            continue;
+        s->to_restore[t] = false;
+        *out_job = (struct job){.kind = JOB_RESTORE, .tissue = t};
+        return true;
+    }
+    return false;
+}
+
+// At most one job is on its way, so that results land in the order of the cuts.
+static void ask_for_job(struct session *s, struct session_output *out) {
+    struct job *job = &out->job;
+    if (s->state == SESSION_CLOSED)
+        return;
+    bool due = restoring_is_due(s, job);
+    if (s->state != SESSION_RUNNING)
+        memset(&s->cutting, 0, sizeof s->cutting);
+    else if (cutting_step(&s->cutting, s->scene, out, !due && !s->job_is_out, job))
+        due = s->touched[job->tissue] = true;
+    if (!due)
+        return;
+    job->id = ++s->last_job;
+    s->job_is_out = true;
 }
 
 // ---- the step -----------------------------------------------------------------------------------
 
 void session_step(struct session *s, const struct session_input *input,
                   struct session_output *out) {
+    int64_t before_ns = s->time_ns;
     memset(out, 0, sizeof *out);
-    out->events = take_input(s, input);
+    out->events = take_input(s, input, &out->landed);
     out->step = ++s->step;
     out->frame_number = input->kind == INPUT_FRAME ? input->frame.number : 0;
     out->time_ns = s->time_ns;
     out->state = s->state;
     place_bones(s, out);
-    for (int i = 0; s->state == SESSION_RUNNING && i < INSTRUMENT_COUNT; i++)
-        out->events |= move_instrument(s, i, out);
+    if (s->state == SESSION_RUNNING)
+        out->events |= move_instruments(s, s->time_ns - before_ns, out);
+    else
+        memset(s->seen, 0, sizeof s->seen);
+    ask_for_job(s, out);
     s->hash = digest_output(s->hash, out);
     out->hash = s->hash;
 }

@@ -6,23 +6,32 @@
 
 #include "base/sample.h"
 #include "case/case.h"
+#include "session/operation.h"
 #include "warp/warp.h"
 
-// A case prepared for sessions: surfaces and search structures. Immutable; any number of sessions
-// on any threads share one. Takes ownership of *knee (which becomes NULL) where it succeeds.
+// A case prepared for sessions: surfaces, search structures, tissue that can be cut. Immutable; any
+// number of sessions on any threads share one. Takes ownership of *knee (which becomes NULL) where
+// it succeeds. RESULT_INVALID where a tear leaves no tissue, or a case has more than TISSUES_MAX
+// cuttable groups.
 struct scene;
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);
 void scene_destroy(struct scene **scene);
 const struct knee_case *scene_case(const struct scene *scene);
+int scene_tissue_count(const struct scene *scene);
+int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
 struct session_settings {
     struct field field;
     double strength; // 0 no warp .. 1 the whole: scales every displacement
     int64_t hold_ns; // how long a sample that stopped coming stands for the newest
+    // A cut's new warp is eased in: in one step the displacement at a tip may change by this share
+    // of the tip's own way, and by so much for each second.
+    double ease_share;
+    double ease_mm_s;
 };
 
-struct session_settings session_settings_default(void); // inverse-distance, 1, 100 ms
+struct session_settings session_settings_default(void); // inverse-distance, 1, 100 ms, 0.2, 2 mm/s
 
 enum session_state {
     SESSION_WAITING,
@@ -41,7 +50,8 @@ enum input_kind {
     INPUT_START,
     INPUT_PAUSE,
     INPUT_STOP,
-    INPUT_RESET, // as a new session: metrics and memory at their start, then running
+    INPUT_RESET, // as a new session: metrics and memory at their start, tissue whole, then running
+    INPUT_JOB,   // a job of this session is done
     INPUT_KIND_COUNT
 };
 
@@ -49,18 +59,25 @@ const char *input_kind_name(enum input_kind kind);
 
 struct session_input {
     enum input_kind kind;
-    int64_t time_ns;    // server's monotonic clock, never falling from step to step
-    struct frame frame; // INPUT_FRAME only
+    int64_t time_ns; // server's monotonic clock, never falling from step to step
+    union {
+        struct frame frame;                  // INPUT_FRAME
+        struct {                             // INPUT_JOB
+            uint64_t job;                    // its id
+            const struct job_result *result; // read during the step only
+        };
+    };
 };
 
 struct instrument_output {
-    bool present;           // a pose was known at this step; else all below is 0
-    enum validity validity; // of that pose
-    pose T_mockup_tip;      // as measured
-    pose T_mockup_warped;   // as to be shown
-    struct warp warp;       // at the tip, in the mock-up's frame
-    double gain;            // largest stretch of hand motion: |I + ∇W|
-    struct handle handle;   // 0 where the instrument has none
+    bool present;                  // a pose was known at this step; else all below is 0
+    enum validity validity;        // of that pose
+    pose T_mockup_tip;             // as measured
+    pose T_mockup_warped;          // as to be shown
+    struct warp warp;              // at the tip, in the mock-up's frame
+    double gain;                   // largest stretch of hand motion: |I + ∇W|
+    struct handle handle;          // the last known; 0 where the instrument never had one
+    enum validity handle_validity; // lost where it has none
 };
 
 enum event {
@@ -68,7 +85,23 @@ enum event {
     EVENT_DEVICE_LOST = 1 << 1, // a sample went from ok or held to lost
     EVENT_DEVICE_BACK = 1 << 2,
     EVENT_CONTACT = 1 << 3, // an instrument came within 0.2 mm of a surface
-    EVENT_RELEASE = 1 << 4  // and left it by more than 0.4 mm
+    EVENT_RELEASE = 1 << 4, // and left it by more than 0.4 mm
+    EVENT_CUT = 1 << 5,     // a cut changed the tissue: it has landed
+    EVENT_PIECE = 1 << 6,   // and a piece came off
+    EVENT_REFUSED = 1 << 7  // a cut was refused
+};
+
+#define EVENT_COUNT 8
+
+const char *event_name(int bit); // 0 "state", 1 "device_lost", ...
+
+// A job's outcome as it takes effect.
+struct landed {
+    uint64_t job; // 0: nothing landed at this step
+    enum job_outcome outcome;
+    int tissue;
+    struct tissue_figures figures;
+    uint64_t hash; // of the result's meshes and blends
 };
 
 struct session_output {
@@ -81,12 +114,16 @@ struct session_output {
     enum validity joint_validity;
     pose T_mockup_body[BODY_COUNT];
     struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
-    uint64_t hash; // of all above and of the session's state
+    struct job job;       // to be run; id 0: none. At most one is on its way at any time
+    struct landed landed; // at this step
+    uint64_t hash;        // of all above and of the session's state
 };
 
 struct session;
 
-// The scene must outlive the session.
+// The caller runs the job of an output (operation_run) beside the steps and gives its result to the
+// session with INPUT_JOB, or the id alone where the result is lost. The scene must outlive the
+// session.
 struct session *session_create(const struct scene *scene, const struct session_settings *settings);
 void session_destroy(struct session **session);
 

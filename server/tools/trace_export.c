@@ -15,8 +15,9 @@ static const char help[] =
     "events,\n"
     "the joint, the bones, and for each instrument that was seen its measured and its warped "
     "pose,\n"
-    "displacement, gradient, gain and nearest group. Columns are named with their units and as in\n"
-    "motion files. An instrument that is not there has empty cells.\n"
+    "displacement, gradient, gain and nearest group; and for cuts the blade's move, where it was\n"
+    "asked for, and the resection's figures, where it took effect. Columns are named with their\n"
+    "units and as in motion files. What is not there has empty cells.\n"
     "\n"
     "  --csv OUT   the file to write; - for stdout\n"
     "  --from S    leave out what was before S seconds\n"
@@ -36,12 +37,18 @@ struct table {
     int count;
 };
 
-// All fields but those of instruments that never came.
+static bool ever_there(const struct trace_field *field, const struct survey *survey) {
+    if (field->owner == OWNER_STEP)
+        return true;
+    return field->owner < 0 ? survey->jobs > 0 : survey->present[field->owner] > 0;
+}
+
+// All fields but those of instruments that never came, and of cuts where there was none.
 static void choose_columns(struct table *table, const struct survey *survey) {
     struct trace_field fields[TRACE_FIELDS_MAX];
     int count = trace_fields(fields);
     for (int i = 0; i < count; i++)
-        if (fields[i].instrument < 0 || survey->present[fields[i].instrument])
+        if (ever_there(&fields[i], survey))
             table->columns[table->count++] = fields[i];
 }
 
@@ -59,8 +66,7 @@ static void print_row(const struct table *table, const struct session_output *ou
         const struct trace_field *column = &table->columns[i];
         char text[TRACE_FIELD_TEXT_MAX];
         trace_field_text(column, output, text);
-        bool absent = column->instrument >= 0 && !output->instruments[column->instrument].present;
-        fprintf(table->file, ",%s", absent && !column->presence ? "" : text);
+        fprintf(table->file, ",%s", trace_field_is_there(column, output) ? text : "");
     }
     fputc('\n', table->file);
 }

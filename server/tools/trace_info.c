@@ -33,16 +33,17 @@ static json_t *text_or_null(const char *text) {
 }
 
 static json_t *settings_object(const struct session_settings *s) {
-    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f}", "field", field_name(s->field.kind),
+    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "field", field_name(s->field.kind),
                      "unit_mm", s->field.unit_mm, "radius_mm", s->field.radius_mm,
                      "background_per_mm", s->field.background_per_mm, "strength", s->strength,
-                     "hold_s", (double)s->hold_ns / (double)NS_PER_S);
+                     "hold_s", (double)s->hold_ns / (double)NS_PER_S, "ease_share", s->ease_share,
+                     "ease_mm_s", s->ease_mm_s);
 }
 
 static json_t *events_object(const struct survey *s) {
     json_t *events = json_object();
-    for (int i = 0; i < 5; i++)
-        json_object_set_new(events, survey_event_names[i], json_integer((json_int_t)s->events[i]));
+    for (int i = 0; i < EVENT_COUNT; i++)
+        json_object_set_new(events, event_name(i), json_integer((json_int_t)s->events[i]));
     return events;
 }
 
@@ -54,6 +55,24 @@ static json_t *instruments_object(const struct survey *s) {
                                 channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
                                 json_integer((json_int_t)s->present[i]));
     return instruments;
+}
+
+static json_t *resections_array(const struct survey *s) {
+    json_t *all = json_array();
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        const struct tissue_figures *f = &s->tissues[i];
+        if (!f->mesh_number && !f->refused)
+            continue;
+        json_array_append_new(
+            all,
+            json_pack("{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "tissue",
+                      i, "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces", (int)f->pieces,
+                      "volume_mm3", f->volume_mm3, "removed_mm3", f->removed_mm3, "pieces_mm3",
+                      f->pieces_mm3, "left_mm3", f->left_mm3, "planned_mm3", f->quality.planned_mm3,
+                      "over_mm3", f->quality.over_mm3, "under_mm3", f->quality.under_mm3, "rim_mm",
+                      f->quality.rim_mm, "step_mm", f->quality.step_mm));
+    }
+    return all;
 }
 
 static void print_json(const struct trace_header *h, const struct survey *s) {
@@ -68,10 +87,11 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         "version", (int)h->version, "settings", settings_object(&h->settings), "machine", "build",
         text_or_null(h->build), "libc", text_or_null(h->libc), "cpu", text_or_null(h->cpu));
     json_t *session = json_pack(
-        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:b}", "seconds", survey_seconds(s), "steps",
+        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:o, s:b}", "seconds", survey_seconds(s), "steps",
         (json_int_t)s->steps, "frames", (json_int_t)s->frames, "missing", (json_int_t)s->missing,
         "state", session_state_name(s->state), "displacement_max_mm", s->largest_mm, "events",
-        events_object(s), "instruments", instruments_object(s), "whole", s->end == RESULT_CLOSED);
+        events_object(s), "instruments", instruments_object(s), "resections", resections_array(s),
+        "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
@@ -93,13 +113,22 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
            " missing\n",
            survey_seconds(s), s->steps, s->frames, s->missing);
     printf("state       %s\n", session_state_name(s->state));
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < EVENT_COUNT; i++)
         if (s->events[i])
-            printf("event       %s in %" PRIu64 " steps\n", survey_event_names[i], s->events[i]);
+            printf("event       %s in %" PRIu64 " steps\n", event_name(i), s->events[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
             printf("instrument  %s in %" PRIu64 " steps\n",
                    channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)), s->present[i]);
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        const struct tissue_figures *f = &s->tissues[i];
+        if (f->mesh_number || f->refused)
+            printf(
+                "resection   tissue %d: %u cuts took %.1f mm3, %u pieces %.1f mm3; over the plan "
+                "%.1f, short of it %.1f mm3; rim %.2f mm; %.1f mm3 not matched; %u refused\n",
+                i, f->cuts, f->removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
+                f->quality.under_mm3, f->quality.rim_mm, f->left_mm3, f->refused);
+    }
     printf("displaced   by up to %.3f mm\n", s->largest_mm);
     if (s->end != RESULT_CLOSED)
         printf("not whole   %s\n", s->why.text);

@@ -5,9 +5,6 @@
 
 #include <string.h>
 
-const char *const survey_event_names[5] = {"state", "device_lost", "device_back", "contact",
-                                           "release"};
-
 static void count_input(const struct session_input *input, struct survey *s) {
     if (input->kind != INPUT_FRAME)
         return;
@@ -21,7 +18,10 @@ static void count_output(const struct session_output *output, struct survey *s) 
         s->first_ns = output->time_ns;
     s->last_ns = output->time_ns;
     s->state = output->state;
-    for (int i = 0; i < 5; i++)
+    s->jobs += output->job.id != 0;
+    if (output->landed.job)
+        s->tissues[output->landed.tissue] = output->landed.figures;
+    for (int i = 0; i < EVENT_COUNT; i++)
         s->events[i] += output->events >> i & 1;
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         if (!output->instruments[i].present)

@@ -7,7 +7,9 @@ struct survey {
     uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
     uint64_t frames;               // steps whose input was a frame
     uint64_t lost_samples;         // samples that a station sent as lost
-    uint64_t events[5];            // steps with EVENT_STATE, EVENT_DEVICE_LOST, ... in order
+    uint64_t events[EVENT_COUNT];  // steps with EVENT_STATE, EVENT_DEVICE_LOST, ... in order
+    uint64_t jobs;                 // that were asked for
+    struct tissue_figures tissues[TISSUES_MAX]; // as the last job of each left them
     uint64_t present[INSTRUMENT_COUNT];
     int64_t first_ns, last_ns; // time of the first and last step
     enum session_state state;  // after the last step
@@ -17,8 +19,6 @@ struct survey {
     enum result end;  // RESULT_CLOSED: the file is whole
     struct error why; // where it is not
 };
-
-extern const char *const survey_event_names[5];
 
 // Reads all that can be read.
 void survey_read(struct trace_reader *reader, struct survey *out_survey);

@@ -28,18 +28,19 @@ DEFINE_TYPE(hash, uint64_t, "%016" PRIx64, v);
 DEFINE_TYPE(flag, bool, "%d", v);
 DEFINE_TYPE(state, enum session_state, "%s", session_state_name(v));
 DEFINE_TYPE(validity, enum validity, "%s", validity_name(v));
+DEFINE_TYPE(blade, enum blade_kind, "%s", blade_name(v));
+DEFINE_TYPE(job, enum job_kind, "%s", job_kind_name(v));
+DEFINE_TYPE(outcome, enum job_outcome, "%s", job_outcome_name(v));
 
 static void print_events(const void *value, char *out) {
-    static const char *const names[] = {"state", "device_lost", "device_back", "contact",
-                                        "release"};
     uint32_t events;
     memcpy(&events, value, sizeof events);
     size_t used = 0;
     out[0] = '\0';
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+    for (int i = 0; i < EVENT_COUNT; i++)
         if (events >> i & 1)
             used += (size_t)snprintf(out + used, TRACE_FIELD_TEXT_MAX - used, "%s%s",
-                                     used ? "+" : "", names[i]);
+                                     used ? "+" : "", event_name(i));
 }
 
 static const struct trace_type events_type = {sizeof(uint32_t), print_events};
@@ -86,6 +87,7 @@ static const struct member tool_members[] = {
     {"validity", &validity_type, TOOL(validity)},
     {"opening", &real_type, TOOL(handle.opening)},
     {"buttons", &bits_type, TOOL(handle.buttons)},
+    {"handle_validity", &validity_type, TOOL(handle_validity)},
     {"displacement_x_mm", &real_type, TOOL(warp.displacement.x)},
     {"displacement_y_mm", &real_type, TOOL(warp.displacement.y)},
     {"displacement_z_mm", &real_type, TOOL(warp.displacement.z)},
@@ -104,6 +106,56 @@ static const struct member tool_members[] = {
     {"gain", &real_type, TOOL(gain)},
 };
 
+static const struct member job_members[] = {
+    {"job", &count_type, OUTPUT(job.id)},
+    {"job_kind", &job_type, OUTPUT(job.kind)},
+    {"job_tissue", &index_type, OUTPUT(job.tissue)},
+    {"job_blade", &blade_type, OUTPUT(job.move.kind)},
+    {"job_opening_from", &real_type, OUTPUT(job.move.opening[0])},
+    {"job_opening_to", &real_type, OUTPUT(job.move.opening[1])},
+};
+
+#define FIGURE(member) OUTPUT(landed.figures.member)
+
+static const struct member landed_members[] = {
+    {"landed_job", &count_type, OUTPUT(landed.job)},
+    {"landed_outcome", &outcome_type, OUTPUT(landed.outcome)},
+    {"landed_tissue", &index_type, OUTPUT(landed.tissue)},
+    {"landed_hash", &hash_type, OUTPUT(landed.hash)},
+    {"mesh_number", &bits_type, FIGURE(mesh_number)},
+    {"cuts", &bits_type, FIGURE(cuts)},
+    {"cuts_refused", &bits_type, FIGURE(refused)},
+    {"pieces", &bits_type, FIGURE(pieces)},
+    {"volume_mm3", &real_type, FIGURE(volume_mm3)},
+    {"removed_mm3", &real_type, FIGURE(removed_mm3)},
+    {"pieces_mm3", &real_type, FIGURE(pieces_mm3)},
+    {"warped_mm3", &real_type, FIGURE(warped_mm3)},
+    {"left_mm3", &real_type, FIGURE(left_mm3)},
+    {"distance_mm", &real_type, FIGURE(distance_mm)},
+    {"quality_removed_mm3", &real_type, FIGURE(quality.removed_mm3)},
+    {"quality_planned_mm3", &real_type, FIGURE(quality.planned_mm3)},
+    {"quality_over_mm3", &real_type, FIGURE(quality.over_mm3)},
+    {"quality_under_mm3", &real_type, FIGURE(quality.under_mm3)},
+    {"quality_damage_mm3", &real_type, FIGURE(quality.damage_mm3)},
+    {"quality_rim_mm", &real_type, FIGURE(quality.rim_mm)},
+    {"quality_step_mm", &real_type, FIGURE(quality.step_mm)},
+};
+
+#define ZONE(along, across, name)                                                                  \
+    { name "_mm3", &real_type, offsetof(struct zone_volumes, mm3[along][across]) }
+
+static const struct member zone_members[] = {
+    ZONE(ZONE_ANTERIOR_HORN, ZONE_INNER, "anterior_inner"),
+    ZONE(ZONE_ANTERIOR_HORN, ZONE_MIDDLE, "anterior_middle"),
+    ZONE(ZONE_ANTERIOR_HORN, ZONE_OUTER, "anterior_outer"),
+    ZONE(ZONE_BODY, ZONE_INNER, "body_inner"),
+    ZONE(ZONE_BODY, ZONE_MIDDLE, "body_middle"),
+    ZONE(ZONE_BODY, ZONE_OUTER, "body_outer"),
+    ZONE(ZONE_POSTERIOR_HORN, ZONE_INNER, "posterior_inner"),
+    ZONE(ZONE_POSTERIOR_HORN, ZONE_MIDDLE, "posterior_middle"),
+    ZONE(ZONE_POSTERIOR_HORN, ZONE_OUTER, "posterior_outer"),
+};
+
 static const struct member valid_member[] = {{"valid", &flag_type, TOOL(present)}};
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
@@ -113,15 +165,15 @@ struct list {
     int count;
 };
 
-// Members of what stands at `base` in the output, named after `owner` where that is not empty.
+// Members of what stands at `base` in the output, named after `prefix` where that is not empty.
 static void add_members(struct list *list, const struct member *members, size_t count, size_t base,
-                        const char *owner, int instrument) {
+                        const char *prefix, int owner) {
     for (size_t i = 0; i < count; i++) {
         CHECK(list->count < TRACE_FIELDS_MAX);
         struct trace_field *field = &list->fields[list->count++];
-        snprintf(field->name, sizeof field->name, "%s%s%s", owner, *owner ? "_" : "",
+        snprintf(field->name, sizeof field->name, "%s%s%s", prefix, *prefix ? "_" : "",
                  members[i].name);
-        field->instrument = instrument;
+        field->owner = owner;
         field->presence = members == valid_member;
         field->offset = base + members[i].offset;
         field->type = members[i].type;
@@ -141,20 +193,54 @@ static void add_tool(struct list *list, int instrument) {
     add_members(list, tool_members, COUNT(tool_members), base, name, instrument);
 }
 
+static void add_job(struct list *list) {
+    add_members(list, job_members, COUNT(job_members), 0, "", OWNER_JOB);
+    add_members(list, pose_members, COUNT(pose_members), OUTPUT(job.move.T_mesh_tip[0]), "job_from",
+                OWNER_JOB);
+    add_members(list, pose_members, COUNT(pose_members), OUTPUT(job.move.T_mesh_tip[1]), "job_to",
+                OWNER_JOB);
+}
+
+static void add_landed(struct list *list) {
+    add_members(list, landed_members, COUNT(landed_members), 0, "", OWNER_LANDED);
+    add_members(list, zone_members, COUNT(zone_members), FIGURE(quality.whole), "whole",
+                OWNER_LANDED);
+    add_members(list, zone_members, COUNT(zone_members), FIGURE(quality.removed), "removed",
+                OWNER_LANDED);
+    add_members(list, zone_members, COUNT(zone_members), FIGURE(quality.budget), "budget",
+                OWNER_LANDED);
+}
+
 int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]) {
     struct list list = {out_fields, 0};
-    add_members(&list, first_members, COUNT(first_members), 0, "", -1);
+    add_members(&list, first_members, COUNT(first_members), 0, "", OWNER_STEP);
     for (int i = 0; i < BODY_COUNT; i++)
         add_members(&list, pose_members, COUNT(pose_members),
-                    OUTPUT(T_mockup_body) + (size_t)i * sizeof(pose), body_name((enum body)i), -1);
+                    OUTPUT(T_mockup_body) + (size_t)i * sizeof(pose), body_name((enum body)i),
+                    OWNER_STEP);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         add_tool(&list, i);
-    add_members(&list, last_members, COUNT(last_members), 0, "", -1);
+    add_job(&list);
+    add_landed(&list);
+    add_members(&list, last_members, COUNT(last_members), 0, "", OWNER_STEP);
     return list.count;
 }
 
 static const char *field_at(const struct trace_field *field, const struct session_output *output) {
     return (const char *)output + field->offset;
+}
+
+bool trace_field_is_there(const struct trace_field *field, const struct session_output *output) {
+    switch (field->owner) {
+    case OWNER_STEP:
+        return true;
+    case OWNER_JOB:
+        return output->job.id != 0;
+    case OWNER_LANDED:
+        return output->landed.job != 0;
+    default:
+        return field->presence || output->instruments[field->owner].present;
+    }
 }
 
 bool trace_field_equal(const struct trace_field *field, const struct session_output *a,

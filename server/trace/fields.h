@@ -3,19 +3,24 @@
 
 #include "session/session.h"
 
-#define TRACE_FIELDS_MAX 256
+#define TRACE_FIELDS_MAX 320
 #define TRACE_FIELD_TEXT_MAX 80
 
+enum trace_owner { OWNER_STEP = -1, OWNER_JOB = -2, OWNER_LANDED = -3 };
+
 struct trace_field {
-    char name[48];  // with its unit, as in motion files: "flexion_deg", "probe_tx_mm"
-    int instrument; // whose it is, or -1
-    bool presence;  // says whether that instrument is there; if not, its other fields are 0
-    size_t offset;  // in struct session_output
+    char name[48]; // with its unit, as in motion files: "flexion_deg", "probe_tx_mm"
+    int owner;     // an instrument, or enum trace_owner: where that is absent the field is 0
+    bool presence; // says whether that instrument is there
+    size_t offset; // in struct session_output
     const struct trace_type *type;
 };
 
 // Fills in the fields and returns how many there are.
 int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]);
+
+// Whether what owns the field is there at this step.
+bool trace_field_is_there(const struct trace_field *field, const struct session_output *output);
 
 // The same bits? (NaN equals itself, 0 does not equal -0.)
 bool trace_field_equal(const struct trace_field *field, const struct session_output *a,

@@ -7,21 +7,25 @@
 #include <string.h>
 #include <xxhash.h>
 
-// Version 1 has these, and these only: whoever adds a field, a channel or a body writes it here, in
+// Version 2 has these, and these only: whoever adds a field, a channel or a body writes it here, in
 // fields.c and in FORMAT.md, and raises TRACE_VERSION.
 _Static_assert(CHANNEL_COUNT == 9 && INSTRUMENT_COUNT == 5 && BODY_COUNT == 3, "channels, bodies");
 _Static_assert(FRAME_SAMPLES_MAX == 16 && sizeof(struct sample) == 80, "the sample");
-_Static_assert(sizeof(struct instrument_output) == 264, "the output of an instrument");
-_Static_assert(sizeof(struct session_output) == 1584, "the output of a step");
-_Static_assert(sizeof(struct session_settings) == 48, "the settings");
+_Static_assert(sizeof(struct instrument_output) == 272, "the output of an instrument");
+_Static_assert(sizeof(struct job) == 152, "a job");
+_Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
+_Static_assert(sizeof(struct session_output) == 2136, "the output of a step");
+_Static_assert(sizeof(struct session_settings) == 64, "the settings");
 
 enum {
     POSE_SIZE = 7 * 8,
     SAMPLE_SIZE_MAX = 4 + 8 + POSE_SIZE,
     INPUT_SIZE_MAX = 1 + 8 + 8 + 8 + 1 + FRAME_SAMPLES_MAX * SAMPLE_SIZE_MAX,
-    INSTRUMENT_SIZE_MAX = 2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + 8 + 8 + 4,
+    INSTRUMENT_SIZE_MAX = 2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + 8 + 8 + 4 + 1,
+    JOB_SIZE_MAX = 8 + 3 + 2 * (POSE_SIZE + 8),
+    LANDED_SIZE_MAX = 8 + 2 + sizeof(struct tissue_figures) + 8,
     OUTPUT_SIZE_MAX = 3 * 8 + 1 + 4 + 6 * 8 + 1 + BODY_COUNT * POSE_SIZE +
-                      INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + 8
+                      INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + JOB_SIZE_MAX + LANDED_SIZE_MAX + 8
 };
 _Static_assert(INPUT_SIZE_MAX + OUTPUT_SIZE_MAX <= RECORD_PAYLOAD_MAX, "a step fits");
 _Static_assert(sizeof(struct trace_header) < HEADER_FIELDS_MAX, "a header fits");
@@ -64,6 +68,8 @@ static void write_settings(struct writer *w, const struct session_settings *s) {
     write_f64(w, s->field.background_per_mm);
     write_f64(w, s->strength);
     write_i64(w, s->hold_ns);
+    write_f64(w, s->ease_share);
+    write_f64(w, s->ease_mm_s);
 }
 
 static void read_settings(struct reader *r, struct session_settings *out) {
@@ -73,13 +79,17 @@ static void read_settings(struct reader *r, struct session_settings *out) {
     out->field.background_per_mm = read_f64(r);
     out->strength = read_f64(r);
     out->hold_ns = read_i64(r);
+    out->ease_share = read_f64(r);
+    out->ease_mm_s = read_f64(r);
 }
 
 static bool settings_are_valid(const struct session_settings *s) {
     return (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
            isfinite(s->field.unit_mm) && s->field.radius_mm > 0 && isfinite(s->field.radius_mm) &&
            s->field.background_per_mm >= 0 && isfinite(s->field.background_per_mm) &&
-           s->strength >= 0 && s->strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS;
+           s->strength >= 0 && s->strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS &&
+           s->ease_share >= 0 && isfinite(s->ease_share) && s->ease_mm_s >= 0 &&
+           isfinite(s->ease_mm_s);
 }
 
 size_t header_encode(const struct trace_header *h, uint8_t *out) {
@@ -195,6 +205,10 @@ static void read_sample(struct reader *r, struct sample *out) {
 static void write_input(struct writer *w, const struct session_input *input) {
     write_u8(w, (uint8_t)input->kind);
     write_i64(w, input->time_ns);
+    if (input->kind == INPUT_JOB) {
+        write_u64(w, input->job);
+        write_u8(w, input->result != NULL);
+    }
     if (input->kind != INPUT_FRAME)
         return;
     CHECK(input->frame.count >= 0 && input->frame.count <= FRAME_SAMPLES_MAX);
@@ -205,10 +219,19 @@ static void write_input(struct writer *w, const struct session_input *input) {
         write_sample(w, &input->frame.samples[i]);
 }
 
+static bool read_job_input(struct reader *r, struct session_input *out, bool *out_job_done) {
+    out->job = read_u64(r);
+    unsigned done = read_u8(r);
+    *out_job_done = done == 1;
+    return done <= 1 && time_is_sane(out->time_ns);
+}
+
 // False where a session must not be given it.
-static bool read_input(struct reader *r, struct session_input *out) {
+static bool read_input(struct reader *r, struct session_input *out, bool *out_job_done) {
     out->kind = read_u8(r);
     out->time_ns = read_i64(r);
+    if (out->kind == INPUT_JOB)
+        return read_job_input(r, out, out_job_done);
     if (out->kind != INPUT_FRAME)
         return (unsigned)out->kind < INPUT_KIND_COUNT && time_is_sane(out->time_ns);
     out->frame.number = read_u64(r);
@@ -242,8 +265,67 @@ static bool read_instrument(struct reader *r, struct instrument_output *out) {
     out->warp.nearest_mm = read_f64(r);
     out->gain = read_f64(r);
     out->handle = read_handle(r);
-    return (unsigned)out->validity < VALIDITY_COUNT && out->warp.nearest >= -1 &&
+    out->handle_validity = read_u8(r);
+    return (unsigned)out->validity < VALIDITY_COUNT &&
+           (unsigned)out->handle_validity < VALIDITY_COUNT && out->warp.nearest >= -1 &&
            out->warp.nearest < WARP_SURFACES_MAX;
+}
+
+static bool read_job(struct reader *r, struct job *out) {
+    out->id = read_u64(r);
+    if (!out->id)
+        return true;
+    out->kind = read_u8(r);
+    out->tissue = read_u8(r);
+    if (out->kind == JOB_CUT) {
+        out->move.kind = read_u8(r);
+        for (int i = 0; i < 2; i++) {
+            out->move.T_mesh_tip[i] = read_pose(r);
+            out->move.opening[i] = read_f64(r);
+        }
+    }
+    return (out->kind == JOB_CUT || out->kind == JOB_RESTORE) && out->tissue < TISSUES_MAX &&
+           (unsigned)out->move.kind < BLADE_COUNT;
+}
+
+static void read_zones(struct reader *r, struct zone_volumes *out) {
+    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
+        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
+            out->mm3[i][k] = read_f64(r);
+}
+
+static void read_figures(struct reader *r, struct tissue_figures *out) {
+    out->mesh_number = read_u32(r);
+    out->cuts = read_u32(r);
+    out->refused = read_u32(r);
+    out->pieces = read_u32(r);
+    out->volume_mm3 = read_f64(r);
+    out->removed_mm3 = read_f64(r);
+    out->pieces_mm3 = read_f64(r);
+    out->warped_mm3 = read_f64(r);
+    out->left_mm3 = read_f64(r);
+    out->distance_mm = read_f64(r);
+    out->quality.removed_mm3 = read_f64(r);
+    out->quality.planned_mm3 = read_f64(r);
+    out->quality.over_mm3 = read_f64(r);
+    out->quality.under_mm3 = read_f64(r);
+    out->quality.damage_mm3 = read_f64(r);
+    out->quality.rim_mm = read_f64(r);
+    out->quality.step_mm = read_f64(r);
+    read_zones(r, &out->quality.whole);
+    read_zones(r, &out->quality.removed);
+    read_zones(r, &out->quality.budget);
+}
+
+static bool read_landed(struct reader *r, struct landed *out) {
+    out->job = read_u64(r);
+    if (!out->job)
+        return true;
+    out->outcome = read_u8(r);
+    out->tissue = read_u8(r);
+    read_figures(r, &out->figures);
+    out->hash = read_u64(r);
+    return (unsigned)out->outcome < JOB_OUTCOME_COUNT && out->tissue < TISSUES_MAX;
 }
 
 static void write_output(struct writer *w, const struct session_output *out) {
@@ -258,6 +340,8 @@ static void write_output(struct writer *w, const struct session_output *out) {
         write_pose(w, out->T_mockup_body[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         digest_write_instrument(w, &out->instruments[i]);
+    digest_write_job(w, &out->job);
+    digest_write_landed(w, &out->landed);
     write_u64(w, out->hash);
 }
 
@@ -275,6 +359,8 @@ static bool read_output(struct reader *r, struct session_output *out) {
         out->T_mockup_body[i] = read_pose(r);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         good = read_instrument(r, &out->instruments[i]) && good;
+    good = read_job(r, &out->job) && good;
+    good = read_landed(r, &out->landed) && good;
     out->hash = read_u64(r);
     return good;
 }
@@ -339,7 +425,7 @@ enum result record_decode(const uint8_t *data, size_t size, struct trace_record 
     out->type = read_u8(&r);
     switch (out->type) {
     case TRACE_STEP:
-        good = read_input(&r, &out->input) && read_output(&r, &out->output) &&
+        good = read_input(&r, &out->input, &out->job_done) && read_output(&r, &out->output) &&
                out->output.time_ns == out->input.time_ns;
         break;
     case TRACE_GAP:

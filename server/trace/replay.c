@@ -5,6 +5,8 @@
 
 struct replay {
     struct session *session;
+    struct operation *operation;
+    struct job_result *pending; // of the last job that the session asked for
     struct trace_field fields[TRACE_FIELDS_MAX];
     int field_count;
     struct replay_report *report;
@@ -59,11 +61,25 @@ static void compare_outputs(const struct replay *replay, const struct session_ou
     }
 }
 
+// Jobs are run as they are asked for, and land where the trace says so.
+static void run_step(struct replay *replay, const struct trace_record *record) {
+    struct session_output output;
+    struct session_input input = record->input;
+    bool lands = input.kind == INPUT_JOB && record->job_done;
+    if (lands && replay->pending && replay->pending->job == input.job)
+        input.result = replay->pending;
+    session_step(replay->session, &input, &output);
+    if (output.job.id) {
+        job_result_destroy(&replay->pending);
+        replay->pending = operation_run(replay->operation, &output.job);
+    }
+    compare_outputs(replay, &record->output, &output);
+}
+
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
     struct replay_report *report = replay->report;
     struct trace_record record;
-    struct session_output output;
     int64_t first_ns = 0;
     bool gap = false;
     while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
@@ -73,8 +89,7 @@ static void run_steps(struct replay *replay, struct trace_reader *reader,
                 record.type == TRACE_GAP ? record.missing : record.type == TRACE_STEP;
         if (gap || record.type != TRACE_STEP)
             continue;
-        session_step(replay->session, &record.input, &output);
-        compare_outputs(replay, &record.output, &output);
+        run_step(replay, &record);
         first_ns = report->steps == 1 ? record.input.time_ns : first_ns;
         report->session_ns = record.input.time_ns - first_ns;
         if (progress)
@@ -106,9 +121,12 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     compare_machines(header, out_report);
     struct replay replay = {.report = out_report};
     replay.session = session_create(scene, &header->settings);
+    replay.operation = operation_create(scene);
     replay.field_count = trace_fields(replay.fields);
     run_steps(&replay, reader, progress);
     session_destroy(&replay.session);
+    operation_destroy(&replay.operation);
+    job_result_destroy(&replay.pending);
     out_report->verdict = judge(out_report);
     return RESULT_OK;
 }

@@ -8,7 +8,7 @@
 #include "base/result.h"
 #include "session/session.h"
 
-#define TRACE_VERSION 1
+#define TRACE_VERSION 2
 
 struct trace_header {
     uint16_t version; // set by the writer
@@ -68,7 +68,8 @@ struct trace_record {
     enum trace_record_type type;
     uint64_t offset;              // of the record in the file
     uint64_t size;                // of the whole record
-    struct session_input input;   // TRACE_STEP
+    struct session_input input;   // TRACE_STEP; without a result
+    bool job_done;                // INPUT_JOB: that it had a result
     struct session_output output; // TRACE_STEP
     uint64_t missing; // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
     uint64_t records; // TRACE_END: steps recorded
@@ -90,6 +91,7 @@ uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file 
 // After anything but OK reading has ended, and the same is answered again.
 //
 // A step that was read may be given to session_step: its frame is valid, its time does not fall,
-// and the header's settings are in range.
+// and the header's settings are in range. The result of a job is not in the trace: whoever replays
+// runs the job again (replay.c).
 enum result trace_read(struct trace_reader *reader, struct trace_record *out_record,
                        struct error *err);

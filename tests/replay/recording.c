@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <time.h>
 #include <unistd.h>
 
 struct played played;
@@ -48,6 +49,8 @@ struct trace_header honest_header(void) {
     return header;
 }
 
+uint64_t recorded_steps;
+
 struct recorder {
     struct trace_writer *writer;
     uint64_t from;                           // the first step that `change` sees
@@ -61,6 +64,9 @@ static void record_step(void *context, const struct session_input *input,
     if (r->change && output->step >= r->from)
         r->change(&recorded);
     assert_true(trace_append(r->writer, input, &recorded));
+    if (output->step % 500 == 0) // no session is so fast that a disk cannot follow
+        nanosleep(&(struct timespec){.tv_nsec = 30000000}, NULL);
+    recorded_steps = output->step;
 }
 
 void record(const struct trace_header *header, uint64_t from,
@@ -71,6 +77,6 @@ void record(const struct trace_header *header, uint64_t from,
     unlink(trace_path);
     if (trace_writer_create(trace_path, header, &r.writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
-    played_run(&played, &settings, RECORDED_ROWS, record_step, &r);
+    played_run(&played, &settings, played.motion.row_count, record_step, &r);
     trace_writer_destroy(&r.writer);
 }

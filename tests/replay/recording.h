@@ -4,10 +4,10 @@
 #include "scene/played.h"
 #include "trace/trace.h"
 
-#define RECORDED_ROWS 1200 // of the motion; the session has two steps more
 
 extern struct played played;
 extern char case_dir[96], trace_path[96];
+extern uint64_t recorded_steps; // of the last session
 
 int make_session(void **state);
 int remove_session(void **state);

@@ -28,7 +28,7 @@ static void a_recorded_session_replays_without_a_difference(void **state) {
     struct replay_report report;
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.end, RESULT_CLOSED);
-    assert_int_equal(report.steps, RECORDED_ROWS + 2);
+    assert_int_equal(report.steps, recorded_steps);
     assert_int_equal(report.different, 0);
     assert_int_equal(report.verdict, REPLAY_IDENTICAL);
     assert_true(report.same_build && report.same_libc && report.same_cpu && report.same_events);
@@ -37,23 +37,25 @@ static void a_recorded_session_replays_without_a_difference(void **state) {
 }
 
 // The session that is recorded must be worth replaying.
-static void the_session_that_is_replayed_has_displacement_contact_and_loss(void **state) {
+static void the_session_that_is_replayed_has_displacement_contact_loss_and_cuts(void **state) {
     (void)state;
     struct trace_header header = honest_header();
     record(&header, 0, NULL);
     struct trace_reader *reader;
     struct trace_record step;
     assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
-    uint32_t events = 0;
+    uint32_t events = 0, cuts = 0;
     double largest = 0;
     while (trace_read(reader, &step, NULL) == RESULT_OK) {
         events |= step.output.events;
+        cuts += step.output.landed.job && step.output.landed.outcome == JOB_DONE;
         largest = fmax(largest, vec3_length(step.output.instruments[0].warp.displacement));
     }
     trace_reader_destroy(&reader);
     assert_true(largest > 0.5);
+    assert_true(cuts >= 3);
     assert_int_equal(events, EVENT_STATE | EVENT_DEVICE_LOST | EVENT_DEVICE_BACK | EVENT_CONTACT |
-                                 EVENT_RELEASE);
+                                 EVENT_RELEASE | EVENT_CUT);
 }
 
 static void another_field_setting_is_found(void **state) {
@@ -91,7 +93,7 @@ static void the_first_difference_is_named(void **state) {
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.first.step, 500);
     assert_string_equal(report.first.field, "probe_warped_tx_mm");
-    assert_true(report.different > 1 && report.different <= RECORDED_ROWS + 2 - 499);
+    assert_true(report.different > 1 && report.different <= recorded_steps - 499);
     assert_true(report.largest_mm > 0 && report.largest_mm < 1e-12);
     assert_int_equal(report.verdict, REPLAY_DIFFERENT);
 }
@@ -190,14 +192,14 @@ static void steps_after_a_gap_are_left_out_and_counted(void **state) {
     assert_int_equal(replay(played.scene, &report), RESULT_OK);
     assert_int_equal(report.end, RESULT_MISSING);
     assert_int_equal(report.steps, 299);
-    assert_int_equal(report.left_out, RECORDED_ROWS + 2 - 299);
+    assert_int_equal(report.left_out, recorded_steps - 299);
     assert_int_equal(report.different, 0);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_recorded_session_replays_without_a_difference),
-        cmocka_unit_test(the_session_that_is_replayed_has_displacement_contact_and_loss),
+        cmocka_unit_test(the_session_that_is_replayed_has_displacement_contact_loss_and_cuts),
         cmocka_unit_test(another_field_setting_is_found),
         cmocka_unit_test(the_first_difference_is_named),
         cmocka_unit_test(another_machine_may_differ_by_its_mathematics_and_no_more),

@@ -91,25 +91,53 @@ static enum input_kind kind_at(size_t row) {
     }
 }
 
+struct play {
+    struct session *session;
+    struct operation *operation;
+    struct job_result *pending;
+    void (*each)(void *, const struct session_input *, const struct session_output *);
+    void *context;
+};
+
+static void step(struct play *play, const struct session_input *input) {
+    struct session_output output;
+    session_step(play->session, input, &output);
+    play->each(play->context, input, &output);
+    if (!output.job.id)
+        return;
+    job_result_destroy(&play->pending);
+    play->pending = operation_run(play->operation, &output.job);
+}
+
+static void land(struct play *play, int64_t time_ns) {
+    struct job_result *result = play->pending;
+    play->pending = NULL;
+    struct session_input input = {
+        .kind = INPUT_JOB, .time_ns = time_ns, .job = result->job, .result = result};
+    step(play, &input);
+    job_result_destroy(&result);
+}
+
 void played_run(const struct played *played, const struct session_settings *settings, size_t rows,
                 void (*each)(void *context, const struct session_input *input,
                              const struct session_output *output),
                 void *context) {
-    struct session *session = session_create(played->scene, settings);
+    struct play play = {session_create(played->scene, settings), operation_create(played->scene),
+                        NULL, each, context};
     struct session_input input = {.kind = INPUT_START};
-    struct session_output output;
-    session_step(session, &input, &output);
-    each(context, &input, &output);
+    step(&play, &input);
     for (size_t row = 0; row < rows && row < played->motion.row_count; row++) {
         input.kind = kind_at(row);
         input.time_ns = (int64_t)((double)NS_PER_S * played->motion.rows[row].t_seconds);
+        if (play.pending && row % 3 == 0) // jobs take their time
+            land(&play, input.time_ns);
         input.frame.time_ns = input.time_ns;
         frame_of_row(&played->motion, row, &input.frame);
-        session_step(session, &input, &output);
-        each(context, &input, &output);
+        step(&play, &input);
     }
     input.kind = INPUT_STOP;
-    session_step(session, &input, &output);
-    each(context, &input, &output);
-    session_destroy(&session);
+    step(&play, &input);
+    session_destroy(&play.session);
+    operation_destroy(&play.operation);
+    job_result_destroy(&play.pending);
 }

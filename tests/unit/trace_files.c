@@ -73,6 +73,8 @@ static void random_input(struct random *r, int64_t time_ns, struct session_input
     memset(out, 0, sizeof *out);
     out->kind = random_bits(r) % 3 ? INPUT_FRAME : random_bits(r) % INPUT_KIND_COUNT;
     out->time_ns = time_ns;
+    if (out->kind == INPUT_JOB)
+        out->job = random_bits(r);
     if (out->kind != INPUT_FRAME)
         return;
     out->frame.number = random_bits(r);
@@ -97,6 +99,38 @@ static void random_instrument(struct random *r, struct instrument_output *out) {
     out->warp.nearest_mm = any_real(r);
     out->gain = any_real(r);
     out->handle = (struct handle){any_real(r), (uint32_t)random_bits(r)};
+    out->handle_validity = random_bits(r) % VALIDITY_COUNT;
+}
+
+static void random_job(struct random *r, struct job *out) {
+    if (random_bits(r) % 2)
+        return;
+    out->id = 1 + random_bits(r) % 100;
+    out->kind = random_bits(r) % 2 ? JOB_CUT : JOB_RESTORE;
+    out->tissue = (int)(random_bits(r) % TISSUES_MAX);
+    if (out->kind != JOB_CUT)
+        return;
+    out->move.kind = random_bits(r) % BLADE_COUNT;
+    for (int i = 0; i < 2; i++) {
+        out->move.T_mesh_tip[i] = any_pose(r);
+        out->move.opening[i] = any_real(r);
+    }
+}
+
+static void random_landed(struct random *r, struct landed *out) {
+    if (random_bits(r) % 2)
+        return;
+    out->job = 1 + random_bits(r) % 100;
+    out->outcome = random_bits(r) % JOB_OUTCOME_COUNT;
+    out->tissue = (int)(random_bits(r) % TISSUES_MAX);
+    out->hash = random_bits(r);
+    struct tissue_figures *f = &out->figures;
+    uint32_t *counts[] = {&f->mesh_number, &f->cuts, &f->refused, &f->pieces};
+    for (int i = 0; i < 4; i++)
+        *counts[i] = (uint32_t)random_bits(r);
+    double *first = &f->volume_mm3; // from here on all are doubles
+    for (size_t i = 0; i < (sizeof *f - offsetof(struct tissue_figures, volume_mm3)) / 8; i++)
+        first[i] = any_real(r);
 }
 
 static void random_output(struct random *r, uint64_t step, int64_t time_ns,
@@ -114,6 +148,8 @@ static void random_output(struct random *r, uint64_t step, int64_t time_ns,
         out->T_mockup_body[i] = any_pose(r);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         random_instrument(r, &out->instruments[i]);
+    random_job(r, &out->job);
+    random_landed(r, &out->landed);
     out->hash = random_bits(r);
 }
 
@@ -137,7 +173,9 @@ struct trace_header some_header(void) {
         .start_ns = 5000000000,
         .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05},
                      .strength = 0.75,
-                     .hold_ns = 100000000},
+                     .hold_ns = 100000000,
+                     .ease_share = 0.25,
+                     .ease_mm_s = 1.5},
     };
     trace_header_set_machine(&h);
     return h;

@@ -1,0 +1,111 @@
+#include "session/cutting.h"
+
+#include "base/clock.h"
+
+// A jaw bites when it has closed so far, a burr and a knife when they have moved so far; a burr
+// that stands takes what comes to it so often.
+#define BITE_OPENING 0.2
+#define SHUT_OPENING 0.02
+#define SWEEP_MM 0.2
+#define SWEEP_DEG 2.0
+#define BURR_REST_NS (50 * NS_PER_MS)
+#define JUMP_MM 10.0 // no hand moves so far between two frames: the move is not swept
+
+#define SHAVER_RUNS 1u // button 0
+
+static bool blade_of_channel(enum channel channel, enum blade_kind *out_kind) {
+    *out_kind = channel == CHANNEL_PUNCH    ? BLADE_PUNCH
+                : channel == CHANNEL_SHAVER ? BLADE_SHAVER
+                                            : BLADE_KNIFE;
+    return channel == CHANNEL_PUNCH || channel == CHANNEL_SHAVER || channel == CHANNEL_KNIFE;
+}
+
+// A handle that is lost neither closes nor runs.
+static bool is_working(enum blade_kind kind, const struct instrument_output *o) {
+    if (!o->present || o->validity == VALIDITY_LOST)
+        return false;
+    if (kind == BLADE_KNIFE)
+        return true;
+    bool runs = kind == BLADE_PUNCH || o->handle.buttons & SHAVER_RUNS;
+    return o->handle_validity != VALIDITY_LOST && runs;
+}
+
+static bool box_has(const struct box *box, vec3 p, double margin) {
+    return p.x > box->min.x - margin && p.x < box->max.x + margin && p.y > box->min.y - margin &&
+           p.y < box->max.y + margin && p.z > box->min.z - margin && p.z < box->max.z + margin;
+}
+
+// Virtual bodies are where the mock-up's are: no corrections yet. The tip is the warped one.
+static struct sweep sweep_now(const struct scene_tissue *tissue, const struct scene *scene,
+                              const struct session_output *out, const struct instrument_output *o) {
+    pose T_mockup_mesh = out->T_mockup_body[scene->knee->groups[tissue->group].body];
+    return (struct sweep){
+        .active = true,
+        .T_mesh_tip = pose_compose(pose_inverse(T_mockup_mesh), o->T_mockup_warped),
+        .opening = o->handle.opening,
+        .time_ns = out->time_ns,
+    };
+}
+
+static bool is_due(enum blade_kind kind, const struct sweep *from, const struct sweep *to) {
+    double way = vec3_distance(from->T_mesh_tip.translation, to->T_mesh_tip.translation);
+    double closed = from->opening - to->opening;
+    if (kind == BLADE_PUNCH)
+        return closed >= BITE_OPENING || (closed >= SHUT_OPENING && to->opening < SHUT_OPENING);
+    if (kind == BLADE_KNIFE) {
+        quat a = from->T_mesh_tip.rotation, b = to->T_mesh_tip.rotation;
+        return way >= SWEEP_MM || quat_angle(a, b) * DEG_PER_RAD >= SWEEP_DEG;
+    }
+    return way >= SWEEP_MM || to->time_ns - from->time_ns >= BURR_REST_NS;
+}
+
+static bool starts_anew(enum blade_kind kind, const struct sweep *from, const struct sweep *to) {
+    double way = vec3_distance(from->T_mesh_tip.translation, to->T_mesh_tip.translation);
+    return !from->active || way > JUMP_MM || (kind == BLADE_PUNCH && to->opening >= from->opening);
+}
+
+static struct blade_move move_between(enum blade_kind kind, const struct sweep *from,
+                                      const struct sweep *to) {
+    return (struct blade_move){
+        kind, {from->T_mesh_tip, to->T_mesh_tip}, {from->opening, to->opening}};
+}
+
+// True where the move from sweep to now is to be cut.
+static bool watch(struct sweep *sweep, enum blade_kind kind, const struct sweep *now,
+                  const struct box *box, bool may_cut) {
+    double reach = blade_reach_mm(kind);
+    bool near_by = box_has(box, now->T_mesh_tip.translation, reach) ||
+                   box_has(box, sweep->T_mesh_tip.translation, reach);
+    if (starts_anew(kind, sweep, now) || !near_by) {
+        *sweep = *now;
+        return false;
+    }
+    return may_cut && is_due(kind, sweep, now);
+}
+
+bool cutting_step(struct cutting *cutting, const struct scene *scene,
+                  const struct session_output *out, bool may_cut, struct job *out_job) {
+    bool found = false;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &out->instruments[i];
+        enum blade_kind kind;
+        if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), &kind))
+            continue;
+        for (int t = 0; t < scene->tissue_count; t++) {
+            struct sweep *sweep = &cutting->sweeps[i][t];
+            if (!is_working(kind, o)) {
+                sweep->active = false;
+                continue;
+            }
+            struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
+            if (!watch(sweep, kind, &now, &scene->tissues[t].box, may_cut && !found))
+                continue;
+            out_job->kind = JOB_CUT;
+            out_job->tissue = t;
+            out_job->move = move_between(kind, sweep, &now);
+            *sweep = now;
+            found = true;
+        }
+    }
+    return found;
+}

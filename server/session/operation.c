@@ -1,0 +1,256 @@
+#include "session/operation.h"
+
+#include "base/check.h"
+#include "mesh/query.h"
+#include "session/scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <xxhash.h>
+
+#define PROBES_MAX 32 // points of a cut's surface whose distance to the warped surface is measured
+#define NEAR_MM 4.0
+
+struct tissue {
+    const struct scene_tissue *scene;
+    const struct case_group *group;
+    struct cut_mesh *mesh;
+    struct match *match; // NULL where the group has no S'_max
+    struct quality *quality;
+    struct tissue_figures figures;
+};
+
+struct operation {
+    int count;
+    struct tissue tissues[TISSUES_MAX];
+};
+
+const char *job_kind_name(enum job_kind kind) {
+    static const char *const names[JOB_KIND_COUNT] = {"none", "cut", "restore"};
+    return (unsigned)kind < JOB_KIND_COUNT ? names[kind] : "unknown";
+}
+
+const char *job_outcome_name(enum job_outcome outcome) {
+    static const char *const names[JOB_OUTCOME_COUNT] = {"done", "nothing", "refused"};
+    return (unsigned)outcome < JOB_OUTCOME_COUNT ? names[outcome] : "unknown";
+}
+
+void job_result_destroy(struct job_result **result) {
+    if (!*result)
+        return;
+    cut_change_fini(&(*result)->change);
+    free((*result)->vertices);
+    free((*result)->blends);
+    free(*result);
+    *result = NULL;
+}
+
+// ---- whole tissue -------------------------------------------------------------------------------
+
+static void make_whole(struct tissue *t, uint32_t mesh_number) {
+    t->mesh = cut_mesh_copy(t->scene->mesh);
+    t->match = t->scene->match ? match_create(t->scene->match) : NULL;
+    t->quality = quality_create(t->scene->plan);
+    t->figures = (struct tissue_figures){
+        .mesh_number = mesh_number,
+        .volume_mm3 = cut_mesh_volume(t->mesh),
+        .warped_mm3 = t->match ? match_volume(t->match) : 0,
+    };
+    quality_report(t->quality, &t->figures.quality);
+}
+
+static void release(struct tissue *t) {
+    cut_mesh_destroy(&t->mesh);
+    match_destroy(&t->match);
+    quality_destroy(&t->quality);
+}
+
+struct operation *operation_create(const struct scene *scene) {
+    struct operation *operation = alloc(1, sizeof *operation);
+    operation->count = scene->tissue_count;
+    for (int i = 0; i < operation->count; i++) {
+        struct tissue *t = &operation->tissues[i];
+        t->scene = &scene->tissues[i];
+        t->group = &scene->knee->groups[t->scene->group];
+        make_whole(t, 1);
+    }
+    return operation;
+}
+
+void operation_destroy(struct operation **operation) {
+    if (!*operation)
+        return;
+    for (int i = 0; i < (*operation)->count; i++)
+        release(&(*operation)->tissues[i]);
+    free(*operation);
+    *operation = NULL;
+}
+
+static void take_blend(struct job_result *result, uint32_t vertex, double blend) {
+    result->vertices[result->blend_count] = vertex;
+    result->blends[result->blend_count++] = blend;
+}
+
+static void make_room(struct job_result *result, uint32_t count) {
+    result->vertices = alloc(count, sizeof *result->vertices);
+    result->blends = alloc(count, sizeof *result->blends);
+}
+
+static void restore(struct tissue *t, struct job_result *result) {
+    release(t);
+    make_whole(t, t->figures.mesh_number + 1);
+    if (!t->match)
+        return;
+    make_room(result, t->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
+        take_blend(result, i, 0);
+}
+
+// ---- a cut --------------------------------------------------------------------------------------
+
+// What the tissue's own volume lost, S'' is to lose too.
+static void match_cut(struct tissue *t, const struct cut_change *change,
+                      struct job_result *result) {
+    double gone = t->figures.removed_mm3 + t->figures.pieces_mm3;
+    t->figures.left_mm3 = gone;
+    if (!t->match)
+        return;
+    struct brush *brushes = alloc((size_t)change->patch_count + 1, sizeof *brushes);
+    for (int i = 0; i < change->patch_count; i++)
+        brushes[i] = (struct brush){change->patches[i].centroid, change->patches[i].extent};
+    struct match_report report;
+    match_to_volume(t->match, brushes, change->patch_count,
+                    match_surface_volume(t->scene->match) - gone, &report);
+    free(brushes);
+    t->figures.warped_mm3 = report.volume_mm3;
+    t->figures.left_mm3 = report.left_mm3;
+    make_room(result, report.changed_count);
+    for (uint32_t i = 0; i < report.changed_count; i++)
+        take_blend(result, report.changed[i], match_blends(t->match)[report.changed[i]]);
+}
+
+// The triangles of S'' with a corner near the cut's new surface.
+static void near_triangles(const struct tissue *t, const struct cut_change *change,
+                           struct mesh *out_mesh) {
+    const struct mesh *mesh = &t->group->mesh;
+    bool *near_by = alloc(mesh->vertex_count, sizeof *near_by);
+    mesh_init(out_mesh, mesh->vertex_count, mesh->triangle_count);
+    for (uint32_t i = 0; i < mesh->vertex_count; i++) {
+        vec3 p = match_vertex(t->match, i);
+        mesh_set_vertex(out_mesh, i, p);
+        for (int k = 0; k < change->patch_count; k++)
+            near_by[i] |=
+                vec3_distance(p, change->patches[k].centroid) < change->patches[k].extent + NEAR_MM;
+    }
+    out_mesh->triangle_count = 0;
+    for (uint32_t i = 0; i < mesh->triangle_count; i++) {
+        const uint32_t *corners = mesh->triangles + 3 * (size_t)i;
+        if (near_by[corners[0]] || near_by[corners[1]] || near_by[corners[2]])
+            memcpy(out_mesh->triangles + 3 * (size_t)out_mesh->triangle_count++, corners,
+                   3 * sizeof *corners);
+    }
+    free(near_by);
+}
+
+// The largest distance of the cut's new points to S''.
+static double distance_to_warped(const struct tissue *t, const struct cut_change *change) {
+    struct mesh warped;
+    double largest = 0;
+    near_triangles(t, change, &warped);
+    uint32_t stride = 1 + change->vertex_count / PROBES_MAX;
+    for (uint32_t i = 0; i < change->vertex_count && warped.triangle_count; i += stride) {
+        double nearest = INFINITY;
+        for (uint32_t k = 0; k < warped.triangle_count; k++) {
+            struct closest closest;
+            closest_on_triangle(&warped, k, cut_mesh_vertex(t->mesh, change->vertices[i]),
+                                &closest);
+            nearest = fmin(nearest, closest.distance);
+        }
+        largest = fmax(largest, nearest);
+    }
+    mesh_fini(&warped);
+    return largest;
+}
+
+static void count_cut(struct tissue *t, const struct cut_change *change) {
+    struct tissue_figures *f = &t->figures;
+    f->mesh_number++;
+    f->cuts++;
+    f->volume_mm3 = change->volume_mm3;
+    f->removed_mm3 += change->removed_mm3;
+    for (int i = 0; i < change->piece_count; i++)
+        f->pieces_mm3 += change->pieces[i].volume;
+    f->pieces += (uint32_t)change->piece_count;
+}
+
+static void cut(struct tissue *t, const struct blade_move *move, struct job_result *result) {
+    static const enum job_outcome outcomes[] = {
+        [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
+    struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
+    struct cut_change *change = &result->change;
+    int count = blade_parts(move, parts);
+    result->outcome = JOB_NOTHING;
+    if (count)
+        result->outcome = outcomes[cut_apply(t->mesh, parts, count, change, &result->why)];
+    if (result->outcome == JOB_REFUSED)
+        t->figures.refused++;
+    if (result->outcome == JOB_DONE) {
+        count_cut(t, change);
+        match_cut(t, change, result);
+        quality_take_parts(t->quality, parts, count);
+        for (int i = 0; i < change->piece_count; i++)
+            quality_take_piece(t->quality, &change->pieces[i].mesh);
+        quality_report(t->quality, &t->figures.quality);
+        t->figures.distance_mm = t->match ? distance_to_warped(t, change) : 0;
+    }
+    free(parts);
+}
+
+// ---- jobs ---------------------------------------------------------------------------------------
+
+static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *result) {
+    const struct cut_change *change = &result->change;
+    XXH3_state_t *state = XXH3_createState();
+    XXH3_64bits_reset(state);
+    XXH3_64bits_update(state, result->vertices, result->blend_count * sizeof *result->vertices);
+    XXH3_64bits_update(state, result->blends, result->blend_count * sizeof *result->blends);
+    XXH3_64bits_update(state, change->freed, change->freed_count * sizeof *change->freed);
+    XXH3_64bits_update(state, change->made, change->made_count * sizeof *change->made);
+    XXH3_64bits_update(state, change->vertices, change->vertex_count * sizeof *change->vertices);
+    for (uint32_t i = 0; i < change->made_count; i++)
+        XXH3_64bits_update(state, cut_mesh_triangle(mesh, change->made[i]), 3 * sizeof(uint32_t));
+    for (uint32_t i = 0; i < change->vertex_count; i++) {
+        vec3 p = cut_mesh_vertex(mesh, change->vertices[i]);
+        XXH3_64bits_update(state, &p, sizeof p);
+    }
+    uint64_t hash = XXH3_64bits_digest(state);
+    XXH3_freeState(state);
+    return hash;
+}
+
+struct job_result *operation_run(struct operation *operation, const struct job *job) {
+    CHECK(job->tissue >= 0 && job->tissue < operation->count);
+    struct tissue *t = &operation->tissues[job->tissue];
+    struct job_result *result = alloc(1, sizeof *result);
+    result->job = job->id;
+    result->tissue = job->tissue;
+    if (job->kind == JOB_RESTORE)
+        restore(t, result);
+    else
+        cut(t, &job->move, result);
+    result->figures = t->figures;
+    result->hash = hash_of(t->mesh, result);
+    return result;
+}
+
+const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue) {
+    return operation->tissues[tissue].mesh;
+}
+
+const struct match *operation_match(const struct operation *operation, int tissue) {
+    return operation->tissues[tissue].match;
+}
+
+const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {
+    return &operation->tissues[tissue].figures;
+}

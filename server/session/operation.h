@@ -1,0 +1,81 @@
+// What cuts do to the tissue of one session: the cut meshes, the blends that match them, and what
+// the resection is worth. Cuts take milliseconds, so they are jobs: a step asks for one, somebody
+// runs it beside the steps, and a later step takes the result as a whole.
+//
+// An operation belongs to one thread at a time. The same jobs in the same order give the same bits.
+#pragma once
+
+#include "cut/blade.h"
+#include "match/match.h"
+#include "quality/quality.h"
+
+#define TISSUES_MAX 4 // groups of a case that can be cut
+
+struct scene;
+
+enum job_kind {
+    JOB_NONE,
+    JOB_CUT,
+    JOB_RESTORE, // the tissue as it was at the start
+    JOB_KIND_COUNT
+};
+
+const char *job_kind_name(enum job_kind kind); // "none", "cut", "restore"
+
+struct job {
+    uint64_t id; // counts up from 1 in each session
+    enum job_kind kind;
+    int tissue;             // index among the case's cuttable groups
+    struct blade_move move; // JOB_CUT: in the frame of the tissue's virtual mesh
+};
+
+enum job_outcome {
+    JOB_DONE,
+    JOB_NOTHING, // the blade took nothing
+    JOB_REFUSED, // the cut cannot be made: nothing changed
+    JOB_OUTCOME_COUNT
+};
+
+const char *job_outcome_name(enum job_outcome outcome);
+
+// What is known of one tissue after its last job. Volumes in mm³.
+struct tissue_figures {
+    uint32_t mesh_number;   // 1 at the start; each change makes the next, restoring is one
+    uint32_t cuts, refused; // since it was whole
+    uint32_t pieces;        // that came off
+    double volume_mm3;      // of the cut mesh
+    double removed_mm3;     // by blades
+    double pieces_mm3;      // came off
+    double warped_mm3;      // inside S''
+    double left_mm3;        // that S'' has still to give: over what can be matched
+    double distance_mm;     // from the last cut's surface to S'', the largest
+    struct quality_report quality;
+};
+
+struct job_result {
+    uint64_t job;
+    enum job_outcome outcome;
+    int tissue;
+    struct tissue_figures figures;
+    uint32_t blend_count; // vertices of the physical surface whose blend changed
+    uint32_t *vertices;   // ascending
+    double *blends;
+    struct cut_change change; // empty where the outcome is not JOB_DONE, or it was restored
+    uint64_t hash;            // of blends and change
+    struct error why;         // JOB_REFUSED
+};
+
+void job_result_destroy(struct job_result **result); // NULL inside is fine
+
+struct operation;
+
+// The scene must outlive it.
+struct operation *operation_create(const struct scene *scene);
+void operation_destroy(struct operation **operation); // NULL inside is fine
+
+// Takes milliseconds and allocates. The caller destroys the result.
+struct job_result *operation_run(struct operation *operation, const struct job *job);
+
+const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);
+const struct match *operation_match(const struct operation *operation, int tissue); // or NULL
+const struct tissue_figures *operation_figures(const struct operation *operation, int tissue);

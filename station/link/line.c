@@ -46,6 +46,8 @@ static void say_hello(struct link *link) {
     hello->version_max = WIRE_VERSION_MAX;
     if (config->datagrams)
         strcpy(hello->capabilities[hello->capabilities_count++], "datagrams");
+    if (config->meshes)
+        strcpy(hello->capabilities[hello->capabilities_count++], "meshes");
     snprintf(hello->station, sizeof hello->station, "%s", config->station);
     snprintf(hello->software, sizeof hello->software, "%s", config->software);
     hello->devices_count = (pb_size_t)config->device_count;
@@ -78,8 +80,17 @@ static bool hand_over(struct link *link, struct arrival *arrival) {
     return write(link->arrival_fd, &one, sizeof one) == sizeof one;
 }
 
+static bool names(const arthron_Welcome *welcome, const char *capability) {
+    for (int i = 0; i < welcome->capabilities_count; i++)
+        if (!strcmp(welcome->capabilities[i], capability))
+            return true;
+    return false;
+}
+
 static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->line.welcomed = true;
+    link->line.meshes = link->config.meshes && names(welcome, "meshes");
+    meshes_set_case(link->meshes, welcome->case_hash);
     atomic_fetch_add(&link->connects, 1);
     pthread_mutex_lock(&link->lock);
     link->status.welcomed = true;
@@ -107,8 +118,18 @@ static void update_ready(struct link *link) {
     atomic_store(&link->ready, link->status.clock_known && link->line.session_open);
 }
 
+static void ask_for_meshes(struct link *link) {
+    arthron_Control ask;
+    meshes_ask(link->meshes, &ask);
+    say(link, &ask);
+}
+
 static void hear_change(struct link *link, const arthron_SessionChange *change) {
+    bool opens = !link->line.session_open && change->state != arthron_SessionState_CLOSED;
     link->line.session_open = change->state != arthron_SessionState_CLOSED;
+    meshes_set_case(link->meshes, change->case_hash);
+    if (opens && link->line.meshes)
+        ask_for_meshes(link);
     pthread_mutex_lock(&link->lock);
     link->status.state = (arthron_SessionState)change->state;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
@@ -208,6 +229,19 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
     return 0;
 }
 
+static int hear_chunk(struct link *link, size_t size) {
+    struct line *line = &link->line;
+    arthron_Control answer;
+    struct error err;
+    if (wire_decode_chunk(line->incoming, size, &line->chunk, &err) != RESULT_OK) {
+        log_warning("link", "a malformed message of the server: %s", err.text);
+        return -1;
+    }
+    if (meshes_hear(link->meshes, &line->chunk, &answer))
+        say(link, &answer);
+    return 0;
+}
+
 static int hear(struct link *link, const void *bytes, size_t size) {
     struct line *line = &link->line;
     int64_t now_ns = clock_now_ns();
@@ -222,6 +256,8 @@ static int hear(struct link *link, const void *bytes, size_t size) {
         return 0;
     size_t whole = line->used;
     line->used = 0;
+    if (line->meshes && wire_is_chunk(line->incoming, whole))
+        return hear_chunk(link, whole);
     if (wire_decode_control(line->incoming, whole, &line->message, &err) != RESULT_OK) {
         log_warning("link", "a malformed message of the server: %s", err.text);
         return -1;
@@ -294,6 +330,7 @@ static void connected(struct link *link, struct lws *socket) {
     line->used = 0;
     line->heard_ns = clock_now_ns();
     line->welcomed = false;
+    line->meshes = false;
     line->session_open = false;
     say_hello(link);
 }

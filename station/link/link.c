@@ -152,12 +152,21 @@ void link_get_status(struct link *link, struct link_status *out_status) {
     out_status->unknown_messages = atomic_load(&link->unknown_messages);
 }
 
+int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]) {
+    return meshes_get(link->meshes, out_tissues);
+}
+
+bool link_copy_tissue(struct link *link, const char *group, struct tissue *out_tissue) {
+    return meshes_copy(link->meshes, group, out_tissue);
+}
+
 // ---- life ---------------------------------------------------------------------------------------
 
 static void release(struct link *link) {
     line_fini(link);
     trust_fini(&link->trust);
     udp_close(&link->sender.udp);
+    meshes_destroy(&link->meshes);
     ring_destroy(&link->frames);
     ring_destroy(&link->arrivals);
     close(link->arrival_fd);
@@ -176,6 +185,7 @@ static struct link *prepare(const struct link_config *config) {
     link->config.keys_dir = alloc_text(config->keys_dir);
     link->config.station = alloc_text(config->station);
     link->config.software = alloc_text(config->software);
+    link->meshes = meshes_create();
     link->frames = ring_create(FRAMES_QUEUED, sizeof(struct outgoing));
     link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
     link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);

@@ -3,6 +3,7 @@
 // clocks; reconnecting with back-off. A thread of its own serves the control connection.
 #pragma once
 
+#include "wire/tissue.h"
 #include "wire/wire.h"
 
 struct link_config {
@@ -12,6 +13,7 @@ struct link_config {
     const char *station;
     const char *software;
     bool datagrams; // false: frames always travel in the control connection
+    bool meshes;    // follow those that are cut
     bool visit;     // only asks whether it would be welcome: no session, link_send sends nothing
     int device_count;
     arthron_Device devices[16];
@@ -36,6 +38,16 @@ struct link_status {
     char refusal[256]; // what the server last said, empty: nothing
 };
 
+// A mesh that the link follows.
+struct link_tissue {
+    char group[64];
+    uint32_t number; // 0: nothing yet, or it has to be asked for again
+    uint64_t hash;
+    uint32_t triangles;
+    uint64_t bytes_received;
+    uint64_t resyncs; // how often it was asked for again
+};
+
 struct link;
 
 // Starts connecting in the background. RESULT_MISSING names a key file that is not there.
@@ -52,6 +64,12 @@ bool link_send(struct link *link, const struct frame *frame);
 bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply);
 
 void link_get_status(struct link *link, struct link_status *out_status);
+
+// How many there are; their order does not change while the case stays.
+int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]);
+
+// The mesh as it is now, which the caller releases. False where none of that name is followed.
+bool link_copy_tissue(struct link *link, const char *group, struct tissue *out_tissue);
 
 // Until when (seconds since 1970) the station's certificate is good. RESULT_MISSING or
 // RESULT_FORMAT name the file.

@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "base/ring.h"
 #include "link/link.h"
+#include "link/meshes.h"
 #include "link/path.h"
 #include "link/trust.h"
 #include "link/udp.h"
@@ -43,12 +44,14 @@ struct line {
     struct ring *queue; // of struct outgoing: Hello, pings and answers
     struct clock_offset clock;
     bool welcomed;
+    bool meshes;       // both sides can
     bool session_open; // the server said that it takes frames
     int pings;
     int64_t heard_ns; // the last Pong
     size_t used;      // of incoming
-    uint8_t incoming[WIRE_CONTROL_MAX];
+    uint8_t incoming[WIRE_CHUNK_MAX];
     arthron_Control message;
+    arthron_MeshChunk chunk;
     char trouble[256]; // last logged
 };
 
@@ -68,6 +71,7 @@ struct link {
     atomic_bool stopping;
     struct line line;
     struct sender sender;
+    struct meshes *meshes;
     struct ring *frames;   // caller to line: struct outgoing
     struct ring *arrivals; // line to caller: struct arrival
     int arrival_fd;        // eventfd, signalled behind each arrival

@@ -113,6 +113,28 @@ static void each_second(struct loop *loop) {
     loop->warped_second = 0;
 }
 
+static json_t *tissues_as_json(struct link *link) {
+    struct link_tissue tissues[WIRE_MESH_GROUPS_MAX];
+    json_t *list = json_array();
+    int count = link_get_tissues(link, tissues);
+    for (int i = 0; i < count; i++) {
+        char hash[17];
+        snprintf(hash, sizeof hash, "%016" PRIx64, tissues[i].hash);
+        json_array_append_new(list, json_pack("{s:s, s:I, s:I, s:s}", "group", tissues[i].group,
+                                              "number", (json_int_t)tissues[i].number, "triangles",
+                                              (json_int_t)tissues[i].triangles, "hash", hash));
+    }
+    return list;
+}
+
+static void log_tissues(struct link *link) {
+    struct link_tissue tissues[WIRE_MESH_GROUPS_MAX];
+    int count = link_get_tissues(link, tissues);
+    for (int i = 0; i < count; i++)
+        log_info("station", "mesh %s: number %" PRIu32 ", %" PRIu32 " triangles, hash %016" PRIx64,
+                 tissues[i].group, tissues[i].number, tissues[i].triangles, tissues[i].hash);
+}
+
 static void print_summary(const struct loop *loop) {
     double p50 = meter_percentile_us(&loop->whole, 0.5);
     double p99 = meter_percentile_us(&loop->whole, 0.99);
@@ -120,12 +142,13 @@ static void print_summary(const struct loop *loop) {
     if (!loop->options->json) {
         log_info("station", "%" PRIu64 " poses sent, %" PRIu64 " warped, round trip %.0f us p50",
                  loop->sent, loop->warped, p50);
+        log_tissues(loop->link);
         return;
     }
-    json_t *summary = json_pack("{s:I, s:I, s:I, s:{s:f, s:f, s:f}}", "poses_sent",
+    json_t *summary = json_pack("{s:I, s:I, s:I, s:{s:f, s:f, s:f}, s:o}", "poses_sent",
                                 (json_int_t)loop->sent, "poses_warped", (json_int_t)loop->warped,
                                 "lost", (json_int_t)(loop->sent - loop->warped), "rtt_us", "p50",
-                                p50, "p99", p99, "max", max);
+                                p50, "p99", p99, "max", max, "meshes", tissues_as_json(loop->link));
     json_dumpf(summary, stdout, JSON_COMPACT);
     putchar('\n');
     json_decref(summary);
@@ -171,6 +194,7 @@ struct link_config loop_link_config(const struct station_config *config) {
         .station = config->name,
         .software = "arthron-station " ARTHRON_VERSION,
         .datagrams = config->datagrams,
+        .meshes = true,
         .device_count = config->device_count,
         .calibrated = config->calibration.count > 0,
     };

@@ -23,9 +23,11 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     d->peer = peer;
     pthread_mutex_unlock(&d->lock);
     strcpy(welcome->case_name, "healthy");
+    welcome->case_hash = d->case_hash;
     arthron_Control open = {.which_message = arthron_Control_session_change_tag};
     open.message.session_change.state = arthron_SessionState_RUNNING;
     strcpy(open.message.session_change.case_name, "healthy");
+    open.message.session_change.case_hash = d->case_hash;
     control_send(d->control, peer, &open);
     if (d->keys_at_hello) {
         arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
@@ -42,6 +44,7 @@ static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
     arthron_Control open = {.which_message = arthron_Control_session_change_tag};
     open.message.session_change.state = arthron_SessionState_RUNNING;
     strcpy(open.message.session_change.case_name, "healthy");
+    open.message.session_change.case_hash = d->case_hash;
     control_send(d->control, peer, &open);
     pthread_mutex_lock(&d->lock);
     d->offset_ns = offset_ns;
@@ -63,8 +66,12 @@ static void on_frame(void *user, struct control_peer peer, const arthron_Frame *
 }
 
 static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
-    (void)peer;
     struct doorman *d = user;
+    if (message->which_message != arthron_Control_udp_path_tag) {
+        if (d->on_mesh)
+            d->on_mesh(d, peer, message);
+        return;
+    }
     pthread_mutex_lock(&d->lock);
     d->challenge = message->message.udp_path.challenge;
     pthread_mutex_unlock(&d->lock);

@@ -17,8 +17,12 @@ struct doorman {
     const char *only_host;          // in the server\'s certificate; NULL: localhost and 127.0.0.1
     bool refuses;                   // answers Hello with BUSY, "full"
     arthron_UdpKeys *keys_at_hello; // sent behind Welcome, NULL: none
-    pthread_mutex_t lock;           // guards what follows
-    arthron_Hello hello;            // the last one
+    uint64_t case_hash;
+    // Told of MeshAsk and mesh_ack in the control thread, where not NULL.
+    void (*on_mesh)(struct doorman *doorman, struct control_peer peer,
+                    const arthron_Control *message);
+    pthread_mutex_t lock; // guards what follows
+    arthron_Hello hello;  // the last one
     struct control_peer peer;
     int64_t offset_ns, uncertainty_ns, rtt_ns;
     uint64_t challenge; // last UdpPath answered

@@ -1,0 +1,24 @@
+// The meshes that a station follows: pieces into payloads, payloads into tissues, and what is to be
+// answered (wire/PROTOCOL.md, Meshes). No sockets. The line's thread calls all but the last two,
+// which are for any thread.
+#pragma once
+
+#include "link/link.h"
+
+struct meshes;
+
+struct meshes *meshes_create(void);
+void meshes_destroy(struct meshes **meshes);
+
+// What the session is on: all meshes of another case are void.
+void meshes_set_case(struct meshes *meshes, uint64_t case_hash);
+
+// The session is open: what to ask it for.
+void meshes_ask(struct meshes *meshes, arthron_Control *out_ask);
+
+// A decoded chunk. True where *out_answer is to be said.
+bool meshes_hear(struct meshes *meshes, const arthron_MeshChunk *chunk,
+                 arthron_Control *out_answer);
+
+int meshes_get(struct meshes *meshes, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]);
+bool meshes_copy(struct meshes *meshes, const char *group, struct tissue *out_tissue);

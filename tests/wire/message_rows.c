@@ -43,6 +43,12 @@ const struct message_row message_rows[] = {
     ROW("17 empty capabilities", KIND_CONTROL, RESULT_FORMAT,
         "\x0a\x22\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
         "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"),
+    ROW("8 meshes", KIND_CONTROL, RESULT_OK,
+        "\x6a\x10\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00"),
+    ROW("9 meshes", KIND_CONTROL, RESULT_FORMAT,
+        "\x6a\x12\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00\x0a\x00"),
+    LONG("a mesh's name of 63 letters", KIND_CONTROL, RESULT_OK, "\x72\x41\x0a\x3f", 63, 'm'),
+    LONG("a mesh's name of 64 letters", KIND_CONTROL, RESULT_FORMAT, "\x72\x42\x0a\x40", 64, 'm'),
     LONG("a request of 2048 bytes", KIND_CONTROL, RESULT_OK, "\x5a\x83\x10\x12\x80\x10", 2048, 0),
     LONG("a request of 2049 bytes", KIND_CONTROL, RESULT_FORMAT, "\x5a\x84\x10\x12\x81\x10", 2049,
          0),

@@ -227,6 +227,12 @@ static void fill_control(int which, arthron_Control *out) {
         strcpy(out->message.enrol.code, "ABCDEF-234567");
         out->message.enrol.request_der.size = 300;
         break;
+    case arthron_Control_mesh_ask_tag:
+        out->message.mesh_ask = (arthron_MeshAsk){2, {{"medial", 7, 8}, {"lateral", 9, 10}}};
+        break;
+    case arthron_Control_mesh_ack_tag:
+        out->message.mesh_ack = (arthron_MeshState){"medial", 7, UINT64_MAX};
+        break;
     default:
         fill_enrolled(&out->message.enrolled);
     }
@@ -254,7 +260,7 @@ static void fill_console(int which, arthron_Console *out) {
 static int all_valid(struct valid out[VALID_MAX]) {
     int count = 0;
     arthron_Control *control = malloc(sizeof *control);
-    for (int which = arthron_Control_hello_tag; which <= arthron_Control_enrolled_tag; which++) {
+    for (int which = arthron_Control_hello_tag; which <= arthron_Control_mesh_ack_tag; which++) {
         fill_control(which, control);
         out[count++] = encoded(KIND_CONTROL, control);
     }

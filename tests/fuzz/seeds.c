@@ -5,6 +5,7 @@
 #include "mockup/encode.h"
 #include "trace/trace.h"
 #include "unit/case_knee.h"
+#include "wire/mesh_delta.h"
 #include "wire/seal.h"
 #include "wire/wire.h"
 
@@ -101,6 +102,45 @@ static void datagrams(void) {
     reply.instruments[0].has_pose = true;
     CHECK(wire_encode_reply(&reply, data, sizeof data, &used) == RESULT_OK);
     seed("datagram", "reply", data, used);
+}
+
+static size_t encode_change(const struct mesh_delta *delta, uint8_t *data, size_t size) {
+    CHECK(mesh_delta_validate(delta, NULL) == RESULT_OK);
+    return mesh_delta_encode(delta, data, size);
+}
+
+// A whole mesh, a change of the target's small one, and a chunk of both.
+static void mesh_changes(void) {
+    static arthron_MeshChunk chunk = {.group = "m", .number = 2};
+    uint8_t data[1024], encoded[2048];
+    float positions[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    uint32_t corners[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2}, freed[] = {1};
+    struct delta_vertex vertices[] = {{4, {0, 0, 2}}, {6, {1, 0, -2}}, {300, {0, 1, 0.5f}}};
+    struct delta_triangle made[] = {{0, {4, 6, 300}, 0}, {2, {6, 4, 300}, 3}};
+    struct delta_triangle whole_made[] = {{0, {4, 6, 300}, 0}, {90, {6, 4, 300}, 3}};
+    struct delta_piece piece = {1, {2, 3, 4}, 4, 4, positions, corners};
+    struct mesh_delta whole = {
+        .number = 1, .vertex_count = 3, .vertices = vertices, .made_count = 2, .made = whole_made};
+    struct mesh_delta change = {.base = 1,
+                                .number = 2,
+                                .freed_count = 1,
+                                .freed = freed,
+                                .vertex_count = 3,
+                                .vertices = vertices,
+                                .made_count = 2,
+                                .made = made,
+                                .piece_count = 1,
+                                .pieces = &piece};
+    size_t used = encode_change(&whole, data, sizeof data), more;
+    seed("mesh_delta", "whole", data, used);
+    more = encode_change(&change, data + used, sizeof data - used);
+    seed("mesh_delta", "change", data + used, more);
+    seed("mesh_delta", "both", data, used + more);
+    chunk.size = (uint32_t)(used + more);
+    chunk.data.size = (pb_size_t)chunk.size;
+    memcpy(chunk.data.bytes, data, chunk.size);
+    CHECK(wire_encode_chunk(&chunk, encoded, sizeof encoded, &used) == RESULT_OK);
+    seed("mesh_delta", "chunk", encoded, used);
 }
 
 // The manifest without the anatomy's hash, for no mutated anatomy has it.
@@ -238,6 +278,7 @@ int main(int argc, char **argv) {
     root = argv[1];
     messages();
     datagrams();
+    mesh_changes();
     cases();
     meshes();
     traces();

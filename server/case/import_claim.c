@@ -40,10 +40,6 @@ static bool next_line(struct reading *r) {
     return true;
 }
 
-static bool is_data(const char *line) {
-    return *line != '\0' && *line != '#';
-}
-
 static bool starts_with_word(const char *line, const char *word) {
     size_t length = strlen(word);
     return strncasecmp(line, word, length) == 0 &&
@@ -160,7 +156,7 @@ static enum result check_ply_rows(struct reading *r, const char *path, struct pl
     for (int i = 0; i < ply->element_count; i++)
         said += ply->elements[i].count;
     while (next_line(r)) {
-        if (!is_data(r->line))
+        if (!*r->line)
             continue;
         while (lines == end && next < ply->element_count)
             end += ply->elements[next++].count;
@@ -212,6 +208,19 @@ static bool is_off_vertex(const char *line) {
     return count_numbers(line, 12, 1e30) >= 3;
 }
 
+// How many vertices, faces and edges. OpenMesh reads what follows as the number that is missing.
+// Takes the line apart.
+static bool take_off_counts(char *line, struct import_claim *out) {
+    int64_t counts[3];
+    char *rest, *word = strtok_r(line, " \t", &rest);
+    for (int i = 0; i < 3; i++, word = strtok_r(NULL, " \t", &rest))
+        if (!word || !number_int(word, 0, INT32_MAX, &counts[i]))
+            return false;
+    out->vertices = (uint32_t)counts[0];
+    out->faces = (uint32_t)counts[1];
+    return word == NULL;
+}
+
 // The header says that there are colours: else OpenMesh takes a face's colour for the next face.
 static bool off_is_coloured(const char *header) {
     return header[strncmp(header, "ST", 2) == 0 ? 2 : 0] == 'C';
@@ -236,14 +245,14 @@ static enum result claim_of_off(struct reading *r, const char *path, struct impo
                                 struct error *err) {
     bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
     bool coloured = sound && off_is_coloured(r->line);
-    while (sound && (sound = next_line(r)) && !is_data(r->line))
+    while (sound && (sound = next_line(r)) && !*r->line)
         continue;
-    if (!sound || sscanf(r->line, "%9u %9u", &out->vertices, &out->faces) != 2)
+    if (!sound || !take_off_counts(r->line, out))
         return fail(err, RESULT_FORMAT, "%s: line %u: not the header of a text OFF file", path,
                     r->number);
     uint64_t lines = 0, said = (uint64_t)out->vertices + out->faces;
     while (next_line(r)) {
-        if (!is_data(r->line))
+        if (!*r->line || (*r->line == '#' && lines == said)) // OpenMesh reads comments as data
             continue;
         bool face = lines++ >= out->vertices;
         if (!(face ? is_off_face(r->line, out->vertices, coloured) : is_off_vertex(r->line)))

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "case/generate_shape.h"
 #include "case/generate_tube.h"
+#include "case/maxcut.h"
 #include "mesh/query.h"
 
 #include <stdio.h>
@@ -146,6 +147,15 @@ static enum result add_cavity(struct knee_case *knee, const struct recipe *recip
     return result == RESULT_OK ? result : fail_in(err, result, "[cavity %s] ", cavity->name);
 }
 
+static enum result add_maxcut(struct knee_case *knee, const struct recipe *recipe,
+                              struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < knee->group_count && recipe->rim_mm > 0 && result == RESULT_OK; i++)
+        if (knee->groups[i].cuttable)
+            result = maxcut_make(&knee->groups[i], knee->joint.T_tibia_joint, recipe->rim_mm, err);
+    return result;
+}
+
 enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
                           struct error *err) {
     struct knee_case *knee = case_create(recipe->name, recipe->title);
@@ -158,6 +168,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
         result = add_skin(knee, recipe, edge, err);
     for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)
         result = add_cavity(knee, recipe, &recipe->cavities[i], err);
+    if (result == RESULT_OK)
+        result = add_maxcut(knee, recipe, err);
     if (result != RESULT_OK)
         case_destroy(&knee);
     *out_case = knee;

@@ -24,6 +24,7 @@ struct recipe {
     double resolution_mm;       // edges of a bone's triangles; fine parts get finer ones
     double meniscus_medial_cm3; // volumes at size 1
     double meniscus_lateral_cm3;
+    double rim_mm; // of the menisci's maxcut; 0: they have none
     int cavity_count;
     struct recipe_cavity cavities[RECIPE_CAVITIES_MAX];
 };

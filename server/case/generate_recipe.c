@@ -1,5 +1,6 @@
 #include "base/number.h"
 #include "case/generate.h"
+#include "case/maxcut.h"
 
 #include <errno.h>
 #include <ini.h>
@@ -29,6 +30,7 @@ static const struct number_key number_keys[] = {
     {"mesh", "resolution_mm", offsetof(struct recipe, resolution_mm), 1.2, 3},
     {"menisci", "medial_cm3", offsetof(struct recipe, meniscus_medial_cm3), 1.4, 2.5},
     {"menisci", "lateral_cm3", offsetof(struct recipe, meniscus_lateral_cm3), 1.4, 2.5},
+    {"menisci", "rim_mm", offsetof(struct recipe, rim_mm), MAXCUT_RIM_LEAST_MM, MAXCUT_RIM_MOST_MM},
 };
 
 static enum result refuse(struct reading *r, const char *section, const char *key,
@@ -178,8 +180,11 @@ enum result recipe_load(const char *path, struct recipe *out_recipe, struct erro
     int length = snprintf(file, sizeof file, folder ? "%s/recipe.ini" : "%s", path);
     if (length < 0 || (size_t)length >= sizeof file)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
-    *out_recipe = (struct recipe){
-        .size = 1, .resolution_mm = 1.7, .meniscus_medial_cm3 = 2.4, .meniscus_lateral_cm3 = 2.4};
+    *out_recipe = (struct recipe){.size = 1,
+                                  .resolution_mm = 1.7,
+                                  .meniscus_medial_cm3 = 2.4,
+                                  .meniscus_lateral_cm3 = 2.4,
+                                  .rim_mm = MAXCUT_RIM_MM};
     struct reading r = {.recipe = out_recipe, .err = err, .result = RESULT_OK};
     int line = ini_parse(file, read_entry, &r);
     if (line < 0)

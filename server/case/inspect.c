@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "case/import.h"
+#include "case/maxcut.h"
 #include "mesh/query.h"
 #include "mesh/topology.h"
 
@@ -11,6 +12,8 @@
 
 #define DISPLACEMENT_MAX_MM 30
 #define PORTAL_OFF_SKIN_MAX_MM 5
+#define OUT_MAX_MM 0.5
+#define PLAN_BEYOND_MAX 0.1
 
 static void note(struct inspection *inspection, enum finding_level level, const char *where,
                  const char *format, ...) __attribute__((format(printf, 4, 5)));
@@ -126,6 +129,44 @@ static void inspect_displacements(const struct case_group *group, struct inspect
              maxcut, DISPLACEMENT_MAX_MM);
 }
 
+static void inspect_budget(const struct case_group *group, const struct maxcut_report *report,
+                           struct inspection *out) {
+    const char *where = group->name;
+    double budget = report->whole_mm3 - report->least_mm3, beyond = report->plan_beyond_mm3;
+    if (group->lesion.plan.part_count == 0) {
+        note(out, FINDING_NOTE, where, "cut budget %.0f of %.0f mm3", budget, report->whole_mm3);
+        return;
+    }
+    note(out, FINDING_NOTE, where, "cut budget %.0f of %.0f mm3; planned %.0f mm3, %.0f within it",
+         budget, report->whole_mm3, report->plan_mm3, report->plan_mm3 - beyond);
+    if (beyond > PLAN_BEYOND_MAX * report->plan_mm3)
+        note(out, FINDING_WARNING, where, "%.0f mm3 of the plan lie within what must stay", beyond);
+}
+
+static void inspect_maxcut(const struct case_group *group, struct inspection *out) {
+    struct maxcut_report report;
+    struct error err;
+    if (!group->cuttable)
+        return;
+    if (!group->maxcut) {
+        note(out, FINDING_WARNING, group->name, "no maxcut: nothing of it can give way to a cut");
+        return;
+    }
+    if (maxcut_inspect(group, &report, &err) != RESULT_OK) {
+        note(out, FINDING_FAULT, group->name, "%s", err.text);
+        return;
+    }
+    if (report.out_count > 0)
+        note(out, report.deepest_mm > OUT_MAX_MM ? FINDING_FAULT : FINDING_WARNING, group->name,
+             "maxcut: %u of %u samples stick out of S' by more than %g mm, at most %.2f mm",
+             report.out_count, report.samples, MAXCUT_TOLERANCE_MM, report.deepest_mm);
+    if (report.folds.crossed + report.folds.creased > 0)
+        note(out, FINDING_FAULT, group->name,
+             "maxcut: folded, %u pairs of triangles cross and %u lie on one another",
+             report.folds.crossed, report.folds.creased);
+    inspect_budget(group, &report, out);
+}
+
 static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
     static const char *const bones[] = {"tibia", "femur"};
     for (int i = 0; i < 2; i++) {
@@ -214,6 +255,7 @@ void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {
     for (int i = 0; i < knee->group_count; i++) {
         inspect_surface(&knee->groups[i], out_inspection);
         inspect_displacements(&knee->groups[i], out_inspection);
+        inspect_maxcut(&knee->groups[i], out_inspection);
     }
     for (size_t i = 0; i < sizeof useful / sizeof useful[0]; i++)
         if (!case_group(knee, useful[i]))

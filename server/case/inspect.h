@@ -3,7 +3,7 @@
 
 #include "case/case.h"
 
-enum finding_level { FINDING_WARNING, FINDING_FAULT };
+enum finding_level { FINDING_NOTE, FINDING_WARNING, FINDING_FAULT };
 
 struct finding {
     enum finding_level level;
@@ -22,9 +22,11 @@ struct inspection {
 // Faults: a tibia or femur that is not the size of a knee, a closed group that is inside out,
 // a displacement of more than 30 mm, a portal off the skin or pointing away from the joint, bones
 // or menisci that do not lie as the side and the frame (x right, y anterior, z proximal) say, a
-// joint centre outside of the knee. Warnings: open or not manifold surfaces, menisci and patella
-// of unusual size, groups that a session could use but are not there. The case must have passed
-// case_validate.
+// joint centre outside of the knee, an S'_max that is folded or sticks more than 0.5 mm out of its
+// S'. Warnings: open or not manifold surfaces, menisci and patella of unusual size, groups that a
+// session could use but are not there, a cuttable group without a maxcut, an S'_max that sticks out
+// by less, a plan of which a tenth or more may not go. Notes: the cut budget. The case must have
+// passed case_validate.
 void inspect_case(struct knee_case *knee, struct inspection *out_inspection);
 
 // The largest length of a displacement, mm; 0 for NULL.

@@ -17,6 +17,7 @@ static const struct {
     {"check", command_check, "whether its structure, units and places make sense"},
     {"import", command_import, "make a case from meshes of a scan"},
     {"deform", command_deform, "add a cavity to a case"},
+    {"maxcut", command_maxcut, "make what a whole resection leaves of the menisci"},
     {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
     {"picture", command_picture, "draw it"},
 };

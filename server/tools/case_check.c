@@ -10,11 +10,14 @@ static const char help[] =
     "\n"
     "Loads a case as a server does and looks at its structure, units and places: sizes of a knee,\n"
     "closed and oriented surfaces, displacements below 30 mm, portals on the skin, bones and\n"
-    "menisci where side and frame say. Exit status 1 where there is a fault; warnings do not "
-    "fail.\n";
+    "menisci where side and frame say, what a whole resection leaves (maxcut) inside the meniscus\n"
+    "and without folds, and how much may be cut. Exit status 1 where there is a fault; warnings\n"
+    "and notes do not fail.\n";
 
 static const char *level_name(enum finding_level level) {
-    return level == FINDING_FAULT ? "fault" : "warning";
+    static const char *const names[] = {
+        [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
+    return names[level];
 }
 
 static int print_text(const char *dir, const struct inspection *inspection) {

@@ -419,7 +419,7 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     struct recipe recipe;
     struct error err;
     if (load_text("[knee]\ntitle = A knee\nside = left\nsize = 0.9\n[mesh]\nresolution_mm = 2\n"
-                  "[menisci]\nmedial_cm3 = 2\nlateral_cm3 = 1.5\n"
+                  "[menisci]\nmedial_cm3 = 2\nlateral_cm3 = 1.5\nrim_mm = 4\n"
                   "[cavity a]\nbody = tibia\nat = 1 -2 3.5\nradius_mm = 8\ndepth_mm = 3\n"
                   "[cavity b]\nbody = femur\nat = 0 0 0\nradius_mm = 4\ndepth_mm = 2\n",
                   &recipe, &err) != RESULT_OK)
@@ -430,6 +430,7 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_near(recipe.resolution_mm, 2, 0);
     assert_near(recipe.meniscus_medial_cm3, 2, 0);
     assert_near(recipe.meniscus_lateral_cm3, 1.5, 0);
+    assert_near(recipe.rim_mm, 4, 0);
     assert_int_equal(recipe.cavity_count, 2);
     assert_string_equal(recipe.cavities[0].name, "a");
     assert_vec3_near(recipe.cavities[0].dent.at, ((vec3){1, -2, 3.5}), 0);
@@ -455,6 +456,7 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[mesh]\nresolution_mm = 1\n", "from 1.2 to 3"},
         {"[menisci]\nmedial_cm3 = 3\n", "from 1.4 to 2.5"},
         {"[menisci]\nlateral_cm3 = 1\n", "from 1.4 to 2.5"},
+        {"[menisci]\nrim_mm = 1\n", "[menisci] rim_mm = 1: must be a number from 2 to 8"},
         {"[cavity a]\nbody = patella\n", "[cavity a] body: must be femur or tibia"},
         {"[cavity a]\nat = 1 2\n", "[cavity a] at: must be three numbers"},
         {"[cavity a]\nat = 1 2 300\n", "within 100 mm"},

@@ -1,0 +1,343 @@
+// Cutting as a session sees it: from a closing jaw to the touch that follows.
+#include "base/clock.h"
+#include "case/generate.h"
+#include "session/session.h"
+#include "test.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define STEP_NS NS_PER_MS
+
+static struct scene *scene;
+static const struct case_group *meniscus;
+static vec3 inner, outward; // a point of its inner margin, and from there to the rim
+
+static uint32_t most_moved(const struct case_group *group) {
+    uint32_t best = 0;
+    double length = 0;
+    for (uint32_t i = 0; i < group->mesh.vertex_count; i++) {
+        const float *to = group->maxcut + 3 * (size_t)i;
+        double l = hypot((double)to[0], (double)to[1]);
+        if (l > length)
+            best = i;
+        length = fmax(l, length);
+    }
+    return best;
+}
+
+static int make_scene(void **state) {
+    (void)state;
+    struct recipe recipe;
+    struct knee_case *knee;
+    struct error err = {""};
+    if (recipe_load(CASES "/healthy", &recipe, &err) != RESULT_OK ||
+        generate_knee(&recipe, &knee, &err) != RESULT_OK ||
+        scene_create(&knee, &scene, &err) != RESULT_OK) {
+        print_error("%s\n", err.text);
+        return -1;
+    }
+    meniscus = &scene_case(scene)->groups[scene_tissue_group(scene, 0)];
+    uint32_t vertex = most_moved(meniscus);
+    const float *to = meniscus->maxcut + 3 * (size_t)vertex;
+    inner = mesh_vertex(&meniscus->mesh, vertex);
+    outward = vec3_unit_or((vec3){(double)to[0], (double)to[1], 0}, (vec3){1, 0, 0});
+    return 0;
+}
+
+static int drop_scene(void **state) {
+    (void)state;
+    scene_destroy(&scene);
+    return 0;
+}
+
+// ---- a session by hand --------------------------------------------------------------------------
+
+struct hand {
+    struct session *session;
+    struct operation *operation;
+    struct session_input input;
+    struct session_output out;
+    struct job_result *pending;
+    bool probe_is_there;
+    vec3 probe;
+    double opening;
+    enum validity handle;
+    vec3 tip; // of the punch
+};
+
+// The jaw astride the inner margin: its lower half below, opening upwards.
+static pose punch_pose(vec3 tip) {
+    vec3 up = {0, 0, 1}, x = vec3_cross(up, outward);
+    mat3 axes = {{{x.x, up.x, outward.x}, {x.y, up.y, outward.y}, {x.z, up.z, outward.z}}};
+    return (pose){quat_from_mat3(axes), tip};
+}
+
+static struct hand hand_start(void) {
+    struct session_settings settings = session_settings_default();
+    struct hand h = {.session = session_create(scene, &settings),
+                     .operation = operation_create(scene),
+                     .opening = 1};
+    h.tip = vec3_add(vec3_add_scaled(inner, 2.5, outward), (vec3){0, 0, -0.5});
+    h.input.kind = INPUT_START;
+    session_step(h.session, &h.input, &h.out);
+    return h;
+}
+
+static void hand_end(struct hand *h) {
+    session_destroy(&h->session);
+    operation_destroy(&h->operation);
+    job_result_destroy(&h->pending);
+}
+
+static void run_job(struct hand *h) {
+    if (!h->out.job.id)
+        return;
+    assert_null(h->pending); // never two on their way
+    h->pending = operation_run(h->operation, &h->out.job);
+}
+
+static void add(struct hand *h, struct sample sample) {
+    sample.time_ns = h->input.time_ns;
+    h->input.frame.samples[h->input.frame.count++] = sample;
+}
+
+static void step(struct hand *h) {
+    uint64_t number = h->input.kind == INPUT_FRAME ? h->input.frame.number : 0;
+    h->input.kind = INPUT_FRAME;
+    h->input.time_ns += STEP_NS;
+    h->input.frame = (struct frame){.number = number + 1, .time_ns = h->input.time_ns};
+    add(h, (struct sample){
+               .channel = CHANNEL_PUNCH, .kind = SAMPLE_POSE, .T_mockup_body = punch_pose(h->tip)});
+    add(h, (struct sample){.channel = CHANNEL_PUNCH,
+                           .kind = SAMPLE_HANDLE,
+                           .validity = h->handle,
+                           .handle = {h->opening, 0}});
+    if (h->probe_is_there)
+        add(h, (struct sample){.channel = CHANNEL_PROBE,
+                               .kind = SAMPLE_POSE,
+                               .T_mockup_body = {quat_identity(), h->probe}});
+    session_step(h->session, &h->input, &h->out);
+    run_job(h);
+}
+
+static void give(struct hand *h, enum input_kind kind, uint64_t job,
+                 const struct job_result *result) {
+    struct session_input input = {.kind = kind, .time_ns = h->input.time_ns};
+    if (kind == INPUT_JOB) {
+        input.job = job;
+        input.result = result;
+    }
+    session_step(h->session, &input, &h->out);
+}
+
+static struct landed land(struct hand *h) {
+    assert_non_null(h->pending);
+    struct job_result *result = h->pending;
+    h->pending = NULL;
+    give(h, INPUT_JOB, result->job, result);
+    run_job(h);
+    job_result_destroy(&result);
+    return h->out.landed;
+}
+
+// Closes the jaw as far as to the next job.
+static void close_to_job(struct hand *h) {
+    while (!h->pending && h->opening > 0) {
+        h->opening = fmax(0, h->opening - 0.05);
+        step(h);
+    }
+}
+
+static struct landed bite(struct hand *h) {
+    struct landed last = {0};
+    h->opening = 1;
+    step(h);
+    while (h->opening > 0) {
+        close_to_job(h);
+        if (h->pending)
+            last = land(h);
+    }
+    return last;
+}
+
+// ---- the tests ----------------------------------------------------------------------------------
+
+static void a_closing_jaw_takes_tissue_and_the_warp_gives_way(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    double whole = operation_figures(h.operation, 0)->volume_mm3;
+    struct landed landed = bite(&h);
+    const struct tissue_figures *f = &landed.figures;
+    assert_int_equal(landed.tissue, 0);
+    assert_true(f->cuts >= 3);
+    assert_true(f->removed_mm3 > 5 && f->removed_mm3 < 40);
+    assert_near(f->volume_mm3, whole - f->removed_mm3 - f->pieces_mm3, 1e-6);
+    assert_near(cut_mesh_volume(operation_mesh(h.operation, 0)), f->volume_mm3, 1e-6);
+    assert_near(f->warped_mm3 - f->left_mm3, whole - f->removed_mm3 - f->pieces_mm3,
+                1e-3); // no tear, so S' is whole
+    assert_near(f->quality.removed_mm3, f->removed_mm3 + f->pieces_mm3, 0.1 * f->removed_mm3);
+    assert_true(h.out.instruments[CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT].present);
+    hand_end(&h);
+}
+
+static vec3 probe_displacement(const struct hand *h) {
+    return h->out.instruments[0].warp.displacement;
+}
+
+static double blend_at(const struct hand *h, uint32_t vertex) {
+    return match_blends(operation_match(h->operation, 0))[vertex];
+}
+
+// A hand that rests on the margin feels it give way no faster than it may, and all of it in the
+// end.
+static void a_resting_tip_feels_no_jump(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.probe_is_there = true;
+    h.probe = inner;
+    step(&h);
+    vec3 last = probe_displacement(&h);
+    double floor_mm = session_settings_default().ease_mm_s * STEP_NS / NS_PER_S;
+    bite(&h);
+    double moved = 0;
+    for (int i = 0; i < 4000; i++) {
+        step(&h);
+        if (h.pending)
+            land(&h);
+        double change = vec3_distance(probe_displacement(&h), last);
+        if (i)
+            assert_true(change <= floor_mm * (1 + 1e-9));
+        moved += i ? change : 0;
+        last = probe_displacement(&h);
+    }
+    uint32_t vertex = most_moved(meniscus);
+    const float *to = meniscus->maxcut + 3 * (size_t)vertex;
+    vec3 full =
+        vec3_scale(blend_at(&h, vertex), (vec3){(double)to[0], (double)to[1], (double)to[2]});
+    assert_true(blend_at(&h, vertex) > 0.1);
+    assert_true(moved > 0.2);
+    assert_vec3_near(last, full, 1e-4);
+    hand_end(&h);
+}
+
+// While a job is on its way no other is asked for; the jaw's way since then is in the next.
+static void jobs_go_one_by_one_and_no_way_is_lost(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    step(&h);
+    close_to_job(&h);
+    double opening = h.out.job.move.opening[1];
+    uint64_t first = h.out.job.id;
+    for (int i = 0; i < 8; i++) {
+        h.opening -= 0.05;
+        step(&h); // asserts that there is no second job
+        assert_int_equal(h.out.job.id, 0);
+    }
+    land(&h);
+    if (!h.pending)
+        step(&h);
+    assert_non_null(h.pending);
+    assert_int_equal(h.out.job.id, first + 1);
+    assert_near(h.out.job.move.opening[0], opening, 0);
+    assert_near(h.out.job.move.opening[1], h.opening, 0);
+    hand_end(&h);
+}
+
+static void a_lost_handle_does_not_cut(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    step(&h);
+    h.handle = VALIDITY_LOST;
+    h.opening = 0;
+    for (int i = 0; i < 5; i++)
+        step(&h);
+    const struct instrument_output *punch =
+        &h.out.instruments[CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT];
+    assert_int_equal(punch->handle_validity, VALIDITY_LOST);
+    assert_near(punch->handle.opening, 1, 0);
+    h.handle = VALIDITY_OK; // it closed in the dark
+    for (int i = 0; i < 5; i++)
+        step(&h);
+    assert_null(h.pending);
+    hand_end(&h);
+}
+
+static void a_reset_makes_the_tissue_whole(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.probe_is_there = true;
+    h.probe = inner;
+    double whole = operation_figures(h.operation, 0)->volume_mm3;
+    bite(&h);
+    close_to_job(&h);
+    uint32_t number = operation_figures(h.operation, 0)->mesh_number;
+    give(&h, INPUT_RESET, 0, NULL);
+    run_job(&h);
+    h.opening = 1;
+    step(&h);
+    assert_near(vec3_length(probe_displacement(&h)), 0, 0);
+    struct landed landed = land(&h);
+    assert_int_equal(landed.figures.mesh_number, number + 1);
+    assert_int_equal(landed.figures.cuts, 0);
+    assert_near(landed.figures.volume_mm3, whole, 0);
+    struct landed again = bite(&h);
+    assert_true(again.figures.cuts >= 3);
+    hand_end(&h);
+}
+
+// Asked for before the reset, done after it.
+static void a_cut_from_before_a_reset_does_not_land(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    step(&h);
+    close_to_job(&h);
+    give(&h, INPUT_RESET, 0, NULL);
+    assert_int_equal(h.out.job.id, 0); // the cut is still on its way
+    struct landed landed = land(&h);
+    assert_int_equal(landed.job, 0);
+    assert_non_null(h.pending); // and now the tissue is restored
+    assert_int_equal(h.out.job.kind, JOB_RESTORE);
+    assert_int_equal(land(&h).figures.cuts, 0);
+    hand_end(&h);
+}
+
+static void a_lost_result_does_not_hold_up_the_next(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    step(&h);
+    close_to_job(&h);
+    uint64_t id = h.pending->job;
+    job_result_destroy(&h.pending);
+    give(&h, INPUT_JOB, id, NULL);
+    assert_int_equal(h.out.landed.job, 0);
+    close_to_job(&h);
+    assert_int_equal(land(&h).job, id + 1);
+    hand_end(&h);
+}
+
+static void the_same_inputs_give_the_same_hash(void **state) {
+    (void)state;
+    uint64_t hashes[2];
+    for (int i = 0; i < 2; i++) {
+        struct hand h = hand_start();
+        bite(&h);
+        hashes[i] = h.out.hash;
+        hand_end(&h);
+    }
+    assert_true(hashes[0] == hashes[1]);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_closing_jaw_takes_tissue_and_the_warp_gives_way),
+        cmocka_unit_test(a_resting_tip_feels_no_jump),
+        cmocka_unit_test(jobs_go_one_by_one_and_no_way_is_lost),
+        cmocka_unit_test(a_lost_handle_does_not_cut),
+        cmocka_unit_test(a_reset_makes_the_tissue_whole),
+        cmocka_unit_test(a_cut_from_before_a_reset_does_not_land),
+        cmocka_unit_test(a_lost_result_does_not_hold_up_the_next),
+        cmocka_unit_test(the_same_inputs_give_the_same_hash),
+    };
+    return cmocka_run_group_tests_name("cutting", tests, make_scene, drop_scene);
+}

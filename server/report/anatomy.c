@@ -100,9 +100,7 @@ struct shown {
 
 static void shown_add(struct shown *shown, const struct case_group *group, pose T_femur_body) {
     struct mesh *mesh = &shown->meshes[shown->count];
-    mesh_copy(mesh, &group->mesh);
-    for (size_t i = 0; group->warp && i < 3 * (size_t)mesh->vertex_count; i++)
-        mesh->positions[i] += group->warp[i];
+    case_group_virtual(group, mesh);
     shown->surfaces[shown->count++] = (struct render_surface){
         .mesh = mesh,
         .T_world_mesh = T_femur_body,

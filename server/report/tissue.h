@@ -1,0 +1,18 @@
+// Pictures of a meniscus that is being resected. Original surface bluish, cut surfaces salmon,
+// displacements purple lines.
+#pragma once
+
+#include "report/lines.h"
+#include "report/render.h"
+
+struct tissue_look {
+    const struct mesh *mesh;
+    const uint32_t *labels;   // of each triangle, 0: original surface; NULL: all is
+    const double *blends;     // of each vertex, 0 to 1, shaded towards purple; or NULL
+    const struct line *lines; // displacements
+    size_t line_count;
+};
+
+// The caller releases *out_picture.
+enum result tissue_picture(const struct tissue_look *look, const struct camera *camera, int width,
+                           int height, struct picture *out_picture, struct error *err);

@@ -66,6 +66,7 @@ struct seat {
     int64_t clock_offset_ns; // server = station + offset
     uint64_t last_frame;
     arthron_Reply reply; // to last_frame
+    uint32_t events;     // of all steps since
     int64_t last_step_ns, last_frame_ns;
     struct drift drift[INSTRUMENT_COUNT];
     bool drift_warned; // the clerk's

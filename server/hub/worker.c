@@ -54,6 +54,7 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
     session_step(seat->live->session, input, output);
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
+    seat->events |= output->events;
     if (output->job.id)
         theatre_run(worker->theatre, (int)(seat - worker->hub->seats), seat->live, &output->job);
     if (output->events & EVENT_STATE) {
@@ -180,6 +181,8 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     step(worker, seat, &input, &output);
     watch_drift(worker, seat, &output);
     reply_from_output(&output, knee, frame->number, frame->time_ns, &seat->reply);
+    seat->reply.events = seat->events;
+    seat->events = 0;
     answer(worker, seat, path, &seat->reply);
 }
 
@@ -267,6 +270,7 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     forget_drift(seat);
     clear_counts(&seat->counts);
     seat->last_frame = 0;
+    seat->events = 0;
     seat->last_step_ns = 0;
     seat->last_frame_ns = clock_now_ns();
     atomic_store(&seat->counts.state, SESSION_WAITING);

@@ -207,6 +207,8 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
         arrival = (struct arrival){.reply = message->message.reply};
         hand_over(link, &arrival); // full: the caller does not wait for replies
         return 0;
+    case arthron_Control_resection_tag:
+        return 0; // figures for a view
     default:
         log_warning("link", "the server said what only a station may say");
         return -1;

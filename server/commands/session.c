@@ -64,9 +64,11 @@ static json_t *zones_to_json(const float zones[9]) {
 }
 
 static json_t *resection_to_json(const arthron_Resection *r) {
+    char hash[17];
+    snprintf(hash, sizeof hash, "%016" PRIx64, r->mesh_hash);
     return json_pack(
         "{s:s, s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, "
-        "s:o, s:o, s:o}",
+        "s:o, s:o, s:o, s:s}",
         "group", r->group, "mesh_number", (json_int_t)r->mesh_number, "cuts", (json_int_t)r->cuts,
         "cuts_refused", (json_int_t)r->cuts_refused, "pieces", (json_int_t)r->pieces, "volume_mm3",
         r->volume_mm3, "removed_mm3", r->removed_mm3, "pieces_mm3", r->pieces_mm3, "warped_mm3",
@@ -74,7 +76,7 @@ static json_t *resection_to_json(const arthron_Resection *r) {
         r->planned_mm3, "over_mm3", r->over_mm3, "under_mm3", r->under_mm3, "damage_mm3",
         r->damage_mm3, "rim_mm", r->rim_mm, "step_mm", r->step_mm, "whole_zone_mm3",
         zones_to_json(r->whole_zone_mm3), "removed_zone_mm3", zones_to_json(r->removed_zone_mm3),
-        "budget_zone_mm3", zones_to_json(r->budget_zone_mm3));
+        "budget_zone_mm3", zones_to_json(r->budget_zone_mm3), "mesh_hash", hash);
 }
 
 static json_t *info_to_json(const arthron_SessionInfo *info) {

@@ -65,6 +65,7 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     pthread_mutex_lock(&hub->card_lock);
     seat->card.start_utc_ns = clock_utc_ns();
     memset(seat->card.tissues, 0, sizeof seat->card.tissues);
+    memset(seat->card.mesh_hashes, 0, sizeof seat->card.mesh_hashes);
     enum result result = trace_path(hub, seat, &seat->card, seat->card.trace, err);
     struct card card = seat->card;
     pthread_mutex_unlock(&hub->card_lock);
@@ -313,7 +314,7 @@ static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
     for (int i = 0; i < scene_tissue_count(scene); i++)
         reply_resection(&card.tissues[i],
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
-                        &reply->resections[i]);
+                        card.mesh_hashes[i], &reply->resections[i]);
     reply->ok = true;
 }
 

@@ -50,8 +50,10 @@ static void take_zones(const struct zone_volumes *zones, float out[9]) {
             out[i * ZONE_ACROSS_COUNT + k] = (float)zones->mm3[i][k];
 }
 
-void reply_resection(const struct tissue_figures *f, const char *group, arthron_Resection *out) {
+void reply_resection(const struct tissue_figures *f, const char *group, uint64_t mesh_hash,
+                     arthron_Resection *out) {
     *out = (arthron_Resection){
+        .mesh_hash = mesh_hash,
         .mesh_number = f->mesh_number,
         .cuts = f->cuts,
         .cuts_refused = f->refused,

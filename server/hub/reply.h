@@ -10,5 +10,6 @@
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
                        uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out_reply);
 
-void reply_resection(const struct tissue_figures *figures, const char *group,
+// mesh_hash: of the mesh as stations follow it.
+void reply_resection(const struct tissue_figures *figures, const char *group, uint64_t mesh_hash,
                      arthron_Resection *out_resection);

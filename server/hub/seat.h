@@ -35,6 +35,7 @@ struct card {
     int64_t retry_ns; // not before this time: the last attempt to open one failed
     int scene;        // index into hub.scenes
     struct tissue_figures tissues[TISSUES_MAX]; // of the session, as its last jobs left them
+    uint64_t mesh_hashes[TISSUES_MAX];          // as its stations follow them
     int64_t start_utc_ns;
     char trace[HUB_PATH_MAX];
 };

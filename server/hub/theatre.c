@@ -92,22 +92,30 @@ static void send_meshes(struct theatre *theatre, struct table *table) {
     }
 }
 
+static uint64_t mesh_hash(const struct table *table, int tissue) {
+    const struct mesh_feed *feed = table->feeds[tissue];
+    return feed ? mesh_feed_tissue(feed)->hash : 0;
+}
+
 static void send_figures(struct theatre *theatre, const struct table *table, int tissue) {
     arthron_Control message = {.which_message = arthron_Control_resection_tag};
     if (!table->cursors[tissue].asked)
         return;
     reply_resection(operation_figures(table->live->operation, tissue),
-                    group_name(table->live, tissue), &message.message.resection);
+                    group_name(table->live, tissue), mesh_hash(table, tissue),
+                    &message.message.resection);
     control_send(theatre->hub->control, table->peer, &message);
 }
 
 // For whoever lists the sessions.
 static void publish_figures(struct theatre *theatre, int seat) {
-    const struct live *live = theatre->tables[seat].live;
+    const struct table *table = &theatre->tables[seat];
     struct card *card = &theatre->hub->seats[seat].card;
     pthread_mutex_lock(&theatre->hub->card_lock);
-    for (int i = 0; i < scene_tissue_count(live->scene); i++)
-        card->tissues[i] = *operation_figures(live->operation, i);
+    for (int i = 0; i < scene_tissue_count(table->live->scene); i++) {
+        card->tissues[i] = *operation_figures(table->live->operation, i);
+        card->mesh_hashes[i] = mesh_hash(table, i);
+    }
     pthread_mutex_unlock(&theatre->hub->card_lock);
 }
 
@@ -168,8 +176,8 @@ static void run(struct theatre *theatre, const struct order *order) {
 
 static void publish(struct theatre *theatre, const struct order *order) {
     struct table *table = &theatre->tables[order->seat];
-    publish_figures(theatre, order->seat);
     push_change(table, order->result);
+    publish_figures(theatre, order->seat);
     send_meshes(theatre, table);
     send_figures(theatre, table, order->result->tissue);
 }

@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""A punch bites in the mock-up: the server cuts, the station's mesh follows, the trace replays."""
+
+import os
+import signal
+import unittest
+
+from arthron import House, call, call_json, wait_until
+
+BITES = """
+[motion]
+rate_hz = 100
+speed_mm_s = 120
+joint_speed_deg_s = 60
+tremor_mm = 0.05
+seed = 1
+[steps]
+flex = 20
+approach = punch anterolateral
+bite = punch meniscus_medial
+bite = punch meniscus_medial
+withdraw = punch
+"""
+
+
+class Resection(House):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        script = os.path.join(cls.shared.name, "bites.ini")
+        with open(script, "w") as f:
+            f.write(BITES)
+        call("arthron-case", "motion", script, "--case", os.path.join(cls.cases, "healthy"), "--out", cls.motion)
+
+    def setUp(self):
+        super().setUp()
+        self.start_mockup()
+        self.server = self.start_server()
+        self.enrol("room-1")
+
+    def resection(self, group="meniscus_medial"):
+        return next(r for r in self.steer("show", "room-1")["resections"] if r["group"] == group)
+
+    def wait_for_cuts(self, count=2):
+        wait_until(f"{count} cuts", lambda: self.resection()["cuts"] >= count, 60)
+
+    def mesh_at(self, station):
+        """What the station has of the medial meniscus, as it says at its end."""
+        station.end()
+        return next(m for m in self.summary(station)["meshes"] if m["group"] == "meniscus_medial")
+
+    def assert_same_mesh(self, station):
+        """Nothing is cut while the session rests, so both sides can be asked one after the other."""
+        there = self.resection()
+        here = self.mesh_at(station)
+        self.assertEqual((here["number"], here["hash"]), (there["mesh_number"], there["mesh_hash"]))
+
+    def test_the_meniscus_is_cut_and_the_record_replays(self):
+        station = self.start_station()
+        self.wait_for_cuts(3)
+        self.steer("pause", "room-1")
+        r = self.resection()
+        self.assertGreater(r["removed_mm3"], 1)
+        self.assertEqual(r["mesh_number"], 1 + r["cuts"])
+        whole = r["volume_mm3"] + r["removed_mm3"] + r["pieces_mm3"]
+        self.assertAlmostEqual(whole, sum(r["whole_zone_mm3"]), delta=0.01 * whole)
+        self.assertAlmostEqual(r["warped_mm3"] - r["left_mm3"], r["volume_mm3"], delta=1e-3)
+        self.assertLess(r["rim_mm"], 12)
+        self.assertEqual(self.resection("meniscus_lateral")["cuts"], 0)
+        trace = self.session()["trace"]
+        self.assert_same_mesh(station)
+        self.server.end()
+        replay = call_json("arthron-trace", "replay", trace)
+        self.assertEqual(replay["verdict"], "identical")
+        info = call_json("arthron-trace", "info", trace)
+        self.assertEqual(info["events"]["cut"], r["cuts"])
+        self.assertAlmostEqual(info["resections"][0]["removed_mm3"], r["removed_mm3"], places=9)
+
+    def test_a_station_that_comes_back_has_the_same_mesh(self):
+        first = self.start_station()
+        self.wait_for_cuts(1)
+        first.end(signal.SIGKILL)
+        second = self.start_station(label="again")
+        self.wait_for_cuts(self.resection()["cuts"] + 1)
+        self.steer("pause", "room-1")
+        wait_until("frames", lambda: self.session()["connected"])
+        self.assert_same_mesh(second)
+
+    def test_a_reset_makes_the_mesh_whole_at_both_ends(self):
+        station = self.start_station()
+        wait_until("a session", lambda: self.steer("show", "room-1", code=None)["resections"])
+        wait_until("its mesh", lambda: self.resection()["mesh_number"] == 1)
+        before = self.resection()
+        self.wait_for_cuts(1)
+        self.steer("reset", "room-1")
+        self.steer("pause", "room-1")
+        wait_until("the whole mesh", lambda: self.resection()["cuts"] == 0)
+        after = self.resection()
+        self.assertEqual(after["mesh_hash"], before["mesh_hash"])
+        self.assertAlmostEqual(after["volume_mm3"], before["volume_mm3"], places=9)
+        self.assert_same_mesh(station)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,4 +1,5 @@
 #include "cut/change.h"
+#include "cut/clean.h"
 #include "cut/stage.h"
 
 #define LEAST_MM3 1e-4
@@ -57,6 +58,7 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
         return give_up(mesh, CUT_REFUSED);
     }
     mesh->number = change.number;
+    clean(mesh);
     change_update_volume(mesh);
     change_take_pieces(mesh, &change);
     change.volume_mm3 = mesh->volume;

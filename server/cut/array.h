@@ -49,3 +49,7 @@ static inline uint32_t marks_get(const struct marks *marks, uint32_t id) {
 static inline void marks_set(struct marks *marks, uint32_t id, uint32_t value) {
     marks->at[id] = (struct mark){marks->epoch, value};
 }
+
+static inline void marks_unset(struct marks *marks, uint32_t id) {
+    marks->at[id].epoch = 0;
+}

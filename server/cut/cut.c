@@ -1,5 +1,6 @@
 #include "cut/cut.h"
 
+#include "cut/clean.h"
 #include "cut/flood.h"
 #include "cut/stage.h"
 #include "mesh/edges.h"
@@ -66,6 +67,12 @@ static void take_arrays(struct cut_mesh *out, const struct mesh *mesh, const str
     }
 }
 
+static void create_scratch(struct cut_mesh *mesh) {
+    mesh->stage = stage_create();
+    mesh->flood = alloc(1, sizeof *mesh->flood);
+    mesh->cleaner = alloc(1, sizeof *mesh->cleaner);
+}
+
 enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
                             struct error *err) {
     *out_mesh = NULL;
@@ -83,8 +90,7 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
         grid_add(&m->grid, t, points);
     }
     m->volume = cut_mesh_volume(m);
-    m->stage = stage_create();
-    m->flood = alloc(1, sizeof *m->flood);
+    create_scratch(m);
     return RESULT_OK;
 }
 
@@ -102,8 +108,7 @@ struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {
     copy->free_triangles = ids_copy(&mesh->free_triangles);
     grid_copy(&copy->grid, &mesh->grid);
     copy->undo = (struct undo){0};
-    copy->stage = stage_create();
-    copy->flood = alloc(1, sizeof *copy->flood);
+    create_scratch(copy);
     return copy;
 }
 
@@ -127,6 +132,8 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     stage_destroy(&m->stage);
     flood_fini(m->flood);
     free(m->flood);
+    cleaner_fini(m->cleaner);
+    free(m->cleaner);
     free(m);
 }
 

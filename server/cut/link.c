@@ -53,6 +53,8 @@ static bool match_sides(struct stage *stage) {
 
 // ---- the volume that goes ----
 
+#define SLACK_MM3 1e-3 // by which a blade may have grown
+
 static double six_volumes_of(const struct cut_mesh *mesh, const uint32_t corners[3], vec3 apex) {
     vec3 points[3];
     triangle_points(mesh, corners, points);
@@ -68,8 +70,7 @@ static bool measure(const struct cut_mesh *mesh, struct stage *stage) {
     for (uint32_t k = 0; k < stage->made_count; k++)
         sum -= six_volumes_of(mesh, stage->made[k].corners, apex);
     stage->removed_mm3 = sum / 6;
-    double slack = 1e-6 + 1e-6 * stage->blade.volume;
-    return stage->removed_mm3 >= -slack && stage->removed_mm3 <= stage->blade.volume + slack
+    return stage->removed_mm3 >= -SLACK_MM3 && stage->removed_mm3 <= stage->blade.volume + SLACK_MM3
                ? true
                : stage_refuse(stage,
                               "more volume would go than the blade holds, or less than none");

@@ -58,8 +58,16 @@ static void shift_by(struct convex *blade, vec3 shift) {
         blade->planes[f].offset += vec3_dot(blade->planes[f].normal, shift);
     for (int v = 0; v < blade->vertex_count; v++)
         blade->vertices[v] = vec3_add(blade->vertices[v], shift);
-    blade->box.min = vec3_add(blade->box.min, shift);
-    blade->box.max = vec3_add(blade->box.max, shift);
+}
+
+static void set_box(struct convex *blade) {
+    struct box *box = &blade->box;
+    *box = (struct box){blade->vertices[0], blade->vertices[0]};
+    for (int v = 1; v < blade->vertex_count; v++) {
+        vec3 p = blade->vertices[v];
+        box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
+        box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
+    }
 }
 
 static void connect_faces(struct stage *stage) {
@@ -78,6 +86,7 @@ static void place(struct convex *blade, uint64_t seed, int attempt) {
     double x = draw(&seed), y = draw(&seed), z = draw(&seed);
     grow(blade, size * (0.75 + 0.25 * draw(&seed)));
     shift_by(blade, vec3_scale(size / 4, (vec3){x, y, z}));
+    set_box(blade);
 }
 
 void stage_begin(struct stage *stage, const struct convex *part, uint64_t seed, int attempt) {

@@ -27,6 +27,7 @@ struct undo {
 
 struct stage;
 struct flood;
+struct cleaner;
 
 struct cut_mesh {
     uint32_t vertex_bound, vertex_room;
@@ -45,6 +46,7 @@ struct cut_mesh {
     struct undo undo;
     struct stage *stage; // scratch, kept from cut to cut
     struct flood *flood;
+    struct cleaner *cleaner;
 };
 
 static inline uint32_t side_next(uint32_t side) {

@@ -1,0 +1,183 @@
+#include "cut/clean.h"
+
+#include "cut/surgery.h"
+
+#define NEAR_MM 1e-3     // a vertex merges into one as near as this
+#define NEAR_OFF_MM 1e-4 // where that moves the surface by no more than this,
+#define OFF_MM 1e-6      // and into any other where it moves it by no more than this
+#define THIN 0.1         // ratio of height to length: triangles do not get thinner than that
+#define DEGREE_MAX 64
+#define TURNS 8 // of the queue
+
+void cleaner_fini(struct cleaner *cleaner) {
+    marks_fini(&cleaner->queued);
+    ids_fini(&cleaner->queue);
+}
+
+static void queue(struct cut_mesh *mesh, uint32_t vertex) {
+    struct cleaner *cleaner = mesh->cleaner;
+    if (marks_has(&cleaner->queued, vertex))
+        return;
+    marks_set(&cleaner->queued, vertex, 0);
+    ids_push(&cleaner->queue, vertex);
+}
+
+// ---- a vertex and what is around it ----
+
+struct fan {
+    int count;
+    uint32_t sides[DEGREE_MAX]; // that start at the vertex, clockwise: beside side k lie triangles
+                                // k, k + 1
+    vec3 normals[DEGREE_MAX];   // of their triangles, twice the area long
+    double thinnest;
+};
+
+static double thinness(vec3 a, vec3 b, vec3 c, vec3 *out_normal) {
+    vec3 ab = vec3_sub(b, a), bc = vec3_sub(c, b), ca = vec3_sub(a, c);
+    double longest = fmax(vec3_dot(ab, ab), fmax(vec3_dot(bc, bc), vec3_dot(ca, ca)));
+    *out_normal = vec3_cross(ab, vec3_sub(c, a));
+    return longest > 0 ? vec3_length(*out_normal) / longest : 0;
+}
+
+static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan *fan) {
+    uint32_t first = mesh->spokes[vertex], side = first;
+    fan->count = 0;
+    fan->thinnest = 1;
+    do {
+        if (fan->count == DEGREE_MAX)
+            return false;
+        vec3 p[3];
+        triangle_points(mesh, mesh->corners + 3 * (size_t)(side / 3), p);
+        fan->thinnest = fmin(fan->thinnest, thinness(p[0], p[1], p[2], &fan->normals[fan->count]));
+        fan->sides[fan->count++] = side;
+        side = side_around(mesh, side);
+    } while (side != first);
+    return true;
+}
+
+// ---- merging a vertex into a neighbour ----
+
+// Where the surface has labels, a line between two of them goes on as the line that it was: on each
+// way around the vertex from the side that goes to it, the label of the triangle that goes,
+// changing once at most.
+static bool keeps_labels(const struct cut_mesh *mesh, const struct fan *fan, int k) {
+    uint32_t right = mesh->labels[fan->sides[(k + 1) % fan->count] / 3];
+    uint32_t left = mesh->labels[fan->sides[k] / 3];
+    bool changed = false;
+    for (int i = 2; i < fan->count; i++) {
+        uint32_t label = mesh->labels[fan->sides[(k + i) % fan->count] / 3];
+        changed |= label != right;
+        if (label != (changed ? left : right))
+            return false;
+    }
+    return true;
+}
+
+// The thinnest triangle after merging; -1 where the surface would move or turn over.
+static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
+                              vec3 to, double off) {
+    double thinnest = 1;
+    for (int i = 2; i < fan->count; i++) {
+        int f = (k + i) % fan->count;
+        vec3 normal = fan->normals[f], turned;
+        if (fabs(vec3_dot(normal, vec3_sub(to, from))) > off * vec3_length(normal))
+            return -1;
+        uint32_t side = fan->sides[f];
+        double thin = thinness(to, mesh->points[side_end(mesh, side)],
+                               mesh->points[mesh->corners[side_previous(side)]], &turned);
+        if (!(vec3_dot(normal, turned) > 0))
+            return -1;
+        thinnest = fmin(thinnest, thin);
+    }
+    return thinnest;
+}
+
+// The best neighbour to merge into, as an index of the fan; -1: none.
+static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
+    int best = -1;
+    double best_thin = fmin(fan->thinnest, THIN);
+    vec3 from = mesh->points[vertex];
+    for (int k = 0; k < fan->count; k++) {
+        vec3 to = mesh->points[side_end(mesh, fan->sides[k])];
+        bool near = fan->count > 3 && vec3_distance(from, to) < NEAR_MM;
+        double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_OFF_MM : OFF_MM);
+        if (thin < best_thin || (!near && !keeps_labels(mesh, fan, k)) ||
+            !surgery_can_merge(mesh, fan->sides[k]))
+            continue;
+        best = k;
+        best_thin = thin;
+    }
+    return best;
+}
+
+static bool merge(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
+    if (vertex < mesh->original_count)
+        return false;
+    int k = choose_neighbour(mesh, vertex, fan);
+    if (k < 0)
+        return false;
+    for (int i = 0; i < fan->count; i++)
+        queue(mesh, side_end(mesh, fan->sides[i]));
+    surgery_merge(mesh, fan->sides[k]);
+    return true;
+}
+
+// ---- flat triangles: the long side turns ----
+
+// Whether the triangle across the side p q from the vertex can take it in: the vertex lies on the
+// side, between its ends.
+static bool lies_on(vec3 p, vec3 q, vec3 v) {
+    vec3 pq = vec3_sub(q, p), pv = vec3_sub(v, p);
+    double along = vec3_dot(pq, pv), square = vec3_dot(pq, pq);
+    if (!(along > 0 && along < square))
+        return false;
+    vec3 off = vec3_cross(pq, pv);
+    return vec3_dot(off, off) <= OFF_MM * OFF_MM * square;
+}
+
+static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
+    vec3 v = mesh->points[vertex];
+    for (int i = 0; i < fan->count; i++) {
+        uint32_t side = side_next(fan->sides[i]), twin = mesh->twins[side];
+        uint32_t p = mesh->corners[side], q = side_end(mesh, side);
+        uint32_t r = mesh->corners[side_previous(twin)];
+        vec3 at_p = mesh->points[p], at_q = mesh->points[q], at_r = mesh->points[r];
+        if (!lies_on(at_p, at_q, v) || !surgery_can_flip(mesh, side))
+            continue;
+        vec3 before, left, right, flat;
+        double thin = thinness(at_q, at_p, at_r, &before);
+        thin = fmin(thin, thinness(v, at_p, at_q, &flat));
+        double thin_after = fmin(thinness(v, at_p, at_r, &left), thinness(v, at_r, at_q, &right));
+        if (!(thin_after > thin && vec3_dot(before, left) > 0 && vec3_dot(before, right) > 0))
+            continue;
+        surgery_flip(mesh, side);
+        queue(mesh, vertex);
+        queue(mesh, p);
+        queue(mesh, q);
+        queue(mesh, r);
+        return true;
+    }
+    return false;
+}
+
+// ---- all ----
+
+void clean(struct cut_mesh *mesh) {
+    struct cleaner *cleaner = mesh->cleaner;
+    cleaner->queue.count = 0;
+    marks_begin(&cleaner->queued, mesh->vertex_room);
+    for (uint32_t i = 0; i < mesh->undo.vertex_count; i++)
+        if (cut_mesh_vertex_alive(mesh, mesh->undo.vertices[i].id))
+            queue(mesh, mesh->undo.vertices[i].id);
+    ids_sort(&cleaner->queue);
+    uint32_t limit = TURNS * cleaner->queue.count;
+    struct fan fan;
+    for (uint32_t next = 0; next < cleaner->queue.count && next < limit; next++) {
+        uint32_t vertex = cleaner->queue.at[next];
+        marks_unset(&cleaner->queued, vertex);
+        if (!cut_mesh_vertex_alive(mesh, vertex) || !gather_fan(mesh, vertex, &fan))
+            continue;
+        if (!flip(mesh, vertex, &fan))
+            merge(mesh, vertex, &fan);
+    }
+}

@@ -540,7 +540,7 @@ static void a_console_command_that_is_no_enum_is_refused(void **state) {
     (void)state;
     arthron_Console *m = malloc(sizeof *m);
     fill_console(arthron_Console_command_tag, m);
-    m->message.command.kind = (arthron_Command_Kind)6;
+    m->message.command.kind = (arthron_Command_Kind)_arthron_Command_Kind_ARRAYSIZE;
     struct valid bytes = encoded(KIND_CONSOLE, m);
     assert_int_equal(decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, NULL), RESULT_FORMAT);
     free(bytes.bytes);

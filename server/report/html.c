@@ -14,8 +14,7 @@ static const char style[] =
     "table { border-collapse: collapse; margin: 1em 0; }\n"
     "th, td { padding: 0.3em 1em 0.3em 0; border-bottom: 1px solid #ddd; text-align: left;"
     " vertical-align: top; }\n"
-    "td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }\n"
-    "footer { margin-top: 3em; font-size: 90%; color: #444; }\n";
+    "td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }\n";
 
 void html_begin(FILE *file, const char *title) {
     fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"

@@ -61,13 +61,15 @@ struct hand {
     struct job_result *pending;
     bool probe_is_there;
     vec3 probe;
+    enum channel channel; // of the instrument in hand
     double opening;
+    uint32_t buttons;
     enum validity handle;
-    vec3 tip; // of the punch
+    vec3 tip;
 };
 
-// The jaw astride the inner margin: its lower half below, opening upwards.
-static pose punch_pose(vec3 tip) {
+// Along the meniscus' width, y up: a punch's jaw is astride the inner margin.
+static pose tip_pose(vec3 tip) {
     vec3 up = {0, 0, 1}, x = vec3_cross(up, outward);
     mat3 axes = {{{x.x, up.x, outward.x}, {x.y, up.y, outward.y}, {x.z, up.z, outward.z}}};
     return (pose){quat_from_mat3(axes), tip};
@@ -77,6 +79,7 @@ static struct hand hand_start(void) {
     struct session_settings settings = session_settings_default();
     struct hand h = {.session = session_create(scene, &settings),
                      .operation = operation_create(scene),
+                     .channel = CHANNEL_PUNCH,
                      .opening = 1};
     h.tip = vec3_add(vec3_add_scaled(inner, 2.5, outward), (vec3){0, 0, -0.5});
     h.input.kind = INPUT_START;
@@ -108,11 +111,11 @@ static void step(struct hand *h) {
     h->input.time_ns += STEP_NS;
     h->input.frame = (struct frame){.number = number + 1, .time_ns = h->input.time_ns};
     add(h, (struct sample){
-               .channel = CHANNEL_PUNCH, .kind = SAMPLE_POSE, .T_mockup_body = punch_pose(h->tip)});
-    add(h, (struct sample){.channel = CHANNEL_PUNCH,
+               .channel = h->channel, .kind = SAMPLE_POSE, .T_mockup_body = tip_pose(h->tip)});
+    add(h, (struct sample){.channel = h->channel,
                            .kind = SAMPLE_HANDLE,
                            .validity = h->handle,
-                           .handle = {h->opening, 0}});
+                           .handle = {h->opening, h->buttons}});
     if (h->probe_is_there)
         add(h, (struct sample){.channel = CHANNEL_PROBE,
                                .kind = SAMPLE_POSE,
@@ -218,6 +221,70 @@ static void a_resting_tip_feels_no_jump(void **state) {
     assert_true(blend_at(&h, vertex) > 0.1);
     assert_true(moved > 0.2);
     assert_vec3_near(last, full, 1e-4);
+    hand_end(&h);
+}
+
+static double removed(const struct hand *h) {
+    return operation_figures(h->operation, 0)->removed_mm3;
+}
+
+static void move(struct hand *h, vec3 way, int steps) {
+    for (int i = 0; i < steps; i++) {
+        h->tip = vec3_add_scaled(h->tip, 1.0 / steps, way);
+        step(h);
+        if (h->pending)
+            land(h);
+    }
+}
+
+// However slowly it goes, and also where it rests; not where it does not run.
+static void a_burr_takes_tissue_while_it_runs(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.channel = CHANNEL_SHAVER;
+    h.tip = vec3_add_scaled(inner, -1, outward); // a burr lies behind its tip
+    move(&h, vec3_scale(2, outward), 200);
+    assert_near(removed(&h), 0, 0);
+    h.buttons = 1;
+    move(&h, vec3_scale(1, outward), 1000);
+    double slow = removed(&h);
+    assert_true(slow > 2);
+    move(&h, (vec3){0}, 200);
+    double rested = removed(&h); // of the last bit of its way
+    assert_true(rested > slow);
+    move(&h, (vec3){0}, 1000);
+    assert_near(removed(&h), rested, 0.01);
+    uint32_t cuts = operation_figures(h.operation, 0)->cuts;
+    h.buttons = 0;
+    move(&h, vec3_scale(1, outward), 100);
+    assert_int_equal(operation_figures(h.operation, 0)->cuts, cuts);
+    hand_end(&h);
+}
+
+// A cleft of the kerf's width, and not more.
+static void a_knife_leaves_its_kerf(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.channel = CHANNEL_KNIFE;
+    h.tip = vec3_add_scaled(inner, -1, outward);
+    move(&h, vec3_scale(4, outward), 400);
+    const struct tissue_figures *f = operation_figures(h.operation, 0);
+    assert_true(f->cuts > 5);
+    assert_true(f->removed_mm3 > 0.2 * 1 && f->removed_mm3 < 0.2 * 2.5 * 5);
+    hand_end(&h);
+}
+
+// A hand that is elsewhere in the next frame has not cut all in between.
+static void a_jump_is_not_swept(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.channel = CHANNEL_SHAVER;
+    h.buttons = 1;
+    h.tip = vec3_add_scaled(inner, -15, outward);
+    move(&h, (vec3){0}, 10);
+    h.tip = vec3_add_scaled(inner, 20, outward);
+    move(&h, (vec3){0}, 10);
+    assert_near(removed(&h), 0, 0);
     hand_end(&h);
 }
 
@@ -332,6 +399,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_closing_jaw_takes_tissue_and_the_warp_gives_way),
         cmocka_unit_test(a_resting_tip_feels_no_jump),
+        cmocka_unit_test(a_burr_takes_tissue_while_it_runs),
+        cmocka_unit_test(a_knife_leaves_its_kerf),
+        cmocka_unit_test(a_jump_is_not_swept),
         cmocka_unit_test(jobs_go_one_by_one_and_no_way_is_lost),
         cmocka_unit_test(a_lost_handle_does_not_cut),
         cmocka_unit_test(a_reset_makes_the_tissue_whole),

@@ -78,10 +78,13 @@ static bool measure(const struct cut_mesh *mesh, struct stage *stage) {
 
 // ---- the mesh changes ----
 
+// Where none of the old surface goes, the new surface is a cavity.
 static void remove_old(struct cut_mesh *mesh, struct stage *stage) {
+    uint32_t living = mesh->living;
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         if (stage->triangles[k].goes)
             tissue_remove_triangle(mesh, stage->triangles[k].id);
+    mesh->hollow |= mesh->living == living;
     for (uint32_t v = 0; v < stage->vertex_count; v++)
         if (!stage->vertices[v].outside)
             tissue_set_spoke(mesh, stage->vertices[v].id, MESH_NONE);

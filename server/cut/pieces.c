@@ -1,5 +1,6 @@
 #include "cut/change.h"
 #include "cut/flood.h"
+#include "cut/hollow.h"
 
 #include <stdlib.h>
 
@@ -103,13 +104,15 @@ static struct mesh mesh_of(const struct cut_mesh *mesh, struct flood *flood,
     return out;
 }
 
-// Takes a body out of the mesh.
+// Takes a body out of the mesh, its cavities with it.
 static struct cut_piece take_out(struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
     struct ids triangles = {0}, vertices = {0};
     struct cut_piece piece = {0};
     struct moments moments = {0};
     for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
         ids_push(&triangles, flood->entries[e].triangle);
+    if (mesh->hollow)
+        hollow_append(mesh, &flood->owner, &triangles);
     ids_sort(&triangles);
     vec3 apex = any_point(mesh, triangles.at[0]);
     for (uint32_t i = 0; i < triangles.count; i++)
@@ -133,7 +136,8 @@ static void add_piece(struct cut_change *change, struct cut_piece piece) {
     change->pieces[change->piece_count++] = piece;
 }
 
-// The largest body stays, and with it what is a cavity; what is next to nothing just goes.
+// The largest body stays. Cavities stay with the body that they are in; what is next to nothing
+// just goes.
 void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
     struct flood *flood = mesh->flood;
     flood_run(mesh, flood);

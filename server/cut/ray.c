@@ -24,13 +24,23 @@ static int crossing(const struct cut_mesh *mesh, const uint32_t *c, vec3 q) {
     return left ? above > 0 : -(above < 0);
 }
 
+static vec3 nudged(vec3 p) {
+    return (vec3){p.x + NUDGE_X_MM, p.y + NUDGE_Y_MM, p.z};
+}
+
+int ray_winding_of(const struct cut_mesh *mesh, const uint32_t *triangles, uint32_t count,
+                   vec3 point) {
+    vec3 q = nudged(point);
+    int winding = 0;
+    for (uint32_t i = 0; i < count; i++)
+        winding += crossing(mesh, mesh->corners + 3 * (size_t)triangles[i], q);
+    return winding;
+}
+
 int ray_winding(const struct cut_mesh *mesh, struct marks *slots, struct ids *hits, vec3 point) {
-    vec3 q = {point.x + NUDGE_X_MM, point.y + NUDGE_Y_MM, point.z};
+    vec3 q = nudged(point);
     hits->count = 0;
     marks_begin(slots, mesh->triangle_room);
     grid_collect(&mesh->grid, (struct box){q, {q.x, q.y, INFINITY}}, slots, hits);
-    int winding = 0;
-    for (uint32_t i = 0; i < hits->count; i++)
-        winding += crossing(mesh, mesh->corners + 3 * (size_t)hits->at[i], q);
-    return winding;
+    return ray_winding_of(mesh, hits->at, hits->count, point);
 }

@@ -5,3 +5,7 @@
 
 // slots and hits: scratch.
 int ray_winding(const struct cut_mesh *mesh, struct marks *slots, struct ids *hits, vec3 point);
+
+// Of a closed part of it.
+int ray_winding_of(const struct cut_mesh *mesh, const uint32_t *triangles, uint32_t count,
+                   vec3 point);

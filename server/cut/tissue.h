@@ -42,6 +42,7 @@ struct cut_mesh {
     struct ids free_vertices, free_triangles; // used again from the end
     uint32_t number;                          // of the last cut that changed the mesh
     double volume;                            // mm³, kept up to date by what each cut changes
+    bool hollow;                              // there may be cavities
     struct grid grid;
     struct undo undo;
     struct stage *stage; // scratch, kept from cut to cut

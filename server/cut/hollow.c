@@ -1,0 +1,47 @@
+#include "cut/hollow.h"
+
+#include "cut/ray.h"
+
+static void spread(const struct cut_mesh *mesh, struct marks *seen, struct ids *list,
+                   uint32_t triangle) {
+    uint32_t next = list->count;
+    marks_set(seen, triangle, 0);
+    for (ids_push(list, triangle); next < list->count; next++)
+        for (size_t i = 0; i < 3; i++) {
+            uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
+            if (!marks_has(seen, beside)) {
+                marks_set(seen, beside, 0);
+                ids_push(list, beside);
+            }
+        }
+}
+
+static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles) {
+    vec3 apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]], points[3];
+    double sum = 0;
+    for (uint32_t i = 0; i < triangles->count; i++) {
+        triangle_points(mesh, mesh->corners + 3 * (size_t)triangles->at[i], points);
+        sum += six_volumes(points, apex);
+    }
+    return sum;
+}
+
+void hollow_append(const struct cut_mesh *mesh, struct marks *marks, struct ids *triangles) {
+    struct ids part = {0};
+    uint32_t around = triangles->count;
+    marks_begin(marks, mesh->triangle_room);
+    for (uint32_t i = 0; i < around; i++)
+        marks_set(marks, triangles->at[i], 0);
+    for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
+        if (!cut_mesh_triangle_alive(mesh, t) || marks_has(marks, t))
+            continue;
+        part.count = 0;
+        spread(mesh, marks, &part, t);
+        vec3 point = mesh->points[mesh->corners[3 * (size_t)t]];
+        if (six_volumes_of(mesh, &part) < 0 &&
+            ray_winding_of(mesh, triangles->at, around, point) == 1)
+            for (uint32_t i = 0; i < part.count; i++)
+                ids_push(triangles, part.at[i]);
+    }
+    ids_fini(&part);
+}

@@ -78,13 +78,9 @@ static bool parse_option(int option, struct settings *settings) {
 
 int command_picture(int argc, char **argv) {
     static const struct option options[] = {
-        {"out", required_argument, NULL, 'o'},
-        {"view", required_argument, NULL, 'v'},
-        {"flexion", required_argument, NULL, 'f'},
-        {"groups", required_argument, NULL, 'g'},
-        {"size", required_argument, NULL, 's'},
-        {"help", no_argument, NULL, 'h'},
-        {0},
+        {"out", required_argument, NULL, 'o'},     {"view", required_argument, NULL, 'v'},
+        {"flexion", required_argument, NULL, 'f'}, {"groups", required_argument, NULL, 'g'},
+        {"help", no_argument, NULL, 'h'},          {0},
     };
     struct settings settings = {0};
     struct error err;

@@ -15,6 +15,7 @@ static const struct {
     {"verify", command_verify, "whether the file is whole, or up to where"},
     {"replay", command_replay, "run the session again and compare every step"},
     {"export", command_export, "a table with a row for each step"},
+    {"picture", command_picture, "what was cut, drawn"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])
@@ -39,6 +40,20 @@ int take_file(int argc, char **argv, const char **out_file) {
         return usage_error(argv[0], optind == argc ? "FILE is missing" : "one FILE, no more");
     *out_file = argv[optind];
     return EXIT_GOOD;
+}
+
+enum result load_scene(const struct trace_reader *reader, const char *case_dir,
+                       struct scene **out_scene, struct error *err) {
+    struct case_limits limits = case_limits_default();
+    const struct trace_header *header = trace_reader_header(reader);
+    struct knee_case *knee;
+    enum result result = case_load(case_dir ? case_dir : header->case_dir, &limits, &knee, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "the case (--case DIR tells where it is): ");
+    result = scene_create(&knee, out_scene, err);
+    if (result != RESULT_OK)
+        case_destroy(&knee);
+    return result;
 }
 
 void show_progress(uint64_t done, uint64_t all) {

@@ -1,7 +1,7 @@
 // The commands of arthron-trace, one in each trace_NAME.c, and what they share.
 #pragma once
 
-#include "base/result.h"
+#include "trace/trace.h"
 
 #include <getopt.h>
 #include <stdbool.h>
@@ -14,9 +14,14 @@ int command_info(int argc, char **argv);
 int command_verify(int argc, char **argv);
 int command_replay(int argc, char **argv);
 int command_export(int argc, char **argv);
+int command_picture(int argc, char **argv);
 
 // Takes one argument that is no option, FILE. EXIT_GOOD, or EXIT_USAGE after a line on stderr.
 int take_file(int argc, char **argv, const char **out_file);
+
+// The scene of the case that the trace names, or of case_dir where that is not NULL.
+enum result load_scene(const struct trace_reader *reader, const char *case_dir,
+                       struct scene **out_scene, struct error *err);
 
 int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
 int failed(const char *command, const struct error *err); // prints it; EXIT_FAULT

@@ -15,18 +15,6 @@ static const char help[] =
     "1e-6 mm, states and events may not. Steps after a gap cannot be compared.\n"
     "Exits 1 where the session differs, or where not all recorded steps could be compared.\n";
 
-static enum result load_scene(const char *dir, struct scene **out_scene, struct error *err) {
-    struct case_limits limits = case_limits_default();
-    struct knee_case *knee;
-    enum result result = case_load(dir, &limits, &knee, err);
-    if (result != RESULT_OK)
-        return fail_in(err, result, "the case (--case DIR tells where it is): ");
-    result = scene_create(&knee, out_scene, err);
-    if (result != RESULT_OK)
-        case_destroy(&knee);
-    return result;
-}
-
 // A server that was killed leaves a trace without an end: all of it is compared.
 static bool all_compared(const struct replay_report *r) {
     return r->left_out == 0 && (r->end == RESULT_CLOSED || r->end == RESULT_MISSING);
@@ -78,8 +66,7 @@ static int replay(const char *file, const char *case_dir, bool json) {
     struct replay_report report;
     if (trace_reader_create(file, &reader, &err) != RESULT_OK)
         return failed("replay", &err);
-    const char *dir = case_dir ? case_dir : trace_reader_header(reader)->case_dir;
-    enum result result = load_scene(dir, &scene, &err);
+    enum result result = load_scene(reader, case_dir, &scene, &err);
     int64_t begin_ns = clock_now_ns();
     if (result == RESULT_OK)
         result = trace_replay(reader, scene, show_progress, &report, &err);

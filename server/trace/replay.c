@@ -1,16 +1,54 @@
 #include "trace/replay.h"
 
+#include "base/check.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-struct replay {
+struct rerun {
     struct session *session;
     struct operation *operation;
     struct job_result *pending; // of the last job that the session asked for
+};
+
+struct replay {
+    struct rerun *rerun;
     struct trace_field fields[TRACE_FIELDS_MAX];
     int field_count;
     struct replay_report *report;
 };
+
+struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
+    struct rerun *rerun = alloc(1, sizeof *rerun);
+    rerun->session = session_create(scene, settings);
+    rerun->operation = operation_create(scene);
+    return rerun;
+}
+
+void rerun_destroy(struct rerun **rerun) {
+    session_destroy(&(*rerun)->session);
+    operation_destroy(&(*rerun)->operation);
+    job_result_destroy(&(*rerun)->pending);
+    free(*rerun);
+    *rerun = NULL;
+}
+
+void rerun_step(struct rerun *rerun, const struct trace_record *record,
+                struct session_output *output) {
+    struct session_input input = record->input;
+    bool lands = input.kind == INPUT_JOB && record->job_done;
+    if (lands && rerun->pending && rerun->pending->job == input.job)
+        input.result = rerun->pending;
+    session_step(rerun->session, &input, output);
+    if (!output->job.id)
+        return;
+    job_result_destroy(&rerun->pending);
+    rerun->pending = operation_run(rerun->operation, &output->job);
+}
+
+const struct operation *rerun_operation(const struct rerun *rerun) {
+    return rerun->operation;
+}
 
 const char *replay_verdict_name(enum replay_verdict verdict) {
     static const char *const names[REPLAY_VERDICT_COUNT] = {"identical", "equivalent", "different"};
@@ -61,25 +99,11 @@ static void compare_outputs(const struct replay *replay, const struct session_ou
     }
 }
 
-// Jobs are run as they are asked for, and land where the trace says so.
-static void run_step(struct replay *replay, const struct trace_record *record) {
-    struct session_output output;
-    struct session_input input = record->input;
-    bool lands = input.kind == INPUT_JOB && record->job_done;
-    if (lands && replay->pending && replay->pending->job == input.job)
-        input.result = replay->pending;
-    session_step(replay->session, &input, &output);
-    if (output.job.id) {
-        job_result_destroy(&replay->pending);
-        replay->pending = operation_run(replay->operation, &output.job);
-    }
-    compare_outputs(replay, &record->output, &output);
-}
-
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
     struct replay_report *report = replay->report;
     struct trace_record record;
+    struct session_output output;
     int64_t first_ns = 0;
     bool gap = false;
     while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
@@ -89,7 +113,8 @@ static void run_steps(struct replay *replay, struct trace_reader *reader,
                 record.type == TRACE_GAP ? record.missing : record.type == TRACE_STEP;
         if (gap || record.type != TRACE_STEP)
             continue;
-        run_step(replay, &record);
+        rerun_step(replay->rerun, &record, &output);
+        compare_outputs(replay, &record.output, &output);
         first_ns = report->steps == 1 ? record.input.time_ns : first_ns;
         report->session_ns = record.input.time_ns - first_ns;
         if (progress)
@@ -120,13 +145,10 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     out_report->same_events = true;
     compare_machines(header, out_report);
     struct replay replay = {.report = out_report};
-    replay.session = session_create(scene, &header->settings);
-    replay.operation = operation_create(scene);
+    replay.rerun = rerun_create(scene, &header->settings);
     replay.field_count = trace_fields(replay.fields);
     run_steps(&replay, reader, progress);
-    session_destroy(&replay.session);
-    operation_destroy(&replay.operation);
-    job_result_destroy(&replay.pending);
+    rerun_destroy(&replay.rerun);
     out_report->verdict = judge(out_report);
     return RESULT_OK;
 }

@@ -1,8 +1,23 @@
-// Runs a recorded session again and compares every field of every step.
+// Runs a recorded session again, and compares every field of every step.
 #pragma once
 
 #include "trace/fields.h"
 #include "trace/trace.h"
+
+// A session that is run again from the steps of its record. Jobs are run as the session asks for
+// them, and land where the record says so.
+struct rerun;
+
+// The scene must outlive it.
+struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings);
+void rerun_destroy(struct rerun **rerun);
+
+// One TRACE_STEP, in order.
+void rerun_step(struct rerun *rerun, const struct trace_record *record,
+                struct session_output *out_output);
+
+// Its tissue after all jobs that were asked for so far.
+const struct operation *rerun_operation(const struct rerun *rerun);
 
 // What other mathematics (another build, libc or CPU) may move a warped pose by.
 #define REPLAY_TOLERANCE_MM 1e-6

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -144,6 +145,24 @@ static void export_writes_a_row_for_each_step(void **state) {
     assert_int_equal(count(output, '\n'), 1 + 51); // 100 Hz, both ends
 }
 
+static void picture_draws_what_was_cut(void **state) {
+    (void)state;
+    char path[128], arguments[192];
+    struct stat status;
+    record_honestly();
+    snprintf(path, sizeof path, "%s.png", trace_path);
+    snprintf(arguments, sizeof arguments, "--out %s --group meniscus_medial", path);
+    assert_int_equal(run_on_trace("picture", arguments), 0);
+    assert_int_equal(stat(path, &status), 0);
+    assert_true(status.st_size > 1000);
+    unlink(path);
+    assert_int_equal(run_on_trace("picture", "--out /nowhere/x.png"), 1);
+    assert_non_null(strstr(output, "/nowhere/x.png"));
+    snprintf(arguments, sizeof arguments, "--out %s --group spleen", path);
+    assert_int_equal(run_on_trace("picture", arguments), 1);
+    assert_non_null(strstr(output, "spleen"));
+}
+
 static void wrong_use_exits_2_and_says_why(void **state) {
     (void)state;
     static const char *const rows[] = {"",
@@ -181,6 +200,7 @@ int main(void) {
         cmocka_unit_test(replay_finds_the_case_that_the_trace_names),
         cmocka_unit_test(replay_of_a_forged_trace_fails_and_says_where),
         cmocka_unit_test(export_writes_a_row_for_each_step),
+        cmocka_unit_test(picture_draws_what_was_cut),
         cmocka_unit_test(wrong_use_exits_2_and_says_why),
         cmocka_unit_test(what_is_no_trace_is_refused_by_name),
     };

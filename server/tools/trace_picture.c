@@ -1,0 +1,175 @@
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/number.h"
+#include "report/tissue.h"
+#include "trace/replay.h"
+#include "trace_commands.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define WIDTH 640
+#define HEIGHT 480
+#define LINE_MM 0.05 // shorter displacements are not drawn
+
+static const char help[] =
+    "Usage: arthron-trace picture FILE --out FILE.png [--at S] [--group NAME] [--case DIR]\n"
+    "\n"
+    "Runs the session again and draws a meniscus from above, front above: what the cuts left of "
+    "it,\n"
+    "their surface in salmon, and as purple lines how far the touch has given way.\n"
+    "\n"
+    "  --out FILE    where the picture goes, PNG, 640x480 pixels\n"
+    "  --at S        after S seconds; if left out at the end\n"
+    "  --group NAME  of the case; if left out the one with the most cuts\n"
+    "  --case DIR    the case, where it is not where the trace says\n";
+
+struct request {
+    const char *file, *out, *group, *case_dir;
+    double at_s;
+};
+
+// ---- the tissue to be drawn ---------------------------------------------------------------------
+
+static enum result choose(const struct scene *scene, const struct operation *operation,
+                          const char *name, int *out_tissue, struct error *err) {
+    int count = scene_tissue_count(scene);
+    uint32_t most = 0;
+    *out_tissue = -1;
+    for (int i = 0; i < count; i++) {
+        uint32_t cuts = operation_figures(operation, i)->cuts;
+        const char *group = scene_case(scene)->groups[scene_tissue_group(scene, i)].name;
+        if (name ? strcmp(name, group) : *out_tissue >= 0 && cuts <= most)
+            continue;
+        *out_tissue = i;
+        most = cuts;
+    }
+    if (*out_tissue >= 0)
+        return RESULT_OK;
+    return fail(err, RESULT_MISSING,
+                name ? "no such cuttable group: \"%s\"" : "%snothing is cuttable",
+                name ? name : "");
+}
+
+// From S' to S'', of each vertex that has given way.
+static struct line *lines_of(const struct case_group *group, const struct match *match,
+                             size_t *out_count) {
+    struct line *lines = alloc(group->mesh.vertex_count, sizeof *lines);
+    *out_count = 0;
+    for (uint32_t i = 0; match && i < group->mesh.vertex_count; i++) {
+        vec3 from = mesh_vertex(&group->mesh, i), to = match_vertex(match, i);
+        const float *warp = group->warp + 3 * (size_t)i;
+        if (group->warp)
+            from = vec3_add(from, (vec3){(double)warp[0], (double)warp[1], (double)warp[2]});
+        if (vec3_distance(from, to) > LINE_MM)
+            lines[(*out_count)++] = (struct line){from, to};
+    }
+    return lines;
+}
+
+static enum result draw(const struct scene *scene, const struct operation *operation, int tissue,
+                        const char *path, struct error *err) {
+    const struct knee_case *knee = scene_case(scene);
+    const struct case_group *group = &knee->groups[scene_tissue_group(scene, tissue)];
+    const struct cut_mesh *cut = operation_mesh(operation, tissue);
+    struct mesh mesh;
+    uint32_t *ids;
+    cut_mesh_flatten(cut, &mesh, NULL, &ids);
+    for (uint32_t i = 0; i < mesh.triangle_count; i++)
+        ids[i] = cut_mesh_label(cut, ids[i]);
+    struct tissue_look look = {.mesh = &mesh, .labels = ids};
+    struct line *lines = lines_of(group, operation_match(operation, tissue), &look.line_count);
+    look.lines = lines;
+    quat axes = knee->joint.T_femur_joint.rotation;
+    struct box box = mesh_bounds(&mesh);
+    struct camera camera =
+        camera_fit(&box, quat_rotate(axes, (vec3){0, -0.3, 1}), quat_rotate(axes, (vec3){0, 1, 0}),
+                   (double)WIDTH / HEIGHT, INFINITY);
+    struct picture picture = {0};
+    enum result result = tissue_picture(&look, &camera, WIDTH, HEIGHT, &picture, err);
+    if (result == RESULT_OK)
+        result = picture_write(&picture, path, err);
+    picture_fini(&picture);
+    free(lines);
+    free(ids);
+    mesh_fini(&mesh);
+    return result;
+}
+
+// ---- the command --------------------------------------------------------------------------------
+
+// Up to the wanted time, the record's end, or its first gap.
+static void run_to(struct rerun *rerun, struct trace_reader *reader, double at_s) {
+    struct trace_record record;
+    struct session_output output;
+    int64_t start_ns = trace_reader_header(reader)->start_ns;
+    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type != TRACE_GAP) {
+        if (record.type != TRACE_STEP)
+            continue;
+        if ((double)(record.input.time_ns - start_ns) > at_s * NS_PER_S)
+            return;
+        rerun_step(rerun, &record, &output);
+        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
+    }
+}
+
+static enum result picture(const struct request *request, struct error *err) {
+    struct trace_reader *reader;
+    struct scene *scene = NULL;
+    enum result result = trace_reader_create(request->file, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    result = load_scene(reader, request->case_dir, &scene, err);
+    if (result == RESULT_OK && scene_case(scene)->hash != trace_reader_header(reader)->case_hash)
+        result = fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
+                      request->file, scene_case(scene)->name);
+    if (result == RESULT_OK) {
+        struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
+        int tissue;
+        run_to(rerun, reader, request->at_s);
+        result = choose(scene, rerun_operation(rerun), request->group, &tissue, err);
+        if (result == RESULT_OK)
+            result = draw(scene, rerun_operation(rerun), tissue, request->out, err);
+        rerun_destroy(&rerun);
+    }
+    scene_destroy(&scene);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+static bool parse_option(int option, struct request *request) {
+    switch (option) {
+    case 'o':
+        request->out = optarg;
+        return true;
+    case 'g':
+        request->group = optarg;
+        return true;
+    case 'c':
+        request->case_dir = optarg;
+        return true;
+    default:
+        return option == 'a' && number_double(optarg, 0, 1e6, &request->at_s);
+    }
+}
+
+int command_picture(int argc, char **argv) {
+    static const struct option options[] = {
+        {"out", required_argument, NULL, 'o'},   {"at", required_argument, NULL, 'a'},
+        {"group", required_argument, NULL, 'g'}, {"case", required_argument, NULL, 'c'},
+        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
+    struct request request = {.at_s = INFINITY};
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'h')
+            return fputs(help, stdout) < 0;
+        if (!parse_option(c, &request))
+            return usage_error(argv[0], "unknown option, or a value that cannot be");
+    }
+    if (take_file(argc, argv, &request.file) != EXIT_GOOD)
+        return EXIT_USAGE;
+    if (!request.out)
+        return usage_error(argv[0], "--out is missing");
+    struct error err;
+    return picture(&request, &err) == RESULT_OK ? EXIT_GOOD : failed(argv[0], &err);
+}

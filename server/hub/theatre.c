@@ -246,13 +246,20 @@ static void take_word(struct theatre *theatre, const struct word *word) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-static void take_all(struct theatre *theatre) {
+static void take_orders(struct theatre *theatre) {
     struct order order;
-    struct word word;
     while (ring_pop(theatre->orders, &order))
         take_order(theatre, &order);
-    while (ring_pop(theatre->words, &word))
+}
+
+// A station asks for meshes when it hears of its session, of which the order was given before.
+static void take_all(struct theatre *theatre) {
+    struct word word;
+    take_orders(theatre);
+    while (ring_pop(theatre->words, &word)) {
+        take_orders(theatre);
         take_word(theatre, &word);
+    }
 }
 
 static void *operate(void *argument) {
@@ -350,7 +357,6 @@ bool theatre_take(struct theatre *theatre, int *out_seat, uint64_t *out_serial,
     return true;
 }
 
-// A station whose words find no place asks again.
 void theatre_tell(struct theatre *theatre, int seat, struct control_peer peer,
                   const arthron_Control *message) {
     struct word word = {.seat = seat, .peer = peer, .gone = !message};

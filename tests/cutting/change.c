@@ -32,16 +32,16 @@ static bool *mark(const uint32_t *ids, uint32_t count, uint32_t bound) {
     return marks;
 }
 
-static bool was_vertex(const struct surface *before, uint32_t v) {
+static bool was_vertex(const struct snapshot *before, uint32_t v) {
     return v < before->vertex_bound && before->vertex_alive[v];
 }
 
-static bool was_triangle(const struct surface *before, uint32_t t) {
-    return t < before->triangle_bound && surface_has(before, t);
+static bool was_triangle(const struct snapshot *before, uint32_t t) {
+    return t < before->triangle_bound && snapshot_has(before, t);
 }
 
 static const char *vertices_fault(const struct cut_tried *tried, const bool *is_new) {
-    const struct surface *before = tried->before, *after = tried->after;
+    const struct snapshot *before = tried->before, *after = tried->after;
     for (uint32_t v = 0; v < after->vertex_bound; v++) {
         if (is_new[v] && (v < tried->original || !after->vertex_alive[v]))
             return "a new vertex is not alive, or has an id of the original mesh";
@@ -55,8 +55,8 @@ static const char *vertices_fault(const struct cut_tried *tried, const bool *is_
     return NULL;
 }
 
-static bool has_new_corner(const uint32_t *corners, const bool *is_new) {
-    return is_new[corners[0]] || is_new[corners[1]] || is_new[corners[2]];
+static bool has_marked_corner(const uint32_t *corners, const bool *marks) {
+    return marks[corners[0]] || marks[corners[1]] || marks[corners[2]];
 }
 
 // The same three corners in the same turn, whichever comes first.
@@ -69,17 +69,17 @@ static bool same_corners(const uint32_t *a, const uint32_t *b) {
 
 static const char *triangles_fault(const struct cut_tried *tried, const bool *is_new_vertex,
                                    const bool *is_made, const bool *is_freed) {
-    const struct surface *before = tried->before, *after = tried->after;
+    const struct snapshot *before = tried->before, *after = tried->after;
     for (uint32_t t = 0; t < after->triangle_bound; t++) {
         const uint32_t *corners = after->triangles + 3 * (size_t)t;
-        bool was = was_triangle(before, t), is = surface_has(after, t);
+        bool was = was_triangle(before, t), is = snapshot_has(after, t);
         if (is_freed[t] != (was && !is))
             return "the freed triangles are not those that are gone";
         if (!is && is_made[t])
             return "a triangle that was made is not alive";
         if (!is)
             continue;
-        bool changed = !was || has_new_corner(corners, is_new_vertex) ||
+        bool changed = !was || has_marked_corner(corners, is_new_vertex) ||
                        !same_corners(corners, before->triangles + 3 * (size_t)t);
         if (changed && !is_made[t])
             return "a triangle is new or has other corners, and the change does not say so";
@@ -137,7 +137,7 @@ static double box_area(struct box box) {
 }
 
 static const char *volumes_fault(const struct cut_tried *tried, const struct cut_change *change) {
-    double after = surface_volume(tried->after), most = 0, sum = change->removed_mm3;
+    double after = snapshot_volume(tried->after), most = 0, sum = change->removed_mm3;
     double rounding = SUM_ERROR * tried->volume_before;
     for (int i = 0; i < tried->part_count; i++)
         most += tried->parts[i].volume + SHIFT_MM * box_area(tried->parts[i].box);
@@ -158,9 +158,9 @@ static const char *volumes_fault(const struct cut_tried *tried, const struct cut
 
 // ---- surface ------------------------------------------------------------------------------------
 
-static double area_of(const struct surface *surface, uint32_t triangle) {
+static double area_of(const struct snapshot *surface, uint32_t triangle) {
     vec3 c[3];
-    surface_corners(surface, triangle, c);
+    snapshot_corners(surface, triangle, c);
     return 0.5 * vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
 }
 
@@ -169,7 +169,7 @@ static const char *labels_fault(const struct cut_tried *tried, const struct cut_
     struct box box = parts_box(tried->parts, tried->part_count);
     double reach = vec3_distance(box.min, box.max);
     for (uint32_t t = 0; t < tried->after->triangle_bound; t++) {
-        if (!surface_has(tried->after, t))
+        if (!snapshot_has(tried->after, t))
             continue;
         if (tried->after->labels[t] > change->number)
             return "a label names a cut that is yet to come";
@@ -190,9 +190,9 @@ static const char *labels_fault(const struct cut_tried *tried, const struct cut_
 
 // ---- place --------------------------------------------------------------------------------------
 
-static bool is_near(const struct surface *surface, uint32_t triangle, struct box box) {
+static bool is_near(const struct snapshot *surface, uint32_t triangle, struct box box) {
     vec3 c[3];
-    surface_corners(surface, triangle, c);
+    snapshot_corners(surface, triangle, c);
     return fmax(c[0].x, fmax(c[1].x, c[2].x)) >= box.min.x - 10 * MERGE_MM &&
            fmin(c[0].x, fmin(c[1].x, c[2].x)) <= box.max.x + 10 * MERGE_MM &&
            fmax(c[0].y, fmax(c[1].y, c[2].y)) >= box.min.y - 10 * MERGE_MM &&
@@ -201,22 +201,39 @@ static bool is_near(const struct surface *surface, uint32_t triangle, struct box
            fmin(c[0].z, fmin(c[1].z, c[2].z)) <= box.max.z + 10 * MERGE_MM;
 }
 
-// A piece takes its surface along, however far that reaches.
+// The vertices of triangles that touch the box.
+static bool *mark_near(const struct snapshot *surface, struct box box) {
+    bool *marks = alloc(surface->vertex_bound, sizeof *marks);
+    for (uint32_t t = 0; t < surface->triangle_bound; t++)
+        for (size_t i = 0; i < 3 && snapshot_has(surface, t) && is_near(surface, t, box); i++)
+            marks[surface->triangles[3 * (size_t)t + i]] = true;
+    return marks;
+}
+
+static bool all_near(const struct snapshot *surface, struct box box, const uint32_t *triangles,
+                     uint32_t count) {
+    bool *near = mark_near(surface, box), all = true;
+    for (uint32_t i = 0; i < count && all; i++)
+        all = has_marked_corner(surface->triangles + 3 * (size_t)triangles[i], near);
+    free(near);
+    return all;
+}
+
+// Vertices that merge change the triangles around them. A piece takes its surface along, however
+// far that reaches.
 static const char *place_fault(const struct cut_tried *tried, const struct cut_change *change) {
     struct box box = parts_box(tried->parts, tried->part_count);
-    for (uint32_t i = 0; i < change->made_count; i++)
-        if (!is_near(tried->after, change->made[i], box))
-            return "a triangle away from the blade was made";
-    for (uint32_t i = 0; i < change->freed_count && !change->piece_count; i++)
-        if (!is_near(tried->before, change->freed[i], box))
-            return "a triangle away from the blade is gone";
+    if (!all_near(tried->after, box, change->made, change->made_count))
+        return "a triangle away from the blade was made";
+    if (!change->piece_count && !all_near(tried->before, box, change->freed, change->freed_count))
+        return "a triangle away from the blade is gone";
     return NULL;
 }
 
 const char *change_fault(const struct cut_tried *tried, const struct cut_mesh *mesh,
                          const struct cut_change *change) {
     int bodies = 0;
-    const char *fault = surface_fault(tried->after, &bodies);
+    const char *fault = snapshot_fault(tried->after, &bodies);
     if (!fault && bodies != 1)
         fault = "what is left is not one body";
     if (!fault && cut_mesh_triangle_count(mesh) != tried->after->triangle_count)

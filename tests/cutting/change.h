@@ -1,10 +1,10 @@
 // What a cut says that it did, held against the mesh before and after it.
 #pragma once
 
-#include "cutting/surface.h"
+#include "cutting/snapshot.h"
 
 struct cut_tried {
-    const struct surface *before, *after;
+    const struct snapshot *before, *after;
     double volume_before; // mm³
     uint32_t original;    // vertices of the mesh that the cut_mesh was made from
     const struct convex *parts;
@@ -16,7 +16,8 @@ struct cut_tried {
 //   vertices  none was moved; no id of the original mesh was given to another vertex
 //   surface   closed, manifold, oriented; one body; pieces too, none larger than what stayed
 //   volumes   before = after + removed + pieces, removed no more than the parts hold
-//   place     what is new, and what is gone but for pieces, touches the box of the parts
+//   place     what is new, and what is gone but for pieces, touches the box of the parts or is
+//             next to a triangle that does
 //   labels    of surface that was there as before; patches have the area of the new surface
 const char *change_fault(const struct cut_tried *tried, const struct cut_mesh *mesh,
                          const struct cut_change *change);

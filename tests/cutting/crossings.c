@@ -40,11 +40,11 @@ static bool has_corner(const uint32_t *triangle, uint32_t vertex) {
     return triangle[0] == vertex || triangle[1] == vertex || triangle[2] == vertex;
 }
 
-static bool edges_pierce(const struct surface *surface, uint32_t a, uint32_t b) {
+static bool edges_pierce(const struct snapshot *surface, uint32_t a, uint32_t b) {
     const uint32_t *va = surface->triangles + 3 * (size_t)a;
     const uint32_t *vb = surface->triangles + 3 * (size_t)b;
     vec3 c[3];
-    surface_corners(surface, b, c);
+    snapshot_corners(surface, b, c);
     for (int i = 0; i < 3; i++) {
         uint32_t from = va[i], to = va[(i + 1) % 3];
         if (!has_corner(vb, from) && !has_corner(vb, to) &&
@@ -67,13 +67,13 @@ static int compare(const void *a, const void *b) {
                                         : (x->triangle > y->triangle) - (x->triangle < y->triangle);
 }
 
-static struct entry *entries_of(const struct surface *surface) {
+static struct entry *entries_of(const struct snapshot *surface) {
     struct entry *entries = alloc(surface->triangle_count, sizeof *entries), *entry = entries;
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
-        if (!surface_has(surface, t))
+        if (!snapshot_has(surface, t))
             continue;
         vec3 c[3];
-        surface_corners(surface, t, c);
+        snapshot_corners(surface, t, c);
         vec3 low = c[0], high = c[0];
         for (int i = 1; i < 3; i++) {
             low = (vec3){fmin(low.x, c[i].x), fmin(low.y, c[i].y), fmin(low.z, c[i].z)};
@@ -85,7 +85,7 @@ static struct entry *entries_of(const struct surface *surface) {
     return entries;
 }
 
-int surface_crossings(const struct surface *surface) {
+int snapshot_crossings(const struct snapshot *surface) {
     struct entry *entries = entries_of(surface);
     int pairs = 0;
     for (uint32_t i = 0; i < surface->triangle_count; i++)

@@ -1,8 +1,8 @@
 // Pairs of triangles that run through one another.
 #pragma once
 
-#include "cutting/surface.h"
+#include "cutting/snapshot.h"
 
 // Pairs of which one has an edge that pierces the inside of the other, edges that meet the other in
 // a shared corner not counted. What only touches does not count.
-int surface_crossings(const struct surface *surface);
+int snapshot_crossings(const struct snapshot *surface);

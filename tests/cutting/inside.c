@@ -10,7 +10,7 @@
 // ---- columns of triangles over a grid of x and y ------------------------------------------------
 
 struct locator {
-    const struct surface *surface;
+    const struct snapshot *surface;
     double low_x, low_y, cell;
     uint32_t columns, rows;
     uint32_t *starts; // of each cell's triangles, and the end
@@ -27,7 +27,7 @@ struct cells {
 
 static struct cells cells_of(const struct locator *locator, uint32_t triangle) {
     vec3 c[3];
-    surface_corners(locator->surface, triangle, c);
+    snapshot_corners(locator->surface, triangle, c);
     double from_x = fmin(c[0].x, fmin(c[1].x, c[2].x)) - locator->low_x;
     double to_x = fmax(c[0].x, fmax(c[1].x, c[2].x)) - locator->low_x;
     double from_y = fmin(c[0].y, fmin(c[1].y, c[2].y)) - locator->low_y;
@@ -41,7 +41,7 @@ static struct cells cells_of(const struct locator *locator, uint32_t triangle) {
 // Counts each cell's triangles into `counts`, or lays them down at `places`, which move on.
 static void visit_cells(struct locator *locator, uint32_t *counts, uint32_t *places) {
     for (uint32_t t = 0; t < locator->surface->triangle_bound; t++) {
-        if (!surface_has(locator->surface, t))
+        if (!snapshot_has(locator->surface, t))
             continue;
         struct cells cells = cells_of(locator, t);
         for (uint32_t y = cells.from_y; y <= cells.to_y; y++)
@@ -56,7 +56,7 @@ static void visit_cells(struct locator *locator, uint32_t *counts, uint32_t *pla
 }
 
 static void frame_grid(struct locator *locator) {
-    const struct surface *surface = locator->surface;
+    const struct snapshot *surface = locator->surface;
     double high_x = -INFINITY, high_y = -INFINITY;
     locator->low_x = locator->low_y = INFINITY;
     for (uint32_t v = 0; v < surface->vertex_bound; v++) {
@@ -73,7 +73,7 @@ static void frame_grid(struct locator *locator) {
     locator->rows = (uint32_t)(depth / locator->cell) + 1;
 }
 
-struct locator *locator_create(const struct surface *surface) {
+struct locator *locator_create(const struct snapshot *surface) {
     struct locator *locator = alloc(1, sizeof *locator);
     locator->surface = surface;
     frame_grid(locator);
@@ -100,20 +100,20 @@ void locator_destroy(struct locator **locator) {
 
 // On which side of a to b p lies, seen along z. Both triangles at an edge get the same answer, as
 // it is always asked from the lower id to the higher.
-static bool lies_left(const struct surface *surface, uint32_t a, uint32_t b, vec3 p) {
+static bool lies_left(const struct snapshot *surface, uint32_t a, uint32_t b, vec3 p) {
     vec3 from = surface->vertices[a < b ? a : b], to = surface->vertices[a < b ? b : a];
     double side = (to.x - from.x) * (p.y - from.y) - (to.y - from.y) * (p.x - from.x);
     return (side >= 0) == (a < b);
 }
 
 // 1 where a line from p upwards leaves the surface through the triangle, -1 where it enters.
-static int crossing(const struct surface *surface, uint32_t triangle, vec3 p) {
+static int crossing(const struct snapshot *surface, uint32_t triangle, vec3 p) {
     const uint32_t *v = surface->triangles + 3 * (size_t)triangle;
     bool left = lies_left(surface, v[0], v[1], p);
     if (lies_left(surface, v[1], v[2], p) != left || lies_left(surface, v[2], v[0], p) != left)
         return 0;
     vec3 c[3];
-    surface_corners(surface, triangle, c);
+    snapshot_corners(surface, triangle, c);
     vec3 normal = vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]));
     double above = vec3_dot(normal, vec3_sub(c[0], p)); // the height of the crossing times normal.z
     return left ? above > 0 : -(above < 0);
@@ -132,13 +132,13 @@ bool locator_inside(const struct locator *locator, vec3 p) {
 
 // ---- the winding number -------------------------------------------------------------------------
 
-bool winding_inside(const struct surface *surface, vec3 p) {
+bool winding_inside(const struct snapshot *surface, vec3 p) {
     double sum = 0;
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
-        if (!surface_has(surface, t))
+        if (!snapshot_has(surface, t))
             continue;
         vec3 c[3];
-        surface_corners(surface, t, c);
+        snapshot_corners(surface, t, c);
         sum += solid_angle(vec3_sub(c[0], p), vec3_sub(c[1], p), vec3_sub(c[2], p));
     }
     return sum > 6.283185307179586;
@@ -192,13 +192,13 @@ struct estimate estimate_common(const struct locator *locator, const struct conv
     return (struct estimate){whole * share, whole * sqrt(spread / points)};
 }
 
-double surface_distance(const struct surface *surface, vec3 p) {
+double snapshot_distance(const struct snapshot *surface, vec3 p) {
     double nearest = INFINITY;
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
-        if (!surface_has(surface, t))
+        if (!snapshot_has(surface, t))
             continue;
         vec3 c[3];
-        surface_corners(surface, t, c);
+        snapshot_corners(surface, t, c);
         nearest = fmin(nearest, brute_triangle(p, c));
     }
     return nearest;

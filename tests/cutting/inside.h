@@ -1,7 +1,7 @@
 // Which points lie inside: the oracles of what a cut took. Nothing here knows how a cut is made.
 #pragma once
 
-#include "cutting/surface.h"
+#include "cutting/snapshot.h"
 #include "random.h"
 
 // ---- points in a closed surface, fast: crossings of a line along z ----
@@ -9,13 +9,13 @@
 struct locator;
 
 // The surface must live as long. The caller destroys it.
-struct locator *locator_create(const struct surface *surface);
+struct locator *locator_create(const struct snapshot *surface);
 void locator_destroy(struct locator **locator);
 bool locator_inside(const struct locator *locator, vec3 p);
 
 // ---- the same, slow and sure: the winding number ----
 
-bool winding_inside(const struct surface *surface, vec3 p);
+bool winding_inside(const struct snapshot *surface, vec3 p);
 
 // ---- volumes by random points ----
 
@@ -32,5 +32,5 @@ struct estimate estimate_common(const struct locator *locator, const struct conv
                                 int count, int points, struct random *random);
 
 // Distances to what a membership turns at: the surface, slow, and the nearest plane of a part.
-double surface_distance(const struct surface *surface, vec3 p);
+double snapshot_distance(const struct snapshot *surface, vec3 p);
 double parts_clearance(const struct convex *parts, int count, vec3 p);

@@ -10,19 +10,19 @@
 void trial_init(struct trial *trial, const struct mesh *mesh) {
     *trial = (struct trial){.original = mesh->vertex_count};
     CHECK(cut_mesh_create(mesh, &trial->mesh, &trial->err) == RESULT_OK);
-    surface_of_cut(trial->mesh, &trial->now);
+    snapshot_of_cut(trial->mesh, &trial->now);
 }
 
 void trial_fini(struct trial *trial) {
     cut_mesh_destroy(&trial->mesh);
     cut_change_fini(&trial->change);
-    surface_fini(&trial->before);
-    surface_fini(&trial->now);
+    snapshot_fini(&trial->before);
+    snapshot_fini(&trial->now);
 }
 
 static const char *fault_of(const struct trial *trial, const struct convex *parts, int part_count) {
     if (trial->outcome != CUT_CHANGED)
-        return surface_equals(&trial->before, &trial->now)
+        return snapshot_equals(&trial->before, &trial->now)
                    ? NULL
                    : "a cut without change changed the mesh";
     struct cut_tried tried = {.before = &trial->before,
@@ -36,23 +36,23 @@ static const char *fault_of(const struct trial *trial, const struct convex *part
 
 void trial_cut(struct trial *trial, const struct convex *parts, int part_count) {
     cut_change_fini(&trial->change);
-    surface_fini(&trial->before);
+    snapshot_fini(&trial->before);
     trial->before = trial->now;
-    trial->volume_before = surface_volume(&trial->before);
+    trial->volume_before = snapshot_volume(&trial->before);
     int64_t start = clock_now_ns();
     trial->outcome = cut_apply(trial->mesh, parts, part_count, &trial->change, &trial->err);
     trial->took_ns = clock_now_ns() - start;
-    surface_of_cut(trial->mesh, &trial->now);
+    snapshot_of_cut(trial->mesh, &trial->now);
     trial->fault = fault_of(trial, parts, part_count);
 }
 
 static bool in_a_piece(const struct cut_change *change, vec3 p) {
     bool inside = false;
     for (int i = 0; i < change->piece_count && !inside; i++) {
-        struct surface surface;
-        surface_of_mesh(&change->pieces[i].mesh, &surface);
+        struct snapshot surface;
+        snapshot_of_mesh(&change->pieces[i].mesh, &surface);
         inside = winding_inside(&surface, p);
-        surface_fini(&surface);
+        snapshot_fini(&surface);
     }
     return inside;
 }
@@ -69,7 +69,7 @@ const char *trial_points_fault(const struct trial *trial, const struct convex *p
         bool is = winding_inside(&trial->now, p) || in_a_piece(&trial->change, p);
         *inside += was;
         if (due != is && parts_clearance(parts, part_count, p) > UNSURE_MM &&
-            surface_distance(&trial->before, p) > UNSURE_MM)
+            snapshot_distance(&trial->before, p) > UNSURE_MM)
             return due ? "tissue that no part holds is missing" : "tissue is where a part was";
     }
     return NULL;

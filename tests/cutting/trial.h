@@ -8,7 +8,7 @@ struct trial {
     struct cut_mesh *mesh;
     uint32_t original; // vertices at the start
     // Of the last cut:
-    struct surface before, now;
+    struct snapshot before, now;
     double volume_before;
     enum cut_outcome outcome;
     struct cut_change change; // zeroed where nothing changed

@@ -85,10 +85,16 @@ static void compare_one(struct voxels *v, int x, int y, int z, void *context) {
 
 static void next_span(struct random *r, int side, struct span *s) {
     int axis = (int)(random_bits(r) % 3), width = s->high[axis] - s->low[axis];
-    bool flush = random_bits(r) % 3 == 0;
+    bool flush = random_bits(r) % 3 == 0, is_sheet = !flush && random_bits(r) % 6 == 0;
     for (int i = 0; i < 3 && !flush; i++) {
         s->low[i] = (int)(random_bits(r) % (unsigned)(side + 1)) - 1;
         s->high[i] = s->low[i] + 1 + (int)(random_bits(r) % (unsigned)(side / 2));
+        if (is_sheet && i == axis)
+            s->high[i] = s->low[i] + 1;
+        else if (is_sheet) {
+            s->low[i] = -1;
+            s->high[i] = side + 1;
+        }
     }
     if (flush) {
         int step = random_bits(r) % 2 ? width : -width;
@@ -111,13 +117,13 @@ static void span_convex(const struct span *s, int side, struct convex *out) {
 
 // ---- a sequence ---------------------------------------------------------------------------------
 
-static double area_of(const struct surface *surface) {
+static double area_of(const struct snapshot *surface) {
     double area = 0;
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
-        if (!surface_has(surface, t))
+        if (!snapshot_has(surface, t))
             continue;
         vec3 c[3];
-        surface_corners(surface, t, c);
+        snapshot_corners(surface, t, c);
         area += vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]))) / 2;
     }
     return area;
@@ -125,8 +131,8 @@ static double area_of(const struct surface *surface) {
 
 static void take_piece_out(struct voxels *voxels, const struct cut_piece *piece,
                            struct voxel_run *run) {
-    struct surface surface;
-    surface_of_mesh(&piece->mesh, &surface);
+    struct snapshot surface;
+    snapshot_of_mesh(&piece->mesh, &surface);
     struct locator *locator = locator_create(&surface);
     int before = count_all(voxels).filled;
     for_each(voxels, empty_inside, locator);
@@ -134,7 +140,7 @@ static void take_piece_out(struct voxels *voxels, const struct cut_piece *piece,
     run->volume_error = fmax(run->volume_error, fabs(counted - piece->volume));
     run->pieces++;
     locator_destroy(&locator);
-    surface_fini(&surface);
+    snapshot_fini(&surface);
 }
 
 static void hold_against(struct voxels *voxels, const struct trial *trial, struct voxel_run *run) {
@@ -145,7 +151,7 @@ static void hold_against(struct voxels *voxels, const struct trial *trial, struc
     for_each(voxels, compare_one, &comparison);
     locator_destroy(&locator);
     struct count count = count_all(voxels);
-    double volume = surface_volume(&trial->now), area = area_of(&trial->now);
+    double volume = snapshot_volume(&trial->now), area = area_of(&trial->now);
     run->volume_error = fmax(run->volume_error, fabs(volume - count.filled / 8.0));
     run->area_error = fmax(run->area_error, fabs(area - count.faces / 4.0));
     if (comparison.differing && !run->fault)

@@ -1,12 +1,12 @@
-#include "cutting/surface.h"
+#include "cutting/snapshot.h"
 
 #include "base/check.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static void surface_init(struct surface *out, uint32_t vertex_bound, uint32_t triangle_bound) {
-    *out = (struct surface){.vertex_bound = vertex_bound, .triangle_bound = triangle_bound};
+static void snapshot_init(struct snapshot *out, uint32_t vertex_bound, uint32_t triangle_bound) {
+    *out = (struct snapshot){.vertex_bound = vertex_bound, .triangle_bound = triangle_bound};
     out->vertex_alive = alloc(vertex_bound, sizeof *out->vertex_alive);
     out->vertices = alloc(vertex_bound, sizeof *out->vertices);
     out->triangles = alloc(triangle_bound, 3 * sizeof *out->triangles);
@@ -14,16 +14,16 @@ static void surface_init(struct surface *out, uint32_t vertex_bound, uint32_t tr
     memset(out->triangles, 0xff, 3 * (size_t)triangle_bound * sizeof *out->triangles);
 }
 
-void surface_fini(struct surface *surface) {
+void snapshot_fini(struct snapshot *surface) {
     free(surface->vertex_alive);
     free(surface->vertices);
     free(surface->triangles);
     free(surface->labels);
-    *surface = (struct surface){0};
+    *surface = (struct snapshot){0};
 }
 
-void surface_of_cut(const struct cut_mesh *mesh, struct surface *out) {
-    surface_init(out, cut_mesh_vertex_bound(mesh), cut_mesh_triangle_bound(mesh));
+void snapshot_of_cut(const struct cut_mesh *mesh, struct snapshot *out) {
+    snapshot_init(out, cut_mesh_vertex_bound(mesh), cut_mesh_triangle_bound(mesh));
     for (uint32_t v = 0; v < out->vertex_bound; v++) {
         if (!cut_mesh_vertex_alive(mesh, v))
             continue;
@@ -40,8 +40,8 @@ void surface_of_cut(const struct cut_mesh *mesh, struct surface *out) {
     }
 }
 
-void surface_of_mesh(const struct mesh *mesh, struct surface *out) {
-    surface_init(out, mesh->vertex_count, mesh->triangle_count);
+void snapshot_of_mesh(const struct mesh *mesh, struct snapshot *out) {
+    snapshot_init(out, mesh->vertex_count, mesh->triangle_count);
     out->vertex_count = mesh->vertex_count;
     out->triangle_count = mesh->triangle_count;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
@@ -51,7 +51,7 @@ void surface_of_mesh(const struct mesh *mesh, struct surface *out) {
     memcpy(out->triangles, mesh->triangles, 3 * (size_t)mesh->triangle_count * sizeof(uint32_t));
 }
 
-bool surface_equals(const struct surface *a, const struct surface *b) {
+bool snapshot_equals(const struct snapshot *a, const struct snapshot *b) {
     size_t vertices = a->vertex_bound, triangles = a->triangle_bound;
     return a->vertex_bound == b->vertex_bound && a->triangle_bound == b->triangle_bound &&
            !memcmp(a->vertex_alive, b->vertex_alive, vertices) &&
@@ -60,32 +60,32 @@ bool surface_equals(const struct surface *a, const struct surface *b) {
            !memcmp(a->labels, b->labels, triangles * sizeof *a->labels);
 }
 
-void surface_corners(const struct surface *surface, uint32_t triangle, vec3 out_corners[3]) {
+void snapshot_corners(const struct snapshot *surface, uint32_t triangle, vec3 out_corners[3]) {
     for (int i = 0; i < 3; i++)
         out_corners[i] = surface->vertices[surface->triangles[3 * (size_t)triangle + (size_t)i]];
 }
 
-static double volume_below(const struct surface *surface, uint32_t triangle, vec3 origin) {
+static double volume_below(const struct snapshot *surface, uint32_t triangle, vec3 origin) {
     vec3 c[3];
-    surface_corners(surface, triangle, c);
+    snapshot_corners(surface, triangle, c);
     for (int i = 0; i < 3; i++)
         c[i] = vec3_sub(c[i], origin);
     return vec3_dot(c[0], vec3_cross(c[1], c[2])) / 6;
 }
 
 // Near the mesh, so that little cancels.
-static vec3 origin_of(const struct surface *surface) {
+static vec3 origin_of(const struct snapshot *surface) {
     for (uint32_t v = 0; v < surface->vertex_bound; v++)
         if (surface->vertex_alive[v])
             return surface->vertices[v];
     return (vec3){0};
 }
 
-double surface_volume(const struct surface *surface) {
+double snapshot_volume(const struct snapshot *surface) {
     vec3 origin = origin_of(surface);
     double sum = 0;
     for (uint32_t t = 0; t < surface->triangle_bound; t++)
-        if (surface_has(surface, t))
+        if (snapshot_has(surface, t))
             sum += volume_below(surface, t, origin);
     return sum;
 }
@@ -104,7 +104,7 @@ static uint32_t following(uint32_t h) {
     return h % 3 == 2 ? h - 2 : h + 1;
 }
 
-static uint32_t target(const struct surface *surface, uint32_t h) {
+static uint32_t target(const struct snapshot *surface, uint32_t h) {
     return surface->triangles[following(h)];
 }
 
@@ -121,7 +121,7 @@ static void links_fini(struct links *links) {
     free(links->valence);
 }
 
-static const char *corners_fault(const struct surface *surface) {
+static const char *corners_fault(const struct snapshot *surface) {
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
         const uint32_t *v = surface->triangles + 3 * (size_t)t;
         if (v[0] == MESH_NONE)
@@ -138,7 +138,7 @@ static const char *corners_fault(const struct surface *surface) {
     return NULL;
 }
 
-static void link_up(const struct surface *surface, struct links *out) {
+static void link_up(const struct snapshot *surface, struct links *out) {
     uint32_t count = 3 * surface->triangle_bound;
     *out = (struct links){filled(surface->vertex_bound), filled(count), filled(count),
                           alloc(surface->vertex_bound, sizeof *out->valence)};
@@ -152,7 +152,7 @@ static void link_up(const struct surface *surface, struct links *out) {
     }
 }
 
-static const char *pair_up(const struct surface *surface, struct links *links) {
+static const char *pair_up(const struct snapshot *surface, struct links *links) {
     for (uint32_t h = 0; h < 3 * surface->triangle_bound; h++) {
         uint32_t from = surface->triangles[h];
         if (from == MESH_NONE)
@@ -170,7 +170,7 @@ static const char *pair_up(const struct surface *surface, struct links *links) {
     return NULL;
 }
 
-static const char *fans_fault(const struct surface *surface, const struct links *links) {
+static const char *fans_fault(const struct snapshot *surface, const struct links *links) {
     for (uint32_t v = 0; v < surface->vertex_bound; v++) {
         uint32_t start = links->first[v], h = start, steps = 0;
         if (!surface->vertex_alive[v])
@@ -187,7 +187,7 @@ static const char *fans_fault(const struct surface *surface, const struct links 
     return NULL;
 }
 
-static void mark_part(const struct surface *surface, const struct links *links, uint32_t seed,
+static void mark_part(const struct snapshot *surface, const struct links *links, uint32_t seed,
                       bool *seen, uint32_t *stack, double *out_volume) {
     vec3 origin = surface->vertices[surface->triangles[3 * (size_t)seed]];
     uint32_t *top = stack;
@@ -205,13 +205,13 @@ static void mark_part(const struct surface *surface, const struct links *links, 
     }
 }
 
-static int count_bodies(const struct surface *surface, const struct links *links) {
+static int count_bodies(const struct snapshot *surface, const struct links *links) {
     bool *seen = alloc(surface->triangle_bound, sizeof *seen);
     uint32_t *stack = alloc(surface->triangle_bound, sizeof *stack);
     int bodies = 0;
     for (uint32_t t = 0; t < surface->triangle_bound; t++) {
         double volume = 0;
-        if (!seen[t] && surface_has(surface, t))
+        if (!seen[t] && snapshot_has(surface, t))
             mark_part(surface, links, t, seen, stack, &volume);
         bodies += volume > 0;
     }
@@ -220,7 +220,7 @@ static int count_bodies(const struct surface *surface, const struct links *links
     return bodies;
 }
 
-const char *surface_fault(const struct surface *surface, int *out_bodies) {
+const char *snapshot_fault(const struct snapshot *surface, int *out_bodies) {
     struct links links;
     const char *fault = corners_fault(surface);
     if (fault)

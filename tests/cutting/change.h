@@ -1,7 +1,7 @@
 // What a cut says that it did, held against the mesh before and after it.
 #pragma once
 
-#include "cutting/snapshot.h"
+#include "cutting/surface.h"
 
 struct cut_tried {
     const struct snapshot *before, *after;

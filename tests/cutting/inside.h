@@ -1,7 +1,7 @@
 // Which points lie inside: the oracles of what a cut took. Nothing here knows how a cut is made.
 #pragma once
 
-#include "cutting/snapshot.h"
+#include "cutting/surface.h"
 #include "random.h"
 
 // ---- points in a closed surface, fast: crossings of a line along z ----

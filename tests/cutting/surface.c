@@ -1,4 +1,4 @@
-#include "cutting/snapshot.h"
+#include "cutting/surface.h"
 
 #include "base/check.h"
 

@@ -2,10 +2,13 @@
 
 #include "cut/surgery.h"
 
-#define NEAR_MM 1e-3     // a vertex merges into one as near as this
-#define NEAR_OFF_MM 1e-4 // where that moves the surface by no more than this,
-#define OFF_MM 1e-6      // and into any other where it moves it by no more than this
-#define THIN 0.1         // ratio of height to length: triangles do not get thinner than that
+// The surface may sink more than it may rise: a wall that rises by more than blades grow would be
+// left as a skin by a bite that is flush with it from behind.
+#define NEAR_MM 1e-3      // a vertex merges into one as near as this
+#define NEAR_SINK_MM 1e-4 // where that sinks the surface by no more than this,
+#define SINK_MM 1e-6      // and into any other where it sinks it by no more than this
+#define RISE_MM 1e-7
+#define THIN 0.1 // ratio of height to length: triangles do not get thinner than that
 #define DEGREE_MAX 64
 #define TURNS 8 // of the queue
 
@@ -75,12 +78,13 @@ static bool keeps_labels(const struct cut_mesh *mesh, const struct fan *fan, int
 
 // The thinnest triangle after merging; -1 where the surface would move or turn over.
 static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
-                              vec3 to, double off) {
+                              vec3 to, double sink) {
     double thinnest = 1;
     for (int i = 2; i < fan->count; i++) {
         int f = (k + i) % fan->count;
         vec3 normal = fan->normals[f], turned;
-        if (fabs(vec3_dot(normal, vec3_sub(to, from))) > off * vec3_length(normal))
+        double rise = vec3_dot(normal, vec3_sub(to, from)), length = vec3_length(normal);
+        if (rise > RISE_MM * length || rise < -sink * length)
             return -1;
         uint32_t side = fan->sides[f];
         double thin = thinness(to, mesh->points[side_end(mesh, side)],
@@ -100,7 +104,7 @@ static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const 
     for (int k = 0; k < fan->count; k++) {
         vec3 to = mesh->points[side_end(mesh, fan->sides[k])];
         bool near = fan->count > 3 && vec3_distance(from, to) < NEAR_MM;
-        double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_OFF_MM : OFF_MM);
+        double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_SINK_MM : SINK_MM);
         if (thin < best_thin || (!near && !keeps_labels(mesh, fan, k)) ||
             !surgery_can_merge(mesh, fan->sides[k]))
             continue;
@@ -132,7 +136,7 @@ static bool lies_on(vec3 p, vec3 q, vec3 v) {
     if (!(along > 0 && along < square))
         return false;
     vec3 off = vec3_cross(pq, pv);
-    return vec3_dot(off, off) <= OFF_MM * OFF_MM * square;
+    return vec3_dot(off, off) <= SINK_MM * SINK_MM * square;
 }
 
 static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
@@ -148,7 +152,8 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
         double thin = thinness(at_q, at_p, at_r, &before);
         thin = fmin(thin, thinness(v, at_p, at_q, &flat));
         double thin_after = fmin(thinness(v, at_p, at_r, &left), thinness(v, at_r, at_q, &right));
-        if (!(thin_after > thin && vec3_dot(before, left) > 0 && vec3_dot(before, right) > 0))
+        if (!(thin_after > thin && vec3_dot(before, left) > 0 && vec3_dot(before, right) > 0 &&
+              vec3_dot(before, vec3_sub(v, at_p)) <= RISE_MM * vec3_length(before)))
             continue;
         surgery_flip(mesh, side);
         queue(mesh, vertex);

@@ -7,12 +7,13 @@
 
 // ---- the blade's place ----
 //
-// Each plane moves outwards by a hair, another one for each blade: the blade grows by the half of
-// GROWTH_MM or more and leans by less than that. So no plane, edge or vertex of a blade coincides
-// with one of an earlier blade or of a lattice, and flush bites overlap rather than leave a skin.
+// Each plane moves outwards by a hair, for each blade by one a little longer or shorter: the blade
+// grows by about GROWTH_MM and leans. So no plane, edge or vertex of a blade coincides with one of
+// an earlier blade or of a lattice, and flush bites overlap rather than leave a skin.
 
-#define GROWTH_MM 2e-7
-#define GROWTH_MORE_MM 3e-6 // with each further attempt
+#define GROWTH_MM 5e-7
+#define GROWTH_MORE_MM 2e-6 // with each further attempt
+#define SPREAD 0.05         // of the growth, both ways
 
 // Splitmix64, as a number from -1 to 1.
 static double draw(uint64_t *state) {
@@ -84,8 +85,8 @@ static void connect_faces(struct stage *stage) {
 static void place(struct convex *blade, uint64_t seed, int attempt) {
     double size = GROWTH_MM + attempt * GROWTH_MORE_MM;
     double x = draw(&seed), y = draw(&seed), z = draw(&seed);
-    grow(blade, size * (0.75 + 0.25 * draw(&seed)));
-    shift_by(blade, vec3_scale(size / 4, (vec3){x, y, z}));
+    grow(blade, size * (1 + SPREAD * draw(&seed)));
+    shift_by(blade, vec3_scale(SPREAD * size, (vec3){x, y, z}));
     set_box(blade);
 }
 

@@ -156,6 +156,21 @@ static enum result add_maxcut(struct knee_case *knee, const struct recipe *recip
     return result;
 }
 
+static enum result add_tear(struct knee_case *knee, const struct recipe *recipe,
+                            const struct recipe_tear *tear, struct error *err) {
+    struct case_group *group = case_group(knee, tear->group);
+    CHECK(group);
+    struct mesh mesh;
+    struct arc *arc;
+    case_group_virtual(group, &mesh);
+    enum result result = arc_create(&mesh, knee->joint.T_tibia_joint, &arc, err);
+    if (result == RESULT_OK)
+        result = tear_add(group, arc, &tear->tear, recipe->rim_mm, err);
+    arc_destroy(&arc);
+    mesh_fini(&mesh);
+    return result == RESULT_OK ? result : fail_in(err, result, "[tear %s] ", tear->name);
+}
+
 enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
                           struct error *err) {
     struct knee_case *knee = case_create(recipe->name, recipe->title);
@@ -170,6 +185,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
         result = add_cavity(knee, recipe, &recipe->cavities[i], err);
     if (result == RESULT_OK)
         result = add_maxcut(knee, recipe, err);
+    for (int i = 0; i < recipe->tear_count && result == RESULT_OK; i++)
+        result = add_tear(knee, recipe, &recipe->tears[i], err);
     if (result != RESULT_OK)
         case_destroy(&knee);
     *out_case = knee;

@@ -5,8 +5,10 @@
 #pragma once
 
 #include "case/deform.h"
+#include "case/tear.h"
 
 #define RECIPE_CAVITIES_MAX 8
+#define RECIPE_TEARS_MAX 4
 
 // A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
 // facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
@@ -14,6 +16,13 @@ struct recipe_cavity {
     char name[CASE_NAME_MAX];
     enum body body;            // femur or tibia
     struct deform_cavity dent; // `at` in a right knee of size 1; radius and depth as they are
+};
+
+// A tear of a meniscus, in the shape that the cavities have given it.
+struct recipe_tear {
+    char name[CASE_NAME_MAX];
+    char group[CASE_NAME_MAX];
+    struct tear tear;
 };
 
 struct recipe {
@@ -27,6 +36,8 @@ struct recipe {
     double rim_mm; // of the menisci's maxcut; 0: they have none
     int cavity_count;
     struct recipe_cavity cavities[RECIPE_CAVITIES_MAX];
+    int tear_count;
+    struct recipe_tear tears[RECIPE_TEARS_MAX];
 };
 
 // Reads a recipe: a folder with recipe.ini, or the file itself. cases/README.md describes it.
@@ -34,6 +45,7 @@ struct recipe {
 // names file, section, key and range.
 enum result recipe_load(const char *path, struct recipe *out_recipe, struct error *err);
 
-// RESULT_INVALID where a cavity is nowhere near its bone. The caller destroys *out_case.
+// RESULT_INVALID where a cavity is nowhere near its bone or a tear does not fit its meniscus. The
+// caller destroys *out_case.
 enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
                           struct error *err);

@@ -90,6 +90,46 @@ static enum result read_cavity(struct reading *r, const char *section, const cha
     return refuse(r, section, key, "unknown key");
 }
 
+// "[tear NAME]": as with cavities.
+static struct recipe_tear *tear_of(struct reading *r, const char *section) {
+    const char *name = section + strlen("tear ");
+    struct recipe *recipe = r->recipe;
+    for (int i = 0; i < recipe->tear_count; i++)
+        if (strcmp(recipe->tears[i].name, name) == 0)
+            return &recipe->tears[i];
+    if (recipe->tear_count == RECIPE_TEARS_MAX || strlen(name) >= CASE_NAME_MAX)
+        return NULL;
+    struct recipe_tear *tear = &recipe->tears[recipe->tear_count++];
+    *tear = (struct recipe_tear){.tear.kind = TEAR_KIND_COUNT};
+    snprintf(tear->name, sizeof tear->name, "%s", name);
+    return tear;
+}
+
+static enum result read_tear(struct reading *r, const char *section, const char *key,
+                             const char *value) {
+    struct recipe_tear *tear = tear_of(r, section);
+    if (!tear)
+        return refuse(r, section, key, "at most 4 tears, with names of at most 63 characters");
+    if (strcmp(key, "kind") == 0) {
+        if (!tear_kind_from_name(value, &tear->tear.kind))
+            return refuse(r, section, key, "must be radial, flap, bucket-handle or horizontal");
+        return RESULT_OK;
+    }
+    if (strcmp(key, "group") == 0) {
+        if (strcmp(value, "meniscus_medial") != 0 && strcmp(value, "meniscus_lateral") != 0)
+            return refuse(r, section, key, "must be meniscus_medial or meniscus_lateral");
+        strcpy(tear->group, value);
+        return RESULT_OK;
+    }
+    if (strcmp(key, "at") == 0)
+        return read_number(r, section, key, value, 0.1, 0.9, &tear->tear.at);
+    if (strcmp(key, "depth_mm") == 0)
+        return read_number(r, section, key, value, 1, 8, &tear->tear.depth_mm);
+    if (strcmp(key, "length_mm") == 0)
+        return read_number(r, section, key, value, 2, 30, &tear->tear.length_mm);
+    return refuse(r, section, key, "unknown key");
+}
+
 static enum result read_knee(struct reading *r, const char *section, const char *key,
                              const char *value) {
     if (strcmp(section, "knee") == 0 && strcmp(key, "title") == 0) {
@@ -134,6 +174,8 @@ static int read_entry(void *user, const char *section, const char *key, const ch
         return refuse(r, section, key, "given twice") == RESULT_OK;
     if (strncmp(section, "cavity ", strlen("cavity ")) == 0)
         return read_cavity(r, section, key, value) == RESULT_OK;
+    if (strncmp(section, "tear ", strlen("tear ")) == 0)
+        return read_tear(r, section, key, value) == RESULT_OK;
     return read_knee(r, section, key, value) == RESULT_OK;
 }
 
@@ -148,6 +190,20 @@ static enum result check_cavities(const struct recipe *recipe, struct error *err
             return fail(err, RESULT_INVALID,
                         "[cavity %s] depth_mm = %g: must be at most %g, half of radius_mm", c->name,
                         c->dent.depth_mm, c->dent.radius_mm / 2);
+    }
+    return RESULT_OK;
+}
+
+static enum result check_tears(const struct recipe *recipe, struct error *err) {
+    for (int i = 0; i < recipe->tear_count; i++) {
+        const struct recipe_tear *t = &recipe->tears[i];
+        bool radial = t->tear.kind == TEAR_RADIAL;
+        if (t->tear.kind == TEAR_KIND_COUNT || t->group[0] == '\0' || t->tear.at == 0 ||
+            t->tear.depth_mm == 0 || (t->tear.length_mm == 0) != radial)
+            return fail(err, RESULT_MISSING,
+                        "[tear %s] needs kind, group, at and depth_mm; length_mm too where it is "
+                        "not radial, and only there",
+                        t->name);
     }
     return RESULT_OK;
 }
@@ -194,7 +250,7 @@ enum result recipe_load(const char *path, struct recipe *out_recipe, struct erro
     if (line > 0)
         return fail(err, RESULT_FORMAT, "%s:%d: neither a section nor a key with a value", file,
                     line);
-    if (check_cavities(out_recipe, err) != RESULT_OK)
+    if (check_cavities(out_recipe, err) != RESULT_OK || check_tears(out_recipe, err) != RESULT_OK)
         return fail_in(err, RESULT_INVALID, "%s: ", file);
     if (name_after_folder(file, out_recipe->name, err) != RESULT_OK)
         return RESULT_INVALID;

@@ -421,7 +421,9 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     if (load_text("[knee]\ntitle = A knee\nside = left\nsize = 0.9\n[mesh]\nresolution_mm = 2\n"
                   "[menisci]\nmedial_cm3 = 2\nlateral_cm3 = 1.5\nrim_mm = 4\n"
                   "[cavity a]\nbody = tibia\nat = 1 -2 3.5\nradius_mm = 8\ndepth_mm = 3\n"
-                  "[cavity b]\nbody = femur\nat = 0 0 0\nradius_mm = 4\ndepth_mm = 2\n",
+                  "[cavity b]\nbody = femur\nat = 0 0 0\nradius_mm = 4\ndepth_mm = 2\n"
+                  "[tear c]\nkind = bucket-handle\ngroup = meniscus_lateral\nat = 0.4\n"
+                  "depth_mm = 3\nlength_mm = 12\n",
                   &recipe, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     assert_string_equal(recipe.title, "A knee");
@@ -435,6 +437,13 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_string_equal(recipe.cavities[0].name, "a");
     assert_vec3_near(recipe.cavities[0].dent.at, ((vec3){1, -2, 3.5}), 0);
     assert_int_equal(recipe.cavities[1].body, BODY_FEMUR);
+    assert_int_equal(recipe.tear_count, 1);
+    assert_string_equal(recipe.tears[0].name, "c");
+    assert_string_equal(recipe.tears[0].group, "meniscus_lateral");
+    assert_int_equal(recipe.tears[0].tear.kind, TEAR_BUCKET_HANDLE);
+    assert_near(recipe.tears[0].tear.at, 0.4, 0);
+    assert_near(recipe.tears[0].tear.depth_mm, 3, 0);
+    assert_near(recipe.tears[0].tear.length_mm, 12, 0);
     assert_int_equal(strncmp(recipe.name, "arthron-generate-", 17), 0);
 }
 
@@ -467,6 +476,21 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[cavity a]\nbody = tibia\nradius_mm = 5\ndepth_mm = 2\n", "[cavity a] needs"},
         {"[cavity a]\nbody = tibia\nat = 0 0 0\nradius_mm = 5\ndepth_mm = 3\n",
          "[cavity a] depth_mm = 3: must be at most 2.5"},
+        {"[tear a]\nkind = zigzag\n", "must be radial, flap, bucket-handle or horizontal"},
+        {"[tear a]\ngroup = tibia\n", "must be meniscus_medial or meniscus_lateral"},
+        {"[tear a]\nat = 0.05\n", "[tear a] at = 0.05: must be a number from 0.1 to 0.9"},
+        {"[tear a]\ndepth_mm = 9\n", "from 1 to 8"},
+        {"[tear a]\nlength_mm = 31\n", "from 2 to 30"},
+        {"[tear a]\nwidth_mm = 1\n", "[tear a] width_mm: unknown key"},
+        {"[tear a]\nkind = radial\nat = 0.5\ndepth_mm = 3\n", "[tear a] needs kind, group"},
+        {"[tear a]\nkind = radial\ngroup = meniscus_medial\nat = 0.5\ndepth_mm = 3\n"
+         "length_mm = 9\n",
+         "length_mm too where it is not radial, and only there"},
+        {"[tear a]\nkind = flap\ngroup = meniscus_medial\nat = 0.5\ndepth_mm = 3\n",
+         "[tear a] needs"},
+        {"[tear a]\nat = 0.5\n[tear b]\nat = 0.5\n[tear c]\nat = 0.5\n[tear d]\nat = 0.5\n"
+         "[tear e]\nat = 0.5\n",
+         "[tear e] at: at most 4 tears"},
         {"[knee\nside = left\n", "recipe.ini:1: "},
         {"[knee]\nside\n", "recipe.ini:2: neither a section nor a key"},
     };

@@ -13,13 +13,15 @@
 #define TURNS 8 // of the queue
 
 void cleaner_fini(struct cleaner *cleaner) {
+    marks_fini(&cleaner->touched);
     marks_fini(&cleaner->queued);
     ids_fini(&cleaner->queue);
 }
 
+// Only what the cut has touched, so that cleaning does not creep away from it.
 static void queue(struct cut_mesh *mesh, uint32_t vertex) {
     struct cleaner *cleaner = mesh->cleaner;
-    if (marks_has(&cleaner->queued, vertex))
+    if (!marks_has(&cleaner->touched, vertex) || marks_has(&cleaner->queued, vertex))
         return;
     marks_set(&cleaner->queued, vertex, 0);
     ids_push(&cleaner->queue, vertex);
@@ -139,6 +141,10 @@ static bool lies_on(vec3 p, vec3 q, vec3 v) {
     return vec3_dot(off, off) <= SINK_MM * SINK_MM * square;
 }
 
+static bool is_touched(const struct cut_mesh *mesh, uint32_t vertex) {
+    return marks_has(&mesh->cleaner->touched, vertex);
+}
+
 static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
     vec3 v = mesh->points[vertex];
     for (int i = 0; i < fan->count; i++) {
@@ -146,7 +152,8 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
         uint32_t p = mesh->corners[side], q = side_end(mesh, side);
         uint32_t r = mesh->corners[side_previous(twin)];
         vec3 at_p = mesh->points[p], at_q = mesh->points[q], at_r = mesh->points[r];
-        if (!lies_on(at_p, at_q, v) || !surgery_can_flip(mesh, side))
+        if ((!is_touched(mesh, p) && !is_touched(mesh, q)) || !lies_on(at_p, at_q, v) ||
+            !surgery_can_flip(mesh, side))
             continue;
         vec3 before, left, right, flat;
         double thin = thinness(at_q, at_p, at_r, &before);
@@ -170,10 +177,14 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
 void clean(struct cut_mesh *mesh) {
     struct cleaner *cleaner = mesh->cleaner;
     cleaner->queue.count = 0;
+    marks_begin(&cleaner->touched, mesh->vertex_room);
     marks_begin(&cleaner->queued, mesh->vertex_room);
-    for (uint32_t i = 0; i < mesh->undo.vertex_count; i++)
-        if (cut_mesh_vertex_alive(mesh, mesh->undo.vertices[i].id))
-            queue(mesh, mesh->undo.vertices[i].id);
+    for (uint32_t i = 0; i < mesh->undo.vertex_count; i++) {
+        uint32_t vertex = mesh->undo.vertices[i].id;
+        marks_set(&cleaner->touched, vertex, 0);
+        if (cut_mesh_vertex_alive(mesh, vertex))
+            queue(mesh, vertex);
+    }
     ids_sort(&cleaner->queue);
     uint32_t limit = TURNS * cleaner->queue.count;
     struct fan fan;

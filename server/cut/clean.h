@@ -5,7 +5,8 @@
 #include "cut/tissue.h"
 
 struct cleaner {
-    struct marks queued; // vertices
+    struct marks touched; // vertices of triangles that the cut made
+    struct marks queued;  // vertices
     struct ids queue;
 };
 

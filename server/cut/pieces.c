@@ -6,51 +6,49 @@
 
 #define DEBRIS_MM3 1e-6 // what is smaller has no inside to speak of
 
-// ---- measures ----
+// ---- bodies ----
+
+// Where there may be cavities, with those that are in it; flood->owner is forgotten then.
+static void list_triangles(const struct cut_mesh *mesh, struct flood *flood, uint32_t body,
+                           struct ids *out) {
+    out->count = 0;
+    for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
+        ids_push(out, flood->entries[e].triangle);
+    if (mesh->hollow)
+        hollow_append(mesh, &flood->owner, out);
+    ids_sort(out);
+}
 
 struct moments {
     double six_volumes;
+    vec3 apex;
     vec3 sum; // of six volumes times four centroids from the apex
 };
 
-static void add_triangle(struct moments *moments, const struct cut_mesh *mesh, uint32_t triangle,
-                         vec3 apex) {
-    vec3 p[3];
-    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, p);
-    double six = six_volumes(p, apex);
-    vec3 corners =
-        vec3_add(vec3_sub(p[0], apex), vec3_add(vec3_sub(p[1], apex), vec3_sub(p[2], apex)));
-    moments->six_volumes += six;
-    moments->sum = vec3_add_scaled(moments->sum, six, corners);
-}
-
-static vec3 any_point(const struct cut_mesh *mesh, uint32_t triangle) {
-    return mesh->points[mesh->corners[3 * (size_t)triangle]];
-}
-
-static struct moments body_moments(const struct cut_mesh *mesh, const struct flood *flood,
-                                   uint32_t body, vec3 apex) {
-    struct moments moments = {0};
-    for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
-        add_triangle(&moments, mesh, flood->entries[e].triangle, apex);
+static struct moments moments_of(const struct cut_mesh *mesh, const struct ids *triangles) {
+    struct moments moments = {.apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]]};
+    for (uint32_t i = 0; i < triangles->count; i++) {
+        vec3 p[3];
+        triangle_points(mesh, mesh->corners + 3 * (size_t)triangles->at[i], p);
+        double six = six_volumes(p, moments.apex);
+        moments.six_volumes += six;
+        for (int k = 0; k < 3; k++)
+            moments.sum = vec3_add_scaled(moments.sum, six, vec3_sub(p[k], moments.apex));
+    }
     return moments;
-}
-
-static double body_volume(const struct cut_mesh *mesh, const struct flood *flood, uint32_t body) {
-    uint32_t first = flood->entries[flood->bodies[body].done.first].triangle;
-    return body_moments(mesh, flood, body, any_point(mesh, first)).six_volumes / 6;
 }
 
 // ---- which body stays ----
 
 struct shares {
     uint32_t growing; // the body that is not whole; MESH_NONE: there is none
-    uint32_t largest;
-    double rest; // volume of all that is in no whole body; cavities count with what they are in
+    uint32_t largest; // of the whole ones
+    double rest;      // volume of all that is in no whole body
 };
 
 static struct shares share_out(const struct cut_mesh *mesh, struct flood *flood, double *volumes) {
     struct shares shares = {MESH_NONE, MESH_NONE, mesh->volume};
+    struct ids triangles = {0};
     for (uint32_t b = 0; b < flood->body_count; b++) {
         if (flood->bodies[b].parent != b)
             continue;
@@ -58,25 +56,34 @@ static struct shares share_out(const struct cut_mesh *mesh, struct flood *flood,
             shares.growing = b;
             continue;
         }
-        volumes[b] = body_volume(mesh, flood, b);
-        if (volumes[b] > DEBRIS_MM3)
+        list_triangles(mesh, flood, b, &triangles);
+        volumes[b] = moments_of(mesh, &triangles).six_volumes / 6;
+        if (volumes[b] > 0)
             shares.rest -= volumes[b];
         if (shares.largest == MESH_NONE || volumes[b] > volumes[shares.largest])
             shares.largest = b;
     }
+    ids_fini(&triangles);
     return shares;
 }
 
-// The body that stays; the one that was growing is finished where it does not.
+static void finish_all(const struct cut_mesh *mesh, struct flood *flood) {
+    for (uint32_t b = 0; b < flood->body_count; b++)
+        if (flood->bodies[b].parent == b)
+            flood_finish(mesh, flood, b);
+}
+
+// The body that stays, and the volumes of those that do not.
 static uint32_t find_largest(const struct cut_mesh *mesh, struct flood *flood, double *volumes) {
+    if (mesh->hollow)
+        finish_all(mesh, flood);
     struct shares shares = share_out(mesh, flood, volumes);
     if (shares.growing == MESH_NONE)
         return shares.largest;
     if (shares.largest == MESH_NONE || shares.rest >= volumes[shares.largest])
         return shares.growing;
-    flood_finish(mesh, flood, shares.growing);
-    volumes[shares.growing] = body_volume(mesh, flood, shares.growing);
-    return shares.largest;
+    finish_all(mesh, flood);
+    return share_out(mesh, flood, volumes).largest;
 }
 
 // ---- a piece ----
@@ -108,17 +115,10 @@ static struct mesh mesh_of(const struct cut_mesh *mesh, struct flood *flood,
 static struct cut_piece take_out(struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
     struct ids triangles = {0}, vertices = {0};
     struct cut_piece piece = {0};
-    struct moments moments = {0};
-    for (uint32_t e = flood->bodies[body].done.first; e != MESH_NONE; e = flood->entries[e].next)
-        ids_push(&triangles, flood->entries[e].triangle);
-    if (mesh->hollow)
-        hollow_append(mesh, &flood->owner, &triangles);
-    ids_sort(&triangles);
-    vec3 apex = any_point(mesh, triangles.at[0]);
-    for (uint32_t i = 0; i < triangles.count; i++)
-        add_triangle(&moments, mesh, triangles.at[i], apex);
+    list_triangles(mesh, flood, body, &triangles);
+    struct moments moments = moments_of(mesh, &triangles);
     piece.volume = moments.six_volumes / 6;
-    piece.centroid = vec3_add_scaled(apex, 1 / (4 * moments.six_volumes), moments.sum);
+    piece.centroid = vec3_add_scaled(moments.apex, 1 / (4 * moments.six_volumes), moments.sum);
     piece.mesh = mesh_of(mesh, flood, &triangles, &vertices);
     for (uint32_t i = 0; i < triangles.count; i++)
         tissue_remove_triangle(mesh, triangles.at[i]);

@@ -1,0 +1,259 @@
+#include "match/match.h"
+
+#include "base/clock.h"
+#include "bench.h"
+#include "case/generate_tube.h"
+#include "case/maxcut.h"
+#include "cut/cut.h"
+#include "mesh/query.h"
+#include "random.h"
+#include "samples.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+bench_run bench_match;
+
+#define MENISCUS_MM3 2360.0
+#define RIM_MM 4.0
+#define PATCHES_MAX 16
+
+struct size {
+    const char *name;
+    double edge_mm;
+};
+
+static const struct size sizes[] = {{"5k", 1}, {"20k", 0.5}};
+
+enum method { OURS, BISECTION, COARSE_BISECTION, METHOD_COUNT };
+
+// Tolerances are shares of the whole volume.
+static const struct {
+    const char *name;
+    double tolerance;
+} methods[METHOD_COUNT] = {{"match", 0}, {"bisection to 1e-9", 1e-9}, {"bisection to 1e-6", 1e-6}};
+
+struct tally {
+    struct samples ms[METHOD_COUNT], times, steps, changed, error, error_of_removed, apart_mm;
+    int nibbles, widened, saturated;
+    double removed_mm3, left_mm3;
+};
+
+static void tally_fini(struct tally *tally) {
+    for (int i = 0; i < METHOD_COUNT; i++)
+        samples_fini(&tally->ms[i]);
+    samples_fini(&tally->times);
+    samples_fini(&tally->steps);
+    samples_fini(&tally->changed);
+    samples_fini(&tally->error);
+    samples_fini(&tally->error_of_removed);
+    samples_fini(&tally->apart_mm);
+}
+
+// ---- nibbles: real cuts into a generated meniscus -----------------------------------------------
+
+// A meniscus, cut, and what each method makes of it.
+struct resection {
+    struct cut_mesh *cut;
+    struct match *matches[METHOD_COUNT];
+};
+
+static enum result resection_init(struct resection *out, const struct case_group *group,
+                                  const struct match_surface *surface, struct error *err) {
+    for (int i = 0; i < METHOD_COUNT; i++)
+        out->matches[i] = match_create(surface);
+    out->cut = NULL;
+    return cut_mesh_create(&group->mesh, &out->cut, err);
+}
+
+static void resection_fini(struct resection *resection) {
+    for (int i = 0; i < METHOD_COUNT; i++)
+        match_destroy(&resection->matches[i]);
+    cut_mesh_destroy(&resection->cut);
+}
+
+// Where there is still something to take: on the way of a vertex, near where it is now.
+static vec3 bite_centre(const struct case_group *group, const struct match *match,
+                        struct random *r) {
+    for (;;) {
+        uint32_t v = (uint32_t)(random_bits(r) % group->mesh.vertex_count);
+        const float *d = group->maxcut + 3 * (size_t)v;
+        double left = 1 - match_blends(match)[v];
+        vec3 way = {left * (double)d[0], left * (double)d[1], left * (double)d[2]};
+        if (vec3_length(way) > 0.3)
+            return vec3_add_scaled(match_vertex(match, v), random_between(r, 0, 0.5), way);
+    }
+}
+
+static enum result make_bite(vec3 centre, struct random *r, struct convex *out, struct error *err) {
+    struct plane planes[6];
+    quat turn = random_pose(r, 0).rotation;
+    for (int i = 0; i < 6; i++) {
+        vec3 axis = {i / 2 == 0, i / 2 == 1, i / 2 == 2};
+        vec3 normal = quat_rotate(turn, vec3_scale(i % 2 ? 1 : -1, axis));
+        planes[i] = (struct plane){normal, vec3_dot(normal, centre) + random_between(r, 0.7, 2)};
+    }
+    return convex_create(planes, 6, out, err);
+}
+
+// ---- matching -----------------------------------------------------------------------------------
+
+static void match_by(enum method method, struct match *match, const struct brush *brushes,
+                     int count, double target, struct match_report *out) {
+    if (method == OURS)
+        match_to_volume(match, brushes, count, target, out);
+    else
+        match_by_bisection(match, brushes, count, target, methods[method].tolerance * MENISCUS_MM3,
+                           out);
+}
+
+static void tally_error(struct tally *tally, const struct match *match, double target,
+                        double removed) {
+    double error = fabs(match_volume(match) - target);
+    samples_add(&tally->error, error / MENISCUS_MM3);
+    samples_add(&tally->error_of_removed, error / removed);
+}
+
+static void match_nibble(struct resection *resection, const struct cut_change *change,
+                         double removed, struct tally *tally) {
+    struct brush brushes[PATCHES_MAX];
+    int count = change->patch_count < PATCHES_MAX ? change->patch_count : PATCHES_MAX;
+    for (int i = 0; i < count; i++)
+        brushes[i] = (struct brush){change->patches[i].centroid, change->patches[i].extent};
+    struct match_report reports[METHOD_COUNT];
+    double ms[METHOD_COUNT];
+    for (int i = 0; i < METHOD_COUNT; i++) {
+        int64_t before = clock_now_ns();
+        match_by((enum method)i, resection->matches[i], brushes, count, change->volume_mm3,
+                 &reports[i]);
+        ms[i] = 1e-6 * (double)(clock_now_ns() - before);
+        samples_add(&tally->ms[i], ms[i]);
+    }
+    tally->nibbles++;
+    tally->widened += reports[OURS].widening > 1;
+    samples_add(&tally->changed, reports[OURS].changed_count);
+    samples_add(&tally->steps, reports[OURS].steps);
+    if (reports[OURS].outcome == MATCH_SATURATED) {
+        tally->saturated++;
+        return;
+    }
+    samples_add(&tally->times, ms[BISECTION] / ms[OURS]);
+    tally_error(tally, resection->matches[OURS], change->volume_mm3, removed);
+}
+
+// How far the surface that the cuts made is from S''.
+static enum result measure_apart(const struct resection *resection, const struct mesh *mesh,
+                                 struct tally *tally, struct error *err) {
+    struct mesh warped;
+    struct query *query = NULL;
+    mesh_copy(&warped, mesh);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        mesh_set_vertex(&warped, v, match_vertex(resection->matches[OURS], v));
+    enum result result = query_create(&warped, &query, err);
+    const struct cut_mesh *cut = resection->cut;
+    for (uint32_t t = 0; result == RESULT_OK && t < cut_mesh_triangle_bound(cut); t++) {
+        if (!cut_mesh_triangle_alive(cut, t) || !cut_mesh_label(cut, t))
+            continue;
+        const uint32_t *v = cut_mesh_triangle(cut, t);
+        vec3 p = vec3_add(cut_mesh_vertex(cut, v[0]), cut_mesh_vertex(cut, v[1]));
+        p = vec3_scale(1.0 / 3, vec3_add(p, cut_mesh_vertex(cut, v[2])));
+        struct closest closest;
+        query_closest(query, p, INFINITY, MESH_NONE, &closest);
+        samples_add(&tally->apart_mm, closest.distance);
+    }
+    query_destroy(&query);
+    mesh_fini(&warped);
+    return result;
+}
+
+// Until nine tenths of what may go have gone.
+static enum result resect(const struct case_group *group, const struct match_surface *surface,
+                          struct random *r, struct tally *tally, struct error *err) {
+    struct resection resection;
+    double whole = match_surface_volume(surface), least = match_surface_least(surface);
+    double volume = whole;
+    enum result result = resection_init(&resection, group, surface, err);
+    for (int i = 0; i < 200 && result == RESULT_OK && volume > 0.1 * whole + 0.9 * least; i++) {
+        struct convex bite;
+        result = make_bite(bite_centre(group, resection.matches[OURS], r), r, &bite, err);
+        struct cut_change change = {0};
+        if (result != RESULT_OK || cut_apply(resection.cut, &bite, 1, &change, err) != CUT_CHANGED)
+            continue;
+        match_nibble(&resection, &change, volume - change.volume_mm3, tally);
+        volume = change.volume_mm3;
+        cut_change_fini(&change);
+    }
+    if (result == RESULT_OK)
+        result = measure_apart(&resection, &group->mesh, tally, err);
+    tally->removed_mm3 += whole - volume;
+    tally->left_mm3 += match_volume(resection.matches[OURS]) - volume;
+    resection_fini(&resection);
+    return result;
+}
+
+static enum result resect_size(const struct size *size, int resections, struct tally *tally,
+                               struct error *err) {
+    struct case_group group = {.name = "meniscus_medial", .body = BODY_TIBIA, .cuttable = true};
+    if (!tube_meniscus(false, MENISCUS_MM3, size->edge_mm, &group.mesh))
+        return fail(err, RESULT_INVALID, "no meniscus of %g mm³", MENISCUS_MM3);
+    struct match_surface *surface = NULL;
+    enum result result = maxcut_make(&group, pose_identity(), RIM_MM, err);
+    if (result == RESULT_OK)
+        surface = match_surface_create(&group.mesh, NULL, group.maxcut);
+    for (uint64_t seed = 1; result == RESULT_OK && seed <= (uint64_t)resections; seed++) {
+        struct random r = {seed};
+        result = resect(&group, surface, &r, tally, err);
+    }
+    match_surface_destroy(&surface);
+    free(group.maxcut);
+    mesh_fini(&group.mesh);
+    return result;
+}
+
+// ---- the report ---------------------------------------------------------------------------------
+
+static void report_size(struct report *report, const char *size, struct tally *tally) {
+    for (int i = 0; i < METHOD_COUNT; i++) {
+        report_figure(report, samples_quantile(&tally->ms[i], 0.5), "ms", "%s/%s/p50", size,
+                      methods[i].name);
+        report_figure(report, samples_quantile(&tally->ms[i], 0.95), "ms", "%s/%s/p95", size,
+                      methods[i].name);
+    }
+    report_figure(report, samples_quantile(&tally->times, 0.05), "times",
+                  "%s/bisection over match/p5", size);
+    report_figure(report, tally->nibbles, "nibbles", "%s/changing cuts", size);
+    report_figure(report, samples_quantile(&tally->steps, 0.5), "steps", "%s/steps/p50", size);
+    report_figure(report, samples_max(&tally->steps), "steps", "%s/steps/largest", size);
+    report_figure(report, samples_quantile(&tally->changed, 0.5), "vertices", "%s/changed/p50",
+                  size);
+    report_figure(report, (double)tally->widened / tally->nibbles, "share", "%s/widened", size);
+    report_figure(report, (double)tally->saturated / tally->nibbles, "share", "%s/saturated", size);
+    report_figure(report, tally->left_mm3 / tally->removed_mm3, "share",
+                  "%s/left at the end, of all removed", size);
+    report_figure(report, samples_quantile(&tally->apart_mm, 0.5), "mm",
+                  "%s/cut surface to S''/p50", size);
+    report_figure(report, samples_quantile(&tally->apart_mm, 0.95), "mm",
+                  "%s/cut surface to S''/p95", size);
+    report_figure(report, samples_max(&tally->error), "of V", "%s/error/largest", size);
+    report_figure(report, samples_max(&tally->error_of_removed), "of it",
+                  "%s/error of the bite/largest", size);
+}
+
+enum result bench_match(const struct bench_options *options, struct report *report,
+                        struct error *err) {
+    double error = 0, times = 0;
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+        struct tally tally = {0};
+        enum result result = resect_size(&sizes[i], options->quick ? 5 : 40, &tally, err);
+        if (result == RESULT_OK)
+            report_size(report, sizes[i].name, &tally);
+        error = fmax(error, samples_max(&tally.error));
+        times = samples_quantile(&tally.times, 0.5); // of the last, the largest
+        tally_fini(&tally);
+        if (result != RESULT_OK)
+            return result;
+    }
+    report_mark(report, "bisection_over_match", times, "times", 5, BETTER_HIGH);
+    report_mark(report, "match_rel_error_max", error, "of V", 1e-9, BETTER_LOW);
+    return RESULT_OK;
+}

@@ -17,6 +17,7 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_
 // A part that takes next to nothing is left out.
 static bool take_part(struct cut_mesh *mesh, const struct convex *part, int index,
                       struct cut_change *change) {
+    tissue_settle(mesh);
     for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
         struct vertex_mark mark = tissue_mark_vertices(mesh);
         uint64_t seed =

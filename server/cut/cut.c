@@ -131,6 +131,7 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     marks_fini(&m->undo.triangles_seen);
     marks_fini(&m->undo.vertices_seen);
     free(m->undo.triangles);
+    ids_fini(&m->undo.gone);
     free(m->undo.vertices);
     stage_destroy(&m->stage);
     flood_fini(m->flood);

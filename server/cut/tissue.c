@@ -1,6 +1,8 @@
 #include "cut/tissue.h"
 
-// ---- begin, undo, commit ----
+#include <string.h>
+
+// ---- what a cut touches ----
 
 void tissue_begin(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
@@ -23,8 +25,11 @@ static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
                                  sizeof *undo->triangles);
     const uint32_t *c = mesh->corners + 3 * (size_t)triangle;
     const uint32_t *t = mesh->twins + 3 * (size_t)triangle;
-    undo->triangles[undo->triangle_count++] = (struct triangle_before){
-        triangle, {c[0], c[1], c[2]}, {t[0], t[1], t[2]}, mesh->labels[triangle]};
+    undo->triangles[undo->triangle_count++] = (struct triangle_before){triangle,
+                                                                       {c[0], c[1], c[2]},
+                                                                       {t[0], t[1], t[2]},
+                                                                       {c[0], c[1], c[2]},
+                                                                       mesh->labels[triangle]};
 }
 
 static void touch_vertex(struct cut_mesh *mesh, uint32_t vertex) {
@@ -37,34 +42,44 @@ static void touch_vertex(struct cut_mesh *mesh, uint32_t vertex) {
     undo->vertices[undo->vertex_count++] = (struct vertex_before){vertex, mesh->spokes[vertex]};
 }
 
-static void leave_grid(struct cut_mesh *mesh, uint32_t triangle) {
+// ---- the grid ----
+
+static void settle_triangle(struct cut_mesh *mesh, struct triangle_before *before) {
+    const uint32_t *corners = mesh->corners + 3 * (size_t)before->id;
     vec3 points[3];
-    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, points);
-    grid_remove(&mesh->grid, triangle, points);
+    if (!memcmp(before->in_grid, corners, sizeof before->in_grid))
+        return;
+    if (before->in_grid[0] != MESH_NONE) {
+        triangle_points(mesh, before->in_grid, points);
+        grid_remove(&mesh->grid, before->id, points);
+    }
+    if (corners[0] != MESH_NONE) {
+        triangle_points(mesh, corners, points);
+        grid_add(&mesh->grid, before->id, points);
+    }
+    memcpy(before->in_grid, corners, sizeof before->in_grid);
 }
 
-static void enter_grid(struct cut_mesh *mesh, uint32_t triangle) {
-    vec3 points[3];
-    triangle_points(mesh, mesh->corners + 3 * (size_t)triangle, points);
-    grid_add(&mesh->grid, triangle, points);
+void tissue_settle(struct cut_mesh *mesh) {
+    for (uint32_t i = 0; i < mesh->undo.triangle_count; i++)
+        settle_triangle(mesh, &mesh->undo.triangles[i]);
 }
+
+// ---- undo ----
 
 static void restore_triangle(struct cut_mesh *mesh, const struct triangle_before *before) {
-    if (cut_mesh_triangle_alive(mesh, before->id))
-        leave_grid(mesh, before->id);
-    for (int i = 0; i < 3; i++) {
-        mesh->corners[3 * (size_t)before->id + (size_t)i] = before->corners[i];
-        mesh->twins[3 * (size_t)before->id + (size_t)i] = before->twins[i];
+    for (size_t i = 0; i < 3; i++) {
+        mesh->corners[3 * (size_t)before->id + i] = before->corners[i];
+        mesh->twins[3 * (size_t)before->id + i] = before->twins[i];
     }
     mesh->labels[before->id] = before->label;
-    if (cut_mesh_triangle_alive(mesh, before->id))
-        enter_grid(mesh, before->id);
 }
 
 void tissue_undo(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         restore_triangle(mesh, &undo->triangles[i]);
+    tissue_settle(mesh);
     for (uint32_t i = 0; i < undo->vertex_count; i++)
         mesh->spokes[undo->vertices[i].id] = undo->vertices[i].spoke;
     mesh->vertex_bound = undo->vertex_bound;
@@ -74,30 +89,28 @@ void tissue_undo(struct cut_mesh *mesh) {
     mesh->free_triangles.count = undo->free_triangles;
 }
 
+// ---- commit ----
+
 // The lowest id is used first.
-static void append_descending(struct ids *free_ids, uint32_t first) {
-    struct ids added = {free_ids->at + first, free_ids->count - first, 0};
-    ids_sort(&added);
-    for (uint32_t i = 0; i < added.count / 2; i++) {
-        uint32_t id = added.at[i];
-        added.at[i] = added.at[added.count - 1 - i];
-        added.at[added.count - 1 - i] = id;
-    }
+static void append_descending(struct ids *free_ids, struct ids *gone) {
+    ids_sort(gone);
+    for (uint32_t i = gone->count; i-- > 0;)
+        ids_push(free_ids, gone->at[i]);
+    gone->count = 0;
 }
 
 void tissue_commit(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
-    uint32_t first = mesh->free_triangles.count;
+    tissue_settle(mesh);
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         if (!cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
-            ids_push(&mesh->free_triangles, undo->triangles[i].id);
-    append_descending(&mesh->free_triangles, first);
-    first = mesh->free_vertices.count;
+            ids_push(&undo->gone, undo->triangles[i].id);
+    append_descending(&mesh->free_triangles, &undo->gone);
     for (uint32_t i = 0; i < undo->vertex_count; i++)
         if (undo->vertices[i].id >= mesh->original_count &&
             !cut_mesh_vertex_alive(mesh, undo->vertices[i].id))
-            ids_push(&mesh->free_vertices, undo->vertices[i].id);
-    append_descending(&mesh->free_vertices, first);
+            ids_push(&undo->gone, undo->vertices[i].id);
+    append_descending(&mesh->free_vertices, &undo->gone);
 }
 
 // ---- vertices ----
@@ -152,7 +165,9 @@ static uint32_t take_triangle(struct cut_mesh *mesh) {
             array_grow(mesh->twins, &twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
         marks_reserve(&mesh->undo.triangles_seen, mesh->triangle_room);
     }
-    mesh->corners[3 * (size_t)id] = MESH_NONE;
+    for (size_t i = 0; i < 3; i++)
+        mesh->corners[3 * (size_t)id + i] = mesh->twins[3 * (size_t)id + i] = MESH_NONE;
+    mesh->labels[id] = 0;
     return id;
 }
 
@@ -163,22 +178,19 @@ uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], u
         mesh->corners[3 * (size_t)id + i] = corners[i];
     mesh->labels[id] = label;
     mesh->living++;
-    enter_grid(mesh, id);
     return id;
 }
 
 void tissue_remove_triangle(struct cut_mesh *mesh, uint32_t triangle) {
     touch_triangle(mesh, triangle);
-    leave_grid(mesh, triangle);
-    mesh->corners[3 * (size_t)triangle] = MESH_NONE;
+    for (size_t i = 0; i < 3; i++)
+        mesh->corners[3 * (size_t)triangle + i] = MESH_NONE;
     mesh->living--;
 }
 
 void tissue_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex) {
     touch_triangle(mesh, side / 3);
-    leave_grid(mesh, side / 3);
     mesh->corners[side] = vertex;
-    enter_grid(mesh, side / 3);
 }
 
 void tissue_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin) {

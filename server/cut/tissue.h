@@ -10,7 +10,9 @@
 
 // What a triangle and a vertex were before the cut first touched them.
 struct triangle_before {
-    uint32_t id, corners[3], twins[3], label;
+    uint32_t id, corners[3], twins[3];
+    uint32_t in_grid[3]; // the corners that the grid has it with
+    uint32_t label;
 };
 
 struct vertex_before {
@@ -23,6 +25,7 @@ struct undo {
     struct vertex_before *vertices;
     uint32_t triangle_count, triangle_room, vertex_count, vertex_room;
     uint32_t vertex_bound, triangle_bound, living, free_vertices, free_triangles;
+    struct ids gone; // scratch
 };
 
 struct stage;
@@ -36,7 +39,7 @@ struct cut_mesh {
     uint32_t *spokes; // a side that starts at the vertex; MESH_NONE: not alive
     uint32_t triangle_bound, triangle_room;
     uint32_t living;   // triangles
-    uint32_t *corners; // the first is MESH_NONE: not alive
+    uint32_t *corners; // MESH_NONE: not alive
     uint32_t *twins;
     uint32_t *labels;
     struct ids free_vertices, free_triangles; // used again from the end
@@ -78,9 +81,10 @@ static inline double six_volumes(const vec3 c[3], vec3 apex) {
     return vec3_dot(vec3_sub(c[0], apex), vec3_cross(vec3_sub(c[1], apex), vec3_sub(c[2], apex)));
 }
 
-// Every change lies between begin and commit or undo.
+// Every change lies between begin and commit or undo. The grid follows with settle, and at the end.
 void tissue_begin(struct cut_mesh *mesh);
 void tissue_undo(struct cut_mesh *mesh);
+void tissue_settle(struct cut_mesh *mesh);
 void tissue_commit(struct cut_mesh *mesh); // what is gone may be used again from now on
 
 // A taken vertex has an id and a place. With its first spoke, even MESH_NONE, the cut knows it;

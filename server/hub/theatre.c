@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/thread.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
 #include "hub/tissue_delta.h"
@@ -13,10 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
-#define NICENESS 10
 #define ROUND_MS 200
 #define RING_ORDERS 1024
 
@@ -264,7 +263,7 @@ static void take_all(struct theatre *theatre) {
 
 static void *operate(void *argument) {
     struct theatre *theatre = argument;
-    setpriority(PRIO_PROCESS, (id_t)gettid(), NICENESS);
+    thread_works_beside();
     struct pollfd fd = {.fd = theatre->wake_fd, .events = POLLIN};
     bool stop = false;
     while (!stop) {

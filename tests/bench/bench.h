@@ -7,10 +7,9 @@
 #include <stdbool.h>
 
 struct bench_options {
-  bool quick; // under 40 s, with fewer samples
-  const char *const
-      *inputs; // folders or files: of --case, and the arguments after the name
-  int input_count;
+    bool quick;                // under 40 s, with fewer samples
+    const char *const *inputs; // folders or files: of --case, and the arguments after the name
+    int input_count;
 };
 
 // What a bench found out, printed at the end.
@@ -19,21 +18,20 @@ struct report;
 enum better { BETTER_LOW, BETTER_HIGH };
 
 // A figure that must not be above (or below) its mark.
-void report_mark(struct report *report, const char *name, double value,
-                 const char *unit, double mark, enum better better);
+void report_mark(struct report *report, const char *name, double value, const char *unit,
+                 double mark, enum better better);
 
 // Any other figure. Names are paths: "20k/near/following". NaN and infinities
 // become null.
-void report_figure(struct report *report, double value, const char *unit,
-                   const char *name, ...) __attribute__((format(printf, 4, 5)));
+void report_figure(struct report *report, double value, const char *unit, const char *name, ...)
+    __attribute__((format(printf, 4, 5)));
 
 // A fact in words.
 void report_text(struct report *report, const char *name, const char *text);
 
 // A bench that cannot measure returns an error; a mark that does not hold is
 // none.
-typedef enum result bench_run(const struct bench_options *options,
-                              struct report *report, struct error *err);
+typedef enum result bench_run(const struct bench_options *options, struct report *report,
+                              struct error *err);
 
-bench_run bench_cut, bench_devices, bench_match, bench_touch, bench_trace,
-    bench_warp;
+bench_run bench_cut, bench_devices, bench_match, bench_touch, bench_trace, bench_warp;

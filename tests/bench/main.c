@@ -8,8 +8,8 @@
 #include <string.h>
 
 static const struct bench {
-  const char *name, *help;
-  bench_run *run;
+    const char *name, *help;
+    bench_run *run;
 } benches[] = {
     {"cut",
      "mesh cuts: what holds after each, their time, their messages; of cases "
@@ -19,106 +19,98 @@ static const struct bench {
      "rate and latency of each driver (NAME: only that one); each fault: "
      "noticed, recovered",
      bench_devices},
-    {"match",
-     "volume matching after real cuts: its time and error, beside bisection",
-     bench_match},
+    {"match", "volume matching after real cuts: its time and error, beside bisection", bench_match},
     {"touch", "touch error of each field on cases (--case)", bench_touch},
-    {"trace",
-     "recording and replay: of a session of its own, or of traces (FILE)",
-     bench_trace},
+    {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},
     {"warp", "time of one warp, and exactness of closest points", bench_warp},
 };
 
 #define BENCH_COUNT (sizeof benches / sizeof benches[0])
 
 static void print_help(void) {
-  fputs("Usage: arthron-bench NAME [--json] [--quick] [--case DIR ...] [FILE "
-        "...]\n"
-        "\n"
-        "Measures, and holds the figures against marks: exit 1 where one does "
-        "not hold.\n"
-        "\n",
-        stdout);
-  for (size_t i = 0; i < BENCH_COUNT; i++)
-    printf("  %-10s %s\n", benches[i].name, benches[i].help);
-  fputs("\n"
-        "  -c, --case DIR  a case to measure; may be given again\n"
-        "  -q, --quick     fewer samples, under 40 s\n"
-        "  -j, --json      one object of JSON\n"
-        "      --help      show this\n"
-        "      --version   show the version\n",
-        stdout);
+    fputs("Usage: arthron-bench NAME [--json] [--quick] [--case DIR ...] [FILE "
+          "...]\n"
+          "\n"
+          "Measures, and holds the figures against marks: exit 1 where one does "
+          "not hold.\n"
+          "\n",
+          stdout);
+    for (size_t i = 0; i < BENCH_COUNT; i++)
+        printf("  %-10s %s\n", benches[i].name, benches[i].help);
+    fputs("\n"
+          "  -c, --case DIR  a case to measure; may be given again\n"
+          "  -q, --quick     fewer samples, under 40 s\n"
+          "  -j, --json      one object of JSON\n"
+          "      --help      show this\n"
+          "      --version   show the version\n",
+          stdout);
 }
 
 struct arguments {
-  bool json, quick;
-  const char **inputs;
-  int input_count;
+    bool json, quick;
+    const char **inputs;
+    int input_count;
 };
 
 // 'h', 'V': asked for; '?': wrong; 0: go on.
 static int parse(int argc, char **argv, struct arguments *out) {
-  static const struct option options[] = {
-      {"json", no_argument, NULL, 'j'},       {"quick", no_argument, NULL, 'q'},
-      {"case", required_argument, NULL, 'c'}, {"help", no_argument, NULL, 'h'},
-      {"version", no_argument, NULL, 'V'},    {0},
-  };
-  for (int o; (o = getopt_long(argc, argv, "jqc:", options, NULL)) != -1;) {
-    if (o == 'j')
-      out->json = true;
-    else if (o == 'q')
-      out->quick = true;
-    else if (o == 'c')
-      out->inputs[out->input_count++] = optarg;
-    else
-      return o;
-  }
-  return 0;
+    static const struct option options[] = {
+        {"json", no_argument, NULL, 'j'},       {"quick", no_argument, NULL, 'q'},
+        {"case", required_argument, NULL, 'c'}, {"help", no_argument, NULL, 'h'},
+        {"version", no_argument, NULL, 'V'},    {0},
+    };
+    for (int o; (o = getopt_long(argc, argv, "jqc:", options, NULL)) != -1;) {
+        if (o == 'j')
+            out->json = true;
+        else if (o == 'q')
+            out->quick = true;
+        else if (o == 'c')
+            out->inputs[out->input_count++] = optarg;
+        else
+            return o;
+    }
+    return 0;
 }
 
 static const struct bench *find(const char *name) {
-  for (size_t i = 0; i < BENCH_COUNT; i++)
-    if (!strcmp(benches[i].name, name))
-      return &benches[i];
-  return NULL;
+    for (size_t i = 0; i < BENCH_COUNT; i++)
+        if (!strcmp(benches[i].name, name))
+            return &benches[i];
+    return NULL;
 }
 
-static int measure(const struct bench *bench,
-                   const struct arguments *arguments) {
-  struct bench_options options = {arguments->quick, arguments->inputs,
-                                  arguments->input_count};
-  struct report *report = report_create(bench->name);
-  struct error err;
-  int status = 1;
-  if (bench->run(&options, report, &err) != RESULT_OK) {
-    log_error("bench", "%s: %s", bench->name, err.text);
-  } else {
-    (arguments->json ? report_print_json : report_print_table)(report);
-    status = report_holds(report) ? 0 : 1;
-  }
-  report_destroy(&report);
-  return status;
+static int measure(const struct bench *bench, const struct arguments *arguments) {
+    struct bench_options options = {arguments->quick, arguments->inputs, arguments->input_count};
+    struct report *report = report_create(bench->name);
+    struct error err;
+    int status = 1;
+    if (bench->run(&options, report, &err) != RESULT_OK) {
+        log_error("bench", "%s: %s", bench->name, err.text);
+    } else {
+        (arguments->json ? report_print_json : report_print_table)(report);
+        status = report_holds(report) ? 0 : 1;
+    }
+    report_destroy(&report);
+    return status;
 }
 
 int main(int argc, char **argv) {
-  struct arguments arguments = {.inputs =
-                                    alloc((unsigned long)argc, sizeof(char *))};
-  int problem = parse(argc, argv, &arguments), status = 2;
-  const struct bench *bench = optind < argc ? find(argv[optind]) : NULL;
-  for (int i = optind + 1; i < argc; i++)
-    arguments.inputs[arguments.input_count++] = argv[i];
-  if (problem == 'h') {
-    print_help();
-    status = 0;
-  } else if (problem == 'V') {
-    puts("arthron-bench " ARTHRON_VERSION);
-    status = 0;
-  } else if (!problem && !bench) {
-    log_error("bench", "%s; see --help",
-              optind < argc ? "no such bench" : "name a bench");
-  } else if (!problem) {
-    status = measure(bench, &arguments);
-  }
-  free(arguments.inputs);
-  return status;
+    struct arguments arguments = {.inputs = alloc((unsigned long)argc, sizeof(char *))};
+    int problem = parse(argc, argv, &arguments), status = 2;
+    const struct bench *bench = optind < argc ? find(argv[optind]) : NULL;
+    for (int i = optind + 1; i < argc; i++)
+        arguments.inputs[arguments.input_count++] = argv[i];
+    if (problem == 'h') {
+        print_help();
+        status = 0;
+    } else if (problem == 'V') {
+        puts("arthron-bench " ARTHRON_VERSION);
+        status = 0;
+    } else if (!problem && !bench) {
+        log_error("bench", "%s; see --help", optind < argc ? "no such bench" : "name a bench");
+    } else if (!problem) {
+        status = measure(bench, &arguments);
+    }
+    free(arguments.inputs);
+    return status;
 }

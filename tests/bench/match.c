@@ -12,7 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-
 #define MENISCUS_MM3 2360.0
 #define RIM_MM 4.0
 #define PATCHES_MAX 16

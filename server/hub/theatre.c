@@ -140,6 +140,8 @@ static void push_change(struct table *table, const struct job_result *result) {
     const struct cut_mesh *mesh = operation_mesh(table->live->operation, result->tissue);
     if (!feed || mesh_feed_tissue(feed)->number == result->figures.mesh_number)
         return;
+    CHECK(operation_figures(table->live->operation, result->tissue)->mesh_number ==
+          result->figures.mesh_number);
     struct mesh_delta delta;
     struct error err;
     if (result->change.made_count)

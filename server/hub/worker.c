@@ -47,8 +47,8 @@ static void announce(struct worker *worker, const struct seat *seat) {
     control_send(worker->hub->control, seat->peer, &message);
 }
 
-static void step(struct worker *worker, struct seat *seat, struct session_input *input,
-                 struct session_output *output) {
+static void advance(struct worker *worker, struct seat *seat, struct session_input *input,
+                    struct session_output *output) {
     if (input->time_ns < seat->last_step_ns)
         input->time_ns = seat->last_step_ns;
     seat->last_step_ns = input->time_ns;
@@ -56,8 +56,6 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
     seat->events |= output->events;
-    if (output->job.id)
-        theatre_run(worker->theatre, (int)(seat - worker->hub->seats), seat->live, &output->job);
     if (output->events & EVENT_STATE) {
         atomic_store(&seat->counts.state, (int)output->state);
         announce(worker, seat);
@@ -66,26 +64,40 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
         retire(worker, seat);
 }
 
+static void order_job(struct worker *worker, const struct seat *seat,
+                      const struct session_output *output) {
+    if (output->job.id)
+        theatre_run(worker->theatre, (int)(seat - worker->hub->seats), seat->live, &output->job);
+}
+
+static void step(struct worker *worker, struct seat *seat, struct session_input *input,
+                 struct session_output *output) {
+    advance(worker, seat, input, output);
+    order_job(worker, seat, output);
+}
+
 static void step_without_frame(struct worker *worker, struct seat *seat, enum input_kind kind) {
     struct session_input input = {.kind = kind, .time_ns = clock_now_ns()};
     struct session_output output;
     step(worker, seat, &input, &output);
 }
 
-// A session that has ended since takes its results with it.
+// A session that has ended since takes its results with it. The job that a landing step asks for
+// goes behind the result: the theatre tells stations of a result while the mesh is still as it left
+// it.
 static void take_results(struct worker *worker) {
     int index;
     uint64_t serial;
     struct job_result *result;
     while (theatre_take(worker->theatre, &index, &serial, &result)) {
         struct seat *seat = &worker->hub->seats[index];
-        if (seat->live && seat->live->serial == serial) {
-            struct session_input input = {
-                .kind = INPUT_JOB, .time_ns = clock_now_ns(), .job = result->job, .result = result};
-            struct session_output output;
-            step(worker, seat, &input, &output);
-        }
+        struct session_input input = {
+            .kind = INPUT_JOB, .time_ns = clock_now_ns(), .job = result->job, .result = result};
+        struct session_output output = {0};
+        if (seat->live && seat->live->serial == serial)
+            advance(worker, seat, &input, &output);
         theatre_landed(worker->theatre, index, serial, result);
+        order_job(worker, seat, &output);
     }
 }
 

@@ -11,14 +11,18 @@
 
 static const int lengths[3] = {15, 100, 300};
 
+static const char *const kinds[BITE_KINDS] = {"nibble", "nearly the last", "through", "split"};
+
 // Each so many changes random points look at the volume; a triangle less high is a sliver.
 #define CHANGES_BETWEEN_ESTIMATES 25
 #define ESTIMATE_POINTS 20000
 #define SLIVER_MM 1e-3
 
 struct tally {
-    struct samples ms, touched, delta_bytes, slivers[3], growth[3];
-    int retries, nothing, pieces, crossings[3];
+    struct samples ms, of_kind[BITE_KINDS]; // ms
+    struct samples touched, delta_bytes, slivers[3], growth[3];
+    int retries, nothing, pieces;
+    int crossings_before, crossings[3];
     double whole_bytes;
 };
 
@@ -57,16 +61,18 @@ static double sliver_share(const struct snapshot *surface) {
     return (double)slivers / surface->triangle_count;
 }
 
-static void count_change(const struct trial *trial, const struct bite *bite, struct tally *tally,
+static void count_change(const struct trial *trial, const struct biter *biter, struct tally *tally,
                          struct cut_totals *totals) {
     const struct cut_change *change = &trial->change;
-    samples_add(&tally->ms, 1e-6 * (double)trial->took_ns);
+    double ms = 1e-6 * (double)trial->took_ns;
+    samples_add(&tally->ms, ms);
+    samples_add(&tally->of_kind[biter->kind], ms);
     samples_add(&tally->touched, change->freed_count + change->made_count);
     samples_add(&tally->delta_bytes, (double)cut_change_bytes(trial->mesh, change));
     tally->retries += change->retries;
     tally->pieces += change->piece_count;
     if (tally->ms.count % CHANGES_BETWEEN_ESTIMATES == 0)
-        totals->sigma = fmax(totals->sigma, sigmas_off(trial, bite, tally->ms.count));
+        totals->sigma = fmax(totals->sigma, sigmas_off(trial, &biter->last, tally->ms.count));
 }
 
 static int larger(int a, int b) {
@@ -90,7 +96,7 @@ static void run(const struct cut_plan *plan, int length, uint64_t seed, struct t
         tally->nothing += trial.outcome == CUT_NOTHING;
         if (trial.outcome != CUT_CHANGED)
             continue;
-        count_change(&trial, &biter->last, tally, totals);
+        count_change(&trial, biter, tally, totals);
         changes++;
     }
     tally->crossings[length] = larger(tally->crossings[length], snapshot_crossings(&trial.now));
@@ -155,9 +161,16 @@ static void report_cuts(const struct cut_plan *plan, struct report *report, stru
     report_figure(report, tally->nothing, "cuts", "%s/cuts of nothing", name);
     report_figure(report, tally->pieces, "pieces", "%s/pieces", name);
     report_figure(report, tally->retries, "retries", "%s/retries", name);
+    report_figure(report, tally->crossings_before, "pairs", "%s/self-intersections before any cut",
+                  name);
     report_figure(report, p50, "ms", "%s/p50", name);
     report_figure(report, samples_quantile(&tally->ms, 0.95), "ms", "%s/p95", name);
     report_figure(report, samples_max(&tally->ms), "ms", "%s/max", name);
+    for (int kind = 0; kind < BITE_KINDS; kind++) {
+        report_figure(report, samples_quantile(&tally->of_kind[kind], 0.5), "ms", "%s/%s/p50", name,
+                      kinds[kind]);
+        samples_fini(&tally->of_kind[kind]);
+    }
     report_figure(report, samples_quantile(&tally->touched, 0.5), "triangles",
                   "%s/triangles freed and made, p50", name);
     report_reference(plan, p50, report, tally);
@@ -171,16 +184,26 @@ static void report_cuts(const struct cut_plan *plan, struct report *report, stru
 
 static void add_to_totals(const struct cut_plan *plan, const struct tally *tally,
                           struct cut_totals *totals) {
-    totals->crossings_15 = larger(totals->crossings_15, tally->crossings[0]);
-    totals->crossings_300 = larger(totals->crossings_300, tally->crossings[2]);
+    if (!tally->crossings_before) { // where a scan folds, what is cut out of it folds as well
+        totals->crossings_15 = larger(totals->crossings_15, tally->crossings[0]);
+        totals->crossings_300 = larger(totals->crossings_300, tally->crossings[2]);
+    }
     for (size_t i = 0; i < tally->ms.count && plan->is_20k; i++) {
         samples_add(&totals->ms_20k, tally->ms.values[i]);
         samples_add(&totals->delta_share, tally->delta_bytes.values[i] / tally->whole_bytes);
     }
 }
 
+static int crossings_of(const struct mesh *mesh) {
+    struct snapshot snapshot;
+    snapshot_of_mesh(mesh, &snapshot);
+    int crossings = snapshot_crossings(&snapshot);
+    snapshot_fini(&snapshot);
+    return crossings;
+}
+
 void cut_sequences(const struct cut_plan *plan, struct report *report, struct cut_totals *totals) {
-    struct tally tally = {0};
+    struct tally tally = {.crossings_before = crossings_of(plan->mesh)};
     for (int length = 0; length < 3; length++)
         for (int i = 0; i < plan->sequences[length]; i++)
             run(plan, length, (uint64_t)(1000 * lengths[length] + i), &tally, totals);

@@ -12,7 +12,10 @@
 #define FLOAT_ERROR 1e-5
 // Vertices that a cut made may merge with others nearer than 1e-3 mm.
 #define MERGE_MM 1e-3
-#define MERGE_MM3 1e-3
+// Those that shape nothing go where that moves the surface by less than 1e-4 mm.
+#define FLAT_MM 2e-4
+// All that a cut takes, cleaning up included, it says.
+#define ADD_UP_MM3 1e-6
 // Blades are moved by about 1e-5 mm where they do not fit.
 #define SHIFT_MM 5e-5
 
@@ -151,7 +154,7 @@ static const char *volumes_fault(const struct cut_tried *tried, const struct cut
             return fault;
         sum += change->pieces[i].volume;
     }
-    if (!(fabs(tried->volume_before - after - sum) <= MERGE_MM3))
+    if (!(fabs(tried->volume_before - after - sum) <= ADD_UP_MM3))
         return "the volumes do not add up";
     return NULL;
 }
@@ -210,24 +213,28 @@ static bool *mark_near(const struct snapshot *surface, struct box box) {
     return marks;
 }
 
-static bool all_near(const struct snapshot *surface, struct box box, const uint32_t *triangles,
-                     uint32_t count) {
-    bool *near = mark_near(surface, box), all = true;
-    for (uint32_t i = 0; i < count && all; i++)
-        all = has_marked_corner(surface->triangles + 3 * (size_t)triangles[i], near);
-    free(near);
-    return all;
+static bool lies_on(const struct snapshot *before, const struct snapshot *after,
+                    uint32_t triangle) {
+    vec3 c[3];
+    snapshot_corners(after, triangle, c);
+    for (int i = 0; i < 3; i++)
+        if (snapshot_distance(before, vec3_lerp(c[i], c[(i + 1) % 3], 0.5)) > FLAT_MM)
+            return false;
+    return true;
 }
 
-// Vertices that merge change the triangles around them. A piece takes its surface along, however
-// far that reaches.
+// Vertices that shape nothing may go, and the triangles around them be others; the surface stays.
 static const char *place_fault(const struct cut_tried *tried, const struct cut_change *change) {
-    struct box box = parts_box(tried->parts, tried->part_count);
-    if (!all_near(tried->after, box, change->made, change->made_count))
-        return "a triangle away from the blade was made";
-    if (!change->piece_count && !all_near(tried->before, box, change->freed, change->freed_count))
-        return "a triangle away from the blade is gone";
-    return NULL;
+    bool *near = mark_near(tried->after, parts_box(tried->parts, tried->part_count));
+    const char *fault = NULL;
+    for (uint32_t i = 0; i < change->made_count && !fault; i++) {
+        uint32_t made = change->made[i];
+        if (!has_marked_corner(tried->after->triangles + 3 * (size_t)made, near) &&
+            !lies_on(tried->before, tried->after, made))
+            fault = "the surface away from the blade is another";
+    }
+    free(near);
+    return fault;
 }
 
 const char *change_fault(const struct cut_tried *tried, const struct cut_mesh *mesh,

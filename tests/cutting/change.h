@@ -16,8 +16,7 @@ struct cut_tried {
 //   vertices  none was moved; no id of the original mesh was given to another vertex
 //   surface   closed, manifold, oriented; one body; pieces too, none larger than what stayed
 //   volumes   before = after + removed + pieces, removed no more than the parts hold
-//   place     what is new, and what is gone but for pieces, touches the box of the parts or is
-//             next to a triangle that does
+//   place     away from the parts' box what is new lies on the surface that was there
 //   labels    of surface that was there as before; patches have the area of the new surface
 const char *change_fault(const struct cut_tried *tried, const struct cut_mesh *mesh,
                          const struct cut_change *change);

@@ -59,8 +59,9 @@ struct hand {
     struct session_input input;
     struct session_output out;
     struct job_result *pending;
-    bool probe_is_there;
+    bool probe_is_there, tibia_is_tracked;
     vec3 probe;
+    double length;        // of all rotations
     enum channel channel; // of the instrument in hand
     double opening;
     uint32_t buttons;
@@ -80,6 +81,7 @@ static struct hand hand_start(void) {
     struct hand h = {.session = session_create(scene, &settings),
                      .operation = operation_create(scene),
                      .channel = CHANNEL_PUNCH,
+                     .length = 1,
                      .opening = 1};
     h.tip = vec3_add(vec3_add_scaled(inner, 2.5, outward), (vec3){0, 0, -0.5});
     h.input.kind = INPUT_START;
@@ -100,8 +102,14 @@ static void run_job(struct hand *h) {
     h->pending = operation_run(h->operation, &h->out.job);
 }
 
+static quat scaled(quat q, double by) {
+    return (quat){by * q.w, by * q.x, by * q.y, by * q.z};
+}
+
 static void add(struct hand *h, struct sample sample) {
     sample.time_ns = h->input.time_ns;
+    if (sample.kind == SAMPLE_POSE)
+        sample.T_mockup_body.rotation = scaled(sample.T_mockup_body.rotation, h->length);
     h->input.frame.samples[h->input.frame.count++] = sample;
 }
 
@@ -120,6 +128,10 @@ static void step(struct hand *h) {
         add(h, (struct sample){.channel = CHANNEL_PROBE,
                                .kind = SAMPLE_POSE,
                                .T_mockup_body = {quat_identity(), h->probe}});
+    if (h->tibia_is_tracked)
+        add(h, (struct sample){.channel = CHANNEL_TIBIA,
+                               .kind = SAMPLE_POSE,
+                               .T_mockup_body = pose_identity()});
     session_step(h->session, &h->input, &h->out);
     run_job(h);
 }
@@ -182,6 +194,18 @@ static void a_closing_jaw_takes_tissue_and_the_warp_gives_way(void **state) {
     assert_near(f->quality.removed_mm3, f->removed_mm3 + f->pieces_mm3, 0.1 * f->removed_mm3);
     assert_true(h.out.instruments[CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT].present);
     hand_end(&h);
+}
+
+// Each is of unit length within what a frame may have; one after the other they are not.
+static void rotations_of_nearly_unit_length_cut(void **state) {
+    (void)state;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        struct hand h = hand_start();
+        h.tibia_is_tracked = true;
+        h.length = 1 + sign * 0.9e-3;
+        assert_true(bite(&h).figures.cuts >= 3);
+        hand_end(&h);
+    }
 }
 
 static vec3 probe_displacement(const struct hand *h) {
@@ -398,6 +422,7 @@ static void the_same_inputs_give_the_same_hash(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_closing_jaw_takes_tissue_and_the_warp_gives_way),
+        cmocka_unit_test(rotations_of_nearly_unit_length_cut),
         cmocka_unit_test(a_resting_tip_feels_no_jump),
         cmocka_unit_test(a_burr_takes_tissue_while_it_runs),
         cmocka_unit_test(a_knife_leaves_its_kerf),

@@ -14,9 +14,9 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_
            link_triangles(mesh, stage);
 }
 
-// A part that takes next to nothing is left out.
+// A part that takes next to nothing is left out. *taken: mm³, of all parts so far.
 static bool take_part(struct cut_mesh *mesh, const struct convex *part, int index,
-                      struct cut_change *change) {
+                      struct cut_change *change, double *taken) {
     tissue_settle(mesh);
     for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
         struct vertex_mark mark = tissue_mark_vertices(mesh);
@@ -25,7 +25,7 @@ static bool take_part(struct cut_mesh *mesh, const struct convex *part, int inde
         bool fits = stage_part(mesh, part, seed, attempt);
         if (fits && mesh->stage->removed_mm3 >= LEAST_MM3 / CUT_PARTS_MAX) {
             link_commit(mesh, mesh->stage);
-            change->removed_mm3 += mesh->stage->removed_mm3;
+            *taken += mesh->stage->removed_mm3;
             return true;
         }
         tissue_return_vertices(mesh, mark);
@@ -34,6 +34,13 @@ static bool take_part(struct cut_mesh *mesh, const struct convex *part, int inde
         change->retries++;
     }
     return false;
+}
+
+static double pieces_volume(const struct cut_change *change) {
+    double sum = 0;
+    for (int i = 0; i < change->piece_count; i++)
+        sum += change->pieces[i].volume;
+    return sum;
 }
 
 static enum cut_outcome give_up(struct cut_mesh *mesh, enum cut_outcome outcome) {
@@ -45,14 +52,15 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
                            struct cut_change *out_change, struct error *err) {
     CHECK(part_count >= 0 && part_count <= CUT_PARTS_MAX);
     struct cut_change change = {.number = mesh->number + 1};
+    double before = mesh->volume, taken = 0;
     mesh->stage->number = change.number;
     tissue_begin(mesh);
     for (int i = 0; i < part_count; i++)
-        if (!take_part(mesh, &parts[i], i, &change)) {
+        if (!take_part(mesh, &parts[i], i, &change, &taken)) {
             fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->stage->refusal);
             return give_up(mesh, CUT_REFUSED);
         }
-    if (change.removed_mm3 < LEAST_MM3)
+    if (taken < LEAST_MM3)
         return give_up(mesh, CUT_NOTHING);
     if (!mesh->living) {
         fail(err, RESULT_REFUSED, "the blade takes all that there is");
@@ -63,6 +71,7 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
     change_update_volume(mesh);
     change_take_pieces(mesh, &change);
     change.volume_mm3 = mesh->volume;
+    change.removed_mm3 = before - mesh->volume - pieces_volume(&change);
     change_list_ids(mesh, &change);
     change_measure_patches(mesh, &change);
     tissue_commit(mesh);

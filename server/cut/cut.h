@@ -58,7 +58,7 @@ struct cut_piece {
 // What a cut did. Ids are ascending and each once.
 struct cut_change {
     uint32_t number;      // of the cut: 1 for the first that changed the mesh
-    double removed_mm3;   // by the blade, pieces not among it
+    double removed_mm3;   // by the blade, with what cleaning its surface moved; without pieces
     double volume_mm3;    // of the mesh after it
     int retries;          // with the blade shifted by about 1e-5 mm, all parts together
     uint32_t freed_count; // triangles that are gone, their ids not in use after the cut

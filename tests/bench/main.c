@@ -11,15 +11,13 @@ static const struct bench {
     const char *name, *help;
     bench_run *run;
 } benches[] = {
-    {"cut",
-     "mesh cuts: what holds after each, their time, their messages; of cases "
-     "too (--case)",
+    {"cut", "mesh cuts: what holds after each, their time, their messages; of cases too (--case)",
      bench_cut},
     {"devices",
-     "rate and latency of each driver (NAME: only that one); each fault: "
-     "noticed, recovered",
+     "rate and latency of each driver (NAME: only that one); each fault: noticed, recovered",
      bench_devices},
     {"match", "volume matching after real cuts: its time and error, beside bisection", bench_match},
+    {"paper", "what the paper shows, beside its own figures; as a page with --out", bench_paper},
     {"touch", "touch error of each field on cases (--case)", bench_touch},
     {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},
     {"warp", "time of one warp, and exactness of closest points", bench_warp},
@@ -28,17 +26,16 @@ static const struct bench {
 #define BENCH_COUNT (sizeof benches / sizeof benches[0])
 
 static void print_help(void) {
-    fputs("Usage: arthron-bench NAME [--json] [--quick] [--case DIR ...] [FILE "
-          "...]\n"
+    fputs("Usage: arthron-bench NAME [--json] [--quick] [--case DIR ...] [--out DIR] [FILE ...]\n"
           "\n"
-          "Measures, and holds the figures against marks: exit 1 where one does "
-          "not hold.\n"
+          "Measures, and holds the figures against marks: exit 1 where one does not hold.\n"
           "\n",
           stdout);
     for (size_t i = 0; i < BENCH_COUNT; i++)
         printf("  %-10s %s\n", benches[i].name, benches[i].help);
     fputs("\n"
           "  -c, --case DIR  a case to measure; may be given again\n"
+          "  -o, --out DIR   where a page with pictures goes (paper)\n"
           "  -q, --quick     fewer samples, under 40 s\n"
           "  -j, --json      one object of JSON\n"
           "      --help      show this\n"
@@ -50,22 +47,29 @@ struct arguments {
     bool json, quick;
     const char **inputs;
     int input_count;
+    const char *out;
 };
 
 // 'h', 'V': asked for; '?': wrong; 0: go on.
 static int parse(int argc, char **argv, struct arguments *out) {
     static const struct option options[] = {
-        {"json", no_argument, NULL, 'j'},       {"quick", no_argument, NULL, 'q'},
-        {"case", required_argument, NULL, 'c'}, {"help", no_argument, NULL, 'h'},
-        {"version", no_argument, NULL, 'V'},    {0},
+        {"json", no_argument, NULL, 'j'},
+        {"quick", no_argument, NULL, 'q'},
+        {"case", required_argument, NULL, 'c'},
+        {"out", required_argument, NULL, 'o'},
+        {"help", no_argument, NULL, 'h'},
+        {"version", no_argument, NULL, 'V'},
+        {0},
     };
-    for (int o; (o = getopt_long(argc, argv, "jqc:", options, NULL)) != -1;) {
+    for (int o; (o = getopt_long(argc, argv, "jqc:o:", options, NULL)) != -1;) {
         if (o == 'j')
             out->json = true;
         else if (o == 'q')
             out->quick = true;
         else if (o == 'c')
             out->inputs[out->input_count++] = optarg;
+        else if (o == 'o')
+            out->out = optarg;
         else
             return o;
     }
@@ -80,7 +84,8 @@ static const struct bench *find(const char *name) {
 }
 
 static int measure(const struct bench *bench, const struct arguments *arguments) {
-    struct bench_options options = {arguments->quick, arguments->inputs, arguments->input_count};
+    struct bench_options options = {arguments->quick, arguments->inputs, arguments->input_count,
+                                    arguments->out};
     struct report *report = report_create(bench->name);
     struct error err;
     int status = 1;

@@ -66,6 +66,36 @@ static void a_change_tells_all_that_has_changed(void **state) {
     cut_mesh_destroy(&mesh);
 }
 
+// On flat faces, where none of them shapes anything: what is outside of all blades stays.
+static void original_vertices_go_with_what_is_cut_only(void **state) {
+    (void)state;
+    struct random r = {15};
+    struct mesh octahedron;
+    shape_sphere(&octahedron, 10, 12);
+    for (uint32_t v = 0; v < octahedron.vertex_count; v++) {
+        vec3 p = mesh_vertex(&octahedron, v);
+        mesh_set_vertex(&octahedron, v, vec3_scale(10 / (fabs(p.x) + fabs(p.y) + fabs(p.z)), p));
+    }
+    uint32_t original_count = octahedron.vertex_count, alive = 0;
+    struct cut_mesh *mesh = cut_mesh_of(&octahedron);
+    struct convex blades[20];
+    for (int i = 0; i < 20; i++) {
+        blades[i] = random_bite(&r, mesh, 1.5);
+        struct cut_change change = cut(mesh, blades[i]);
+        assert_int_equal(change.piece_count, 0);
+        cut_change_fini(&change);
+    }
+    for (uint32_t v = 0; v < original_count; v++) {
+        bool inside = false;
+        for (int i = 0; i < 20; i++)
+            inside |= convex_contains(&blades[i], cut_mesh_vertex(mesh, v));
+        assert_int_equal(cut_mesh_vertex_alive(mesh, v), !inside);
+        alive += !inside;
+    }
+    assert_in_range(alive, original_count / 2, original_count - 20);
+    cut_mesh_destroy(&mesh);
+}
+
 // A tunnel, bored in small steps: nearly each bite takes the surface of the one before.
 static void ids_of_a_cut_are_used_again(void **state) {
     (void)state;
@@ -164,6 +194,7 @@ static void flat_surface_does_not_pile_up_triangles(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_change_tells_all_that_has_changed),
+        cmocka_unit_test(original_vertices_go_with_what_is_cut_only),
         cmocka_unit_test(ids_of_a_cut_are_used_again),
         cmocka_unit_test(a_copy_goes_on_with_the_same_bits),
         cmocka_unit_test(bites_add_up_and_keep_the_mesh_sound),

@@ -33,7 +33,7 @@ static void sort_few(uint32_t *at, uint32_t count) {
     }
 }
 
-#define DIGIT_BITS 11
+#define DIGIT_BITS 8
 #define DIGITS (1 << DIGIT_BITS)
 
 static void sort_by_digit(const uint32_t *from, uint32_t *to, uint32_t count, int shift) {

@@ -12,6 +12,7 @@ void tissue_begin(struct cut_mesh *mesh) {
     undo->vertex_bound = mesh->vertex_bound;
     undo->triangle_bound = mesh->triangle_bound;
     undo->living = mesh->living;
+    undo->hollow = mesh->hollow;
     undo->free_vertices = mesh->free_vertices.count;
     undo->free_triangles = mesh->free_triangles.count;
 }
@@ -85,6 +86,7 @@ void tissue_undo(struct cut_mesh *mesh) {
     mesh->vertex_bound = undo->vertex_bound;
     mesh->triangle_bound = undo->triangle_bound;
     mesh->living = undo->living;
+    mesh->hollow = undo->hollow;
     mesh->free_vertices.count = undo->free_vertices;
     mesh->free_triangles.count = undo->free_triangles;
 }

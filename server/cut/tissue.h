@@ -25,6 +25,7 @@ struct undo {
     struct vertex_before *vertices;
     uint32_t triangle_count, triangle_room, vertex_count, vertex_room;
     uint32_t vertex_bound, triangle_bound, living, free_vertices, free_triangles;
+    bool hollow;
     struct ids gone; // scratch
 };
 

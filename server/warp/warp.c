@@ -7,14 +7,6 @@
 
 #define TOUCH_MM 1e-6
 
-// One surface within reach: distance, where its point goes, and how that changes with y.
-struct contact {
-    double distance;
-    vec3 normal;         // unit, from the closest point to y, in the world; 0 on the surface
-    vec3 delta;          // Δ_k
-    mat3 delta_gradient; // G_k
-};
-
 const char *field_name(enum field_kind kind) {
     static const char *const names[FIELD_COUNT] = {"gaussian", "inverse-distance"};
     return (unsigned)kind < FIELD_COUNT ? names[kind] : "unknown";
@@ -106,22 +98,31 @@ static void edge_gradients(const struct warp_surface *surface, const struct clos
 }
 
 // G_k = [M_R R_B (Π + G_F) − R_B Π] R_Bᵀ
-static mat3 delta_gradient(const struct warp_scene *scene, int surface,
-                           const struct closest *contact) {
+static void differentiate(const struct warp_scene *scene, int surface,
+                          const struct closest *contact, struct warp_contact *out) {
     mat3 slide = {0}, change = {0};
     if (contact->feature == FEATURE_FACE)
         face_gradients(&scene->surfaces[surface], contact, &slide, &change);
     else if (contact->feature == FEATURE_EDGE)
         edge_gradients(&scene->surfaces[surface], contact, &slide, &change);
-    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation);
+    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation), back = mat3_transpose(R);
     mat3 MR = quat_to_mat3(corrected_pose(scene, surface).rotation);
     mat3 moved = mat3_multiply(MR, mat3_add_scaled(slide, 1, change));
-    mat3 whole = mat3_add_scaled(moved, -1, mat3_multiply(R, slide));
-    return mat3_multiply(whole, mat3_transpose(R));
+    mat3 slid = mat3_multiply(R, slide);
+    out->delta_gradient = mat3_multiply(mat3_add_scaled(moved, -1, slid), back);
+    out->slide = mat3_multiply(slid, back);
+}
+
+// Across the face, of any length.
+static vec3 face_across(const struct mesh *mesh, uint32_t triangle) {
+    vec3 a = mesh_corner(mesh, triangle, 0);
+    vec3 e1 = vec3_sub(mesh_corner(mesh, triangle, 1), a);
+    vec3 e2 = vec3_sub(mesh_corner(mesh, triangle, 2), a);
+    return vec3_cross(e1, e2);
 }
 
 static bool touch_surface(const struct warp_scene *scene, int index, vec3 y, double reach,
-                          struct warp_memory *memory, struct contact *out) {
+                          struct warp_memory *memory, struct warp_contact *out) {
     const struct warp_surface *surface = &scene->surfaces[index];
     pose B = body_pose(scene, index);
     vec3 p = pose_apply_inverse(B, y);
@@ -129,11 +130,13 @@ static bool touch_surface(const struct warp_scene *scene, int index, vec3 y, dou
     if (!query_closest(surface->query, p, reach, memory->triangle[index], &closest))
         return false;
     memory->triangle[index] = closest.triangle;
-    vec3 away = vec3_unit_or(vec3_sub(p, closest.point), (vec3){0, 0, 0});
+    vec3 away = closest.distance > TOUCH_MM ? vec3_sub(p, closest.point)
+                                            : face_across(surface->mesh, closest.triangle);
+    out->surface = index;
     out->distance = closest.distance;
-    out->normal = quat_rotate(B.rotation, away);
+    out->normal = quat_rotate(B.rotation, vec3_unit_or(away, (vec3){0, 0, 0}));
     out->delta = warp_of_contact(scene, index, &closest);
-    out->delta_gradient = delta_gradient(scene, index, &closest);
+    differentiate(scene, index, &closest, out);
     return true;
 }
 
@@ -145,15 +148,15 @@ struct weight {
 };
 
 // ω = 1/d − 1/R, which is (R − d)/(R d).
-static struct weight inverse_distance(const struct field *field, const struct contact *c) {
+static struct weight inverse_distance(const struct field *field, const struct warp_contact *c) {
     return (struct weight){1 / c->distance - 1 / field->radius_mm,
                            vec3_scale(-1 / (c->distance * c->distance), c->normal)};
 }
 
 // Eq. 3 over the nearest surface's own weight, exp(−(d² − m²)/(2m)) with m = min d, which leaves
 // Eq. 2 as it is and cannot underflow for the nearest.
-static struct weight gaussian(const struct field *field, const struct contact *c,
-                              const struct contact *nearest) {
+static struct weight gaussian(const struct field *field, const struct warp_contact *c,
+                              const struct warp_contact *nearest) {
     double unit = field->unit_mm, d = c->distance / unit, m = nearest->distance / unit;
     double value = exp(-(d * d - m * m) / (2 * m));
     vec3 slope = vec3_scale(d / m, c->normal);
@@ -161,16 +164,16 @@ static struct weight gaussian(const struct field *field, const struct contact *c
     return (struct weight){value, vec3_scale(-value / unit, slope)};
 }
 
-static struct weight weigh(const struct field *field, const struct contact *c,
-                           const struct contact *nearest) {
+static struct weight weigh(const struct field *field, const struct warp_contact *c,
+                           const struct warp_contact *nearest) {
     return field->kind == FIELD_GAUSSIAN ? gaussian(field, c, nearest) : inverse_distance(field, c);
 }
 
 // ---- the blend ----
 
 // W = Σ ω Δ / S; ∇W = (1/S) Σ (ω G + (Δ − W) ∇ωᵀ)
-static void blend(const struct field *field, const struct contact *contacts, int count,
-                  const struct contact *nearest, struct warp *out) {
+static void blend(const struct field *field, const struct warp_contact *contacts, int count,
+                  const struct warp_contact *nearest, struct warp *out) {
     struct weight weights[WARP_SURFACES_MAX];
     double sum = field->kind == FIELD_INVERSE_DISTANCE ? field->background_per_mm : 0;
     vec3 W = {0};
@@ -193,7 +196,7 @@ static void blend(const struct field *field, const struct contact *contacts, int
 }
 
 // On surfaces: exactly theirs, the mean where several touch.
-static bool take_touching(const struct contact *contacts, int count, struct warp *out) {
+static bool take_touching(const struct warp_contact *contacts, int count, struct warp *out) {
     vec3 sum = {0};
     mat3 gradients = {0};
     int touching = 0;
@@ -217,18 +220,18 @@ static double trust_radius(double nearest, double second) {
     return sum < 0.5 ? 0.5 : sum > 2 ? 2 : sum;
 }
 
-void warp_point(const struct warp_scene *scene, const struct field *field, vec3 y,
-                struct warp_memory *memory, struct warp *out) {
+int warp_contacts(const struct warp_scene *scene, const struct field *field, vec3 y,
+                  struct warp_memory *memory, struct warp *out,
+                  struct warp_contact contacts[WARP_SURFACES_MAX]) {
     CHECK(scene->surface_count <= WARP_SURFACES_MAX);
     // A distance that overflows has no weight and no order: out of reach.
     double reach = field->kind == FIELD_INVERSE_DISTANCE ? field->radius_mm : DBL_MAX;
-    struct contact contacts[WARP_SURFACES_MAX];
-    const struct contact *nearest = NULL;
+    const struct warp_contact *nearest = NULL;
     double second = INFINITY;
     int count = 0;
     *out = (struct warp){.nearest = -1, .nearest_mm = INFINITY};
     for (int i = 0; i < scene->surface_count; i++) {
-        struct contact *c = &contacts[count];
+        struct warp_contact *c = &contacts[count];
         if (!touch_surface(scene, i, y, reach, memory, c))
             continue;
         count++;
@@ -244,4 +247,11 @@ void warp_point(const struct warp_scene *scene, const struct field *field, vec3 
     out->trust_radius_mm = trust_radius(out->nearest_mm, second);
     if (count && !take_touching(contacts, count, out))
         blend(field, contacts, count, nearest, out);
+    return count;
+}
+
+void warp_point(const struct warp_scene *scene, const struct field *field, vec3 y,
+                struct warp_memory *memory, struct warp *out) {
+    struct warp_contact contacts[WARP_SURFACES_MAX];
+    warp_contacts(scene, field, y, memory, out, contacts);
 }

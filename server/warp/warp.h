@@ -71,5 +71,20 @@ struct warp {
 void warp_point(const struct warp_scene *scene, const struct field *field, vec3 y,
                 struct warp_memory *memory, struct warp *out_warp);
 
+// One surface within reach of y, in the world.
+struct warp_contact {
+    int surface;
+    double distance;     // d_k, mm
+    vec3 normal;         // unit, from x to y; of x's triangle where d_k <= 1e-6
+    vec3 delta;          // Δ_k
+    mat3 delta_gradient; // ∂Δ_k/∂y
+    mat3 slide; // ∂x/∂y: a projection onto the face or edge that x is on, 0 in a corner
+};
+
+// warp_point, and the surfaces that its answer is a blend of, in their order; how many.
+int warp_contacts(const struct warp_scene *scene, const struct field *field, vec3 y,
+                  struct warp_memory *memory, struct warp *out_warp,
+                  struct warp_contact out_contacts[WARP_SURFACES_MAX]);
+
 // Where the closest point of one surface goes: Δ_k of the header's formula, for tests and meters.
 vec3 warp_of_contact(const struct warp_scene *scene, int surface, const struct closest *contact);

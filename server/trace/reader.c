@@ -12,9 +12,9 @@ struct trace_reader {
     char *path;
     uint64_t offset, size;
     struct trace_header header;
-    uint64_t step;    // of the last record, gaps counted
-    uint64_t records; // steps read
-    int64_t time_ns;
+    uint64_t step;     // of the last record, gaps counted
+    uint64_t records;  // steps read
+    int64_t time_ns;   // of the last step, 0 before the first: where a session's clock begins
     bool ended;        // the end record was read
     enum result state; // anything but OK: reading has ended so
     struct error why;
@@ -54,7 +54,6 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
     struct trace_reader *r = alloc(1, sizeof *r);
     r->file = file;
     r->path = alloc_text(path);
-    r->time_ns = INT64_MIN;
     struct stat status;
     if (fstat(fileno(file), &status) == 0)
         r->size = (uint64_t)status.st_size;

@@ -90,8 +90,8 @@ uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file 
 // RESULT_FORMAT where a record's content is out of range or does not follow from the one before.
 // After anything but OK reading has ended, and the same is answered again.
 //
-// A step that was read may be given to session_step: its frame is valid, its time does not fall,
-// and the header's settings are in range. The result of a job is not in the trace: whoever replays
-// runs the job again (replay.c).
+// A step that was read may be given to session_step: its frame is valid, its time does not fall
+// and is not below 0, and the header's settings are in range. The result of a job is not in the
+// trace: whoever replays runs the job again (replay.c).
 enum result trace_read(struct trace_reader *reader, struct trace_record *out_record,
                        struct error *err);

@@ -170,6 +170,30 @@ static void a_record_left_out_repeated_or_forged_is_noticed(void **state) {
     free(data);
 }
 
+// A session's clock begins at 0 and never falls.
+static void a_time_that_no_session_takes_is_refused(void **state) {
+    (void)state;
+    static const int64_t rows[][2] = {{-1, 7}, {7, 6}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct session_input input;
+        struct session_output output;
+        struct trace_writer *writer = start_writing();
+        for (uint64_t n = 1; n <= 2; n++) {
+            step_at(n, &input, &output);
+            input.time_ns = output.time_ns = rows[i][n - 1];
+            assert_true(trace_append(writer, &input, &output));
+        }
+        trace_writer_destroy(&writer);
+        struct trace_reader *reader = open_trace(path);
+        struct trace_record record;
+        enum result result;
+        while ((result = trace_read(reader, &record, NULL)) == RESULT_OK)
+            continue;
+        assert_int_equal(result, RESULT_FORMAT);
+        trace_reader_destroy(&reader);
+    }
+}
+
 static void a_header_that_is_not_ours_is_refused(void **state) {
     (void)state;
     write_trace(1);
@@ -238,6 +262,7 @@ int main(void) {
         cmocka_unit_test(a_flipped_bit_in_any_byte_is_noticed),
         cmocka_unit_test(bytes_after_the_end_record_are_noticed),
         cmocka_unit_test(a_record_left_out_repeated_or_forged_is_noticed),
+        cmocka_unit_test(a_time_that_no_session_takes_is_refused),
         cmocka_unit_test(a_header_that_is_not_ours_is_refused),
         cmocka_unit_test(every_byte_of_an_output_belongs_to_a_field),
     };

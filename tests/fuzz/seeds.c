@@ -205,17 +205,79 @@ static void meshes(void) {
               "3OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n");
 }
 
+static struct trace_writer *begin_trace(const char *file) {
+    struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
+    header.settings = session_settings_default();
+    struct trace_writer *writer;
+    CHECK(trace_writer_create(file, &header, &writer, NULL) == RESULT_OK);
+    return writer;
+}
+
+static void seed_trace(const char *name, const char *folder, struct trace_writer *writer) {
+    size_t size;
+    trace_writer_destroy(&writer);
+    char *bytes = read_file(folder, "a.trace", &size);
+    seed("trace", name, bytes, size);
+    free(bytes);
+    remove_folder(folder);
+}
+
+static struct session_input shaver_input(uint64_t number) {
+    struct session_input input = {.kind = INPUT_FRAME};
+    vec3 tip = {-19, 0.5 * (double)number, -11};
+    input.frame = (struct frame){.number = number, .count = 2};
+    input.frame.samples[0] = (struct sample){
+        .channel = CHANNEL_SHAVER, .kind = SAMPLE_POSE, .T_mockup_body = {quat_identity(), tip}};
+    input.frame.samples[1] =
+        (struct sample){.channel = CHANNEL_SHAVER, .kind = SAMPLE_HANDLE, .handle = {0, 1}};
+    return input;
+}
+
+// A burr that cuts, and the tissue made whole again.
+static void a_cut_trace(void) {
+    char folder[256], file[300];
+    struct knee_case *knee = box_knee();
+    struct scene *scene;
+    struct session_output output;
+    CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
+    struct session_settings settings = session_settings_default();
+    struct session *session = session_create(scene, &settings);
+    struct operation *operation = operation_create(scene);
+    struct job_result *result = NULL;
+    make_folder(folder, sizeof folder);
+    snprintf(file, sizeof file, "%s/a.trace", folder);
+    struct trace_writer *writer = begin_trace(file);
+    static const enum input_kind kinds[] = {INPUT_START, INPUT_FRAME, INPUT_FRAME, INPUT_JOB,
+                                            INPUT_FRAME, INPUT_RESET, INPUT_JOB,   INPUT_JOB};
+    for (uint64_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
+        struct session_input input = {.kind = kinds[i]};
+        if (kinds[i] == INPUT_FRAME)
+            input = shaver_input(i);
+        if (kinds[i] == INPUT_JOB) {
+            input.job = result->job;
+            input.result = result;
+        }
+        session_step(session, &input, &output);
+        CHECK(trace_append(writer, &input, &output));
+        if (!output.job.id)
+            continue;
+        job_result_destroy(&result);
+        result = operation_run(operation, &output.job);
+    }
+    seed_trace("cut", folder, writer);
+    job_result_destroy(&result);
+    session_destroy(&session);
+    operation_destroy(&operation);
+    scene_destroy(&scene);
+}
+
 static void traces(void) {
     static struct session_input input;
     static struct session_output output;
     char folder[256], file[300];
-    struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
-    header.settings = session_settings_default();
-    struct trace_writer *writer;
-    struct error err;
     make_folder(folder, sizeof folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
-    CHECK(trace_writer_create(file, &header, &writer, &err) == RESULT_OK);
+    struct trace_writer *writer = begin_trace(file);
     for (uint64_t step = 1; step <= 3; step++) {
         input.kind = step == 1 ? INPUT_START : step == 2 ? INPUT_FRAME : INPUT_STOP;
         input.time_ns = output.time_ns = 5000000000 + (int64_t)step;
@@ -224,12 +286,8 @@ static void traces(void) {
         output.instruments[0].present = step == 2;
         CHECK(trace_append(writer, &input, &output));
     }
-    trace_writer_destroy(&writer);
-    size_t size;
-    char *bytes = read_file(folder, "a.trace", &size);
-    seed("trace", "steps", bytes, size);
-    free(bytes);
-    remove_folder(folder);
+    seed_trace("steps", folder, writer);
+    a_cut_trace();
 }
 
 static void trackers(void) {

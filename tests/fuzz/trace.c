@@ -1,9 +1,9 @@
-// A trace file, its checksums put right.
-#include "trace/trace.h"
-
+// A trace file, its checksums put right: read, and run again on a knee of boxes.
 #include "base/bytes.h"
 #include "base/check.h"
 #include "fuzz/fuzz.h"
+#include "trace/replay.h"
+#include "unit/case_knee.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -32,13 +32,25 @@ static size_t mend_record(uint8_t *data, size_t size, size_t at) {
     return w.used;
 }
 
+static const struct scene *boxes(void) {
+    static struct scene *scene;
+    struct knee_case *knee;
+    if (!scene) {
+        knee = box_knee();
+        CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
+    }
+    return scene;
+}
+
 static void read_all(const char *path) {
     static struct trace_record record;
+    static struct session_output output;
     struct trace_reader *reader;
     struct error err;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK)
         return;
-    int64_t time_ns = INT64_MIN;
+    struct rerun *rerun = rerun_create(boxes(), &trace_reader_header(reader)->settings);
+    int64_t time_ns = 0;
     enum result result;
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         if (record.type != TRACE_STEP)
@@ -46,7 +58,9 @@ static void read_all(const char *path) {
         CHECK(record.input.time_ns >= time_ns);
         CHECK(record.input.kind != INPUT_FRAME || frame_is_valid(&record.input.frame));
         time_ns = record.input.time_ns;
+        rerun_step(rerun, &record, &output);
     }
+    rerun_destroy(&rerun);
     CHECK(trace_read(reader, &record, &err) == result);
     CHECK(trace_reader_offset(reader) <= trace_reader_size(reader));
     trace_reader_destroy(&reader);

@@ -8,7 +8,8 @@
 #define NEAR_SINK_MM 1e-4 // where that sinks the surface by no more than this,
 #define SINK_MM 1e-6      // and into any other where it sinks it by no more than this
 #define RISE_MM 1e-7
-#define THIN 0.1 // ratio of height to length: triangles do not get thinner than that
+#define SAME_MM 1e-8 // vertices as near as this are one: what is as flat beside them may turn
+#define THIN 0.1     // ratio of height to length: triangles do not get thinner than that
 #define DEGREE_MAX 64
 #define TURNS 8 // of the queue
 
@@ -34,6 +35,7 @@ struct fan {
     uint32_t sides[DEGREE_MAX]; // that start at the vertex, clockwise: beside side k lie triangles
                                 // k, k + 1
     vec3 normals[DEGREE_MAX];   // of their triangles, twice the area long
+    double heights[DEGREE_MAX]; // over their longest sides
     double thinnest;
 };
 
@@ -53,7 +55,9 @@ static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan 
             return false;
         vec3 p[3];
         triangle_points(mesh, mesh->corners + 3 * (size_t)(side / 3), p);
-        fan->thinnest = fmin(fan->thinnest, thinness(p[0], p[1], p[2], &fan->normals[fan->count]));
+        double thin = thinness(p[0], p[1], p[2], &fan->normals[fan->count]);
+        fan->heights[fan->count] = sqrt(thin * vec3_length(fan->normals[fan->count]));
+        fan->thinnest = fmin(fan->thinnest, thin);
         fan->sides[fan->count++] = side;
         side = side_around(mesh, side);
     } while (side != first);
@@ -78,12 +82,15 @@ static bool keeps_labels(const struct cut_mesh *mesh, const struct fan *fan, int
     return true;
 }
 
-// The thinnest triangle after merging; -1 where the surface would move or turn over.
+// The thinnest triangle after merging; -1 where the surface would move or turn over. Triangles that
+// are not higher than `flat` are not asked.
 static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from,
-                              vec3 to, double sink) {
+                              vec3 to, double sink, double flat) {
     double thinnest = 1;
     for (int i = 2; i < fan->count; i++) {
         int f = (k + i) % fan->count;
+        if (fan->heights[f] <= flat)
+            continue;
         vec3 normal = fan->normals[f], turned;
         double rise = vec3_dot(normal, vec3_sub(to, from)), length = vec3_length(normal);
         if (rise > RISE_MM * length || rise < -sink * length)
@@ -91,27 +98,35 @@ static double merged_thinness(const struct cut_mesh *mesh, const struct fan *fan
         uint32_t side = fan->sides[f];
         double thin = thinness(to, mesh->points[side_end(mesh, side)],
                                mesh->points[mesh->corners[side_previous(side)]], &turned);
-        if (!(vec3_dot(normal, turned) > 0))
+        if (!(vec3_dot(normal, turned) > 0.5 * length * vec3_length(turned)))
             return -1;
         thinnest = fmin(thinnest, thin);
     }
     return thinnest;
 }
 
+// How good a merge into neighbour k is: 2 where both are one, else the thinnest triangle after it;
+// -1 where it must not be.
+static double judge(const struct cut_mesh *mesh, const struct fan *fan, int k, vec3 from) {
+    vec3 to = mesh->points[side_end(mesh, fan->sides[k])];
+    double distance = vec3_distance(from, to);
+    if (distance < SAME_MM)
+        return merged_thinness(mesh, fan, k, from, to, SAME_MM, 4 * SAME_MM) < 0 ? -1 : 2;
+    bool near = fan->count > 3 && distance < NEAR_MM;
+    double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_SINK_MM : SINK_MM, -1);
+    return thin < 0 || near || keeps_labels(mesh, fan, k) ? thin : -1;
+}
+
 // The best neighbour to merge into, as an index of the fan; -1: none.
 static int choose_neighbour(const struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
     int best = -1;
-    double best_thin = fmin(fan->thinnest, THIN);
-    vec3 from = mesh->points[vertex];
+    double least = fmin(fan->thinnest, THIN);
     for (int k = 0; k < fan->count; k++) {
-        vec3 to = mesh->points[side_end(mesh, fan->sides[k])];
-        bool near = fan->count > 3 && vec3_distance(from, to) < NEAR_MM;
-        double thin = merged_thinness(mesh, fan, k, from, to, near ? NEAR_SINK_MM : SINK_MM);
-        if (thin < best_thin || (!near && !keeps_labels(mesh, fan, k)) ||
-            !surgery_can_merge(mesh, fan->sides[k]))
+        double good = judge(mesh, fan, k, mesh->points[vertex]);
+        if (good < least || !surgery_can_merge(mesh, fan->sides[k]))
             continue;
         best = k;
-        best_thin = thin;
+        least = good;
     }
     return best;
 }

@@ -9,7 +9,7 @@
 #define SWEEP_MM 0.2
 #define SWEEP_DEG 2.0
 #define BURR_REST_NS (50 * NS_PER_MS)
-#define JUMP_MM 10.0 // no hand moves so far between two frames: the move is not swept
+#define JUMP_MM 10.0 // no hand moves so far from one step to the next: the move is not swept
 
 #define SHAVER_RUNS 1u // button 0
 
@@ -22,7 +22,7 @@ static bool blade_of_channel(enum channel channel, enum blade_kind *out_kind) {
 
 // A handle that is lost neither closes nor runs.
 static bool is_working(enum blade_kind kind, const struct instrument_output *o) {
-    if (!o->present || o->validity == VALIDITY_LOST)
+    if (!o->present)
         return false;
     if (kind == BLADE_KNIFE)
         return true;
@@ -45,6 +45,7 @@ static struct sweep sweep_now(const struct scene_tissue *tissue, const struct sc
     return (struct sweep){
         .active = true,
         .T_mesh_tip = T_mesh_tip,
+        .last = T_mesh_tip.translation,
         .opening = o->handle.opening,
         .time_ns = out->time_ns,
     };
@@ -63,19 +64,13 @@ static bool is_due(enum blade_kind kind, const struct sweep *from, const struct 
 }
 
 static bool starts_anew(enum blade_kind kind, const struct sweep *from, const struct sweep *to) {
-    double way = vec3_distance(from->T_mesh_tip.translation, to->T_mesh_tip.translation);
-    return !from->active || way > JUMP_MM || (kind == BLADE_PUNCH && to->opening >= from->opening);
-}
-
-static struct blade_move move_between(enum blade_kind kind, const struct sweep *from,
-                                      const struct sweep *to) {
-    return (struct blade_move){
-        kind, {from->T_mesh_tip, to->T_mesh_tip}, {from->opening, to->opening}};
+    return !from->active || vec3_distance(from->last, to->last) > JUMP_MM ||
+           (kind == BLADE_PUNCH && to->opening >= from->opening);
 }
 
 // True where the move from sweep to now is to be cut.
 static bool watch(struct sweep *sweep, enum blade_kind kind, const struct sweep *now,
-                  const struct box *box, bool may_cut) {
+                  const struct box *box) {
     double reach = blade_reach_mm(kind);
     bool near_by = box_has(box, now->T_mesh_tip.translation, reach) ||
                    box_has(box, sweep->T_mesh_tip.translation, reach);
@@ -83,32 +78,51 @@ static bool watch(struct sweep *sweep, enum blade_kind kind, const struct sweep 
         *sweep = *now;
         return false;
     }
-    return may_cut && is_due(kind, sweep, now);
+    sweep->last = now->last;
+    return is_due(kind, sweep, now);
+}
+
+// The move that is to be cut now: of those that are due the one that began first, so that none
+// waits for ever.
+struct choice {
+    struct sweep *from; // NULL: none is due
+    struct sweep to;
+    enum blade_kind kind;
+    int tissue;
+};
+
+static void watch_instrument(struct cutting *cutting, const struct scene *scene,
+                             const struct session_output *out, int instrument,
+                             struct choice *choice) {
+    const struct instrument_output *o = &out->instruments[instrument];
+    enum blade_kind kind;
+    if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument), &kind))
+        return;
+    for (int t = 0; t < scene->tissue_count; t++) {
+        struct sweep *sweep = &cutting->sweeps[instrument][t];
+        if (!is_working(kind, o)) {
+            sweep->active = false;
+            continue;
+        }
+        struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
+        if (watch(sweep, kind, &now, &scene->tissues[t].box) &&
+            (!choice->from || sweep->time_ns < choice->from->time_ns))
+            *choice = (struct choice){sweep, now, kind, t};
+    }
 }
 
 bool cutting_step(struct cutting *cutting, const struct scene *scene,
                   const struct session_output *out, bool may_cut, struct job *out_job) {
-    bool found = false;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
-        const struct instrument_output *o = &out->instruments[i];
-        enum blade_kind kind;
-        if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), &kind))
-            continue;
-        for (int t = 0; t < scene->tissue_count; t++) {
-            struct sweep *sweep = &cutting->sweeps[i][t];
-            if (!is_working(kind, o)) {
-                sweep->active = false;
-                continue;
-            }
-            struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
-            if (!watch(sweep, kind, &now, &scene->tissues[t].box, may_cut && !found))
-                continue;
-            out_job->kind = JOB_CUT;
-            out_job->tissue = t;
-            out_job->move = move_between(kind, sweep, &now);
-            *sweep = now;
-            found = true;
-        }
-    }
-    return found;
+    struct choice choice = {0};
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        watch_instrument(cutting, scene, out, i, &choice);
+    struct sweep *from = choice.from;
+    if (!from || !may_cut)
+        return false;
+    out_job->kind = JOB_CUT;
+    out_job->tissue = choice.tissue;
+    out_job->move = (struct blade_move){
+        choice.kind, {from->T_mesh_tip, choice.to.T_mesh_tip}, {from->opening, choice.to.opening}};
+    *from = choice.to;
+    return true;
 }

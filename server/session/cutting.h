@@ -9,6 +9,7 @@ struct sweep {
     pose T_mesh_tip;
     double opening;
     int64_t time_ns;
+    vec3 last; // where the tip was at the last step
 };
 
 struct cutting {

@@ -59,8 +59,8 @@ struct hand {
     struct session_input input;
     struct session_output out;
     struct job_result *pending;
-    bool probe_is_there, tibia_is_tracked;
-    vec3 probe;
+    bool probe_is_there, knife_is_there, tibia_is_tracked;
+    vec3 probe, knife;
     double length;        // of all rotations
     enum channel channel; // of the instrument in hand
     double opening;
@@ -128,6 +128,10 @@ static void step(struct hand *h) {
         add(h, (struct sample){.channel = CHANNEL_PROBE,
                                .kind = SAMPLE_POSE,
                                .T_mockup_body = {quat_identity(), h->probe}});
+    if (h->knife_is_there)
+        add(h, (struct sample){.channel = CHANNEL_KNIFE,
+                               .kind = SAMPLE_POSE,
+                               .T_mockup_body = tip_pose(h->knife)});
     if (h->tibia_is_tracked)
         add(h, (struct sample){.channel = CHANNEL_TIBIA,
                                .kind = SAMPLE_POSE,
@@ -335,6 +339,50 @@ static void jobs_go_one_by_one_and_no_way_is_lost(void **state) {
     hand_end(&h);
 }
 
+// However long a job takes, and however far the tip goes meanwhile.
+static void a_way_that_waits_for_long_is_not_lost(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    h.channel = CHANNEL_SHAVER;
+    h.buttons = 1;
+    for (int i = 0; !h.pending && i < 100; i++)
+        step(&h);
+    vec3 from = h.out.job.move.T_mesh_tip[1].translation;
+    for (int i = 0; i < 60; i++) {
+        h.tip = vec3_add_scaled(h.tip, 0.2, outward);
+        step(&h);
+    }
+    land(&h);
+    assert_int_equal(h.out.job.kind, JOB_CUT);
+    assert_vec3_near(h.out.job.move.T_mesh_tip[0].translation, from, 0);
+    assert_true(vec3_distance(h.out.job.move.T_mesh_tip[1].translation, from) > 10);
+    hand_end(&h);
+}
+
+// Two blades that always have something to be cut.
+static void instruments_take_turns(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    int jobs[BLADE_COUNT] = {0};
+    h.channel = CHANNEL_SHAVER;
+    h.buttons = 1;
+    h.knife_is_there = true;
+    vec3 middle = h.tip;
+    for (int i = 0; i < 200; i++) {
+        double way = i % 20 < 10 ? i % 10 : 10 - i % 10;
+        h.tip = vec3_add_scaled(middle, 0.3 * way, outward);
+        h.knife = vec3_add_scaled(middle, 3 - 0.3 * way, outward);
+        step(&h);
+        jobs[h.out.job.move.kind] += h.out.job.id != 0;
+        if (h.pending && i % 5 == 4) {
+            land(&h);
+            jobs[h.out.job.move.kind] += h.out.job.id != 0;
+        }
+    }
+    assert_true(jobs[BLADE_SHAVER] > 10 && jobs[BLADE_KNIFE] > 10);
+    hand_end(&h);
+}
+
 static void a_lost_handle_does_not_cut(void **state) {
     (void)state;
     struct hand h = hand_start();
@@ -428,6 +476,8 @@ int main(void) {
         cmocka_unit_test(a_knife_leaves_its_kerf),
         cmocka_unit_test(a_jump_is_not_swept),
         cmocka_unit_test(jobs_go_one_by_one_and_no_way_is_lost),
+        cmocka_unit_test(a_way_that_waits_for_long_is_not_lost),
+        cmocka_unit_test(instruments_take_turns),
         cmocka_unit_test(a_lost_handle_does_not_cut),
         cmocka_unit_test(a_reset_makes_the_tissue_whole),
         cmocka_unit_test(a_cut_from_before_a_reset_does_not_land),

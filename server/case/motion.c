@@ -1,13 +1,12 @@
 #include "case/motion.h"
 
 #include "base/check.h"
+#include "case/motion_line.h"
 #include "case/motion_move.h"
+#include "case/motion_resect.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-static const double bite_distance = 5;                // from where a bite begins, mm
-static const double path_step = 0.1, path_jump = 0.5; // along a palpated line, mm
 
 static struct hand *hand_of(struct plan *plan, enum channel tool) {
     for (int i = 0; i < plan->motion->tool_count; i++)
@@ -57,69 +56,7 @@ static vec3 scripted(const struct plan *plan, vec3 p) {
     return (vec3){plan->knee->joint.side == SIDE_LEFT ? -p.x : p.x, p.y, p.z};
 }
 
-static vec3 on_surface(const struct query *surface, vec3 p) {
-    struct closest closest;
-    bool found = query_closest(surface, p, INFINITY, MESH_NONE, &closest);
-    CHECK(found);
-    return closest.point;
-}
-
 // ---- palpate ------------------------------------------------------------------------------------
-
-// A line on a surface, in the group's frame: points of the surface and their way from the start.
-struct line {
-    int count;
-    vec3 *points;
-    double *ways;
-};
-
-static enum result line_init(struct line *line, const struct query *surface, vec3 from, vec3 to,
-                             struct error *err) {
-    from = on_surface(surface, from);
-    to = on_surface(surface, to);
-    line->count = (int)ceil(vec3_distance(from, to) / path_step) + 2;
-    line->points = alloc((size_t)line->count, sizeof *line->points);
-    line->ways = alloc((size_t)line->count, sizeof *line->ways);
-    for (int i = 0; i < line->count; i++) {
-        double t = (double)i / (line->count - 1);
-        line->points[i] = on_surface(surface, vec3_lerp(from, to, t));
-        double step = i > 0 ? vec3_distance(line->points[i], line->points[i - 1]) : 0;
-        line->ways[i] = i > 0 ? line->ways[i - 1] + step : 0;
-        vec3 p = line->points[i];
-        if (step > path_jump)
-            return fail(err, RESULT_INVALID, "the line leaves the surface near %.1f %.1f %.1f", p.x,
-                        p.y, p.z);
-    }
-    return RESULT_OK;
-}
-
-static void line_fini(struct line *line) {
-    free(line->points);
-    free(line->ways);
-}
-
-static vec3 line_at(const struct line *line, double way) {
-    int i = 1;
-    while (i + 1 < line->count && line->ways[i] < way)
-        i++;
-    double span = line->ways[i] - line->ways[i - 1];
-    double t = span > 0 ? (way - line->ways[i - 1]) / span : 0;
-    return vec3_lerp(line->points[i - 1], line->points[i], fmin(fmax(t, 0), 1));
-}
-
-static enum result slide(struct plan *plan, struct hand *hand, const struct case_group *group,
-                         const struct query *surface, const struct line *line) {
-    pose T = plan_body_pose(plan, group->body);
-    double way = line->ways[line->count - 1];
-    int rows = plan_rows(plan, way, plan->script->speed_mm_s);
-    for (int i = 0; i <= rows; i++) {
-        vec3 p = on_surface(surface, line_at(line, way * plan_progress(i, rows)));
-        hand->tip = pose_apply(T, p);
-        if (plan_add_row(plan, group) != RESULT_OK)
-            return RESULT_INVALID;
-    }
-    return RESULT_OK;
-}
 
 static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     struct case_group *group;
@@ -130,13 +67,13 @@ static enum result palpate(struct plan *plan, struct hand *hand, const struct mo
     if (result != RESULT_OK)
         return result;
     struct line line = {0};
-    result =
-        line_init(&line, surface, scripted(plan, step->from), scripted(plan, step->to), plan->err);
+    result = line_between(&line, surface, scripted(plan, step->from), scripted(plan, step->to),
+                          plan->err);
     if (result == RESULT_OK)
         result =
             plan_reach(plan, hand, pose_apply(plan_body_pose(plan, group->body), line.points[0]));
     if (result == RESULT_OK)
-        result = slide(plan, hand, group, surface, &line);
+        result = line_slide(plan, hand, group, surface, &line);
     line_fini(&line);
     query_destroy(&surface);
     return result;
@@ -175,7 +112,7 @@ static enum result bite_point(struct plan *plan, const struct hand *hand,
     enum result result = query_create(&group->mesh, &surface, plan->err);
     if (result != RESULT_OK)
         return result;
-    *out_point = on_surface(surface, scripted(plan, step->from));
+    *out_point = line_on_surface(surface, scripted(plan, step->from));
     query_destroy(&surface);
     return RESULT_OK;
 }
@@ -189,11 +126,25 @@ static enum result bite(struct plan *plan, struct hand *hand, const struct motio
     if (result != RESULT_OK)
         return result;
     vec3 target = pose_apply(plan_body_pose(plan, group->body), point);
-    vec3 before = vec3_add_scaled(target, -bite_distance, hand_direction(hand, target));
-    if (plan_reach(plan, hand, before) != RESULT_OK || plan_open(plan, hand, 1) != RESULT_OK ||
-        plan_move(plan, hand, target) != RESULT_OK || plan_open(plan, hand, 0) != RESULT_OK)
+    if (plan_reach(plan, hand, plan_before_bite(hand, target)) != RESULT_OK)
         return RESULT_INVALID;
-    return plan_move(plan, hand, before);
+    return plan_bite(plan, hand, target);
+}
+
+// ---- resect and trace ---------------------------------------------------------------------------
+
+static enum result resect(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    struct resection resection;
+    enum result result = resection_init(&resection, plan, group);
+    if (result == RESULT_OK && step->verb == MOTION_RESECT)
+        result = resection_bite(&resection, plan, hand, step->count);
+    else if (result == RESULT_OK)
+        result = resection_trace(&resection, plan, hand);
+    resection_fini(&resection);
+    return result;
 }
 
 // ---- the whole script ---------------------------------------------------------------------------
@@ -213,6 +164,8 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return palpate(plan, hand, step);
     if (step->verb == MOTION_BITE)
         return bite(plan, hand, step);
+    if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
+        return resect(plan, hand, step);
     return withdraw(plan, hand);
 }
 
@@ -237,7 +190,7 @@ static enum result add_hand(struct plan *plan, const struct motion_step *step) {
     int i = plan->motion->tool_count++;
     plan->motion->tools[i] = (struct motion_tool){step->tool, portal->position};
     struct hand *hand = &plan->hands[i];
-    *hand = (struct hand){.portal = *portal, .tip = portal->position};
+    *hand = (struct hand){.channel = step->tool, .portal = *portal, .tip = portal->position};
     hand->rotation = quat_identity();
     tremor_init(&hand->tremor, plan->script->tremor_mm,
                 (uint64_t)plan->script->seed * INSTRUMENT_COUNT + (uint64_t)i);

@@ -1,9 +1,9 @@
 // A trainee's hands and the joint, computed from the anatomy of a case: what a mock-up plays.
 //
 // Everything is in the mock-up's frame, which is the femur's. An instrument is a line through its
-// portal; its tip's frame has z along the shaft, away from the handle. With a tremor of 0 a tip
-// that palpates lies exactly on the surface S of its group, and no shaft is deeper than
-// MOTION_DEPTH_MAX inside a bone.
+// portal; its tip's frame has z along the shaft, away from the handle, and y as far proximal as
+// that allows: there a punch opens. With a tremor of 0 a tip that palpates lies exactly on the
+// surface S of its group, and no shaft is deeper than MOTION_DEPTH_MAX inside a bone.
 #pragma once
 
 #include "base/sample.h"
@@ -18,7 +18,9 @@ enum motion_verb {
     MOTION_PALPATE,  // the probe slides along a straight line, projected on a group's surface
     MOTION_FLEX,
     MOTION_VALGUS,
-    MOTION_BITE, // an instrument opens, goes to a point of a group, and closes
+    MOTION_BITE,   // an instrument opens, goes to a point of a group, and closes
+    MOTION_RESECT, // bites along the planned resection of a group
+    MOTION_TRACE,  // a probe or a shaver goes along the margin of a planned resection
     MOTION_WITHDRAW,
     MOTION_VERB_COUNT
 };
@@ -30,6 +32,7 @@ struct motion_step {
     bool has_points; // a bite without one takes the nearest reachable to the group's middle
     vec3 from, to;   // the group's frame, x lateral on both knees
     double angle_deg;
+    int64_t count; // of bites, at most
 };
 
 const char *motion_verb_name(enum motion_verb verb); // as the script spells it
@@ -57,7 +60,7 @@ struct motion_tool {
 
 struct motion_tool_state {
     pose T_mockup_tip; // the quaternion's sign never jumps
-    double opening;    // 0 closed, 1 open
+    double opening;    // 0 closed, 1 open; of a shaver: 1 while it runs
 };
 
 struct motion_row {
@@ -74,7 +77,8 @@ struct motion {
     struct motion_row *rows;
 };
 
-// Plays the script on a case. RESULT_MISSING: the case has no such group or portal;
+// Plays the script on a case. RESULT_MISSING: the case has no such group or portal, the group no
+// plan;
 // RESULT_INVALID: a line that cannot be reached from the portal, or leaves the surface. The error
 // names the step by its number and verb. The motion points into the case; the caller releases it.
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 
 static const double open_seconds = 0.5;
+static const double bite_distance = 5; // from where a bite begins, mm
+static const int approach_looks = 20;
 
 pose plan_body_pose(const struct plan *plan, enum body body) {
     if (body == BODY_TIBIA)
@@ -64,12 +66,30 @@ static quat turned_towards(quat before, vec3 direction) {
     return quat_unit(quat_multiply(quat_from_axis_angle(axis, angle), before));
 }
 
-static struct motion_tool_state hand_state(struct hand *hand, double t) {
+// z along the shaft, y as far up as it allows: a punch opens away from the tibia.
+static quat rolled_up(quat before, vec3 direction, vec3 up) {
+    vec3 x = vec3_cross(up, direction);
+    if (vec3_length(x) < 0.1)
+        return turned_towards(before, direction);
+    x = vec3_unit_or(x, x);
+    vec3 y = vec3_cross(direction, x), z = direction;
+    quat q = quat_from_mat3((mat3){{{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}}});
+    double same = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z;
+    return same < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
+}
+
+static struct motion_tool_state hand_state(struct hand *hand, double t, vec3 up) {
     vec3 shake = tremor_at(&hand->tremor, t);
     double depth = hand_depth(hand);
     vec3 tip = vec3_add_scaled(hand->tip, fmin(depth / MOTION_SAFE_DEPTH, 1), shake);
-    hand->rotation = turned_towards(hand->rotation, hand_direction(hand, tip));
+    hand->rotation = rolled_up(hand->rotation, hand_direction(hand, tip), up);
     return (struct motion_tool_state){{hand->rotation, tip}, hand->opening};
+}
+
+static vec3 tibia_up(const struct plan *plan) {
+    quat joint = plan->knee->joint.T_tibia_joint.rotation;
+    quat tibia = plan_body_pose(plan, BODY_TIBIA).rotation;
+    return quat_rotate(quat_multiply(tibia, joint), (vec3){0, 0, 1});
 }
 
 enum result plan_add_row(struct plan *plan, const struct case_group *touch) {
@@ -83,11 +103,12 @@ enum result plan_add_row(struct plan *plan, const struct case_group *touch) {
                                .joint = plan->joint,
                                .touch = touch};
     motion->row_count++;
+    vec3 up = tibia_up(plan);
     for (int i = 0; i < motion->tool_count; i++) {
         struct hand *hand = &plan->hands[i];
         if (hand->inside && plan_check_clear(plan, hand, hand->tip) != RESULT_OK)
             return RESULT_INVALID;
-        row->tools[i] = hand_state(hand, row->t_seconds);
+        row->tools[i] = hand_state(hand, row->t_seconds, up);
     }
     return RESULT_OK;
 }
@@ -147,6 +168,15 @@ enum result plan_reach(struct plan *plan, struct hand *hand, vec3 target) {
     return plan_move(plan, hand, target);
 }
 
+enum result plan_approach(struct plan *plan, struct hand *hand, vec3 target) {
+    for (int i = 1; i <= approach_looks; i++) {
+        vec3 p = vec3_lerp(hand->tip, target, (double)i / approach_looks);
+        if (plan_check_clear(plan, hand, p) != RESULT_OK)
+            return plan_reach(plan, hand, target);
+    }
+    return plan_move(plan, hand, target);
+}
+
 enum result plan_open(struct plan *plan, struct hand *hand, double opening) {
     double from = hand->opening;
     int rows = (int)ceil(open_seconds * plan->script->rate_hz);
@@ -156,6 +186,18 @@ enum result plan_open(struct plan *plan, struct hand *hand, double opening) {
             return RESULT_INVALID;
     }
     return RESULT_OK;
+}
+
+vec3 plan_before_bite(const struct hand *hand, vec3 target) {
+    return vec3_add_scaled(target, -bite_distance, hand_direction(hand, target));
+}
+
+enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target) {
+    vec3 before = hand->tip;
+    if (plan_open(plan, hand, 1) != RESULT_OK || plan_move(plan, hand, target) != RESULT_OK ||
+        plan_open(plan, hand, 0) != RESULT_OK)
+        return RESULT_INVALID;
+    return plan_move(plan, hand, before);
 }
 
 static struct joint_angles joint_lerp(struct joint_angles a, struct joint_angles b, double t) {

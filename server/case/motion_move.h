@@ -7,10 +7,11 @@
 #include "case/solid.h"
 
 struct hand {
+    enum channel channel;
     struct case_portal portal;
-    vec3 tip; // femur's frame, without tremor
-    double opening;
-    bool inside; // outside, the tip rests in the portal
+    vec3 tip;       // femur's frame, without tremor
+    double opening; // of a shaver: 1 while it runs
+    bool inside;    // outside, the tip rests in the portal
     struct tremor tremor;
     quat rotation; // of the last row
 };
@@ -42,7 +43,12 @@ enum result plan_move(struct plan *plan, struct hand *hand, vec3 to); // straigh
 enum result plan_retreat(struct plan *plan, struct hand *hand);       // to the safe depth
 enum result plan_swing(struct plan *plan, struct hand *hand, vec3 to_direction); // in the portal
 enum result plan_reach(struct plan *plan, struct hand *hand, vec3 target); // retreat, swing, move
+enum result plan_approach(struct plan *plan, struct hand *hand,
+                          vec3 target); // straight where that is clear, otherwise as plan_reach
 enum result plan_open(struct plan *plan, struct hand *hand, double opening);
+// From plan_before_bite: opens, goes to the target, closes, and backs off to where it was.
+enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target);
+vec3 plan_before_bite(const struct hand *hand, vec3 target);
 enum result plan_joint(struct plan *plan, double flexion_deg, double valgus_deg);
 
 // A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.

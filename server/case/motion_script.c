@@ -35,6 +35,8 @@ static const struct {
     [MOTION_FLEX] = {"flex", "DEGREES from 0 to 140"},
     [MOTION_VALGUS] = {"valgus", "DEGREES from -15 to 15"},
     [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [X Y Z]"},
+    [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
+    [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
     [MOTION_WITHDRAW] = {"withdraw", "INSTRUMENT"},
 };
 
@@ -114,6 +116,12 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
         return (count == 2 || count == 5) && read_tool(words[0], &step->tool) &&
                read_name(words[1], step->name) &&
                (count == 2 || read_point(words + 2, &step->from));
+    case MOTION_RESECT:
+        return count == 3 && read_tool(words[0], &step->tool) && step->tool == CHANNEL_PUNCH &&
+               read_name(words[1], step->name) && number_int(words[2], 1, 100, &step->count);
+    case MOTION_TRACE:
+        return count == 2 && read_tool(words[0], &step->tool) && read_name(words[1], step->name) &&
+               (step->tool == CHANNEL_PROBE || step->tool == CHANNEL_SHAVER);
     default:
         return false;
     }

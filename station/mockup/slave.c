@@ -28,12 +28,14 @@ enum {
     DISTRACTION,
     OPENING,
     BUTTONS,
+    SHAVER_BUTTONS,
     REGISTERS
 };
 
 static const uint32_t patience_us = 5000; // with half a request, while other masters wait
 static const uint8_t unknown_function = 0x41;
-static const double closed_opening = 0.05; // the handle's end switch closes below it
+static const double closed_opening = 0.05; // the punch's end switch closes below it
+static const double running_opening = 0.5; // the shaver's button is down from it on
 
 // ---- registers ----------------------------------------------------------------------------------
 
@@ -59,12 +61,15 @@ static void set_registers(const struct slave *s, double seconds, uint16_t *regis
     registers[SEQUENCE] = (uint16_t)(int64_t)updates;
     if (r->joints)
         set_joint(r, t, registers);
-    for (int i = 0; i < r->tool_count; i++)
-        if (r->tools[i].channel == CHANNEL_PUNCH && r->tools[i].has_opening) {
-            double opening = recording_tool_at(r, i, t).opening;
+    for (int i = 0; i < r->tool_count; i++) {
+        double opening = recording_tool_at(r, i, t).opening;
+        if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_PUNCH) {
             registers[OPENING] = (uint16_t)round(10000 * opening);
             registers[BUTTONS] = opening < closed_opening;
         }
+        if (r->tools[i].has_opening && r->tools[i].channel == CHANNEL_SHAVER)
+            registers[SHAVER_BUTTONS] = opening >= running_opening;
+    }
 }
 
 // Jump and noise of the joint's values; the register that stands for "no value".

@@ -210,6 +210,38 @@ static void values_come_over_tcp_within_a_registers_resolution(void **state) {
     assert_int_equal(0, ended(&m, SIGTERM));
 }
 
+// Flexion tells the time: the shaver runs in the second half of the file.
+static void check_shaver(const struct frame *frame) {
+    const struct sample *joint = &frame->samples[0], *shaver = &frame->samples[1];
+    assert_int_equal(2, frame->count);
+    assert_int_equal(CHANNEL_SHAVER, shaver->channel);
+    if (shaver->time_ns == joint->time_ns && fabs(joint->joint.flexion_deg - 50) > 1.5)
+        assert_int_equal(joint->joint.flexion_deg > 50, shaver->handle.buttons);
+}
+
+static void the_button_of_a_shaver_is_down_while_it_runs(void **state) {
+    (void)state;
+    const char *path = in_folder("shaver.csv");
+    FILE *file = fopen(path, "w");
+    fprintf(file, "t_seconds,flexion_deg,varus_deg,internal_deg,shift_mm,drawer_mm,distraction_mm,"
+                  "shaver_tx_mm,shaver_ty_mm,shaver_tz_mm,shaver_qw,shaver_qx,shaver_qy,shaver_qz,"
+                  "shaver_valid,shaver_opening\n");
+    for (int i = 0; i < 100; i++)
+        fprintf(file, "%.3f,%d,0,0,0,0,0,0,0,0,1,0,0,0,1,%d\n", i * 0.01, i, i >= 50);
+    fclose(file);
+    struct mockup m = start(1, "--motion", path, "--modbus-tcp", "127.0.0.1:0");
+    const struct device_option options[] = {
+        {"driver", "modbus"},   {"address", m.modbus_tcp}, {"rate_hz", "200"},
+        {"sequence", "0"},      {"flexion", "1 0.01"},     {"varus", "2 0.01"},
+        {"internal", "3 0.01"}, {"shaver.buttons", "9"},
+    };
+    struct runner *runner = station_of("encoders", options);
+    watch(runner, 250, check_shaver);
+    runner_destroy(&runner);
+    assert_int_equal(0, ended(&m, SIGTERM));
+    remove(path);
+}
+
 static void values_come_over_a_serial_line_within_a_registers_resolution(void **state) {
     (void)state;
     const char *path = in_folder("line");
@@ -505,6 +537,7 @@ static int clean_up(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(values_come_over_tcp_within_a_registers_resolution),
+        cmocka_unit_test(the_button_of_a_shaver_is_down_while_it_runs),
         cmocka_unit_test(values_come_over_a_serial_line_within_a_registers_resolution),
         cmocka_unit_test(late_replies_on_a_serial_line_cost_readings_not_truth),
         cmocka_unit_test(a_slave_that_falls_silent_is_held_then_lost_then_back),

@@ -30,7 +30,7 @@ struct session {
     struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
     struct cutting cutting;
     uint64_t last_job;
-    bool job_is_out; // given to the caller, and not yet landed
+    enum job_kind job_out; // given to the caller, and not yet landed; JOB_NONE: no job is
     bool to_restore[TISSUES_MAX];
     bool touched[TISSUES_MAX]; // by a job since it was last whole
 };
@@ -180,9 +180,10 @@ static uint32_t age_samples(struct session *s) {
 // A cut that was asked for before the tissue was restored changes nothing any more.
 static uint32_t land(struct session *s, const struct session_input *input, struct landed *out) {
     const struct job_result *result = input->result;
-    if (!s->job_is_out || input->job != s->last_job)
+    enum job_kind kind = s->job_out;
+    if (kind == JOB_NONE || input->job != s->last_job)
         return 0;
-    s->job_is_out = false;
+    s->job_out = JOB_NONE;
     if (!result || s->to_restore[result->tissue])
         return 0;
     CHECK(result->job == input->job);
@@ -192,7 +193,7 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
         easing_aim(s->easings[result->tissue], result);
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;
-    return (result->outcome == JOB_DONE ? EVENT_CUT : 0) |
+    return (kind == JOB_CUT && result->outcome == JOB_DONE ? EVENT_CUT : 0) |
            (result->change.piece_count ? EVENT_PIECE : 0);
 }
 
@@ -271,8 +272,7 @@ static void place_bones(const struct session *s, struct session_output *out) {
                                : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
 }
 
-// ---- easing
-// ---------------------------------------------------------------------------------------
+// ---- easing -------------------------------------------------------------------------------------
 
 // Displacements are kept as floats: what rounding adds stays within the allowance.
 #define EASE_ROUNDING 0.998
@@ -386,7 +386,7 @@ static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct se
 
 static bool restoring_is_due(struct session *s, struct job *out_job) {
     for (int t = 0; t < s->scene->tissue_count; t++) {
-        if (!s->to_restore[t] || s->job_is_out)
+        if (!s->to_restore[t] || s->job_out != JOB_NONE)
             continue;
         s->to_restore[t] = false;
         *out_job = (struct job){.kind = JOB_RESTORE, .tissue = t};
@@ -403,12 +403,12 @@ static void ask_for_job(struct session *s, struct session_output *out) {
     bool due = restoring_is_due(s, job);
     if (s->state != SESSION_RUNNING)
         memset(&s->cutting, 0, sizeof s->cutting);
-    else if (cutting_step(&s->cutting, s->scene, out, !due && !s->job_is_out, job))
+    else if (cutting_step(&s->cutting, s->scene, out, !due && s->job_out == JOB_NONE, job))
         due = s->touched[job->tissue] = true;
     if (!due)
         return;
     job->id = ++s->last_job;
-    s->job_is_out = true;
+    s->job_out = job->kind;
 }
 
 // ---- the step -----------------------------------------------------------------------------------

@@ -116,7 +116,7 @@ struct session_output {
     struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
     struct job job;       // to be run; id 0: none. At most one is on its way at any time
     struct landed landed; // at this step
-    uint64_t hash;        // of all above and of the session's state
+    uint64_t hash;        // of all above and of the hash of the step before
 };
 
 struct session;

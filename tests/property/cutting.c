@@ -417,6 +417,7 @@ static void a_reset_makes_the_tissue_whole(void **state) {
     step(&h);
     assert_near(vec3_length(probe_displacement(&h)), 0, 0);
     struct landed landed = land(&h);
+    assert_int_equal(h.out.events & EVENT_CUT, 0);
     assert_int_equal(landed.figures.mesh_number, number + 1);
     assert_int_equal(landed.figures.cuts, 0);
     assert_near(landed.figures.volume_mm3, whole, 0);

@@ -60,8 +60,9 @@ void easing_aim(struct easing *e, const struct job_result *result) {
         uint32_t vertex = result->vertices[i];
         CHECK(vertex < e->group->mesh.vertex_count);
         e->target[vertex] = result->blends[i];
-        if (!e->is_pending[vertex])
-            e->pending[e->pending_count++] = vertex;
+        if (e->is_pending[vertex] || e->blend[vertex] == e->target[vertex])
+            continue;
+        e->pending[e->pending_count++] = vertex;
         e->is_pending[vertex] = true;
     }
 }

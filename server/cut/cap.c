@@ -42,6 +42,8 @@ static bool face_loops(struct cut_mesh *mesh, struct stage *stage, uint32_t star
 
 // ---- loops into regions: each hole goes to the smallest loop around it ----
 
+#define LOST_MM2 1e-6 // so small a hole may lie where it will
+
 static double ring_area(const struct cut_mesh *mesh, const struct stage *stage,
                         const struct flat *flat, const struct ring *ring) {
     const uint32_t *v = stage->ring_vertices.at + ring->first;
@@ -69,25 +71,32 @@ static bool ring_holds(const struct cut_mesh *mesh, const struct stage *stage,
     return inside;
 }
 
-struct loop {
-    struct ring ring;
-    double area;
-    int owner; // of a hole: the loop that it is a hole of; itself where there is none
-};
+static void find_owner(const struct cut_mesh *mesh, const struct stage *stage,
+                       const struct flat *flat, uint32_t count, uint32_t k) {
+    struct loop *loops = stage->loops;
+    loops[k].owner = k;
+    if (loops[k].area >= 0)
+        return;
+    struct flat_point p = flat_of(flat, mesh->points[stage->ring_vertices.at[loops[k].ring.first]]);
+    for (uint32_t i = 0; i < count; i++)
+        if (loops[i].area > 0 && ring_holds(mesh, stage, flat, &loops[i].ring, p) &&
+            (loops[k].owner == k || loops[i].area < loops[loops[k].owner].area))
+            loops[k].owner = i;
+}
 
-static void find_owners(const struct cut_mesh *mesh, const struct stage *stage,
-                        const struct flat *flat, struct loop *loops, int count) {
-    for (int k = 0; k < count; k++) {
-        loops[k].owner = k;
-        if (loops[k].area >= 0)
-            continue;
-        struct flat_point p =
-            flat_of(flat, mesh->points[stage->ring_vertices.at[loops[k].ring.first]]);
-        for (int i = 0; i < count; i++)
-            if (loops[i].area > 0 && ring_holds(mesh, stage, flat, &loops[i].ring, p) &&
-                (loops[k].owner == k || loops[i].area < loops[loops[k].owner].area))
-                loops[k].owner = i;
-    }
+// The rings of the last region, a whole face, as loops; and the region is no more.
+static uint32_t take_loops(const struct cut_mesh *mesh, struct stage *stage) {
+    struct region whole = stage->regions[--stage->region_count];
+    uint32_t count = whole.ring_count;
+    struct ring *rings = stage->rings + whole.first_ring;
+    struct flat flat = flat_on(whole.normal, mesh->points[stage->ring_vertices.at[rings->first]]);
+    stage->loops = array_grow(stage->loops, &stage->loop_room, count, sizeof *stage->loops);
+    for (uint32_t k = 0; k < count; k++)
+        stage->loops[k] = (struct loop){rings[k], ring_area(mesh, stage, &flat, &rings[k]), k};
+    for (uint32_t k = 0; k < count; k++)
+        find_owner(mesh, stage, &flat, count, k);
+    stage->ring_count = whole.first_ring;
+    return count;
 }
 
 static void add_loop(struct stage *stage, struct ring ring) {
@@ -97,28 +106,20 @@ static void add_loop(struct stage *stage, struct ring ring) {
     stage->regions[stage->region_count - 1].ring_count++;
 }
 
-static void split_into_regions(const struct cut_mesh *mesh, struct stage *stage) {
-    struct region whole = stage->regions[--stage->region_count];
-    struct flat flat = flat_on(
-        whole.normal, mesh->points[stage->ring_vertices.at[stage->rings[whole.first_ring].first]]);
-    int count = (int)whole.ring_count;
-    struct loop *loops = alloc((size_t)count, sizeof *loops);
-    for (int k = 0; k < count; k++) {
-        loops[k].ring = stage->rings[whole.first_ring + (uint32_t)k];
-        loops[k].area = ring_area(mesh, stage, &flat, &loops[k].ring);
-    }
-    find_owners(mesh, stage, &flat, loops, count);
-    stage->ring_count = whole.first_ring;
-    for (int k = 0; k < count; k++) {
-        if (loops[k].owner != k)
+static bool split_into_regions(const struct cut_mesh *mesh, struct stage *stage, vec3 normal) {
+    uint32_t count = take_loops(mesh, stage);
+    for (uint32_t k = 0; k < count; k++) {
+        if (stage->loops[k].owner != k)
             continue;
-        stage_add_region(stage, whole.label, whole.normal);
-        add_loop(stage, loops[k].ring);
-        for (int i = 0; i < count; i++)
-            if (i != k && loops[i].owner == k)
-                add_loop(stage, loops[i].ring);
+        if (stage->loops[k].area < -LOST_MM2)
+            return stage_refuse(stage, "a hole in new surface lies in none");
+        stage_add_region(stage, stage->number, normal);
+        add_loop(stage, stage->loops[k].ring);
+        for (uint32_t i = 0; i < count; i++)
+            if (i != k && stage->loops[i].owner == k)
+                add_loop(stage, stage->loops[i].ring);
     }
-    free(loops);
+    return true;
 }
 
 bool cap_faces(struct cut_mesh *mesh, struct stage *stage) {
@@ -128,10 +129,10 @@ bool cap_faces(struct cut_mesh *mesh, struct stage *stage) {
         int face = stage->segments[start].face;
         for (end = start; end < stage->segment_count && stage->segments[end].face == face;)
             end++;
-        stage_add_region(stage, stage->number, vec3_scale(-1, stage->blade.planes[face].normal));
-        if (!face_loops(mesh, stage, start, end))
+        vec3 normal = vec3_scale(-1, stage->blade.planes[face].normal);
+        stage_add_region(stage, stage->number, normal);
+        if (!face_loops(mesh, stage, start, end) || !split_into_regions(mesh, stage, normal))
             return false;
-        split_into_regions(mesh, stage);
     }
     return true;
 }

@@ -6,6 +6,10 @@
 // triangles that the blade touches, not the size of the mesh. Deterministic: the same calls give
 // the same bits. Millimetres, in the mesh's own frame.
 //
+// A blade is taken 5e-7 mm larger than it is, so that bites that are flush leave no skin between
+// them. Where a cut has been, vertices that cuts made and that shape nothing go, and slivers with
+// them: the surface sinks there by less than 1e-4 mm.
+//
 // Ids: vertices and triangles are named by ids that do not change while they live. No vertex is
 // ever moved. The ids of the mesh that it was made from are never given to another vertex; those of
 // vertices that a cut made, and of triangles, are used again once they are free.
@@ -60,7 +64,7 @@ struct cut_change {
     uint32_t number;      // of the cut: 1 for the first that changed the mesh
     double removed_mm3;   // by the blade, with what cleaning its surface moved; without pieces
     double volume_mm3;    // of the mesh after it
-    int retries;          // with the blade shifted by about 1e-5 mm, all parts together
+    int retries;          // with the blade larger by 2e-6 mm each time, all parts together
     uint32_t freed_count; // triangles that are gone, their ids not in use after the cut
     uint32_t *freed;
     uint32_t made_count; // triangles that are new or have other corners than before
@@ -69,7 +73,7 @@ struct cut_change {
     uint32_t *vertices;
     int patch_count;
     struct cut_patch *patches;
-    int piece_count; // the largest part stays; these are the others
+    int piece_count; // the largest part stays, with its cavities; these are the others with theirs
     struct cut_piece *pieces;
 };
 

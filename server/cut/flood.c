@@ -6,6 +6,7 @@
 
 void flood_fini(struct flood *flood) {
     marks_fini(&flood->owner);
+    ids_fini(&flood->list);
     free(flood->entries);
     free(flood->bodies);
     *flood = (struct flood){0};

@@ -22,6 +22,7 @@ struct flood {
     } * entries;
     struct body *bodies;
     uint32_t entry_count, entry_room, body_count, body_room;
+    struct ids list; // scratch
 };
 
 void flood_fini(struct flood *flood);

@@ -1,6 +1,6 @@
 #include "cut/stage.h"
 
-#define MARGIN_MM 1e-6
+#define MARGIN_MM 1e-4 // more than blades grow
 
 static uint64_t take_values(const struct convex *blade, vec3 p, double *out_values) {
     uint64_t outside = 0;

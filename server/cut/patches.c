@@ -48,16 +48,17 @@ static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *tri
 
 void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
     struct marks *seen = &mesh->flood->owner;
-    struct ids list = {0};
+    struct ids *list = &mesh->flood->list;
+    list->count = 0;
     marks_begin(seen, mesh->triangle_room);
     for (uint32_t i = 0; i < change->made_count; i++) {
-        uint32_t first = list.count, triangle = change->made[i];
+        uint32_t first = list->count, triangle = change->made[i];
         if (marks_has(seen, triangle) || !is_new_surface(mesh, triangle))
             continue;
-        spread(mesh, seen, &list, triangle);
+        spread(mesh, seen, list, triangle);
         change->patches =
             alloc_resize(change->patches, (size_t)change->patch_count + 1, sizeof *change->patches);
-        change->patches[change->patch_count++] = measure(mesh, list.at + first, list.count - first);
+        change->patches[change->patch_count++] =
+            measure(mesh, list->at + first, list->count - first);
     }
-    ids_fini(&list);
 }

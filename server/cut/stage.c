@@ -167,6 +167,7 @@ void stage_destroy(struct stage **stage) {
     free(s->segments);
     free(s->regions);
     free(s->rings);
+    free(s->loops);
     free(s->made);
     filler_destroy(&s->filler);
     ids_fini(&s->made_ids);

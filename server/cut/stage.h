@@ -62,6 +62,13 @@ struct ring {
     uint32_t first, count; // of ring_vertices
 };
 
+// A ring on a face of the blade before it is known what it belongs to.
+struct loop {
+    struct ring ring;
+    double area;
+    uint32_t owner; // of a hole: the loop that it is a hole of; itself where there is none
+};
+
 struct new_triangle {
     uint32_t corners[3];
     uint32_t label;
@@ -92,7 +99,8 @@ struct stage {
     struct region *regions;
     struct ring *rings;
     struct ids ring_vertices;
-    uint32_t region_count, region_room, ring_count, ring_room;
+    struct loop *loops; // of the face at work
+    uint32_t region_count, region_room, ring_count, ring_room, loop_room;
 
     struct new_triangle *made;
     uint32_t made_count, made_room;
@@ -121,7 +129,7 @@ void stage_begin_ring(struct stage *stage);
 void stage_add_to_ring(struct stage *stage, uint32_t vertex);
 
 void near_gather(struct cut_mesh *mesh, struct stage *stage);
-bool trace_triangles(struct cut_mesh *mesh, struct stage *stage);
+void trace_triangles(struct cut_mesh *mesh, struct stage *stage);
 bool wind_blade(struct cut_mesh *mesh, struct stage *stage);
 bool cap_faces(struct cut_mesh *mesh, struct stage *stage);
 bool fill_regions(const struct cut_mesh *mesh, struct stage *stage);

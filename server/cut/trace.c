@@ -281,9 +281,8 @@ static void trace_triangle(struct cut_mesh *mesh, struct stage *stage, struct ne
         pierced_through(mesh, stage, &clip, near);
 }
 
-bool trace_triangles(struct cut_mesh *mesh, struct stage *stage) {
+void trace_triangles(struct cut_mesh *mesh, struct stage *stage) {
     trace_edges(mesh, stage);
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         trace_triangle(mesh, stage, &stage->triangles[k]);
-    return true;
 }

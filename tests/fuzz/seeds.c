@@ -328,6 +328,34 @@ static void handles(void) {
     seed("hid", "numbered", numbered, sizeof numbered - 1);
 }
 
+// A body; vertices that move; for each cut the number of its parts less one, and each part.
+static void cuts(void) {
+    static const uint8_t flush[] = {0, 0,                         // a box
+                                    0, 0, 0,  0,  32, 15, 15, 15, // a box of 2 mm at its upper side
+                                    0, 0, 32, 0,  32, 15, 15, 15, // flush beside it
+                                    0, 0, 32, 0,  32, 15, 15, 15, // nothing is left there
+                                    0, 0, 0,  32, 32, 47, 15, 15, // across, flush to both
+                                    0, 0, 0,  0,  0,  7,  7,  127};     // through
+    static const uint8_t corners[] = {3, 0,                             // a lattice
+                                      1, 0,  48, 48, 48, 31, 31,  31,   // two boxes that
+                                      0, 16, 16, 16, 31, 31, 31,        // touch in a corner
+                                      0, 0,  0,  0,  0,  1,  127, 127}; // split it
+    static const uint8_t turned[] = {
+        2, 3,   4,  20, 240, 7,  9,  0,  90, 128, 30, 1,  2,   3, // a torus
+        0, 3,   80, 0,  0,   15, 20, 30, 1,  2,   3,  20, 2,   3,  0, 80, 0,  20, 10, 10, 5,
+        1, 250, 70, 4,  0,   70, 8,  20, 10, 10,  5,  2,  250, 71, 0, 0,  60, 16, 20, 10, 10};
+    static const uint8_t
+        planes[] = {1, 0, // a ball
+                    0, 5, 6,   10,  0,  0,  36, 246, 0, 0, 228, 0,   10,  0,
+                    8, 0, 246, 0,   8,  0,  0,  10,  8, 0, 0,   246, 8, // a box of half-spaces
+                    0, 6, 5,   10,  10, 10, 20, 246, 0, 0, 8,   0,   246, 0,
+                    8, 0, 0,   246, 8,  10, 10, 9,   19}; // the corner of an octant
+    seed("cut", "flush", flush, sizeof flush);
+    seed("cut", "corners", corners, sizeof corners);
+    seed("cut", "turned", turned, sizeof turned);
+    seed("cut", "planes", planes, sizeof planes);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
@@ -343,5 +371,6 @@ int main(int argc, char **argv) {
     trackers();
     recordings();
     handles();
+    cuts();
     return 0;
 }

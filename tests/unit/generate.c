@@ -398,118 +398,6 @@ static void a_cavity_far_from_its_bone_is_refused(void **state) {
     assert_non_null(strstr(err.text, "[cavity plateau]"));
 }
 
-// ---- recipe files -------------------------------------------------------------------------------
-
-static enum result load_text(const char *text, struct recipe *out_recipe, struct error *err) {
-    char folder[64], path[128];
-    make_folder(folder);
-    snprintf(path, sizeof path, "%s/recipe.ini", folder);
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-    enum result result = recipe_load(folder, out_recipe, err);
-    remove(path);
-    rmdir(folder);
-    return result;
-}
-
-static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
-    (void)state;
-    struct recipe recipe;
-    struct error err;
-    if (load_text("[knee]\ntitle = A knee\nside = left\nsize = 0.9\n[mesh]\nresolution_mm = 2\n"
-                  "[menisci]\nmedial_cm3 = 2\nlateral_cm3 = 1.5\nrim_mm = 4\n"
-                  "[cavity a]\nbody = tibia\nat = 1 -2 3.5\nradius_mm = 8\ndepth_mm = 3\n"
-                  "[cavity b]\nbody = femur\nat = 0 0 0\nradius_mm = 4\ndepth_mm = 2\n"
-                  "[tear c]\nkind = bucket-handle\ngroup = meniscus_lateral\nat = 0.4\n"
-                  "depth_mm = 3\nlength_mm = 12\n",
-                  &recipe, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-    assert_string_equal(recipe.title, "A knee");
-    assert_int_equal(recipe.side, SIDE_LEFT);
-    assert_near(recipe.size, 0.9, 0);
-    assert_near(recipe.resolution_mm, 2, 0);
-    assert_near(recipe.meniscus_medial_cm3, 2, 0);
-    assert_near(recipe.meniscus_lateral_cm3, 1.5, 0);
-    assert_near(recipe.rim_mm, 4, 0);
-    assert_int_equal(recipe.cavity_count, 2);
-    assert_string_equal(recipe.cavities[0].name, "a");
-    assert_vec3_near(recipe.cavities[0].dent.at, ((vec3){1, -2, 3.5}), 0);
-    assert_int_equal(recipe.cavities[1].body, BODY_FEMUR);
-    assert_int_equal(recipe.tear_count, 1);
-    assert_string_equal(recipe.tears[0].name, "c");
-    assert_string_equal(recipe.tears[0].group, "meniscus_lateral");
-    assert_int_equal(recipe.tears[0].tear.kind, TEAR_BUCKET_HANDLE);
-    assert_near(recipe.tears[0].tear.at, 0.4, 0);
-    assert_near(recipe.tears[0].tear.depth_mm, 3, 0);
-    assert_near(recipe.tears[0].tear.length_mm, 12, 0);
-    assert_int_equal(strncmp(recipe.name, "arthron-generate-", 17), 0);
-}
-
-static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
-    (void)state;
-    static const struct {
-        const char *text, *said;
-    } rows[] = {
-        {"[knee]\ncolour = red\n", "recipe.ini:2: [knee] colour: unknown key"},
-        {"[hip]\nside = left\n", "[hip] side: unknown key"},
-        {"side = left\n", "[] side: unknown key"},
-        {"[knee]\n\nside = middle\n", "recipe.ini:3: [knee] side: must be right or left"},
-        {"[knee]\nsize = 1.3\n", "[knee] size = 1.3: must be a number from 0.8 to 1.2"},
-        {"[knee]\nsize = 0.79\n", "from 0.8 to 1.2"},
-        {"[knee]\nsize = big\n", "from 0.8 to 1.2"},
-        {"[knee]\nsize = nan\n", "from 0.8 to 1.2"},
-        {"[knee]\nsize = 1 mm\n", "from 0.8 to 1.2"},
-        {"[knee]\nsize = 1\nsize = 1\n", "recipe.ini:3: [knee] size: given twice"},
-        {"[mesh]\nresolution_mm = 1\n", "from 1.2 to 3"},
-        {"[menisci]\nmedial_cm3 = 3\n", "from 1.4 to 2.5"},
-        {"[menisci]\nlateral_cm3 = 1\n", "from 1.4 to 2.5"},
-        {"[menisci]\nrim_mm = 1\n", "[menisci] rim_mm = 1: must be a number from 2 to 8"},
-        {"[cavity a]\nbody = patella\n", "[cavity a] body: must be femur or tibia"},
-        {"[cavity a]\nat = 1 2\n", "[cavity a] at: must be three numbers"},
-        {"[cavity a]\nat = 1 2 300\n", "within 100 mm"},
-        {"[cavity a]\nradius_mm = 2\n", "from 3 to 25"},
-        {"[cavity a]\ndepth_mm = 7\n", "from 0.1 to 6"},
-        {"[cavity a]\nwidth = 7\n", "[cavity a] width: unknown key"},
-        {"[cavity a]\nbody = tibia\n", "[cavity a] needs body, at, radius_mm and depth_mm"},
-        {"[cavity a]\nbody = tibia\nradius_mm = 5\ndepth_mm = 2\n", "[cavity a] needs"},
-        {"[cavity a]\nbody = tibia\nat = 0 0 0\nradius_mm = 5\ndepth_mm = 3\n",
-         "[cavity a] depth_mm = 3: must be at most 2.5"},
-        {"[tear a]\nkind = zigzag\n", "must be radial, flap, bucket-handle or horizontal"},
-        {"[tear a]\ngroup = tibia\n", "must be meniscus_medial or meniscus_lateral"},
-        {"[tear a]\nat = 0.05\n", "[tear a] at = 0.05: must be a number from 0.1 to 0.9"},
-        {"[tear a]\ndepth_mm = 9\n", "from 1 to 8"},
-        {"[tear a]\nlength_mm = 31\n", "from 2 to 30"},
-        {"[tear a]\nwidth_mm = 1\n", "[tear a] width_mm: unknown key"},
-        {"[tear a]\nkind = radial\nat = 0.5\ndepth_mm = 3\n", "[tear a] needs kind, group"},
-        {"[tear a]\nkind = radial\ngroup = meniscus_medial\nat = 0.5\ndepth_mm = 3\n"
-         "length_mm = 9\n",
-         "length_mm too where it is not radial, and only there"},
-        {"[tear a]\nkind = flap\ngroup = meniscus_medial\nat = 0.5\ndepth_mm = 3\n",
-         "[tear a] needs"},
-        {"[tear a]\nat = 0.5\n[tear b]\nat = 0.5\n[tear c]\nat = 0.5\n[tear d]\nat = 0.5\n"
-         "[tear e]\nat = 0.5\n",
-         "[tear e] at: at most 4 tears"},
-        {"[knee\nside = left\n", "recipe.ini:1: "},
-        {"[knee]\nside\n", "recipe.ini:2: neither a section nor a key"},
-    };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        struct recipe recipe;
-        struct error err = {""};
-        if (load_text(rows[i].text, &recipe, &err) == RESULT_OK || !strstr(err.text, rows[i].said))
-            fail_msg("\"%s\" gave \"%s\", not \"%s\"", rows[i].text, err.text, rows[i].said);
-    }
-}
-
-static void a_recipe_that_is_not_there_is_named(void **state) {
-    (void)state;
-    struct recipe recipe;
-    struct error err;
-    assert_int_equal(recipe_load("/nowhere/recipe.ini", &recipe, &err), RESULT_IO);
-    assert_non_null(strstr(err.text, "/nowhere/recipe.ini"));
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_group_is_one_closed_manifold_oriented_ball),
@@ -527,9 +415,6 @@ int main(void) {
         cmocka_unit_test(a_cavity_is_as_deep_as_asked_and_folds_nothing),
         cmocka_unit_test(a_meniscus_above_a_cavity_sinks_with_its_tibia),
         cmocka_unit_test(a_cavity_far_from_its_bone_is_refused),
-        cmocka_unit_test(a_recipe_says_all_that_a_knee_is_made_from),
-        cmocka_unit_test(a_wrong_recipe_is_refused_with_line_section_and_key),
-        cmocka_unit_test(a_recipe_that_is_not_there_is_named),
     };
     return cmocka_run_group_tests(tests, make_healthy, destroy_healthy);
 }

@@ -60,12 +60,17 @@ static enum result trace_path(const struct hub *hub, const struct seat *seat,
     return RESULT_OK;
 }
 
+// card_lock held.
+static void clear_figures(struct card *card) {
+    memset(card->tissues, 0, sizeof card->tissues);
+    memset(card->mesh_hashes, 0, sizeof card->mesh_hashes);
+}
+
 static enum result make_live(struct hub *hub, struct seat *seat, struct live **out_live,
                              struct error *err) {
     pthread_mutex_lock(&hub->card_lock);
     seat->card.start_utc_ns = clock_utc_ns();
-    memset(seat->card.tissues, 0, sizeof seat->card.tissues);
-    memset(seat->card.mesh_hashes, 0, sizeof seat->card.mesh_hashes);
+    clear_figures(&seat->card);
     enum result result = trace_path(hub, seat, &seat->card, seat->card.trace, err);
     struct card card = seat->card;
     pthread_mutex_unlock(&hub->card_lock);
@@ -383,6 +388,7 @@ static void change_case(struct hub *hub, int index, const char *name, arthron_Co
         return;
     pthread_mutex_lock(&hub->card_lock);
     hub->seats[index].card.scene = scene;
+    clear_figures(&hub->seats[index].card);
     pthread_mutex_unlock(&hub->card_lock);
     if (is_connected(hub, index))
         have_session(hub, index, reply);

@@ -106,12 +106,13 @@ static void send_figures(struct theatre *theatre, const struct table *table, int
     control_send(theatre->hub->control, table->peer, &message);
 }
 
-// For whoever lists the sessions.
+// For whoever lists the sessions; not where the desk has changed the case since.
 static void publish_figures(struct theatre *theatre, int seat) {
     const struct table *table = &theatre->tables[seat];
     struct card *card = &theatre->hub->seats[seat].card;
     pthread_mutex_lock(&theatre->hub->card_lock);
-    for (int i = 0; i < scene_tissue_count(table->live->scene); i++) {
+    bool is_of_card = theatre->hub->scenes[card->scene] == table->live->scene;
+    for (int i = 0; is_of_card && i < scene_tissue_count(table->live->scene); i++) {
         card->tissues[i] = *operation_figures(table->live->operation, i);
         card->mesh_hashes[i] = mesh_hash(table, i);
     }
@@ -177,6 +178,8 @@ static void run(struct theatre *theatre, const struct order *order) {
 
 static void publish(struct theatre *theatre, const struct order *order) {
     struct table *table = &theatre->tables[order->seat];
+    if (order->result->outcome == JOB_NOTHING)
+        return;
     push_change(table, order->result);
     publish_figures(theatre, order->seat);
     send_meshes(theatre, table);

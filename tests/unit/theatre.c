@@ -48,15 +48,17 @@ static struct hub *open_hub(void) {
     struct hub *hub;
     struct error err;
     config = (struct hub_config){
-        .address = "127.0.0.1", .workers = 1, .wait_s = 60, .case_count = 1, .station_count = 1};
+        .address = "127.0.0.1", .workers = 1, .wait_s = 60, .case_count = 2, .station_count = 1};
     config.settings = session_settings_default();
     snprintf(config.keys_dir, sizeof config.keys_dir, "%s/keys", dir);
     snprintf(config.traces_dir, sizeof config.traces_dir, "%s/traces", dir);
     snprintf(config.socket, sizeof config.socket, "%s/s", dir);
-    snprintf(config.cases[0].name, sizeof config.cases[0].name, "boxes");
-    snprintf(config.cases[0].dir, sizeof config.cases[0].dir, "%s/case", dir);
+    for (int i = 0; i < 2; i++) {
+        snprintf(config.cases[i].name, sizeof config.cases[i].name, "boxes%d", i);
+        snprintf(config.cases[i].dir, sizeof config.cases[i].dir, "%s/case", dir);
+    }
     snprintf(config.stations[0].name, sizeof config.stations[0].name, "room-1");
-    snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes");
+    snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes0");
     if (hub_create(&config, &hub, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     return hub;
@@ -88,11 +90,18 @@ static void join(struct hub *hub) {
         wait_ms(1);
 }
 
-static void command(struct hub *hub, arthron_Command_Kind kind) {
+static void leave(struct hub *hub) {
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[0].card.connected = false;
+    pthread_mutex_unlock(&hub->card_lock);
+}
+
+static const arthron_CommandReply *command(struct hub *hub, arthron_Command_Kind kind) {
     static arthron_CommandReply reply;
-    arthron_Command command = {.kind = kind, .station = "room-1"};
+    arthron_Command command = {.kind = kind, .station = "room-1", .case_name = "boxes1"};
     desk_command(hub, &command, &reply);
     assert_true(reply.ok);
+    return &reply;
 }
 
 // A running burr on its way along the meniscus.
@@ -213,10 +222,26 @@ static void a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole(void **state)
     assert_was_cut(&card);
 }
 
+static void what_was_cut_is_not_told_of_another_case(void **state) {
+    (void)state;
+    struct hub *hub = open_hub();
+    join(hub);
+    shave(hub);
+    assert_true(last_card(hub).tissues[0].cuts > 0);
+    leave(hub);
+    command(hub, arthron_Command_Kind_CASE);
+    const arthron_CommandReply *reply = command(hub, arthron_Command_Kind_SHOW);
+    assert_string_equal(reply->sessions[0].case_name, "boxes1");
+    assert_int_equal(reply->resections_count, 1);
+    assert_int_equal(reply->resections[0].cuts, 0);
+    hub_destroy(&hub);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
+        cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };
     return cmocka_run_group_tests_name("theatre", tests, make_house, remove_house);
 }

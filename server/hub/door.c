@@ -1,5 +1,5 @@
 // Who comes in over the control connection, and which seat is whose. Everything here runs in the
-// control thread and only leaves notes for workers and the clerk.
+// control thread and only leaves notes for workers, theatres and the clerk.
 #include "base/clock.h"
 #include "base/log.h"
 #include "hub/seat.h"

@@ -1,8 +1,9 @@
 // Sessions on worker threads: the one place that joins a session to the network and to its trace.
 //
-// Threads: a worker for each core (datagrams, steps, replies), one for control connections, one for
-// the console, and the clerk, who does what may take time (loading, opening and closing traces).
-// They talk through rings; a worker never waits for any of the others.
+// Threads: a worker for each core (datagrams, steps, replies) and a theatre beside it (cuts, and
+// the meshes that they change), one for control connections, one for the console, and the clerk,
+// who does what may take time (loading, opening and closing traces). They talk through rings; a
+// worker never waits for any of the others.
 #pragma once
 
 #include "base/result.h"

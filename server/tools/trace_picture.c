@@ -55,13 +55,13 @@ static enum result choose(const struct scene *scene, const struct operation *ope
 // From S' to S'', of each vertex that has given way.
 static struct line *lines_of(const struct case_group *group, const struct match *match,
                              size_t *out_count) {
+    static const float none[3];
     struct line *lines = alloc(group->mesh.vertex_count, sizeof *lines);
     *out_count = 0;
     for (uint32_t i = 0; match && i < group->mesh.vertex_count; i++) {
         vec3 from = mesh_vertex(&group->mesh, i), to = match_vertex(match, i);
-        const float *warp = group->warp + 3 * (size_t)i;
-        if (group->warp)
-            from = vec3_add(from, (vec3){(double)warp[0], (double)warp[1], (double)warp[2]});
+        const float *warp = group->warp ? group->warp + 3 * (size_t)i : none;
+        from = vec3_add(from, (vec3){(double)warp[0], (double)warp[1], (double)warp[2]});
         if (vec3_distance(from, to) > LINE_MM)
             lines[(*out_count)++] = (struct line){from, to};
     }

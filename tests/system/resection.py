@@ -41,6 +41,10 @@ class Resection(House):
     def resection(self, group="meniscus_medial"):
         return next(r for r in self.steer("show", "room-1")["resections"] if r["group"] == group)
 
+    def whole(self):
+        resection = self.resection()
+        return resection["mesh_number"] == 1 and resection
+
     def wait_for_cuts(self, count=2):
         wait_until(f"{count} cuts", lambda: self.resection()["cuts"] >= count, 60)
 
@@ -89,8 +93,7 @@ class Resection(House):
     def test_a_reset_makes_the_mesh_whole_at_both_ends(self):
         station = self.start_station()
         wait_until("a session", lambda: self.steer("show", "room-1", code=None)["resections"])
-        wait_until("its mesh", lambda: self.resection()["mesh_number"] == 1)
-        before = self.resection()
+        before = wait_until("its mesh", self.whole)
         self.wait_for_cuts(1)
         self.steer("reset", "room-1")
         self.steer("pause", "room-1")

@@ -9,7 +9,7 @@
 // n - 2 triangles whose sides pair up inside it; where rounding has bent it, they may be flat or
 // overlap by as much.
 
-#define FLAT 1e-9 // ratio of a flat triangle's height to its length
+#define FLAT 1e-9 // ratio of height to length that a triangle should have
 
 struct node {
     struct flat_point p;
@@ -201,17 +201,22 @@ static bool cut_ears(struct stage *stage, struct filler *f, uint32_t label, uint
                      uint32_t count) {
     if (count > 3)
         judge_all(f, start, STRICT);
-    for (; count > 3; count--) {
+    while (count > 3) {
         uint32_t ear = find_ear(f, start);
         uint32_t before = f->nodes[ear].previous, after = f->nodes[ear].next;
         if (f->nodes[ear].quality < 0)
             return stage_refuse(stage, "a polygon has no triangles that are not drawn already");
+        if (is_drawn(f, f->nodes[before].vertex, f->nodes[after].vertex)) { // since it was judged
+            f->nodes[ear].quality = -1;
+            continue;
+        }
         draw(f, f->nodes[before].vertex, f->nodes[after].vertex);
         add_made(stage, label, &f->nodes[before], &f->nodes[ear], &f->nodes[after]);
         link_nodes(f, before, after);
         f->nodes[before].quality = quality_of(f, before, STRICT);
         f->nodes[after].quality = quality_of(f, after, STRICT);
         start = after;
+        count--;
     }
     const struct node *a = &f->nodes[start], *b = &f->nodes[a->next];
     add_made(stage, label, a, b, &f->nodes[b->next]);

@@ -129,36 +129,44 @@ static void match_cut(struct tissue *t, const struct cut_change *change,
         take_blend(result, report.changed[i], match_blends(t->match)[report.changed[i]]);
 }
 
-// The triangles of S'' with a corner near the cut's new surface.
-static void near_triangles(const struct tissue *t, const struct cut_change *change,
+// Whether a triangle may come within reach of the cut's new surface: false only where it does not.
+static bool may_reach(const struct mesh *mesh, const uint32_t corners[3],
+                      const struct cut_change *change, double reach_mm) {
+    vec3 a = mesh_vertex(mesh, corners[0]);
+    double size = fmax(vec3_distance(a, mesh_vertex(mesh, corners[1])),
+                       vec3_distance(a, mesh_vertex(mesh, corners[2])));
+    for (int k = 0; k < change->patch_count; k++) {
+        const struct cut_patch *patch = &change->patches[k];
+        if (vec3_distance(a, patch->centroid) <= size + patch->extent + reach_mm)
+            return true;
+    }
+    return false;
+}
+
+// The triangles of S'' within reach of the cut's new surface, and others that are not far.
+static void near_triangles(const struct tissue *t, const struct cut_change *change, double reach_mm,
                            struct mesh *out_mesh) {
     const struct mesh *mesh = &t->group->mesh;
-    bool *near_by = alloc(mesh->vertex_count, sizeof *near_by);
     mesh_init(out_mesh, mesh->vertex_count, mesh->triangle_count);
-    for (uint32_t i = 0; i < mesh->vertex_count; i++) {
-        vec3 p = match_vertex(t->match, i);
-        mesh_set_vertex(out_mesh, i, p);
-        for (int k = 0; k < change->patch_count; k++)
-            near_by[i] |=
-                vec3_distance(p, change->patches[k].centroid) < change->patches[k].extent + NEAR_MM;
-    }
+    for (uint32_t i = 0; i < mesh->vertex_count; i++)
+        mesh_set_vertex(out_mesh, i, match_vertex(t->match, i));
     out_mesh->triangle_count = 0;
     for (uint32_t i = 0; i < mesh->triangle_count; i++) {
         const uint32_t *corners = mesh->triangles + 3 * (size_t)i;
-        if (near_by[corners[0]] || near_by[corners[1]] || near_by[corners[2]])
+        if (may_reach(out_mesh, corners, change, reach_mm))
             memcpy(out_mesh->triangles + 3 * (size_t)out_mesh->triangle_count++, corners,
                    3 * sizeof *corners);
     }
-    free(near_by);
 }
 
-// The largest distance of the cut's new points to S''.
-static double distance_to_warped(const struct tissue *t, const struct cut_change *change) {
+// The largest distance of points of the cut's new surface to S'', exact where it is within reach.
+static double distance_within(const struct tissue *t, const struct cut_change *change,
+                              double reach_mm) {
     struct mesh warped;
     double largest = 0;
-    near_triangles(t, change, &warped);
+    near_triangles(t, change, reach_mm, &warped);
     uint32_t stride = 1 + change->vertex_count / PROBES_MAX;
-    for (uint32_t i = 0; i < change->vertex_count && warped.triangle_count; i += stride) {
+    for (uint32_t i = 0; i < change->vertex_count; i += stride) {
         double nearest = INFINITY;
         for (uint32_t k = 0; k < warped.triangle_count; k++) {
             struct closest closest;
@@ -170,6 +178,13 @@ static double distance_to_warped(const struct tissue *t, const struct cut_change
     }
     mesh_fini(&warped);
     return largest;
+}
+
+static double distance_to_warped(const struct tissue *t, const struct cut_change *change) {
+    if (!change->patch_count)
+        return 0;
+    double distance_mm = distance_within(t, change, NEAR_MM);
+    return distance_mm <= NEAR_MM ? distance_mm : distance_within(t, change, INFINITY);
 }
 
 static void count_cut(struct tissue *t, const struct cut_change *change) {

@@ -48,7 +48,7 @@ struct tissue_figures {
     double pieces_mm3;      // came off
     double warped_mm3;      // inside S''
     double left_mm3;        // that S'' has still to give: over what can be matched
-    double distance_mm;     // from the last cut's surface to S'', the largest
+    double distance_mm;     // from the last cut's surface to S'', the largest of a few points
     struct quality_report quality;
 };
 
@@ -61,7 +61,7 @@ struct job_result {
     uint32_t *vertices;   // ascending
     double *blends;
     struct cut_change change; // empty where the outcome is not JOB_DONE, or it was restored
-    uint64_t hash;            // of blends and change
+    uint64_t hash;            // of blends, and of vertices and triangles that changed
     struct error why;         // JOB_REFUSED
 };
 

@@ -1,0 +1,42 @@
+// What an operation tells of a cut, where it can be told by hand: on a meniscus that is a box.
+#include "session/operation.h"
+
+#include "session/session.h"
+#include "test.h"
+#include "unit/case_knee.h"
+
+static struct scene *scene;
+
+static int make_scene(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    return scene_create(&knee, &scene, NULL) == RESULT_OK ? 0 : -1;
+}
+
+static int drop_scene(void **state) {
+    (void)state;
+    scene_destroy(&scene);
+    return 0;
+}
+
+// A burr half sunk into the middle of the upper face, 2 mm deep, and far from every vertex.
+static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(void **state) {
+    (void)state;
+    struct operation *operation = operation_create(scene);
+    pose tip = {quat_identity(), {-25, 0, -11}};
+    struct job job = {
+        .id = 1, .kind = JOB_CUT, .move = {.kind = BLADE_SHAVER, .T_mesh_tip = {tip, tip}}};
+    struct job_result *result = operation_run(operation, &job);
+    assert_int_equal(result->outcome, JOB_DONE);
+    assert_near(result->figures.removed_mm3, 2.0 / 3 * M_PI * 8, 2);
+    assert_near(result->figures.distance_mm, 2, 0.2);
+    job_result_destroy(&result);
+    operation_destroy(&operation);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face),
+    };
+    return cmocka_run_group_tests_name("operation", tests, make_scene, drop_scene);
+}

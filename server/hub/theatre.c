@@ -250,20 +250,17 @@ static void take_word(struct theatre *theatre, const struct word *word) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-static void take_orders(struct theatre *theatre) {
+// What there is now, and the rest in the next round, so that words do not wait for an end of the
+// orders, which may never come. A station asks for meshes when it hears of its session, of which
+// the order was given before: words are counted first and taken last.
+static void take_round(struct theatre *theatre) {
+    size_t words = ring_count(theatre->words), orders = ring_count(theatre->orders);
     struct order order;
-    while (ring_pop(theatre->orders, &order))
-        take_order(theatre, &order);
-}
-
-// A station asks for meshes when it hears of its session, of which the order was given before.
-static void take_all(struct theatre *theatre) {
     struct word word;
-    take_orders(theatre);
-    while (ring_pop(theatre->words, &word)) {
-        take_orders(theatre);
+    for (; orders && ring_pop(theatre->orders, &order); orders--)
+        take_order(theatre, &order);
+    for (; words && ring_pop(theatre->words, &word); words--)
         take_word(theatre, &word);
-    }
 }
 
 static void *operate(void *argument) {
@@ -277,7 +274,7 @@ static void *operate(void *argument) {
         if (fd.revents && read(theatre->wake_fd, &wakes, sizeof wakes) < 0)
             CHECK(errno == EAGAIN);
         stop = atomic_load(&theatre->stop);
-        take_all(theatre);
+        take_round(theatre);
     }
     return NULL;
 }

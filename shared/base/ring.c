@@ -44,6 +44,11 @@ bool ring_push(struct ring *ring, const void *item) {
     return true;
 }
 
+size_t ring_count(const struct ring *ring) {
+    size_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
+    return atomic_load_explicit(&ring->head, memory_order_acquire) - tail;
+}
+
 bool ring_pop(struct ring *ring, void *out_item) {
     size_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
     size_t head = atomic_load_explicit(&ring->head, memory_order_acquire);

@@ -76,8 +76,8 @@ static void add_body(const struct cut_mesh *mesh, struct flood *flood, uint32_t 
 }
 
 // One triangle further. The number of bodies that have become part of this one.
-static int advance(const struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
-    int merged = 0;
+static uint32_t advance(const struct cut_mesh *mesh, struct flood *flood, uint32_t body) {
+    uint32_t merged = 0;
     uint32_t entry = flood->bodies[body].waiting.first;
     uint32_t triangle = flood->entries[entry].triangle;
     flood->bodies[body].waiting.first = flood->entries[entry].next;
@@ -103,7 +103,7 @@ static uint32_t smallest(const struct flood *flood) {
     return best;
 }
 
-void flood_run(const struct cut_mesh *mesh, struct flood *flood) {
+uint32_t flood_run(const struct cut_mesh *mesh, struct flood *flood) {
     flood->entry_count = flood->body_count = 0;
     marks_begin(&flood->owner, mesh->triangle_room);
     for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
@@ -111,16 +111,21 @@ void flood_run(const struct cut_mesh *mesh, struct flood *flood) {
         if (cut_mesh_triangle_alive(mesh, triangle) && !marks_has(&flood->owner, triangle))
             add_body(mesh, flood, triangle);
     }
-    for (uint32_t growing = flood->body_count; growing > 1;) {
+    uint32_t bodies = flood->body_count;
+    for (uint32_t growing = bodies; growing > 1;) {
         uint32_t body = smallest(flood);
         const struct triangle_list *waiting = &flood->bodies[body].waiting;
-        for (int i = 0; i < STRIDE && waiting->first != MESH_NONE; i++)
-            growing -= (uint32_t)advance(mesh, flood, body);
+        for (int i = 0; i < STRIDE && waiting->first != MESH_NONE; i++) {
+            uint32_t merged = advance(mesh, flood, body);
+            growing -= merged;
+            bodies -= merged;
+        }
         if (waiting->first == MESH_NONE) {
             flood->bodies[body].whole = true;
             growing--;
         }
     }
+    return bodies;
 }
 
 void flood_finish(const struct cut_mesh *mesh, struct flood *flood, uint32_t body) {

@@ -27,7 +27,7 @@ struct flood {
 
 void flood_fini(struct flood *flood);
 
-// Bodies that are their own parents, all whole but at most one.
-void flood_run(const struct cut_mesh *mesh, struct flood *flood);
+// Bodies that are their own parents, all whole but at most one. Their number.
+uint32_t flood_run(const struct cut_mesh *mesh, struct flood *flood);
 void flood_finish(const struct cut_mesh *mesh, struct flood *flood,
                   uint32_t body); // makes it whole

@@ -140,8 +140,7 @@ static void add_piece(struct cut_change *change, struct cut_piece piece) {
 // just goes.
 void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change) {
     struct flood *flood = mesh->flood;
-    flood_run(mesh, flood);
-    if (flood->body_count < 2)
+    if (flood_run(mesh, flood) < 2)
         return;
     double *volumes = alloc(flood->body_count, sizeof *volumes);
     uint32_t largest = find_largest(mesh, flood, volumes);

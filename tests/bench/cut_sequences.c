@@ -19,7 +19,7 @@ static const char *const kinds[BITE_KINDS] = {"nibble", "nearly the last", "thro
 #define SLIVER_MM 1e-3
 
 struct tally {
-    struct samples ms, of_kind[BITE_KINDS]; // ms
+    struct samples ms, own_ms, of_kind[BITE_KINDS]; // all in ms
     struct samples touched, delta_bytes, slivers[3], growth[3];
     int retries, nothing, pieces;
     int crossings_before, crossings[3];
@@ -66,6 +66,7 @@ static void count_change(const struct trial *trial, const struct biter *biter, s
     const struct cut_change *change = &trial->change;
     double ms = 1e-6 * (double)trial->took_ns;
     samples_add(&tally->ms, ms);
+    samples_add(&tally->own_ms, 1e-6 * (double)trial->own_ns);
     samples_add(&tally->of_kind[biter->kind], ms);
     samples_add(&tally->touched, change->freed_count + change->made_count);
     samples_add(&tally->delta_bytes, (double)cut_change_bytes(trial->mesh, change));
@@ -166,6 +167,11 @@ static void report_cuts(const struct cut_plan *plan, struct report *report, stru
     report_figure(report, p50, "ms", "%s/p50", name);
     report_figure(report, samples_quantile(&tally->ms, 0.95), "ms", "%s/p95", name);
     report_figure(report, samples_max(&tally->ms), "ms", "%s/max", name);
+    report_figure(report, samples_quantile(&tally->own_ms, 0.5), "ms", "%s/thread's own time/p50",
+                  name);
+    report_figure(report, samples_quantile(&tally->own_ms, 0.95), "ms", "%s/thread's own time/p95",
+                  name);
+    report_figure(report, samples_max(&tally->own_ms), "ms", "%s/thread's own time/max", name);
     for (int kind = 0; kind < BITE_KINDS; kind++) {
         report_figure(report, samples_quantile(&tally->of_kind[kind], 0.5), "ms", "%s/%s/p50", name,
                       kinds[kind]);
@@ -210,6 +216,7 @@ void cut_sequences(const struct cut_plan *plan, struct report *report, struct cu
     report_cuts(plan, report, &tally);
     add_to_totals(plan, &tally, totals);
     samples_fini(&tally.ms);
+    samples_fini(&tally.own_ms);
     samples_fini(&tally.touched);
     samples_fini(&tally.delta_bytes);
 }

@@ -14,7 +14,8 @@ struct trial {
     struct cut_change change; // zeroed where nothing changed
     struct error err;
     const char *fault; // what is wrong, NULL where nothing is
-    int64_t took_ns;   // by cut_apply
+    int64_t took_ns;   // by cut_apply, on the clock
+    int64_t own_ns;    // of it, by this thread: not while others had the processor
 };
 
 // The mesh must be one that cut_mesh_create takes. Released with trial_fini.

@@ -182,6 +182,33 @@ pose pose_interpolate(pose a, pose b, double t) {
                   vec3_lerp(a.translation, b.translation, t)};
 }
 
+// exp: t = V u with V = I + a [w] + b [w]², a = (1 − cos θ)/θ², b = (θ − sin θ)/θ³, θ = |w|.
+pose pose_exp(twist t) {
+    vec3 w = t.rotation, u = t.translation;
+    double angle = vec3_length(w), half = angle / 2;
+    bool tiny = angle < 1e-4; // where the next terms are below the rounding
+    double sinc = tiny ? 1 - half * half / 6 : sin(half) / half;
+    double b = tiny ? 1.0 / 6 : (angle - sin(angle)) / (angle * angle * angle);
+    vec3 wu = vec3_cross(w, u);
+    quat rotation = {cos(half), sinc / 2 * w.x, sinc / 2 * w.y, sinc / 2 * w.z};
+    return (pose){rotation,
+                  vec3_add_scaled(vec3_add_scaled(u, sinc * sinc / 2, wu), b, vec3_cross(w, wu))};
+}
+
+// V⁻¹ = I − [w]/2 + c [w]², c = (1 − (θ/2) cot(θ/2))/θ².
+twist pose_log(pose p) {
+    quat q = p.rotation.w < 0 ? (quat){-p.rotation.w, -p.rotation.x, -p.rotation.y, -p.rotation.z}
+                              : p.rotation;
+    vec3 v = {q.x, q.y, q.z};
+    double sine = vec3_length(v), half = atan2(sine, q.w), angle = 2 * half;
+    bool tiny = angle < 1e-4;
+    vec3 w = vec3_scale(tiny ? 2 / q.w : angle / sine, v);
+    double c = tiny ? 1.0 / 12 : (1 - half * q.w / sine) / (angle * angle);
+    vec3 wt = vec3_cross(w, p.translation);
+    vec3 u = vec3_add_scaled(p.translation, -0.5, wt);
+    return (twist){w, vec3_add_scaled(u, c, vec3_cross(w, wt))};
+}
+
 bool pose_is_valid(pose p) {
     double length = sqrt(quat_dot(p.rotation, p.rotation));
     return vec3_is_finite(p.translation) && isfinite(length) && fabs(length - 1) < 1e-3;

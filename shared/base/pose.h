@@ -28,6 +28,11 @@ typedef struct pose {
     vec3 translation;
 } pose;
 
+// The generator of a rigid motion, a screw: the rotation is its axis times the angle in radians.
+typedef struct twist {
+    vec3 rotation, translation;
+} twist;
+
 static inline vec3 vec3_add(vec3 a, vec3 b) {
     return (vec3){a.x + b.x, a.y + b.y, a.z + b.z};
 }
@@ -99,6 +104,9 @@ pose pose_inverse(pose T_a_b);                   // T_b_a
 vec3 pose_apply(pose T_a_b, vec3 p_b);           // p_a
 vec3 pose_apply_inverse(pose T_a_b, vec3 p_a);   // p_b
 pose pose_interpolate(pose a, pose b, double t); // straight in translation, slerp in rotation
+
+pose pose_exp(twist t);
+twist pose_log(pose p); // the inverse of pose_exp for angles below pi; the shorter way round
 
 // Finite everywhere, rotation of unit length within 1e-3: what a sample from outside must be.
 bool pose_is_valid(pose p);

@@ -37,6 +37,50 @@ static void poses_compose_and_invert(void **state) {
     }
 }
 
+// exp by its power series on homogeneous matrices.
+static void exponential(twist t, double out[4][4]) {
+    vec3 w = t.rotation, u = t.translation;
+    double x[4][4] = {{0, -w.z, w.y, u.x}, {w.z, 0, -w.x, u.y}, {-w.y, w.x, 0, u.z}, {0}};
+    double term[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
+    memcpy(out, term, sizeof term);
+    for (int n = 1; n < 60; n++) {
+        double next[4][4] = {{0}};
+        for (int i = 0; i < 64; i++)
+            next[i / 16][i / 4 % 4] += term[i / 16][i % 4] * x[i % 4][i / 4 % 4] / n;
+        memcpy(term, next, sizeof term);
+        for (int i = 0; i < 16; i++)
+            out[i / 4][i % 4] += term[i / 4][i % 4];
+    }
+}
+
+static void twists_are_generators_of_motions(void **state) {
+    (void)state;
+    struct random r = {11};
+    for (int i = 0; i < 2000; i++) {
+        double angle = i % 2 ? random_between(&r, 0, 3.14) : pow(10, random_between(&r, -12, 0));
+        twist t = {vec3_scale(angle, random_direction(&r)), random_in_box(&r, 50)};
+        double m[4][4];
+        exponential(t, m);
+        pose p = pose_exp(t);
+        vec3 v = random_in_box(&r, 50);
+        assert_vec3_near(pose_apply(p, v),
+                         ((vec3){m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z + m[0][3],
+                                 m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z + m[1][3],
+                                 m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z + m[2][3]}),
+                         1e-11);
+        quat q = p.rotation;
+        pose same = {{-q.w, -q.x, -q.y, -q.z}, p.translation};
+        for (int sign = 0; sign < 2; sign++) {
+            twist back = pose_log(sign ? same : p);
+            assert_vec3_near(back.rotation, t.rotation, 1e-12);
+            assert_vec3_near(back.translation, t.translation, 1e-10);
+        }
+    }
+    twist none = pose_log(pose_exp((twist){{0, 0, 0}, {1, 2, 3}}));
+    assert_vec3_near(none.rotation, ((vec3){0, 0, 0}), 0);
+    assert_vec3_near(none.translation, ((vec3){1, 2, 3}), 0);
+}
+
 // The largest stretch of any direction is never above the norm, and nearly reaches it.
 static void the_norm_of_a_matrix_is_its_largest_stretch(void **state) {
     (void)state;
@@ -216,6 +260,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rotations_agree_with_their_matrices),
         cmocka_unit_test(poses_compose_and_invert),
+        cmocka_unit_test(twists_are_generators_of_motions),
         cmocka_unit_test(the_norm_of_a_matrix_is_its_largest_stretch),
         cmocka_unit_test(joint_angles_come_back_from_the_pose),
         cmocka_unit_test(joint_angles_have_their_clinical_signs),

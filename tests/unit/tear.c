@@ -4,6 +4,7 @@
 #include "case/maxcut.h"
 #include "cut/cut.h"
 #include "mesh/topology.h"
+#include "random.h"
 #include "test.h"
 #include "winding.h"
 
@@ -101,34 +102,41 @@ static void a_cleft_is_thin_and_leaves_one_piece(void **state) {
     }
 }
 
-// Samples of the tissue around the tear.
+// A point of the part, and of the tissue.
+static vec3 point_in(struct random *r, const struct convex *part, const struct mesh *tissue) {
+    for (;;) {
+        vec3 sum = {0};
+        double weights = 0;
+        for (int i = 0; i < part->vertex_count; i++) {
+            double weight = random_between(r, 0, 1);
+            sum = vec3_add_scaled(sum, weight, part->vertices[i]);
+            weights += weight;
+        }
+        vec3 p = vec3_scale(1 / weights, sum);
+        if (is_inside(tissue, p))
+            return p;
+    }
+}
+
 static void the_plan_holds_the_damage_and_the_damage_the_cleft(void **state) {
     (void)state;
+    struct random r = {3};
     for (int i = 0; i < RECIPE_COUNT; i++) {
         const struct case_lesion *lesion = lesion_of(i);
-        struct box box = lesion->plan.parts[0].box;
-        for (int k = 0; k < lesion->plan.part_count; k++) {
-            struct box b = lesion->plan.parts[k].box;
-            box.min = (vec3){fmin(box.min.x, b.min.x), fmin(box.min.y, b.min.y),
-                             fmin(box.min.z, b.min.z)};
-            box.max = (vec3){fmax(box.max.x, b.max.x), fmax(box.max.y, b.max.y),
-                             fmax(box.max.z, b.max.z)};
+        for (int k = 0; k < 100 * lesion->damage.part_count; k++) {
+            vec3 p = point_in(&r, &lesion->damage.parts[k / 100], &tissues[i]);
+            assert_true(is_in(&lesion->plan, p));
         }
-        int damaged = 0, torn = 0;
-        for (double x = box.min.x - 2; x < box.max.x + 2; x += 0.23)
-            for (double y = box.min.y - 2; y < box.max.y + 2; y += 0.29)
-                for (double z = box.min.z; z < box.max.z; z += 0.7) {
-                    vec3 p = {x, y, z};
-                    bool in_damage = is_in(&lesion->damage, p), in_tear = is_in(&lesion->tear, p);
-                    if ((!in_damage && !in_tear) || !is_inside(&tissues[i], p))
-                        continue;
-                    damaged += in_damage;
-                    torn += in_tear;
-                    if (!is_in(&lesion->plan, p) || (in_tear && !in_damage))
-                        fail_msg("%s: %.2f %.2f %.2f damage %d tear %d", recipes[i], x, y, z,
-                                 in_damage, in_tear);
-                }
-        assert_true(damaged > 300 && torn > 10);
+        for (int k = 0; k < 50 * lesion->tear.part_count; k++) {
+            vec3 p = point_in(&r, &lesion->tear.parts[k / 50], &tissues[i]);
+            assert_true(is_in(&lesion->plan, p) && is_in(&lesion->damage, p));
+        }
+        // Corners lie where random points seldom do.
+        for (int k = 0; k < lesion->damage.part_count; k++)
+            for (int v = 0; v < lesion->damage.parts[k].vertex_count; v++) {
+                vec3 p = lesion->damage.parts[k].vertices[v];
+                assert_true(is_in(&lesion->plan, p) || !is_inside(&tissues[i], p));
+            }
     }
 }
 
@@ -265,7 +273,7 @@ static void a_plan_never_reaches_into_the_rim(void **state) {
 
 static void a_left_knee_is_torn_as_the_right_one(void **state) {
     (void)state;
-    for (int i = 0; i < RECIPE_COUNT; i++) {
+    for (int i = 1; i < RECIPE_COUNT; i += 2) {
         struct recipe recipe = recipe_of[i];
         struct knee_case *left;
         struct error err;

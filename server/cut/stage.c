@@ -7,12 +7,13 @@
 
 // ---- the blade's place ----
 //
-// Each plane moves outwards by a hair, for each blade by one a little longer or shorter: the blade
-// grows by about GROWTH_MM and leans. So no plane, edge or vertex of a blade coincides with one of
-// an earlier blade or of a lattice, and flush bites overlap rather than leave a skin.
+// Each blade grows and moves by a hair of its own: its nearest faces by about GROWTH_MM, the others
+// in proportion. So no plane, edge or vertex of it coincides with one of an earlier blade or of a
+// lattice, and flush bites overlap rather than leave a skin.
 
 #define GROWTH_MM 5e-7
 #define GROWTH_MORE_MM 2e-6 // with each further attempt
+#define GROWTH_MOST 1e-5    // of the size of a blade
 #define SPREAD 0.05         // of the growth, both ways
 
 // Splitmix64, as a number from -1 to 1.
@@ -23,42 +24,18 @@ static double draw(uint64_t *state) {
     return (double)((z ^ (z >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-// What a vertex moves by where each of its planes moves outwards by one: (Σ n nᵀ) m = Σ n.
-static vec3 mitre(const vec3 columns[3], vec3 sum) {
-    vec3 minors = vec3_cross(columns[1], columns[2]);
-    double determinant = vec3_dot(columns[0], minors);
-    if (determinant < 1e-9)
-        return vec3_unit_or(sum, (vec3){0});
-    return vec3_scale(1 / determinant, (vec3){vec3_dot(sum, minors),
-                                              vec3_dot(columns[0], vec3_cross(sum, columns[2])),
-                                              vec3_dot(columns[0], vec3_cross(columns[1], sum))});
-}
-
-static void add_normal(vec3 columns[3], vec3 *sum, vec3 n) {
-    columns[0] = vec3_add_scaled(columns[0], n.x, n);
-    columns[1] = vec3_add_scaled(columns[1], n.y, n);
-    columns[2] = vec3_add_scaled(columns[2], n.z, n);
-    *sum = vec3_add(*sum, n);
-}
-
-static void grow(struct convex *blade, double growth) {
-    vec3 columns[CONVEX_VERTICES_MAX][3] = {0}, sums[CONVEX_VERTICES_MAX] = {0};
-    for (int f = 0; f < blade->plane_count; f++) {
-        blade->planes[f].offset += growth;
-        for (int i = blade->first_corner[f]; i < blade->first_corner[f + 1]; i++)
-            add_normal(columns[blade->corners[i]], &sums[blade->corners[i]],
-                       blade->planes[f].normal);
-    }
+static vec3 centre_of(const struct convex *blade) {
+    vec3 sum = {0};
     for (int v = 0; v < blade->vertex_count; v++)
-        blade->vertices[v] =
-            vec3_add_scaled(blade->vertices[v], growth, mitre(columns[v], sums[v]));
+        sum = vec3_add(sum, blade->vertices[v]);
+    return vec3_scale(1.0 / blade->vertex_count, sum);
 }
 
-static void shift_by(struct convex *blade, vec3 shift) {
+static double least_depth(const struct convex *blade, vec3 centre) {
+    double least = INFINITY;
     for (int f = 0; f < blade->plane_count; f++)
-        blade->planes[f].offset += vec3_dot(blade->planes[f].normal, shift);
-    for (int v = 0; v < blade->vertex_count; v++)
-        blade->vertices[v] = vec3_add(blade->vertices[v], shift);
+        least = fmin(least, blade->planes[f].offset - vec3_dot(blade->planes[f].normal, centre));
+    return least;
 }
 
 static void set_box(struct convex *blade) {
@@ -71,6 +48,27 @@ static void set_box(struct convex *blade) {
     }
 }
 
+// By scaling, as then all planes that met in a vertex still do.
+static void place(struct convex *blade, uint64_t seed, int attempt) {
+    double size = GROWTH_MM + attempt * GROWTH_MORE_MM;
+    vec3 centre = centre_of(blade), lean;
+    lean.x = SPREAD * size * draw(&seed);
+    lean.y = SPREAD * size * draw(&seed);
+    lean.z = SPREAD * size * draw(&seed);
+    double growth = size * (1 + SPREAD * draw(&seed)) / least_depth(blade, centre);
+    growth = growth < GROWTH_MOST ? growth : GROWTH_MOST;
+    for (int f = 0; f < blade->plane_count; f++) {
+        struct plane *plane = &blade->planes[f];
+        plane->offset += growth * (plane->offset - vec3_dot(plane->normal, centre)) +
+                         vec3_dot(plane->normal, lean);
+    }
+    for (int v = 0; v < blade->vertex_count; v++) {
+        vec3 out = vec3_scale(growth, vec3_sub(blade->vertices[v], centre));
+        blade->vertices[v] = vec3_add(blade->vertices[v], vec3_add(out, lean));
+    }
+    set_box(blade);
+}
+
 static void connect_faces(struct stage *stage) {
     memset(stage->edge_between, 0xff, sizeof stage->edge_between);
     memset(stage->beside, 0, sizeof stage->beside);
@@ -80,14 +78,6 @@ static void connect_faces(struct stage *stage) {
         stage->beside[left] |= UINT64_C(1) << right;
         stage->beside[right] |= UINT64_C(1) << left;
     }
-}
-
-static void place(struct convex *blade, uint64_t seed, int attempt) {
-    double size = GROWTH_MM + attempt * GROWTH_MORE_MM;
-    double x = draw(&seed), y = draw(&seed), z = draw(&seed);
-    grow(blade, size * (1 + SPREAD * draw(&seed)));
-    shift_by(blade, vec3_scale(SPREAD * size, (vec3){x, y, z}));
-    set_box(blade);
 }
 
 void stage_begin(struct stage *stage, const struct convex *part, uint64_t seed, int attempt) {

@@ -87,7 +87,8 @@ void columns_init(struct columns *columns, const struct mesh *mesh, const vec3 *
     place_lattice(columns, mesh, points, step);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         cross_triangle(columns, points, mesh->triangles + 3 * (size_t)t, &crossings);
-    qsort(crossings.all, crossings.count, sizeof *crossings.all, by_column_and_height);
+    if (crossings.count > 0) // a mesh smaller than the step may have none
+        qsort(crossings.all, crossings.count, sizeof *crossings.all, by_column_and_height);
     size_t count = (size_t)columns->nx * (size_t)columns->ny;
     columns->first = alloc(count + 1, sizeof *columns->first);
     columns->heights = alloc(crossings.count, sizeof *columns->heights);

@@ -1,8 +1,8 @@
 #include "case/motion.h"
 
 #include "base/check.h"
-#include "case/motion_line.h"
 #include "case/motion_move.h"
+#include "case/motion_path.h"
 #include "case/motion_resect.h"
 
 #include <stdlib.h>
@@ -66,15 +66,15 @@ static enum result palpate(struct plan *plan, struct hand *hand, const struct mo
     enum result result = query_create(&group->mesh, &surface, plan->err);
     if (result != RESULT_OK)
         return result;
-    struct line line = {0};
-    result = line_between(&line, surface, scripted(plan, step->from), scripted(plan, step->to),
-                          plan->err);
+    struct tip_path line = {0};
+    result = tip_path_between(&line, surface, scripted(plan, step->from), scripted(plan, step->to),
+                              plan->err);
     if (result == RESULT_OK)
         result =
             plan_reach(plan, hand, pose_apply(plan_body_pose(plan, group->body), line.points[0]));
     if (result == RESULT_OK)
-        result = line_slide(plan, hand, group, surface, &line);
-    line_fini(&line);
+        result = tip_path_slide(plan, hand, group, surface, &line);
+    tip_path_fini(&line);
     query_destroy(&surface);
     return result;
 }
@@ -112,7 +112,7 @@ static enum result bite_point(struct plan *plan, const struct hand *hand,
     enum result result = query_create(&group->mesh, &surface, plan->err);
     if (result != RESULT_OK)
         return result;
-    *out_point = line_on_surface(surface, scripted(plan, step->from));
+    *out_point = tip_path_on_surface(surface, scripted(plan, step->from));
     query_destroy(&surface);
     return RESULT_OK;
 }

@@ -1,7 +1,7 @@
 #include "case/motion_resect.h"
 
 #include "base/check.h"
-#include "case/motion_line.h"
+#include "case/motion_path.h"
 
 #include <stdlib.h>
 
@@ -207,17 +207,17 @@ static int longest_run(const struct margin *margin, int *out_first) {
     return longest;
 }
 
-static enum result shave(struct plan *plan, struct hand *hand, const struct line *line) {
+static enum result shave(struct plan *plan, struct hand *hand, const struct tip_path *line) {
     enum result result = plan_reach(plan, hand, line->points[0]);
     hand->opening = 1;
     if (result == RESULT_OK)
-        result = line_pass(plan, hand, line);
+        result = tip_path_pass(plan, hand, line);
     hand->opening = 0;
     return result;
 }
 
 static enum result feel(const struct resection *r, struct plan *plan, struct hand *hand,
-                        struct line *line) {
+                        struct tip_path *line) {
     struct query *surface;
     enum result result = query_create(&r->group->mesh, &surface, plan->err);
     if (result == RESULT_OK)
@@ -226,19 +226,19 @@ static enum result feel(const struct resection *r, struct plan *plan, struct han
     for (int i = 0; i < line->count; i++)
         line->points[i] = pose_apply_inverse(T, line->points[i]);
     if (result == RESULT_OK)
-        result = line_slide(plan, hand, r->group, surface, line);
+        result = tip_path_slide(plan, hand, r->group, surface, line);
     query_destroy(&surface);
     return result;
 }
 
 enum result resection_trace(const struct resection *r, struct plan *plan, struct hand *hand) {
     struct margin margin;
-    struct line line = {0};
+    struct tip_path line = {0};
     int first = 0;
     margin_init(&margin, r, plan, hand);
     int count = longest_run(&margin, &first);
     for (int i = first; i < first + count; i++)
-        line_add(&line, margin.tips[i]);
+        tip_path_add(&line, margin.tips[i]);
     enum result result = RESULT_OK;
     if (count < 2)
         result =
@@ -247,7 +247,7 @@ enum result resection_trace(const struct resection *r, struct plan *plan, struct
     else
         result =
             hand->channel == CHANNEL_SHAVER ? shave(plan, hand, &line) : feel(r, plan, hand, &line);
-    line_fini(&line);
+    tip_path_fini(&line);
     margin_fini(&margin);
     return result;
 }

@@ -64,6 +64,8 @@ static bool take_warp_key(struct reading *r, const char *key, const char *value)
         return number_double(value, 0.1, 1000, &s->field.radius_mm);
     if (!strcmp(key, "background_per_mm"))
         return number_double(value, 0, 100, &s->field.background_per_mm);
+    if (!strcmp(key, "skin_mm"))
+        return number_double(value, 0, 0.1, &s->field.skin_mm);
     if (!strcmp(key, "strength"))
         return number_double(value, 0, 1, &s->strength);
     if (!strcmp(key, "ease_share"))

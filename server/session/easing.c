@@ -8,14 +8,16 @@
 struct easing {
     const struct case_group *group;
     float *displacement;
+    struct surface_mean *mean;
     double *blend, *target; // one for each vertex
     uint32_t *pending;      // vertices whose blend is not yet the target
     bool *is_pending;
     uint32_t pending_count;
 };
 
-struct easing *easing_create(const struct scene *scene, int tissue) {
-    const struct case_group *group = &scene->knee->groups[scene->tissues[tissue].group];
+struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field) {
+    int index = scene->tissues[tissue].group;
+    const struct case_group *group = &scene->knee->groups[index];
     size_t count = group->mesh.vertex_count;
     struct easing *e = alloc(1, sizeof *e);
     e->group = group;
@@ -25,6 +27,8 @@ struct easing *easing_create(const struct scene *scene, int tissue) {
     e->pending = alloc(count, sizeof *e->pending);
     e->is_pending = alloc(count, sizeof *e->is_pending);
     easing_restore(e);
+    if (field->kind == FIELD_SMOOTH)
+        e->mean = surface_mean_create(scene->trees[index], e->displacement);
     return e;
 }
 
@@ -32,6 +36,7 @@ void easing_destroy(struct easing **easing) {
     struct easing *e = *easing;
     if (!e)
         return;
+    surface_mean_destroy(&e->mean);
     free(e->displacement);
     free(e->blend);
     free(e->target);
@@ -45,14 +50,24 @@ const float *easing_displacement(const struct easing *easing) {
     return easing->displacement;
 }
 
+const struct surface_mean *easing_mean(const struct easing *easing) {
+    return easing->mean;
+}
+
 void easing_restore(struct easing *e) {
     size_t count = e->group->mesh.vertex_count;
+    uint32_t changed = 0;
+    for (uint32_t v = 0; v < count; v++)
+        if (e->blend[v] != 0)
+            e->pending[changed++] = v;
     memset(e->blend, 0, count * sizeof *e->blend);
     memset(e->target, 0, count * sizeof *e->target);
     memset(e->is_pending, 0, count * sizeof *e->is_pending);
     e->pending_count = 0;
     for (size_t i = 0; i < 3 * count; i++)
         e->displacement[i] = e->group->warp ? e->group->warp[i] : 0;
+    if (e->mean)
+        surface_mean_update(e->mean, e->pending, changed);
 }
 
 void easing_aim(struct easing *e, const struct job_result *result) {
@@ -71,15 +86,21 @@ bool easing_active(const struct easing *easing) {
     return easing->pending_count > 0;
 }
 
-double easing_rest_mm(const struct easing *e, uint32_t triangle) {
+static double rest_of(const struct easing *e, const uint32_t *vertices, uint32_t count) {
     double largest = 0;
-    for (int i = 0; triangle != MESH_NONE && i < 3; i++) {
-        uint32_t vertex = e->group->mesh.triangles[3 * (size_t)triangle + (size_t)i];
-        const float *to = e->group->maxcut + 3 * (size_t)vertex;
+    for (uint32_t i = 0; i < count; i++) {
+        const float *to = e->group->maxcut + 3 * (size_t)vertices[i];
         double reach = vec3_length((vec3){(double)to[0], (double)to[1], (double)to[2]});
-        largest = fmax(largest, reach * fabs(e->target[vertex] - e->blend[vertex]));
+        largest = fmax(largest, reach * fabs(e->target[vertices[i]] - e->blend[vertices[i]]));
     }
     return largest;
+}
+
+double easing_rest_mm(const struct easing *e, uint32_t triangle) {
+    if (triangle == MESH_NONE)
+        return 0;
+    return e->mean ? rest_of(e, e->pending, e->pending_count)
+                   : rest_of(e, e->group->mesh.triangles + 3 * (size_t)triangle, 3);
 }
 
 static void displace(struct easing *e, uint32_t vertex) {
@@ -98,6 +119,8 @@ void easing_advance(struct easing *e, double share) {
         displace(e, vertex);
         e->is_pending[vertex] = share < 1;
     }
+    if (e->mean)
+        surface_mean_update(e->mean, e->pending, e->pending_count);
     if (share >= 1)
         e->pending_count = 0;
 }

@@ -8,11 +8,13 @@
 struct easing;
 
 // Displacements start at the static ones. The scene must outlive it.
-struct easing *easing_create(const struct scene *scene, int tissue);
+struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field);
 void easing_destroy(struct easing **easing); // NULL inside is fine
 
 // 3 * vertex_count: S'' − S as far as it has come; stays where it is.
 const float *easing_displacement(const struct easing *easing);
+// Of these, kept up with them; NULL where the field is not smooth.
+const struct surface_mean *easing_mean(const struct easing *easing);
 
 void easing_restore(struct easing *easing); // at once to the static displacements
 
@@ -21,8 +23,8 @@ void easing_aim(struct easing *easing, const struct job_result *result);
 
 bool easing_active(const struct easing *easing);
 
-// How far the displacement of a triangle's points would still change, the largest, in mm; 0 for
-// MESH_NONE.
+// How far the displacement that a tip feels would still change at most, in mm, where this is its
+// closest triangle; 0 for MESH_NONE. With a smooth field a tip feels all of the surface.
 double easing_rest_mm(const struct easing *easing, uint32_t triangle);
 
 // Goes this share of what is left, 0 to 1.

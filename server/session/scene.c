@@ -79,11 +79,16 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
 static enum result add_group(struct scene *scene, int index, struct error *err) {
     const struct case_group *group = &scene->knee->groups[index];
     enum result result = query_create(&group->mesh, &scene->queries[index], err);
+    if (group->warp || group->maxcut)
+        scene->trees[index] = surface_tree_create(&group->mesh);
+    if (group->warp)
+        scene->means[index] = surface_mean_create(scene->trees[index], group->warp);
     scene->surfaces[index] = (struct warp_surface){
         .mesh = &group->mesh,
         .query = scene->queries[index],
         .displacement = group->warp,
         .body = group->body,
+        .mean = scene->means[index],
     };
     if (result == RESULT_OK && group->cuttable)
         result = add_tissue(scene, index, err);
@@ -111,8 +116,11 @@ void scene_destroy(struct scene **scene) {
     struct scene *s = *scene;
     if (!s)
         return;
-    for (int i = 0; i < CASE_GROUPS_MAX; i++)
+    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
         query_destroy(&s->queries[i]);
+        surface_mean_destroy(&s->means[i]);
+        surface_tree_destroy(&s->trees[i]);
+    }
     for (int i = 0; i < s->tissue_count; i++) {
         cut_mesh_destroy(&s->tissues[i].mesh);
         match_surface_destroy(&s->tissues[i].match);

@@ -18,6 +18,8 @@ struct scene_tissue {
 struct scene {
     struct knee_case *knee;
     struct query *queries[CASE_GROUPS_MAX];
+    struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups that are displaced, or may come to be
+    struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     int tissue_count;
     struct scene_tissue tissues[TISSUES_MAX];

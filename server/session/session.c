@@ -77,8 +77,10 @@ static void take_surfaces(struct session *s) {
     for (int t = 0; t < s->scene->tissue_count; t++) {
         if (!s->scene->tissues[t].match)
             continue;
-        s->easings[t] = easing_create(s->scene, t);
-        s->surfaces[s->scene->tissues[t].group].displacement = easing_displacement(s->easings[t]);
+        s->easings[t] = easing_create(s->scene, t, &s->settings.field);
+        struct warp_surface *surface = &s->surfaces[s->scene->tissues[t].group];
+        surface->displacement = easing_displacement(s->easings[t]);
+        surface->mean = easing_mean(s->easings[t]);
     }
 }
 
@@ -287,8 +289,8 @@ static double allowance_mm(const struct session *s, int instrument, int64_t pass
     return EASE_ROUNDING * (s->settings.ease_share * way + floor_mm);
 }
 
-// The share of what is left that a tissue's blends may go: each tip's closest triangle bounds what
-// the tip would notice, since W is a mean of displacements of closest points.
+// The share of what is left that a tissue's blends may go: what bounds the change that each tip
+// would notice, since W is a mean of displacements.
 static double ease_share(const struct session *s, int tissue, int active, int64_t passed_ns,
                          const struct session_output *out) {
     double share = 1;

@@ -33,10 +33,11 @@ static json_t *text_or_null(const char *text) {
 }
 
 static json_t *settings_object(const struct session_settings *s) {
-    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "field", field_name(s->field.kind),
-                     "unit_mm", s->field.unit_mm, "radius_mm", s->field.radius_mm,
-                     "background_per_mm", s->field.background_per_mm, "strength", s->strength,
-                     "hold_s", (double)s->hold_ns / (double)NS_PER_S, "ease_share", s->ease_share,
+    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "field",
+                     field_name(s->field.kind), "unit_mm", s->field.unit_mm, "radius_mm",
+                     s->field.radius_mm, "background_per_mm", s->field.background_per_mm, "skin_mm",
+                     s->field.skin_mm, "strength", s->strength, "hold_s",
+                     (double)s->hold_ns / (double)NS_PER_S, "ease_share", s->ease_share,
                      "ease_mm_s", s->ease_mm_s);
 }
 

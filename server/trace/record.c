@@ -15,7 +15,7 @@ _Static_assert(sizeof(struct instrument_output) == 272, "the output of an instru
 _Static_assert(sizeof(struct job) == 152, "a job");
 _Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
 _Static_assert(sizeof(struct session_output) == 2136, "the output of a step");
-_Static_assert(sizeof(struct session_settings) == 64, "the settings");
+_Static_assert(sizeof(struct session_settings) == 72, "the settings");
 
 enum {
     POSE_SIZE = 7 * 8,
@@ -66,6 +66,7 @@ static void write_settings(struct writer *w, const struct session_settings *s) {
     write_f64(w, s->field.unit_mm);
     write_f64(w, s->field.radius_mm);
     write_f64(w, s->field.background_per_mm);
+    write_f64(w, s->field.skin_mm);
     write_f64(w, s->strength);
     write_i64(w, s->hold_ns);
     write_f64(w, s->ease_share);
@@ -77,6 +78,7 @@ static void read_settings(struct reader *r, struct session_settings *out) {
     out->field.unit_mm = read_f64(r);
     out->field.radius_mm = read_f64(r);
     out->field.background_per_mm = read_f64(r);
+    out->field.skin_mm = read_f64(r);
     out->strength = read_f64(r);
     out->hold_ns = read_i64(r);
     out->ease_share = read_f64(r);
@@ -87,9 +89,9 @@ static bool settings_are_valid(const struct session_settings *s) {
     return (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
            isfinite(s->field.unit_mm) && s->field.radius_mm > 0 && isfinite(s->field.radius_mm) &&
            s->field.background_per_mm >= 0 && isfinite(s->field.background_per_mm) &&
-           s->strength >= 0 && s->strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS &&
-           s->ease_share >= 0 && isfinite(s->ease_share) && s->ease_mm_s >= 0 &&
-           isfinite(s->ease_mm_s);
+           s->field.skin_mm >= 0 && isfinite(s->field.skin_mm) && s->strength >= 0 &&
+           s->strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS && s->ease_share >= 0 &&
+           isfinite(s->ease_share) && s->ease_mm_s >= 0 && isfinite(s->ease_mm_s);
 }
 
 size_t header_encode(const struct trace_header *h, uint8_t *out) {

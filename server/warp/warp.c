@@ -8,7 +8,7 @@
 #define TOUCH_MM 1e-6
 
 const char *field_name(enum field_kind kind) {
-    static const char *const names[FIELD_COUNT] = {"gaussian", "inverse-distance"};
+    static const char *const names[FIELD_COUNT] = {"gaussian", "inverse-distance", "smooth"};
     return (unsigned)kind < FIELD_COUNT ? names[kind] : "unknown";
 }
 
@@ -57,60 +57,78 @@ static pose corrected_pose(const struct warp_scene *scene, int surface) {
                              : B;
 }
 
+// Δ of a point x of the surface that is displaced by u, both in the body's frame.
+static vec3 delta_of(const struct warp_scene *scene, int surface, vec3 x, vec3 u) {
+    vec3 target = pose_apply(corrected_pose(scene, surface), vec3_add(x, u));
+    return vec3_sub(target, pose_apply(body_pose(scene, surface), x));
+}
+
+// How x and u change with y, in the body's frame.
+struct changes {
+    mat3 slide, change;
+};
+
+// G_k = [M_R R_B (∂x + ∂u) − R_B ∂x] R_Bᵀ
+static mat3 delta_gradient_of(const struct warp_scene *scene, int surface,
+                              const struct changes *changes) {
+    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation);
+    mat3 MR = quat_to_mat3(corrected_pose(scene, surface).rotation);
+    mat3 moved = mat3_multiply(MR, mat3_add_scaled(changes->slide, 1, changes->change));
+    mat3 slid = mat3_multiply(R, changes->slide);
+    return mat3_multiply(mat3_add_scaled(moved, -1, slid), mat3_transpose(R));
+}
+
+// ---- its closest point ----
+
 vec3 warp_of_contact(const struct warp_scene *scene, int surface, const struct closest *contact) {
-    vec3 moved = displacement_at(&scene->surfaces[surface], contact);
-    vec3 target = pose_apply(corrected_pose(scene, surface), vec3_add(contact->point, moved));
-    return vec3_sub(target, pose_apply(body_pose(scene, surface), contact->point));
+    vec3 u = displacement_at(&scene->surfaces[surface], contact);
+    return delta_of(scene, surface, contact->point, u);
 }
 
 // Π: how the closest point moves with the query point; and the change of the displacement on it,
 // both in the body's frame. On an edge the point only slides along it, in a corner it stays.
 static void face_gradients(const struct warp_surface *surface, const struct closest *contact,
-                           mat3 *out_slide, mat3 *out_change) {
+                           struct changes *out) {
     const uint32_t *v = surface->mesh->triangles + 3 * (size_t)contact->triangle;
     vec3 a = mesh_vertex(surface->mesh, v[0]);
     vec3 e1 = vec3_sub(mesh_vertex(surface->mesh, v[1]), a);
     vec3 e2 = vec3_sub(mesh_vertex(surface->mesh, v[2]), a);
     vec3 m = vec3_cross(e1, e2);
     double scale = 1 / vec3_dot(m, m);
-    *out_slide = mat3_add_scaled(mat3_identity(), -scale, mat3_outer(m, m));
+    out->slide = mat3_add_scaled(mat3_identity(), -scale, mat3_outer(m, m));
     if (!surface->displacement)
         return;
     vec3 d0 = displacement_of(surface, v[0]);
     vec3 g1 = vec3_scale(scale, vec3_cross(e2, m)), g2 = vec3_scale(scale, vec3_cross(m, e1));
     vec3 d1 = vec3_sub(displacement_of(surface, v[1]), d0);
     vec3 d2 = vec3_sub(displacement_of(surface, v[2]), d0);
-    *out_change = mat3_add_scaled(mat3_outer(d1, g1), 1, mat3_outer(d2, g2));
+    out->change = mat3_add_scaled(mat3_outer(d1, g1), 1, mat3_outer(d2, g2));
 }
 
 static void edge_gradients(const struct warp_surface *surface, const struct closest *contact,
-                           mat3 *out_slide, mat3 *out_change) {
+                           struct changes *out) {
     const uint32_t *v = surface->mesh->triangles + 3 * (size_t)contact->triangle;
     uint32_t from = v[contact->corner], to = v[(contact->corner + 1) % 3];
     vec3 e = vec3_sub(mesh_vertex(surface->mesh, to), mesh_vertex(surface->mesh, from));
     double scale = 1 / vec3_dot(e, e);
     mat3 zero = {0};
-    *out_slide = mat3_add_scaled(zero, scale, mat3_outer(e, e));
+    out->slide = mat3_add_scaled(zero, scale, mat3_outer(e, e));
     if (!surface->displacement)
         return;
     vec3 d = vec3_sub(displacement_of(surface, to), displacement_of(surface, from));
-    *out_change = mat3_add_scaled(zero, scale, mat3_outer(d, e));
+    out->change = mat3_add_scaled(zero, scale, mat3_outer(d, e));
 }
 
-// G_k = [M_R R_B (Π + G_F) − R_B Π] R_Bᵀ
 static void differentiate(const struct warp_scene *scene, int surface,
                           const struct closest *contact, struct warp_contact *out) {
-    mat3 slide = {0}, change = {0};
+    struct changes changes = {0};
     if (contact->feature == FEATURE_FACE)
-        face_gradients(&scene->surfaces[surface], contact, &slide, &change);
+        face_gradients(&scene->surfaces[surface], contact, &changes);
     else if (contact->feature == FEATURE_EDGE)
-        edge_gradients(&scene->surfaces[surface], contact, &slide, &change);
-    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation), back = mat3_transpose(R);
-    mat3 MR = quat_to_mat3(corrected_pose(scene, surface).rotation);
-    mat3 moved = mat3_multiply(MR, mat3_add_scaled(slide, 1, change));
-    mat3 slid = mat3_multiply(R, slide);
-    out->delta_gradient = mat3_multiply(mat3_add_scaled(moved, -1, slid), back);
-    out->slide = mat3_multiply(slid, back);
+        edge_gradients(&scene->surfaces[surface], contact, &changes);
+    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation);
+    out->delta_gradient = delta_gradient_of(scene, surface, &changes);
+    out->slide = mat3_multiply(mat3_multiply(R, changes.slide), mat3_transpose(R));
 }
 
 // Across the face, of any length.
@@ -121,8 +139,40 @@ static vec3 face_across(const struct mesh *mesh, uint32_t triangle) {
     return vec3_cross(e1, e2);
 }
 
-static bool touch_surface(const struct warp_scene *scene, int index, vec3 y, double reach,
-                          struct warp_memory *memory, struct warp_contact *out) {
+// ---- its mean point ----
+
+// 0 up to `begin`, 1 from begin + width on, continuously differentiable.
+static double smoothstep(double d, double begin, double width, double *out_slope) {
+    double t = (d - begin) / width;
+    t = t < 0 ? 0 : t < 1 ? t : 1;
+    *out_slope = 6 * t * (1 - t) / width;
+    return t * t * (3 - 2 * t);
+}
+
+// From what the closest point tells to what the mean does.
+static void hand_over(const struct warp_scene *scene, const struct field *field, vec3 p,
+                      struct warp_contact *c) {
+    double slope, begin = fmax(field->radius_mm / 240, field->skin_mm);
+    double share = smoothstep(c->distance, fmax(begin, SURFACE_MEAN_NEAREST_MM),
+                              field->radius_mm / 120, &slope);
+    struct surface_value mean;
+    const struct warp_surface *surface = &scene->surfaces[c->surface];
+    if (!(share > 0) || !surface_mean_at(surface->mean, p, c->distance, &mean))
+        return;
+    struct changes changes = {mean.slide, mean.change};
+    vec3 off = vec3_sub(delta_of(scene, c->surface, mean.point, mean.displacement), c->delta);
+    mat3 gradient = delta_gradient_of(scene, c->surface, &changes), zero = {0};
+    gradient =
+        mat3_add_scaled(mat3_add_scaled(zero, share, gradient), 1 - share, c->delta_gradient);
+    c->delta = vec3_add_scaled(c->delta, share, off);
+    c->delta_gradient = mat3_add_scaled(gradient, slope, mat3_outer(off, c->normal));
+}
+
+static bool touch_surface(const struct warp_scene *scene, const struct field *field, int index,
+                          vec3 y, struct warp_memory *memory, struct warp_contact *out) {
+    // A distance that overflows has no weight and no order: out of reach.
+    double reach =
+        field->kind == FIELD_GAUSSIAN ? DBL_MAX : field->radius_mm + 1.5 * field->skin_mm;
     const struct warp_surface *surface = &scene->surfaces[index];
     pose B = body_pose(scene, index);
     vec3 p = pose_apply_inverse(B, y);
@@ -137,7 +187,47 @@ static bool touch_surface(const struct warp_scene *scene, int index, vec3 y, dou
     out->normal = quat_rotate(B.rotation, vec3_unit_or(away, (vec3){0, 0, 0}));
     out->delta = warp_of_contact(scene, index, &closest);
     differentiate(scene, index, &closest, out);
+    if (field->kind == FIELD_SMOOTH && surface->mean)
+        hand_over(scene, field, p, out);
     return true;
+}
+
+// ---- distances ----
+
+// d, or φ(d) where there is a skin.
+struct distance {
+    double value;
+    vec3 gradient;
+};
+
+// The skin s that a gap g leaves: s (u − u²/4), u = g/(8 s), and s itself from u = 2 on.
+static double skin_in(double s, double gap, double *out_by_gap) {
+    double u = fmin(gap / (8 * s), 2);
+    *out_by_gap = (1 - 0.5 * u) / 8;
+    return s * (u - 0.25 * u * u);
+}
+
+// φ(d) for a skin s, and its derivatives.
+static double thin(double d, double s, double *out_by_d, double *out_by_s) {
+    double t = s > 0 ? fmax(d / s - 1, 0) : 1;
+    *out_by_d = t < 1 ? t : 1;
+    *out_by_s = t < 1 ? -t - 0.5 * t * t : -1.5;
+    return t < 1 ? 0.5 * s * t * t : d - 1.5 * s;
+}
+
+static void measure(const struct field *field, const struct warp_contact *contacts, int count,
+                    const struct warp_contact *const nearest[2], struct distance *out) {
+    double by_gap = 0, s = field->kind == FIELD_GAUSSIAN ? 0 : field->skin_mm;
+    vec3 gap = {0};
+    if (s > 0 && nearest[1]) {
+        s = skin_in(s, nearest[0]->distance + nearest[1]->distance, &by_gap);
+        gap = vec3_add(nearest[0]->normal, nearest[1]->normal);
+    }
+    for (int i = 0; i < count; i++) {
+        double by_d, by_s;
+        out[i].value = thin(contacts[i].distance, s, &by_d, &by_s);
+        out[i].gradient = vec3_add_scaled(vec3_scale(by_d, contacts[i].normal), by_s * by_gap, gap);
+    }
 }
 
 // ---- weights ----
@@ -147,38 +237,45 @@ struct weight {
     vec3 gradient;
 };
 
-// ω = 1/d − 1/R, which is (R − d)/(R d).
-static struct weight inverse_distance(const struct field *field, const struct warp_contact *c) {
-    return (struct weight){1 / c->distance - 1 / field->radius_mm,
-                           vec3_scale(-1 / (c->distance * c->distance), c->normal)};
+// ω = 1/d − 1/R, which is (R − d)/(R d); 0 where only the skin brings a surface within reach.
+static struct weight inverse_distance(const struct field *field, const struct distance *d) {
+    if (d->value >= field->radius_mm)
+        return (struct weight){0};
+    return (struct weight){1 / d->value - 1 / field->radius_mm,
+                           vec3_scale(-1 / (d->value * d->value), d->gradient)};
 }
 
 // Eq. 3 over the nearest surface's own weight, exp(−(d² − m²)/(2m)) with m = min d, which leaves
 // Eq. 2 as it is and cannot underflow for the nearest.
-static struct weight gaussian(const struct field *field, const struct warp_contact *c,
-                              const struct warp_contact *nearest) {
-    double unit = field->unit_mm, d = c->distance / unit, m = nearest->distance / unit;
+static struct weight gaussian(const struct field *field, const struct distance *at,
+                              const struct distance *nearest) {
+    double unit = field->unit_mm, d = at->value / unit, m = nearest->value / unit;
     double value = exp(-(d * d - m * m) / (2 * m));
-    vec3 slope = vec3_scale(d / m, c->normal);
-    slope = vec3_add_scaled(slope, -(d * d / (2 * m * m) + 0.5), nearest->normal);
+    vec3 slope = vec3_scale(d / m, at->gradient);
+    slope = vec3_add_scaled(slope, -(d * d / (2 * m * m) + 0.5), nearest->gradient);
     return (struct weight){value, vec3_scale(-value / unit, slope)};
 }
 
-static struct weight weigh(const struct field *field, const struct warp_contact *c,
-                           const struct warp_contact *nearest) {
-    return field->kind == FIELD_GAUSSIAN ? gaussian(field, c, nearest) : inverse_distance(field, c);
+static struct weight weigh(const struct field *field, const struct distance *d,
+                           const struct distance *nearest) {
+    return field->kind == FIELD_GAUSSIAN ? gaussian(field, d, nearest) : inverse_distance(field, d);
+}
+
+static double background(const struct field *field) {
+    return field->kind == FIELD_GAUSSIAN ? 0 : field->background_per_mm;
 }
 
 // ---- the blend ----
 
 // W = Σ ω Δ / S; ∇W = (1/S) Σ (ω G + (Δ − W) ∇ωᵀ)
 static void blend(const struct field *field, const struct warp_contact *contacts, int count,
-                  const struct warp_contact *nearest, struct warp *out) {
+                  const struct distance *distances, const struct distance *nearest,
+                  struct warp *out) {
     struct weight weights[WARP_SURFACES_MAX];
-    double sum = field->kind == FIELD_INVERSE_DISTANCE ? field->background_per_mm : 0;
+    double sum = background(field);
     vec3 W = {0};
     for (int i = 0; i < count; i++) {
-        weights[i] = weigh(field, &contacts[i], nearest);
+        weights[i] = weigh(field, &distances[i], nearest);
         sum += weights[i].value;
         W = vec3_add_scaled(W, weights[i].value, contacts[i].delta);
     }
@@ -195,21 +292,39 @@ static void blend(const struct field *field, const struct warp_contact *contacts
     out->gradient = gradient;
 }
 
-// On surfaces: exactly theirs, the mean where several touch.
-static bool take_touching(const struct warp_contact *contacts, int count, struct warp *out) {
-    vec3 sum = {0};
-    mat3 gradients = {0};
-    int touching = 0;
+// Off a surface, W − Δ = φ (Σ ω_k (Δ_k − Δ) − ω_0 Δ) to first order in its φ, summed over the
+// others.
+static mat3 rise_off(const struct field *field, const struct warp_contact *contacts, int count,
+                     const struct distance *distances, int touched) {
+    vec3 delta = contacts[touched].delta, rise = vec3_scale(-background(field), delta);
     for (int i = 0; i < count; i++) {
-        if (contacts[i].distance > TOUCH_MM)
+        if (i == touched)
+            continue;
+        double weight = weigh(field, &distances[i], &distances[touched]).value;
+        rise = vec3_add_scaled(rise, weight, vec3_sub(contacts[i].delta, delta));
+    }
+    return mat3_outer(rise, distances[touched].gradient);
+}
+
+// On surfaces: exactly theirs, the mean where several touch.
+static bool take_touching(const struct field *field, const struct warp_contact *contacts, int count,
+                          const struct distance *distances, struct warp *out) {
+    vec3 sum = {0};
+    mat3 gradients = {0}, zero = {0};
+    int touching = 0, touched = 0;
+    for (int i = 0; i < count; i++) {
+        if (distances[i].value > TOUCH_MM)
             continue;
         sum = vec3_add(sum, contacts[i].delta);
         gradients = mat3_add_scaled(gradients, 1, contacts[i].delta_gradient);
         touching++;
+        touched = i;
     }
     if (!touching)
         return false;
-    mat3 zero = {0};
+    if (touching == 1 && field->kind != FIELD_GAUSSIAN)
+        gradients =
+            mat3_add_scaled(gradients, 1, rise_off(field, contacts, count, distances, touched));
     out->displacement = vec3_scale(1.0 / touching, sum);
     out->gradient = mat3_add_scaled(zero, 1.0 / touching, gradients);
     return true;
@@ -220,33 +335,41 @@ static double trust_radius(double nearest, double second) {
     return sum < 0.5 ? 0.5 : sum > 2 ? 2 : sum;
 }
 
+// The two nearest, the nearest first; NULL where there are fewer.
+static void find_nearest(const struct warp_contact *contacts, int count,
+                         const struct warp_contact *out[2]) {
+    out[0] = out[1] = NULL;
+    for (int i = 0; i < count; i++) {
+        const struct warp_contact *c = &contacts[i];
+        if (!out[0] || c->distance < out[0]->distance) {
+            out[1] = out[0];
+            out[0] = c;
+        } else if (!out[1] || c->distance < out[1]->distance) {
+            out[1] = c;
+        }
+    }
+}
+
 int warp_contacts(const struct warp_scene *scene, const struct field *field, vec3 y,
                   struct warp_memory *memory, struct warp *out,
                   struct warp_contact contacts[WARP_SURFACES_MAX]) {
     CHECK(scene->surface_count <= WARP_SURFACES_MAX);
-    // A distance that overflows has no weight and no order: out of reach.
-    double reach = field->kind == FIELD_INVERSE_DISTANCE ? field->radius_mm : DBL_MAX;
-    const struct warp_contact *nearest = NULL;
-    double second = INFINITY;
     int count = 0;
-    *out = (struct warp){.nearest = -1, .nearest_mm = INFINITY};
-    for (int i = 0; i < scene->surface_count; i++) {
-        struct warp_contact *c = &contacts[count];
-        if (!touch_surface(scene, i, y, reach, memory, c))
-            continue;
-        count++;
-        if (c->distance < out->nearest_mm) {
-            second = out->nearest_mm;
-            out->nearest_mm = c->distance;
-            out->nearest = i;
-            nearest = c;
-        } else if (c->distance < second) {
-            second = c->distance;
-        }
-    }
-    out->trust_radius_mm = trust_radius(out->nearest_mm, second);
-    if (count && !take_touching(contacts, count, out))
-        blend(field, contacts, count, nearest, out);
+    for (int i = 0; i < scene->surface_count; i++)
+        count += touch_surface(scene, field, i, y, memory, &contacts[count]);
+    *out = (struct warp){.trust_radius_mm = 2, .nearest = -1, .nearest_mm = INFINITY};
+    if (!count)
+        return 0;
+    const struct warp_contact *nearest[2];
+    struct distance distances[WARP_SURFACES_MAX];
+    find_nearest(contacts, count, nearest);
+    out->nearest = nearest[0]->surface;
+    out->nearest_mm = nearest[0]->distance;
+    out->trust_radius_mm =
+        trust_radius(out->nearest_mm, nearest[1] ? nearest[1]->distance : INFINITY);
+    measure(field, contacts, count, nearest, distances);
+    if (!take_touching(field, contacts, count, distances, out))
+        blend(field, contacts, count, distances, &distances[nearest[0] - contacts], out);
     return count;
 }
 

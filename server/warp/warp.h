@@ -11,36 +11,47 @@
 //
 // A point on exactly one surface (d_k <= 1e-6) gets that surface's Δ, exactly; on several, the mean
 // of theirs. Deterministic: the same arguments give the same bits. Allocates nothing.
+//
+// With a contact skin s, weights take d for φ(d): 0 up to s, (d − s)²/(2s) up to 2s, then d − 1.5
+// s. Touch stays touch under a tracker's noise of s. Where the two nearest surfaces leave a gap g =
+// d1 + d2 below 16 s, the skin is thinner, under g/8: skins that met would tear the field.
 #pragma once
 
 #include "base/pose.h"
 #include "mesh/query.h"
+#include "warp/surface_mean.h"
 
 #define WARP_SURFACES_MAX 32
 
 enum field_kind {
     FIELD_GAUSSIAN, // ω = exp(−d²/(2σ)), σ = min d: Eq. 3 as printed; depends on the unit
     FIELD_INVERSE_DISTANCE, // ω = (R − d)₊/(R d), ω_0 a constant: free of units
+    FIELD_SMOOTH, // the same, with the mean Δ of warp/surface_mean.h for surfaces that have one:
+                  // no jumps where the closest point jumps
     FIELD_COUNT
 };
 
-const char *field_name(enum field_kind kind); // "gaussian", "inverse-distance"
+const char *field_name(enum field_kind kind); // "gaussian", "inverse-distance", "smooth"
 bool field_from_name(const char *name, enum field_kind *out_kind);
 
 struct field {
     enum field_kind kind;
     double unit_mm;           // gaussian: the unit in which Eq. 3 is read; 10 gives the paper's
-    double radius_mm;         // inverse-distance: R, beyond which a surface has no weight
-    double background_per_mm; // inverse-distance: ω_0, so that the warp fades in open space
+    double radius_mm;         // the others: R, beyond which a surface has no weight
+    double background_per_mm; // the others: ω_0, so that the warp fades in open space
+    double skin_mm;           // the others: s
 };
 
-struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm
+struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm, s = 0
 
 struct warp_surface {
     const struct mesh *mesh;
     const struct query *query;
     const float *displacement; // 3 * vertex_count, mm: S' − S; NULL for 0
     int body;                  // index into the poses of the scene
+    // Of this displacement, for the smooth field; NULL: the closest point's Δ. Near the surface it
+    // hands over to that: from max(R/240, s), and over R/120.
+    const struct surface_mean *mean;
 };
 
 struct warp_scene {
@@ -60,7 +71,7 @@ void warp_memory_init(struct warp_memory *memory);
 
 struct warp {
     vec3 displacement;      // W(y), mm, in the world
-    mat3 gradient;          // ∂W/∂y, in the world
+    mat3 gradient;          // ∂W/∂y, in the world; on a surface, towards its outside
     double trust_radius_mm; // how far W(y) + gradient · step may be used: d1 + d2 of the two
                             // nearest surfaces, clamped to 0.5 .. 2
     int nearest;            // surface with the smallest distance, -1 where none is in reach

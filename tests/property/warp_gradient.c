@@ -98,10 +98,42 @@ static void on_a_surface_the_gradient_holds_along_it(void **state) {
     world_fini(&w);
 }
 
+// And off it, on its outside: how W leaves Δ.
+static void on_a_surface_the_gradient_holds_towards_its_outside(void **state) {
+    (void)state;
+    struct random r = {10};
+    struct world w;
+    world_create(&w, &r, true);
+    int tried = 0;
+    for (int i = 0; i < 1000; i++) {
+        struct field field = field_default(i % 2 ? FIELD_GAUSSIAN : FIELD_INVERSE_DISTANCE);
+        world_place(&w, &r, i % 4 < 2);
+        int surface = i % w.scene.surface_count;
+        vec3 y = world_point_on(&w, surface, &r);
+        struct closest c = world_contact(&w.scene, surface, y);
+        if (c.feature != FEATURE_FACE || world_clearance(&w, surface, y) < 1)
+            continue;
+        const struct mesh *mesh = w.scene.surfaces[surface].mesh;
+        vec3 a = mesh_corner(mesh, c.triangle, 0);
+        vec3 out = vec3_cross(vec3_sub(mesh_corner(mesh, c.triangle, 1), a),
+                              vec3_sub(mesh_corner(mesh, c.triangle, 2), a));
+        quat turn = w.B[w.scene.surfaces[surface].body].rotation;
+        vec3 step = quat_rotate(turn, vec3_scale(1e-4 / vec3_length(out), out));
+        struct warp warp = world_warp(&w.scene, &field, y);
+        vec3 moved = world_warp(&w.scene, &field, vec3_add(y, step)).displacement;
+        vec3 told = vec3_add(warp.displacement, mat3_apply(warp.gradient, step));
+        assert_vec3_near(moved, told, 1e-6);
+        tried++;
+    }
+    assert_true(tried > 500);
+    world_fini(&w);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_gradient_agrees_with_central_differences),
         cmocka_unit_test(on_a_surface_the_gradient_holds_along_it),
+        cmocka_unit_test(on_a_surface_the_gradient_holds_towards_its_outside),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

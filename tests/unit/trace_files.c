@@ -171,7 +171,7 @@ struct trace_header some_header(void) {
         .case_hash = 0x1122334455667788,
         .start_utc_ns = 1790000000000000000,
         .start_ns = 5000000000,
-        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05},
+        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02},
                      .strength = 0.75,
                      .hold_ns = 100000000,
                      .ease_share = 0.25,

@@ -1,0 +1,145 @@
+// How a cut's new blends reach the displacements that the warp reads, and their means.
+#include "session/easing.h"
+
+#include "base/check.h"
+#include "case/generate.h"
+#include "random.h"
+#include "test.h"
+
+#include <stdlib.h>
+
+static struct scene *scene;
+static const struct case_group *meniscus;
+
+static int make_scene(void **state) {
+    (void)state;
+    struct recipe recipe;
+    struct knee_case *knee;
+    struct error err = {""};
+    if (recipe_load(CASES "/healthy", &recipe, &err) != RESULT_OK ||
+        generate_knee(&recipe, &knee, &err) != RESULT_OK ||
+        scene_create(&knee, &scene, &err) != RESULT_OK) {
+        print_error("%s\n", err.text);
+        return -1;
+    }
+    meniscus = &scene->knee->groups[scene->tissues[0].group];
+    return 0;
+}
+
+static int drop_scene(void **state) {
+    (void)state;
+    scene_destroy(&scene);
+    return 0;
+}
+
+static struct easing *start(enum field_kind kind) {
+    struct field field = field_default(kind);
+    return easing_create(scene, 0, &field);
+}
+
+// Every stride-th vertex to a blend of its own.
+static void aim(struct easing *easing, uint32_t stride, struct random *r) {
+    uint32_t count = meniscus->mesh.vertex_count / stride;
+    struct job_result result = {.blend_count = count};
+    result.vertices = alloc(count, sizeof *result.vertices);
+    result.blends = alloc(count, sizeof *result.blends);
+    double most = random_between(r, 0, 1);
+    for (uint32_t i = 0; i < count; i++) {
+        result.vertices[i] = i * stride;
+        result.blends[i] = random_between(r, 0.9 * most, most);
+    }
+    easing_aim(easing, &result);
+    free(result.vertices);
+    free(result.blends);
+}
+
+static vec3 somewhere(struct random *r) {
+    uint32_t vertex = (uint32_t)(random_bits(r) % meniscus->mesh.vertex_count);
+    return vec3_add(mesh_vertex(&meniscus->mesh, vertex), random_in_box(r, 2));
+}
+
+static double distance_to(vec3 p) {
+    struct closest c;
+    assert_true(query_closest(scene->queries[scene->tissues[0].group], p, 100, MESH_NONE, &c));
+    return fmax(c.distance, 0.01);
+}
+
+static vec3 mean_at(const struct surface_mean *mean, vec3 p) {
+    struct surface_value value;
+    assert_true(surface_mean_at(mean, p, distance_to(p), &value));
+    return value.displacement;
+}
+
+static void assert_is_kept_up(const struct easing *easing, struct random *r) {
+    struct surface_mean *fresh =
+        surface_mean_create(scene->trees[scene->tissues[0].group], easing_displacement(easing));
+    for (int i = 0; i < 30; i++) {
+        vec3 p = somewhere(r);
+        assert_vec3_near(mean_at(easing_mean(easing), p), mean_at(fresh, p), 0);
+    }
+    surface_mean_destroy(&fresh);
+}
+
+static void the_mean_is_kept_up_with_easing_and_restoring(void **state) {
+    (void)state;
+    struct random r = {1};
+    struct easing *easing = start(FIELD_SMOOTH);
+    assert_is_kept_up(easing, &r);
+    for (int cut = 0; cut < 5; cut++) {
+        aim(easing, 1 + 5 * (uint32_t)cut, &r);
+        for (int i = 0; i < 3; i++) {
+            easing_advance(easing, i < 2 ? 0.3 : 1);
+            assert_is_kept_up(easing, &r);
+        }
+        assert_false(easing_active(easing));
+        aim(easing, 1 + 5 * (uint32_t)cut, &r);
+        easing_advance(easing, 0.5);
+        if (cut % 2) {
+            easing_restore(easing);
+            assert_false(easing_active(easing));
+            assert_is_kept_up(easing, &r);
+        }
+    }
+    easing_destroy(&easing);
+}
+
+static void a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told(void **state) {
+    (void)state;
+    struct random r = {2};
+    struct easing *easing = start(FIELD_SMOOTH);
+    double most = 0;
+    for (int cut = 0; cut < 10; cut++) {
+        vec3 at[20], before[20];
+        aim(easing, 1, &r);
+        for (int i = 0; i < 20; i++) {
+            at[i] = somewhere(&r);
+            before[i] = mean_at(easing_mean(easing), at[i]);
+        }
+        double rest = easing_rest_mm(easing, 0), share = random_between(&r, 0.1, 1);
+        assert_near(easing_rest_mm(easing, MESH_NONE), 0, 0);
+        easing_advance(easing, share);
+        for (int i = 0; i < 20; i++) {
+            double change = vec3_distance(mean_at(easing_mean(easing), at[i]), before[i]);
+            assert_true(change <= share * rest * (1 + 1e-5));
+            most = fmax(most, change / (share * rest));
+        }
+    }
+    assert_true(most > 0.5); // and is told little more
+    easing_destroy(&easing);
+}
+
+static void without_a_smooth_field_there_is_no_mean_to_keep_up(void **state) {
+    (void)state;
+    struct easing *easing = start(FIELD_INVERSE_DISTANCE);
+    assert_null(easing_mean(easing));
+    easing_destroy(&easing);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_mean_is_kept_up_with_easing_and_restoring),
+        cmocka_unit_test(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told),
+        cmocka_unit_test(without_a_smooth_field_there_is_no_mean_to_keep_up),
+    };
+    return cmocka_run_group_tests_name("easing", tests, make_scene, drop_scene);
+}

@@ -167,7 +167,8 @@ static void run(struct theatre *theatre, const struct order *order) {
     struct table *table = &theatre->tables[order->seat];
     CHECK(table->live && table->live->serial == order->serial);
     struct job_result *result = operation_run(table->live->operation, &order->job);
-    if (result->outcome == JOB_REFUSED)
+    uint32_t refused = result->figures.refused;
+    if (result->outcome == JOB_REFUSED && (refused & (refused - 1)) == 0) // a burr asks on and on
         log_warning("hub", "station %s: a cut was refused: %s",
                     theatre->hub->seats[order->seat].station->name, result->why.text);
     struct done done = {order->seat, order->serial, result};

@@ -126,6 +126,100 @@ static double largest_error(const struct bodies *bodies, int points) {
     return largest;
 }
 
+// ---- one warped concave surface, smooth ---------------------------------------------------------
+
+static const double offs_mm[] = {0.02, 0.1, 0.2, 0.5, 2, 8};
+
+#define OFF_COUNT (sizeof offs_mm / sizeof offs_mm[0])
+#define CUT_VERTICES 300 // whose displacements a cut changes
+
+// Off a vertex, on any side of it.
+static vec3 place_off(const struct mesh *mesh, double off_mm, struct random *r) {
+    uint32_t vertex = (uint32_t)(random_bits(r) % mesh->vertex_count);
+    return vec3_add_scaled(mesh_vertex(mesh, vertex), off_mm, random_direction(r));
+}
+
+static double measure_off(const struct bodies *ring, double off_mm, int count,
+                          struct report *report) {
+    const pose B = pose_identity();
+    const struct warp_scene scene = {ring->surfaces, ring->count, &B, NULL};
+    struct field field = field_default(FIELD_SMOOTH);
+    struct random r = {3};
+    struct samples us = {0};
+    for (int i = 0; i < count; i++) {
+        vec3 y = place_off(&ring->meshes[0], off_mm, &r);
+        struct warp_memory memory;
+        struct warp warp;
+        warp_memory_init(&memory);
+        warp_point(&scene, &field, y, &memory, &warp); // where the tip was a moment ago
+        int64_t before = clock_now_ns();
+        warp_point(&scene, &field, y, &memory, &warp);
+        samples_add(&us, 1e-3 * (double)(clock_now_ns() - before));
+    }
+    double median = samples_quantile(&us, 0.5);
+    report_figure(report, median, "us", "one ring/smooth/%g mm off/median", off_mm);
+    report_figure(report, samples_quantile(&us, 0.99), "us", "one ring/smooth/%g mm off/p99",
+                  off_mm);
+    samples_fini(&us);
+    return median;
+}
+
+static double mean_error(const struct bodies *ring, int points) {
+    struct random r = {4};
+    double largest = 0;
+    for (int i = 0; i < points; i++) {
+        vec3 p = place_off(&ring->meshes[0], offs_mm[1 + (size_t)i % (OFF_COUNT - 1)], &r);
+        struct surface_value value;
+        double distance = brute_distance(&ring->meshes[0], p);
+        if (!surface_mean_at(ring->means[0], p, distance, &value))
+            return INFINITY;
+        struct brute_mean truth = brute_mean(&ring->meshes[0], ring->displacements[0], p);
+        largest = fmax(largest, vec3_distance(value.displacement, truth.displacement));
+    }
+    return largest;
+}
+
+static void measure_upkeep(struct bodies *ring, int count, struct report *report) {
+    int64_t before = clock_now_ns();
+    struct surface_tree *tree = surface_tree_create(&ring->meshes[0]);
+    struct surface_mean *mean = surface_mean_create(tree, ring->displacements[0]);
+    report_figure(report, 1e-6 * (double)(clock_now_ns() - before), "ms", "one ring/smooth/build");
+    struct samples us = {0};
+    for (int i = 0; i < count; i++) {
+        uint32_t vertices[CUT_VERTICES];
+        for (uint32_t k = 0; k < CUT_VERTICES; k++)
+            vertices[k] = (uint32_t)i * 7 % (ring->meshes[0].vertex_count - CUT_VERTICES) + k;
+        before = clock_now_ns();
+        surface_mean_update(mean, vertices, CUT_VERTICES);
+        samples_add(&us, 1e-3 * (double)(clock_now_ns() - before));
+    }
+    report_figure(report, samples_quantile(&us, 0.5), "us", "one ring/smooth/update of %d vertices",
+                  CUT_VERTICES);
+    samples_fini(&us);
+    surface_mean_destroy(&mean);
+    surface_tree_destroy(&tree);
+}
+
+// The dearest distance counts.
+static void measure_smooth(bool quick, struct report *report) {
+    struct bodies ring = {0};
+    struct mesh mesh;
+    shape_torus(&mesh, 13, 3, 200, 50);
+    float *displacement = shape_displacement(&mesh, 3, 12);
+    bodies_add(&ring, &mesh, displacement, 0);
+    bodies_smooth(&ring);
+    double us = 0;
+    for (size_t i = 0; i < OFF_COUNT; i++)
+        us = fmax(us, measure_off(&ring, offs_mm[i], quick ? 1000 : 10000, report));
+    report_mark(report, "smooth_us_20k", us, "us", 40, BETTER_LOW);
+    measure_upkeep(&ring, 200, report);
+    report_mark(report, "smooth_max_error_mm", mean_error(&ring, quick ? 25 : 250), "mm", 3e-3,
+                BETTER_LOW);
+    bodies_fini(&ring);
+}
+
+// ---- all ----------------------------------------------------------------------------------------
+
 enum result bench_warp(const struct bench_options *options, struct report *report,
                        struct error *err) {
     (void)err;
@@ -134,6 +228,7 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         struct bodies bodies;
         bodies_knee(&bodies, sizes[i].n);
+        bodies_smooth(&bodies);
         struct warp_scene scene = {bodies.surfaces, bodies.count, B, NULL};
         double us = measure_size(&scene, sizes[i].name, options->quick ? 4000 : 40000, report);
         report_figure(report, surfaces_in_reach(&bodies, 12), "surfaces",
@@ -144,6 +239,7 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
         error = fmax(error, largest_error(&bodies, points));
         bodies_fini(&bodies);
     }
+    measure_smooth(options->quick, report);
     report_mark(report, "closest_point_max_error_mm", error, "mm", 1e-4, BETTER_LOW);
     return RESULT_OK;
 }

@@ -3,6 +3,7 @@
 #include "matrices.h"
 #include "random.h"
 #include "scene/bodies.h"
+#include "scene/brute.h"
 #include "test.h"
 
 #include <stdlib.h>
@@ -71,57 +72,11 @@ static struct surface_value value_at(const struct surface *s, vec3 p) {
     return value;
 }
 
-// ---- the integrals, by the midpoint rule on triangles quartered until they are small ----
-
-struct integrals {
-    double weight, distance;
-    vec3 p, field, place;
-};
-
-static void integrate(struct integrals *sums, const vec3 x[3], const vec3 u[3]) {
-    vec3 edge = vec3_sub(x[1], x[0]), other = vec3_sub(x[2], x[0]);
-    vec3 middle = vec3_scale(1.0 / 3, vec3_add(vec3_add(x[0], x[1]), x[2]));
-    double size =
-        fmax(vec3_length(vec3_sub(other, edge)), fmax(vec3_length(edge), vec3_length(other)));
-    double off = vec3_distance(middle, sums->p);
-    if (size > 0.03 * off) {
-        vec3 mx[3], mu[3];
-        for (int i = 0; i < 3; i++) {
-            mx[i] = vec3_lerp(x[i], x[(i + 1) % 3], 0.5);
-            mu[i] = vec3_lerp(u[i], u[(i + 1) % 3], 0.5);
-        }
-        for (int i = 0; i < 3; i++)
-            integrate(sums, (vec3[3]){x[i], mx[i], mx[(i + 2) % 3]},
-                      (vec3[3]){u[i], mu[i], mu[(i + 2) % 3]});
-        integrate(sums, mx, mu);
-        return;
-    }
-    double weight = 0.5 * vec3_length(vec3_cross(edge, other)) * pow(sums->distance / off, 5);
-    vec3 field = vec3_scale(1.0 / 3, vec3_add(vec3_add(u[0], u[1]), u[2]));
-    sums->weight += weight;
-    sums->field = vec3_add_scaled(sums->field, weight, field);
-    sums->place = vec3_add_scaled(sums->place, weight, vec3_sub(middle, sums->p));
-}
+// ---- the integrals ----
 
 static vec3 displacement_of(const float *displacement, uint32_t vertex) {
     const float *d = displacement + 3 * (size_t)vertex;
     return (vec3){(double)d[0], (double)d[1], (double)d[2]};
-}
-
-static struct surface_value oracle(const struct surface *s, vec3 p) {
-    struct integrals sums = {.p = p, .distance = distance_to(s, p)};
-    for (uint32_t t = 0; t < s->mesh.triangle_count; t++) {
-        vec3 x[3], u[3];
-        for (int i = 0; i < 3; i++) {
-            x[i] = mesh_corner(&s->mesh, t, i);
-            u[i] = displacement_of(s->displacement, s->mesh.triangles[3 * (size_t)t + (size_t)i]);
-        }
-        integrate(&sums, x, u);
-    }
-    return (struct surface_value){
-        .displacement = vec3_scale(1 / sums.weight, sums.field),
-        .point = vec3_add(p, vec3_scale(1 / sums.weight, sums.place)),
-    };
 }
 
 static double largest_displacement(const struct surface *s) {
@@ -141,7 +96,8 @@ static void the_mean_is_its_integrals_to_a_thousandth(void **state) {
     for (int i = 0; i < 60; i++) {
         const struct surface *s = &surfaces[i % 2];
         vec3 p = somewhere(s, &r);
-        struct surface_value value = value_at(s, p), truth = oracle(s, p);
+        struct surface_value value = value_at(s, p);
+        struct brute_mean truth = brute_mean(&s->mesh, s->displacement, p);
         double error = vec3_distance(value.displacement, truth.displacement);
         worst = fmax(worst, error / largest_displacement(s));
         double extent = s->tree->nodes[0].piece.radius;

@@ -2,33 +2,6 @@
 #include "scene/world.h"
 #include "test.h"
 
-#include <stdlib.h>
-
-// ---- a world whose displaced surfaces have means ----
-
-struct means {
-    struct surface_tree *trees[BODIES_MAX];
-    struct surface_mean *means[BODIES_MAX];
-};
-
-static void means_init(struct means *out, struct bodies *bodies) {
-    *out = (struct means){0};
-    for (int i = 0; i < bodies->count; i++) {
-        if (!bodies->displacements[i])
-            continue;
-        out->trees[i] = surface_tree_create(&bodies->meshes[i]);
-        out->means[i] = surface_mean_create(out->trees[i], bodies->displacements[i]);
-        bodies->surfaces[i].mean = out->means[i];
-    }
-}
-
-static void means_fini(struct means *means) {
-    for (int i = 0; i < BODIES_MAX; i++) {
-        surface_mean_destroy(&means->means[i]);
-        surface_tree_destroy(&means->trees[i]);
-    }
-}
-
 // ---- a trimmed C: an ellipsoid bent around z, one of whose arms has lost its inner margin ----
 
 static void bend(struct mesh *mesh, double radius) {
@@ -94,9 +67,8 @@ static double largest_jump(const struct warp_scene *scene, enum field_kind kind)
 static void where_the_closest_point_jumps_the_smooth_warp_does_not(void **state) {
     (void)state;
     struct bodies bodies;
-    struct means means;
     c_shape(&bodies, 16);
-    means_init(&means, &bodies);
+    bodies_smooth(&bodies);
     pose B = pose_identity();
     struct warp_scene scene = {bodies.surfaces, 1, &B, NULL};
     double closest = largest_jump(&scene, FIELD_INVERSE_DISTANCE);
@@ -105,7 +77,6 @@ static void where_the_closest_point_jumps_the_smooth_warp_does_not(void **state)
                   closest, smooth);
     assert_true(closest > 0.1);
     assert_true(smooth <= 0.005);
-    means_fini(&means);
     bodies_fini(&bodies);
 }
 
@@ -115,9 +86,8 @@ static void on_a_surface_the_smooth_warp_is_its_displacement_exactly(void **stat
     (void)state;
     struct random r = {2};
     struct world w;
-    struct means means;
     world_create(&w, &r, true);
-    means_init(&means, &w.bodies);
+    bodies_smooth(&w.bodies);
     struct field field = field_default(FIELD_SMOOTH);
     int touched = 0;
     for (int i = 0; i < 500; i++) {
@@ -136,7 +106,6 @@ static void on_a_surface_the_smooth_warp_is_its_displacement_exactly(void **stat
         touched++;
     }
     assert_true(touched > 250);
-    means_fini(&means);
     world_fini(&w);
 }
 
@@ -151,9 +120,8 @@ static void the_smooth_gradient_agrees_with_central_differences(void **state) {
     (void)state;
     struct random r = {3};
     struct world w;
-    struct means means;
     world_create(&w, &r, true);
-    means_init(&means, &w.bodies);
+    bodies_smooth(&w.bodies);
     const double h = 1e-6;
     int agree[2] = {0}, count[2] = {0};
     for (int i = 0; i < 1200; i++) {
@@ -173,7 +141,6 @@ static void the_smooth_gradient_agrees_with_central_differences(void **state) {
     }
     print_message("%d of %d, near surfaces %d of %d\n", agree[0], count[0], agree[1], count[1]);
     assert_true(agree[0] > 0.98 * count[0] && agree[1] > 0.98 * count[1]);
-    means_fini(&means);
     world_fini(&w);
 }
 
@@ -182,9 +149,8 @@ static void a_corrected_surface_has_the_mean_of_its_corrected_displacement(void 
     (void)state;
     struct random r = {4};
     struct bodies bodies;
-    struct means means;
     c_shape(&bodies, 24);
-    means_init(&means, &bodies);
+    bodies_smooth(&bodies);
     pose B = world_small_pose(&r, 0.5, 3), M = world_small_pose(&r, 0.2, 2);
     struct warp_scene scene = {bodies.surfaces, 1, &B, &M};
     struct field field = field_default(FIELD_SMOOTH);
@@ -214,7 +180,6 @@ static void a_corrected_surface_has_the_mean_of_its_corrected_displacement(void 
         assert_vec3_near(world_warp(&scene, &field, y).displacement, vec3_scale(1 / weight, sum),
                          0.02);
     }
-    means_fini(&means);
     bodies_fini(&bodies);
 }
 
@@ -222,7 +187,6 @@ static void the_unit_of_length_does_not_matter_to_smooth(void **state) {
     (void)state;
     struct random r = {5};
     struct bodies small, large = {0};
-    struct means means, large_means;
     c_shape(&small, 12);
     struct mesh mesh;
     mesh_copy(&mesh, &small.meshes[0]);
@@ -231,8 +195,8 @@ static void the_unit_of_length_does_not_matter_to_smooth(void **state) {
     for (size_t i = 0; i < 3 * (size_t)mesh.vertex_count; i++)
         displacement[i] = 8 * small.displacements[0][i];
     bodies_add(&large, &mesh, displacement, 0);
-    means_init(&means, &small);
-    means_init(&large_means, &large);
+    bodies_smooth(&small);
+    bodies_smooth(&large);
     pose B = pose_identity();
     struct warp_scene scene = {small.surfaces, 1, &B, NULL}, scene8 = {large.surfaces, 1, &B, NULL};
     for (int i = 0; i < 300; i++) {
@@ -248,8 +212,6 @@ static void the_unit_of_length_does_not_matter_to_smooth(void **state) {
         assert_vec3_near(vec3_scale(0.125, b.displacement), a.displacement, 1e-12);
         assert_mat3_near(a.gradient, b.gradient, 1e-9);
     }
-    means_fini(&means);
-    means_fini(&large_means);
     bodies_fini(&small);
     bodies_fini(&large);
 }

@@ -20,8 +20,20 @@ void bodies_add(struct bodies *bodies, struct mesh *mesh, float *displacement, i
         (struct warp_surface){&bodies->meshes[i], bodies->queries[i], displacement, body};
 }
 
+void bodies_smooth(struct bodies *bodies) {
+    for (int i = 0; i < bodies->count; i++) {
+        if (!bodies->displacements[i])
+            continue;
+        bodies->trees[i] = surface_tree_create(&bodies->meshes[i]);
+        bodies->means[i] = surface_mean_create(bodies->trees[i], bodies->displacements[i]);
+        bodies->surfaces[i].mean = bodies->means[i];
+    }
+}
+
 void bodies_fini(struct bodies *bodies) {
     for (int i = 0; i < bodies->count; i++) {
+        surface_mean_destroy(&bodies->means[i]);
+        surface_tree_destroy(&bodies->trees[i]);
         query_destroy(&bodies->queries[i]);
         mesh_fini(&bodies->meshes[i]);
         free(bodies->displacements[i]);

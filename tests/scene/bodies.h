@@ -13,11 +13,16 @@ struct bodies {
     float *displacements[BODIES_MAX];
     struct query *queries[BODIES_MAX];
     struct warp_surface surfaces[BODIES_MAX];
+    struct surface_tree *trees[BODIES_MAX];
+    struct surface_mean *means[BODIES_MAX];
 };
 
 // Takes the mesh (zeroed after) and the displacement (NULL for none). `body`: its pose's index.
 void bodies_add(struct bodies *bodies, struct mesh *mesh, float *displacement, int body);
 void bodies_fini(struct bodies *bodies);
+
+// Gives each displaced surface its mean.
+void bodies_smooth(struct bodies *bodies);
 
 // Two parallel walls at z = ±gap/2 facing each other, the lower one displaced by `rise` along z.
 void bodies_walls(struct bodies *out, double gap_mm, double rise_mm);

@@ -55,3 +55,50 @@ double brute_distance(const struct mesh *mesh, vec3 p) {
     }
     return (double)best;
 }
+
+// ---- means ----
+
+struct integrals {
+    vec3 p, field, place; // of u; of x − p
+    double weight, unit;  // weights are (unit/r)⁵
+};
+
+static void integrate(struct integrals *sums, const vec3 x[3], const vec3 u[3]) {
+    vec3 edge = vec3_sub(x[1], x[0]), other = vec3_sub(x[2], x[0]);
+    vec3 middle = vec3_scale(1.0 / 3, vec3_add(vec3_add(x[0], x[1]), x[2]));
+    double size =
+        fmax(vec3_length(vec3_sub(other, edge)), fmax(vec3_length(edge), vec3_length(other)));
+    double off = vec3_distance(middle, sums->p);
+    if (size > 0.03 * off) {
+        vec3 mx[3], mu[3];
+        for (int i = 0; i < 3; i++) {
+            mx[i] = vec3_lerp(x[i], x[(i + 1) % 3], 0.5);
+            mu[i] = vec3_lerp(u[i], u[(i + 1) % 3], 0.5);
+        }
+        for (int i = 0; i < 3; i++)
+            integrate(sums, (vec3[3]){x[i], mx[i], mx[(i + 2) % 3]},
+                      (vec3[3]){u[i], mu[i], mu[(i + 2) % 3]});
+        integrate(sums, mx, mu);
+        return;
+    }
+    double weight = 0.5 * vec3_length(vec3_cross(edge, other)) * pow(sums->unit / off, 5);
+    vec3 field = vec3_scale(1.0 / 3, vec3_add(vec3_add(u[0], u[1]), u[2]));
+    sums->weight += weight;
+    sums->field = vec3_add_scaled(sums->field, weight, field);
+    sums->place = vec3_add_scaled(sums->place, weight, vec3_sub(middle, sums->p));
+}
+
+struct brute_mean brute_mean(const struct mesh *mesh, const float *displacement, vec3 p) {
+    struct integrals sums = {.p = p, .unit = brute_distance(mesh, p)};
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        vec3 x[3], u[3];
+        for (int i = 0; i < 3; i++) {
+            const float *d = displacement + 3 * (size_t)mesh->triangles[3 * (size_t)t + (size_t)i];
+            x[i] = mesh_corner(mesh, t, i);
+            u[i] = (vec3){(double)d[0], (double)d[1], (double)d[2]};
+        }
+        integrate(&sums, x, u);
+    }
+    return (struct brute_mean){vec3_scale(1 / sums.weight, sums.field),
+                               vec3_add(p, vec3_scale(1 / sums.weight, sums.place))};
+}

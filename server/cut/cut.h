@@ -6,9 +6,10 @@
 // triangles that the blade touches, not the size of the mesh. Deterministic: the same calls give
 // the same bits. Millimetres, in the mesh's own frame.
 //
-// A blade is taken 5e-7 mm larger than it is, so that bites that are flush leave no skin between
-// them. Where a cut has been, vertices that cuts made and that shape nothing go, and slivers with
-// them: the surface sinks there by less than 1e-4 mm.
+// A blade is taken larger than it is, by 5e-7 mm at its nearest faces and at most 1e-5 of its size,
+// so that bites that are flush leave no skin between them. Where a cut has been, vertices that cuts
+// made and that shape nothing go, and slivers with them: the surface sinks there by less than 1e-4
+// mm.
 //
 // Ids: vertices and triangles are named by ids that do not change while they live. No vertex is
 // ever moved. The ids of the mesh that it was made from are never given to another vertex; those of

@@ -11,7 +11,7 @@ static const char help[] =
     "Commands:\n"
     "  run       serve until SIGTERM\n"
     "  keys      make the server's keys, enrol and revoke stations\n"
-    "  session   list, start, pause, stop, reset and give another case to the sessions\n"
+    "  session   list, show, start, pause, stop, reset and give another case to the sessions\n"
     "            of a running server\n"
     "\n"
     "arthron-server COMMAND --help tells more.\n"

@@ -17,6 +17,7 @@ static const char help[] =
     "\n"
     "Speaks to a running server through its local socket.\n"
     "\n"
+    "  list    all stations with their sessions; lost: frames that did not come\n"
     "  show    the session of one station, and what was cut in it\n"
     "  start   starts a waiting or paused session; a new one where the last has ended\n"
     "  pause   freezes it until start\n"

@@ -11,11 +11,11 @@ static const char help[] =
     "Usage: arthron-case info DIR [--json]\n"
     "\n"
     "Prints name, side, hash, groups (triangles, box, volume, largest displacements by warp and\n"
-    "maxcut, topology), lesions (parts and volume of each region), portals, the joint's centre and "
-    "a\n"
-    "point on top of the medial tibial plateau. Millimetres, in the frame of the femur at rest: x "
-    "to\n"
-    "the patient's right, y anterior, z proximal.\n";
+    "maxcut, topology), lesions (convex parts of each region and their volume, beyond the "
+    "meniscus\n"
+    "too), portals, the joint's centre and a point on top of the medial tibial plateau. "
+    "Millimetres,\n"
+    "in the frame of the femur at rest: x to the patient's right, y anterior, z proximal.\n";
 
 // The regions of a lesion, as the manifest names them.
 static const struct {

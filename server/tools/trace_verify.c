@@ -8,8 +8,8 @@
 static const char help[] =
     "Usage: arthron-trace verify FILE [--json]\n"
     "\n"
-    "Reads every record and tells whether the file is whole, or up to which byte. A session whose\n"
-    "server was killed has no end record: all before that can be used.\n"
+    "Reads every record and tells whether the file is whole, or up to which byte. A session that\n"
+    "still runs, or whose server was killed, has no end record: all before that can be used.\n"
     "Exits 1 where anything is damaged, cut off or missing.\n";
 
 static void print_json(const struct survey *s) {

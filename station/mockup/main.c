@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: arthron-mockup (--motion FILE | --recording FILE --tool NAME) [options]\n"
+    "Usage: arthron-mockup (--motion FILE | --recording FILE --tool NAME) [options]\n"
     "A knee on your desk: plays a file in a loop as the hardware of a mock-up would speak.\n"
     "\n"
     "  --motion FILE            motion file: joint, tools, handles\n"

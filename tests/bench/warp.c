@@ -1,3 +1,4 @@
+#include "avatar.h"
 #include "base/clock.h"
 #include "bench.h"
 #include "random.h"
@@ -241,5 +242,6 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
     }
     measure_smooth(options->quick, report);
     report_mark(report, "closest_point_max_error_mm", error, "mm", 1e-4, BETTER_LOW);
+    bench_avatars(options, report);
     return RESULT_OK;
 }

@@ -6,6 +6,7 @@
 #include <getopt.h>
 #include <inttypes.h>
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -140,18 +141,29 @@ static void print_table(const arthron_CommandReply *reply) {
     }
 }
 
+// Without the sign of a rest that rounding left.
+static double shown(double mm3) {
+    return fabs(mm3) < 0.05 ? 0 : mm3;
+}
+
 static void print_resection(const arthron_Resection *r) {
+    if (r->mesh_number <= 1 && !r->cuts_refused) {
+        printf("%s: %.1f mm3, not cut\n", r->group, r->volume_mm3);
+        return;
+    }
     printf("%s: %u cuts took %.1f mm3 of %.1f", r->group, r->cuts, r->removed_mm3,
            r->volume_mm3 + r->removed_mm3 + r->pieces_mm3);
     if (r->pieces)
-        printf(", and %u pieces of %.1f mm3 came off", r->pieces, r->pieces_mm3);
-    printf(
-        "\n  plan: %.1f mm3, taken beyond it %.1f, not yet taken %.1f; damaged tissue left %.1f\n",
-        r->planned_mm3, r->over_mm3, r->under_mm3, r->damage_mm3);
-    printf("  rim %.2f mm at its narrowest, largest step of the contour %.2f mm\n", r->rim_mm,
+        printf(", and %u piece%s of %.2f mm3 came off", r->pieces, r->pieces == 1 ? "" : "s",
+               r->pieces_mm3);
+    if (r->planned_mm3 > 0)
+        printf("\n  plan: %.1f mm3, taken beyond it %.1f, not yet taken %.1f; damaged tissue left "
+               "%.1f",
+               r->planned_mm3, shown(r->over_mm3), shown(r->under_mm3), shown(r->damage_mm3));
+    printf("\n  rim %.2f mm at its narrowest, largest step of the contour %.2f mm\n", r->rim_mm,
            r->step_mm);
     printf("  touch: %.1f mm3 not matched, at most %.2f mm beside the cut; %u cuts refused\n",
-           r->left_mm3, r->distance_mm, r->cuts_refused);
+           shown(r->left_mm3), r->distance_mm, r->cuts_refused);
 }
 
 static int call(const char *socket, const arthron_Command *command, bool json) {

@@ -438,6 +438,12 @@ static void list_all(struct hub *hub, arthron_CommandReply *reply) {
     reply->ok = true;
 }
 
+static const char *command_name(arthron_Command_Kind kind) {
+    static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
+        "list", "start", "pause", "stop", "case", "reset", "show"};
+    return names[kind];
+}
+
 void desk_command(void *user, const arthron_Command *command, arthron_CommandReply *reply) {
     struct hub *hub = user;
     memset(reply, 0, sizeof *reply);
@@ -458,6 +464,6 @@ void desk_command(void *user, const arthron_Command *command, arthron_CommandRep
     put_in_order(hub);
     command_station(hub, command, index, reply);
     pthread_mutex_unlock(&hub->desk_lock);
-    log_info("hub", "station %s: command %d: %s", command->station, (int)command->kind,
+    log_info("hub", "station %s: %s: %s", command->station, command_name(command->kind),
              reply->ok ? "done" : reply->text);
 }

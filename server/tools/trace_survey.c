@@ -47,6 +47,8 @@ void survey_read(struct trace_reader *reader, struct survey *s) {
         show_progress(trace_reader_offset(reader), s->file_bytes);
     }
     s->whole_bytes = trace_reader_offset(reader);
+    if (s->file_bytes < s->whole_bytes) // it grew: the session goes on
+        s->file_bytes = s->whole_bytes;
 }
 
 double survey_seconds(const struct survey *s) {

@@ -28,8 +28,8 @@ static void print_text(const struct survey *s) {
     if (s->end == RESULT_CLOSED)
         printf("whole: %" PRIu64 " bytes\n", s->whole_bytes);
     else
-        printf("damaged: %s\n%" PRIu64 " of %" PRIu64 " bytes are whole\n", s->why.text,
-               s->whole_bytes, s->file_bytes);
+        printf("not whole: %s\n%" PRIu64 " bytes of %" PRIu64 " are\n", s->why.text, s->whole_bytes,
+               s->file_bytes);
     printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps, %" PRIu64
            " samples lost at the station\n",
            s->steps, s->missing, s->gaps, s->lost_samples);

@@ -6,31 +6,54 @@
 #include "warp/warp.h"
 
 #include <math.h>
+#include <stdio.h>
 
 // A point of an instrument is put on the surface S of one group, clear of all others, and then a
 // little off it along the normal. It should go where its point of S goes, and keep its place to
 // it: to y + Δ(x). Counted where there is something to get wrong: some displacement within reach.
+// The same for points that a tracker's noise took off S; and the gain of points beside it.
 #define CLEARANCE_MM 0.5
 #define REACH_MM 12
 #define MATTERS_MM 1e-3
+#define NOISE_MM 0.1 // standard deviation of the length
+#define BESIDE_MM 2
 
 static const double offsets_mm[] = {0, 0.05, 0.1, 0.3};
 static const double flexions_deg[] = {0, 30};
 
+static const struct variant {
+    const char *name;
+    enum field_kind kind;
+    double skin_mm;
+} variants[] = {
+    {"gaussian", FIELD_GAUSSIAN, 0},
+    {"inverse-distance", FIELD_INVERSE_DISTANCE, 0},
+    {"inverse-distance, skin 0.05 mm", FIELD_INVERSE_DISTANCE, 0.05},
+    {"inverse-distance, skin 0.1 mm", FIELD_INVERSE_DISTANCE, 0.1},
+    {"smooth", FIELD_SMOOTH, 0},
+    {"smooth, skin 0.1 mm", FIELD_SMOOTH, 0.1},
+};
+
+#define VARIANT_COUNT (sizeof variants / sizeof variants[0])
 #define OFFSET_COUNT (sizeof offsets_mm / sizeof offsets_mm[0])
 #define FLEXION_COUNT (sizeof flexions_deg / sizeof flexions_deg[0])
 
 struct anatomy {
     struct knee_case *knee;
     struct query *queries[CASE_GROUPS_MAX];
+    struct surface_tree *trees[CASE_GROUPS_MAX];
+    struct surface_mean *means[CASE_GROUPS_MAX];
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     pose T_world_body[BODY_COUNT];
     struct warp_scene scene;
 };
 
 static void anatomy_fini(struct anatomy *anatomy) {
-    for (int i = 0; i < CASE_GROUPS_MAX; i++)
+    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
+        surface_mean_destroy(&anatomy->means[i]);
+        surface_tree_destroy(&anatomy->trees[i]);
         query_destroy(&anatomy->queries[i]);
+    }
     case_destroy(&anatomy->knee);
 }
 
@@ -40,8 +63,12 @@ static enum result anatomy_init(struct anatomy *out, const char *dir, struct err
     for (int i = 0; result == RESULT_OK && i < out->knee->group_count; i++) {
         const struct case_group *group = &out->knee->groups[i];
         result = query_create(&group->mesh, &out->queries[i], err);
-        out->surfaces[i] =
-            (struct warp_surface){&group->mesh, out->queries[i], group->warp, (int)group->body};
+        if (group->warp) {
+            out->trees[i] = surface_tree_create(&group->mesh);
+            out->means[i] = surface_mean_create(out->trees[i], group->warp);
+        }
+        out->surfaces[i] = (struct warp_surface){&group->mesh, out->queries[i], group->warp,
+                                                 (int)group->body, out->means[i]};
     }
     if (result == RESULT_OK)
         out->scene =
@@ -82,14 +109,19 @@ static bool is_counted(const struct anatomy *anatomy, int group, const struct to
     return matters;
 }
 
-static double touch_error(const struct anatomy *anatomy, const struct field *field,
-                          const struct touch *touch, double offset_mm) {
+static struct warp warp_at(const struct anatomy *anatomy, const struct variant *variant, vec3 y) {
+    struct field field = field_default(variant->kind);
     struct warp_memory memory;
     struct warp warp;
+    field.skin_mm = variant->skin_mm;
     warp_memory_init(&memory);
-    vec3 y = vec3_add_scaled(touch->point, offset_mm, touch->normal);
-    warp_point(&anatomy->scene, field, y, &memory, &warp);
-    return vec3_distance(warp.displacement, touch->delta);
+    warp_point(&anatomy->scene, &field, y, &memory, &warp);
+    return warp;
+}
+
+static double touch_error(const struct anatomy *anatomy, const struct variant *variant,
+                          const struct touch *touch, vec3 y) {
+    return vec3_distance(warp_at(anatomy, variant, y).displacement, touch->delta);
 }
 
 static vec3 displaced_corner(const struct warp_surface *surface, uint32_t triangle, int corner) {
@@ -126,21 +158,28 @@ static struct touch touch_on(const struct anatomy *anatomy, int group, uint32_t 
 // ---- many ----
 
 struct errors {
-    struct samples of[FIELD_COUNT][OFFSET_COUNT];
+    struct samples of[OFFSET_COUNT], noisy, gain;
 };
 
-static void add_errors(const struct anatomy *anatomy, const struct touch *touch,
-                       struct errors *errors) {
-    for (int kind = 0; kind < FIELD_COUNT; kind++) {
-        struct field field = field_default((enum field_kind)kind);
-        for (size_t i = 0; i < OFFSET_COUNT; i++)
-            samples_add(&errors->of[kind][i], touch_error(anatomy, &field, touch, offsets_mm[i]));
+static void add_errors(const struct anatomy *anatomy, const struct touch *touch, struct random *r,
+                       struct errors errors[VARIANT_COUNT]) {
+    vec3 noisy = vec3_add_scaled(touch->point, NOISE_MM * random_normal(r), random_direction(r));
+    vec3 beside = vec3_add_scaled(touch->point, random_between(r, 0, BESIDE_MM), touch->normal);
+    for (size_t k = 0; k < VARIANT_COUNT; k++) {
+        const struct variant *variant = &variants[k];
+        for (size_t i = 0; i < OFFSET_COUNT; i++) {
+            vec3 y = vec3_add_scaled(touch->point, offsets_mm[i], touch->normal);
+            samples_add(&errors[k].of[i], touch_error(anatomy, variant, touch, y));
+        }
+        samples_add(&errors[k].noisy, touch_error(anatomy, variant, touch, noisy));
+        mat3 gradient = warp_at(anatomy, variant, beside).gradient;
+        samples_add(&errors[k].gain, mat3_norm(mat3_add_scaled(mat3_identity(), 1, gradient)));
     }
 }
 
 // One point for each `spacing` of area.
 static void touch_group(const struct anatomy *anatomy, int group, double spacing,
-                        struct errors *errors) {
+                        struct errors errors[VARIANT_COUNT]) {
     const struct mesh *mesh = anatomy->surfaces[group].mesh;
     struct random r = {(uint64_t)group};
     double due = 0;
@@ -150,39 +189,48 @@ static void touch_group(const struct anatomy *anatomy, int group, double spacing
         for (due += vec3_length(vec3_cross(ab, ac)) / 2; due > spacing; due -= spacing) {
             struct touch touch = touch_on(anatomy, group, t, &r);
             if (is_counted(anatomy, group, &touch))
-                add_errors(anatomy, &touch, errors);
+                add_errors(anatomy, &touch, &r, errors);
         }
     }
 }
 
-static double report_errors(struct errors *errors, const char *name, struct report *report) {
+static void report_samples(struct report *report, struct samples *samples, const char *unit,
+                           const char *name, const char *field, const char *what) {
+    report_figure(report, samples_mean(samples), unit, "%s/%s/%s/mean", name, field, what);
+    report_figure(report, samples_quantile(samples, 0.99), unit, "%s/%s/%s/p99", name, field, what);
+    report_figure(report, samples_max(samples), unit, "%s/%s/%s/max", name, field, what);
+}
+
+static double report_errors(struct errors errors[VARIANT_COUNT], const char *name,
+                            struct report *report) {
     double at_contact = 0;
-    for (int kind = 0; kind < FIELD_COUNT; kind++)
+    for (size_t k = 0; k < VARIANT_COUNT; k++) {
         for (size_t i = 0; i < OFFSET_COUNT; i++) {
-            struct samples *mm = &errors->of[kind][i];
-            const char *field = field_name((enum field_kind)kind);
-            double offset = offsets_mm[i], max = samples_max(mm);
-            report_figure(report, samples_mean(mm), "mm", "%s/%s/%g mm off/mean", name, field,
-                          offset);
-            report_figure(report, samples_quantile(mm, 0.99), "mm", "%s/%s/%g mm off/p99", name,
-                          field, offset);
-            report_figure(report, max, "mm", "%s/%s/%g mm off/max", name, field, offset);
-            if (offset == 0)
-                at_contact = fmax(at_contact, max);
+            char what[32];
+            snprintf(what, sizeof what, "%g mm off", offsets_mm[i]);
+            report_samples(report, &errors[k].of[i], "mm", name, variants[k].name, what);
+            if (offsets_mm[i] == 0)
+                at_contact = fmax(at_contact, samples_max(&errors[k].of[i]));
         }
+        report_samples(report, &errors[k].noisy, "mm", name, variants[k].name, "noise");
+        report_samples(report, &errors[k].gain, "times", name, variants[k].name, "gain");
+    }
     return at_contact;
 }
 
-static void errors_fini(struct errors *errors) {
-    for (int kind = 0; kind < FIELD_COUNT; kind++)
+static void errors_fini(struct errors errors[VARIANT_COUNT]) {
+    for (size_t k = 0; k < VARIANT_COUNT; k++) {
         for (size_t i = 0; i < OFFSET_COUNT; i++)
-            samples_fini(&errors->of[kind][i]);
+            samples_fini(&errors[k].of[i]);
+        samples_fini(&errors[k].noisy);
+        samples_fini(&errors[k].gain);
+    }
 }
 
 static enum result measure_case(const char *dir, bool quick, struct report *report,
                                 double *out_at_contact, struct error *err) {
     struct anatomy anatomy;
-    struct errors errors = {0};
+    struct errors errors[VARIANT_COUNT] = {0};
     enum result result = anatomy_init(&anatomy, dir, err);
     if (result != RESULT_OK)
         return result;
@@ -190,15 +238,15 @@ static enum result measure_case(const char *dir, bool quick, struct report *repo
     for (size_t f = 0; f < FLEXION_COUNT; f++) {
         flex(&anatomy, flexions_deg[f]);
         for (int i = 0; i < anatomy.scene.surface_count; i++)
-            touch_group(&anatomy, i, quick ? 4 : 0.5, &errors);
+            touch_group(&anatomy, i, quick ? 4 : 0.5, errors);
     }
-    size_t points = errors.of[0][0].count;
+    size_t points = errors[0].of[0].count;
     report_figure(report, (double)points, "points", "%s/touched", name);
     if (points)
-        *out_at_contact = fmax(*out_at_contact, report_errors(&errors, name, report));
+        *out_at_contact = fmax(*out_at_contact, report_errors(errors, name, report));
     else
         result = fail(err, RESULT_MISSING, "case %s: nothing in it is displaced", dir);
-    errors_fini(&errors);
+    errors_fini(errors);
     anatomy_fini(&anatomy);
     return result;
 }

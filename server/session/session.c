@@ -36,8 +36,10 @@ struct session {
 };
 
 struct session_settings session_settings_default(void) {
+    struct field field = field_default(FIELD_INVERSE_DISTANCE);
+    field.skin_mm = 0.1;
     return (struct session_settings){
-        .field = field_default(FIELD_INVERSE_DISTANCE),
+        .field = field,
         .strength = 1,
         .hold_ns = 100 * NS_PER_MS,
         .ease_share = 0.2,

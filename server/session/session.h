@@ -31,7 +31,8 @@ struct session_settings {
     double ease_mm_s;
 };
 
-struct session_settings session_settings_default(void); // inverse-distance, 1, 100 ms, 0.2, 2 mm/s
+// Inverse-distance with a skin of 0.1 mm, 1, 100 ms, 0.2, 2 mm/s.
+struct session_settings session_settings_default(void);
 
 enum session_state {
     SESSION_WAITING,

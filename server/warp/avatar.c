@@ -105,10 +105,12 @@ static void look(const struct warp_scene *scene, const struct field *field,
     out->count = body->mode == AVATAR_TIP ? 1 : body->point_count;
     for (int i = 0; i < out->count; i++) {
         struct fit_point *p = &out->points[i];
-        p->arm = quat_rotate(T.rotation, body->points[i].at);
-        p->a = vec3_add_scaled(p->arm, -out->axis.portal, out->axis.u);
+        vec3 at = body->points[i].at;
+        p->arm = quat_rotate(T.rotation, at);
+        p->along = at.z - out->axis.portal;
+        p->beside = quat_rotate(T.rotation, (vec3){at.x, at.y, 0});
         p->radius = body->points[i].radius_mm;
-        p->heard = fade_in(body->points[i].at.z - out->axis.portal, &p->heard_slope);
+        p->heard = fade_in(p->along, &p->heard_slope);
         p->count = 0;
         if (i == 0 || p->heard > 0)
             p->count = warp_contacts(scene, field, vec3_add(T.translation, p->arm),

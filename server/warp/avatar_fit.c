@@ -6,7 +6,7 @@
 
 #define STEPS_MAX 20
 #define HALVINGS_MAX 12
-#define STEP_ENOUGH 1e-6 // of v, and of s in mm; the next would be its square
+#define STEP_ENOUGH 1e-5 // of v, and of s in mm; the next would be about its square
 
 // ---- how the surfaces around a point pull at it -------------------------------------------------
 
@@ -41,7 +41,10 @@ struct spring {
 // All but the rows: τ Ω |f − H W|² + Σ ω off².
 static void wind(const struct fit *fit, const struct fit_point *p, struct spring *out) {
     double sum = 0;
-    *out = (struct spring){.point = p};
+    out->point = p;
+    out->cost = 0;
+    out->pull = (vec3){0, 0, 0};
+    out->stiffness = (mat3){0};
     for (int k = 0; k < p->count; k++) {
         vec3 n = p->contacts[k].normal;
         double weight = fit_weigh(fit, p, &p->contacts[k]).value;
@@ -163,33 +166,50 @@ static void collect(const struct fit *fit, struct problem *out) {
             wind(fit, &fit->points[i], &out->springs[out->count++]);
 }
 
-// Where the axis goes.
+// Where the axis goes: Q u, its slopes over v[0], v[1], and the second ones: 00, 01, 11.
 struct bearing {
     struct turn turn;
+    vec3 ahead, slopes[2], bends[3];
     double s;
-    vec3 ahead, ahead_slopes[2]; // Q u; over v[0], v[1]
 };
 
 static struct bearing bear(const struct axis *axis, const double q[3]) {
-    struct bearing b = {turn_into(axis->u, axis->e, q), q[2], {0, 0, 0}, {{0, 0, 0}}};
-    vec3 unused[3];
+    struct bearing b = {.turn = turn_into(axis->u, axis->e, q), .s = q[2]};
     b.ahead = turn_apply(&b.turn, axis->u);
-    turn_slopes(&b.turn, axis->u, b.ahead_slopes, unused);
+    turn_slopes(&b.turn, axis->u, b.slopes, b.bends);
     return b;
 }
 
-// A point's displacement; its slopes over v[0], v[1], s; the second ones over v: 00, 01, 11. Those
-// over v and s are those of `ahead`; over s alone there is none.
+// A point's displacement; its slopes over v[0], v[1], s; the second ones over v. Those over v and s
+// are the slopes of Q u; over s alone there is none.
 struct course {
     vec3 f, slopes[3], bends[3];
 };
 
-static struct course course_of(const struct axis *axis, const struct bearing *b, vec3 a) {
+static void add_beside(const struct bearing *b, vec3 beside, struct course *out) {
+    vec3 slopes[2], bends[3];
+    turn_slopes(&b->turn, beside, slopes, bends);
+    out->f = vec3_add(out->f, vec3_sub(turn_apply(&b->turn, beside), beside));
+    for (int i = 0; i < 2; i++)
+        out->slopes[i] = vec3_add(out->slopes[i], slopes[i]);
+    for (int i = 0; i < 3; i++)
+        out->bends[i] = vec3_add(out->bends[i], bends[i]);
+}
+
+// f is 0, exactly, where v and s are.
+static struct course course_of(const struct axis *axis, const struct bearing *b,
+                               const struct fit_point *p) {
     struct course c;
-    vec3 x = vec3_add_scaled(a, b->s, axis->u);
-    c.f = vec3_sub(turn_apply(&b->turn, x), a);
-    turn_slopes(&b->turn, x, c.slopes, c.bends);
+    double along = p->along + b->s;
+    vec3 turned = vec3_scale(p->along, vec3_sub(b->ahead, axis->u));
+    c.f = vec3_add_scaled(turned, b->s, b->ahead);
     c.slopes[2] = b->ahead;
+    for (int i = 0; i < 2; i++)
+        c.slopes[i] = vec3_scale(along, b->slopes[i]);
+    for (int i = 0; i < 3; i++)
+        c.bends[i] = vec3_scale(along, b->bends[i]);
+    if (vec3_dot(p->beside, p->beside) > 0)
+        add_beside(b, p->beside, &c);
     return c;
 }
 
@@ -202,7 +222,7 @@ struct system {
 static void add_point(const struct problem *problem, const struct spring *spring,
                       const struct bearing *b, struct system *out) {
     double heard = spring->point->heard;
-    struct course course = course_of(problem->axis, b, spring->point->a);
+    struct course course = course_of(problem->axis, b, spring->point);
     struct pull pull = pull_of(spring, course.f);
     vec3 force = vec3_scale(heard, pull.force);
     out->cost += heard * pull.cost;
@@ -215,7 +235,7 @@ static void add_point(const struct problem *problem, const struct spring *spring
     for (int i = 0; i < 2; i++) {
         for (int j = 0; j <= i; j++)
             out->bend[i][j] += vec3_dot(course.bends[i + j], force);
-        out->bend[2][i] += vec3_dot(b->ahead_slopes[i], force);
+        out->bend[2][i] += vec3_dot(b->slopes[i], force);
     }
 }
 
@@ -288,7 +308,7 @@ static void add_gradient_slopes(const struct fit *fit, const struct spring *spri
                                 const struct bearing *b, double out[3][6]) {
     const struct axis *axis = &fit->axis;
     const struct fit_point *p = spring->point;
-    struct course c = course_of(axis, b, p->a);
+    struct course c = course_of(axis, b, p);
     struct pull pull = pull_of(spring, c.f);
     struct pull_slopes slopes = pull_slopes_of(fit, p, c.f);
     // P's way along u is −u over the hand's way, u × aside over its turn.
@@ -302,7 +322,7 @@ static void add_gradient_slopes(const struct fit *fit, const struct spring *spri
         turning = vec3_add(turning, vec3_cross(c.f, stiff));
         double portal = vec3_dot(stiff, by_portal) - vec3_dot(J, fading);
         if (i < 2)
-            portal -= vec3_dot(b->ahead_slopes[i], pull.force);
+            portal -= vec3_dot(b->slopes[i], pull.force);
         way = vec3_add_scaled(way, -portal, axis->u);
         turning = vec3_add_scaled(turning, portal, portal_turn);
         const double row[6] = {way.x, way.y, way.z, turning.x, turning.y, turning.z};

@@ -15,8 +15,9 @@ struct axis {
 };
 
 struct fit_point {
-    vec3 arm; // from the tip to the point
-    vec3 a;   // from P
+    vec3 arm;     // from the tip to the point
+    double along; // a: from P along u,
+    vec3 beside;  // and across it
     double radius;
     double heard, heard_slope; // h, and over its way past the portal
     struct warp warp;

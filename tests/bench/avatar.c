@@ -8,6 +8,7 @@
 #define POINTS 8
 #define SPACING_MM 7.0
 #define STEP_MM 0.05 // as in warp.c
+#define STEPS 40000
 
 static const pose bodies_at[3] = {
     {{1, 0, 0, 0}, {0, 0, 0}}, {{1, 0, 0, 0}, {0, 0, 0}}, {{1, 0, 0, 0}, {0, 0, 0}}};
@@ -39,13 +40,12 @@ static struct avatar warp_at(const struct bench *b, enum avatar_mode mode, vec3 
 // ---- time ---------------------------------------------------------------------------------------
 
 // The median, in µs, along the path of warp.c.
-static double time_mode(const struct bench *b, enum avatar_mode mode, int count,
-                        struct report *report) {
+static double time_mode(const struct bench *b, enum avatar_mode mode, struct report *report) {
     const vec3 portal = {28, 50, 6};
     struct samples us = {0};
     struct avatar_memory memory;
     avatar_memory_init(&memory);
-    for (int i = -100; i < count; i++) { // the first ones warm up
+    for (int i = -100; i < STEPS; i++) { // the first ones warm up
         vec3 way = vec3_sub(bodies_knee_path(STEP_MM * i), portal);
         pose T = probe_aim(portal, way, vec3_length(way));
         int64_t before = clock_now_ns();
@@ -135,7 +135,7 @@ void bench_avatars(const struct bench_options *options, struct report *report) {
     double us[AVATAR_MODE_COUNT];
     prepare(&b);
     for (int m = 0; m < AVATAR_MODE_COUNT; m++)
-        us[m] = time_mode(&b, (enum avatar_mode)m, options->quick ? 4000 : 40000, report);
+        us[m] = time_mode(&b, (enum avatar_mode)m, report);
     report_mark(report, "rigid_over_tip_time", us[AVATAR_RIGID] / us[AVATAR_TIP], "times", 8,
                 BETTER_LOW);
     touch_knee(&b, options->quick ? 150 : 1500, report);

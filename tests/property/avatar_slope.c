@@ -2,6 +2,7 @@
 #include "scene/world.h"
 #include "test.h"
 #include "warp/avatar.h"
+#include "warp/turn.h"
 
 #include <string.h>
 
@@ -117,6 +118,40 @@ static void the_slope_agrees_with_central_differences(void **state) {
         assert_true(checked > 200 * 6 / 2);
     }
     world_fini(&w);
+}
+
+// ---- the turn underneath ------------------------------------------------------------------------
+
+static void a_turn_is_the_shortest_and_has_its_slopes(void **state) {
+    (void)state;
+    struct random r = {5};
+    const double h = 1e-4;
+    for (int i = 0; i < 200; i++) {
+        mat3 R = quat_to_mat3(random_pose(&r, 1).rotation);
+        vec3 e[2] = {{R.m[0][0], R.m[1][0], R.m[2][0]}, {R.m[0][1], R.m[1][1], R.m[2][1]}};
+        vec3 u = {R.m[0][2], R.m[1][2], R.m[2][2]}, x = random_in_box(&r, 50);
+        double v[2] = {random_between(&r, -0.5, 0.5), random_between(&r, -0.5, 0.5)};
+        struct turn turn = turn_into(u, e, v);
+        vec3 leaning = vec3_add_scaled(vec3_add_scaled(u, v[0], e[0]), v[1], e[1]);
+        vec3 into = vec3_unit_or(leaning, u), across = vec3_unit_or(vec3_cross(u, into), u);
+        quat shortest = quat_from_axis_angle(across, acos(vec3_dot(u, into)));
+        assert_vec3_near(turn_apply(&turn, x), quat_rotate(shortest, x), 1e-6);
+        assert_vec3_near(turn_apply(&turn, x), quat_rotate(turn_rotation(&turn), x), 1e-12);
+        vec3 first[2], second[3], ahead[2], behind[2], unused[3];
+        turn_slopes(&turn, x, first, second);
+        for (int k = 0; k < 2; k++) {
+            double more[2] = {v[0] + h * (k == 0), v[1] + h * (k == 1)};
+            double less[2] = {v[0] - h * (k == 0), v[1] - h * (k == 1)};
+            struct turn after = turn_into(u, e, more), before = turn_into(u, e, less);
+            vec3 way = vec3_sub(turn_apply(&after, x), turn_apply(&before, x));
+            assert_vec3_near(first[k], vec3_scale(0.5 / h, way), 1e-5);
+            turn_slopes(&after, x, ahead, unused);
+            turn_slopes(&before, x, behind, unused);
+            for (int j = 0; j < 2; j++)
+                assert_vec3_near(second[k + j], vec3_scale(0.5 / h, vec3_sub(ahead[j], behind[j])),
+                                 1e-5);
+        }
+    }
 }
 
 // ---- a pose that is late ------------------------------------------------------------------------
@@ -242,6 +277,7 @@ static void between_convex_bodies_motion_is_continuous(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_slope_agrees_with_central_differences),
+        cmocka_unit_test(a_turn_is_the_shortest_and_has_its_slopes),
         cmocka_unit_test(a_late_pose_is_made_up_for),
         cmocka_unit_test(past_the_trust_radius_the_way_is_cut_short),
         cmocka_unit_test(between_convex_bodies_motion_is_continuous),

@@ -3,7 +3,6 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "base/thread.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
 #include "hub/tissue_delta.h"
@@ -11,6 +10,7 @@
 
 #include <errno.h>
 #include <poll.h>
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -266,7 +266,8 @@ static void take_round(struct theatre *theatre) {
 
 static void *operate(void *argument) {
     struct theatre *theatre = argument;
-    thread_works_beside();
+    struct sched_param none = {0};
+    sched_setscheduler(0, SCHED_IDLE, &none); // the worker goes first, whenever it wakes
     struct pollfd fd = {.fd = theatre->wake_fd, .events = POLLIN};
     bool stop = false;
     while (!stop) {

@@ -2,7 +2,6 @@
 // anyone: rings to and from the other threads, non-blocking sends, a trace that only copies.
 #include "base/check.h"
 #include "base/clock.h"
-#include "base/thread.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
 
@@ -377,7 +376,6 @@ static void end_session(struct worker *worker, struct seat *seat, int64_t now_ns
 
 static void *work(void *argument) {
     struct worker *worker = argument;
-    thread_wakes_at_once();
     struct pollfd fds[2] = {
         {.fd = datagram_fd(worker->endpoint), .events = POLLIN},
         {.fd = worker->wake_fd, .events = POLLIN},

@@ -2,7 +2,6 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "base/thread.h"
 #include "case/generate.h"
 #include "hub/hub.h"
 #include "link/link.h"
@@ -335,7 +334,6 @@ static enum result wait_for_path(struct house *h, struct error *err) {
 
 static void compare(struct house *h, const struct bench_options *options, struct report *report) {
     int rounds = options->quick ? 4 : 10;
-    thread_wakes_at_once(); // the hand is on a machine of its own in truth
     double seconds = options->quick ? 2 : 5;
     struct samples ratios = {0}, all[2] = {{0}, {0}};
     for (int i = 0; i < rounds; i++) {

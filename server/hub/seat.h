@@ -164,7 +164,7 @@ void worker_release(struct worker *worker); // its rings, once no other thread u
 bool worker_tell(struct worker *worker, struct ring *ring, const struct note *note);
 
 // theatre.c: beside each worker, the thread that runs the jobs of its sessions and brings their
-// meshes to the stations, at a lower priority.
+// meshes to the stations, whenever nothing else wants the processor.
 void theatre_start(struct worker *worker);
 void theatre_stop(struct worker *worker); // after the worker's thread: finishes what was asked for
 void theatre_release(struct worker *worker); // its rings, once no other thread uses them

@@ -41,6 +41,9 @@ static bool face_loops(struct cut_mesh *mesh, struct stage *stage, uint32_t star
 }
 
 // ---- loops into regions: each hole goes to the smallest loop around it ----
+//
+// Where the body crosses itself a hole may lie in none. It then goes to the largest: the area, and
+// with it the volume, is right with any.
 
 #define LOST_MM2 1e-6 // so small a hole may lie where it will
 
@@ -71,6 +74,14 @@ static bool ring_holds(const struct cut_mesh *mesh, const struct stage *stage,
     return inside;
 }
 
+static uint32_t largest_loop(const struct loop *loops, uint32_t count) {
+    uint32_t largest = 0;
+    for (uint32_t i = 1; i < count; i++)
+        if (loops[i].area > loops[largest].area)
+            largest = i;
+    return largest;
+}
+
 static void find_owner(const struct cut_mesh *mesh, const struct stage *stage,
                        const struct flat *flat, uint32_t count, uint32_t k) {
     struct loop *loops = stage->loops;
@@ -82,6 +93,8 @@ static void find_owner(const struct cut_mesh *mesh, const struct stage *stage,
         if (loops[i].area > 0 && ring_holds(mesh, stage, flat, &loops[i].ring, p) &&
             (loops[k].owner == k || loops[i].area < loops[loops[k].owner].area))
             loops[k].owner = i;
+    if (loops[k].owner == k && loops[largest_loop(loops, count)].area > 0)
+        loops[k].owner = largest_loop(loops, count);
 }
 
 // The rings of the last region, a whole face, as loops; and the region is no more.
@@ -112,7 +125,7 @@ static bool split_into_regions(const struct cut_mesh *mesh, struct stage *stage,
         if (stage->loops[k].owner != k)
             continue;
         if (stage->loops[k].area < -LOST_MM2)
-            return stage_refuse(stage, "a hole in new surface lies in none");
+            return stage_refuse(stage, "new surface that is nothing but a hole");
         stage_add_region(stage, stage->number, normal);
         add_loop(stage, stage->loops[k].ring);
         for (uint32_t i = 0; i < count; i++)

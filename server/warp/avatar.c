@@ -2,7 +2,6 @@
 
 #include "base/check.h"
 #include "warp/avatar_fit.h"
-#include "warp/turn.h"
 
 #include <string.h>
 
@@ -10,26 +9,10 @@
 #define FADE_TO_MM 15
 #define TRUST_LEAST_MM 0.1
 
-const char *avatar_mode_name(enum avatar_mode mode) {
-    static const char *const names[AVATAR_MODE_COUNT] = {"tip", "points", "rigid"};
-    return (unsigned)mode < AVATAR_MODE_COUNT ? names[mode] : "unknown";
-}
-
-bool avatar_mode_from_name(const char *name, enum avatar_mode *out_mode) {
-    for (int i = 0; i < AVATAR_MODE_COUNT; i++)
-        if (!strcmp(name, avatar_mode_name((enum avatar_mode)i))) {
-            *out_mode = (enum avatar_mode)i;
-            return true;
-        }
-    return false;
-}
-
 void avatar_memory_init(struct avatar_memory *memory) {
     for (int i = 0; i < AVATAR_POINTS_MAX; i++)
         warp_memory_init(&memory->points[i]);
 }
-
-// ---- the axis, and motions of the instrument on it ----------------------------------------------
 
 static struct axis axis_of(pose T_world_tip, vec3 portal) {
     struct axis axis = {
@@ -40,51 +23,6 @@ static struct axis axis_of(pose T_world_tip, vec3 portal) {
     };
     axis.portal = vec3_dot(axis.u, axis.aside);
     return axis;
-}
-
-pose avatar_place(enum avatar_mode mode, vec3 portal, const struct avatar_motion *motion,
-                  pose T_world_tip) {
-    vec3 tip = T_world_tip.translation;
-    if (mode != AVATAR_RIGID)
-        return (pose){T_world_tip.rotation, vec3_add(tip, motion->v)};
-    struct axis axis = axis_of(T_world_tip, portal);
-    const double v[2] = {vec3_dot(axis.e[0], motion->v), vec3_dot(axis.e[1], motion->v)};
-    if (v[0] == 0 && v[1] == 0 && motion->s == 0)
-        return T_world_tip;
-    struct turn turn = turn_into(axis.u, axis.e, v);
-    vec3 P = vec3_add_scaled(tip, axis.portal, axis.u);
-    vec3 arm = vec3_scale(motion->s - axis.portal, axis.u);
-    return (pose){quat_unit(quat_multiply(turn_rotation(&turn), T_world_tip.rotation)),
-                  vec3_add(P, turn_apply(&turn, arm))};
-}
-
-// The rotation from a to b as axis · angle, the shorter way.
-static vec3 turn_between(quat a, quat b) {
-    quat d = quat_multiply(b, quat_conjugate(a));
-    vec3 sine = {d.x, d.y, d.z};
-    double length = vec3_length(sine), sign = d.w < 0 ? -1 : 1;
-    double scale = length > 0 ? 2 * sign * atan2(length, sign * d.w) / length : 0;
-    return vec3_scale(scale, sine);
-}
-
-struct avatar_motion avatar_follow(const struct avatar *avatar, const struct avatar_body *body,
-                                   pose sent, pose now) {
-    double longest = 0, share = 1;
-    for (int i = 0; i < (body->mode == AVATAR_TIP ? 1 : body->point_count); i++) {
-        vec3 at = body->points[i].at;
-        longest = fmax(longest, vec3_distance(pose_apply(now, at), pose_apply(sent, at)));
-    }
-    if (longest > avatar->trust_radius_mm)
-        share = avatar->trust_radius_mm / longest;
-    vec3 way = vec3_sub(now.translation, sent.translation);
-    vec3 turn = turn_between(sent.rotation, now.rotation);
-    const double step[6] = {way.x, way.y, way.z, turn.x, turn.y, turn.z};
-    double change[4] = {0};
-    for (int i = 0; i < 4; i++)
-        for (int k = 0; k < 6; k++)
-            change[i] += share * avatar->slope[i][k] * step[k];
-    vec3 v = {change[0], change[1], change[2]};
-    return (struct avatar_motion){vec3_add(avatar->motion.v, v), avatar->motion.s + change[3]};
 }
 
 // ---- points of the body in the field ------------------------------------------------------------
@@ -128,9 +66,9 @@ static void add_row(double row[6], vec3 way, vec3 turn) {
 
 static void follow_tip(const struct fit *fit, struct avatar *out) {
     const struct warp *warp = &fit->points[0].warp;
-    out->motion.v = warp->displacement;
+    out->lead.motion.v = warp->displacement;
     for (int i = 0; i < 3; i++)
-        memcpy(out->slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
+        memcpy(out->lead.slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
 }
 
 // Ω = h Σ_k ω_k of a point, and over the point's way and h.
@@ -154,7 +92,7 @@ static void add_mean_slopes(const struct fit *fit, const struct fit_point *p, do
     const struct axis *axis = &fit->axis;
     vec3 slope, W = p->warp.displacement;
     double by_heard, weight = loudness(fit, p, &slope, &by_heard);
-    vec3 off = vec3_add_scaled(vec3_scale(fit->shown, W), -1, out->motion.v);
+    vec3 off = vec3_add_scaled(vec3_scale(fit->shown, W), -1, out->lead.motion.v);
     mat3 place = mat3_add_scaled(mat3_outer(off, slope), weight * fit->shown, p->warp.gradient);
     vec3 fading = vec3_scale(by_heard * p->heard_slope / sum, off);
     fading = vec3_add_scaled(fading, weight * fit->shown_slope / sum, W);
@@ -163,7 +101,7 @@ static void add_mean_slopes(const struct fit *fit, const struct fit_point *p, do
     for (int i = 0; i < 3; i++) {
         vec3 row = {place.m[i][0] / sum, place.m[i][1] / sum, place.m[i][2] / sum};
         vec3 turn = vec3_add_scaled(vec3_cross(p->arm, row), -fades[i], portal_turn);
-        add_row(out->slope[i], vec3_add_scaled(row, fades[i], axis->u), turn);
+        add_row(out->lead.slope[i], vec3_add_scaled(row, fades[i], axis->u), turn);
     }
 }
 
@@ -178,7 +116,7 @@ static void follow_mean(const struct fit *fit, struct avatar *out) {
     }
     if (!(sum > 0))
         return;
-    out->motion.v = vec3_scale(fit->shown / sum, mean);
+    out->lead.motion.v = vec3_scale(fit->shown / sum, mean);
     for (int i = 0; i < fit->count; i++)
         if (fit->points[i].count)
             add_mean_slopes(fit, &fit->points[i], sum, out);
@@ -189,17 +127,24 @@ static void follow_fit(const struct fit *fit, struct avatar *out) {
     const vec3 *e = fit->axis.e;
     double q[3], slope[3][6];
     fit_find(fit, q, slope);
-    out->motion.v = vec3_add_scaled(vec3_scale(q[0], e[0]), q[1], e[1]);
-    out->motion.s = q[2];
+    out->lead.motion.v = vec3_add_scaled(vec3_scale(q[0], e[0]), q[1], e[1]);
+    out->lead.motion.s = q[2];
     for (int k = 0; k < 6; k++) {
         vec3 around = {k == 3, k == 4, k == 5};
         vec3 v = vec3_add_scaled(vec3_scale(slope[0][k], e[0]), slope[1][k], e[1]);
-        v = vec3_add(v, vec3_cross(around, out->motion.v));
-        out->slope[0][k] = v.x;
-        out->slope[1][k] = v.y;
-        out->slope[2][k] = v.z;
-        out->slope[3][k] = slope[2][k];
+        v = vec3_add(v, vec3_cross(around, out->lead.motion.v));
+        out->lead.slope[0][k] = v.x;
+        out->lead.slope[1][k] = v.y;
+        out->lead.slope[2][k] = v.z;
+        out->lead.slope[3][k] = slope[2][k];
     }
+}
+
+static double reach_of(const struct avatar_body *body) {
+    double reach = 0;
+    for (int i = 0; body->mode != AVATAR_TIP && i < body->point_count; i++)
+        reach = fmax(reach, -body->points[i].at.z);
+    return reach;
 }
 
 // ---- what comes of it ---------------------------------------------------------------------------
@@ -229,7 +174,7 @@ static void measure_tip(const struct fit_point *tip, struct avatar *out) {
 static void measure(const struct fit *fit, const struct avatar_body *body, pose T,
                     struct avatar *out) {
     out->tip = fit->points[0].warp;
-    out->trust_radius_mm = out->tip.trust_radius_mm;
+    out->lead.trust_radius_mm = out->tip.trust_radius_mm;
     for (int i = 0; i < body->point_count; i++) {
         vec3 at = body->points[i].at;
         out->displacement[i] = vec3_sub(pose_apply(out->T_world_warped, at), pose_apply(T, at));
@@ -239,7 +184,7 @@ static void measure(const struct fit *fit, const struct avatar_body *body, pose 
         if (!p->count)
             continue;
         if (body->mode != AVATAR_TIP)
-            out->trust_radius_mm = fmin(out->trust_radius_mm, trust(p));
+            out->lead.trust_radius_mm = fmin(out->lead.trust_radius_mm, trust(p));
         measure_depth(p, out->displacement[i], out);
     }
     measure_tip(&fit->points[0], out);
@@ -254,6 +199,9 @@ void avatar_warp(const struct warp_scene *scene, const struct field *field,
     fit.axis = axis_of(T_world_tip, portal);
     look(scene, field, body, T_world_tip, memory, &fit);
     memset(out, 0, sizeof *out);
+    out->lead.mode = body->mode;
+    out->lead.portal = portal;
+    out->lead.reach_mm = reach_of(body);
     switch (body->mode) {
     case AVATAR_TIP:
         follow_tip(&fit, out);
@@ -265,6 +213,6 @@ void avatar_warp(const struct warp_scene *scene, const struct field *field,
         follow_fit(&fit, out);
         break;
     }
-    out->T_world_warped = avatar_place(body->mode, portal, &out->motion, T_world_tip);
+    out->T_world_warped = avatar_place(body->mode, portal, &out->lead.motion, T_world_tip);
     measure(&fit, body, T_world_tip, out);
 }

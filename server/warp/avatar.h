@@ -23,29 +23,14 @@
 // Allocates nothing.
 #pragma once
 
+#include "base/follow.h"
 #include "warp/warp.h"
 
 #define AVATAR_POINTS_MAX 16
 
-enum avatar_mode {
-    AVATAR_TIP,    // all of it moves as its tip does: the paper
-    AVATAR_POINTS, // all of it moves by H Σ Ω W / Σ Ω over its points, Ω_i = h_i Σ_k ω_ik
-    AVATAR_RIGID,  // the fit above
-    AVATAR_MODE_COUNT
-};
-
-const char *avatar_mode_name(enum avatar_mode mode); // "tip", "points", "rigid"
-bool avatar_mode_from_name(const char *name, enum avatar_mode *out_mode);
-
 struct avatar_point {
     vec3 at;          // in the tip's frame; beside the axis as well
     double radius_mm; // of the body around it
-};
-
-// How the avatar moves, in the world.
-struct avatar_motion {
-    vec3 v;   // rigid: v, a part of 1; else the displacement of every point, mm
-    double s; // rigid: s, mm; else 0
 };
 
 // The instrument.
@@ -63,12 +48,9 @@ void avatar_memory_init(struct avatar_memory *memory);
 
 struct avatar {
     pose T_world_warped; // of the tip's frame
-    struct avatar_motion motion;
-    double slope[4][6]; // of v.x, v.y, v.z, s over the hand's way: along x, y, z, mm; and its turn
-                        // about the measured tip, around x, y, z, radians; all in the world
-    // How far any point may have moved for motion + slope · way to be used. tip: the space warp's;
-    // points, rigid: the least over points, of it and of twice the point's gap, but 0.1.
-    double trust_radius_mm;
+    // In the world. Its trust radius for tip: the space warp's; else the least over points, of it
+    // and of twice the point's gap, but 0.1.
+    struct avatar_lead lead;
     struct warp tip;                      // the space warp of the tip alone
     vec3 displacement[AVATAR_POINTS_MAX]; // of each point of the body
     // As far as surfaces are flat, over all that is looked at (`tip`: the tip), 0 where it is not:
@@ -82,12 +64,3 @@ struct avatar {
 void avatar_warp(const struct warp_scene *scene, const struct field *field,
                  const struct avatar_body *body, vec3 portal, pose T_world_tip,
                  struct avatar_memory *memory, struct avatar *out_avatar);
-
-// The motion at a tip's pose that it was not made for.
-pose avatar_place(enum avatar_mode mode, vec3 portal, const struct avatar_motion *motion,
-                  pose T_world_tip);
-
-// The motion once the hand has gone on from `sent` to `now`: motion + slope · way, the way
-// shortened to where no point of the body has gone farther than the trust radius.
-struct avatar_motion avatar_follow(const struct avatar *avatar, const struct avatar_body *body,
-                                   pose T_world_sent, pose T_world_now);

@@ -1,6 +1,6 @@
 #include "warp/avatar_fit.h"
 
-#include "warp/turn.h"
+#include "base/turn.h"
 
 #include <string.h>
 

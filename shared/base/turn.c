@@ -1,4 +1,4 @@
-#include "warp/turn.h"
+#include "base/turn.h"
 
 static const int pairs[3][2] = {{0, 0}, {0, 1}, {1, 1}};
 

@@ -1,0 +1,48 @@
+// How an avatar moves with the hand between two answers of a server, so that the network leaves the
+// loop of hand and eye (docs/ARCHITECTURE.md). An answer says how the avatar was moved, and how
+// that changes with the hand; who shows it applies both to the newest pose.
+//
+// The tip's frame has its origin in the tip and z along the shaft, away from the handle. `rigid`
+// turns and slides the instrument in its portal: with u along the axis, P the axis's point nearest
+// to the portal, and Q the shortest turn of u into (u + v)/|u + v|, a point P + a goes to
+// P + Q (a + s u). The other modes displace all points by v. Millimetres and radians.
+#pragma once
+
+#include "base/pose.h"
+
+enum avatar_mode {
+    AVATAR_TIP,    // all of it moves as its tip does
+    AVATAR_POINTS, // all of it moves by a mean over its points
+    AVATAR_RIGID,  // it turns and slides in its portal
+    AVATAR_MODE_COUNT
+};
+
+const char *avatar_mode_name(enum avatar_mode mode); // "tip", "points", "rigid"
+bool avatar_mode_from_name(const char *name, enum avatar_mode *out_mode);
+
+// How the avatar moves.
+struct avatar_motion {
+    vec3 v;   // rigid: v, a part of 1; else the displacement of every point, mm
+    double s; // rigid: s, mm; else 0
+};
+
+// All in one frame: the world, or a body's.
+struct avatar_lead {
+    enum avatar_mode mode;
+    vec3 portal; // of `rigid`
+    struct avatar_motion motion;
+    double slope[4][6]; // of v.x, v.y, v.z, s over the hand's way: along x, y, z, mm; and its turn
+                        // about the tip, around x, y, z, radians
+    double reach_mm;    // how far the body goes from its tip, towards the handle; of `tip` 0
+    double trust_radius_mm; // how far any point may have moved for motion + slope · way to be used
+};
+
+// The motion at a tip's pose, in the motion's frame.
+pose avatar_place(enum avatar_mode mode, vec3 portal, const struct avatar_motion *motion, pose tip);
+
+// The motion once the hand has gone on from `sent` to `now`: motion + slope · way, the way
+// shortened to where no point of the body has gone farther than the trust radius.
+struct avatar_motion avatar_follow(const struct avatar_lead *lead, pose sent, pose now);
+
+// The same lead in frame a, given in frame b.
+struct avatar_lead avatar_lead_in(pose T_a_b, const struct avatar_lead *lead);

@@ -17,6 +17,8 @@
 #define CASE_PORTALS_MAX 8
 #define CASE_PATELLA_PATH_MAX 64
 #define CASE_REGION_PARTS_MAX 32
+#define CASE_LIGAMENTS_MAX 8 // torn ones
+#define CASE_KEYS_MAX 32     // of all of them together; also of the rest path
 
 enum body { BODY_FEMUR, BODY_TIBIA, BODY_PATELLA, BODY_COUNT };
 
@@ -47,10 +49,14 @@ struct case_group {
     char name[CASE_NAME_MAX]; // tibia, femur, patella, meniscus_medial, meniscus_lateral, acl,
                               // pcl, mcl, lcl, skin; others are allowed
     enum body body;
-    bool cuttable;    // must be one closed, manifold, oriented part
-    struct mesh mesh; // all parts, joined
-    float *warp;      // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
-    float *maxcut;    // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
+    bool bridges; // from its body to other_body, as a ligament does
+    enum body other_body;
+    float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other; else
+                        // NULL
+    bool cuttable;      // must be one closed, manifold, oriented part
+    struct mesh mesh;   // all parts, joined
+    float *warp;        // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
+    float *maxcut;      // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
     struct case_lesion lesion;
     int part_count;
     struct case_part parts[CASE_PARTS_MAX];
@@ -67,6 +73,13 @@ struct case_patella_key {
     pose T_femur_patella;
 };
 
+// A key pose of a torn ligament: the tibia of the mock-up is here, with that ligament held against
+// its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both.
+struct case_key {
+    int ligament; // index into the case's torn ligaments
+    pose physical, target;
+};
+
 struct knee_case {
     char name[CASE_NAME_MAX];
     char title[128];
@@ -78,6 +91,13 @@ struct knee_case {
     struct case_portal portals[CASE_PORTALS_MAX];
     int patella_key_count; // rising flexion; 0: the patella stays in the rest pose
     struct case_patella_key patella_keys[CASE_PATELLA_PATH_MAX];
+    int rest_count; // T_femur_tibia of the mock-up at rest over flexion; 0: that of the joint's
+                    // axes
+    pose rest[CASE_KEYS_MAX];
+    int torn_count;
+    char torn[CASE_LIGAMENTS_MAX][CASE_NAME_MAX]; // directions in which the joint gives way
+    int key_count;
+    struct case_key keys[CASE_KEYS_MAX];
 };
 
 // What a file may cost before it is refused.

@@ -8,6 +8,9 @@
 //                     "lesion": { "tear": [ [ [nx, ny, nz, offset], … ], … ],
 //                                 "damage": […], "plan": […] } }, … ],
 //       "portals": [ { "name": "anterolateral", "position": [x, y, z], "direction": […] }, … ],
+//       "rest": [ [x, y, z, qw, qx, qy, qz], … ],
+//       "torn": [ { "ligament": "mcl",
+//                   "keys": [ { "physical": [x, y, z, qw, …], "target": […] }, … ] }, … ],
 //       "patella": [ { "flexion_deg": 0, "T_femur_patella": [x, y, z, qw, qx, qy, qz] }, … ] }
 //
 // Millimetres and unit quaternions. A region of a lesion is a list of convex parts (up to 32), a

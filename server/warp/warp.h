@@ -49,6 +49,10 @@ struct warp_surface {
     const struct query *query;
     const float *displacement; // 3 * vertex_count, mm: S' − S; NULL for 0
     int body;                  // index into the poses of the scene
+    // A ligament that bridges two bones: how much of each vertex follows the other bone's
+    // correction, 0 to 1: M = (1 − share) M_body + share M_other. NULL: nothing; it has no mean.
+    const float *other_share;
+    int other_body;
     // Of this displacement, for the smooth field; NULL: the closest point's Δ. Near the surface it
     // hands over to that: from max(R/240, s), and over R/120.
     const struct surface_mean *mean;

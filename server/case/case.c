@@ -69,6 +69,7 @@ void case_destroy(struct knee_case **knee) {
         mesh_fini(&group->mesh);
         free(group->warp);
         free(group->maxcut);
+        free(group->other_share);
         free(group->lesion.tear.parts);
         free(group->lesion.damage.parts);
         free(group->lesion.plan.parts);
@@ -111,6 +112,9 @@ static void append_mesh(struct case_group *group, const struct mesh *mesh) {
         group->warp = append_floats(group->warp, old, NULL, more);
     if (group->maxcut)
         group->maxcut = append_floats(group->maxcut, old, NULL, more);
+    if (group->bridges)
+        group->other_share =
+            append_floats(group->other_share, joined->vertex_count, NULL, mesh->vertex_count);
     size_t corners = 3 * (size_t)joined->triangle_count;
     size_t more_corners = 3 * (size_t)mesh->triangle_count;
     joined->triangles =
@@ -166,6 +170,14 @@ float *case_group_need_maxcut(struct case_group *group) {
     return group->maxcut;
 }
 
+void case_group_bridge(struct case_group *group, enum body other) {
+    CHECK(!group->bridges);
+    group->bridges = true;
+    group->other_body = other;
+    if (group->mesh.vertex_count)
+        group->other_share = alloc(group->mesh.vertex_count, sizeof *group->other_share);
+}
+
 void case_group_virtual(const struct case_group *group, struct mesh *out_mesh) {
     mesh_copy(out_mesh, &group->mesh);
     for (size_t i = 0; group->warp && i < 3 * (size_t)group->mesh.vertex_count; i++)
@@ -208,6 +220,19 @@ static enum result check_displacement(const struct case_group *group, const char
         if (!isfinite(values[i]))
             return fail(err, RESULT_INVALID, "group %s: %s of vertex %zu is not finite",
                         group->name, name, i / 3);
+    return RESULT_OK;
+}
+
+static enum result check_bridge(const struct case_group *group, struct error *err) {
+    if (!group->bridges)
+        return RESULT_OK;
+    if (group->other_body == group->body)
+        return fail(err, RESULT_INVALID, "group %s bridges from its body %s to the same",
+                    group->name, body_name(group->body));
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++)
+        if (!(group->other_share[v] >= 0 && group->other_share[v] <= 1))
+            return fail(err, RESULT_INVALID, "group %s: other_share of vertex %u is not 0 to 1",
+                        group->name, v);
     return RESULT_OK;
 }
 
@@ -274,6 +299,8 @@ static enum result check_group(const struct case_group *group, struct error *err
     enum result result = check_displacement(group, "warp", group->warp, err);
     if (result == RESULT_OK)
         result = check_displacement(group, "maxcut", group->maxcut, err);
+    if (result == RESULT_OK)
+        result = check_bridge(group, err);
     if (result == RESULT_OK && group->cuttable)
         result = check_cuttable(group, err);
     if (result == RESULT_OK)
@@ -309,6 +336,44 @@ static enum result check_patella(const struct knee_case *knee, struct error *err
     return RESULT_OK;
 }
 
+static enum result check_torn(const struct knee_case *knee, int ligament, struct error *err) {
+    const char *name = knee->torn[ligament];
+    bool has_key = false;
+    if (!case_name_is_valid(name))
+        return fail(err, RESULT_INVALID, "torn[%d] has no valid name", ligament);
+    for (int i = 0; i < ligament; i++)
+        if (strcmp(name, knee->torn[i]) == 0)
+            return fail(err, RESULT_INVALID, "there are two torn ligaments %s", name);
+    for (int i = 0; i < knee->key_count; i++)
+        has_key |= knee->keys[i].ligament == ligament;
+    if (!has_key)
+        return fail(err, RESULT_INVALID, "the torn ligament %s has no key", name);
+    return RESULT_OK;
+}
+
+static enum result check_keys(const struct knee_case *knee, struct error *err) {
+    if (knee->torn_count > CASE_LIGAMENTS_MAX || knee->key_count > CASE_KEYS_MAX ||
+        knee->rest_count > CASE_KEYS_MAX)
+        return fail(err, RESULT_LIMIT, "more than %d torn ligaments, or %d keys, or poses at rest",
+                    CASE_LIGAMENTS_MAX, CASE_KEYS_MAX);
+    for (int i = 0; i < knee->rest_count; i++)
+        if (!pose_is_valid(knee->rest[i]))
+            return fail(err, RESULT_INVALID, "rest[%d]: not a pose", i);
+    for (int i = 0; i < knee->key_count; i++) {
+        const struct case_key *key = &knee->keys[i];
+        if (key->ligament < 0 || key->ligament >= knee->torn_count)
+            return fail(err, RESULT_INVALID, "key %d: there is no torn ligament %d", i,
+                        key->ligament);
+        if (!pose_is_valid(key->physical) || !pose_is_valid(key->target))
+            return fail(err, RESULT_INVALID, "key %d (%s): not two poses", i,
+                        knee->torn[key->ligament]);
+    }
+    enum result result = RESULT_OK;
+    for (int i = 0; i < knee->torn_count && result == RESULT_OK; i++)
+        result = check_torn(knee, i, err);
+    return result;
+}
+
 enum result case_validate(const struct knee_case *knee, struct error *err) {
     // case_group gives a pointer for changing, which this does not do.
     struct knee_case *reading = (struct knee_case *)knee;
@@ -323,6 +388,8 @@ enum result case_validate(const struct knee_case *knee, struct error *err) {
     enum result result = check_portals(knee, err);
     if (result == RESULT_OK)
         result = check_patella(knee, err);
+    if (result == RESULT_OK)
+        result = check_keys(knee, err);
     for (int i = 0; result == RESULT_OK && i < knee->group_count; i++)
         result = check_group(&knee->groups[i], err);
     return result;

@@ -51,8 +51,8 @@ struct case_group {
     enum body body;
     bool bridges; // from its body to other_body, as a ligament does
     enum body other_body;
-    float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other; else
-                        // NULL
+    float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
+                        // (case/bridge.h); else NULL
     bool cuttable;      // must be one closed, manifold, oriented part
     struct mesh mesh;   // all parts, joined
     float *warp;        // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
@@ -74,7 +74,9 @@ struct case_patella_key {
 };
 
 // A key pose of a torn ligament: the tibia of the mock-up is here, with that ligament held against
-// its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both.
+// its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both. Whether the
+// keys of a case go together so that each is met, only the warp can tell: scene_create
+// (session/scene.h) refuses a case where one is not.
 struct case_key {
     int ligament; // index into the case's torn ligaments
     pose physical, target;
@@ -118,7 +120,8 @@ enum result case_load(const char *dir, const struct case_limits *limits,
 // Refused: a missing tibia or femur; a cuttable group that is not one closed, manifold, oriented
 // component facing outwards; a lesion of a group that is not cuttable, or a part of it that lies
 // beside the virtual mesh; a displacement, pose, portal or patella key that is not finite or out of
-// order; a group without a mesh. The error names group or key.
+// order; shares outside 0 to 1, or of a bridge from a body to itself; a torn ligament without a key
+// or with another's name, or a key of none; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
 // Writes both files into `dir` (made where missing, with its parents) and sets the hash. The case
@@ -128,7 +131,7 @@ enum result case_validate(const struct knee_case *knee, struct error *err);
 enum result case_save(struct knee_case *knee, const char *dir, struct error *err);
 
 // Letters, digits and "_-.", 1 to CASE_NAME_MAX - 1 of them: names of cases, groups, parts,
-// portals.
+// portals, ligaments.
 bool case_name_is_valid(const char *name);
 
 // The name must be valid; a title too long is cut. The joint frames are the identity.
@@ -139,7 +142,8 @@ void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee become
 // and new. Earlier pointers to groups stay good.
 struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
 
-// Joins a mesh to a group as a part (copied). Displacements that the group has get zeros. A part
+// Joins a mesh to a group as a part (copied). Displacements and shares that the group has get
+// zeros. A part
 // may bear its group's name: its node in the file is then `group`, otherwise `group/part`. Refused:
 // what mesh_validate refuses, a bad or second name, more than CASE_PARTS_MAX.
 enum result case_add_part(struct case_group *group, const char *name, const struct mesh *mesh,
@@ -150,6 +154,9 @@ struct case_group *case_group(struct knee_case *knee, const char *name); // NULL
 // The displacement arrays of a group, made of zeros where there is none. The group has a part.
 float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
+
+// Makes the group bridge from its body to another one, with shares of 0. It must not do so yet.
+void case_group_bridge(struct case_group *group, enum body other);
 
 // S' = S + warp, allocated; the caller releases it with mesh_fini.
 void case_group_virtual(const struct case_group *group, struct mesh *out_mesh);

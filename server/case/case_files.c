@@ -50,6 +50,19 @@ static void take_displacement(const struct case_group *group, float *into, const
            3 * (size_t)part->vertex_count * sizeof *into);
 }
 
+static enum result take_shares(const struct case_group *group, const struct gltf_node *node,
+                               struct error *err) {
+    if (group->bridges != !!node->other_share)
+        return fail(err, RESULT_FORMAT, "node %.80s: %s", node->name,
+                    group->bridges ? "_OTHER_SHARE is missing, which a group that bridges needs"
+                                   : "_OTHER_SHARE of a group that bridges nothing");
+    const struct case_part *part = &group->parts[group->part_count - 1];
+    if (group->bridges)
+        memcpy(group->other_share + part->first_vertex, node->other_share,
+               part->vertex_count * sizeof *group->other_share);
+    return RESULT_OK;
+}
+
 static enum result take_node(struct knee_case *knee, const struct gltf_node *node,
                              uint32_t group_triangles, struct error *err) {
     const char *part;
@@ -71,7 +84,7 @@ static enum result take_node(struct knee_case *knee, const struct gltf_node *nod
         take_displacement(group, case_group_need_warp(group), node->warp);
     if (node->maxcut)
         take_displacement(group, case_group_need_maxcut(group), node->maxcut);
-    return RESULT_OK;
+    return take_shares(group, node, err);
 }
 
 static enum result take_anatomy(struct knee_case *knee, const struct case_bytes *bytes,
@@ -156,6 +169,7 @@ static struct gltf_node node_of_part(const struct case_group *group, const struc
         .triangles = indices,
         .warp = group->warp ? group->warp + vertex : NULL,
         .maxcut = group->maxcut ? group->maxcut + vertex : NULL,
+        .other_share = group->bridges ? group->other_share + part->first_vertex : NULL,
     };
     if (strcmp(group->name, part->name) == 0)
         snprintf(node.name, sizeof node.name, "%s", group->name);

@@ -10,6 +10,7 @@
 namespace {
 
 constexpr double mm_per_m = 1000;
+constexpr const char *other_share_name = "_OTHER_SHARE";
 
 struct refusal {
     enum result code;
@@ -96,13 +97,18 @@ std::string accessor_name(const char *what, int index) {
     return std::string(what) + " (accessor " + std::to_string(index) + ")";
 }
 
-elements locate_vectors(const tinygltf::Model &model, int index, const char *name) {
+elements locate_floats(const tinygltf::Model &model, int index, int type, const char *name) {
     std::string what = accessor_name(name, index);
     const tinygltf::Accessor &accessor = find_accessor(model, index, what);
-    if (accessor.type != TINYGLTF_TYPE_VEC3 ||
-        accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
-        throw refusal{RESULT_REFUSED, what + ": not vectors of three floats"};
+    if (accessor.type != type || accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
+        throw refusal{RESULT_REFUSED,
+                      what + (type == TINYGLTF_TYPE_VEC3 ? ": not vectors of three floats"
+                                                         : ": not single floats")};
     return locate(model, accessor, what);
+}
+
+elements locate_vectors(const tinygltf::Model &model, int index, const char *name) {
+    return locate_floats(model, index, TINYGLTF_TYPE_VEC3, name);
 }
 
 std::vector<float> read_vectors(const elements &from) {
@@ -148,7 +154,7 @@ std::vector<uint32_t> read_indices(const tinygltf::Model &model, int index,
 
 struct loaded_node {
     gltf_node view;
-    std::vector<float> positions, warp, maxcut;
+    std::vector<float> positions, warp, maxcut, other_share;
     std::vector<uint32_t> triangles;
 };
 
@@ -186,6 +192,17 @@ void read_targets(const tinygltf::Model &model, const tinygltf::Mesh &mesh, load
         const tinygltf::Value &name = names.Get((int)i);
         read_target(model, targets[i], name.IsString() ? name.Get<std::string>() : "", node);
     }
+}
+
+void read_other_share(const tinygltf::Model &model, int index, loaded_node &node) {
+    elements from = locate_floats(model, index, TINYGLTF_TYPE_SCALAR, other_share_name);
+    if (from.count != node.view.vertex_count)
+        throw refusal{RESULT_FORMAT, accessor_name(other_share_name, index) + ": " +
+                                         std::to_string(from.count) + " shares for " +
+                                         std::to_string(node.view.vertex_count) + " vertices"};
+    node.other_share.resize(from.count);
+    for (size_t i = 0; i < from.count; i++)
+        memcpy(&node.other_share[i], from.first + i * from.stride, sizeof(float));
 }
 
 void refuse_transform(const tinygltf::Node &node) {
@@ -229,6 +246,9 @@ void read_node(const tinygltf::Model &model, const tinygltf::Node &from, uint32_
     node.view.vertex_count = (uint32_t)positions.count;
     node.view.triangle_count = (uint32_t)(node.triangles.size() / 3);
     read_targets(model, mesh, node);
+    auto share = primitive.attributes.find(other_share_name);
+    if (share != primitive.attributes.end())
+        read_other_share(model, share->second, node);
 }
 
 void publish(loaded_node &node) {
@@ -236,6 +256,7 @@ void publish(loaded_node &node) {
     node.view.triangles = node.triangles.data();
     node.view.warp = node.warp.empty() ? nullptr : node.warp.data();
     node.view.maxcut = node.maxcut.empty() ? nullptr : node.maxcut.data();
+    node.view.other_share = node.other_share.empty() ? nullptr : node.other_share.data();
 }
 
 std::string first_line(const std::string &text) {
@@ -315,7 +336,9 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
                                         from.name.substr(0, 80) + ": " + why.text};
         }
         // Accessors that share bytes must not multiply them; 16-bit indices double theirs.
-        size_t used = (node.positions.size() + node.warp.size() + node.maxcut.size()) * 4 +
+        size_t used = (node.positions.size() + node.warp.size() + node.maxcut.size() +
+                       node.other_share.size()) *
+                          4 +
                       node.triangles.size() * 2;
         if (used > budget)
             throw refusal{RESULT_LIMIT, "its accessors use the same bytes again and again"};
@@ -402,6 +425,16 @@ int add_vectors(tinygltf::Model &model, const float *mm, size_t count) {
     return add_accessor(model, accessor);
 }
 
+int add_shares(tinygltf::Model &model, const float *shares, size_t count) {
+    tinygltf::Accessor accessor;
+    accessor.bufferView =
+        add_view(model, shares, count * sizeof *shares, TINYGLTF_TARGET_ARRAY_BUFFER);
+    accessor.componentType = TINYGLTF_COMPONENT_TYPE_FLOAT;
+    accessor.type = TINYGLTF_TYPE_SCALAR;
+    accessor.count = count;
+    return add_accessor(model, accessor);
+}
+
 int add_indices(tinygltf::Model &model, const uint32_t *indices, size_t count) {
     tinygltf::Accessor accessor;
     accessor.bufferView =
@@ -438,6 +471,9 @@ void add_node(tinygltf::Model &model, const gltf_node &from) {
     primitive.attributes["POSITION"] = add_vectors(model, from.positions, from.vertex_count);
     primitive.indices = add_indices(model, from.triangles, 3 * (size_t)from.triangle_count);
     add_targets(model, from, mesh);
+    if (from.other_share)
+        primitive.attributes[other_share_name] =
+            add_shares(model, from.other_share, from.vertex_count);
     model.meshes.push_back(std::move(mesh));
     tinygltf::Node node;
     node.name = from.name;
@@ -450,7 +486,8 @@ std::string encode(const gltf_node *nodes, uint32_t count) {
     uint64_t total = 0;
     for (uint32_t i = 0; i < count; i++)
         total += 12 * ((uint64_t)nodes[i].triangle_count +
-                       nodes[i].vertex_count * (uint64_t)(1 + !!nodes[i].warp + !!nodes[i].maxcut));
+                       nodes[i].vertex_count * (uint64_t)(1 + !!nodes[i].warp + !!nodes[i].maxcut +
+                                                          !!nodes[i].other_share));
     if (total > UINT32_MAX - (64u << 20))
         throw refusal{RESULT_LIMIT, "more than 4 GiB"};
     tinygltf::Model model;

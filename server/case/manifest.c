@@ -92,9 +92,8 @@ static double read_number(struct manifest *m, const struct object *object, const
     return json_number_value(value);
 }
 
-static void read_numbers(struct manifest *m, const struct object *object, const char *key,
+static void take_numbers(struct manifest *m, const json_t *array, const char *path,
                          double *out_values, size_t count) {
-    const json_t *array = need(m, object, key);
     bool good = json_array_size(array) == count;
     for (size_t i = 0; i < count; i++) {
         const json_t *value = json_array_get(array, i);
@@ -104,7 +103,14 @@ static void read_numbers(struct manifest *m, const struct object *object, const 
     char what[48];
     snprintf(what, sizeof what, "not an array of %zu numbers", count);
     if (!good)
-        refuse_key(m, object, key, what);
+        refuse(m, RESULT_INVALID, path, what);
+}
+
+static void read_numbers(struct manifest *m, const struct object *object, const char *key,
+                         double *out_values, size_t count) {
+    char path[PATH_MAX_LENGTH];
+    key_path(object, key, path);
+    take_numbers(m, need(m, object, key), path, out_values, count);
 }
 
 static vec3 read_vec3(struct manifest *m, const struct object *object, const char *key) {
@@ -113,13 +119,20 @@ static vec3 read_vec3(struct manifest *m, const struct object *object, const cha
     return (vec3){v[0], v[1], v[2]};
 }
 
-static pose read_pose(struct manifest *m, const struct object *object, const char *key) {
-    double v[7];
-    read_numbers(m, object, key, v, 7);
+// From x, y, z, qw, qx, qy, qz.
+static pose take_pose(struct manifest *m, const double v[7], const char *path) {
     pose p = {{v[3], v[4], v[5], v[6]}, {v[0], v[1], v[2]}};
     if (!pose_is_valid(p))
-        refuse_key(m, object, key, "the quaternion (qw, qx, qy, qz) has not unit length");
+        refuse(m, RESULT_INVALID, path, "the quaternion (qw, qx, qy, qz) has not unit length");
     return p;
+}
+
+static pose read_pose(struct manifest *m, const struct object *object, const char *key) {
+    double v[7];
+    char path[PATH_MAX_LENGTH];
+    read_numbers(m, object, key, v, 7);
+    key_path(object, key, path);
+    return take_pose(m, v, path);
 }
 
 static void read_joint(struct manifest *m, const struct object *root, struct joint_frame *joint) {
@@ -208,10 +221,16 @@ static void read_group(struct manifest *m, const struct object *object, struct k
         refuse_key(m, object, "cuttable", "neither true nor false");
     if (name[0] && case_group(knee, name))
         refuse_key(m, object, "name", "there are two groups of this name");
+    enum body other = BODY_COUNT;
+    if (json_object_get(object->json, "bridges") &&
+        !body_from_name(read_string(m, object, "bridges"), &other))
+        refuse_key(m, object, "bridges", "neither femur, tibia nor patella");
     if (m->result != RESULT_OK)
         return;
     struct case_group *group = case_add_group(knee, name, body);
     group->cuttable = json_is_true(cuttable);
+    if (other != BODY_COUNT)
+        case_group_bridge(group, other);
     read_lesion(m, object, &group->lesion);
 }
 
@@ -228,45 +247,84 @@ static void read_patella(struct manifest *m, const struct object *object, struct
     key->T_femur_patella = read_pose(m, object, "T_femur_patella");
 }
 
+// An array that may be absent, of at most so many; NULL where there is none.
+static const json_t *open_list(struct manifest *m, const struct object *object, const char *key,
+                               size_t max) {
+    const json_t *array = json_object_get(object->json, key);
+    char path[PATH_MAX_LENGTH], what[48];
+    key_path(object, key, path);
+    snprintf(what, sizeof what, "%zu, more than %zu", json_array_size(array), max);
+    if (array && !json_is_array(array))
+        refuse(m, RESULT_INVALID, path, "not an array");
+    else if (json_array_size(array) > max)
+        refuse(m, RESULT_LIMIT, path, what);
+    return m->result == RESULT_OK ? array : NULL;
+}
+
 struct list {
     const char *key;
-    bool required;
     size_t max;
     const char *const *keys;
     void (*read)(struct manifest *m, const struct object *object, struct knee_case *knee);
 };
 
-static void read_list(struct manifest *m, const struct object *root, const struct list *list,
+static void read_list(struct manifest *m, const struct object *object, const struct list *list,
                       struct knee_case *knee) {
-    const json_t *array = json_object_get(root->json, list->key);
-    if (!array && !list->required)
-        return;
-    if (!json_is_array(array)) {
-        refuse_key(m, root, list->key, array ? "not an array" : "missing");
-        return;
-    }
-    char what[48];
-    snprintf(what, sizeof what, "%zu, more than %zu", json_array_size(array), list->max);
-    if (json_array_size(array) > list->max)
-        refuse(m, RESULT_LIMIT, list->key, what);
+    const json_t *array = open_list(m, object, list->key, list->max);
+    char path[PATH_MAX_LENGTH], at[PATH_MAX_LENGTH];
+    key_path(object, list->key, path);
     for (size_t i = 0; m->result == RESULT_OK && i < json_array_size(array); i++) {
-        char path[PATH_MAX_LENGTH];
-        snprintf(path, sizeof path, "%s[%zu]", list->key, i);
-        struct object object = open_object(m, json_array_get(array, i), path, list->keys);
+        snprintf(at, sizeof at, "%.100s[%zu]", path, i);
+        struct object entry = open_object(m, json_array_get(array, i), at, list->keys);
         if (m->result == RESULT_OK)
-            list->read(m, &object, knee);
+            list->read(m, &entry, knee);
     }
 }
 
+static void read_rest(struct manifest *m, const struct object *root, struct knee_case *knee) {
+    const json_t *array = open_list(m, root, "rest", CASE_KEYS_MAX);
+    for (size_t i = 0; m->result == RESULT_OK && i < json_array_size(array); i++) {
+        char path[PATH_MAX_LENGTH];
+        double v[7];
+        snprintf(path, sizeof path, "rest[%zu]", i);
+        take_numbers(m, json_array_get(array, i), path, v, 7);
+        knee->rest[knee->rest_count++] = take_pose(m, v, path);
+    }
+}
+
+// Of the ligament that was read last.
+static void read_key(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    if (knee->key_count == CASE_KEYS_MAX) {
+        refuse(m, RESULT_LIMIT, object->path, "more than 32 keys of all ligaments");
+        return;
+    }
+    struct case_key *key = &knee->keys[knee->key_count++];
+    key->ligament = knee->torn_count - 1;
+    key->physical = read_pose(m, object, "physical");
+    key->target = read_pose(m, object, "target");
+}
+
+static void read_torn(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    static const char *const keys[] = {"physical", "target", NULL};
+    static const struct list list = {"keys", CASE_KEYS_MAX, keys, read_key};
+    need(m, object, "keys");
+    read_name(m, object, "ligament", knee->torn[knee->torn_count++]);
+    read_list(m, object, &list, knee);
+}
+
 static void read_lists(struct manifest *m, const struct object *root, struct knee_case *knee) {
-    static const char *const group_keys[] = {"name", "body", "cuttable", "lesion", NULL};
+    static const char *const group_keys[] = {"name", "body", "bridges", "cuttable", "lesion", NULL};
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
+    static const char *const torn_keys[] = {"ligament", "keys", NULL};
     static const struct list lists[] = {
-        {"groups", true, CASE_GROUPS_MAX, group_keys, read_group},
-        {"portals", false, CASE_PORTALS_MAX, portal_keys, read_portal},
-        {"patella", false, CASE_PATELLA_PATH_MAX, patella_keys, read_patella},
+        {"groups", CASE_GROUPS_MAX, group_keys, read_group},
+        {"portals", CASE_PORTALS_MAX, portal_keys, read_portal},
+        {"patella", CASE_PATELLA_PATH_MAX, patella_keys, read_patella},
+        {"torn", CASE_LIGAMENTS_MAX, torn_keys, read_torn},
     };
+    need(m, root, "groups");
+    read_rest(m, root, knee);
     for (size_t i = 0; i < sizeof lists / sizeof lists[0]; i++)
         read_list(m, root, &lists[i], knee);
 }
@@ -290,8 +348,9 @@ static void check_format(struct manifest *m, const json_t *root) {
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,
                                    uint64_t *out_anatomy_hash) {
-    static const char *const keys[] = {"format", "name",   "title",   "side",    "anatomy_xxh3",
-                                       "joint",  "groups", "portals", "patella", NULL};
+    static const char *const keys[] = {"format",       "name",  "title",   "side",
+                                       "anatomy_xxh3", "joint", "groups",  "portals",
+                                       "rest",         "torn",  "patella", NULL};
     check_format(m, json);
     struct object root = open_object(m, json, "", keys);
     char name[CASE_NAME_MAX] = "unnamed";
@@ -367,6 +426,8 @@ static json_t *write_groups(const struct knee_case *knee) {
         const struct case_group *group = &knee->groups[i];
         json_t *object = json_pack("{s:s, s:s, s:b}", "name", group->name, "body",
                                    body_name(group->body), "cuttable", (int)group->cuttable);
+        if (group->bridges)
+            json_object_set_new(object, "bridges", json_string(body_name(group->other_body)));
         write_lesion(object, &group->lesion);
         json_array_append_new(array, object);
     }
@@ -395,16 +456,39 @@ static json_t *write_patella(const struct knee_case *knee) {
     return array;
 }
 
+static json_t *write_rest(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->rest_count; i++)
+        json_array_append_new(array, pose_array(knee->rest[i]));
+    return array;
+}
+
+static json_t *write_torn(const struct knee_case *knee) {
+    json_t *array = json_array();
+    for (int i = 0; i < knee->torn_count; i++) {
+        json_t *keys = json_array();
+        for (int k = 0; k < knee->key_count; k++)
+            if (knee->keys[k].ligament == i)
+                json_array_append_new(keys, json_pack("{s:o, s:o}", "physical",
+                                                      pose_array(knee->keys[k].physical), "target",
+                                                      pose_array(knee->keys[k].target)));
+        json_array_append_new(array,
+                              json_pack("{s:s, s:o}", "ligament", knee->torn[i], "keys", keys));
+    }
+    return array;
+}
+
 char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
     char hash[17];
     snprintf(hash, sizeof hash, "%016" PRIx64, anatomy_hash);
     json_t *joint = json_pack("{s:o, s:o}", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
                               "T_tibia_joint", pose_array(knee->joint.T_tibia_joint));
-    json_t *root = json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o}", "format",
-                             MANIFEST_FORMAT, "name", knee->name, "title", knee->title, "side",
-                             knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash,
-                             "joint", joint, "groups", write_groups(knee), "portals",
-                             write_portals(knee), "patella", write_patella(knee));
+    json_t *root =
+        json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
+                  MANIFEST_FORMAT, "name", knee->name, "title", knee->title, "side",
+                  knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash, "joint",
+                  joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
+                  write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(root);
     return text;

@@ -4,6 +4,7 @@
 //       "anatomy_xxh3": "16 hex digits",
 //       "joint": { "T_femur_joint": [x, y, z, qw, qx, qy, qz], "T_tibia_joint": […] },
 //       "groups": [ { "name": "tibia", "body": "tibia", "cuttable": false },
+//                   { "name": "mcl", "body": "tibia", "bridges": "femur", "cuttable": false },
 //                   { "name": "meniscus_medial", "body": "tibia", "cuttable": true,
 //                     "lesion": { "tear": [ [ [nx, ny, nz, offset], … ], … ],
 //                                 "damage": […], "plan": […] } }, … ],
@@ -15,8 +16,9 @@
 //
 // Millimetres and unit quaternions. A region of a lesion is a list of convex parts (up to 32), a
 // part a list of planes (up to 64): inside where n · p <= offset, in the frame of the group's
-// virtual mesh (S'). title, cuttable, lesion and its regions, portals, patella and anatomy_xxh3 may
-// be absent; who has edited anatomy.glb on purpose takes anatomy_xxh3 out. Other keys are refused.
+// virtual mesh (S'). title, bridges, cuttable, lesion and its regions, portals, rest, torn, patella
+// and anatomy_xxh3 may be absent; who has edited anatomy.glb on purpose takes anatomy_xxh3 out.
+// Other keys are refused.
 #pragma once
 
 #include "case/case.h"

@@ -63,6 +63,12 @@ static void assert_same(const struct knee_case *a, const struct knee_case *b) {
     assert_memory_equal(a->portals, b->portals, sizeof a->portals);
     assert_int_equal(a->patella_key_count, b->patella_key_count);
     assert_memory_equal(a->patella_keys, b->patella_keys, sizeof a->patella_keys);
+    assert_int_equal(a->rest_count, b->rest_count);
+    assert_memory_equal(a->rest, b->rest, sizeof a->rest);
+    assert_int_equal(a->torn_count, b->torn_count);
+    assert_memory_equal(a->torn, b->torn, sizeof a->torn);
+    assert_int_equal(a->key_count, b->key_count);
+    assert_memory_equal(a->keys, b->keys, sizeof a->keys);
     for (int i = 0; i < a->group_count; i++) {
         const struct case_group *g = &a->groups[i], *h = &b->groups[i];
         assert_string_equal(g->name, h->name);
@@ -76,6 +82,9 @@ static void assert_same(const struct knee_case *a, const struct knee_case *b) {
         assert_same_floats(g->mesh.positions, h->mesh.positions, floats);
         assert_same_floats(g->warp, h->warp, floats);
         assert_same_floats(g->maxcut, h->maxcut, floats);
+        assert_int_equal(g->bridges, h->bridges);
+        assert_int_equal(g->other_body, h->other_body);
+        assert_same_floats(g->other_share, h->other_share, g->mesh.vertex_count);
         assert_same_region(&g->lesion.tear, &h->lesion.tear);
         assert_same_region(&g->lesion.damage, &h->lesion.damage);
         assert_same_region(&g->lesion.plan, &h->lesion.plan);
@@ -231,6 +240,24 @@ static void a_part_added_later_gets_no_displacement(void **state) {
     case_destroy(&knee);
 }
 
+static void a_part_added_to_a_bridge_later_stays_with_its_body(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct case_group *lcl = case_group(knee, "lcl");
+    struct mesh mesh;
+    box_mesh((vec3){42, 5, -10}, (vec3){1, 1, 25}, &mesh);
+    assert_ok(case_add_part(lcl, "second", &mesh, &err));
+    mesh_fini(&mesh);
+    for (uint32_t v = 0; v < 16; v++)
+        assert_true(lcl->other_share[v] == (v >= 4 && v < 8 ? 0.875f : 0));
+    lcl->other_share[9] = 0.3f; // survives its way: it has no unit
+    assert_ok(case_save(knee, folder, &err));
+    struct knee_case *again = load();
+    assert_same(knee, again);
+    case_destroy(&knee);
+    case_destroy(&again);
+}
+
 static void parts_are_refused_by_name_number_and_mesh(void **state) {
     (void)state;
     struct knee_case *knee = box_knee();
@@ -334,6 +361,50 @@ static void bent_joint(struct knee_case *knee) {
     knee->joint.T_tibia_joint.rotation.w = 0;
 }
 
+static void share_of_nothing(struct knee_case *knee) {
+    case_group(knee, "lcl")->other_share[3] = NAN;
+}
+
+static void share_over_one(struct knee_case *knee) {
+    case_group(knee, "lcl")->other_share[7] = 1.0000001f;
+}
+
+static void bridge_to_itself(struct knee_case *knee) {
+    case_group(knee, "lcl")->other_body = BODY_TIBIA;
+}
+
+static void stretched_rest(struct knee_case *knee) {
+    knee->rest[1].rotation.w = 2;
+}
+
+static void key_of_nothing(struct knee_case *knee) {
+    knee->keys[2].ligament = 2;
+}
+
+static void key_before_all(struct knee_case *knee) {
+    knee->keys[0].ligament = -1;
+}
+
+static void target_nowhere(struct knee_case *knee) {
+    knee->keys[1].target.translation.x = INFINITY;
+}
+
+static void torn_without_key(struct knee_case *knee) {
+    knee->key_count = 2;
+}
+
+static void torn_twice(struct knee_case *knee) {
+    strcpy(knee->torn[1], "mcl");
+}
+
+static void torn_without_name(struct knee_case *knee) {
+    knee->torn[1][0] = '\0';
+}
+
+static void too_many_keys(struct knee_case *knee) {
+    knee->key_count = CASE_KEYS_MAX + 1;
+}
+
 static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
     (void)state;
     static const struct {
@@ -354,6 +425,17 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         {long_direction, RESULT_INVALID, "portal anteromedial: direction"},
         {falling_keys, RESULT_INVALID, "patella[1]: flexion_deg"},
         {bent_joint, RESULT_INVALID, "joint.T_tibia_joint"},
+        {share_of_nothing, RESULT_INVALID, "group lcl: other_share of vertex 3"},
+        {share_over_one, RESULT_INVALID, "group lcl: other_share of vertex 7"},
+        {bridge_to_itself, RESULT_INVALID, "group lcl bridges from its body tibia to the same"},
+        {stretched_rest, RESULT_INVALID, "rest[1]"},
+        {key_of_nothing, RESULT_INVALID, "key 2: there is no torn ligament 2"},
+        {key_before_all, RESULT_INVALID, "key 0: there is no torn ligament -1"},
+        {target_nowhere, RESULT_INVALID, "key 1 (mcl)"},
+        {torn_without_key, RESULT_INVALID, "the torn ligament acl has no key"},
+        {torn_twice, RESULT_INVALID, "two torn ligaments mcl"},
+        {torn_without_name, RESULT_INVALID, "torn[1] has no valid name"},
+        {too_many_keys, RESULT_LIMIT, "more than"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         struct knee_case *knee = box_knee();
@@ -505,6 +587,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_lesion_comes_back_and_counts_in_the_hash, make, clear),
         cmocka_unit_test_setup_teardown(a_region_takes_32_parts_and_no_more, make, clear),
         cmocka_unit_test(a_part_added_later_gets_no_displacement),
+        cmocka_unit_test(a_part_added_to_a_bridge_later_stays_with_its_body),
         cmocka_unit_test(parts_are_refused_by_name_number_and_mesh),
         cmocka_unit_test(the_patella_follows_its_keys_and_stays_past_them),
         cmocka_unit_test_setup_teardown(what_no_case_may_be_is_refused_by_name_and_not_saved, make,

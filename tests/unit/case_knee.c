@@ -44,6 +44,28 @@ static void add_region(struct case_region *region, vec3 centre, vec3 half) {
     CHECK(case_region_add(region, planes, 6, &err) == RESULT_OK);
 }
 
+static pose bent(double flexion_deg, double valgus_deg, double drawer_mm) {
+    quat q = quat_from_axis_angle((vec3){1, 0, 0}, -flexion_deg * RAD_PER_DEG);
+    quat opened = quat_from_axis_angle((vec3){0, 1, 0}, -valgus_deg * RAD_PER_DEG);
+    return (pose){quat_multiply(q, opened), {0, drawer_mm, 0}};
+}
+
+static void add_ligaments(struct knee_case *knee) {
+    struct case_group *lcl =
+        add_box(knee, "lcl", BODY_TIBIA, "lcl", (vec3){42, 0, -10}, (vec3){1, 5, 25});
+    case_group_bridge(lcl, BODY_FEMUR);
+    for (uint32_t v = 4; v < 8; v++)
+        lcl->other_share[v] = 0.875f;
+    knee->rest[knee->rest_count++] = bent(0, 0, 0);
+    knee->rest[knee->rest_count++] = bent(90, 0.25, -3);
+    strcpy(knee->torn[knee->torn_count++], "mcl");
+    strcpy(knee->torn[knee->torn_count++], "acl");
+    knee->keys[0] = (struct case_key){0, bent(15, 5, 0), bent(15, 12, 0)};
+    knee->keys[1] = (struct case_key){0, bent(60, 5, 0), bent(60, 11, 0)};
+    knee->keys[2] = (struct case_key){1, bent(30, 0, 6), bent(30, 0, 11)};
+    knee->key_count = 3;
+}
+
 struct knee_case *box_knee(void) {
     struct knee_case *knee = case_create("boxes", "A knee of boxes – ½");
     add_box(knee, "tibia", BODY_TIBIA, "bone", (vec3){0, 0, -52}, (vec3){38, 25, 30});
@@ -60,9 +82,10 @@ struct knee_case *box_knee(void) {
     add_region(&meniscus->lesion.plan, (vec3){-19, 2, -16}, (vec3){2, 4, 4});
     knee->portals[knee->portal_count++] =
         (struct case_portal){"anteromedial", {-20, 50, -10}, {0.48, -0.8, -0.36}};
-    quat bent = quat_from_axis_angle((vec3){1, 0, 0}, -1.1);
+    add_ligaments(knee);
+    quat tilted = quat_from_axis_angle((vec3){1, 0, 0}, -1.1);
     knee->patella_keys[0] = (struct case_patella_key){0, pose_identity()};
-    knee->patella_keys[1] = (struct case_patella_key){90, {bent, {1, -12, -30}}};
+    knee->patella_keys[1] = (struct case_patella_key){90, {tilted, {1, -12, -30}}};
     knee->patella_key_count = 2;
     knee->joint.T_femur_joint = (pose){quat_from_axis_angle((vec3){0, 0, 1}, 0.02), {0, -5, 10}};
     knee->joint.T_tibia_joint = knee->joint.T_femur_joint;

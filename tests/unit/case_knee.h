@@ -4,8 +4,9 @@
 #include "case/case.h"
 
 // Right knee "boxes": tibia (parts bone and cartilage, with a warp), femur, patella,
-// meniscus_medial (cuttable, with a maxcut, a tear of one part and a plan of two), one portal, two
-// patella keys. Passes case_validate.
+// meniscus_medial (cuttable, with a maxcut, a tear of one part and a plan of two), lcl (bridges to
+// the femur), one portal, two patella keys, two poses at rest, mcl and acl torn with two keys and
+// one. Passes case_validate.
 struct knee_case *box_knee(void);
 
 // A closed box with 8 vertices and 12 triangles facing outwards.

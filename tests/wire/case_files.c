@@ -113,6 +113,8 @@ static void write_json_chunk(const char *text) {
 }
 
 #define POSITION "accessors/0"
+#define SHARES "accessors/15"
+#define SHARED "meshes/5/primitives/0/attributes"
 #define INDICES "accessors/1"
 #define VIEW "bufferViews/0"
 #define PRIMITIVE "meshes/0/primitives/0"
@@ -165,6 +167,14 @@ static void a_glb_that_lies_is_refused_with_node_and_accessor(void **state) {
         {PRIMITIVE "/targets/0/POSITION", "1", "morph target warp (accessor 1): not vectors"},
         {PRIMITIVE "/targets/0", "{}", "morph target warp: no POSITION"},
         {PRIMITIVE "/targets/0", "{\"NORMAL\":0}", "morph target warp: no POSITION"},
+        {SHARES "/count", "7", "nodes[5] lcl: _OTHER_SHARE (accessor 15): 7 shares for 8 vert"},
+        {SHARES "/count", "9", "_OTHER_SHARE (accessor 15): 9 elements do not fit"},
+        {SHARES "/type", "\"VEC3\"", "_OTHER_SHARE (accessor 15): not single floats"},
+        {SHARES "/componentType", "5125", "_OTHER_SHARE (accessor 15): not single floats"},
+        {SHARES "/normalized", "true", "_OTHER_SHARE (accessor 15): normalised"},
+        {SHARED "/_OTHER_SHARE", "99", "_OTHER_SHARE (accessor 99): there is no such accessor"},
+        {SHARED "/_OTHER_SHARE", NULL, "node lcl: _OTHER_SHARE is missing"},
+        {PRIMITIVE "/attributes/_OTHER_SHARE", "15", "tibia/bone: _OTHER_SHARE of a group that br"},
         {"meshes/0/primitives", "[]", "0 primitives"},
         {"meshes/0/extras", NULL, "targetNames"},
         {"meshes/0/extras/targetNames/0", "\"bend\"", "morph target \"bend\""},
@@ -388,7 +398,7 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
         {"joint/T_femur_joint", "[0,0,0,1,0,0]", RESULT_INVALID, "joint.T_femur_joint: not an"},
         {"joint/T_tibia_joint/3", "2", RESULT_INVALID, "joint.T_tibia_joint: the quaternion"},
         {"joint/T_tibia_joint/3", "null", RESULT_INVALID, "joint.T_tibia_joint: not an array"},
-        {"groups", NULL, RESULT_INVALID, "groups: missing"},
+        {"groups", NULL, RESULT_MISSING, "groups: missing"},
         {"groups", "{}", RESULT_INVALID, "groups: not an array"},
         {"groups", "[]", RESULT_FORMAT, "no such group"},
         {"groups/0", "5", RESULT_FORMAT, "groups[0]: not an object"},
@@ -417,6 +427,29 @@ static void a_manifest_at_fault_is_refused_with_the_key(void **state) {
         {"portals/0/direction", "[0,0,5]", RESULT_INVALID, "portal anteromedial: direction"},
         {"patella/1/flexion_deg", "-1", RESULT_INVALID, "patella[1]: flexion_deg"},
         {"patella/1/flexion_deg", "\"90\"", RESULT_INVALID, "patella[1].flexion_deg: not a"},
+        {"groups/4/bridges", "\"pelvis\"", RESULT_INVALID, "groups[4].bridges: neither"},
+        {"groups/4/bridges", "true", RESULT_INVALID, "groups[4].bridges: not a text"},
+        {"groups/4/bridges", "\"tibia\"", RESULT_INVALID, "lcl bridges from its body tibia"},
+        {"groups/4/bridges", NULL, RESULT_FORMAT, "node lcl: _OTHER_SHARE of a group that bridges"},
+        {"groups/1/bridges", "\"tibia\"", RESULT_FORMAT, "node femur: _OTHER_SHARE is missing"},
+        {"rest", "{}", RESULT_INVALID, "rest: not an array"},
+        {"rest/1", "{}", RESULT_INVALID, "rest[1]: not an array of 7 numbers"},
+        {"rest/1", "[0,0,0,1,0,0]", RESULT_INVALID, "rest[1]: not an array of 7 numbers"},
+        {"rest/1/3", "0", RESULT_INVALID, "rest[1]: the quaternion"},
+        {"torn", "5", RESULT_INVALID, "torn: not an array"},
+        {"torn/1", "5", RESULT_FORMAT, "torn[1]: not an object"},
+        {"torn/1/side", "5", RESULT_FORMAT, "torn[1].side: unknown key"},
+        {"torn/1/ligament", NULL, RESULT_MISSING, "torn[1].ligament: missing"},
+        {"torn/1/ligament", "\"a b\"", RESULT_INVALID, "torn[1].ligament: not a name"},
+        {"torn/1/ligament", "\"mcl\"", RESULT_INVALID, "two torn ligaments mcl"},
+        {"torn/1/keys", NULL, RESULT_MISSING, "torn[1].keys: missing"},
+        {"torn/1/keys", "{}", RESULT_INVALID, "torn[1].keys: not an array"},
+        {"torn/1/keys", "[]", RESULT_INVALID, "torn ligament acl has no key"},
+        {"torn/0/keys/1", "7", RESULT_FORMAT, "torn[0].keys[1]: not an object"},
+        {"torn/0/keys/1/flexion", "7", RESULT_FORMAT, "torn[0].keys[1].flexion: unknown key"},
+        {"torn/0/keys/1/target", NULL, RESULT_MISSING, "torn[0].keys[1].target: missing"},
+        {"torn/0/keys/1/target", "[1]", RESULT_INVALID, "torn[0].keys[1].target: not an array"},
+        {"torn/0/keys/1/physical/4", "2", RESULT_INVALID, "keys[1].physical: the quaternion"},
         {"anatomy_xxh3", "\"12\"", RESULT_INVALID, "anatomy_xxh3: not 16"},
         {"anatomy_xxh3", "\"0123456789abcdef\"", RESULT_CORRUPT, "anatomy_xxh3"},
     };
@@ -440,11 +473,11 @@ static void too_many_groups_portals_and_keys_are_refused(void **state) {
         const char *key, *says;
         int count;
     } rows[] = {
-        {"groups", "groups: 33, more than 32", 33},
-        {"portals", "portals: 9, more than 8", 9},
-        {"patella", "patella: 65, more than 64", 65},
+        {"groups", "groups: 33, more than 32", 33},   {"portals", "portals: 9, more than 8", 9},
+        {"patella", "patella: 65, more than 64", 65}, {"rest", "rest: 33, more than 32", 33},
+        {"torn", "torn: 9, more than 8", 9},
     };
-    for (size_t i = 0; i < 3; i++) {
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         json_t *json = json_loads(manifest, 0, NULL), *list = json_array();
         for (int k = 0; k < rows[i].count; k++)
             json_array_append(list, json_array_get(json_object_get(json, rows[i].key), 0));
@@ -455,6 +488,31 @@ static void too_many_groups_portals_and_keys_are_refused(void **state) {
         free(text);
         assert_int_equal(load(), RESULT_LIMIT);
         assert_says(rows[i].key, rows[i].says);
+    }
+}
+
+static void all_ligaments_together_have_at_most_32_keys(void **state) {
+    (void)state;
+    static const struct {
+        int mcl_keys;
+        enum result code;
+        const char *says;
+    } rows[] = {
+        {31, RESULT_OK, ""},
+        {32, RESULT_LIMIT, "torn[1].keys[0]: more than 32 keys of all ligaments"},
+        {33, RESULT_LIMIT, "torn[0].keys: 33, more than 32"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        json_t *json = json_loads(manifest, 0, NULL);
+        json_t *keys = json_object_get(json_array_get(json_object_get(json, "torn"), 0), "keys");
+        while (json_array_size(keys) < (size_t)rows[i].mcl_keys)
+            json_array_append(keys, json_array_get(keys, 0));
+        char *text = json_dumps(json, JSON_REAL_PRECISION(17));
+        json_decref(json);
+        write_file(folder, "case.json", text, strlen(text));
+        free(text);
+        assert_int_equal(load(), rows[i].code);
+        assert_says("keys", rows[i].says);
     }
 }
 
@@ -552,6 +610,7 @@ int main(void) {
         row(limits_hold_before_anything_is_read),
         row(a_manifest_at_fault_is_refused_with_the_key),
         row(too_many_groups_portals_and_keys_are_refused),
+        row(all_ligaments_together_have_at_most_32_keys),
         row(too_many_parts_and_planes_of_a_lesion_are_refused),
         row(a_manifest_that_is_no_json_is_refused_with_its_line),
         row(an_open_meniscus_to_be_cut_is_refused),

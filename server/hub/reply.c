@@ -10,24 +10,31 @@ static enum body nearest_body(const struct instrument_output *instrument,
     return group < 0 ? BODY_FEMUR : knee->groups[group].body;
 }
 
+// The displacement of the tip and its slope over the tip's way, in the mock-up's frame.
+static struct avatar_lead lead_of(const struct warp *warp) {
+    struct avatar_lead lead = {.mode = AVATAR_TIP,
+                               .motion.v = warp->displacement,
+                               .trust_radius_mm = warp->trust_radius_mm};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            lead.slope[i][k] = warp->gradient.m[i][k];
+    return lead;
+}
+
 static void fill_instrument(const struct session_output *output, int index,
                             const struct knee_case *knee, arthron_WarpedInstrument *out) {
     const struct instrument_output *instrument = &output->instruments[index];
     enum body body = nearest_body(instrument, knee);
     pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
-    mat3 r = quat_to_mat3(T_body_mockup.rotation);
-    mat3 gradient = mat3_multiply(mat3_multiply(r, instrument->warp.gradient), mat3_transpose(r));
-    vec3 displacement = mat3_apply(r, instrument->warp.displacement);
+    struct avatar_lead lead = lead_of(&instrument->warp);
 
+    lead = avatar_lead_in(T_body_mockup, &lead);
     out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
     out->validity = (arthron_Validity)instrument->validity;
     out->body = (arthron_Body)body;
-    out->has_pose = out->has_displacement = true;
+    out->has_pose = true;
     out->pose = wire_pose_from(pose_compose(T_body_mockup, instrument->T_mockup_warped));
-    out->displacement = (arthron_Vector){displacement.x, displacement.y, displacement.z};
-    for (int i = 0; i < 9; i++)
-        out->gradient[i] = (float)gradient.m[i / 3][i % 3];
-    out->trust_radius_mm = (float)instrument->warp.trust_radius_mm;
+    wire_lead_from(&lead, out);
     double nearest = instrument->warp.nearest_mm;
     out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
 }

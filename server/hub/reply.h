@@ -4,9 +4,9 @@
 #include "session/session.h"
 #include "wire/wire.h"
 
-// bodies and instruments as in the output; the pose, displacement and gradient of each instrument
-// go into the frame of the body whose surface is nearest, so that a moving bone does not make them
-// old.
+// Each instrument's pose and lead go into the frame of the body whose surface is nearest, so that a
+// moving bone does not make them old: of the mock-up's body as it was measured, since it is the hand
+// that they take to the virtual world.
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
                        uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out_reply);
 

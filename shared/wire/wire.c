@@ -16,6 +16,10 @@ _Static_assert((int)_arthron_Channel_ARRAYSIZE == CHANNEL_COUNT &&
 _Static_assert((int)_arthron_Validity_ARRAYSIZE == VALIDITY_COUNT &&
                    (int)arthron_Validity_HELD == VALIDITY_HELD,
                "validities on the wire are those of base/sample.h");
+_Static_assert((int)_arthron_AvatarMode_ARRAYSIZE == AVATAR_MODE_COUNT &&
+                   (int)arthron_AvatarMode_POINTS == AVATAR_POINTS &&
+                   (int)arthron_AvatarMode_RIGID == AVATAR_RIGID,
+               "modes on the wire are those of base/follow.h");
 _Static_assert(sizeof((arthron_Frame){0}.samples) / sizeof(arthron_Sample) == FRAME_SAMPLES_MAX,
                "a whole frame goes on the wire");
 _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WIRE_DEVICES_MAX,
@@ -105,12 +109,39 @@ static enum result frame_check(const arthron_Frame *m, struct error *err) {
     return RESULT_OK;
 }
 
-static bool instrument_is_finite(const arthron_WarpedInstrument *m) {
-    vec3 displacement = {m->displacement.x, m->displacement.y, m->displacement.z};
-    for (int i = 0; i < 9; i++)
-        if (!isfinite(m->gradient[i]))
+// Rows and columns of the slopes that travel.
+struct slope_shape {
+    int rows, columns;
+};
+
+static struct slope_shape slope_shape(enum avatar_mode mode) {
+    static const struct slope_shape shapes[AVATAR_MODE_COUNT] = {{3, 3}, {3, 6}, {4, 6}};
+    return shapes[mode];
+}
+
+static bool floats_are_finite(const float *values, int count) {
+    for (int i = 0; i < count; i++)
+        if (!isfinite(values[i]))
             return false;
-    return vec3_is_finite(displacement) && !isnan(m->trust_radius_mm) && !isnan(m->nearest_mm);
+    return true;
+}
+
+static enum result lead_check(const arthron_Lead *m, struct error *err) {
+    enum result result = enum_check("mode", (int)m->mode, _arthron_AvatarMode_ARRAYSIZE, err);
+    if (result != RESULT_OK)
+        return result;
+    struct slope_shape shape = slope_shape((enum avatar_mode)m->mode);
+    int portal = m->mode == arthron_AvatarMode_RIGID ? 3 : 0;
+    if (m->portal_count != portal || m->v_count != 3 ||
+        m->slope_count != shape.rows * shape.columns)
+        return fail(err, RESULT_FORMAT, "portal %d, v %d and slope %d are not those of %s",
+                    m->portal_count, m->v_count, m->slope_count,
+                    avatar_mode_name((enum avatar_mode)m->mode));
+    if (!floats_are_finite(m->portal, portal) || !floats_are_finite(m->v, 3) ||
+        !floats_are_finite(m->slope, m->slope_count) || !isfinite(m->s) ||
+        !(m->reach_mm >= 0 && isfinite(m->reach_mm)))
+        return fail(err, RESULT_FORMAT, "a value is not finite, or reach is negative");
+    return RESULT_OK;
 }
 
 static enum result instrument_check(const arthron_WarpedInstrument *m, struct error *err) {
@@ -128,9 +159,19 @@ static enum result instrument_check(const arthron_WarpedInstrument *m, struct er
         return RESULT_OK;
     if (!m->has_pose || !pose_is_valid(wire_pose_to(&m->pose)))
         return fail(err, RESULT_FORMAT, "pose is not one");
-    if (!instrument_is_finite(m))
-        return fail(err, RESULT_FORMAT, "displacement or gradient is not finite");
+    if (!(m->trust_radius_mm >= 0) || isnan(m->nearest_mm))
+        return fail(err, RESULT_FORMAT, "trust radius or distance is not one");
+    if (!m->has_lead || lead_check(&m->lead, err) != RESULT_OK)
+        return m->has_lead ? fail_in(err, RESULT_FORMAT, "lead: ")
+                           : fail(err, RESULT_FORMAT, "there is no lead");
     return RESULT_OK;
+}
+
+static enum result correction_check(const arthron_Correction *m, struct error *err) {
+    enum result result = enum_check("body", (int)m->body, _arthron_Body_ARRAYSIZE, err);
+    if (result == RESULT_OK && (!m->has_correction || !pose_is_valid(wire_pose_to(&m->correction))))
+        return fail(err, RESULT_FORMAT, "correction is no pose");
+    return result;
 }
 
 static enum result reply_check(const arthron_Reply *m, struct error *err) {
@@ -139,6 +180,11 @@ static enum result reply_check(const arthron_Reply *m, struct error *err) {
         result = instrument_check(&m->instruments[i], err);
         if (result != RESULT_OK)
             return fail_in(err, result, "instrument %d: ", i);
+    }
+    for (int i = 0; result == RESULT_OK && i < m->corrections_count; i++) {
+        result = correction_check(&m->corrections[i], err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "correction %d: ", i);
     }
     return result;
 }
@@ -408,6 +454,50 @@ enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct erro
         return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
                     (unsigned long long)m->number);
     return RESULT_OK;
+}
+
+// ---- leads --------------------------------------------------------------------------------------
+
+static void floats_from(vec3 v, float out[3]) {
+    out[0] = (float)v.x;
+    out[1] = (float)v.y;
+    out[2] = (float)v.z;
+}
+
+static vec3 floats_to(const float v[3]) {
+    return (vec3){v[0], v[1], v[2]};
+}
+
+void wire_lead_from(const struct avatar_lead *lead, arthron_WarpedInstrument *out) {
+    struct slope_shape shape = slope_shape(lead->mode);
+    arthron_Lead *m = &out->lead;
+    *m = (arthron_Lead){.mode = (arthron_AvatarMode)lead->mode, .v_count = 3};
+    floats_from(lead->motion.v, m->v);
+    if (lead->mode == AVATAR_RIGID) {
+        m->portal_count = 3;
+        floats_from(lead->portal, m->portal);
+        m->s = (float)lead->motion.s;
+    }
+    for (int i = 0; i < shape.rows; i++)
+        for (int k = 0; k < shape.columns; k++)
+            m->slope[m->slope_count++] = (float)lead->slope[i][k];
+    m->reach_mm = (float)lead->reach_mm;
+    out->has_lead = true;
+    out->trust_radius_mm = (float)lead->trust_radius_mm;
+}
+
+struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument) {
+    const arthron_Lead *m = &instrument->lead;
+    struct avatar_lead lead = {.mode = (enum avatar_mode)m->mode,
+                               .portal = floats_to(m->portal),
+                               .motion = {floats_to(m->v), m->s},
+                               .reach_mm = m->reach_mm,
+                               .trust_radius_mm = instrument->trust_radius_mm};
+    struct slope_shape shape = slope_shape(lead.mode);
+    for (int i = 0; i < shape.rows; i++)
+        for (int k = 0; k < shape.columns; k++)
+            lead.slope[i][k] = m->slope[i * shape.columns + k];
+    return lead;
 }
 
 // ---- padding ------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "arthron.pb.h"
+#include "base/follow.h"
 #include "base/result.h"
 #include "base/sample.h"
 
@@ -44,9 +45,9 @@ enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_
 // Decode all of `data`. RESULT_LIMIT where it is longer than its kind may be; RESULT_FORMAT with
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
-// UNKNOWN), a Hello's residuals not negative, and a Reply's poses, displacements and gradients are
-// finite. A message of a kind that this version does not know is RESULT_OK with which_message == 0:
-// skip and count it.
+// UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
+// pose and a lead, both finite, and each correction is a pose. A message of a kind that this
+// version does not know is RESULT_OK with which_message == 0: skip and count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
 enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,
@@ -70,6 +71,12 @@ void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
 // RESULT_INVALID where the frame would not pass frame_is_valid, or a device is not below
 // WIRE_DEVICES_MAX; nothing of it may then be used.
 enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
+
+// How an instrument's avatar goes on with the hand, in the frame of its body: sets the instrument's
+// lead and trust radius, and gives them back from a decoded one that is not LOST. Values are
+// rounded to floats.
+void wire_lead_from(const struct avatar_lead *lead, arthron_WarpedInstrument *out_instrument);
+struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument);
 
 // Pads a frame's datagram so that the encoded frame is at least as long as the longest reply to it
 // can be (a server is no amplifier). Its channels must be known ones. Not for the control

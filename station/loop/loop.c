@@ -46,8 +46,8 @@ static void take_reply(struct loop *loop, const arthron_Reply *reply) {
     loop->warped_second++;
     loop->warp_mm = 0;
     for (pb_size_t i = 0; i < reply->instruments_count; i++) {
-        const arthron_Vector *d = &reply->instruments[i].displacement;
-        loop->warp_mm = fmax(loop->warp_mm, vec3_length((vec3){d->x, d->y, d->z}));
+        const float *v = reply->instruments[i].lead.v;
+        loop->warp_mm = fmax(loop->warp_mm, vec3_length((vec3){v[0], v[1], v[2]}));
     }
 }
 

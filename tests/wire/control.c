@@ -492,7 +492,8 @@ static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **s
             (arthron_WarpedInstrument){.channel = (arthron_Channel)(arthron_Channel_PROBE + i),
                                        .has_pose = true,
                                        .pose.qw = 1,
-                                       .has_displacement = true};
+                                       .has_lead = true,
+                                       .lead = {.v_count = 3, .slope_count = 9}};
     int sent = 0;
     while (control_counts(doorman.control).replies_dropped < 100 && sent < 1000000)
         sent += control_send(doorman.control, doorman.peer, &reply);

@@ -129,9 +129,9 @@ static arthron_Reply reply_to(uint64_t number, bool long_one) {
     reply.instruments_count = 1;
     arthron_WarpedInstrument *w = &reply.instruments[0];
     w->channel = arthron_Channel_PROBE;
-    w->has_pose = w->has_displacement = true;
+    w->has_pose = w->has_lead = true;
     w->pose = (arthron_Pose){0.5, 0.5, 0.5, 0.5, 1, 2, 3};
-    w->displacement = (arthron_Vector){1, 2, 3};
+    w->lead = (arthron_Lead){.v_count = 3, .v = {1, 2, 3}, .slope_count = 9};
     return reply;
 }
 

@@ -76,8 +76,8 @@ const struct message_row message_rows[] = {
          "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00"
          "\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00\x1a\x00",
          0, 0),
-    LONG("padding of 1024 bytes", KIND_FRAME, RESULT_OK, "\x22\x80\x08", 1024, 1),
-    LONG("padding of 1025 bytes", KIND_FRAME, RESULT_FORMAT, "\x22\x81\x08", 1025, 1),
+    LONG("padding of 1408 bytes", KIND_FRAME, RESULT_OK, "\x22\x80\x0b", 1408, 1),
+    LONG("padding of 1409 bytes", KIND_FRAME, RESULT_FORMAT, "\x22\x81\x0b", 1409, 1),
     LONG("a frame of 1453 bytes", KIND_FRAME, RESULT_LIMIT, "\xa2\x06\xa9\x0b", 1449, 0),
     ROW("a joint and a pose in one sample: the last counts", KIND_FRAME, RESULT_OK,
         "\x1a\x04\x2a\x00\x32\x00"),
@@ -92,11 +92,17 @@ const struct message_row message_rows[] = {
         "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"
         "\x22\x04\x08\x04\x10\x02\x22\x04\x08\x04\x10\x02"),
     ROW("an instrument without a pose", KIND_REPLY, RESULT_FORMAT, "\x22\x02\x08\x04"),
-    LONG("a gradient of 9 zeros", KIND_REPLY, RESULT_OK, "\x22\x2a\x08\x04\x10\x02\x32\x24", 36, 0),
-    LONG("a gradient of 8", KIND_REPLY, RESULT_FORMAT, "\x22\x26\x08\x04\x10\x02\x32\x20", 32, 0),
-    LONG("a gradient of 10", KIND_REPLY, RESULT_FORMAT, "\x22\x2e\x08\x04\x10\x02\x32\x28", 40, 0),
-    LONG("a gradient of 9 and a half", KIND_REPLY, RESULT_FORMAT,
-         "\x22\x2c\x08\x04\x10\x02\x32\x26", 38, 0),
+    ROW("2 corrections", KIND_REPLY, RESULT_FORMAT, "\x32\x00\x32\x00"),
+    ROW("3 corrections", KIND_REPLY, RESULT_FORMAT, "\x32\x00\x32\x00\x32\x00"),
+    LONG("a slope of 24", KIND_REPLY, RESULT_OK, "\x22\x68\x08\x04\x10\x02\x4a\x62\x2a\x60", 96, 0),
+    LONG("a slope of 25", KIND_REPLY, RESULT_FORMAT, "\x22\x6c\x08\x04\x10\x02\x4a\x66\x2a\x64",
+         100, 0),
+    LONG("a slope of 9 and a half", KIND_REPLY, RESULT_FORMAT,
+         "\x22\x2e\x08\x04\x10\x02\x4a\x28\x2a\x26", 38, 0),
+    LONG("a portal of 4", KIND_REPLY, RESULT_FORMAT, "\x22\x18\x08\x04\x10\x02\x4a\x12\x12\x10", 16,
+         0),
+    LONG("a gradient of an earlier version", KIND_REPLY, RESULT_OK,
+         "\x22\x2a\x08\x04\x10\x02\x32\x24", 36, 0),
 };
 
 const int message_row_count = sizeof message_rows / sizeof *message_rows;

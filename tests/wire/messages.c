@@ -112,6 +112,20 @@ static struct frame make_frame(struct random *random, int count) {
     return frame;
 }
 
+// No value of it is at its default.
+static struct avatar_lead make_lead(enum avatar_mode mode) {
+    struct random random = {(uint64_t)mode};
+    struct avatar_lead lead = {.mode = mode,
+                               .portal = random_in_box(&random, 100),
+                               .motion = {random_in_box(&random, 5), 1.5},
+                               .reach_mm = 42,
+                               .trust_radius_mm = 0.7};
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 6; k++)
+            lead.slope[i][k] = random_between(&random, -1, 1);
+    return lead;
+}
+
 // The longest reply about these instruments: no field is at its default.
 static arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
     arthron_Reply reply = {.frame_number = 7,
@@ -128,14 +142,14 @@ static arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
             .body = arthron_Body_BODY_PATELLA,
             .has_pose = true,
             .pose = {0.5, 0.5, -0.5, 0.5, 1e3, -2e3, 3e-3},
-            .has_displacement = true,
-            .displacement = {1, 2, 3},
-            .trust_radius_mm = 0.1f,
             .nearest_mm = -1,
         };
-        for (int i = 0; i < 9; i++)
-            w->gradient[i] = 0.1f * (float)(i + 1);
+        struct avatar_lead lead = make_lead(AVATAR_RIGID);
+        wire_lead_from(&lead, w);
     }
+    for (int body = arthron_Body_BODY_TIBIA; body <= arthron_Body_BODY_PATELLA; body++)
+        reply.corrections[reply.corrections_count++] =
+            (arthron_Correction){(arthron_Body)body, true, {0.5, 0.5, -0.5, 0.5, 1e3, -2e3, 3e-3}};
     return reply;
 }
 
@@ -526,6 +540,9 @@ static void numbers_that_are_no_enum_are_refused(void **state) {
         fill_control(arthron_Control_reply_tag, m);
         m->message.reply.instruments[4].body = (arthron_Body)bad[i];
         assert_control_refused(m, "instrument 4: body");
+        fill_control(arthron_Control_reply_tag, m);
+        m->message.reply.corrections[1].body = (arthron_Body)bad[i];
+        assert_control_refused(m, "correction 1: body");
         fill_control(arthron_Control_welcome_tag, m);
         m->message.welcome.state = (arthron_SessionState)bad[i];
         assert_control_refused(m, "state");
@@ -562,15 +579,104 @@ static void poses_of_a_reply_that_are_none_are_refused(void **state) {
     m->message.reply.instruments[1].has_pose = false;
     assert_control_refused(m, "instrument 1: pose");
     fill_control(arthron_Control_reply_tag, m);
-    m->message.reply.instruments[2].gradient[8] = NAN;
-    assert_control_refused(m, "finite");
-    fill_control(arthron_Control_reply_tag, m);
-    m->message.reply.instruments[2].displacement.y = INFINITY;
-    assert_control_refused(m, "finite");
-    fill_control(arthron_Control_reply_tag, m);
     m->message.reply.instruments[3].channel = arthron_Channel_TIBIA;
     assert_control_refused(m, "tibia");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.corrections[1].correction.qw = NAN;
+    assert_control_refused(m, "correction 1: correction");
+    fill_control(arthron_Control_reply_tag, m);
+    m->message.reply.corrections[0].has_correction = false;
+    assert_control_refused(m, "correction 0: correction");
     free(m);
+}
+
+static void assert_lead_refused(int mode, void (*spoil)(arthron_WarpedInstrument *),
+                                const char *text) {
+    arthron_Control *m = malloc(sizeof *m);
+    fill_control(arthron_Control_reply_tag, m);
+    struct avatar_lead lead = make_lead((enum avatar_mode)mode);
+    wire_lead_from(&lead, &m->message.reply.instruments[4]);
+    spoil(&m->message.reply.instruments[4]);
+    assert_control_refused(m, text);
+    free(m);
+}
+
+static void no_lead(arthron_WarpedInstrument *w) {
+    w->has_lead = false;
+}
+static void unknown_mode(arthron_WarpedInstrument *w) {
+    w->lead.mode = (arthron_AvatarMode)AVATAR_MODE_COUNT;
+}
+static void another_mode(arthron_WarpedInstrument *w) {
+    w->lead.mode = (arthron_AvatarMode)((w->lead.mode + 1) % AVATAR_MODE_COUNT);
+}
+static void long_v(arthron_WarpedInstrument *w) {
+    w->lead.v_count = 2;
+}
+static void no_portal(arthron_WarpedInstrument *w) {
+    w->lead.portal_count = 0;
+}
+static void short_slope(arthron_WarpedInstrument *w) {
+    w->lead.slope_count--;
+}
+static void endless_v(arthron_WarpedInstrument *w) {
+    w->lead.v[1] = INFINITY;
+}
+static void no_slope(arthron_WarpedInstrument *w) {
+    w->lead.slope[w->lead.slope_count - 1] = NAN;
+}
+static void no_s(arthron_WarpedInstrument *w) {
+    w->lead.s = NAN;
+}
+static void no_reach(arthron_WarpedInstrument *w) {
+    w->lead.reach_mm = -1;
+}
+static void no_trust(arthron_WarpedInstrument *w) {
+    w->trust_radius_mm = NAN;
+}
+static void portal_nowhere(arthron_WarpedInstrument *w) {
+    w->lead.portal[2] = NAN;
+}
+
+static void leads_that_are_none_are_refused(void **state) {
+    (void)state;
+    for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
+        assert_lead_refused(mode, no_lead, "instrument 4: there is no lead");
+        assert_lead_refused(mode, unknown_mode, "instrument 4: lead: mode");
+        assert_lead_refused(mode, another_mode, "are not those of");
+        assert_lead_refused(mode, long_v, "are not those of");
+        assert_lead_refused(mode, short_slope, "are not those of");
+        assert_lead_refused(mode, endless_v, "finite");
+        assert_lead_refused(mode, no_slope, "finite");
+        assert_lead_refused(mode, no_s, "finite");
+        assert_lead_refused(mode, no_reach, "negative");
+        assert_lead_refused(mode, no_trust, "trust radius");
+    }
+    assert_lead_refused(AVATAR_RIGID, no_portal, "are not those of");
+    assert_lead_refused(AVATAR_RIGID, portal_nowhere, "finite");
+}
+
+// Of what a mode uses.
+static void a_lead_comes_back_as_floats(void **state) {
+    (void)state;
+    for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
+        struct avatar_lead lead = make_lead((enum avatar_mode)mode);
+        arthron_WarpedInstrument w = {0};
+        wire_lead_from(&lead, &w);
+        struct avatar_lead back = wire_lead_to(&w);
+        int rows = mode == AVATAR_RIGID ? 4 : 3, columns = mode == AVATAR_TIP ? 3 : 6;
+        assert_int_equal(back.mode, mode);
+        assert_vec3_near(back.motion.v, lead.motion.v, 1e-6);
+        assert_near(back.reach_mm, 42, 0);
+        assert_near(back.trust_radius_mm, lead.trust_radius_mm, 1e-7);
+        for (int i = 0; i < rows; i++)
+            for (int k = 0; k < columns; k++)
+                assert_near(back.slope[i][k], lead.slope[i][k], 1e-7);
+        if (mode != AVATAR_RIGID)
+            continue;
+        assert_vec3_near(back.portal, lead.portal, 1e-5);
+        assert_near(back.motion.s, lead.motion.s, 0);
+    }
 }
 
 static void residuals_of_a_hello_that_are_none_are_refused(void **state) {
@@ -661,6 +767,8 @@ int main(void) {
         cmocka_unit_test(numbers_that_are_no_enum_are_refused),
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
         cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
+        cmocka_unit_test(leads_that_are_none_are_refused),
+        cmocka_unit_test(a_lead_comes_back_as_floats),
         cmocka_unit_test(residuals_of_a_hello_that_are_none_are_refused),
         cmocka_unit_test(a_refusal_for_a_reason_of_a_later_version_is_still_one),
         cmocka_unit_test(a_text_that_fills_its_array_is_not_sent),

@@ -196,20 +196,7 @@ enum result case_region_add(struct case_region *region, const struct plane *plan
 }
 
 pose case_patella_pose(const struct knee_case *knee, double flexion_deg) {
-    int count = knee->patella_key_count;
-    const struct case_patella_key *keys = knee->patella_keys;
-    if (count == 0)
-        return pose_identity();
-    if (!(flexion_deg > keys[0].flexion_deg))
-        return keys[0].T_femur_patella;
-    for (int i = 1; i < count; i++) {
-        if (flexion_deg <= keys[i].flexion_deg) {
-            double span = keys[i].flexion_deg - keys[i - 1].flexion_deg;
-            return pose_interpolate(keys[i - 1].T_femur_patella, keys[i].T_femur_patella,
-                                    (flexion_deg - keys[i - 1].flexion_deg) / span);
-        }
-    }
-    return keys[count - 1].T_femur_patella;
+    return patella_pose(knee->patella_keys, knee->patella_key_count, flexion_deg);
 }
 
 // ---- what every case must be --------------------------------------------------------------------
@@ -327,7 +314,7 @@ static enum result check_portals(const struct knee_case *knee, struct error *err
 
 static enum result check_patella(const struct knee_case *knee, struct error *err) {
     for (int i = 0; i < knee->patella_key_count; i++) {
-        const struct case_patella_key *key = &knee->patella_keys[i];
+        const struct patella_key *key = &knee->patella_keys[i];
         if (!isfinite(key->flexion_deg) || !pose_is_valid(key->T_femur_patella))
             return fail(err, RESULT_INVALID, "patella[%d]: not a flexion and a pose", i);
         if (i > 0 && !(key->flexion_deg > knee->patella_keys[i - 1].flexion_deg))

@@ -15,7 +15,6 @@
 #define CASE_GROUPS_MAX 32
 #define CASE_PARTS_MAX 8
 #define CASE_PORTALS_MAX 8
-#define CASE_PATELLA_PATH_MAX 64
 #define CASE_REGION_PARTS_MAX 32
 #define CASE_LIGAMENTS_MAX 8 // torn ones
 #define CASE_KEYS_MAX 32     // of all of them together; also of the rest path
@@ -68,11 +67,6 @@ struct case_portal {
     vec3 direction; // unit, into the joint
 };
 
-struct case_patella_key {
-    double flexion_deg;
-    pose T_femur_patella;
-};
-
 // A key pose of a torn ligament: the tibia of the mock-up is here, with that ligament held against
 // its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both. Whether the
 // keys of a case go together so that each is met, only the warp can tell: scene_create
@@ -92,7 +86,7 @@ struct knee_case {
     int portal_count;
     struct case_portal portals[CASE_PORTALS_MAX];
     int patella_key_count; // rising flexion; 0: the patella stays in the rest pose
-    struct case_patella_key patella_keys[CASE_PATELLA_PATH_MAX];
+    struct patella_key patella_keys[PATELLA_KEYS_MAX];
     int rest_count; // T_femur_tibia of the mock-up at rest over flexion; 0: that of the joint's
                     // axes
     pose rest[CASE_KEYS_MAX];

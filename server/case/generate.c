@@ -59,7 +59,7 @@ static void add_patella(struct knee_case *knee, const struct recipe *recipe, dou
         pose there = shape_patella_pose(&mesh, flexion, patella_gap);
         pose path = pose_compose(there, pose_inverse(rest));
         knee->patella_keys[knee->patella_key_count++] =
-            (struct case_patella_key){flexion, pose_to_patient(recipe, path)};
+            (struct patella_key){flexion, pose_to_patient(recipe, path)};
     }
     for (uint32_t v = 0; v < mesh.vertex_count; v++)
         mesh_set_vertex(&mesh, v, pose_apply(rest, mesh_vertex(&mesh, v)));

@@ -242,7 +242,7 @@ static void read_portal(struct manifest *m, const struct object *object, struct 
 }
 
 static void read_patella(struct manifest *m, const struct object *object, struct knee_case *knee) {
-    struct case_patella_key *key = &knee->patella_keys[knee->patella_key_count++];
+    struct patella_key *key = &knee->patella_keys[knee->patella_key_count++];
     key->flexion_deg = read_number(m, object, "flexion_deg");
     key->T_femur_patella = read_pose(m, object, "T_femur_patella");
 }
@@ -320,7 +320,7 @@ static void read_lists(struct manifest *m, const struct object *root, struct kne
     static const struct list lists[] = {
         {"groups", CASE_GROUPS_MAX, group_keys, read_group},
         {"portals", CASE_PORTALS_MAX, portal_keys, read_portal},
-        {"patella", CASE_PATELLA_PATH_MAX, patella_keys, read_patella},
+        {"patella", PATELLA_KEYS_MAX, patella_keys, read_patella},
         {"torn", CASE_LIGAMENTS_MAX, torn_keys, read_torn},
     };
     need(m, root, "groups");
@@ -448,7 +448,7 @@ static json_t *write_portals(const struct knee_case *knee) {
 static json_t *write_patella(const struct knee_case *knee) {
     json_t *array = json_array();
     for (int i = 0; i < knee->patella_key_count; i++) {
-        const struct case_patella_key *key = &knee->patella_keys[i];
+        const struct patella_key *key = &knee->patella_keys[i];
         json_array_append_new(array,
                               json_pack("{s:f, s:o}", "flexion_deg", key->flexion_deg,
                                         "T_femur_patella", pose_array(key->T_femur_patella)));

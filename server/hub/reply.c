@@ -51,6 +51,16 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
             fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
 }
 
+void reply_session(enum session_state state, const struct knee_case *knee,
+                   arthron_SessionChange *out) {
+    struct knee_frame frame = {.joint = knee->joint, .patella_count = knee->patella_key_count};
+    memcpy(frame.patella, knee->patella_keys, sizeof frame.patella);
+    *out = (arthron_SessionChange){
+        .state = (arthron_SessionState)state, .case_hash = knee->hash, .has_knee = true};
+    memcpy(out->case_name, knee->name, sizeof out->case_name);
+    wire_knee_from(&frame, &out->knee);
+}
+
 static void take_zones(const struct zone_volumes *zones, float out[9]) {
     for (int i = 0; i < ZONE_ALONG_COUNT; i++)
         for (int k = 0; k < ZONE_ACROSS_COUNT; k++)

@@ -37,12 +37,9 @@ static void retire(struct worker *worker, struct seat *seat) {
 static void announce(struct worker *worker, const struct seat *seat) {
     if (!seat->connected || !seat->clock_known || !seat->live)
         return;
-    const struct knee_case *knee = scene_case(seat->live->scene);
     arthron_Control message = {.which_message = arthron_Control_session_change_tag};
-    arthron_SessionChange *change = &message.message.session_change;
-    change->state = (arthron_SessionState)atomic_load(&seat->counts.state);
-    change->case_hash = knee->hash;
-    memcpy(change->case_name, knee->name, sizeof change->case_name);
+    reply_session((enum session_state)atomic_load(&seat->counts.state),
+                  scene_case(seat->live->scene), &message.message.session_change);
     control_send(worker->hub->control, seat->peer, &message);
 }
 

@@ -51,3 +51,18 @@ struct joint_angles joint_from_pose(const struct joint_frame *frame, pose T_femu
     a.distraction_mm = -(along3 - s * along1) / scale;
     return a;
 }
+
+pose patella_pose(const struct patella_key *keys, int count, double flexion_deg) {
+    if (count == 0)
+        return pose_identity();
+    if (!(flexion_deg > keys[0].flexion_deg))
+        return keys[0].T_femur_patella;
+    for (int i = 1; i < count; i++) {
+        if (flexion_deg <= keys[i].flexion_deg) {
+            double span = keys[i].flexion_deg - keys[i - 1].flexion_deg;
+            return pose_interpolate(keys[i - 1].T_femur_patella, keys[i].T_femur_patella,
+                                    (flexion_deg - keys[i - 1].flexion_deg) / span);
+        }
+    }
+    return keys[count - 1].T_femur_patella;
+}

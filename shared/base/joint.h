@@ -32,3 +32,22 @@ pose joint_to_pose(const struct joint_frame *frame, const struct joint_angles *a
 // The inverse of joint_to_pose. Unique for |varus| < 90 degrees; at 90 degrees the axes e1 and e3
 // coincide and the internal rotation is put to 0.
 struct joint_angles joint_from_pose(const struct joint_frame *frame, pose T_femur_tibia);
+
+// Where the patella is over flexion when nothing tracks it.
+struct patella_key {
+    double flexion_deg;
+    pose T_femur_patella;
+};
+
+#define PATELLA_KEYS_MAX 64
+
+// T_femur_patella between the keys, whose flexion rises: straight in translation, slerp in
+// rotation; constant past the outer ones, the identity where there is none.
+pose patella_pose(const struct patella_key *keys, int count, double flexion_deg);
+
+// How the bones of a knee hang together.
+struct knee_frame {
+    struct joint_frame joint;
+    int patella_count;
+    struct patella_key patella[PATELLA_KEYS_MAX];
+};

@@ -22,6 +22,10 @@ _Static_assert((int)_arthron_AvatarMode_ARRAYSIZE == AVATAR_MODE_COUNT &&
                "modes on the wire are those of base/follow.h");
 _Static_assert(sizeof((arthron_Frame){0}.samples) / sizeof(arthron_Sample) == FRAME_SAMPLES_MAX,
                "a whole frame goes on the wire");
+_Static_assert((int)arthron_Knee_Side_LEFT == (int)SIDE_LEFT &&
+                   sizeof((arthron_Knee){0}.patella) / sizeof(arthron_PatellaKey) ==
+                       PATELLA_KEYS_MAX,
+               "sides and keys of the schema are those of base/joint.h");
 _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WIRE_DEVICES_MAX,
                "every device can be named in Hello");
 _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size <= WIRE_CONSOLE_MAX,
@@ -197,6 +201,32 @@ static enum result hello_check(const arthron_Hello *m, struct error *err) {
     return fail(err, RESULT_FORMAT, "calibration: a residual is not one");
 }
 
+static enum result patella_check(const arthron_Knee *m, struct error *err) {
+    for (int i = 0; i < m->patella_count; i++) {
+        const arthron_PatellaKey *key = &m->patella[i];
+        if (!isfinite(key->flexion_deg) || !key->has_pose ||
+            !pose_is_valid(wire_pose_to(&key->pose)))
+            return fail(err, RESULT_FORMAT, "patella %d: not a flexion and a pose", i);
+        if (i > 0 && !(key->flexion_deg > m->patella[i - 1].flexion_deg))
+            return fail(err, RESULT_FORMAT, "patella %d: its flexion does not rise", i);
+    }
+    return RESULT_OK;
+}
+
+static enum result change_check(const arthron_SessionChange *m, struct error *err) {
+    const arthron_Knee *knee = &m->knee;
+    enum result result = enum_check("state", (int)m->state, _arthron_SessionState_ARRAYSIZE, err);
+    if (result != RESULT_OK || !m->has_knee)
+        return result;
+    result = enum_check("side", (int)knee->side, _arthron_Knee_Side_ARRAYSIZE, err);
+    if (result != RESULT_OK)
+        return result;
+    if (!knee->has_femur_joint || !pose_is_valid(wire_pose_to(&knee->femur_joint)) ||
+        !knee->has_tibia_joint || !pose_is_valid(wire_pose_to(&knee->tibia_joint)))
+        return fail(err, RESULT_FORMAT, "knee: a joint's frame is no pose");
+    return patella_check(knee, err);
+}
+
 static enum result control_check(arthron_Control *m, struct error *err) {
     switch (m->which_message) {
     case arthron_Control_hello_tag:
@@ -209,8 +239,7 @@ static enum result control_check(arthron_Control *m, struct error *err) {
         return enum_check("state", (int)m->message.welcome.state, _arthron_SessionState_ARRAYSIZE,
                           err);
     case arthron_Control_session_change_tag:
-        return enum_check("state", (int)m->message.session_change.state,
-                          _arthron_SessionState_ARRAYSIZE, err);
+        return change_check(&m->message.session_change, err);
     case arthron_Control_refusal_tag:
         // A reason of a later version is still a refusal.
         if ((unsigned)m->message.refusal.reason >= _arthron_Refusal_Reason_ARRAYSIZE)
@@ -498,6 +527,32 @@ struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument) {
         for (int k = 0; k < shape.columns; k++)
             lead.slope[i][k] = m->slope[i * shape.columns + k];
     return lead;
+}
+
+// ---- knees --------------------------------------------------------------------------------------
+
+void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out) {
+    *out = (arthron_Knee){.side = (arthron_Knee_Side)knee->joint.side,
+                          .has_femur_joint = true,
+                          .femur_joint = wire_pose_from(knee->joint.T_femur_joint),
+                          .has_tibia_joint = true,
+                          .tibia_joint = wire_pose_from(knee->joint.T_tibia_joint),
+                          .patella_count = (pb_size_t)knee->patella_count};
+    for (int i = 0; i < knee->patella_count; i++) {
+        const struct patella_key *key = &knee->patella[i];
+        out->patella[i] =
+            (arthron_PatellaKey){key->flexion_deg, true, wire_pose_from(key->T_femur_patella)};
+    }
+}
+
+void wire_knee_to(const arthron_Knee *m, struct knee_frame *out) {
+    *out = (struct knee_frame){.joint = {.side = (enum side)m->side,
+                                         .T_femur_joint = wire_pose_to(&m->femur_joint),
+                                         .T_tibia_joint = wire_pose_to(&m->tibia_joint)},
+                               .patella_count = m->patella_count};
+    for (int i = 0; i < out->patella_count; i++)
+        out->patella[i] =
+            (struct patella_key){m->patella[i].flexion_deg, wire_pose_to(&m->patella[i].pose)};
 }
 
 // ---- padding ------------------------------------------------------------------------------------

@@ -46,8 +46,9 @@ enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
 // UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
-// pose and a lead, both finite, and each correction is a pose. A message of a kind that this
-// version does not know is RESULT_OK with which_message == 0: skip and count it.
+// pose and a lead, both finite, each correction is a pose, and a SessionChange's knee is one. A
+// message of a kind that this version does not know is RESULT_OK with which_message == 0: skip and
+// count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
 enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,
@@ -82,6 +83,10 @@ struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument);
 // can be (a server is no amplifier). Its channels must be known ones. Not for the control
 // connection.
 void wire_frame_pad(arthron_Frame *message);
+
+// How a case's bones hang together; from a decoded message.
+void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out_message);
+void wire_knee_to(const arthron_Knee *message, struct knee_frame *out_knee);
 
 arthron_Pose wire_pose_from(pose p);
 pose wire_pose_to(const arthron_Pose *message);

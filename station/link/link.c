@@ -152,6 +152,17 @@ void link_get_status(struct link *link, struct link_status *out_status) {
     out_status->unknown_messages = atomic_load(&link->unknown_messages);
 }
 
+bool link_get_session(struct link *link, uint64_t *seen, struct link_session *out_session) {
+    uint64_t changes = atomic_load(&link->session_changes);
+    if (*seen == changes)
+        return false;
+    pthread_mutex_lock(&link->lock);
+    *out_session = link->session;
+    pthread_mutex_unlock(&link->lock);
+    *seen = changes;
+    return true;
+}
+
 int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]) {
     return meshes_get(link->meshes, out_tissues);
 }

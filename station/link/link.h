@@ -48,6 +48,15 @@ struct link_tissue {
     uint64_t resyncs; // how often it was asked for again
 };
 
+// The session as the server last told it.
+struct link_session {
+    arthron_SessionState state;
+    char case_name[64];
+    uint64_t case_hash;
+    bool has_knee; // false: there is no session
+    struct knee_frame knee;
+};
+
 struct link;
 
 // Starts connecting in the background. RESULT_MISSING names a key file that is not there.
@@ -64,6 +73,10 @@ bool link_send(struct link *link, const struct frame *frame);
 bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply);
 
 void link_get_status(struct link *link, struct link_status *out_status);
+
+// True where the server told of the session since the call that left its number in *seen (0 at
+// first). Takes no lock where it did not.
+bool link_get_session(struct link *link, uint64_t *seen, struct link_session *out_session);
 
 // How many there are; their order does not change while the case stays.
 int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH_GROUPS_MAX]);

@@ -79,7 +79,9 @@ struct link {
     atomic_int path;       // enum link_path while ready
     atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
     pthread_mutex_t lock;
-    struct link_status status; // under the lock: all that is not atomic above
+    struct link_status status;   // under the lock: all that is not atomic above
+    struct link_session session; // too
+    atomic_uint_fast64_t session_changes;
 };
 
 // Makes the context. The thread then calls line_serve, which returns once link->stopping is set and

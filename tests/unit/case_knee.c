@@ -84,8 +84,8 @@ struct knee_case *box_knee(void) {
         (struct case_portal){"anteromedial", {-20, 50, -10}, {0.48, -0.8, -0.36}};
     add_ligaments(knee);
     quat tilted = quat_from_axis_angle((vec3){1, 0, 0}, -1.1);
-    knee->patella_keys[0] = (struct case_patella_key){0, pose_identity()};
-    knee->patella_keys[1] = (struct case_patella_key){90, {tilted, {1, -12, -30}}};
+    knee->patella_keys[0] = (struct patella_key){0, pose_identity()};
+    knee->patella_keys[1] = (struct patella_key){90, {tilted, {1, -12, -30}}};
     knee->patella_key_count = 2;
     knee->joint.T_femur_joint = (pose){quat_from_axis_angle((vec3){0, 0, 1}, 0.02), {0, -5, 10}};
     knee->joint.T_tibia_joint = knee->joint.T_femur_joint;

@@ -11,6 +11,18 @@
 #include <string.h>
 #include <unistd.h>
 
+static void tell_session(struct doorman *d, struct control_peer peer) {
+    arthron_Control open = {.which_message = arthron_Control_session_change_tag};
+    arthron_SessionChange *change = &open.message.session_change;
+    change->state = arthron_SessionState_RUNNING;
+    strcpy(change->case_name, "healthy");
+    change->case_hash = d->case_hash;
+    change->has_knee = d->knee != NULL;
+    if (d->knee)
+        wire_knee_from(d->knee, &change->knee);
+    control_send(d->control, peer, &open);
+}
+
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
     struct doorman *d = user;
@@ -24,11 +36,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     pthread_mutex_unlock(&d->lock);
     strcpy(welcome->case_name, "healthy");
     welcome->case_hash = d->case_hash;
-    arthron_Control open = {.which_message = arthron_Control_session_change_tag};
-    open.message.session_change.state = arthron_SessionState_RUNNING;
-    strcpy(open.message.session_change.case_name, "healthy");
-    open.message.session_change.case_hash = d->case_hash;
-    control_send(d->control, peer, &open);
+    tell_session(d, peer);
     if (d->keys_at_hello) {
         arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
         message.message.udp_keys = *d->keys_at_hello;
@@ -41,11 +49,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
 static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns) {
     struct doorman *d = user;
-    arthron_Control open = {.which_message = arthron_Control_session_change_tag};
-    open.message.session_change.state = arthron_SessionState_RUNNING;
-    strcpy(open.message.session_change.case_name, "healthy");
-    open.message.session_change.case_hash = d->case_hash;
-    control_send(d->control, peer, &open);
+    tell_session(d, peer);
     pthread_mutex_lock(&d->lock);
     d->offset_ns = offset_ns;
     d->uncertainty_ns = uncertainty_ns;

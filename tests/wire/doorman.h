@@ -18,6 +18,7 @@ struct doorman {
     bool refuses;                   // answers Hello with BUSY, "full"
     arthron_UdpKeys *keys_at_hello; // sent behind Welcome, NULL: none
     uint64_t case_hash;
+    const struct knee_frame *knee; // of the session, NULL: it is not told
     // Told of MeshAsk and mesh_ack in the control thread, where not NULL.
     void (*on_mesh)(struct doorman *doorman, struct control_peer peer,
                     const arthron_Control *message);

@@ -119,6 +119,32 @@ static void a_link_says_who_it_is_and_what_it_has(void **state) {
     assert_true(wait_for(&doorman.gone, 1));
 }
 
+static void a_link_tells_of_the_session_when_it_changed(void **state) {
+    (void)state;
+    struct knee_frame knee = {.joint = {SIDE_LEFT, pose_identity(), pose_identity()},
+                              .patella_count = 1,
+                              .patella = {{30, pose_identity()}}};
+    knee.joint.T_tibia_joint.translation.z = 17;
+    doorman.knee = &knee;
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    struct link_session session = {0};
+    uint64_t seen = 0;
+    assert_true(link_get_session(link, &seen, &session));
+    assert_int_equal(session.state, arthron_SessionState_RUNNING);
+    assert_string_equal(session.case_name, "healthy");
+    assert_true(session.has_knee);
+    assert_int_equal(session.knee.joint.side, SIDE_LEFT);
+    assert_near(session.knee.joint.T_tibia_joint.translation.z, 17, 0);
+    assert_int_equal(session.knee.patella_count, 1);
+    for (int i = 0; i < 100 && link_get_session(link, &seen, &session); i++)
+        usleep(10000);
+    assert_false(link_get_session(link, &seen, &session));
+    link_destroy(&link);
+    assert_true(wait_for(&doorman.gone, 1));
+    doorman.knee = NULL;
+}
+
 static void both_ends_know_the_offset_of_the_clocks(void **state) {
     (void)state;
     struct link *link = link_to("127.0.0.1", anna);
@@ -417,6 +443,7 @@ static void a_closed_port_is_no_worse_than_a_silent_one(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         IN_A_HOUSE(a_link_says_who_it_is_and_what_it_has),
+        IN_A_HOUSE(a_link_tells_of_the_session_when_it_changed),
         IN_A_HOUSE(both_ends_know_the_offset_of_the_clocks),
         IN_A_HOUSE(no_frame_leaves_before_the_clock_is_known),
         IN_A_HOUSE(every_frame_is_answered_once_in_the_control_connection),

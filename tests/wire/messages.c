@@ -200,11 +200,21 @@ static void fill_welcome(arthron_Welcome *welcome) {
                                  .resumed = true};
 }
 
+static void make_knee(struct knee_frame *out) {
+    struct random random = {12};
+    *out = (struct knee_frame){
+        .joint = {SIDE_LEFT, random_pose(&random, 50), random_pose(&random, 50)},
+        .patella_count = PATELLA_KEYS_MAX};
+    for (int i = 0; i < PATELLA_KEYS_MAX; i++)
+        out->patella[i] = (struct patella_key){2 * i - 10, random_pose(&random, 50)};
+}
+
 static void fill_control(int which, arthron_Control *out) {
     struct random random = {3};
     memset(out, 0, sizeof *out);
     out->which_message = (pb_size_t)which;
     struct frame frame = make_frame(&random, FRAME_SAMPLES_MAX);
+    struct knee_frame knee;
     switch (which) {
     case arthron_Control_hello_tag:
         fill_hello(&out->message.hello);
@@ -234,8 +244,13 @@ static void fill_control(int which, arthron_Control *out) {
         out->message.udp_path.challenge = 77;
         break;
     case arthron_Control_session_change_tag:
-        out->message.session_change =
-            (arthron_SessionChange){arthron_SessionState_RUNNING, "healthy", 5, "started"};
+        out->message.session_change = (arthron_SessionChange){.state = arthron_SessionState_RUNNING,
+                                                              .case_name = "healthy",
+                                                              .case_hash = 5,
+                                                              .text = "started",
+                                                              .has_knee = true};
+        make_knee(&knee);
+        wire_knee_from(&knee, &out->message.session_change.knee);
         break;
     case arthron_Control_enrol_tag:
         strcpy(out->message.enrol.code, "ABCDEF-234567");
@@ -679,6 +694,38 @@ static void a_lead_comes_back_as_floats(void **state) {
     }
 }
 
+static void knees_that_are_none_are_refused(void **state) {
+    (void)state;
+    arthron_Control *good = malloc(sizeof *good), *m = malloc(sizeof *m);
+    arthron_Knee *knee = &m->message.session_change.knee;
+    fill_control(arthron_Control_session_change_tag, good);
+    *m = *good, knee->side = (arthron_Knee_Side)2, assert_control_refused(m, "side");
+    *m = *good, knee->has_femur_joint = false, assert_control_refused(m, "joint's frame");
+    *m = *good, knee->tibia_joint.qz = NAN, assert_control_refused(m, "joint's frame");
+    *m = *good, knee->patella[3].pose.x = INFINITY, assert_control_refused(m, "patella 3: not");
+    *m = *good, knee->patella[4].has_pose = false, assert_control_refused(m, "patella 4: not");
+    *m = *good, knee->patella[5].flexion_deg = NAN, assert_control_refused(m, "patella 5: not");
+    *m = *good, knee->patella[63].flexion_deg = 0, assert_control_refused(m, "patella 63: its");
+    free(good), free(m);
+}
+
+static void a_knee_comes_back_bit_for_bit(void **state) {
+    (void)state;
+    struct knee_frame knee, back;
+    arthron_Control *m = malloc(sizeof *m);
+    make_knee(&knee);
+    fill_control(arthron_Control_session_change_tag, m);
+    struct valid bytes = encoded(KIND_CONTROL, m);
+    assert_int_equal(decode_copy(KIND_CONTROL, bytes.bytes, bytes.size, m, NULL), RESULT_OK);
+    wire_knee_to(&m->message.session_change.knee, &back);
+    assert_int_equal(back.joint.side, knee.joint.side);
+    assert_memory_equal(&back.joint.T_femur_joint, &knee.joint.T_femur_joint, sizeof(pose));
+    assert_memory_equal(&back.joint.T_tibia_joint, &knee.joint.T_tibia_joint, sizeof(pose));
+    assert_int_equal(back.patella_count, knee.patella_count);
+    assert_memory_equal(back.patella, knee.patella, sizeof knee.patella);
+    free(bytes.bytes), free(m);
+}
+
 static void residuals_of_a_hello_that_are_none_are_refused(void **state) {
     (void)state;
     const double bad[] = {-0.1, NAN, INFINITY};
@@ -769,6 +816,8 @@ int main(void) {
         cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
         cmocka_unit_test(leads_that_are_none_are_refused),
         cmocka_unit_test(a_lead_comes_back_as_floats),
+        cmocka_unit_test(knees_that_are_none_are_refused),
+        cmocka_unit_test(a_knee_comes_back_bit_for_bit),
         cmocka_unit_test(residuals_of_a_hello_that_are_none_are_refused),
         cmocka_unit_test(a_refusal_for_a_reason_of_a_later_version_is_still_one),
         cmocka_unit_test(a_text_that_fills_its_array_is_not_sent),

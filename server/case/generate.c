@@ -1,6 +1,7 @@
 #include "case/generate.h"
 
 #include "base/check.h"
+#include "case/bridge.h"
 #include "case/generate_shape.h"
 #include "case/generate_tube.h"
 #include "case/maxcut.h"
@@ -90,12 +91,16 @@ static enum result add_menisci(struct knee_case *knee, const struct recipe *reci
     return RESULT_OK;
 }
 
-static void add_ligaments(struct knee_case *knee, const struct recipe *recipe, double edge) {
-    for (int i = 0; i < LIGAMENT_COUNT; i++) {
+static enum result add_ligaments(struct knee_case *knee, const struct recipe *recipe, double edge,
+                                 struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < LIGAMENT_COUNT && result == RESULT_OK; i++) {
         struct mesh mesh;
         tube_ligament(&ligaments[i], edge / 2, &mesh);
-        add(knee, recipe, ligaments[i].name, BODY_TIBIA, &mesh);
+        struct case_group *group = add(knee, recipe, ligaments[i].name, BODY_TIBIA, &mesh);
+        result = bridge_make(knee, group, BODY_FEMUR, err);
     }
+    return result;
 }
 
 // Beside the patellar tendon, at the joint line: the skin's point in front of (x, z).
@@ -178,7 +183,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
     knee->joint = (struct joint_frame){recipe->side, pose_identity(), pose_identity()};
     add_bones(knee, recipe, edge);
     enum result result = add_menisci(knee, recipe, edge, err);
-    add_ligaments(knee, recipe, edge);
+    if (result == RESULT_OK)
+        result = add_ligaments(knee, recipe, edge, err);
     if (result == RESULT_OK)
         result = add_skin(knee, recipe, edge, err);
     for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)

@@ -109,16 +109,27 @@ bool import_axes(const char *letters, pose *out_T_case_common) {
     return true;
 }
 
+static const char *const ligaments[] = {"acl", "pcl", "mcl", "lcl", NULL};
+
+static bool is_one_of(const char *name, const char *const *names) {
+    while (*names && strcmp(*names, name) != 0)
+        names++;
+    return *names;
+}
+
 enum body import_default_body(const char *group) {
     if (strncmp(group, "patella", 7) == 0)
         return BODY_PATELLA;
     if (strncmp(group, "tibia", 5) == 0 || strncmp(group, "meniscus", 8) == 0)
         return BODY_TIBIA;
-    static const char *const ligaments[] = {"acl", "pcl", "mcl", "lcl"};
-    for (int i = 0; i < 4; i++)
-        if (strcmp(group, ligaments[i]) == 0)
-            return BODY_TIBIA;
-    return BODY_FEMUR;
+    return is_one_of(group, ligaments) ? BODY_TIBIA : BODY_FEMUR;
+}
+
+enum body import_default_bridge(const char *group, enum body body) {
+    static const char *const patellar[] = {"patellar_ligament", "patellar_tendon", NULL};
+    if (is_one_of(group, ligaments))
+        return body == BODY_FEMUR ? BODY_TIBIA : BODY_FEMUR;
+    return is_one_of(group, patellar) && body != BODY_TIBIA ? BODY_TIBIA : BODY_COUNT;
 }
 
 // ---- size ---------------------------------------------------------------------------------------

@@ -35,6 +35,11 @@ bool import_axes(const char *letters, pose *out_T_case_common);
 // tibia*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.
 enum body import_default_body(const char *group);
 
+// The other bone of a ligament, where nobody says otherwise: acl, pcl, mcl, lcl: femur, or tibia
+// where they are of the femur's body; patellar_ligament, patellar_tendon: tibia. BODY_COUNT: of no
+// other.
+enum body import_default_bridge(const char *group, enum body body);
+
 // RESULT_INVALID where a tibia or femur is too small or large for a knee: the middle one of the
 // three sides of its box is 40 to 130 mm. The text names the unit, of mm, cm and m, that would fit
 // a file read with mm_per_unit.

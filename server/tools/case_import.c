@@ -1,4 +1,5 @@
 #include "base/number.h"
+#include "case/bridge.h"
 #include "case/import.h"
 #include "case/inspect.h"
 #include "case_commands.h"
@@ -31,6 +32,10 @@ static const char help[] =
     "                     inferior). The case has RAS, which is the default\n"
     "  --body NAME=BODY   what a group moves with: femur, tibia or patella. Default: tibia for\n"
     "                     tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
+    "  --bridge NAME=BODY the group is a ligament that goes over to another bone: its vertices\n"
+    "                     follow both, by how near they are. Default: acl, pcl, mcl, lcl from "
+    "tibia\n"
+    "                     to femur, patellar_ligament to tibia; NAME=none for not\n"
     "  --cuttable NAME    the group will be cut: one closed, manifold mesh\n"
     "  --portal NAME=x,y,z,dx,dy,dz\n"
     "                     an entry through the skin and its direction into the joint, RAS, mm\n"
@@ -62,7 +67,7 @@ struct source {
 
 struct body_choice {
     char group[CASE_NAME_MAX];
-    enum body body;
+    enum body body; // BODY_COUNT: none
 };
 
 struct request {
@@ -71,9 +76,9 @@ struct request {
     pose T_case_common;
     bool has_joint;
     pose T_femur_joint;
-    int source_count, body_count, cuttable_count, portal_count;
+    int source_count, body_count, bridge_count, cuttable_count, portal_count;
     struct source sources[SOURCES_MAX];
-    struct body_choice bodies[CASE_GROUPS_MAX];
+    struct body_choice bodies[CASE_GROUPS_MAX], bridges[CASE_GROUPS_MAX];
     const char *cuttable[CASE_GROUPS_MAX];
     struct case_portal portals[CASE_PORTALS_MAX];
     json_t *json; // an array to say it in; NULL: as text on stdout
@@ -134,6 +139,13 @@ static bool parse_body(char *text, struct request *request) {
     return body && body_from_name(body, &choice->body);
 }
 
+static bool parse_bridge(char *text, struct request *request) {
+    struct body_choice *choice = &request->bridges[request->bridge_count++];
+    const char *body = split_name(text, choice->group);
+    choice->body = BODY_COUNT;
+    return body && (strcmp(body, "none") == 0 || body_from_name(body, &choice->body));
+}
+
 static bool parse_portal(char *text, struct request *request) {
     struct case_portal *portal = &request->portals[request->portal_count++];
     const char *numbers = split_name(text, portal->name);
@@ -164,6 +176,8 @@ static bool take_option(int option, char *text, struct request *request) {
         return import_axes(text, &request->T_case_common);
     case 'b':
         return request->body_count < CASE_GROUPS_MAX && parse_body(text, request);
+    case 'B':
+        return request->bridge_count < CASE_GROUPS_MAX && parse_bridge(text, request);
     case 'c':
         if (request->cuttable_count == CASE_GROUPS_MAX)
             return false;
@@ -263,6 +277,28 @@ static enum result mark_groups(struct knee_case *knee, const struct request *req
     return RESULT_OK;
 }
 
+static enum body bridge_of(const struct request *request, const struct case_group *group) {
+    for (int i = 0; i < request->bridge_count; i++)
+        if (strcmp(request->bridges[i].group, group->name) == 0)
+            return request->bridges[i].body;
+    return import_default_bridge(group->name, group->body);
+}
+
+static enum result bridge_groups(struct knee_case *knee, const struct request *request,
+                                 struct error *err) {
+    for (int i = 0; i < request->bridge_count; i++)
+        if (!case_group(knee, request->bridges[i].group))
+            return fail(err, RESULT_MISSING, "--bridge %s: there is no such group",
+                        request->bridges[i].group);
+    enum result result = RESULT_OK;
+    for (int i = 0; i < knee->group_count && result == RESULT_OK; i++) {
+        enum body other = bridge_of(request, &knee->groups[i]);
+        if (other != BODY_COUNT)
+            result = bridge_make(knee, &knee->groups[i], other, err);
+    }
+    return result;
+}
+
 static enum result refuse_faults(struct knee_case *knee, struct error *err) {
     static struct inspection inspection;
     inspect_case(knee, &inspection);
@@ -281,6 +317,8 @@ static enum result fill(struct knee_case *knee, struct request *request, struct 
         result = add_source(knee, request, &request->sources[i], err);
     if (result == RESULT_OK)
         result = mark_groups(knee, request, err);
+    if (result == RESULT_OK)
+        result = bridge_groups(knee, request, err);
     knee->joint.side = strcmp(request->side, "left") == 0 ? SIDE_LEFT : SIDE_RIGHT;
     knee->portal_count = request->portal_count;
     memcpy(knee->portals, request->portals, sizeof knee->portals);
@@ -309,14 +347,21 @@ static int run(struct request *request) {
 }
 
 int command_import(int argc, char **argv) {
-    static const struct option options[] = {
-        {"unit", required_argument, NULL, 'u'},   {"name", required_argument, NULL, 'n'},
-        {"title", required_argument, NULL, 't'},  {"side", required_argument, NULL, 's'},
-        {"group", required_argument, NULL, 'g'},  {"axes", required_argument, NULL, 'a'},
-        {"body", required_argument, NULL, 'b'},   {"cuttable", required_argument, NULL, 'c'},
-        {"portal", required_argument, NULL, 'p'}, {"joint", required_argument, NULL, 'j'},
-        {"out", required_argument, NULL, 'o'},    {"json", no_argument, NULL, 'J'},
-        {"help", no_argument, NULL, 'h'},         {0}};
+    static const struct option options[] = {{"unit", required_argument, NULL, 'u'},
+                                            {"name", required_argument, NULL, 'n'},
+                                            {"title", required_argument, NULL, 't'},
+                                            {"side", required_argument, NULL, 's'},
+                                            {"group", required_argument, NULL, 'g'},
+                                            {"axes", required_argument, NULL, 'a'},
+                                            {"body", required_argument, NULL, 'b'},
+                                            {"bridge", required_argument, NULL, 'B'},
+                                            {"cuttable", required_argument, NULL, 'c'},
+                                            {"portal", required_argument, NULL, 'p'},
+                                            {"joint", required_argument, NULL, 'j'},
+                                            {"out", required_argument, NULL, 'o'},
+                                            {"json", no_argument, NULL, 'J'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {0}};
     static struct request request;
     request = (struct request){.title = "", .T_case_common = pose_identity()};
     int option, which = 0;

@@ -201,6 +201,34 @@ static void the_patella_glides_on_the_femur_and_never_enters_it(void **state) {
     assert_vec3_near(case_patella_pose(healthy, 0).translation, ((vec3){0}), 1e-9);
 }
 
+static void ligaments_go_over_from_the_tibia_to_the_femur(void **state) {
+    (void)state;
+    static const char *const names[] = {"acl", "pcl", "mcl", "lcl"};
+    const struct mesh *tibia = mesh_of(healthy, "tibia"), *femur = mesh_of(healthy, "femur");
+    for (int i = 0; i < 4; i++) {
+        const struct case_group *ligament = case_group(healthy, names[i]);
+        assert_true(ligament->bridges);
+        assert_int_equal(ligament->body, BODY_TIBIA);
+        assert_int_equal(ligament->other_body, BODY_FEMUR);
+        double least = 1, most = 0;
+        for (uint32_t v = 0; v < ligament->mesh.vertex_count; v++) {
+            double share = ligament->other_share[v];
+            vec3 p = mesh_vertex(&ligament->mesh, v);
+            least = fmin(least, share);
+            most = fmax(most, share);
+            if (v % 37 != 0)
+                continue; // looking at every triangle takes long
+            if (is_inside(tibia, p))
+                assert_true(share == 0);
+            if (is_inside(femur, p))
+                assert_true(share == 1);
+        }
+        assert_true(least == 0 && most > 0.9);
+    }
+    assert_false(case_group(healthy, "meniscus_medial")->bridges);
+    assert_false(case_group(healthy, "skin")->bridges);
+}
+
 static void portals_lie_in_the_skin_and_lead_inside(void **state) {
     (void)state;
     const struct mesh *skin = mesh_of(healthy, "skin");
@@ -407,6 +435,7 @@ int main(void) {
         cmocka_unit_test(femur_and_tibia_stay_in_contact_and_apart_over_flexion),
         cmocka_unit_test(menisci_lie_on_the_tibia_and_under_the_femur),
         cmocka_unit_test(the_patella_glides_on_the_femur_and_never_enters_it),
+        cmocka_unit_test(ligaments_go_over_from_the_tibia_to_the_femur),
         cmocka_unit_test(portals_lie_in_the_skin_and_lead_inside),
         cmocka_unit_test(the_skin_holds_the_extended_knee),
         cmocka_unit_test(a_left_knee_mirrors_a_right_one),

@@ -67,8 +67,11 @@ static enum result anatomy_init(struct anatomy *out, const char *dir, struct err
             out->trees[i] = surface_tree_create(&group->mesh);
             out->means[i] = surface_mean_create(out->trees[i], group->warp);
         }
-        out->surfaces[i] = (struct warp_surface){&group->mesh, out->queries[i], group->warp,
-                                                 (int)group->body, out->means[i]};
+        out->surfaces[i] = (struct warp_surface){.mesh = &group->mesh,
+                                                 .query = out->queries[i],
+                                                 .displacement = group->warp,
+                                                 .body = (int)group->body,
+                                                 .mean = out->means[i]};
     }
     if (result == RESULT_OK)
         out->scene =

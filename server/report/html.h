@@ -2,6 +2,7 @@
 #pragma once
 
 #include "report/picture.h"
+#include "report/plot.h"
 
 #include <stdio.h>
 
@@ -12,3 +13,5 @@ void html_text(FILE *file, const char *text); // UTF-8, escaped for elements and
 // A figure with its caption; alt stands in for the picture. Both are escaped.
 enum result html_picture(FILE *file, const struct picture *picture, const char *alt,
                          const char *caption, struct error *err);
+
+void html_plot(FILE *file, const struct plot *plot, const char *caption); // escaped

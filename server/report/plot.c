@@ -18,11 +18,13 @@
 static const char style[] =
     "<style>"
     ".plot-paper{fill:#fff}.plot-text{fill:#222}.plot-grid{stroke:#e4e4e4}.plot-frame{stroke:#888}"
-    ".plot-band{fill:#f1ead8}.plot-c0{color:#222}.plot-c1{color:#0072b2}.plot-c2{color:#d55e00}"
+    ".plot-band{fill:#f1ead8}.plot-note{fill:#222;stroke:#f1ead8;stroke-width:4;stroke-linejoin:"
+    "round;paint-order:stroke}.plot-c0{color:#222}.plot-c1{color:#0072b2}.plot-c2{color:#d55e00}"
     ".plot-c3{color:#00805d}.plot-c4{color:#a8478d}.plot-c5{color:#8a6d00}.plot-c6{color:#808080}"
     "@media (prefers-color-scheme:dark){"
     ".plot-paper{fill:#16181b}.plot-text{fill:#ddd}.plot-grid{stroke:#2d3136}.plot-frame{stroke:"
-    "#888}.plot-band{fill:#2b2820}.plot-c0{color:#ddd}.plot-c1{color:#56b4e9}.plot-c2{color:"
+    "#888}.plot-band{fill:#2b2820}.plot-note{fill:#ddd;stroke:#2b2820}.plot-c0{color:#ddd}.plot-c1{"
+    "color:#56b4e9}.plot-c2{color:"
     "#ff8a3c}.plot-c3{color:#35d0a5}.plot-c4{color:#e39bc4}.plot-c5{color:#e3c84a}.plot-c6{color:"
     "#999}}"
     "</style>\n";
@@ -74,9 +76,9 @@ static void write_text(FILE *file, const char *text) {
     }
 }
 
-static void text_at(FILE *file, double x, double y, const char *anchor, const char *more,
-                    const char *text) {
-    fprintf(file, "<text class=\"plot-text\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\"%s>", x, y,
+static void text_at(FILE *file, const char *kind, double x, double y, const char *anchor,
+                    const char *more, const char *text) {
+    fprintf(file, "<text class=\"%s\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\"%s>", kind, x, y,
             anchor, more);
     write_text(file, text);
     fputs("</text>\n", file);
@@ -176,7 +178,7 @@ static void write_ticks_x(FILE *file, const struct layout *at) {
         double value = i * at->x.step + 0.0, x = place(&at->x, value);
         fprintf(file, "<path class=\"plot-grid\" d=\"M%.1f %.1fV%.1f\"/>", x, at->top, bottom);
         write_number(text, sizeof text, value, &at->x);
-        text_at(file, x, bottom + ROW_PX, "middle", "", text);
+        text_at(file, "plot-text", x, bottom + ROW_PX, "middle", "", text);
     }
 }
 
@@ -187,7 +189,7 @@ static void write_ticks_y(FILE *file, const struct layout *at) {
         fprintf(file, "<path class=\"plot-grid\" d=\"M%.1f %.1fH%.1f\"/>", at->left, y,
                 at->left + at->width);
         write_number(text, sizeof text, value, &at->y);
-        text_at(file, at->left - GAP_PX, y + 0.35 * FONT_PX, "end", "", text);
+        text_at(file, "plot-text", at->left - GAP_PX, y + 0.35 * FONT_PX, "end", "", text);
     }
 }
 
@@ -195,32 +197,43 @@ static void write_axis_titles(FILE *file, const struct plot *plot, const struct 
     char turned[64];
     double x = 1.2 * FONT_PX, y = at->top + at->height / 2;
     snprintf(turned, sizeof turned, " transform=\"rotate(-90 %.1f %.1f)\"", x, y);
-    text_at(file, at->left + at->width / 2, at->top + at->height + 2.2 * ROW_PX, "middle", "",
-            plot->x.title);
-    text_at(file, x, y, "middle", turned, plot->y.title);
+    text_at(file, "plot-text", at->left + at->width / 2, at->top + at->height + 2.2 * ROW_PX,
+            "middle", "", plot->x.title);
+    text_at(file, "plot-text", x, y, "middle", turned, plot->y.title);
 }
 
 // ---- lines ----
 
-static void write_band(FILE *file, const struct plot_band *band, const struct layout *at) {
+struct area {
+    double x, y, width, height;
+};
+
+static bool band_area(const struct plot_band *band, const struct layout *at,
+                      struct area *out_area) {
     const struct scale *scale = band->of_y ? &at->y : &at->x;
     double from = fmax(band->from, scale->min), to = fmin(band->to, scale->max);
     if (isnan(band->from) || isnan(band->to) || !(from < to))
-        return;
+        return false;
     double a = place(scale, from), b = place(scale, to);
-    struct {
-        double x, y, width, height;
-    } box = {a, at->top, b - a, at->height};
-    if (band->of_y) {
-        box.x = at->left, box.width = at->width;
-        box.y = b, box.height = a - b;
-    }
-    fprintf(file,
-            "<rect class=\"plot-band\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/>\n",
-            box.x, box.y, box.width, box.height);
-    if (band->label)
-        text_at(file, box.x + GAP_PX, box.y + FONT_PX + 2, "start", " font-size=\"12\"",
-                band->label);
+    *out_area = band->of_y ? (struct area){at->left, b, at->width, a - b}
+                           : (struct area){a, at->top, b - a, at->height};
+    return true;
+}
+
+static void write_band(FILE *file, const struct plot_band *band, const struct layout *at) {
+    struct area area;
+    if (band_area(band, at, &area))
+        fprintf(file,
+                "<rect class=\"plot-band\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" "
+                "height=\"%.1f\"/>\n",
+                area.x, area.y, area.width, area.height);
+}
+
+// Over the lines, which its edge keeps off.
+static void write_band_label(FILE *file, const struct plot_band *band, const struct layout *at) {
+    struct area area;
+    if (band->label && band_area(band, at, &area))
+        text_at(file, "plot-note", area.x + GAP_PX, area.y + FONT_PX + 2, "start", "", band->label);
 }
 
 static void write_dot(FILE *file, double x, double y) {
@@ -337,7 +350,8 @@ static double write_legend(FILE *file, const struct plot *plot, double left, dou
             x = left, y += ROW_PX;
         if (file && line->name) {
             write_swatch(file, line, x, y);
-            text_at(file, x + SWATCH_PX + GAP_PX, y + 0.35 * FONT_PX, "start", "", line->name);
+            text_at(file, "plot-text", x + SWATCH_PX + GAP_PX, y + 0.35 * FONT_PX, "start", "",
+                    line->name);
         }
         x += width;
     }
@@ -384,14 +398,14 @@ void plot_write(FILE *file, const struct plot *plot) {
     fprintf(file,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" "
             "height=\"%d\" font-family=\"DejaVu Sans, Verdana, sans-serif\" font-size=\"%g\" "
-            "role=\"img\" style=\"max-width:100%%;height:auto\">\n<title>",
+            "role=\"img\">\n<title>",
             plot->width, plot->height, plot->width, plot->height, FONT_PX);
     write_text(file, plot->title);
     fputs("</title>\n<desc>", file);
     write_text(file, plot->description);
     fprintf(file, "</desc>\n%s<rect class=\"plot-paper\" width=\"%d\" height=\"%d\"/>\n", style,
             plot->width, plot->height);
-    text_at(file, LEGEND_LEFT, 22, "start", " font-weight=\"bold\"", plot->title);
+    text_at(file, "plot-text", LEGEND_LEFT, 22, "start", " font-weight=\"bold\"", plot->title);
     for (int i = 0; i < plot->band_count; i++)
         write_band(file, &plot->bands[i], &at);
     write_ticks_x(file, &at);
@@ -400,6 +414,8 @@ void plot_write(FILE *file, const struct plot *plot) {
     write_frame(file, &at);
     for (int i = 0; i < plot->line_count; i++)
         write_line(file, &plot->lines[i], &at);
+    for (int i = 0; i < plot->band_count; i++)
+        write_band_label(file, &plot->bands[i], &at);
     write_legend(file, plot, LEGEND_LEFT, LEGEND_TOP);
     write_labels(file, plot, &at);
     fputs("</svg>\n", file);

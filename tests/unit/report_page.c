@@ -75,6 +75,19 @@ static void a_picture_is_inside_the_page(void **state) {
     assert_true(lengths[0] && lengths[1] && lengths[2]);
 }
 
+static void a_plot_is_inside_the_page(void **state) {
+    (void)state;
+    char *text;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    struct plot plot = {"Height", "", 300, 200, {.title = "x"}, {.title = "y"}, .line_count = 0};
+    html_plot(file, &plot, "c < d");
+    fclose(file);
+    assert_int_equal(strncmp(text, "<figure><svg ", 13), 0);
+    assert_non_null(strstr(text, "</svg>\n<figcaption>c &lt; d</figcaption></figure>"));
+    free(text);
+}
+
 // ---- tissue ----
 
 #define SIDE 500
@@ -151,6 +164,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(text_is_escaped_wherever_it_stands),
         cmocka_unit_test(a_picture_is_inside_the_page),
+        cmocka_unit_test(a_plot_is_inside_the_page),
         cmocka_unit_test(cut_surfaces_and_displacements_stand_out),
         cmocka_unit_test(blends_shade_the_surface),
     };

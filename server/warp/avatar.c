@@ -200,7 +200,8 @@ void avatar_warp(const struct warp_scene *scene, const struct field *field,
     look(scene, field, body, T_world_tip, memory, &fit);
     memset(out, 0, sizeof *out);
     out->lead.mode = body->mode;
-    out->lead.portal = portal;
+    if (body->mode != AVATAR_TIP)
+        out->lead.portal = portal;
     out->lead.reach_mm = reach_of(body);
     switch (body->mode) {
     case AVATAR_TIP:

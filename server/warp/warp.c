@@ -22,7 +22,8 @@ bool field_from_name(const char *name, enum field_kind *out_kind) {
 }
 
 struct field field_default(enum field_kind kind) {
-    return (struct field){.kind = kind, .unit_mm = 10, .radius_mm = 12, .background_per_mm = 0.05};
+    return (struct field){
+        .kind = kind, .unit_mm = 10, .radius_mm = 12, .background_per_mm = 0.05, .strength = 1};
 }
 
 void warp_memory_init(struct warp_memory *memory) {
@@ -47,42 +48,66 @@ static vec3 displacement_at(const struct warp_surface *surface, const struct clo
     return sum;
 }
 
-static pose body_pose(const struct warp_scene *scene, int surface) {
-    return scene->T_world_body[scene->surfaces[surface].body];
+// Bodies under a surface: where they are, and where their corrections put them.
+struct stance {
+    pose physical, virtual, other; // other: the virtual one of what a ligament bridges to
+};
+
+static pose corrected(const struct warp_scene *scene, int body, pose B) {
+    return scene->correction ? pose_compose(scene->correction[body], B) : B;
 }
 
-static pose corrected_pose(const struct warp_scene *scene, int surface) {
-    pose B = body_pose(scene, surface);
-    return scene->correction ? pose_compose(scene->correction[scene->surfaces[surface].body], B)
-                             : B;
+static struct stance stance_of(const struct warp_scene *scene, int surface) {
+    const struct warp_surface *s = &scene->surfaces[surface];
+    pose B = scene->T_world_body[s->body], virtual = corrected(scene, s->body, B);
+    return (struct stance){B, virtual,
+                           s->other_share ? corrected(scene, s->other_body, B) : virtual};
 }
 
 // Δ of a point x of the surface that is displaced by u, both in the body's frame.
-static vec3 delta_of(const struct warp_scene *scene, int surface, vec3 x, vec3 u) {
-    vec3 target = pose_apply(corrected_pose(scene, surface), vec3_add(x, u));
-    return vec3_sub(target, pose_apply(body_pose(scene, surface), x));
+static vec3 delta_of(const struct stance *stance, double other, vec3 x, vec3 u) {
+    vec3 at = vec3_add(x, u), target = pose_apply(stance->virtual, at);
+    if (other > 0)
+        target = vec3_add_scaled(target, other, vec3_sub(pose_apply(stance->other, at), target));
+    return vec3_sub(target, pose_apply(stance->physical, x));
 }
 
-// How x and u change with y, in the body's frame.
+// How x, u and the other bone's share change with y, in the body's frame.
 struct changes {
     mat3 slide, change;
+    vec3 other;
 };
 
-// G_k = [M_R R_B (∂x + ∂u) − R_B ∂x] R_Bᵀ
-static mat3 delta_gradient_of(const struct warp_scene *scene, int surface,
+// G_k = [M_R R_B (∂x + ∂u) − R_B ∂x + (M_other − M_body) B x' ∂share] R_Bᵀ
+static mat3 delta_gradient_of(const struct stance *stance, double other, vec3 target,
                               const struct changes *changes) {
-    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation);
-    mat3 MR = quat_to_mat3(corrected_pose(scene, surface).rotation);
+    mat3 R = quat_to_mat3(stance->physical.rotation);
+    mat3 MR = quat_to_mat3(stance->virtual.rotation);
+    mat3 apart = mat3_add_scaled(quat_to_mat3(stance->other.rotation), -1, MR);
+    MR = mat3_add_scaled(MR, other, apart);
     mat3 moved = mat3_multiply(MR, mat3_add_scaled(changes->slide, 1, changes->change));
-    mat3 slid = mat3_multiply(R, changes->slide);
-    return mat3_multiply(mat3_add_scaled(moved, -1, slid), mat3_transpose(R));
+    moved = mat3_add_scaled(moved, -1, mat3_multiply(R, changes->slide));
+    vec3 spread = vec3_sub(pose_apply(stance->other, target), pose_apply(stance->virtual, target));
+    moved = mat3_add_scaled(moved, 1, mat3_outer(spread, changes->other));
+    return mat3_multiply(moved, mat3_transpose(R));
 }
 
 // ---- its closest point ----
 
+static double other_at(const struct warp_surface *surface, const struct closest *contact) {
+    if (!surface->other_share)
+        return 0;
+    const uint32_t *vertices = surface->mesh->triangles + 3 * (size_t)contact->triangle;
+    double sum = 0;
+    for (int i = 0; i < 3; i++)
+        sum += contact->weights[i] * (double)surface->other_share[vertices[i]];
+    return sum;
+}
+
 vec3 warp_of_contact(const struct warp_scene *scene, int surface, const struct closest *contact) {
-    vec3 u = displacement_at(&scene->surfaces[surface], contact);
-    return delta_of(scene, surface, contact->point, u);
+    const struct warp_surface *s = &scene->surfaces[surface];
+    struct stance stance = stance_of(scene, surface);
+    return delta_of(&stance, other_at(s, contact), contact->point, displacement_at(s, contact));
 }
 
 // Π: how the closest point moves with the query point; and the change of the displacement on it,
@@ -96,13 +121,19 @@ static void face_gradients(const struct warp_surface *surface, const struct clos
     vec3 m = vec3_cross(e1, e2);
     double scale = 1 / vec3_dot(m, m);
     out->slide = mat3_add_scaled(mat3_identity(), -scale, mat3_outer(m, m));
-    if (!surface->displacement)
-        return;
-    vec3 d0 = displacement_of(surface, v[0]);
     vec3 g1 = vec3_scale(scale, vec3_cross(e2, m)), g2 = vec3_scale(scale, vec3_cross(m, e1));
-    vec3 d1 = vec3_sub(displacement_of(surface, v[1]), d0);
-    vec3 d2 = vec3_sub(displacement_of(surface, v[2]), d0);
-    out->change = mat3_add_scaled(mat3_outer(d1, g1), 1, mat3_outer(d2, g2));
+    if (surface->displacement) {
+        vec3 d0 = displacement_of(surface, v[0]);
+        vec3 d1 = vec3_sub(displacement_of(surface, v[1]), d0);
+        vec3 d2 = vec3_sub(displacement_of(surface, v[2]), d0);
+        out->change = mat3_add_scaled(mat3_outer(d1, g1), 1, mat3_outer(d2, g2));
+    }
+    if (surface->other_share) {
+        const float *share = surface->other_share;
+        double s0 = (double)share[v[0]];
+        out->other =
+            vec3_add_scaled(vec3_scale((double)share[v[1]] - s0, g1), (double)share[v[2]] - s0, g2);
+    }
 }
 
 static void edge_gradients(const struct warp_surface *surface, const struct closest *contact,
@@ -113,21 +144,28 @@ static void edge_gradients(const struct warp_surface *surface, const struct clos
     double scale = 1 / vec3_dot(e, e);
     mat3 zero = {0};
     out->slide = mat3_add_scaled(zero, scale, mat3_outer(e, e));
-    if (!surface->displacement)
-        return;
-    vec3 d = vec3_sub(displacement_of(surface, to), displacement_of(surface, from));
-    out->change = mat3_add_scaled(zero, scale, mat3_outer(d, e));
+    if (surface->displacement) {
+        vec3 d = vec3_sub(displacement_of(surface, to), displacement_of(surface, from));
+        out->change = mat3_add_scaled(zero, scale, mat3_outer(d, e));
+    }
+    if (surface->other_share) {
+        double rise = (double)surface->other_share[to] - (double)surface->other_share[from];
+        out->other = vec3_scale(scale * rise, e);
+    }
 }
 
-static void differentiate(const struct warp_scene *scene, int surface,
-                          const struct closest *contact, struct warp_contact *out) {
+static void take_delta(const struct warp_surface *surface, const struct stance *stance,
+                       const struct closest *contact, struct warp_contact *out) {
     struct changes changes = {0};
     if (contact->feature == FEATURE_FACE)
-        face_gradients(&scene->surfaces[surface], contact, &changes);
+        face_gradients(surface, contact, &changes);
     else if (contact->feature == FEATURE_EDGE)
-        edge_gradients(&scene->surfaces[surface], contact, &changes);
-    mat3 R = quat_to_mat3(body_pose(scene, surface).rotation);
-    out->delta_gradient = delta_gradient_of(scene, surface, &changes);
+        edge_gradients(surface, contact, &changes);
+    double other = other_at(surface, contact);
+    vec3 u = displacement_at(surface, contact);
+    mat3 R = quat_to_mat3(stance->physical.rotation);
+    out->delta = delta_of(stance, other, contact->point, u);
+    out->delta_gradient = delta_gradient_of(stance, other, vec3_add(contact->point, u), &changes);
     out->slide = mat3_multiply(mat3_multiply(R, changes.slide), mat3_transpose(R));
 }
 
@@ -150,18 +188,18 @@ static double smoothstep(double d, double begin, double width, double *out_slope
 }
 
 // From what the closest point tells to what the mean does.
-static void hand_over(const struct warp_scene *scene, const struct field *field, vec3 p,
-                      struct warp_contact *c) {
+static void hand_over(const struct warp_surface *surface, const struct stance *stance,
+                      const struct field *field, vec3 p, struct warp_contact *c) {
     double slope, begin = fmax(field->radius_mm / 240, field->skin_mm);
     double share = smoothstep(c->distance, fmax(begin, SURFACE_MEAN_NEAREST_MM),
                               field->radius_mm / 120, &slope);
     struct surface_value mean;
-    const struct warp_surface *surface = &scene->surfaces[c->surface];
     if (!(share > 0) || !surface_mean_at(surface->mean, p, c->distance, &mean))
         return;
-    struct changes changes = {mean.slide, mean.change};
-    vec3 off = vec3_sub(delta_of(scene, c->surface, mean.point, mean.displacement), c->delta);
-    mat3 gradient = delta_gradient_of(scene, c->surface, &changes), zero = {0};
+    struct changes changes = {.slide = mean.slide, .change = mean.change};
+    vec3 target = vec3_add(mean.point, mean.displacement);
+    vec3 off = vec3_sub(delta_of(stance, 0, mean.point, mean.displacement), c->delta);
+    mat3 gradient = delta_gradient_of(stance, 0, target, &changes), zero = {0};
     gradient =
         mat3_add_scaled(mat3_add_scaled(zero, share, gradient), 1 - share, c->delta_gradient);
     c->delta = vec3_add_scaled(c->delta, share, off);
@@ -174,8 +212,8 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
     double reach =
         field->kind == FIELD_GAUSSIAN ? DBL_MAX : field->radius_mm + 1.5 * field->skin_mm;
     const struct warp_surface *surface = &scene->surfaces[index];
-    pose B = body_pose(scene, index);
-    vec3 p = pose_apply_inverse(B, y);
+    struct stance stance = stance_of(scene, index);
+    vec3 p = pose_apply_inverse(stance.physical, y);
     struct closest closest;
     if (!query_closest(surface->query, p, reach, memory->triangle[index], &closest))
         return false;
@@ -184,11 +222,13 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
                                             : face_across(surface->mesh, closest.triangle);
     out->surface = index;
     out->distance = closest.distance;
-    out->normal = quat_rotate(B.rotation, vec3_unit_or(away, (vec3){0, 0, 0}));
-    out->delta = warp_of_contact(scene, index, &closest);
-    differentiate(scene, index, &closest, out);
+    out->normal = quat_rotate(stance.physical.rotation, vec3_unit_or(away, (vec3){0, 0, 0}));
+    take_delta(surface, &stance, &closest, out);
     if (field->kind == FIELD_SMOOTH && surface->mean)
-        hand_over(scene, field, p, out);
+        hand_over(surface, &stance, field, p, out);
+    mat3 zero = {0};
+    out->delta = vec3_scale(field->strength, out->delta);
+    out->delta_gradient = mat3_add_scaled(zero, field->strength, out->delta_gradient);
     return true;
 }
 

@@ -40,9 +40,10 @@ struct field {
     double radius_mm;         // the others: R, beyond which a surface has no weight
     double background_per_mm; // the others: ω_0, so that the warp fades in open space
     double skin_mm;           // the others: s
+    double strength;          // 0 no warp .. 1 the whole: scales every Δ
 };
 
-struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm, s = 0
+struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm, s = 0, 1
 
 struct warp_surface {
     const struct mesh *mesh;
@@ -101,5 +102,6 @@ int warp_contacts(const struct warp_scene *scene, const struct field *field, vec
                   struct warp_memory *memory, struct warp *out_warp,
                   struct warp_contact out_contacts[WARP_SURFACES_MAX]);
 
-// Where the closest point of one surface goes: Δ_k of the header's formula, for tests and meters.
+// Where the closest point of one surface goes: Δ_k of the header's formula, whatever the
+// strength, for tests and meters.
 vec3 warp_of_contact(const struct warp_scene *scene, int surface, const struct closest *contact);

@@ -54,6 +54,7 @@ static void the_gradient_agrees_with_central_differences(void **state) {
     const double h = 1e-3;
     for (int kind = 0; kind < FIELD_COUNT; kind++) {
         struct field field = field_default((enum field_kind)kind);
+        field.strength = 0.7;
         int counts[3] = {0};
         for (int i = 0; i < 1500; i++) {
             world_place(&w, &r, i % 2);
@@ -93,7 +94,8 @@ static void on_a_surface_the_gradient_holds_along_it(void **state) {
         struct warp warp = world_warp(&w.scene, &field, y);
         vec3 moved = world_warp(&w.scene, &field, vec3_add(y, step)).displacement;
         vec3 told = vec3_add(warp.displacement, mat3_apply(warp.gradient, step));
-        assert_vec3_near(moved, told, 1e-11);
+        bool bends = w.scene.surfaces[surface].other_share; // a share times a place
+        assert_vec3_near(moved, told, bends ? 1e-6 : 1e-11);
     }
     world_fini(&w);
 }

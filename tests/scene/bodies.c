@@ -22,7 +22,7 @@ void bodies_add(struct bodies *bodies, struct mesh *mesh, float *displacement, i
 
 void bodies_smooth(struct bodies *bodies) {
     for (int i = 0; i < bodies->count; i++) {
-        if (!bodies->displacements[i])
+        if (!bodies->displacements[i] || bodies->surfaces[i].other_share)
             continue;
         bodies->trees[i] = surface_tree_create(&bodies->meshes[i]);
         bodies->means[i] = surface_mean_create(bodies->trees[i], bodies->displacements[i]);

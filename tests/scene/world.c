@@ -2,6 +2,8 @@
 
 #include "base/check.h"
 
+#include <stdlib.h>
+
 pose world_small_pose(struct random *r, double angle_rad, double length_mm) {
     quat q = quat_from_axis_angle(random_direction(r), angle_rad);
     return (pose){q, vec3_scale(length_mm, random_direction(r))};
@@ -16,8 +18,18 @@ void world_place(struct world *w, struct random *r, bool corrected) {
     w->scene.correction = corrected ? w->M : NULL;
 }
 
+static void bridge(struct world *w) {
+    struct warp_surface *last = &w->bodies.surfaces[w->bodies.count - 1];
+    w->share = alloc(last->mesh->vertex_count, sizeof *w->share);
+    for (uint32_t v = 0; v < last->mesh->vertex_count; v++)
+        w->share[v] = (float)(0.5 + 0.5 * sin(0.3 * mesh_vertex(last->mesh, v).x));
+    last->other_share = w->share;
+    last->other_body = (last->body + 1) % 3;
+}
+
 void world_create(struct world *w, struct random *r, bool corrected) {
     bodies_knee(&w->bodies, 8);
+    bridge(w);
     w->scene =
         (struct warp_scene){.surfaces = w->bodies.surfaces, .surface_count = w->bodies.count};
     world_place(w, r, corrected);
@@ -62,4 +74,5 @@ double world_clearance(const struct world *w, int surface, vec3 y) {
 
 void world_fini(struct world *w) {
     bodies_fini(&w->bodies);
+    free(w->share);
 }

@@ -4,9 +4,11 @@
 #include "random.h"
 #include "scene/bodies.h"
 
-// Five surfaces on three bodies, each somewhere near its place, each corrected a little.
+// Five surfaces on three bodies, each somewhere near its place, each corrected a little; the last
+// one bridges from its body to another.
 struct world {
     struct bodies bodies;
+    float *share;
     pose B[3], M[3];
     struct warp_scene scene;
 };

@@ -67,16 +67,44 @@ static bool take_warp_key(struct reading *r, const char *key, const char *value)
     if (!strcmp(key, "skin_mm"))
         return number_double(value, 0, 0.1, &s->field.skin_mm);
     if (!strcmp(key, "strength"))
-        return number_double(value, 0, 1, &s->strength);
+        return number_double(value, 0, 1, &s->field.strength);
     if (!strcmp(key, "ease_share"))
         return number_double(value, 0, 1000, &s->ease_share);
     if (!strcmp(key, "ease_mm_s"))
         return number_double(value, 0, 1e6, &s->ease_mm_s);
+    if (!strcmp(key, "adaptive"))
+        return adaptive_from_name(value, &s->adaptive);
+    if (!strcmp(key, "avatar"))
+        return avatar_mode_from_name(value, &s->avatar);
     int ms;
     if (strcmp(key, "hold_ms") || !take_int(value, 0, 10000, &ms))
         return false;
     s->hold_ns = ms * NS_PER_MS;
     return true;
+}
+
+// point.1 = x y z radius: the first one beside the tip takes the place of the default ones.
+static bool take_point(const char *number, const char *value, struct instrument_body *body) {
+    int index;
+    double n[4];
+    if (!take_int(number, 1, AVATAR_POINTS_MAX - 1, &index) || number_list(value, 4, n) != 4)
+        return false;
+    if (index == 1)
+        *body = (struct instrument_body){.point_count = 1};
+    if (index != body->point_count)
+        return false;
+    body->points[body->point_count++] = (struct avatar_point){{n[0], n[1], n[2]}, n[3]};
+    return instrument_body_is_valid(body);
+}
+
+static bool take_instrument_key(struct reading *r, const char *name, const char *key,
+                                const char *value) {
+    enum channel channel;
+    if (!channel_from_name(name, &channel) || channel < CHANNEL_FIRST_INSTRUMENT)
+        return false;
+    int instrument = (int)channel - CHANNEL_FIRST_INSTRUMENT;
+    return !strncmp(key, "point.", 6) &&
+           take_point(key + 6, value, &r->config->settings.bodies[instrument]);
 }
 
 static struct hub_case *case_entry(struct hub_config *c, const char *name) {
@@ -138,6 +166,8 @@ static bool take_key(void *user, const char *section, const char *key, const cha
         return take_server_key(r, key, value);
     if (!strcmp(section, "warp"))
         return take_warp_key(r, key, value);
+    if (!strncmp(section, "instrument ", 11))
+        return take_instrument_key(r, section + 11, key, value);
     if (!strncmp(section, "case ", 5))
         return take_case_key(r, section + 5, key, value);
     if (!strncmp(section, "station ", 8))

@@ -3,7 +3,8 @@
 //   [server]  address, port, udp_port, workers, keys, traces, socket, wait_s,
 //            calibration_days, calibration_mm, calibration_deg
 //   [warp]    field, unit_mm, radius_mm, background_per_mm, skin_mm, strength, hold_ms,
-//             ease_share, ease_mm_s
+//             adaptive, avatar, ease_share, ease_mm_s
+//   [instrument NAME]  point.1, point.2, ...
 //   [case NAME]     dir
 //   [station NAME]  case, start = auto|command, trainee, contact.CHANNEL
 //

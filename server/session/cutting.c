@@ -35,11 +35,11 @@ static bool box_has(const struct box *box, vec3 p, double margin) {
            p.y < box->max.y + margin && p.z > box->min.z - margin && p.z < box->max.z + margin;
 }
 
-// Virtual bodies are where the mock-up's are: no corrections yet. The tip is the warped one. What
-// is composed of rotations that are nearly of unit length is made so again.
+// The warped tip in the virtual mesh. What is composed of rotations that are nearly of unit length
+// is made so again.
 static struct sweep sweep_now(const struct scene_tissue *tissue, const struct scene *scene,
                               const struct session_output *out, const struct instrument_output *o) {
-    pose T_mockup_mesh = out->T_mockup_body[scene->knee->groups[tissue->group].body];
+    pose T_mockup_mesh = out->T_mockup_virtual[scene->knee->groups[tissue->group].body];
     pose T_mesh_tip = pose_compose(pose_inverse(T_mockup_mesh), o->T_mockup_warped);
     T_mesh_tip.rotation = quat_unit(T_mesh_tip.rotation);
     return (struct sweep){

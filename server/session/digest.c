@@ -3,7 +3,22 @@
 #include "base/bytes.h"
 #include "base/check.h"
 
+#include <string.h>
 #include <xxhash.h>
+
+// That of `tip` is the space warp's.
+static void write_lead(struct writer *w, const struct avatar_lead *lead) {
+    write_u8(w, (uint8_t)lead->mode);
+    if (lead->mode == AVATAR_TIP)
+        return;
+    write_vec3(w, lead->portal);
+    write_vec3(w, lead->motion.v);
+    write_f64(w, lead->motion.s);
+    for (int i = 0; i < 24; i++)
+        write_f64(w, lead->slope[i / 6][i % 6]);
+    write_f64(w, lead->reach_mm);
+    write_f64(w, lead->trust_radius_mm);
+}
 
 void digest_write_instrument(struct writer *w, const struct instrument_output *o) {
     write_u8(w, o->present);
@@ -18,10 +33,34 @@ void digest_write_instrument(struct writer *w, const struct instrument_output *o
     write_f64(w, o->warp.trust_radius_mm);
     write_u32(w, (uint32_t)o->warp.nearest);
     write_f64(w, o->warp.nearest_mm);
-    write_f64(w, o->gain);
+    write_lead(w, &o->lead);
+    write_f64(w, o->penetration_mm);
+    write_f64(w, o->tip_gap_mm);
+    write_f64(w, o->discrepancy.offset_mm);
+    write_f64(w, o->discrepancy.tilt_deg);
+    write_f64(w, o->discrepancy.gain);
+    write_f64(w, o->discrepancy.gain_least);
+    write_f64(w, o->discrepancy.turn_deg);
     write_f64(w, o->handle.opening);
     write_u32(w, o->handle.buttons);
     write_u8(w, (uint8_t)o->handle_validity);
+}
+
+// A virtual bone is told where it is elsewhere than the mock-up's.
+void digest_write_bones(struct writer *w, const struct session_output *out) {
+    for (int i = 0; i < BODY_COUNT; i++) {
+        const pose *physical = &out->T_mockup_body[i], *virtual = &out->T_mockup_virtual[i];
+        bool elsewhere = memcmp(physical, virtual, sizeof *virtual) != 0;
+        write_pose(w, *physical);
+        write_u8(w, elsewhere);
+        if (elsewhere)
+            write_pose(w, *virtual);
+    }
+    write_u8(w, (uint8_t)out->torn_count);
+    for (int i = 0; i < out->torn_count; i++) {
+        write_f64(w, out->opening[i]);
+        write_f64(w, out->share[i]);
+    }
 }
 
 void digest_write_job(struct writer *w, const struct job *job) {
@@ -79,7 +118,7 @@ void digest_write_landed(struct writer *w, const struct landed *landed) {
 }
 
 uint64_t digest_output(uint64_t previous, const struct session_output *out) {
-    uint8_t data[4096];
+    uint8_t data[8192];
     struct writer w = {data, sizeof data, 0, false};
     write_u64(&w, previous);
     write_u64(&w, out->step);
@@ -94,8 +133,7 @@ uint64_t digest_output(uint64_t previous, const struct session_output *out) {
     write_f64(&w, out->joint.drawer_mm);
     write_f64(&w, out->joint.distraction_mm);
     write_u8(&w, (uint8_t)out->joint_validity);
-    for (int i = 0; i < BODY_COUNT; i++)
-        write_pose(&w, out->T_mockup_body[i]);
+    digest_write_bones(&w, out);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         digest_write_instrument(&w, &out->instruments[i]);
     digest_write_job(&w, &out->job);

@@ -3,6 +3,7 @@
 #include "base/check.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 // ---- tissue -------------------------------------------------------------------------------------
 
@@ -74,6 +75,48 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
     return result;
 }
 
+// ---- ligaments ----------------------------------------------------------------------------------
+
+static enum result add_ligaments(struct scene *scene, enum adaptive_kind kind, struct error *err) {
+    const struct knee_case *knee = scene->knee;
+    struct adaptive_key keys[CASE_KEYS_MAX];
+    for (int i = 0; i < knee->key_count; i++)
+        keys[i] = (struct adaptive_key){knee->keys[i].ligament, knee->keys[i].physical,
+                                        knee->keys[i].target};
+    struct adaptive_setup setup = {kind,       knee->joint,     knee->rest_count,
+                                   knee->rest, knee->key_count, keys};
+    enum result result = adaptive_create(&setup, &scene->adaptive[kind], err);
+    if (result == RESULT_OK && kind == ADAPTIVE_HINGE)
+        result = adaptive_check(scene->adaptive[kind], err);
+    return result;
+}
+
+void scene_correct(const struct scene *scene, enum adaptive_kind kind,
+                   const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
+                   pose out_correction[BODY_COUNT]) {
+    for (int i = 0; i < BODY_COUNT; i++)
+        out_correction[i] = pose_identity();
+    memset(out_adaptive, 0, sizeof *out_adaptive);
+    out_adaptive->correction = pose_identity();
+    if (!scene->knee->key_count)
+        return;
+    pose T_frame_femur = T_frame_body[BODY_FEMUR], T_femur_frame = pose_inverse(T_frame_femur);
+    pose T_femur_tibia = pose_compose(T_femur_frame, T_frame_body[BODY_TIBIA]);
+    adaptive_at(scene->adaptive[kind], T_femur_tibia, out_adaptive);
+    out_correction[BODY_TIBIA] =
+        pose_compose(T_frame_femur, pose_compose(out_adaptive->correction, T_femur_frame));
+}
+
+void scene_stand(const struct scene *scene, enum adaptive_kind kind,
+                 const struct joint_angles *joint, struct scene_stance *out) {
+    out->T_femur_body[BODY_FEMUR] = pose_identity();
+    out->T_femur_body[BODY_TIBIA] = joint_to_pose(&scene->knee->joint, joint);
+    out->T_femur_body[BODY_PATELLA] = case_patella_pose(scene->knee, joint->flexion_deg);
+    scene_correct(scene, kind, out->T_femur_body, &out->adaptive, out->correction);
+    out->warp = (struct warp_scene){scene->surfaces, scene->knee->group_count, out->T_femur_body,
+                                    out->correction};
+}
+
 // ---- the scene ----------------------------------------------------------------------------------
 
 static enum result add_group(struct scene *scene, int index, struct error *err) {
@@ -88,7 +131,9 @@ static enum result add_group(struct scene *scene, int index, struct error *err) 
         .query = scene->queries[index],
         .displacement = group->warp,
         .body = group->body,
-        .mean = scene->means[index],
+        .other_body = group->other_body,
+        .other_share = group->other_share,
+        .mean = group->other_share ? NULL : scene->means[index],
     };
     if (result == RESULT_OK && group->cuttable)
         result = add_tissue(scene, index, err);
@@ -107,6 +152,14 @@ enum result scene_create(struct knee_case **knee, struct scene **out_scene, stru
                            (*knee)->groups[i].name);
         }
     }
+    for (int kind = 0; kind < ADAPTIVE_COUNT; kind++) {
+        enum result result = add_ligaments(scene, (enum adaptive_kind)kind, err);
+        if (result != RESULT_OK) {
+            scene->knee = NULL;
+            scene_destroy(&scene);
+            return fail_in(err, result, "case %s, torn ligaments: ", (*knee)->name);
+        }
+    }
     *knee = NULL;
     *out_scene = scene;
     return RESULT_OK;
@@ -121,6 +174,8 @@ void scene_destroy(struct scene **scene) {
         surface_mean_destroy(&s->means[i]);
         surface_tree_destroy(&s->trees[i]);
     }
+    for (int kind = 0; kind < ADAPTIVE_COUNT; kind++)
+        adaptive_destroy(&s->adaptive[kind]);
     for (int i = 0; i < s->tissue_count; i++) {
         cut_mesh_destroy(&s->tissues[i].mesh);
         match_surface_destroy(&s->tissues[i].match);

@@ -21,6 +21,13 @@ struct scene {
     struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups that are displaced, or may come to be
     struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
     struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
     int tissue_count;
     struct scene_tissue tissues[TISSUES_MAX];
 };
+
+// The corrections M of all bodies, in the frame that T_frame_body are given in: that of the tibia
+// follows from the pose between the two bones, and the others have none.
+void scene_correct(const struct scene *scene, enum adaptive_kind kind,
+                   const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
+                   pose out_correction[BODY_COUNT]);

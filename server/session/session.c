@@ -12,6 +12,10 @@
 #define CONTACT_MM 0.2
 #define RELEASE_MM 0.4
 
+// An instrument that is deeper in keeps its portal, unless its shaft has left it.
+#define PORTAL_HOLD_MM 5.0
+#define PORTAL_ASIDE_MM 20.0
+
 struct session {
     const struct scene *scene;
     struct session_settings settings;
@@ -23,8 +27,10 @@ struct session {
     struct sample samples[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
     bool known[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
     bool in_contact[INSTRUMENT_COUNT];
-    struct warp_memory memory[INSTRUMENT_COUNT];
-    bool seen[INSTRUMENT_COUNT]; // at the step before, with its tip at `tips`
+    struct avatar_memory memory[INSTRUMENT_COUNT];
+    int portals[INSTRUMENT_COUNT]; // that each goes through: index in the case
+    pose correction[BODY_COUNT];   // M of this step, in the mock-up's frame
+    bool seen[INSTRUMENT_COUNT];   // at the step before, with its tip at `tips`
     vec3 tips[INSTRUMENT_COUNT];
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
@@ -35,43 +41,14 @@ struct session {
     bool touched[TISSUES_MAX]; // by a job since it was last whole
 };
 
-struct session_settings session_settings_default(void) {
-    struct field field = field_default(FIELD_INVERSE_DISTANCE);
-    field.skin_mm = 0.1;
-    return (struct session_settings){
-        .field = field,
-        .strength = 1,
-        .hold_ns = 100 * NS_PER_MS,
-        .ease_share = 0.2,
-        .ease_mm_s = 2,
-    };
-}
-
-const char *session_state_name(enum session_state state) {
-    static const char *const names[SESSION_STATE_COUNT] = {"waiting", "running", "paused",
-                                                           "closed"};
-    return (unsigned)state < SESSION_STATE_COUNT ? names[state] : "unknown";
-}
-
-const char *input_kind_name(enum input_kind kind) {
-    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
-                                                        "stop",  "reset", "job"};
-    return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
-}
-
-const char *event_name(int bit) {
-    static const char *const names[EVENT_COUNT] = {
-        "state", "device_lost", "device_back", "contact", "release", "cut", "piece", "refused"};
-    return bit >= 0 && bit < EVENT_COUNT ? names[bit] : "unknown";
-}
-
 static void forget(struct session *s) {
     memset(s->known, 0, sizeof s->known);
     memset(s->in_contact, 0, sizeof s->in_contact);
     memset(s->seen, 0, sizeof s->seen);
+    memset(s->portals, -1, sizeof s->portals);
     memset(&s->cutting, 0, sizeof s->cutting);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        warp_memory_init(&s->memory[i]);
+        avatar_memory_init(&s->memory[i]);
 }
 
 static void take_surfaces(struct session *s) {
@@ -87,7 +64,8 @@ static void take_surfaces(struct session *s) {
 }
 
 struct session *session_create(const struct scene *scene, const struct session_settings *settings) {
-    CHECK(settings->strength >= 0 && settings->strength <= 1 && settings->hold_ns >= 0);
+    CHECK(settings->field.strength >= 0 && settings->field.strength <= 1);
+    CHECK(settings->hold_ns >= 0);
     CHECK(settings->ease_share >= 0 && settings->ease_mm_s >= 0);
     struct session *s = alloc(1, sizeof *s);
     s->scene = scene;
@@ -263,6 +241,19 @@ static void place_tibia(const struct session *s, struct session_output *out) {
     bodies[BODY_TIBIA] = pose_compose(bodies[BODY_FEMUR], joint_to_pose(joint, &out->joint));
 }
 
+// The corrections are kept: instruments need them.
+static void correct_bones(struct session *s, struct session_output *out) {
+    struct adaptive_warp adaptive;
+    scene_correct(s->scene, s->settings.adaptive, out->T_mockup_body, &adaptive, s->correction);
+    memcpy(out->T_mockup_virtual, out->T_mockup_body, sizeof out->T_mockup_virtual);
+    if (s->scene->knee->torn_count)
+        out->T_mockup_virtual[BODY_TIBIA] =
+            pose_compose(s->correction[BODY_TIBIA], out->T_mockup_body[BODY_TIBIA]);
+    out->torn_count = s->scene->knee->torn_count;
+    memcpy(out->opening, adaptive.opening, sizeof out->opening);
+    memcpy(out->share, adaptive.share, sizeof out->share);
+}
+
 // An untracked femur is the mock-up's own frame. What is lost stays where it was last seen: a bone
 // that jumped would take the surfaces under the instruments with it.
 static void place_bones(const struct session *s, struct session_output *out) {
@@ -291,6 +282,17 @@ static double allowance_mm(const struct session *s, int instrument, int64_t pass
     return EASE_ROUNDING * (s->settings.ease_share * way + floor_mm);
 }
 
+// How much the displacement that an instrument feels would still change: its tip, or any point.
+static double rest_mm(const struct session *s, int instrument, int tissue) {
+    const struct avatar_memory *memory = &s->memory[instrument];
+    int group = s->scene->tissues[tissue].group;
+    int count = s->settings.avatar == AVATAR_TIP ? 1 : s->settings.bodies[instrument].point_count;
+    double rest = 0;
+    for (int i = 0; i < count; i++)
+        rest = fmax(rest, easing_rest_mm(s->easings[tissue], memory->points[i].triangle[group]));
+    return rest;
+}
+
 // The share of what is left that a tissue's blends may go: what bounds the change that each tip
 // would notice, since W is a mean of displacements.
 static double ease_share(const struct session *s, int tissue, int active, int64_t passed_ns,
@@ -300,8 +302,7 @@ static double ease_share(const struct session *s, int tissue, int active, int64_
         const struct instrument_output *o = &out->instruments[i];
         if (!o->present)
             continue;
-        uint32_t triangle = s->memory[i].triangle[s->scene->tissues[tissue].group];
-        double rest = easing_rest_mm(s->easings[tissue], triangle);
+        double rest = rest_mm(s, i, tissue);
         double allowed = allowance_mm(s, i, passed_ns, o->T_mockup_tip.translation) / active;
         if (allowed < share * rest)
             share = allowed / rest;
@@ -323,20 +324,57 @@ static bool ease(struct session *s, int64_t passed_ns, const struct session_outp
 
 // ---- instruments --------------------------------------------------------------------------------
 
-static void warp_tip(struct session *s, const pose *bodies, int instrument, vec3 tip,
-                     struct instrument_output *out) {
-    struct warp_scene scene = {
-        .surfaces = s->surfaces,
-        .surface_count = s->scene->knee->group_count,
-        .T_world_body = bodies,
-    };
-    warp_point(&scene, &s->settings.field, tip, &s->memory[instrument], &out->warp);
-    // Without corrections W is linear in the displacements, so the strength scales W itself.
-    out->warp.displacement = vec3_scale(s->settings.strength, out->warp.displacement);
-    mat3 zero = {0};
-    out->warp.gradient = mat3_add_scaled(zero, s->settings.strength, out->warp.gradient);
-    out->gain = mat3_norm(mat3_add_scaled(mat3_identity(), 1, out->warp.gradient));
-    out->T_mockup_warped.translation = vec3_add(tip, out->warp.displacement);
+struct passage {
+    vec3 portal;
+    double past, aside; // of the tip, along the shaft; of the shaft
+};
+
+static struct passage passage_of(const struct session *s, const struct session_output *out,
+                                 int index, pose T_mockup_tip) {
+    vec3 in_femur = s->scene->knee->portals[index].position;
+    struct passage p = {.portal = pose_apply(out->T_mockup_body[BODY_FEMUR], in_femur)};
+    vec3 u = quat_rotate(T_mockup_tip.rotation, (vec3){0, 0, 1});
+    vec3 way = vec3_sub(T_mockup_tip.translation, p.portal);
+    p.past = vec3_dot(way, u);
+    p.aside = vec3_length(vec3_add_scaled(way, -p.past, u));
+    return p;
+}
+
+// The portal that the shaft passes nearest to. The instrument keeps it while it is inside.
+static vec3 portal_of(struct session *s, const struct session_output *out, int instrument,
+                      pose T_mockup_tip) {
+    int *kept = &s->portals[instrument];
+    struct passage best = {.aside = INFINITY};
+    if (*kept >= 0)
+        best = passage_of(s, out, *kept, T_mockup_tip);
+    if (*kept >= 0 && best.past > PORTAL_HOLD_MM && best.aside < PORTAL_ASIDE_MM)
+        return best.portal;
+    for (int i = 0; i < s->scene->knee->portal_count; i++) {
+        struct passage passage = passage_of(s, out, i, T_mockup_tip);
+        if (passage.aside >= best.aside)
+            continue;
+        best = passage;
+        *kept = i;
+    }
+    return best.portal;
+}
+
+static void warp_instrument(struct session *s, struct session_output *out, int instrument) {
+    struct instrument_output *o = &out->instruments[instrument];
+    struct warp_scene scene = {s->surfaces, s->scene->knee->group_count, out->T_mockup_body,
+                               s->correction};
+    const struct instrument_body *shape = &s->settings.bodies[instrument];
+    enum avatar_mode mode = s->scene->knee->portal_count ? s->settings.avatar : AVATAR_TIP;
+    struct avatar_body body = {mode, shape->points, shape->point_count};
+    struct avatar avatar;
+    avatar_warp(&scene, &s->settings.field, &body, portal_of(s, out, instrument, o->T_mockup_tip),
+                o->T_mockup_tip, &s->memory[instrument], &avatar);
+    o->T_mockup_warped = avatar.T_world_warped;
+    o->warp = avatar.tip;
+    o->lead = avatar.lead;
+    o->penetration_mm = avatar.penetration_mm;
+    o->tip_gap_mm = avatar.tip_gap_mm;
+    o->discrepancy = discrepancy_of(&o->lead, o->T_mockup_tip, o->T_mockup_warped);
 }
 
 static uint32_t feel_contact(struct session *s, int instrument, double distance_mm) {
@@ -359,13 +397,13 @@ static void place_instrument(struct session *s, int instrument, struct session_o
         return;
     o->present = true;
     o->validity = pose_validity(s, channel);
-    o->T_mockup_tip = o->T_mockup_warped = last_pose(s, channel);
+    o->T_mockup_tip = last_pose(s, channel);
     o->handle_validity = VALIDITY_LOST;
     if (s->known[channel][SAMPLE_HANDLE]) {
         o->handle = s->samples[channel][SAMPLE_HANDLE].handle;
         o->handle_validity = s->samples[channel][SAMPLE_HANDLE].validity;
     }
-    warp_tip(s, out->T_mockup_body, instrument, o->T_mockup_tip.translation, o);
+    warp_instrument(s, out, instrument);
 }
 
 static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct session_output *out) {
@@ -375,8 +413,7 @@ static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct se
     if (ease(s, passed_ns, out))
         for (int i = 0; i < INSTRUMENT_COUNT; i++)
             if (out->instruments[i].present)
-                warp_tip(s, out->T_mockup_body, i, out->instruments[i].T_mockup_tip.translation,
-                         &out->instruments[i]);
+                warp_instrument(s, out, i);
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         const struct instrument_output *o = &out->instruments[i];
         events |= feel_contact(s, i, o->present ? o->warp.nearest_mm : INFINITY);
@@ -427,6 +464,7 @@ void session_step(struct session *s, const struct session_input *input,
     out->time_ns = s->time_ns;
     out->state = s->state;
     place_bones(s, out);
+    correct_bones(s, out);
     if (s->state == SESSION_RUNNING)
         out->events |= move_instruments(s, s->time_ns - before_ns, out);
     else

@@ -6,13 +6,15 @@
 
 #include "base/sample.h"
 #include "case/case.h"
+#include "session/discrepancy.h"
 #include "session/operation.h"
-#include "warp/warp.h"
+#include "warp/adaptive.h"
+#include "warp/avatar.h"
 
 // A case prepared for sessions: surfaces, search structures, tissue that can be cut. Immutable; any
 // number of sessions on any threads share one. Takes ownership of *knee (which becomes NULL) where
-// it succeeds. RESULT_INVALID where a tear leaves no tissue, or a case has more than TISSUES_MAX
-// cuttable groups.
+// it succeeds. RESULT_INVALID where a tear leaves no tissue, a case has more than TISSUES_MAX
+// cuttable groups, or a torn ligament's key is not met (warp/adaptive.h).
 struct scene;
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);
@@ -21,9 +23,32 @@ const struct knee_case *scene_case(const struct scene *scene);
 int scene_tissue_count(const struct scene *scene);
 int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
+// The case as the kernels see it at one pose of the joint, before any cut, the femur at the
+// identity: for checks and benches. Must not move in memory.
+struct scene_stance {
+    pose T_femur_body[BODY_COUNT];
+    pose correction[BODY_COUNT]; // M
+    struct adaptive_warp adaptive;
+    struct warp_scene warp;
+};
+
+void scene_stand(const struct scene *scene, enum adaptive_kind kind,
+                 const struct joint_angles *joint, struct scene_stance *out_stance);
+
+// What an instrument is made of, for contacts beside its tip (warp/avatar.h).
+struct instrument_body {
+    int point_count; // 1 to AVATAR_POINTS_MAX; the first is the tip
+    struct avatar_point points[AVATAR_POINTS_MAX];
+};
+
+// Counts in range, places within 300 mm of the tip, radii from 0 to 20 mm, the first at the origin.
+bool instrument_body_is_valid(const struct instrument_body *body);
+
 struct session_settings {
     struct field field;
-    double strength; // 0 no warp .. 1 the whole: scales every displacement
+    enum adaptive_kind adaptive;
+    enum avatar_mode avatar; // without a portal in the case: tip
+    struct instrument_body bodies[INSTRUMENT_COUNT];
     int64_t hold_ns; // how long a sample that stopped coming stands for the newest
     // A cut's new warp is eased in: in one step the displacement at a tip may change by this share
     // of the tip's own way, and by so much for each second.
@@ -31,7 +56,8 @@ struct session_settings {
     double ease_mm_s;
 };
 
-// Inverse-distance with a skin of 0.1 mm, 1, 100 ms, 0.2, 2 mm/s.
+// Inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s; straight instruments
+// with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
 
 enum session_state {
@@ -71,12 +97,15 @@ struct session_input {
 };
 
 struct instrument_output {
-    bool present;                  // a pose was known at this step; else all below is 0
-    enum validity validity;        // of that pose
-    pose T_mockup_tip;             // as measured
-    pose T_mockup_warped;          // as to be shown
-    struct warp warp;              // at the tip, in the mock-up's frame
-    double gain;                   // largest stretch of hand motion: |I + ∇W|
+    bool present;            // a pose was known at this step; else all below is 0
+    enum validity validity;  // of that pose
+    pose T_mockup_tip;       // as measured
+    pose T_mockup_warped;    // as to be shown
+    struct warp warp;        // the space warp at the tip, in the mock-up's frame
+    struct avatar_lead lead; // how T_mockup_warped goes on, in the mock-up's frame
+    double penetration_mm;   // of the body, and
+    double tip_gap_mm;       // of its tip: warp/avatar.h
+    struct discrepancy discrepancy;
     struct handle handle;          // the last known; 0 where the instrument never had one
     enum validity handle_validity; // lost where it has none
 };
@@ -114,6 +143,12 @@ struct session_output {
     struct joint_angles joint;
     enum validity joint_validity;
     pose T_mockup_body[BODY_COUNT];
+    // Where the virtual bones are: the tibia elsewhere where its ligaments are torn.
+    pose T_mockup_virtual[BODY_COUNT];
+    // Of the case's torn ligaments: how far each is put to the test, and what is given of its extra
+    // motion (warp/adaptive.h).
+    int torn_count;
+    double opening[ADAPTIVE_LIGAMENTS_MAX], share[ADAPTIVE_LIGAMENTS_MAX];
     struct instrument_output instruments[INSTRUMENT_COUNT]; // [channel - CHANNEL_FIRST_INSTRUMENT]
     struct job job;       // to be run; id 0: none. At most one is on its way at any time
     struct landed landed; // at this step

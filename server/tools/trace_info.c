@@ -36,7 +36,7 @@ static json_t *settings_object(const struct session_settings *s) {
     return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "field",
                      field_name(s->field.kind), "unit_mm", s->field.unit_mm, "radius_mm",
                      s->field.radius_mm, "background_per_mm", s->field.background_per_mm, "skin_mm",
-                     s->field.skin_mm, "strength", s->strength, "hold_s",
+                     s->field.skin_mm, "strength", s->field.strength, "hold_s",
                      (double)s->hold_ns / (double)NS_PER_S, "ease_share", s->ease_share,
                      "ease_mm_s", s->ease_mm_s);
 }
@@ -108,7 +108,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     printf("case        %s, hash %016" PRIx64 ", %s\n", h->case_name, h->case_hash, h->case_dir);
     printf("start       %s\n", start);
     printf("field       %s, strength %g\n", field_name(h->settings.field.kind),
-           h->settings.strength);
+           h->settings.field.strength);
     printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",

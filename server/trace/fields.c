@@ -30,6 +30,7 @@ DEFINE_TYPE(state, enum session_state, "%s", session_state_name(v));
 DEFINE_TYPE(validity, enum validity, "%s", validity_name(v));
 DEFINE_TYPE(blade, enum blade_kind, "%s", blade_name(v));
 DEFINE_TYPE(job, enum job_kind, "%s", job_kind_name(v));
+DEFINE_TYPE(mode, enum avatar_mode, "%s", avatar_mode_name(v));
 DEFINE_TYPE(outcome, enum job_outcome, "%s", job_outcome_name(v));
 
 static void print_events(const void *value, char *out) {
@@ -69,6 +70,11 @@ static const struct member first_members[] = {
     {"joint_validity", &validity_type, OUTPUT(joint_validity)},
 };
 
+static const struct member torn_members[] = {
+    {"opening", &real_type, OUTPUT(opening)},
+    {"share", &real_type, OUTPUT(share)},
+};
+
 static const struct member last_members[] = {
     {"hash", &hash_type, OUTPUT(hash)},
 };
@@ -103,7 +109,34 @@ static const struct member tool_members[] = {
     {"trust_radius_mm", &real_type, TOOL(warp.trust_radius_mm)},
     {"nearest", &index_type, TOOL(warp.nearest)},
     {"nearest_mm", &real_type, TOOL(warp.nearest_mm)},
-    {"gain", &real_type, TOOL(gain)},
+    {"penetration_mm", &real_type, TOOL(penetration_mm)},
+    {"tip_gap_mm", &real_type, TOOL(tip_gap_mm)},
+    {"offset_mm", &real_type, TOOL(discrepancy.offset_mm)},
+    {"tilt_deg", &real_type, TOOL(discrepancy.tilt_deg)},
+    {"gain", &real_type, TOOL(discrepancy.gain)},
+    {"gain_least", &real_type, TOOL(discrepancy.gain_least)},
+    {"turn_deg", &real_type, TOOL(discrepancy.turn_deg)},
+};
+
+#define LEAD(member) TOOL(lead.member)
+static const struct member lead_members[] = {
+    {"mode", &mode_type, LEAD(mode)},
+    {"portal_x_mm", &real_type, LEAD(portal.x)},
+    {"portal_y_mm", &real_type, LEAD(portal.y)},
+    {"portal_z_mm", &real_type, LEAD(portal.z)},
+    {"vx", &real_type, LEAD(motion.v.x)},
+    {"vy", &real_type, LEAD(motion.v.y)},
+    {"vz", &real_type, LEAD(motion.v.z)},
+    {"s_mm", &real_type, LEAD(motion.s)},
+    {"reach_mm", &real_type, LEAD(reach_mm)},
+    {"trust_radius_mm", &real_type, LEAD(trust_radius_mm)},
+};
+
+// Of one row of a lead's slopes.
+static const struct member slope_members[] = {
+    {"by_x", &real_type, 0 * sizeof(double)},      {"by_y", &real_type, 1 * sizeof(double)},
+    {"by_z", &real_type, 2 * sizeof(double)},      {"by_turn_x", &real_type, 3 * sizeof(double)},
+    {"by_turn_y", &real_type, 4 * sizeof(double)}, {"by_turn_z", &real_type, 5 * sizeof(double)},
 };
 
 static const struct member job_members[] = {
@@ -180,6 +213,18 @@ static void add_members(struct list *list, const struct member *members, size_t 
     }
 }
 
+static void add_lead(struct list *list, int instrument, size_t base, const char *tool) {
+    static const char *const rows[] = {"vx", "vy", "vz", "s"};
+    char name[32];
+    snprintf(name, sizeof name, "%s_lead", tool);
+    add_members(list, lead_members, COUNT(lead_members), base, name, instrument);
+    for (size_t i = 0; i < COUNT(rows); i++) {
+        snprintf(name, sizeof name, "%s_lead_%s", tool, rows[i]);
+        add_members(list, slope_members, COUNT(slope_members),
+                    base + LEAD(slope) + i * 6 * sizeof(double), name, instrument);
+    }
+}
+
 static void add_tool(struct list *list, int instrument) {
     size_t base = OUTPUT(instruments) + (size_t)instrument * sizeof(struct instrument_output);
     const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument));
@@ -191,6 +236,28 @@ static void add_tool(struct list *list, int instrument) {
     add_members(list, pose_members, COUNT(pose_members), base + TOOL(T_mockup_warped), warped,
                 instrument);
     add_members(list, tool_members, COUNT(tool_members), base, name, instrument);
+    add_lead(list, instrument, base, name);
+}
+
+static void add_virtual(struct list *list) {
+    for (int i = 0; i < BODY_COUNT; i++) {
+        char name[24];
+        snprintf(name, sizeof name, "virtual_%s", body_name((enum body)i));
+        add_members(list, pose_members, COUNT(pose_members),
+                    OUTPUT(T_mockup_virtual) + (size_t)i * sizeof(pose), name, OWNER_STEP);
+    }
+}
+
+static const struct member torn_count_member[] = {{"torn_count", &index_type, OUTPUT(torn_count)}};
+
+static void add_torn(struct list *list) {
+    add_members(list, torn_count_member, 1, 0, "", OWNER_STEP);
+    for (int i = 0; i < ADAPTIVE_LIGAMENTS_MAX; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "torn_%d", i + 1);
+        add_members(list, torn_members, COUNT(torn_members), (size_t)i * sizeof(double), name,
+                    OWNER_STEP);
+    }
 }
 
 static void add_job(struct list *list) {
@@ -218,6 +285,8 @@ int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]) {
         add_members(&list, pose_members, COUNT(pose_members),
                     OUTPUT(T_mockup_body) + (size_t)i * sizeof(pose), body_name((enum body)i),
                     OWNER_STEP);
+    add_virtual(&list);
+    add_torn(&list);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         add_tool(&list, i);
     add_job(&list);

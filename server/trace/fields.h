@@ -3,7 +3,7 @@
 
 #include "session/session.h"
 
-#define TRACE_FIELDS_MAX 320
+#define TRACE_FIELDS_MAX 640
 #define TRACE_FIELD_TEXT_MAX 80
 
 enum trace_owner { OWNER_STEP = -1, OWNER_JOB = -2, OWNER_LANDED = -3 };

@@ -7,24 +7,27 @@
 #include <string.h>
 #include <xxhash.h>
 
-// Version 2 has these, and these only: whoever adds a field, a channel or a body writes it here, in
+// Version 3 has these, and these only: whoever adds a field, a channel or a body writes it here, in
 // fields.c and in FORMAT.md, and raises TRACE_VERSION.
 _Static_assert(CHANNEL_COUNT == 9 && INSTRUMENT_COUNT == 5 && BODY_COUNT == 3, "channels, bodies");
 _Static_assert(FRAME_SAMPLES_MAX == 16 && sizeof(struct sample) == 80, "the sample");
-_Static_assert(sizeof(struct instrument_output) == 272, "the output of an instrument");
+_Static_assert(sizeof(struct instrument_output) == 592, "the output of an instrument");
 _Static_assert(sizeof(struct job) == 152, "a job");
 _Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 2136, "the output of a step");
-_Static_assert(sizeof(struct session_settings) == 72, "the settings");
+_Static_assert(sizeof(struct session_output) == 4040, "the output of a step");
+_Static_assert(sizeof(struct session_settings) == 2680, "the settings");
 
 enum {
     POSE_SIZE = 7 * 8,
     SAMPLE_SIZE_MAX = 4 + 8 + POSE_SIZE,
     INPUT_SIZE_MAX = 1 + 8 + 8 + 8 + 1 + FRAME_SAMPLES_MAX * SAMPLE_SIZE_MAX,
-    INSTRUMENT_SIZE_MAX = 2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + 8 + 8 + 4 + 1,
+    LEAD_SIZE_MAX = 1 + 2 * 3 * 8 + 8 + 24 * 8 + 2 * 8,
+    INSTRUMENT_SIZE_MAX =
+        2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + LEAD_SIZE_MAX + 7 * 8 + 8 + 4 + 1,
+    BONES_SIZE_MAX = BODY_COUNT * (2 * POSE_SIZE + 1) + 1 + ADAPTIVE_LIGAMENTS_MAX * 2 * 8,
     JOB_SIZE_MAX = 8 + 3 + 2 * (POSE_SIZE + 8),
     LANDED_SIZE_MAX = 8 + 2 + sizeof(struct tissue_figures) + 8,
-    OUTPUT_SIZE_MAX = 3 * 8 + 1 + 4 + 6 * 8 + 1 + BODY_COUNT * POSE_SIZE +
+    OUTPUT_SIZE_MAX = 3 * 8 + 1 + 4 + 6 * 8 + 1 + BONES_SIZE_MAX +
                       INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + JOB_SIZE_MAX + LANDED_SIZE_MAX + 8
 };
 _Static_assert(INPUT_SIZE_MAX + OUTPUT_SIZE_MAX <= RECORD_PAYLOAD_MAX, "a step fits");
@@ -61,13 +64,34 @@ static struct handle read_handle(struct reader *r) {
 
 // ---- the header
 
+static void write_body(struct writer *w, const struct instrument_body *body) {
+    write_u8(w, (uint8_t)body->point_count);
+    for (int i = 0; i < body->point_count; i++) {
+        write_vec3(w, body->points[i].at);
+        write_f64(w, body->points[i].radius_mm);
+    }
+}
+
+// Of too many points none is read: body_is_valid refuses them.
+static void read_body(struct reader *r, struct instrument_body *out) {
+    out->point_count = read_u8(r);
+    for (int i = 0; out->point_count <= AVATAR_POINTS_MAX && i < out->point_count; i++) {
+        out->points[i].at = read_vec3(r);
+        out->points[i].radius_mm = read_f64(r);
+    }
+}
+
 static void write_settings(struct writer *w, const struct session_settings *s) {
     write_u8(w, (uint8_t)s->field.kind);
     write_f64(w, s->field.unit_mm);
     write_f64(w, s->field.radius_mm);
     write_f64(w, s->field.background_per_mm);
     write_f64(w, s->field.skin_mm);
-    write_f64(w, s->strength);
+    write_f64(w, s->field.strength);
+    write_u8(w, (uint8_t)s->adaptive);
+    write_u8(w, (uint8_t)s->avatar);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        write_body(w, &s->bodies[i]);
     write_i64(w, s->hold_ns);
     write_f64(w, s->ease_share);
     write_f64(w, s->ease_mm_s);
@@ -79,19 +103,28 @@ static void read_settings(struct reader *r, struct session_settings *out) {
     out->field.radius_mm = read_f64(r);
     out->field.background_per_mm = read_f64(r);
     out->field.skin_mm = read_f64(r);
-    out->strength = read_f64(r);
+    out->field.strength = read_f64(r);
+    out->adaptive = read_u8(r);
+    out->avatar = read_u8(r);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        read_body(r, &out->bodies[i]);
     out->hold_ns = read_i64(r);
     out->ease_share = read_f64(r);
     out->ease_mm_s = read_f64(r);
 }
 
 static bool settings_are_valid(const struct session_settings *s) {
-    return (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (!instrument_body_is_valid(&s->bodies[i]))
+            return false;
+    return (unsigned)s->adaptive < ADAPTIVE_COUNT && (unsigned)s->avatar < AVATAR_MODE_COUNT &&
+           (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
            isfinite(s->field.unit_mm) && s->field.radius_mm > 0 && isfinite(s->field.radius_mm) &&
            s->field.background_per_mm >= 0 && isfinite(s->field.background_per_mm) &&
-           s->field.skin_mm >= 0 && isfinite(s->field.skin_mm) && s->strength >= 0 &&
-           s->strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS && s->ease_share >= 0 &&
-           isfinite(s->ease_share) && s->ease_mm_s >= 0 && isfinite(s->ease_mm_s);
+           s->field.skin_mm >= 0 && isfinite(s->field.skin_mm) && s->field.strength >= 0 &&
+           s->field.strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS &&
+           s->ease_share >= 0 && isfinite(s->ease_share) && s->ease_mm_s >= 0 &&
+           isfinite(s->ease_mm_s);
 }
 
 size_t header_encode(const struct trace_header *h, uint8_t *out) {
@@ -251,6 +284,45 @@ static bool read_input(struct reader *r, struct session_input *out, bool *out_jo
 
 // ---- the output of a step
 
+// That of `tip` is the space warp's.
+static bool read_lead(struct reader *r, const struct warp *warp, struct avatar_lead *out) {
+    out->mode = read_u8(r);
+    if (out->mode == AVATAR_TIP) {
+        out->motion.v = warp->displacement;
+        for (int i = 0; i < 3; i++)
+            memcpy(out->slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
+        out->trust_radius_mm = warp->trust_radius_mm;
+        return true;
+    }
+    out->portal = read_vec3(r);
+    out->motion.v = read_vec3(r);
+    out->motion.s = read_f64(r);
+    for (int i = 0; i < 24; i++)
+        out->slope[i / 6][i % 6] = read_f64(r);
+    out->reach_mm = read_f64(r);
+    out->trust_radius_mm = read_f64(r);
+    return (unsigned)out->mode < AVATAR_MODE_COUNT;
+}
+
+static bool read_bones(struct reader *r, struct session_output *out) {
+    bool good = true;
+    for (int i = 0; i < BODY_COUNT; i++) {
+        out->T_mockup_body[i] = out->T_mockup_virtual[i] = read_pose(r);
+        unsigned elsewhere = read_u8(r);
+        if (elsewhere)
+            out->T_mockup_virtual[i] = read_pose(r);
+        good = good && elsewhere <= 1;
+    }
+    out->torn_count = read_u8(r);
+    if (out->torn_count > ADAPTIVE_LIGAMENTS_MAX)
+        return false;
+    for (int i = 0; i < out->torn_count; i++) {
+        out->opening[i] = read_f64(r);
+        out->share[i] = read_f64(r);
+    }
+    return good;
+}
+
 static bool read_instrument(struct reader *r, struct instrument_output *out) {
     unsigned present = read_u8(r);
     out->present = present == 1;
@@ -265,10 +337,17 @@ static bool read_instrument(struct reader *r, struct instrument_output *out) {
     out->warp.trust_radius_mm = read_f64(r);
     out->warp.nearest = (int32_t)read_u32(r);
     out->warp.nearest_mm = read_f64(r);
-    out->gain = read_f64(r);
+    bool good = read_lead(r, &out->warp, &out->lead);
+    out->penetration_mm = read_f64(r);
+    out->tip_gap_mm = read_f64(r);
+    out->discrepancy.offset_mm = read_f64(r);
+    out->discrepancy.tilt_deg = read_f64(r);
+    out->discrepancy.gain = read_f64(r);
+    out->discrepancy.gain_least = read_f64(r);
+    out->discrepancy.turn_deg = read_f64(r);
     out->handle = read_handle(r);
     out->handle_validity = read_u8(r);
-    return (unsigned)out->validity < VALIDITY_COUNT &&
+    return good && (unsigned)out->validity < VALIDITY_COUNT &&
            (unsigned)out->handle_validity < VALIDITY_COUNT && out->warp.nearest >= -1 &&
            out->warp.nearest < WARP_SURFACES_MAX;
 }
@@ -338,8 +417,7 @@ static void write_output(struct writer *w, const struct session_output *out) {
     write_u32(w, out->events);
     write_joint(w, &out->joint);
     write_u8(w, (uint8_t)out->joint_validity);
-    for (int i = 0; i < BODY_COUNT; i++)
-        write_pose(w, out->T_mockup_body[i]);
+    digest_write_bones(w, out);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         digest_write_instrument(w, &out->instruments[i]);
     digest_write_job(w, &out->job);
@@ -357,8 +435,7 @@ static bool read_output(struct reader *r, struct session_output *out) {
     out->joint_validity = read_u8(r);
     bool good = (unsigned)out->state < SESSION_STATE_COUNT &&
                 (unsigned)out->joint_validity < VALIDITY_COUNT;
-    for (int i = 0; i < BODY_COUNT; i++)
-        out->T_mockup_body[i] = read_pose(r);
+    good = read_bones(r, out) && good;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         good = read_instrument(r, &out->instruments[i]) && good;
     good = read_job(r, &out->job) && good;

@@ -6,13 +6,13 @@
 // Before and after a payload: u32 size and u8 type; u64 checksum.
 #define RECORD_PREFIX 5
 #define RECORD_CHECKSUM 8
-#define RECORD_PAYLOAD_MAX 4096
+#define RECORD_PAYLOAD_MAX 8192
 #define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + RECORD_CHECKSUM)
 
 // Before and after the fields of a header: magic, u16 version and u32 size; u64 checksum.
 #define HEADER_MAGIC "ARTHRTRC"
 #define HEADER_PREFIX 14
-#define HEADER_FIELDS_MAX 4096
+#define HEADER_FIELDS_MAX 8192
 #define HEADER_MAX (HEADER_PREFIX + HEADER_FIELDS_MAX + RECORD_CHECKSUM)
 
 // Each returns the size of the whole. `out` holds HEADER_MAX or RECORD_MAX bytes.

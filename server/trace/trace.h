@@ -8,7 +8,7 @@
 #include "base/result.h"
 #include "session/session.h"
 
-#define TRACE_VERSION 2
+#define TRACE_VERSION 3
 
 struct trace_header {
     uint16_t version; // set by the writer

@@ -34,8 +34,7 @@ bool number_bool(const char *text, bool *out) {
     return false;
 }
 
-// Up to 7 numbers; their count, or -1 where something is no finite number.
-static int read_numbers(const char *text, double out[7]) {
+int number_list(const char *text, int most, double *out) {
     int count = 0;
     for (;;) {
         text += strspn(text, " \t,");
@@ -43,7 +42,7 @@ static int read_numbers(const char *text, double out[7]) {
             return count;
         char *end;
         double value = strtod(text, &end);
-        if (end == text || count == 7 || !isfinite(value) || (*end && !strchr(" \t,", *end)))
+        if (end == text || count == most || !isfinite(value) || (*end && !strchr(" \t,", *end)))
             return -1;
         out[count++] = value;
         text = end;
@@ -52,7 +51,7 @@ static int read_numbers(const char *text, double out[7]) {
 
 bool number_pose(const char *text, pose *out) {
     double n[7] = {0, 0, 0, 1, 0, 0, 0};
-    int count = read_numbers(text, n);
+    int count = number_list(text, 7, n);
     pose p = {{n[3], n[4], n[5], n[6]}, {n[0], n[1], n[2]}};
     if ((count != 3 && count != 7) || !pose_is_valid(p))
         return false;

@@ -84,6 +84,36 @@ static void random_input(struct random *r, int64_t time_ns, struct session_input
         out->frame.samples[i] = random_sample(r, time_ns - 2000);
 }
 
+// That of `tip` says what the space warp says.
+static void random_lead(struct random *r, const struct warp *warp, struct avatar_lead *out) {
+    out->mode = random_bits(r) % AVATAR_MODE_COUNT;
+    bool tip = out->mode == AVATAR_TIP;
+    out->motion.v = tip ? warp->displacement : any_vec3(r);
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < (tip ? 3 : 6); k++)
+            out->slope[i][k] = tip ? warp->gradient.m[i][k] : any_real(r);
+    out->trust_radius_mm = tip ? warp->trust_radius_mm : any_real(r);
+    if (tip)
+        return;
+    for (int k = 0; k < 6; k++)
+        out->slope[3][k] = any_real(r);
+    out->portal = any_vec3(r);
+    out->motion.s = any_real(r);
+    out->reach_mm = any_real(r);
+}
+
+static void random_bones(struct random *r, struct session_output *out) {
+    for (int i = 0; i < BODY_COUNT; i++) {
+        out->T_mockup_body[i] = any_pose(r);
+        out->T_mockup_virtual[i] = random_bits(r) % 2 ? any_pose(r) : out->T_mockup_body[i];
+    }
+    out->torn_count = (int)(random_bits(r) % (ADAPTIVE_LIGAMENTS_MAX + 1));
+    for (int i = 0; i < out->torn_count; i++) {
+        out->opening[i] = any_real(r);
+        out->share[i] = any_real(r);
+    }
+}
+
 static void random_instrument(struct random *r, struct instrument_output *out) {
     out->present = random_bits(r) % 2;
     if (!out->present)
@@ -97,7 +127,13 @@ static void random_instrument(struct random *r, struct instrument_output *out) {
     out->warp.trust_radius_mm = any_real(r);
     out->warp.nearest = (int)(random_bits(r) % (WARP_SURFACES_MAX + 1)) - 1;
     out->warp.nearest_mm = any_real(r);
-    out->gain = any_real(r);
+    random_lead(r, &out->warp, &out->lead);
+    double *meters[] = {&out->penetration_mm,        &out->tip_gap_mm,
+                        &out->discrepancy.offset_mm, &out->discrepancy.tilt_deg,
+                        &out->discrepancy.gain,      &out->discrepancy.gain_least,
+                        &out->discrepancy.turn_deg};
+    for (size_t i = 0; i < sizeof meters / sizeof *meters; i++)
+        *meters[i] = any_real(r);
     out->handle = (struct handle){any_real(r), (uint32_t)random_bits(r)};
     out->handle_validity = random_bits(r) % VALIDITY_COUNT;
 }
@@ -144,8 +180,7 @@ static void random_output(struct random *r, uint64_t step, int64_t time_ns,
     vec3 angles = any_vec3(r), shifts = any_vec3(r);
     out->joint = (struct joint_angles){angles.x, angles.y, angles.z, shifts.x, shifts.y, shifts.z};
     out->joint_validity = random_bits(r) % VALIDITY_COUNT;
-    for (int i = 0; i < BODY_COUNT; i++)
-        out->T_mockup_body[i] = any_pose(r);
+    random_bones(r, out);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         random_instrument(r, &out->instruments[i]);
     random_job(r, &out->job);
@@ -171,12 +206,15 @@ struct trace_header some_header(void) {
         .case_hash = 0x1122334455667788,
         .start_utc_ns = 1790000000000000000,
         .start_ns = 5000000000,
-        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02},
-                     .strength = 0.75,
+        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02, 0.75},
+                     .adaptive = ADAPTIVE_PAPER,
+                     .avatar = AVATAR_RIGID,
                      .hold_ns = 100000000,
                      .ease_share = 0.25,
                      .ease_mm_s = 1.5},
     };
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        h.settings.bodies[i] = (struct instrument_body){2, {{{0, 0, 0}, 0}, {{1, -3, i}, 0.5}}};
     trace_header_set_machine(&h);
     return h;
 }

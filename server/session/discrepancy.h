@@ -1,0 +1,24 @@
+// What a trainee might notice of the warp: how the shown tip differs from the measured one, and how
+// its motion differs from the hand's. The thresholds are those of hands that are redirected in a
+// headset (Zenner, Krüger, IEEE VR 2019); a tool held in the hand tolerates more.
+#pragma once
+
+#include "base/follow.h"
+
+#define NOTICED_TURN_DEG 4.5
+#define NOTICED_GAIN_LEAST 0.88
+#define NOTICED_GAIN_MOST 1.07
+
+struct discrepancy {
+    double offset_mm; // |Δ| of the tip
+    double tilt_deg;  // of the shaft
+    // Of F, the shown tip's motion over the hand's, without turning the hand:
+    double gain;       // its largest stretch
+    double gain_least; // the least; negative where space folds
+    double turn_deg;   // its rotation: 180 where space folds
+};
+
+// `shown` is the lead's own, at the tip's pose that it was made for.
+struct discrepancy discrepancy_of(const struct avatar_lead *lead, pose tip, pose shown);
+
+bool discrepancy_is_noticed(const struct discrepancy *d); // past one of the thresholds

@@ -10,7 +10,7 @@ static const char style[] =
     ".row { display: flex; flex-wrap: wrap; gap: 1em; }\n"
     "figure { margin: 0; flex: 1 1 18em; max-width: 40em; }\n"
     "figure img { width: 100%; height: auto; border: 1px solid #ddd; }\n"
-    "figure svg { width: 100%; height: auto; }\n"
+    "figure > svg { width: 100%; height: auto; }\n"
     "figcaption { font-size: 90%; color: #444; }\n"
     "table { border-collapse: collapse; margin: 1em 0; }\n"
     "th, td { padding: 0.3em 1em 0.3em 0; border-bottom: 1px solid #ddd; text-align: left;"

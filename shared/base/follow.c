@@ -45,12 +45,17 @@ static vec3 turn_between(quat a, quat b) {
     return vec3_scale(scale, sine);
 }
 
-struct avatar_motion avatar_follow(const struct avatar_lead *lead, pose sent, pose now) {
+// A rigid motion takes no point between two others farther than both.
+double avatar_share(const struct avatar_lead *lead, pose sent, pose now) {
     vec3 end = {0, 0, -lead->reach_mm};
+    double longest = fmax(vec3_distance(now.translation, sent.translation),
+                          vec3_distance(pose_apply(now, end), pose_apply(sent, end)));
+    return longest > lead->trust_radius_mm ? lead->trust_radius_mm / longest : 1;
+}
+
+struct avatar_motion avatar_follow(const struct avatar_lead *lead, pose sent, pose now) {
+    double share = avatar_share(lead, sent, now);
     vec3 way = vec3_sub(now.translation, sent.translation);
-    double longest =
-        fmax(vec3_length(way), vec3_distance(pose_apply(now, end), pose_apply(sent, end)));
-    double share = longest > lead->trust_radius_mm ? lead->trust_radius_mm / longest : 1;
     vec3 turn = turn_between(sent.rotation, now.rotation);
     const double step[6] = {way.x, way.y, way.z, turn.x, turn.y, turn.z};
     double change[4] = {0};

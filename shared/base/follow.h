@@ -40,8 +40,11 @@ struct avatar_lead {
 // The motion at a tip's pose, in the motion's frame.
 pose avatar_place(enum avatar_mode mode, vec3 portal, const struct avatar_motion *motion, pose tip);
 
-// The motion once the hand has gone on from `sent` to `now`: motion + slope · way, the way
-// shortened to where no point of the body has gone farther than the trust radius.
+// How much of the way from `sent` to `now` counts: all, 1, or as much as brings no point of the
+// body farther than the trust radius.
+double avatar_share(const struct avatar_lead *lead, pose sent, pose now);
+
+// The motion once the hand has gone on from `sent` to `now`: motion + share · slope · way.
 struct avatar_motion avatar_follow(const struct avatar_lead *lead, pose sent, pose now);
 
 // The same lead in frame a, given in frame b.

@@ -30,6 +30,7 @@ _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WI
                "every device can be named in Hello");
 _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size <= WIRE_CONSOLE_MAX,
                "every message of ours is within its limit");
+_Static_assert(arthron_View_size <= WIRE_VIEW_MAX, "every view is within its limit");
 
 // What a repeated message takes besides itself: its tag, and its length in up to two bytes.
 #define REPEATED_OVERHEAD 3
@@ -89,6 +90,11 @@ enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_
 enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
                               size_t *out_used) {
     return encode(arthron_Reply_fields, message, data, size, out_used);
+}
+
+enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t size,
+                             size_t *out_used) {
+    return encode(arthron_View_fields, message, data, size, out_used);
 }
 
 // ---- what nanopb does not check -----------------------------------------------------------------

@@ -16,6 +16,7 @@
 #define WIRE_SUBPROTOCOL "arthron.1"
 #define WIRE_ENROL_SUBPROTOCOL "arthron-enrol.1"
 #define WIRE_CONSOLE_SUBPROTOCOL "arthron-console.1"
+#define WIRE_VIEW_SUBPROTOCOL "arthron-view.1"
 
 #define WIRE_DEVICES_MAX 16 // in Hello, and so in a sample's index
 
@@ -23,6 +24,7 @@
 #define WIRE_CONTROL_MAX 8192
 #define WIRE_CONSOLE_MAX 65536
 #define WIRE_DATAGRAM_MAX 1452
+#define WIRE_VIEW_MAX 2048
 #define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
 
 #define WIRE_CHUNK_DATA 32768     // in each piece of a mesh but the last
@@ -41,6 +43,8 @@ enum result wire_encode_frame(const arthron_Frame *message, uint8_t *data, size_
                               size_t *out_used);
 enum result wire_encode_reply(const arthron_Reply *message, uint8_t *data, size_t size,
                               size_t *out_used);
+enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t size,
+                             size_t *out_used);
 
 // Decode all of `data`. RESULT_LIMIT where it is longer than its kind may be; RESULT_FORMAT with
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts

@@ -48,6 +48,40 @@ static bool take_station_key(struct reading *r, const char *key, const char *val
     return false;
 }
 
+// Names of origins, separated by blanks or commas.
+static bool take_origins(struct view_config *view, const char *value) {
+    static const char between[] = " \t,";
+    view->origin_count = 0;
+    for (value += strspn(value, between); *value; value += strspn(value, between)) {
+        size_t length = strcspn(value, between);
+        if (view->origin_count == VIEW_ORIGINS_MAX || length >= sizeof *view->origins)
+            return false;
+        char *origin = view->origins[view->origin_count++];
+        memcpy(origin, value, length);
+        origin[length] = '\0';
+        const char *host = strstr(origin, "://");
+        if (!host || !host[3] || strpbrk(host + 3, "/?#"))
+            return false;
+        value += length;
+    }
+    return true;
+}
+
+static bool take_view_key(struct reading *r, const char *key, const char *value) {
+    struct view_config *view = &r->config->view;
+    int64_t port;
+    if (!strcmp(key, "port")) {
+        bool good = number_int(value, 0, 65535, &port);
+        view->port = good ? (int)port : 0;
+        return good;
+    }
+    if (!strcmp(key, "origins"))
+        return take_origins(view, value);
+    if (!strcmp(key, "token"))
+        return setting_path(r->dir, value, view->token_path, sizeof view->token_path);
+    return false;
+}
+
 struct station_device *station_config_device(struct station_config *c, const char *name) {
     for (int i = 0; i < c->device_count; i++)
         if (!strcmp(c->devices[i].config.name, name))
@@ -108,16 +142,21 @@ static bool take_key(void *user, const char *section, const char *key, const cha
     struct reading *r = user;
     if (!strcmp(section, "station"))
         return take_station_key(r, key, value);
+    if (!strcmp(section, "view"))
+        return take_view_key(r, key, value);
     if (!strncmp(section, "device ", 7))
         return take_device_key(r, section + 7, key, value);
     return false;
 }
 
-static enum result complete(const struct station_config *c, struct error *err) {
+static enum result complete(struct station_config *c, struct error *err) {
     if (!c->name[0] || !c->host[0] || !c->keys_dir[0])
         return fail(err, RESULT_MISSING, "[station] needs name, server and keys");
     if (!c->device_count)
         return fail(err, RESULT_MISSING, "there is no [device NAME]");
+    if (!c->view.token_path[0] &&
+        !setting_path(c->keys_dir, "view.token", c->view.token_path, sizeof c->view.token_path))
+        return fail(err, RESULT_LIMIT, "[station] keys is too long");
     return RESULT_OK;
 }
 

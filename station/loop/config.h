@@ -2,6 +2,7 @@
 //
 //   [station]      name, server = HOST:PORT, keys = DIR, rate_hz, datagrams = yes|no,
 //                  calibration = FILE
+//   [view]         port, origins, token = FILE
 //   [device NAME]  driver, and the keys of that driver (docs/CONFIG.md)
 #pragma once
 
@@ -9,6 +10,7 @@
 #include "device/device.h"
 #include "loop/calibration.h"
 #include "settings/settings.h"
+#include "view/view.h"
 
 #define STATION_DEVICES_MAX 16
 #define STATION_OPTIONS_MAX 64 // of one device
@@ -25,6 +27,7 @@ struct station_config {
     char keys_dir[256];
     double rate_hz;
     bool datagrams;
+    struct view_config view;        // port 0: there is none
     char calibration_path[256];     // empty: none is named
     struct calibration calibration; // what is in it; empty where there is no such file yet
     int device_count;

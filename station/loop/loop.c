@@ -6,6 +6,8 @@
 #include "device/runner.h"
 #include "link/link.h"
 #include "loop/meter.h"
+#include "view/predict.h"
+#include "view/token.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -22,20 +24,41 @@ struct loop {
     const volatile sig_atomic_t *stop;
     struct runner *runner;
     struct link *link;
+    struct predict *predict;
+    struct view *view; // NULL: there is none
+    uint64_t session_seen;
     uint64_t sent, warped;
     struct meter whole, second; // round trips: since the start, since the last live line
     uint64_t warped_second;
-    double warp_mm; // of the newest reply, largest of its instruments
     bool was_lost[RUNNER_DEVICES_MAX];
 };
 
 // ---- frames and replies -------------------------------------------------------------------------
 
+static void follow_session(struct loop *loop) {
+    struct link_session s;
+    if (link_get_session(loop->link, &loop->session_seen, &s))
+        predict_session(loop->predict, s.state, s.case_name, s.case_hash,
+                        s.has_knee ? &s.knee : NULL);
+}
+
+static void show(struct loop *loop) {
+    arthron_View message;
+    if (!loop->view || !view_is_watched(loop->view))
+        return;
+    predict_view(loop->predict, &message);
+    view_show(loop->view, &message);
+}
+
+// What can be sent was preceded by word of its session.
 static void send_frame(struct loop *loop) {
     struct frame frame = {.number = loop->sent + 1, .time_ns = clock_now_ns()};
     runner_collect(loop->runner, frame.time_ns, &frame);
-    if (link_send(loop->link, &frame))
-        loop->sent++;
+    bool sent = link_send(loop->link, &frame);
+    loop->sent += sent;
+    follow_session(loop);
+    predict_frame(loop->predict, &frame, sent);
+    show(loop);
 }
 
 static void take_reply(struct loop *loop, const arthron_Reply *reply) {
@@ -44,11 +67,7 @@ static void take_reply(struct loop *loop, const arthron_Reply *reply) {
     meter_add(&loop->second, round_trip_ns);
     loop->warped++;
     loop->warped_second++;
-    loop->warp_mm = 0;
-    for (pb_size_t i = 0; i < reply->instruments_count; i++) {
-        const float *v = reply->instruments[i].lead.v;
-        loop->warp_mm = fmax(loop->warp_mm, vec3_length((vec3){v[0], v[1], v[2]}));
-    }
+    predict_reply(loop->predict, reply);
 }
 
 static void take_replies(struct loop *loop, int64_t until_ns) {
@@ -85,7 +104,7 @@ static void print_live(struct loop *loop) {
            " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  lost %" PRIu64
            "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
-           meter_percentile_us(&loop->second, 0.99), loop->warp_mm,
+           meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),
            loop->sent > loop->warped ? loop->sent - loop->warped : 0, filter,
            path_name(status.path), status.refusal[0] ? ": " : "", status.refusal);
     fflush(stdout);
@@ -211,6 +230,18 @@ struct link_config loop_link_config(const struct station_config *config) {
     return link;
 }
 
+static enum result open_view(struct loop *loop, struct error *err) {
+    const struct view_config *config = &loop->config->view;
+    struct error careless;
+    if (token_check(config->token_path, &careless) != RESULT_OK)
+        log_warning("view", "%s", careless.text);
+    enum result result = view_create(config, &loop->view, err);
+    if (result == RESULT_OK)
+        log_info("view", "ws://127.0.0.1:%d/view?token=..., with what is in %s", config->port,
+                 config->token_path);
+    return result;
+}
+
 static enum result start(struct loop *loop, struct error *err) {
     const struct station_config *config = loop->config;
     struct device_config devices[STATION_DEVICES_MAX];
@@ -220,7 +251,8 @@ static enum result start(struct loop *loop, struct error *err) {
     if (result != RESULT_OK)
         return result;
     struct link_config link = loop_link_config(config);
-    return link_create(&link, &loop->link, err);
+    result = link_create(&link, &loop->link, err);
+    return result == RESULT_OK && config->view.port ? open_view(loop, err) : result;
 }
 
 enum result loop_run(const struct station_config *config, const struct loop_options *options,
@@ -229,11 +261,14 @@ enum result loop_run(const struct station_config *config, const struct loop_opti
     loop->config = config;
     loop->options = options;
     loop->stop = stop;
+    loop->predict = predict_create();
     enum result result = start(loop, err);
     if (result == RESULT_OK) {
         run(loop);
         print_summary(loop);
     }
+    view_destroy(&loop->view);
+    predict_destroy(&loop->predict);
     if (loop->link)
         link_destroy(&loop->link);
     runner_destroy(&loop->runner);

@@ -7,6 +7,7 @@
 #include "loop/loop.h"
 #include "tools/findings.h"
 #include "tools/tools.h"
+#include "view/token.h"
 
 #include <getopt.h>
 #include <inttypes.h>
@@ -186,6 +187,22 @@ static void judge_server(struct check *check) {
                  "the network is too slow or too busy: use a cable", "%.2f ms", round_trip_ms);
 }
 
+// ---- view ---------------------------------------------------------------------------------------
+
+static void judge_view(struct check *check) {
+    const struct view_config *view = &check->config->view;
+    struct error err;
+    if (!view->port)
+        return;
+    bool is_free = view_port_is_free(view->port);
+    bool secret = token_check(view->token_path, &err) == RESULT_OK;
+    findings_add(&check->findings, is_free && secret, "view",
+                 is_free ? "chmod 600 the file, or delete it: a new one is made"
+                         : "end the program that has it, or choose another port",
+                 "port %d is %s%s%s", view->port, is_free ? "free" : "taken", secret ? "" : "; ",
+                 secret ? "" : err.text);
+}
+
 // ---- the whole ----------------------------------------------------------------------------------
 
 static enum result start(struct check *check, struct error *err) {
@@ -214,6 +231,7 @@ static void judge(struct check *check) {
     judge_calibration(check);
     judge_certificate(check);
     judge_server(check);
+    judge_view(check);
 }
 
 static void examine(struct check *check, const char *path, double seconds) {

@@ -12,7 +12,7 @@
 struct websocket {
     int fd;
     SSL_CTX *context;
-    SSL *tls;
+    SSL *tls; // NULL: without TLS
 };
 
 void websocket_close(struct websocket *s) {
@@ -24,12 +24,20 @@ void websocket_close(struct websocket *s) {
 
 static bool read_all(struct websocket *s, void *bytes, size_t size) {
     for (size_t used = 0; used < size;) {
-        int n = SSL_read(s->tls, (char *)bytes + used, (int)(size - used));
+        char *at = (char *)bytes + used;
+        int n = s->tls ? SSL_read(s->tls, at, (int)(size - used))
+                       : (int)recv(s->fd, at, size - used, 0);
         if (n <= 0)
             return false;
         used += (size_t)n;
     }
     return true;
+}
+
+static bool write_all(struct websocket *s, const void *bytes, size_t size) {
+    int n =
+        s->tls ? SSL_write(s->tls, bytes, (int)size) : (int)send(s->fd, bytes, size, MSG_NOSIGNAL);
+    return n == (int)size;
 }
 
 static bool connect_to(struct websocket *s, int port) {
@@ -55,31 +63,46 @@ static bool secure(struct websocket *s, const char *keys_dir) {
     return SSL_connect(s->tls) == 1;
 }
 
-static bool upgrade(struct websocket *s, const char *subprotocol) {
+// The status of the answer; -1: none.
+static int upgrade(struct websocket *s, const char *request) {
     char text[2048];
     size_t used = 0;
-    int size = snprintf(text, sizeof text,
-                        "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"
-                        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-                        "Sec-WebSocket-Protocol: %s\r\n\r\n",
-                        subprotocol);
-    if (SSL_write(s->tls, text, size) != size)
-        return false;
+    if (!write_all(s, request, strlen(request)))
+        return -1;
     while (used < sizeof text - 1 && read_all(s, text + used, 1)) {
         text[++used] = '\0';
         if (strstr(text, "\r\n\r\n"))
-            return !strncmp(text, "HTTP/1.1 101", 12);
+            return strncmp(text, "HTTP/1.", 7) ? -1 : atoi(text + 9);
     }
-    return false;
+    return -1;
 }
 
 struct websocket *websocket_open(int port, const char *keys_dir, const char *subprotocol) {
+    char request[512];
+    snprintf(request, sizeof request,
+             "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"
+             "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+             "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+             "Sec-WebSocket-Protocol: %s\r\n\r\n",
+             subprotocol);
     struct websocket *s = calloc(1, sizeof *s);
-    if (connect_to(s, port) && secure(s, keys_dir) && upgrade(s, subprotocol))
+    if (connect_to(s, port) && secure(s, keys_dir) && upgrade(s, request) == 101)
         return s;
     websocket_close(s);
     return NULL;
+}
+
+struct websocket *websocket_ask(int port, const char *request, int *out_status) {
+    struct websocket *s = calloc(1, sizeof *s);
+    *out_status = connect_to(s, port) ? upgrade(s, request) : -1;
+    if (*out_status == 101)
+        return s;
+    websocket_close(s);
+    return NULL;
+}
+
+int websocket_fd(const struct websocket *s) {
+    return s->fd;
 }
 
 bool websocket_send(struct websocket *s, int opcode, bool last, const void *bytes, size_t size) {
@@ -98,7 +121,7 @@ bool websocket_send(struct websocket *s, int opcode, bool last, const void *byte
     used += 4;
     for (size_t i = 0; i < size; i++)
         frame[used++] = ((const uint8_t *)bytes)[i] ^ mask[i % 4];
-    bool sent = SSL_write(s->tls, frame, (int)used) == (int)used;
+    bool sent = write_all(s, frame, used);
     free(frame);
     return sent;
 }

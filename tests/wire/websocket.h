@@ -1,5 +1,5 @@
-// A WebSocket client over TLS 1.3 of the tests' own, on OpenSSL alone: it says what no good client
-// would. Blocking, with 5 s of patience.
+// A WebSocket client of the tests' own, on OpenSSL alone: it says what no good client would.
+// Blocking, with 5 s of patience.
 #pragma once
 
 #include <stdbool.h>
@@ -9,9 +9,14 @@ enum { WEBSOCKET_MORE = 0, WEBSOCKET_TEXT = 1, WEBSOCKET_BINARY = 2 };
 
 struct websocket;
 
-// To localhost. keys_dir: where station.pem and station.key are, NULL for no certificate. NULL
-// where the server refuses the handshake.
+// To localhost over TLS 1.3. keys_dir: where station.pem and station.key are, NULL for no
+// certificate. NULL where the server refuses the handshake.
 struct websocket *websocket_open(int port, const char *keys_dir, const char *subprotocol);
+// The same without TLS, to 127.0.0.1, asking in just these words. NULL where the answer is not 101;
+// *out_status is the answer's, -1 where there was none.
+struct websocket *websocket_ask(int port, const char *request, int *out_status);
+int websocket_fd(const struct websocket *socket);
+
 void websocket_close(struct websocket *socket);
 
 // One WebSocket frame; `last`: the message ends with it.

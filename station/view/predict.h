@@ -1,0 +1,40 @@
+// What a viewer is shown: the newest bones and instruments, each avatar gone on with the hand from
+// the server's last answer (base/follow.h):
+//
+//     T_mockup_warped = B_now · place(follow(lead, B_sent⁻¹ · T_sent, B_now⁻¹ · T_now))
+//
+// with B the pose of the body whose surface is nearest, T the tip's, *sent* those of the frame that
+// was answered, *now* the newest. No socket, no clock, no thread; only predict_create allocates.
+#pragma once
+
+#include "wire/wire.h"
+
+// An answer is good for so long; until it is lost, the avatar is held: it still goes on with it.
+#define PREDICT_GOOD_NS (100 * INT64_C(1000000))
+#define PREDICT_LOST_NS (1000 * INT64_C(1000000))
+
+#define PREDICT_REMEMBERED 512 // frames that are sent and not answered: a power of two
+
+struct predict;
+
+struct predict *predict_create(void);
+void predict_destroy(struct predict **predict);
+
+// The session changed. knee: NULL where there is no session. With another case's hash all answers
+// of before are void.
+void predict_session(struct predict *predict, arthron_SessionState state, const char *case_name,
+                     uint64_t case_hash, const struct knee_frame *knee);
+
+// The newest samples; `sent`: they went to the server under the frame's number, which is above all
+// before.
+void predict_frame(struct predict *predict, const struct frame *frame, bool sent);
+
+// A decoded reply. False where it was dropped: its frame is forgotten, or older than that of the
+// last reply. What it says of events counts all the same.
+bool predict_reply(struct predict *predict, const arthron_Reply *reply);
+
+// How far the last reply moved a tip; the largest of its instruments.
+double predict_warp_mm(const struct predict *predict);
+
+// At the newest frame.
+void predict_view(const struct predict *predict, arthron_View *out_view);

@@ -1,0 +1,257 @@
+#include "view/view.h"
+
+#include "base/check.h"
+#include "base/newest.h"
+#include "view/door.h"
+
+#include <arpa/inet.h>
+#include <libwebsockets.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define HANDSHAKE_S 5
+#define STRANGERS_MAX 16 // that have not said yet what they want
+#define SEND_BUFFER 4096 // of each viewer: what waits in the kernel grows old
+
+struct viewer {
+    struct lws *socket;
+    uint64_t serial; // of what it was sent last
+};
+
+struct view {
+    struct view_config config;
+    char token[TOKEN_LENGTH + 1];
+    struct lws_context *context;
+    int port;
+    pthread_t thread;
+    atomic_bool stopping;
+    struct newest *newest; // of arthron_View
+    uint64_t shown;        // the caller's thread only
+    atomic_int viewer_count;
+    // The view's thread only.
+    struct viewer viewers[VIEW_VIEWERS_MAX];
+    uint64_t serial; // of the message below
+    size_t size;
+    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
+    uint8_t bytes[WIRE_VIEW_MAX];
+};
+
+// ---- viewers ------------------------------------------------------------------------------------
+
+static struct viewer *find_viewer(struct view *view, const struct lws *socket) {
+    for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
+        if (view->viewers[i].socket == socket)
+            return &view->viewers[i];
+    return NULL;
+}
+
+// It begins with the next message: the last one may be from long ago.
+static int let_in(struct view *view, struct lws *socket) {
+    struct viewer *viewer = find_viewer(view, NULL);
+    int size = SEND_BUFFER;
+    if (!viewer)
+        return -1;
+    setsockopt(lws_get_socket_fd(socket), SOL_SOCKET, SO_SNDBUF, &size, sizeof size);
+    *viewer = (struct viewer){socket, view->serial};
+    atomic_fetch_add(&view->viewer_count, 1);
+    return 0;
+}
+
+static int let_go(struct view *view, const struct lws *socket) {
+    struct viewer *viewer = find_viewer(view, socket);
+    if (viewer) {
+        viewer->socket = NULL;
+        atomic_fetch_sub(&view->viewer_count, 1);
+    }
+    return 0;
+}
+
+static int write_newest(struct view *view, struct lws *socket) {
+    struct viewer *viewer = find_viewer(view, socket);
+    if (!viewer || viewer->serial == view->serial)
+        return 0;
+    viewer->serial = view->serial;
+    int written = lws_write(socket, view->bytes, view->size, LWS_WRITE_BINARY);
+    return written < (int)view->size ? -1 : 0;
+}
+
+static void take_newest(struct view *view) {
+    arthron_View message;
+    if (!newest_take(view->newest, &message))
+        return;
+    enum result result = wire_encode_view(&message, view->bytes, sizeof view->bytes, &view->size);
+    CHECK(result == RESULT_OK);
+    view->serial++;
+    for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
+        if (view->viewers[i].socket)
+            lws_callback_on_writable(view->viewers[i].socket);
+}
+
+// ---- the door -----------------------------------------------------------------------------------
+
+// Empty where it was not sent or is too long to be one of ours.
+static const char *header(struct lws *socket, enum lws_token_indexes token, char *out, int size) {
+    if (lws_hdr_copy(socket, out, size, token) < 0)
+        out[0] = '\0';
+    return out;
+}
+
+static int judge(struct view *view, struct lws *socket) {
+    char path[128], host[128], origin[128], subprotocol[128], argument[128];
+    const char *token = lws_get_urlarg_by_name(socket, "token=", argument, sizeof argument);
+    int origin_length = lws_hdr_total_length(socket, WSI_TOKEN_ORIGIN);
+    struct door_request request = {
+        .path = header(socket, WSI_TOKEN_GET_URI, path, sizeof path),
+        .host = header(socket, WSI_TOKEN_HOST, host, sizeof host),
+        .origin = header(socket, WSI_TOKEN_ORIGIN, origin, sizeof origin),
+        .subprotocol = header(socket, WSI_TOKEN_PROTOCOL, subprotocol, sizeof subprotocol),
+        .token = token ? token : "",
+    };
+    if (origin_length > 0 && !origin[0])
+        return HTTP_STATUS_FORBIDDEN;
+    int status = door_judge(&view->config, view->token, &request);
+    return status || find_viewer(view, NULL) ? status : HTTP_STATUS_SERVICE_UNAVAILABLE;
+}
+
+static int answer_upgrade(struct view *view, struct lws *socket) {
+    int status = judge(view, socket);
+    if (!status)
+        return 0;
+    return lws_return_http_status(socket, (unsigned)status, NULL) < 0 ? -1 : 1;
+}
+
+// ---- libwebsockets ------------------------------------------------------------------------------
+
+static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                    size_t size) {
+    (void)user, (void)bytes, (void)size;
+    struct view *view = lws_context_user(lws_get_context(socket));
+    switch (reason) {
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+        return answer_upgrade(view, socket);
+    case LWS_CALLBACK_HTTP: // not even a WebSocket
+        return lws_return_http_status(socket, HTTP_STATUS_NOT_FOUND, NULL) < 0 ||
+                       lws_http_transaction_completed(socket)
+                   ? -1
+                   : 0;
+    case LWS_CALLBACK_ESTABLISHED:
+        return let_in(view, socket);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+        return write_newest(view, socket);
+    case LWS_CALLBACK_RECEIVE: // a viewer looks on, no more
+        lws_close_reason(socket, LWS_CLOSE_STATUS_POLICY_VIOLATION, NULL, 0);
+        return -1;
+    case LWS_CALLBACK_CLOSED:
+        return let_go(view, socket);
+    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+        take_newest(view);
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+static const struct lws_protocols protocols[] = {
+    {.name = WIRE_VIEW_SUBPROTOCOL, .callback = on_event},
+    {0},
+};
+
+static enum result listen_at(struct view *view, struct error *err) {
+    struct lws_context_creation_info info = {
+        .iface = "127.0.0.1",
+        .port = view->config.port,
+        .protocols = protocols,
+        .options = LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND | LWS_SERVER_OPTION_EXPLICIT_VHOSTS |
+                   LWS_SERVER_OPTION_DISABLE_IPV6,
+        .timeout_secs = HANDSHAKE_S,
+        .fd_limit_per_thread = VIEW_VIEWERS_MAX + STRANGERS_MAX,
+        .vhost_name = "view",
+        .user = view,
+        .gid = -1,
+        .uid = -1,
+    };
+    lws_set_log_level(0, NULL);
+    view->context = lws_create_context(&info);
+    CHECK(view->context);
+    struct lws_vhost *vhost = lws_create_vhost(view->context, &info);
+    if (!vhost)
+        return fail(err, RESULT_IO, "view: port %d of 127.0.0.1 is taken", view->config.port);
+    view->port = lws_get_vhost_listen_port(vhost);
+    return RESULT_OK;
+}
+
+static void *serve(void *argument) {
+    struct view *view = argument;
+    while (!atomic_load(&view->stopping))
+        lws_service(view->context, 0);
+    return NULL;
+}
+
+// ---- life ---------------------------------------------------------------------------------------
+
+static void release(struct view *view) {
+    if (view->context)
+        lws_context_destroy(view->context);
+    newest_destroy(&view->newest);
+    free(view);
+}
+
+enum result view_create(const struct view_config *config, struct view **out_view,
+                        struct error *err) {
+    struct view *view = alloc(1, sizeof *view);
+    view->config = *config;
+    view->newest = newest_create(sizeof(arthron_View));
+    *out_view = NULL;
+    enum result result = token_get(config->token_path, view->token, err);
+    if (result == RESULT_OK)
+        result = listen_at(view, err);
+    if (result != RESULT_OK) {
+        release(view);
+        return result;
+    }
+    CHECK(pthread_create(&view->thread, NULL, serve, view) == 0);
+    *out_view = view;
+    return RESULT_OK;
+}
+
+void view_destroy(struct view **view) {
+    if (!*view)
+        return;
+    atomic_store(&(*view)->stopping, true);
+    lws_cancel_service((*view)->context);
+    pthread_join((*view)->thread, NULL);
+    release(*view);
+    *view = NULL;
+}
+
+// ---- any thread ---------------------------------------------------------------------------------
+
+int view_port(const struct view *view) {
+    return view->port;
+}
+
+bool view_is_watched(const struct view *view) {
+    return atomic_load(&view->viewer_count) > 0;
+}
+
+void view_show(struct view *view, arthron_View *message) {
+    message->number = ++view->shown;
+    if (newest_put(view->newest, message))
+        lws_cancel_service(view->context);
+}
+
+bool view_port_is_free(int port) {
+    struct sockaddr_in address = {.sin_family = AF_INET,
+                                  .sin_port = htons((uint16_t)port),
+                                  .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    int one = 1, fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(fd >= 0);
+    setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    bool is_free = bind(fd, (const struct sockaddr *)&address, sizeof address) == 0;
+    close(fd);
+    return is_free;
+}

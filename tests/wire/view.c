@@ -1,0 +1,311 @@
+// A station's view: who may look, and what a viewer gets that is slow, silent, rude or one too
+// many.
+#include "view/view.h"
+
+#include "base/clock.h"
+#include "test.h"
+#include "view/token.h"
+#include "wire/websocket.h"
+
+#include <pb_decode.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+static char dir[64];
+static struct view_config config;
+static struct view *view;
+static char token[TOKEN_LENGTH + 1];
+
+static int begin(void **state) {
+    (void)state;
+    strcpy(dir, "/tmp/arthron-view-XXXXXX");
+    assert_non_null(mkdtemp(dir));
+    config = (struct view_config){.origin_count = 2,
+                                  .origins = {"http://localhost:8080", "https://school.example"}};
+    snprintf(config.token_path, sizeof config.token_path, "%s/token", dir);
+    assert_int_equal(view_create(&config, &view, NULL), RESULT_OK);
+    assert_int_equal(token_get(config.token_path, token, NULL), RESULT_OK);
+    return 0;
+}
+
+static int end(void **state) {
+    (void)state;
+    view_destroy(&view);
+    unlink(config.token_path);
+    rmdir(dir);
+    return 0;
+}
+
+// ---- asking -------------------------------------------------------------------------------------
+
+struct question {
+    const char *what;
+    int status;
+    const char *path, *host, *subprotocol, *origin,
+        *with_token; // NULL: the right one; origin: none
+};
+
+static struct websocket *ask(const struct question *q, int *out_status) {
+    char text[2048], origin[512] = "", protocol[256];
+    const char *subprotocol = q->subprotocol ? q->subprotocol : WIRE_VIEW_SUBPROTOCOL;
+    if (q->origin)
+        snprintf(origin, sizeof origin, "Origin: %s\r\n", q->origin);
+    snprintf(protocol, sizeof protocol, "Sec-WebSocket-Protocol: %s\r\n", subprotocol);
+    snprintf(text, sizeof text,
+             "GET %s?token=%s HTTP/1.1\r\nHost: %s\r\nUpgrade: websocket\r\n"
+             "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+             "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n%s%s\r\n",
+             q->path ? q->path : "/view", q->with_token ? q->with_token : token,
+             q->host ? q->host : "127.0.0.1:1", origin, *subprotocol ? protocol : "");
+    return websocket_ask(view_port(view), text, out_status);
+}
+
+static struct websocket *look(void) {
+    const struct question good = {.what = "good"};
+    int status;
+    struct websocket *socket = ask(&good, &status);
+    assert_int_equal(status, 101);
+    return socket;
+}
+
+static void wait_for_viewers(bool any) {
+    for (int i = 0; i < 5000 && view_is_watched(view) != any; i++)
+        usleep(1000);
+    assert_int_equal(view_is_watched(view), any);
+}
+
+static void show(const char *case_name) {
+    arthron_View message = {.bodies_count = 3, .instruments_count = 5, .events_count = 32};
+    snprintf(message.case_name, sizeof message.case_name, "%s", case_name);
+    view_show(view, &message);
+}
+
+// What comes next; its number, 0 where the station closes.
+static uint64_t see(struct websocket *socket, arthron_View *out) {
+    uint8_t bytes[WIRE_VIEW_MAX];
+    int size = websocket_receive(socket, bytes, sizeof bytes);
+    if (size < 0)
+        return 0;
+    pb_istream_t stream = pb_istream_from_buffer(bytes, (size_t)size);
+    assert_true(pb_decode(&stream, arthron_View_fields, out));
+    return out->number;
+}
+
+// Shows the newest until the viewer has it: a message may precede the viewer's seat.
+static uint64_t see_first(struct websocket *socket, arthron_View *out) {
+    struct pollfd fd = {.fd = websocket_fd(socket), .events = POLLIN};
+    for (int i = 0; i < 500 && poll(&fd, 1, 10) == 0; i++)
+        show("first");
+    return see(socket, out);
+}
+
+// ---- tests --------------------------------------------------------------------------------------
+
+static void a_viewer_gets_what_is_shown(void **state) {
+    (void)state;
+    assert_false(view_is_watched(view));
+    show("before anybody came");
+    struct websocket *socket = look();
+    arthron_View message;
+    uint64_t first = see_first(socket, &message);
+    assert_string_equal(message.case_name, "first");
+    assert_true(view_is_watched(view));
+    assert_int_equal(message.bodies_count, 3);
+    show("second");
+    while (see(socket, &message) && !strcmp(message.case_name, "first"))
+        ;
+    assert_string_equal(message.case_name, "second");
+    assert_true(message.number > first);
+    websocket_close(socket);
+    wait_for_viewers(false);
+}
+
+static void who_may_not_look_is_told_so(void **state) {
+    (void)state;
+    static const char zeros[] = "0000000000000000000000000000000000000000000000000000000000000000";
+    char longer[TOKEN_LENGTH + 2], huge[1200];
+    snprintf(longer, sizeof longer, "%s0", token);
+    memset(huge, 'a', sizeof huge - 1);
+    huge[sizeof huge - 1] = '\0';
+    const struct question questions[] = {
+        {"no token", 403, .with_token = ""},
+        {"another token", 403, .with_token = zeros},
+        {"the token and more", 403, .with_token = longer},
+        {"a huge token", 403, .with_token = huge},
+        {"another site's page", 403, .origin = "http://evil.example"},
+        {"a page of no site", 403, .origin = "null"},
+        {"a listed origin's prefix", 403, .origin = "http://localhost:80"},
+        {"a listed origin and more", 403, .origin = "http://localhost:80801"},
+        {"a huge origin", 403, .origin = huge},
+        {"a name that somebody points here", 403, .host = "evil.example"},
+        {"a name that begins well", 403, .host = "localhost.evil.example"},
+        {"a port that is none", 403, .host = "localhost:80.evil.example"},
+        {"no subprotocol", 400, .subprotocol = ""},
+        {"another subprotocol", 400, .subprotocol = "arthron.1"},
+        {"another path", 404, .path = "/"},
+        {"a path below", 404, .path = "/view/x"},
+    };
+    for (size_t i = 0; i < sizeof questions / sizeof *questions; i++) {
+        int status;
+        struct websocket *socket = ask(&questions[i], &status);
+        if (socket || status != questions[i].status)
+            fail_msg("%s: %d, not %d", questions[i].what, status, questions[i].status);
+    }
+    assert_false(view_is_watched(view));
+}
+
+static void who_may_look_is_let_in(void **state) {
+    (void)state;
+    const struct question questions[] = {
+        {"a program", 101},
+        {"a listed page", 101, .origin = "http://localhost:8080"},
+        {"another", 101, .origin = "https://school.example", .host = "localhost:9"},
+        {"without a port", 101, .host = "LOCALHOST"},
+    };
+    for (size_t i = 0; i < sizeof questions / sizeof *questions; i++) {
+        int status;
+        struct websocket *socket = ask(&questions[i], &status);
+        if (!socket)
+            fail_msg("%s: %d", questions[i].what, status);
+        websocket_close(socket);
+    }
+}
+
+static void what_is_no_websocket_is_not_found(void **state) {
+    (void)state;
+    int status;
+    assert_null(
+        websocket_ask(view_port(view), "GET /view HTTP/1.1\r\nHost: localhost\r\n\r\n", &status));
+    assert_int_equal(status, 404);
+    assert_null(websocket_ask(view_port(view), "\x16\x03\x01 no HTTP at all\r\n\r\n", &status));
+    arthron_View message;
+    struct websocket *socket = look();
+    assert_true(see_first(socket, &message));
+    websocket_close(socket);
+}
+
+static void the_ninth_viewer_is_refused_until_another_goes(void **state) {
+    (void)state;
+    struct websocket *sockets[VIEW_VIEWERS_MAX];
+    arthron_View message;
+    for (int i = 0; i < VIEW_VIEWERS_MAX; i++) {
+        sockets[i] = look();
+        assert_true(see_first(sockets[i], &message)); // it has its seat
+    }
+    const struct question one_more = {.what = "one more"};
+    int status;
+    assert_null(ask(&one_more, &status));
+    assert_int_equal(status, 503);
+    websocket_close(sockets[3]);
+    for (int i = 0; i < 500 && !(sockets[3] = ask(&one_more, &status)); i++)
+        usleep(10000);
+    assert_int_equal(status, 101);
+    for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
+        assert_true(see_first(sockets[i], &message));
+    for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
+        websocket_close(sockets[i]);
+    wait_for_viewers(false);
+}
+
+// Shows `count` messages, each seen by the fast viewer before the next.
+static uint64_t show_to(struct websocket *fast, int count) {
+    arthron_View message;
+    uint64_t number = 0;
+    for (int i = 0; i < count; i++) {
+        show("more");
+        number = see(fast, &message);
+        assert_true(number);
+    }
+    return number;
+}
+
+static void a_slow_viewer_skips_and_holds_up_nobody(void **state) {
+    (void)state;
+    struct websocket *slow = look(), *fast = look();
+    arthron_View message;
+    int small = 2048, received = 0;
+    setsockopt(websocket_fd(slow), SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
+    uint64_t first = see_first(slow, &message);
+    assert_true(see_first(fast, &message));
+    usleep(20000); // what see_first showed once more has come
+    struct pollfd fd = {.fd = websocket_fd(fast), .events = POLLIN};
+    while (poll(&fd, 1, 20) == 1)
+        see(fast, &message);
+    uint64_t last = show_to(fast, 5000), number = first, skips = 0;
+    // What waited in the kernel is old; behind it comes the newest.
+    while (number < last) {
+        uint64_t next = see(slow, &message);
+        assert_true(next > number);
+        skips += next - number - 1;
+        number = next;
+        received++;
+    }
+    assert_true(skips > 2500);
+    assert_in_range(received, 1, 2500);
+    websocket_close(slow);
+    websocket_close(fast);
+    wait_for_viewers(false);
+}
+
+static void who_says_anything_is_sent_away(void **state) {
+    (void)state;
+    static const char text[] = "hello";
+    struct websocket *polite = look(), *rude = look(), *wild = look();
+    arthron_View message;
+    assert_true(see_first(polite, &message) && see_first(rude, &message) &&
+                see_first(wild, &message));
+    assert_true(websocket_send(rude, WEBSOCKET_TEXT, true, text, sizeof text));
+    assert_int_equal(send(websocket_fd(wild), "\xff\xff\xff\xff\xff\xff\xff\xff", 8, 0), 8);
+    while (see(rude, &message)) // what was on its way
+        ;
+    while (see(wild, &message))
+        ;
+    websocket_close(rude), websocket_close(wild);
+    assert_true(see_first(polite, &message));
+    websocket_close(polite);
+    wait_for_viewers(false);
+}
+
+static void a_port_that_is_taken_is_refused(void **state) {
+    (void)state;
+    struct view_config same = config;
+    struct view *second = NULL;
+    struct error err = {""};
+    same.port = view_port(view);
+    assert_false(view_port_is_free(same.port));
+    assert_int_equal(view_create(&same, &second, &err), RESULT_IO);
+    assert_null(second);
+    assert_non_null(strstr(err.text, "taken"));
+}
+
+static void viewers_are_sent_away_when_the_station_ends(void **state) {
+    struct websocket *socket = look();
+    arthron_View message;
+    assert_true(see_first(socket, &message));
+    view_destroy(&view);
+    while (see(socket, &message))
+        ;
+    websocket_close(socket);
+    assert_int_equal(view_create(&config, &view, NULL), RESULT_OK);
+    (void)state;
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_viewer_gets_what_is_shown, begin, end),
+        cmocka_unit_test_setup_teardown(who_may_not_look_is_told_so, begin, end),
+        cmocka_unit_test_setup_teardown(who_may_look_is_let_in, begin, end),
+        cmocka_unit_test_setup_teardown(what_is_no_websocket_is_not_found, begin, end),
+        cmocka_unit_test_setup_teardown(the_ninth_viewer_is_refused_until_another_goes, begin, end),
+        cmocka_unit_test_setup_teardown(a_slow_viewer_skips_and_holds_up_nobody, begin, end),
+        cmocka_unit_test_setup_teardown(who_says_anything_is_sent_away, begin, end),
+        cmocka_unit_test_setup_teardown(a_port_that_is_taken_is_refused, begin, end),
+        cmocka_unit_test_setup_teardown(viewers_are_sent_away_when_the_station_ends, begin, end),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

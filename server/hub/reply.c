@@ -10,25 +10,13 @@ static enum body nearest_body(const struct instrument_output *instrument,
     return group < 0 ? BODY_FEMUR : knee->groups[group].body;
 }
 
-// The displacement of the tip and its slope over the tip's way, in the mock-up's frame.
-static struct avatar_lead lead_of(const struct warp *warp) {
-    struct avatar_lead lead = {.mode = AVATAR_TIP,
-                               .motion.v = warp->displacement,
-                               .trust_radius_mm = warp->trust_radius_mm};
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++)
-            lead.slope[i][k] = warp->gradient.m[i][k];
-    return lead;
-}
-
 static void fill_instrument(const struct session_output *output, int index,
                             const struct knee_case *knee, arthron_WarpedInstrument *out) {
     const struct instrument_output *instrument = &output->instruments[index];
     enum body body = nearest_body(instrument, knee);
     pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
-    struct avatar_lead lead = lead_of(&instrument->warp);
+    struct avatar_lead lead = avatar_lead_in(T_body_mockup, &instrument->lead);
 
-    lead = avatar_lead_in(T_body_mockup, &lead);
     out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
     out->validity = (arthron_Validity)instrument->validity;
     out->body = (arthron_Body)body;
@@ -37,6 +25,18 @@ static void fill_instrument(const struct session_output *output, int index,
     wire_lead_from(&lead, out);
     double nearest = instrument->warp.nearest_mm;
     out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
+}
+
+static void fill_corrections(const struct session_output *output, arthron_Reply *out) {
+    for (int body = BODY_TIBIA; body < BODY_COUNT; body++) {
+        const pose *T_mockup_body = &output->T_mockup_body[body];
+        const pose *T_mockup_virtual = &output->T_mockup_virtual[body];
+        if (memcmp(T_mockup_body, T_mockup_virtual, sizeof *T_mockup_body) == 0)
+            continue;
+        pose T_body_virtual = pose_compose(pose_inverse(*T_mockup_body), *T_mockup_virtual);
+        out->corrections[out->corrections_count++] =
+            (arthron_Correction){(arthron_Body)body, true, wire_pose_from(T_body_virtual)};
+    }
 }
 
 void reply_from_output(const struct session_output *output, const struct knee_case *knee,
@@ -49,6 +49,7 @@ void reply_from_output(const struct session_output *output, const struct knee_ca
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (output->instruments[i].present)
             fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
+    fill_corrections(output, out);
 }
 
 void reply_session(enum session_state state, const struct knee_case *knee,

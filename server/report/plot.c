@@ -11,7 +11,8 @@
 #define ROW_PX 18.0
 #define GAP_PX 6.0
 #define SWATCH_PX 24.0
-#define TICK_PX 70.0 // between two ticks, at least half of it
+#define TICK_X_PX 70.0 // between two ticks, more or less
+#define TICK_Y_PX 40.0
 #define VALUE_MAX 1e300
 
 // Inside a page, an element's style is everybody's: hence the prefix.
@@ -139,8 +140,8 @@ static void range_of(const struct plot *plot, bool of_y, double *out_min, double
 }
 
 // 1, 2 or 5 times a power of ten.
-static double step_of(double span, double pixels) {
-    double wanted = span * TICK_PX / pixels, ten = pow(10, floor(log10(wanted)));
+static double step_of(double wanted) {
+    double ten = pow(10, floor(log10(wanted)));
     double times = wanted / ten;
     return (times < 1.5 ? 1 : times < 3.5 ? 2 : times < 7.5 ? 5 : 10) * ten;
 }
@@ -376,10 +377,10 @@ static struct layout lay_out(const struct plot *plot) {
     at.height = fmax(20, plot->height - at.top - 2.8 * ROW_PX);
     range_of(plot, false, &at.x.min, &at.x.max);
     range_of(plot, true, &at.y.min, &at.y.max);
-    at.y.step = step_of(at.y.max - at.y.min, 0.7 * at.height);
+    at.y.step = step_of((at.y.max - at.y.min) * TICK_Y_PX / at.height);
     at.left = 1.6 * FONT_PX + widest_tick(&at.y) + 2 * GAP_PX;
     at.width = fmax(20, plot->width - at.left - labels);
-    at.x.step = step_of(at.x.max - at.x.min, at.width);
+    at.x.step = step_of((at.x.max - at.x.min) * TICK_X_PX / at.width);
     at.x.start = at.left, at.x.along = at.width;
     at.y.start = at.top + at.height, at.y.along = -at.height;
     return at;

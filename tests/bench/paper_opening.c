@@ -316,7 +316,7 @@ static enum result write_picture(const struct fig10 *fig, struct paper_page *pag
 static const char *const kind_names[ADAPTIVE_COUNT] = {
     [ADAPTIVE_HINGE] = "hinge, Arthron’s",
     [ADAPTIVE_PAPER] = "Eq. 7 as printed",
-    [ADAPTIVE_PAPER_NARROW] = "Eq. 7, its width from the rest pose at the key’s flexion",
+    [ADAPTIVE_PAPER_NARROW] = "Eq. 7, narrow",
 };
 static const enum plot_colour kind_colours[ADAPTIVE_COUNT] = {
     [ADAPTIVE_HINGE] = PLOT_BLUE,
@@ -350,8 +350,8 @@ static enum result plot_keys(const struct fig10 *fig, enum adaptive_kind kind,
         .title = title,
         .description = "Extra valgus over flexion, the joint opened as far as the mock-up lets it, "
                        "with no, one and three keys.",
-        .width = 620,
-        .height = 360,
+        .width = 400,
+        .height = 320,
         .x = {"flexion, degrees", 0, LAST_DEG},
         .y = {"extra valgus, degrees", -1, 28},
         .lines = lines,
@@ -378,8 +378,8 @@ static enum result plot_turns(const struct fig10 *fig, struct paper_page *page, 
         .title = "The same, over the mock-up’s valgus at 45° of flexion",
         .description = "Extra valgus over the mock-up's own, with three keys. In varus and at rest "
                        "there should be none, and over-opened no more than the key's.",
-        .width = 760,
-        .height = 400,
+        .width = 640,
+        .height = 380,
         .x = {"valgus of the mock-up, degrees", -VARUS_DEG, OVER_DEG},
         .y = {.title = "extra valgus, degrees"},
         .lines = lines,
@@ -434,7 +434,8 @@ static enum result write_section(const struct fig10 *fig, struct paper_page *pag
         result = write_picture(fig, page, true, err);
     fputs("</div>\n<p>In Eq. 7 as printed the width comes from the rest pose at 0 degrees of "
           "flexion: it warps at rest, and three keys add up to far more than one wants. With the "
-          "width from the rest pose at the key's flexion the spike of the paper's Fig. 10 is "
+          "width from the rest pose at the key's flexion (narrow) the spike of the paper's Fig. 10 "
+          "is "
           "there, and gaps between the keys. Arthron's hinge gives the extra motion by how "
           "far the joint leaves its rest path, whatever the flexion.</p>\n<div class=\"row\">\n",
           file);

@@ -400,8 +400,8 @@ static enum result write_plot(const struct fig7 *fig, struct paper_page *page, s
         .description = "Height of the hook's tip over its way from the back to the front of the "
                        "medial plateau. Without a warp it stays level; with one it follows the "
                        "patient's cavity.",
-        .width = 760,
-        .height = 460,
+        .width = 640,
+        .height = 440,
         .x = {"from the back to the front of the plateau, mm", LINE_FROM_Y, LINE_TO_Y},
         .y = {.title = "height above the plateau’s mean, mm"},
         .lines = lines,

@@ -1,0 +1,89 @@
+#include "session/discrepancy.h"
+
+#include "random.h"
+#include "test.h"
+
+// A lead of the tip whose motion is F = I + slope.
+static struct avatar_lead lead_of(mat3 F, vec3 offset) {
+    struct avatar_lead lead = {.motion = {.v = offset}, .trust_radius_mm = 1};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            lead.slope[i][k] = F.m[i][k] - (i == k);
+    return lead;
+}
+
+static struct discrepancy meet(mat3 F, vec3 offset) {
+    struct avatar_lead lead = lead_of(F, offset);
+    pose tip = {quat_from_axis_angle((vec3){0, 1, 0}, 0.4), {3, -4, 5}};
+    return discrepancy_of(&lead, tip, avatar_place(lead.mode, lead.portal, &lead.motion, tip));
+}
+
+static mat3 diagonal(double a, double b, double c) {
+    return (mat3){{{a, 0, 0}, {0, b, 0}, {0, 0, c}}};
+}
+
+// F = R U with U stretched along axes of its own: its gains and its rotation are known.
+static void gains_and_turn_are_those_of_the_polar_parts(void **state) {
+    (void)state;
+    struct random r = {1};
+    for (int i = 0; i < 500; i++) {
+        double angle = random_between(&r, 0, 2.5), least = random_between(&r, 0.05, 1);
+        double middle = random_between(&r, least, 1.5), most = random_between(&r, middle, 4);
+        mat3 R = quat_to_mat3(quat_from_axis_angle(random_direction(&r), angle));
+        mat3 V = quat_to_mat3(quat_from_axis_angle(random_direction(&r), random_between(&r, 0, 3)));
+        mat3 U = mat3_multiply(mat3_multiply(V, diagonal(middle, most, least)), mat3_transpose(V));
+        vec3 offset = random_in_box(&r, 3);
+        struct discrepancy d = meet(mat3_multiply(R, U), offset);
+        assert_near(d.gain, most, 1e-7);
+        assert_near(d.gain_least, least, 1e-6);
+        assert_near(d.turn_deg, DEG_PER_RAD * angle, 1e-6);
+        assert_near(d.offset_mm, vec3_length(offset), 1e-12);
+        assert_near(d.tilt_deg, 0, 1e-6);
+    }
+}
+
+static void a_fold_has_a_negative_gain_and_is_turned_right_round(void **state) {
+    (void)state;
+    struct discrepancy d = meet(diagonal(1, 2, -0.25), (vec3){0, 0, 0});
+    assert_near(d.gain, 2, 1e-9);
+    assert_near(d.gain_least, -0.25, 1e-9);
+    assert_near(d.turn_deg, 180, 0);
+    assert_true(discrepancy_is_noticed(&d));
+}
+
+// Against differences over the whole path of hand, network and picture: a turn in the portal.
+static void a_rigid_avatars_shaft_tilts(void **state) {
+    (void)state;
+    struct avatar_lead lead = {.mode = AVATAR_RIGID,
+                               .portal = {0, 0, -50},
+                               .motion = {{tan(0.1), 0, 0}, 2},
+                               .trust_radius_mm = 1};
+    pose tip = pose_identity(), shown = avatar_place(AVATAR_RIGID, lead.portal, &lead.motion, tip);
+    struct discrepancy d = discrepancy_of(&lead, tip, shown);
+    assert_near(d.tilt_deg, 0.1 * DEG_PER_RAD, 1e-9);
+    assert_near(d.offset_mm, vec3_distance(shown.translation, (vec3){0, 0, 0}), 1e-12);
+    assert_near(shown.translation.x, 52 * sin(0.1), 1e-9);
+}
+
+static void what_is_noticed_is_past_a_threshold(void **state) {
+    (void)state;
+    static const struct {
+        struct discrepancy d;
+        bool noticed;
+    } rows[] = {
+        {{9, 0, 1, 1, 0}, false},   {{0, 4.4, 1.06, 0.89, 4.4}, false}, {{0, 4.6, 1, 1, 0}, true},
+        {{0, 0, 1.08, 1, 0}, true}, {{0, 0, 1, 0.87, 0}, true},         {{0, 0, 1, 1, 4.6}, true},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        assert_int_equal(discrepancy_is_noticed(&rows[i].d), rows[i].noticed);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gains_and_turn_are_those_of_the_polar_parts),
+        cmocka_unit_test(a_fold_has_a_negative_gain_and_is_turned_right_round),
+        cmocka_unit_test(a_rigid_avatars_shaft_tilts),
+        cmocka_unit_test(what_is_noticed_is_past_a_threshold),
+    };
+    return cmocka_run_group_tests_name("discrepancy", tests, NULL, NULL);
+}

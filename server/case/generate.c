@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "case/bridge.h"
+#include "case/generate_keys.h"
 #include "case/generate_shape.h"
 #include "case/generate_tube.h"
 #include "case/maxcut.h"
@@ -185,6 +186,8 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
     enum result result = add_menisci(knee, recipe, edge, err);
     if (result == RESULT_OK)
         result = add_ligaments(knee, recipe, edge, err);
+    if (result == RESULT_OK && recipe->ligament_count)
+        result = generate_keys(knee, recipe, err);
     if (result == RESULT_OK)
         result = add_skin(knee, recipe, edge, err);
     for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)

@@ -9,6 +9,7 @@
 
 #define RECIPE_CAVITIES_MAX 8
 #define RECIPE_TEARS_MAX 4
+#define RECIPE_SERIES_MAX 8
 
 // A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
 // facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
@@ -25,6 +26,20 @@ struct recipe_tear {
     struct tear tear;
 };
 
+// A value for each of a ligament's keys: none is 0 for all, one holds for all.
+struct recipe_series {
+    int count;
+    double values[RECIPE_SERIES_MAX];
+};
+
+// A torn ligament: where the mock-up's holds the joint, and how much further the patient's goes.
+struct recipe_ligament {
+    char name[CASE_NAME_MAX];
+    struct recipe_series flexion_deg;
+    struct recipe_series valgus_deg, internal_deg, drawer_mm; // as case/motion_joint.h
+    struct recipe_series extra_valgus_deg, extra_internal_deg, extra_drawer_mm;
+};
+
 struct recipe {
     char name[CASE_NAME_MAX]; // the recipe's folder
     char title[128];
@@ -38,6 +53,8 @@ struct recipe {
     struct recipe_cavity cavities[RECIPE_CAVITIES_MAX];
     int tear_count;
     struct recipe_tear tears[RECIPE_TEARS_MAX];
+    int ligament_count;
+    struct recipe_ligament ligaments[CASE_LIGAMENTS_MAX];
 };
 
 // Reads a recipe: a folder with recipe.ini, or the file itself. cases/README.md describes it.

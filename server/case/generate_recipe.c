@@ -9,7 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define KEYS_MAX 64
+#define KEYS_MAX 128
 
 struct reading {
     struct recipe *recipe;
@@ -130,6 +130,66 @@ static enum result read_tear(struct reading *r, const char *section, const char 
     return refuse(r, section, key, "unknown key");
 }
 
+struct series_key {
+    const char *key;
+    size_t offset; // in struct recipe_ligament
+    double low, high;
+};
+
+static const struct series_key series_keys[] = {
+    {"flexion_deg", offsetof(struct recipe_ligament, flexion_deg), 0, 120},
+    {"valgus_deg", offsetof(struct recipe_ligament, valgus_deg), -15, 15},
+    {"internal_deg", offsetof(struct recipe_ligament, internal_deg), -30, 30},
+    {"drawer_mm", offsetof(struct recipe_ligament, drawer_mm), -10, 10},
+    {"extra_valgus_deg", offsetof(struct recipe_ligament, extra_valgus_deg), -15, 15},
+    {"extra_internal_deg", offsetof(struct recipe_ligament, extra_internal_deg), -30, 30},
+    {"extra_drawer_mm", offsetof(struct recipe_ligament, extra_drawer_mm), -15, 15},
+};
+
+static bool parse_series(const char *value, const struct series_key *k, struct recipe_series *out) {
+    char text[256], *rest;
+    if (snprintf(text, sizeof text, "%s", value) >= (int)sizeof text)
+        return false;
+    for (char *w = strtok_r(text, " \t", &rest); w; w = strtok_r(NULL, " \t", &rest))
+        if (out->count == RECIPE_SERIES_MAX ||
+            !number_double(w, k->low, k->high, &out->values[out->count++]))
+            return false;
+    return out->count > 0;
+}
+
+// "[ligament NAME]": as with cavities.
+static struct recipe_ligament *ligament_of(struct reading *r, const char *section) {
+    const char *name = section + strlen("ligament ");
+    struct recipe *recipe = r->recipe;
+    for (int i = 0; i < recipe->ligament_count; i++)
+        if (strcmp(recipe->ligaments[i].name, name) == 0)
+            return &recipe->ligaments[i];
+    if (recipe->ligament_count == CASE_LIGAMENTS_MAX || !case_name_is_valid(name))
+        return NULL;
+    struct recipe_ligament *ligament = &recipe->ligaments[recipe->ligament_count++];
+    strcpy(ligament->name, name);
+    return ligament;
+}
+
+static enum result read_ligament(struct reading *r, const char *section, const char *key,
+                                 const char *value) {
+    struct recipe_ligament *ligament = ligament_of(r, section);
+    if (!ligament)
+        return refuse(r, section, key,
+                      "at most 8 ligaments, with names of letters, digits and \"_-.\"");
+    for (size_t i = 0; i < sizeof series_keys / sizeof *series_keys; i++) {
+        const struct series_key *k = &series_keys[i];
+        if (strcmp(key, k->key) != 0)
+            continue;
+        if (parse_series(value, k, (struct recipe_series *)((char *)ligament + k->offset)))
+            return RESULT_OK;
+        return r->result = fail(r->err, RESULT_INVALID,
+                                "[%s] %s = %s: must be up to %d numbers from %g to %g", section,
+                                key, value, RECIPE_SERIES_MAX, k->low, k->high);
+    }
+    return refuse(r, section, key, "unknown key");
+}
+
 static enum result read_knee(struct reading *r, const char *section, const char *key,
                              const char *value) {
     if (strcmp(section, "knee") == 0 && strcmp(key, "title") == 0) {
@@ -176,6 +236,8 @@ static int read_entry(void *user, const char *section, const char *key, const ch
         return read_cavity(r, section, key, value) == RESULT_OK;
     if (strncmp(section, "tear ", strlen("tear ")) == 0)
         return read_tear(r, section, key, value) == RESULT_OK;
+    if (strncmp(section, "ligament ", strlen("ligament ")) == 0)
+        return read_ligament(r, section, key, value) == RESULT_OK;
     return read_knee(r, section, key, value) == RESULT_OK;
 }
 
@@ -205,6 +267,50 @@ static enum result check_tears(const struct recipe *recipe, struct error *err) {
                         "not radial, and only there",
                         t->name);
     }
+    return RESULT_OK;
+}
+
+static bool is_zero(const struct recipe_series *series) {
+    for (int i = 0; i < series->count; i++)
+        if (series->values[i] != 0)
+            return false;
+    return true;
+}
+
+static enum result check_ligament(const struct recipe_ligament *l, struct error *err) {
+    bool opens = !is_zero(&l->valgus_deg) || !is_zero(&l->internal_deg) || !is_zero(&l->drawer_mm);
+    bool gives = !is_zero(&l->extra_valgus_deg) || !is_zero(&l->extra_internal_deg) ||
+                 !is_zero(&l->extra_drawer_mm);
+    if (!l->flexion_deg.count || !opens || !gives)
+        return fail(err, RESULT_MISSING,
+                    "[ligament %s] needs flexion_deg, where the mock-up's holds (valgus_deg, "
+                    "internal_deg, drawer_mm), and extra_ of one of these",
+                    l->name);
+    for (int i = 1; i < l->flexion_deg.count; i++)
+        if (!(l->flexion_deg.values[i] >= l->flexion_deg.values[i - 1] + 1))
+            return fail(err, RESULT_INVALID,
+                        "[ligament %s] flexion_deg: must rise by a degree at least", l->name);
+    for (size_t i = 1; i < sizeof series_keys / sizeof *series_keys; i++) {
+        int count =
+            ((const struct recipe_series *)((const char *)l + series_keys[i].offset))->count;
+        if (count > 1 && count != l->flexion_deg.count)
+            return fail(err, RESULT_INVALID,
+                        "[ligament %s] %s: must be one number, or %d as flexion_deg has", l->name,
+                        series_keys[i].key, l->flexion_deg.count);
+    }
+    return RESULT_OK;
+}
+
+static enum result check_ligaments(const struct recipe *recipe, struct error *err) {
+    int keys = 0;
+    for (int i = 0; i < recipe->ligament_count; i++) {
+        if (check_ligament(&recipe->ligaments[i], err) != RESULT_OK)
+            return RESULT_INVALID;
+        keys += recipe->ligaments[i].flexion_deg.count;
+    }
+    if (keys > CASE_KEYS_MAX)
+        return fail(err, RESULT_LIMIT, "%d keys of all ligaments, more than %d", keys,
+                    CASE_KEYS_MAX);
     return RESULT_OK;
 }
 
@@ -250,7 +356,8 @@ enum result recipe_load(const char *path, struct recipe *out_recipe, struct erro
     if (line > 0)
         return fail(err, RESULT_FORMAT, "%s:%d: neither a section nor a key with a value", file,
                     line);
-    if (check_cavities(out_recipe, err) != RESULT_OK || check_tears(out_recipe, err) != RESULT_OK)
+    if (check_cavities(out_recipe, err) != RESULT_OK || check_tears(out_recipe, err) != RESULT_OK ||
+        check_ligaments(out_recipe, err) != RESULT_OK)
         return fail_in(err, RESULT_INVALID, "%s: ", file);
     if (name_after_folder(file, out_recipe->name, err) != RESULT_OK)
         return RESULT_INVALID;

@@ -36,11 +36,18 @@ static enum result approach(struct plan *plan, struct hand *hand) {
 }
 
 // Instruments let go of what they touch before bones move.
-static enum result move_joint(struct plan *plan, double flexion_deg, double valgus_deg) {
+static enum result move_joint(struct plan *plan, const struct motion_step *step) {
+    struct joint_hold to = plan->hold;
+    if (step->verb == MOTION_FLEX)
+        to.flexion_deg = step->amount;
+    else if (step->verb == MOTION_VALGUS)
+        to.valgus_deg = step->amount;
+    else
+        to.drawer_mm = step->amount;
     for (int i = 0; i < plan->motion->tool_count; i++)
         if (plan->hands[i].inside && plan_retreat(plan, &plan->hands[i]) != RESULT_OK)
             return RESULT_INVALID;
-    return plan_joint(plan, flexion_deg, valgus_deg);
+    return plan_joint(plan, &to);
 }
 
 static enum result find_group(const struct plan *plan, const char *name,
@@ -150,10 +157,8 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
 // ---- the whole script ---------------------------------------------------------------------------
 
 static enum result do_step(struct plan *plan, const struct motion_step *step) {
-    if (step->verb == MOTION_FLEX)
-        return move_joint(plan, step->angle_deg, plan->valgus_deg);
-    if (step->verb == MOTION_VALGUS)
-        return move_joint(plan, plan->joint.flexion_deg, step->angle_deg);
+    if (step->verb == MOTION_FLEX || step->verb == MOTION_VALGUS || step->verb == MOTION_DRAWER)
+        return move_joint(plan, step);
     struct hand *hand = hand_of(plan, step->tool);
     if (hand && step->verb == MOTION_APPROACH)
         return approach(plan, hand);

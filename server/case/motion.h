@@ -18,6 +18,7 @@ enum motion_verb {
     MOTION_PALPATE,  // the probe slides along a straight line, projected on a group's surface
     MOTION_FLEX,
     MOTION_VALGUS,
+    MOTION_DRAWER, // the tibia glides forward
     MOTION_BITE,   // an instrument opens, goes to a point of a group, and closes
     MOTION_RESECT, // bites along the planned resection of a group
     MOTION_TRACE,  // a probe or a shaver goes along the margin of a planned resection
@@ -31,8 +32,8 @@ struct motion_step {
     char name[CASE_NAME_MAX]; // of the portal or the group
     bool has_points; // a bite without one takes the nearest reachable to the group's middle
     vec3 from, to;   // the group's frame, x lateral on both knees
-    double angle_deg;
-    int64_t count; // of bites, at most
+    double amount;   // degrees of flexion or valgus, mm of drawer
+    int64_t count;   // of bites, at most
 };
 
 const char *motion_verb_name(enum motion_verb verb); // as the script spells it

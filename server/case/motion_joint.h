@@ -4,8 +4,17 @@
 #include "case/case.h"
 #include "case/solid.h"
 
-// The joint's six values at a flexion and valgus (degrees). In valgus the tibia turns about the
-// lateral contact, in varus about the medial one, and keeps the gap that was there before. In
-// neither, the translations are 0.
+// How hands hold a joint that otherwise is at rest.
+struct joint_hold {
+    double flexion_deg;
+    double valgus_deg;   // negative: varus
+    double internal_deg; // negative: external
+    double drawer_mm;    // the tibia forward; negative: backward
+};
+
+// The joint's six values. In valgus the tibia turns about the lateral contact, in varus about the
+// medial one, and keeps the gap that was there before. Then it turns about its axis and glides, and
+// goes as far away from the femur, or back, as keeps the least gap of the bones. At rest the
+// translations are 0.
 struct joint_angles motion_joint(const struct knee_case *knee, const struct solid *femur,
-                                 const struct solid *tibia, double flexion_deg, double valgus_deg);
+                                 const struct solid *tibia, const struct joint_hold *hold);

@@ -1,7 +1,6 @@
 #include "case/motion_move.h"
 
 #include "base/check.h"
-#include "case/motion_joint.h"
 
 #include <stdlib.h>
 
@@ -210,17 +209,29 @@ static struct joint_angles joint_lerp(struct joint_angles a, struct joint_angles
         .distraction_mm = a.distraction_mm + t * (b.distraction_mm - a.distraction_mm)};
 }
 
+static struct joint_hold hold_lerp(struct joint_hold a, struct joint_hold b, double t) {
+    return (struct joint_hold){.flexion_deg = a.flexion_deg + t * (b.flexion_deg - a.flexion_deg),
+                               .valgus_deg = a.valgus_deg + t * (b.valgus_deg - a.valgus_deg),
+                               .internal_deg =
+                                   a.internal_deg + t * (b.internal_deg - a.internal_deg),
+                               .drawer_mm = a.drawer_mm + t * (b.drawer_mm - a.drawer_mm)};
+}
+
+// Degrees; a millimetre of drawer counts as one.
+static double hold_way(struct joint_hold a, struct joint_hold b) {
+    return hypot(hypot(b.flexion_deg - a.flexion_deg, b.valgus_deg - a.valgus_deg),
+                 hypot(b.internal_deg - a.internal_deg, b.drawer_mm - a.drawer_mm));
+}
+
 // The joint is computed at about each degree and straight between.
-enum result plan_joint(struct plan *plan, double flexion_deg, double valgus_deg) {
-    double flexion = plan->joint.flexion_deg, valgus = plan->valgus_deg;
-    double way = hypot(flexion_deg - flexion, valgus_deg - valgus);
+enum result plan_joint(struct plan *plan, const struct joint_hold *to) {
+    double way = hold_way(plan->hold, *to);
     int spans = (int)fmax(ceil(way), 1);
     struct joint_angles *keys = alloc((size_t)spans + 1, sizeof *keys);
     for (int i = 0; i <= spans; i++) {
-        double t = (double)i / spans;
+        struct joint_hold hold = hold_lerp(plan->hold, *to, (double)i / spans);
         keys[i] =
-            motion_joint(plan->knee, &plan->bones[BODY_FEMUR], &plan->bones[BODY_TIBIA],
-                         flexion + t * (flexion_deg - flexion), valgus + t * (valgus_deg - valgus));
+            motion_joint(plan->knee, &plan->bones[BODY_FEMUR], &plan->bones[BODY_TIBIA], &hold);
     }
     enum result result = RESULT_OK;
     int rows = plan_rows(plan, way, plan->script->joint_speed_deg_s);
@@ -230,7 +241,7 @@ enum result plan_joint(struct plan *plan, double flexion_deg, double valgus_deg)
         plan->joint = joint_lerp(keys[span], keys[span + 1], at - span);
         result = plan_add_row(plan, NULL);
     }
-    plan->valgus_deg = valgus_deg;
+    plan->hold = *to;
     free(keys);
     return result;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "case/motion.h"
+#include "case/motion_joint.h"
 #include "case/motion_tremor.h"
 #include "case/solid.h"
 
@@ -23,7 +24,7 @@ struct plan {
     size_t row_capacity;
     struct solid bones[BODY_COUNT]; // without a mesh where the case has no such bone
     struct joint_angles joint;
-    double valgus_deg;
+    struct joint_hold hold;
     struct hand hands[INSTRUMENT_COUNT]; // as motion->tools
     struct error *err;
 };
@@ -49,7 +50,7 @@ enum result plan_open(struct plan *plan, struct hand *hand, double opening);
 // From plan_before_bite: opens, goes to the target, closes, and backs off to where it was.
 enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target);
 vec3 plan_before_bite(const struct hand *hand, vec3 target);
-enum result plan_joint(struct plan *plan, double flexion_deg, double valgus_deg);
+enum result plan_joint(struct plan *plan, const struct joint_hold *to);
 
 // A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.
 int plan_rows(const struct plan *plan, double way, double highest_speed);

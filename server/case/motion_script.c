@@ -34,6 +34,7 @@ static const struct {
     [MOTION_PALPATE] = {"palpate", "GROUP X Y Z X Y Z"},
     [MOTION_FLEX] = {"flex", "DEGREES from 0 to 140"},
     [MOTION_VALGUS] = {"valgus", "DEGREES from -15 to 15"},
+    [MOTION_DRAWER] = {"drawer", "MM from -10 to 10"},
     [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [X Y Z]"},
     [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
@@ -103,9 +104,11 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
     case MOTION_WITHDRAW:
         return count == 1 && read_tool(words[0], &step->tool);
     case MOTION_FLEX:
-        return count == 1 && number_double(words[0], 0, 140, &step->angle_deg);
+        return count == 1 && number_double(words[0], 0, 140, &step->amount);
     case MOTION_VALGUS:
-        return count == 1 && number_double(words[0], -15, 15, &step->angle_deg);
+        return count == 1 && number_double(words[0], -15, 15, &step->amount);
+    case MOTION_DRAWER:
+        return count == 1 && number_double(words[0], -10, 10, &step->amount);
     case MOTION_PALPATE:
         step->tool = CHANNEL_PROBE;
         step->has_points = true;

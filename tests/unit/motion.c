@@ -315,15 +315,21 @@ static double gap_on(const struct solid *tibia, const struct joint_angles *joint
     return least;
 }
 
+static struct joint_angles hold(const struct solid *femur, const struct solid *tibia,
+                                double flexion, double valgus, double drawer) {
+    struct joint_hold held = {flexion, valgus, 0, drawer};
+    return motion_joint(knee, femur, tibia, &held);
+}
+
 static void valgus_opens_the_medial_side_about_the_lateral_contact(void **state) {
     (void)state;
     struct solid femur, tibia;
     assert_int_equal(solid_init(&femur, &case_group(knee, "femur")->mesh, NULL), RESULT_OK);
     assert_int_equal(solid_init(&tibia, &case_group(knee, "tibia")->mesh, NULL), RESULT_OK);
     for (int flexion = 0; flexion <= 90; flexion += 30) {
-        struct joint_angles rest = motion_joint(knee, &femur, &tibia, flexion, 0);
-        struct joint_angles valgus = motion_joint(knee, &femur, &tibia, flexion, 8);
-        struct joint_angles varus = motion_joint(knee, &femur, &tibia, flexion, -5);
+        struct joint_angles rest = hold(&femur, &tibia, flexion, 0, 0);
+        struct joint_angles valgus = hold(&femur, &tibia, flexion, 8, 0);
+        struct joint_angles varus = hold(&femur, &tibia, flexion, -5, 0);
         assert_near(rest.shift_mm, 0, 0);
         assert_near(valgus.varus_deg, -8, 1e-9);
         assert_near(valgus.flexion_deg, flexion, 1e-9);
@@ -331,6 +337,33 @@ static void valgus_opens_the_medial_side_about_the_lateral_contact(void **state)
         assert_true(gap_on(&tibia, &valgus, -1) > 4);
         assert_near(gap_on(&tibia, &varus, -1), gap_on(&tibia, &rest, -1), 0.02);
         assert_true(gap_on(&tibia, &varus, 1) > 2);
+    }
+    solid_fini(&femur);
+    solid_fini(&tibia);
+}
+
+static void drawer_glides_the_tibia_and_keeps_the_bones_in_contact(void **state) {
+    (void)state;
+    struct solid femur, tibia;
+    assert_int_equal(solid_init(&femur, &case_group(knee, "femur")->mesh, NULL), RESULT_OK);
+    assert_int_equal(solid_init(&tibia, &case_group(knee, "tibia")->mesh, NULL), RESULT_OK);
+    for (int flexion = 0; flexion <= 90; flexion += 30) {
+        struct joint_angles rest = hold(&femur, &tibia, flexion, 0, 0);
+        double gap = fmin(gap_on(&tibia, &rest, 1), gap_on(&tibia, &rest, -1));
+        for (double drawer = -5; drawer <= 10; drawer += 5) {
+            for (int valgus = 0; valgus <= 8; valgus += 8) {
+                struct joint_angles drawn = hold(&femur, &tibia, flexion, valgus, drawer);
+                assert_near(drawn.drawer_mm, drawer, 1e-3); // the valgus pivot may bring a little
+                assert_near(drawn.varus_deg, -valgus, 1e-9);
+                assert_near(drawn.flexion_deg, flexion, 1e-9);
+                assert_near(drawn.internal_deg, 0, 1e-9);
+                assert_near(fmin(gap_on(&tibia, &drawn, 1), gap_on(&tibia, &drawn, -1)), gap, 0.02);
+            }
+        }
+        struct joint_hold turned = {.flexion_deg = flexion, .internal_deg = 10};
+        struct joint_angles angles = motion_joint(knee, &femur, &tibia, &turned);
+        assert_near(angles.internal_deg, 10, 1e-9);
+        assert_near(fmin(gap_on(&tibia, &angles, 1), gap_on(&tibia, &angles, -1)), gap, 0.02);
     }
     solid_fini(&femur);
     solid_fini(&tibia);
@@ -490,6 +523,8 @@ static void a_wrong_script_is_refused_with_line_section_and_key(void **state) {
         {"[motion]\nrate_hz = 50\nrate_hz = 50\n", ":3: [motion] rate_hz: given twice"},
         {"[steps]\nflex = 141\n", "[steps] flex = 141: must be DEGREES from 0 to 140"},
         {"[steps]\nvalgus = -16\n", "must be DEGREES from -15 to 15"},
+        {"[steps]\ndrawer = 10.5\n", "must be MM from -10 to 10"},
+        {"[steps]\ndrawer = 1 2\n", "must be MM from -10 to 10"},
         {"[steps]\napproach = probe\n", "must be INSTRUMENT PORTAL"},
         {"[steps]\napproach = femur anteromedial\n", "must be INSTRUMENT PORTAL"},
         {"[steps]\npalpate = tibia 1 2 3\n", "must be GROUP X Y Z X Y Z"},
@@ -521,6 +556,7 @@ int main(void) {
         cmocka_unit_test(a_tremor_has_the_amplitude_and_the_band_asked_for),
         cmocka_unit_test(the_same_seed_gives_the_same_bytes_and_another_one_others),
         cmocka_unit_test(valgus_opens_the_medial_side_about_the_lateral_contact),
+        cmocka_unit_test(drawer_glides_the_tibia_and_keeps_the_bones_in_contact),
         cmocka_unit_test(signed_distances_agree_with_the_solid_angle),
         cmocka_unit_test(the_palpation_script_shows_all_that_a_demo_needs),
         cmocka_unit_test(a_left_knee_plays_the_same_script_mirrored),

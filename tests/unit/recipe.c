@@ -30,7 +30,10 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
                   "[cavity a]\nbody = tibia\nat = 1 -2 3.5\nradius_mm = 8\ndepth_mm = 3\n"
                   "[cavity b]\nbody = femur\nat = 0 0 0\nradius_mm = 4\ndepth_mm = 2\n"
                   "[tear c]\nkind = bucket-handle\ngroup = meniscus_lateral\nat = 0.4\n"
-                  "depth_mm = 3\nlength_mm = 12\n",
+                  "depth_mm = 3\nlength_mm = 12\n"
+                  "[ligament pcl]\nflexion_deg = 30  90.5\ndrawer_mm = -4\t-5\n"
+                  "extra_drawer_mm = -8\nextra_internal_deg = 0 1\n"
+                  "[ligament mcl]\nvalgus_deg = 5\nextra_valgus_deg = 10\nflexion_deg = 20\n",
                   &recipe, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     assert_string_equal(recipe.title, "A knee");
@@ -51,6 +54,18 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_near(recipe.tears[0].tear.at, 0.4, 0);
     assert_near(recipe.tears[0].tear.depth_mm, 3, 0);
     assert_near(recipe.tears[0].tear.length_mm, 12, 0);
+    assert_int_equal(recipe.ligament_count, 2);
+    const struct recipe_ligament *pcl = &recipe.ligaments[0];
+    assert_string_equal(pcl->name, "pcl");
+    assert_int_equal(pcl->flexion_deg.count, 2);
+    assert_near(pcl->flexion_deg.values[1], 90.5, 0);
+    assert_near(pcl->drawer_mm.values[0], -4, 0);
+    assert_near(pcl->drawer_mm.values[1], -5, 0);
+    assert_int_equal(pcl->extra_drawer_mm.count, 1);
+    assert_near(pcl->extra_internal_deg.values[1], 1, 0);
+    assert_int_equal(pcl->valgus_deg.count, 0);
+    assert_string_equal(recipe.ligaments[1].name, "mcl");
+    assert_near(recipe.ligaments[1].extra_valgus_deg.values[0], 10, 0);
     assert_int_equal(strncmp(recipe.name, "arthron-recipe-", 15), 0);
 }
 
@@ -98,6 +113,29 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[tear a]\nat = 0.5\n[tear b]\nat = 0.5\n[tear c]\nat = 0.5\n[tear d]\nat = 0.5\n"
          "[tear e]\nat = 0.5\n",
          "[tear e] at: at most 4 tears"},
+#define KEYS "[ligament mcl]\nflexion_deg = 20 50\n"
+        {KEYS "valgus_deg = 5\n", "[ligament mcl] needs flexion_deg, where"},
+        {KEYS "valgus_deg = 0\nextra_valgus_deg = 10\n", "[ligament mcl] needs"},
+        {KEYS "valgus_deg = 5\nextra_valgus_deg = 0 0\n", "[ligament mcl] needs"},
+        {"[ligament mcl]\nvalgus_deg = 5\nextra_valgus_deg = 9\n", "[ligament mcl] needs"},
+        {KEYS "valgus_deg = 16\n", "valgus_deg = 16: must be up to 8 numbers from -15 to 15"},
+        {KEYS "valgus_deg = 5 five\n", "valgus_deg = 5 five: must be up to 8 numbers"},
+        {KEYS "valgus_deg =\n", "[ligament mcl] valgus_deg = : must be up to 8 numbers"},
+        {KEYS "drawer_mm = 1 2 3 4 5 6 7 8 9\n", "must be up to 8 numbers from -10 to 10"},
+        {KEYS "extra_drawer_mm = 15.5\n", "must be up to 8 numbers from -15 to 15"},
+        {KEYS "internal_deg = nan\n", "must be up to 8 numbers from -30 to 30"},
+        {KEYS "valgus_deg = 5 5 5\nextra_valgus_deg = 10\n",
+         "[ligament mcl] valgus_deg: must be one number, or 2 as flexion_deg has"},
+        {"[ligament mcl]\nflexion_deg = 20 20.5\nvalgus_deg = 5\nextra_valgus_deg = 9\n",
+         "flexion_deg: must rise by a degree at least"},
+        {KEYS "side = left\n", "[ligament mcl] side: unknown key"},
+        {KEYS "flexion_deg = 20\n", "recipe.ini:3: [ligament mcl] flexion_deg: given twice"},
+#define FIVE(name)                                                                                 \
+    "[ligament " name "]\nflexion_deg = 1 2 3 4 5\ndrawer_mm = 5\nextra_drawer_mm = 5\n"
+        {FIVE("a") FIVE("b") FIVE("c") FIVE("d") FIVE("e") FIVE("f") FIVE("g"),
+         "35 keys of all ligaments, more than 32"},
+        {"[ligament a b]\nflexion_deg = 20\n", "with names of letters, digits"},
+        {"[ligament ]\nflexion_deg = 20\n", "with names of letters, digits"},
         {"[knee\nside = left\n", "recipe.ini:1: "},
         {"[knee]\nside\n", "recipe.ini:2: neither a section nor a key"},
     };

@@ -150,8 +150,7 @@ static enum validity validity_told(const struct frame *frame, const struct sessi
 }
 
 static void step_session(struct watched *line, const struct frame *frame, struct outcome *o) {
-    struct session_input input = {
-        .kind = INPUT_FRAME, .time_ns = frame->time_ns, .frame = *frame};
+    struct session_input input = {.kind = INPUT_FRAME, .time_ns = frame->time_ns, .frame = *frame};
     struct session_output output;
     session_step(line->session, &input, &output);
     o->event_lost |= (output.events & EVENT_DEVICE_LOST) != 0;

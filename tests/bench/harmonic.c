@@ -157,18 +157,15 @@ static void cross_lines(struct grid *g, const struct facet *f, int axis) {
 
 static struct facet facet_of(const struct warp_scene *scene, int surface, uint32_t triangle) {
     const struct warp_surface *s = &scene->surfaces[surface];
-    pose B = scene->T_world_body[s->body];
-    pose MB = scene->correction ? pose_compose(scene->correction[s->body], B) : B;
     struct facet f;
     for (int i = 0; i < 3; i++) {
-        uint32_t vertex = s->mesh->triangles[3 * (size_t)triangle + (size_t)i];
-        vec3 x = mesh_vertex(s->mesh, vertex), moved = x;
-        if (s->displacement) {
-            const float *d = s->displacement + 3 * (size_t)vertex;
-            moved = vec3_add(x, (vec3){(double)d[0], (double)d[1], (double)d[2]});
-        }
-        f.at[i] = pose_apply(B, x);
-        f.delta[i] = vec3_sub(pose_apply(MB, moved), f.at[i]);
+        struct closest corner = {.point = mesh_corner(s->mesh, triangle, i),
+                                 .triangle = triangle,
+                                 .weights = {i == 0, i == 1, i == 2},
+                                 .feature = FEATURE_VERTEX,
+                                 .corner = i};
+        f.at[i] = pose_apply(scene->T_world_body[s->body], corner.point);
+        f.delta[i] = warp_of_contact(scene, surface, &corner);
     }
     return f;
 }

@@ -16,9 +16,11 @@ static const struct bench {
     {"devices",
      "rate and latency of each driver (NAME: only that one); each fault: noticed, recovered",
      bench_devices},
+    {"fidelity",
+     "how good the illusion is: lesions on a generated knee and on cases (--case), each field",
+     bench_fidelity},
     {"match", "volume matching after real cuts: its time and error, beside bisection", bench_match},
     {"paper", "what the paper shows, beside its own figures; as a page with --out", bench_paper},
-    {"touch", "touch error of each field on cases (--case)", bench_touch},
     {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},
     {"warp", "time of one warp, and exactness of closest points", bench_warp},
 };

@@ -1,0 +1,157 @@
+#include "anatomy.h"
+
+#include <string.h>
+
+#define REACH_MM 12.0
+#define MOVED_MM 1e-3
+
+enum result anatomy_init(struct anatomy *out, struct knee_case **knee, struct error *err) {
+    enum result result = RESULT_OK;
+    *out = (struct anatomy){0};
+    for (int i = 0; result == RESULT_OK && i < (*knee)->group_count; i++) {
+        const struct case_group *group = &(*knee)->groups[i];
+        result = query_create(&group->mesh, &out->queries[i], err);
+        out->hollow |= strcmp(group->name, "skin") == 0 ? 1u << i : 0;
+    }
+    if (result != RESULT_OK) {
+        anatomy_fini(out);
+        return result;
+    }
+    out->knee = *knee;
+    *knee = NULL;
+    out->scene =
+        (struct warp_scene){out->surfaces, out->knee->group_count, out->T_world_body, NULL};
+    anatomy_displace(out);
+    anatomy_flex(out, 0);
+    return RESULT_OK;
+}
+
+void anatomy_fini(struct anatomy *anatomy) {
+    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
+        surface_mean_destroy(&anatomy->means[i]);
+        surface_tree_destroy(&anatomy->trees[i]);
+        query_destroy(&anatomy->queries[i]);
+    }
+    case_destroy(&anatomy->knee);
+}
+
+void anatomy_displace(struct anatomy *a) {
+    for (int i = 0; i < a->knee->group_count; i++) {
+        const struct case_group *group = &a->knee->groups[i];
+        surface_mean_destroy(&a->means[i]);
+        if (group->warp && !a->trees[i])
+            a->trees[i] = surface_tree_create(&group->mesh);
+        if (group->warp)
+            a->means[i] = surface_mean_create(a->trees[i], group->warp);
+        a->surfaces[i] = (struct warp_surface){.mesh = &group->mesh,
+                                               .query = a->queries[i],
+                                               .displacement = group->warp,
+                                               .body = (int)group->body,
+                                               .mean = a->means[i]};
+    }
+}
+
+void anatomy_flex(struct anatomy *anatomy, double flexion_deg) {
+    struct joint_angles angles = {.flexion_deg = flexion_deg};
+    anatomy->T_world_body[BODY_FEMUR] = pose_identity();
+    anatomy->T_world_body[BODY_TIBIA] = joint_to_pose(&anatomy->knee->joint, &angles);
+    anatomy->T_world_body[BODY_PATELLA] = case_patella_pose(anatomy->knee, flexion_deg);
+}
+
+// ---- its extent ---------------------------------------------------------------------------------
+
+static vec3 corner_delta(const struct anatomy *a, int surface, uint32_t triangle, int corner) {
+    struct closest contact = {.point = mesh_corner(a->surfaces[surface].mesh, triangle, corner),
+                              .triangle = triangle,
+                              .weights = {corner == 0, corner == 1, corner == 2},
+                              .feature = FEATURE_VERTEX,
+                              .corner = corner};
+    return warp_of_contact(&a->scene, surface, &contact);
+}
+
+static void include(struct box *box, vec3 p) {
+    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
+    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
+}
+
+// The longest Δ, and the box of all that are long enough.
+static double survey(const struct anatomy *a, struct box *out_box) {
+    double longest = 0;
+    *out_box = (struct box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+    for (int k = 0; k < a->scene.surface_count; k++) {
+        const struct warp_surface *s = &a->surfaces[k];
+        for (uint32_t t = 0; t < s->mesh->triangle_count; t++)
+            for (int i = 0; i < 3; i++) {
+                double length = vec3_length(corner_delta(a, k, t, i));
+                longest = fmax(longest, length);
+                if (length > MOVED_MM)
+                    include(out_box,
+                            pose_apply(a->T_world_body[s->body], mesh_corner(s->mesh, t, i)));
+            }
+    }
+    return longest;
+}
+
+double anatomy_largest(const struct anatomy *anatomy) {
+    struct box box;
+    return survey(anatomy, &box);
+}
+
+bool anatomy_displaced(const struct anatomy *anatomy, struct box *out_box) {
+    return survey(anatomy, out_box) > MOVED_MM;
+}
+
+// ---- where one can be ---------------------------------------------------------------------------
+
+static bool shows_front(const struct anatomy *a, int group, vec3 p, const struct closest *c) {
+    const struct mesh *mesh = a->surfaces[group].mesh;
+    vec3 from = mesh_corner(mesh, c->triangle, 0);
+    vec3 across = vec3_cross(vec3_sub(mesh_corner(mesh, c->triangle, 1), from),
+                             vec3_sub(mesh_corner(mesh, c->triangle, 2), from));
+    bool in_front = vec3_dot(vec3_sub(p, c->point), across) >= 0;
+    return in_front != (a->hollow >> group & 1);
+}
+
+bool anatomy_reaches(const struct anatomy *a, vec3 y) {
+    double nearest = INFINITY;
+    bool front = true;
+    int near = 0;
+    for (int k = 0; k < a->scene.surface_count; k++) {
+        struct closest c;
+        vec3 p = pose_apply_inverse(a->T_world_body[a->surfaces[k].body], y);
+        if (!query_closest(a->queries[k], p, fmin(nearest + ANATOMY_CLEAR_MM, REACH_MM), MESH_NONE,
+                           &c))
+            continue;
+        near += c.distance < ANATOMY_CLEAR_MM;
+        if (c.distance < nearest) {
+            nearest = c.distance;
+            front = shows_front(a, k, p, &c);
+        }
+    }
+    return front && near < 2;
+}
+
+void anatomy_hull(const struct anatomy *a, struct hull *out) {
+    for (int i = 0; i < HULL_PLANES; i++) { // evenly over the sphere, along a spiral
+        double z = 1 - (2 * i + 1.0) / HULL_PLANES, turn = 2.399963229728653 * i;
+        double across = sqrt(1 - z * z);
+        out->normals[i] = (vec3){across * cos(turn), across * sin(turn), z};
+        out->heights[i] = -INFINITY;
+    }
+    for (int k = 0; k < a->scene.surface_count; k++) {
+        const struct warp_surface *s = &a->surfaces[k];
+        for (uint32_t v = 0; v < s->mesh->vertex_count; v++) {
+            vec3 p = pose_apply(a->T_world_body[s->body], mesh_vertex(s->mesh, v));
+            for (int i = 0; i < HULL_PLANES; i++)
+                out->heights[i] = fmax(out->heights[i], vec3_dot(p, out->normals[i]));
+        }
+    }
+}
+
+bool hull_holds(const void *context, vec3 p) {
+    const struct hull *hull = context;
+    for (int i = 0; i < HULL_PLANES; i++)
+        if (vec3_dot(p, hull->normals[i]) > hull->heights[i] + HULL_BEYOND_MM)
+            return false;
+    return true;
+}

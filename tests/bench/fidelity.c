@@ -1,0 +1,149 @@
+// How good the illusion is: lesions on knees, field by field, beside the harmonic displacement.
+#include "fidelity.h"
+
+#include "case/generate.h"
+
+#include <stdio.h>
+#include <string.h>
+
+// ---- fields -------------------------------------------------------------------------------------
+
+static const struct {
+    const char *name;
+    enum field_kind kind;
+    double unit_mm, skin_mm;
+} variants[VARIANT_COUNT] = {
+    [VARIANT_GAUSSIAN_CM] = {"gaussian, cm", FIELD_GAUSSIAN, 10, 0},
+    [VARIANT_GAUSSIAN_MM] = {"gaussian, mm", FIELD_GAUSSIAN, 1, 0},
+    [VARIANT_INVERSE] = {"inverse-distance", FIELD_INVERSE_DISTANCE, 1, 0},
+    [VARIANT_INVERSE_SKIN] = {"inverse-distance, skin 0.1 mm", FIELD_INVERSE_DISTANCE, 1, 0.1},
+    [VARIANT_SMOOTH] = {"smooth", FIELD_SMOOTH, 1, 0},
+    [VARIANT_SMOOTH_SKIN] = {"smooth, skin 0.1 mm", FIELD_SMOOTH, 1, 0.1},
+};
+
+const char *variant_name(enum variant variant) {
+    return variants[variant].name;
+}
+
+struct field variant_field(enum variant variant) {
+    struct field field = field_default(variants[variant].kind);
+    field.unit_mm = variants[variant].unit_mm;
+    field.skin_mm = variants[variant].skin_mm;
+    return field;
+}
+
+struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, vec3 y) {
+    struct field field = variant_field(variant);
+    struct warp_memory memory;
+    struct warp warp;
+    warp_memory_init(&memory);
+    warp_point(&anatomy->scene, &field, y, &memory, &warp);
+    return warp;
+}
+
+// ---- figures ------------------------------------------------------------------------------------
+
+void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value) {
+    struct fidelity *f = scene->fidelity;
+    if (value <= f->worst[worst].value)
+        return;
+    f->worst[worst].value = value;
+    snprintf(f->worst[worst].where, sizeof f->worst[worst].where, "%s", scene->name);
+}
+
+void fidelity_figure(const struct scene_of_lesion *scene, enum variant variant, const char *what,
+                     const char *unit, double value) {
+    report_figure(scene->fidelity->report, value, unit, "%s/%s/%s", scene->name,
+                  variant_name(variant), what);
+}
+
+void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant, const char *what,
+                      const char *unit, struct samples *samples) {
+    struct report *report = scene->fidelity->report;
+    const char *field = variant_name(variant);
+    report_figure(report, samples_mean(samples), unit, "%s/%s/%s/mean", scene->name, field, what);
+    report_figure(report, samples_quantile(samples, 0.99), unit, "%s/%s/%s/p99", scene->name, field,
+                  what);
+    report_figure(report, samples_max(samples), unit, "%s/%s/%s/max", scene->name, field, what);
+}
+
+// ---- knees --------------------------------------------------------------------------------------
+
+static const uint64_t seeds[] = {1, 2};
+
+static enum result measure_lesion(struct scene_of_lesion *scene, struct error *err) {
+    const struct knee_case *knee = scene->anatomy->knee;
+    enum result result = lesion_make(scene->anatomy->knee, scene->lesion, scene->seed, err);
+    if (result != RESULT_OK)
+        return result;
+    anatomy_displace(scene->anatomy);
+    scene->standard = lesion_is_concave(scene->lesion) ? VARIANT_SMOOTH_SKIN : VARIANT_INVERSE_SKIN;
+    snprintf(scene->name, sizeof scene->name, "%s/%s/%d", knee->name, lesion_name(scene->lesion),
+             (int)scene->seed);
+    fidelity_fields(scene);
+    fidelity_touch(scene);
+    return RESULT_OK;
+}
+
+// Takes the case.
+static enum result measure_knee(struct fidelity *f, struct knee_case **knee, struct error *err) {
+    struct anatomy anatomy;
+    enum result result = anatomy_init(&anatomy, knee, err);
+    if (result != RESULT_OK) {
+        case_destroy(knee);
+        return result;
+    }
+    for (size_t s = 0; s < sizeof seeds / sizeof seeds[0]; s++)
+        for (int i = 0; result == RESULT_OK && i < LESION_COUNT; i++) {
+            struct scene_of_lesion scene = {
+                .fidelity = f, .anatomy = &anatomy, .lesion = (enum lesion)i, .seed = seeds[s]};
+            result = measure_lesion(&scene, err);
+        }
+    anatomy_fini(&anatomy);
+    return result;
+}
+
+static enum result measure_knees(struct fidelity *f, const struct bench_options *options,
+                                 struct error *err) {
+    struct recipe recipe;
+    struct knee_case *knee;
+    enum result result = recipe_load(CASES "/healthy", &recipe, err);
+    if (result == RESULT_OK)
+        result = generate_knee(&recipe, &knee, err);
+    if (result == RESULT_OK)
+        result = measure_knee(f, &knee, err);
+    for (int i = 0; result == RESULT_OK && i < options->input_count; i++) {
+        result = case_load(options->inputs[i], NULL, &knee, err);
+        if (result == RESULT_OK)
+            result = measure_knee(f, &knee, err);
+    }
+    return result;
+}
+
+static const struct {
+    const char *name, *unit;
+    double mark;
+} marks[WORST_COUNT] = {
+    [WORST_RMS] = {"rms_over_harmonic", "times", 0.04},
+    [WORST_GAIN] = {"gain_over_harmonic", "times", 1.2},
+    [WORST_TOUCH] = {"touch_error_mm", "mm", 1e-4},
+    [WORST_NOISE] = {"touch_noise_over_plain", "times", 0.5},
+    [WORST_JUMP] = {"jump_mm", "mm", 0.005},
+    [WORST_LATE] = {"late_error_mm_25mms_20ms", "mm", 0.015},
+};
+
+enum result bench_fidelity(const struct bench_options *options, struct report *report,
+                           struct error *err) {
+    struct fidelity f = {.report = report, .quick = options->quick};
+    for (int i = 0; i < WORST_COUNT; i++)
+        f.worst[i].value = -1;
+    enum result result = measure_knees(&f, options, err);
+    for (int i = 0; result == RESULT_OK && i < WORST_COUNT; i++) {
+        if (!marks[i].name)
+            continue;
+        report_mark(report, marks[i].name, f.worst[i].value, marks[i].unit, marks[i].mark,
+                    BETTER_LOW);
+        report_text(report, marks[i].name, f.worst[i].where);
+    }
+    return result;
+}

@@ -1,0 +1,71 @@
+// What the files of `arthron-bench fidelity` share: a lesion on a knee, measured field by field.
+#pragma once
+
+#include "anatomy.h"
+#include "bench.h"
+#include "random.h"
+#include "samples.h"
+#include "scene/lesions.h"
+
+// ---- fields ----
+
+enum variant {
+    VARIANT_GAUSSIAN_CM,
+    VARIANT_GAUSSIAN_MM,
+    VARIANT_INVERSE,
+    VARIANT_INVERSE_SKIN, // what sessions have
+    VARIANT_SMOOTH,
+    VARIANT_SMOOTH_SKIN, // what they are to have where what is displaced is hollow
+    VARIANT_COUNT
+};
+
+const char *variant_name(enum variant variant);
+struct field variant_field(enum variant variant);
+struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, vec3 y);
+
+// ---- marks: each is the worst of all that is measured ----
+
+enum worst {
+    WORST_RMS,
+    WORST_GAIN,
+    WORST_TOUCH,
+    WORST_NOISE,
+    WORST_JUMP,
+    WORST_LATE,
+    WORST_FOLDS,
+    WORST_COUNT
+};
+
+struct fidelity {
+    struct report *report;
+    bool quick;
+    struct {
+        double value;
+        char where[128];
+    } worst[WORST_COUNT]; // value: −1 where nothing was measured
+};
+
+// Where the figures of one lesion go, and what they are of.
+struct scene_of_lesion {
+    struct fidelity *fidelity;
+    struct anatomy *anatomy;
+    enum lesion lesion;
+    uint64_t seed;
+    enum variant standard; // the field that the marks speak of
+    char name[96];         // "healthy/cavity/1"
+};
+
+void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value);
+
+// Mean, 99th percentile and largest of one figure of a variant.
+void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant, const char *what,
+                      const char *unit, struct samples *samples);
+void fidelity_figure(const struct scene_of_lesion *scene, enum variant variant, const char *what,
+                     const char *unit, double value);
+
+// ---- what is measured ----
+
+// Beside the harmonic displacement on two grids: rms, gain, folds; jumps; late replies.
+void fidelity_fields(const struct scene_of_lesion *scene);
+// On the surface, a little off it, and under noise.
+void fidelity_touch(const struct scene_of_lesion *scene);

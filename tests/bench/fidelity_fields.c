@@ -1,0 +1,317 @@
+#include "base/check.h"
+#include "fidelity.h"
+#include "harmonic.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#define AROUND_MM 15.0     // of the displaced surface: the box that is solved
+#define MATTERS_SHARE 0.01 // of the largest displacement
+#define ENOUGH_NODES 2000  // before that the grid is made finer
+#define JUMP_MM 0.01
+#define JUMP_EDGES 400 // those that change most are looked into
+
+// The nodes of a grid where one can be and something is displaced.
+struct nodes {
+    struct harmonic harmonic;
+    double spacing_mm, largest_mm;
+    size_t count, left_out;
+    uint32_t *of;    // index of each in the harmonic
+    uint32_t *place; // of each node of the harmonic in `of`, or HARMONIC_NONE
+};
+
+static void nodes_init(struct nodes *out, const struct anatomy *anatomy, double spacing_mm) {
+    struct hull hull;
+    struct box box;
+    anatomy_hull(anatomy, &hull);
+    CHECK(anatomy_displaced(anatomy, &box));
+    vec3 around = {AROUND_MM, AROUND_MM, AROUND_MM};
+    struct harmonic_setup setup = {.scene = &anatomy->scene,
+                                   .hollow = anatomy->hollow,
+                                   .box = {vec3_sub(box.min, around), vec3_add(box.max, around)},
+                                   .spacing_mm = spacing_mm,
+                                   .is_within = hull_holds,
+                                   .context = &hull};
+    *out = (struct nodes){.spacing_mm = spacing_mm, .largest_mm = anatomy_largest(anatomy)};
+    harmonic_solve(&setup, &out->harmonic);
+    out->of = alloc(out->harmonic.count, sizeof *out->of);
+    out->place = alloc(out->harmonic.count, sizeof *out->place);
+    for (uint32_t i = 0; i < out->harmonic.count; i++) {
+        double length = vec3_length(out->harmonic.values[i]);
+        bool matters = length > MATTERS_SHARE * out->largest_mm;
+        bool reached = matters && anatomy_reaches(anatomy, harmonic_place(&out->harmonic, i));
+        out->left_out += matters && !reached;
+        out->place[i] = reached ? (uint32_t)out->count : HARMONIC_NONE;
+        if (reached)
+            out->of[out->count++] = i;
+    }
+}
+
+static void nodes_fini(struct nodes *nodes) {
+    harmonic_fini(&nodes->harmonic);
+    free(nodes->of);
+    free(nodes->place);
+}
+
+static vec3 node_at(const struct nodes *nodes, size_t i) {
+    return harmonic_place(&nodes->harmonic, nodes->of[i]);
+}
+
+// The next node along an axis, HARMONIC_NONE where it is none of these.
+static uint32_t next_node(const struct nodes *nodes, size_t i, int axis) {
+    uint32_t next = nodes->harmonic.neighbours[nodes->of[i]][2 * axis + 1];
+    return next == HARMONIC_NONE ? HARMONIC_NONE : nodes->place[next];
+}
+
+// ---- beside the harmonic ------------------------------------------------------------------------
+
+// Of neighbouring nodes: how much W changes over the way between them.
+static void add_gains(const struct nodes *nodes, const vec3 *W, struct samples *out) {
+    for (size_t i = 0; i < nodes->count; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            uint32_t next = next_node(nodes, i, axis);
+            if (next != HARMONIC_NONE)
+                samples_add(out, vec3_distance(W[i], W[next]) / nodes->spacing_mm);
+        }
+}
+
+static void report_gains(const struct scene_of_lesion *scene, enum variant variant,
+                         const struct nodes *nodes, struct samples *gains,
+                         struct samples *harmonic) {
+    char what[64];
+    double largest = samples_max(gains) / samples_max(harmonic);
+    double p999 = samples_quantile(gains, 0.999) / samples_quantile(harmonic, 0.999);
+    snprintf(what, sizeof what, "%g mm/gain over harmonic/max", nodes->spacing_mm);
+    fidelity_figure(scene, variant, what, "times", largest);
+    snprintf(what, sizeof what, "%g mm/gain over harmonic/p99.9", nodes->spacing_mm);
+    fidelity_figure(scene, variant, what, "times", p999);
+    if (variant == scene->standard)
+        fidelity_worst(scene, WORST_GAIN, largest);
+}
+
+static void compare(const struct scene_of_lesion *scene, enum variant variant,
+                    const struct nodes *nodes, vec3 *W, struct samples *harmonic) {
+    double square = 0;
+    size_t folds = 0;
+    for (size_t i = 0; i < nodes->count; i++) {
+        struct warp warp = variant_warp(scene->anatomy, variant, node_at(nodes, i));
+        double off = vec3_distance(warp.displacement, nodes->harmonic.values[nodes->of[i]]);
+        W[i] = warp.displacement;
+        square += off * off;
+        folds += mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient)) <= 0;
+    }
+    char what[64];
+    double count = (double)nodes->count, rms = sqrt(square / count);
+    snprintf(what, sizeof what, "%g mm/rms off harmonic", nodes->spacing_mm);
+    fidelity_figure(scene, variant, what, "mm", rms);
+    snprintf(what, sizeof what, "%g mm/rms over largest", nodes->spacing_mm);
+    fidelity_figure(scene, variant, what, "times", rms / nodes->largest_mm);
+    snprintf(what, sizeof what, "%g mm/folds", nodes->spacing_mm);
+    fidelity_figure(scene, variant, what, "share", (double)folds / count);
+    if (variant == scene->standard)
+        fidelity_worst(scene, WORST_RMS, rms / nodes->largest_mm);
+    struct samples gains = {0};
+    add_gains(nodes, W, &gains);
+    if (gains.count)
+        report_gains(scene, variant, nodes, &gains, harmonic);
+    samples_fini(&gains);
+}
+
+static void report_harmonic(const struct scene_of_lesion *scene, const struct nodes *nodes,
+                            struct samples *gains) {
+    struct report *report = scene->fidelity->report;
+    size_t folds = 0;
+    for (size_t i = 0; i < nodes->count; i++) {
+        vec3 at = nodes->harmonic.values[nodes->of[i]];
+        double m[3][3];
+        bool whole = true;
+        for (int axis = 0; axis < 3; axis++) {
+            uint32_t next = next_node(nodes, i, axis);
+            whole = whole && next != HARMONIC_NONE;
+            vec3 d = whole ? vec3_sub(nodes->harmonic.values[nodes->of[next]], at) : at;
+            m[0][axis] = d.x / nodes->spacing_mm + (axis == 0);
+            m[1][axis] = d.y / nodes->spacing_mm + (axis == 1);
+            m[2][axis] = d.z / nodes->spacing_mm + (axis == 2);
+        }
+        mat3 A = {{{m[0][0], m[0][1], m[0][2]},
+                   {m[1][0], m[1][1], m[1][2]},
+                   {m[2][0], m[2][1], m[2][2]}}};
+        folds += whole && mat3_determinant(A) <= 0;
+    }
+    double h = nodes->spacing_mm;
+    report_figure(report, (double)nodes->count, "nodes", "%s/harmonic/%g mm/nodes", scene->name, h);
+    report_figure(report, (double)nodes->left_out, "nodes", "%s/harmonic/%g mm/left out",
+                  scene->name, h);
+    report_figure(report, samples_max(gains), "times", "%s/harmonic/%g mm/gain/max", scene->name,
+                  h);
+    report_figure(report, samples_quantile(gains, 0.999), "times", "%s/harmonic/%g mm/gain/p99.9",
+                  scene->name, h);
+    report_figure(report, (double)folds / (double)nodes->count, "share", "%s/harmonic/%g mm/folds",
+                  scene->name, h);
+}
+
+static void compare_all(const struct scene_of_lesion *scene, const struct nodes *nodes) {
+    vec3 *W = alloc(nodes->count, sizeof *W);
+    struct samples gains = {0};
+    for (size_t i = 0; i < nodes->count; i++)
+        W[i] = nodes->harmonic.values[nodes->of[i]];
+    add_gains(nodes, W, &gains);
+    report_harmonic(scene, nodes, &gains);
+    for (int v = 0; v < VARIANT_COUNT; v++)
+        compare(scene, (enum variant)v, nodes, W, &gains);
+    samples_fini(&gains);
+    free(W);
+}
+
+// How far the two grids are apart where both have nodes: what the harmonic itself is good for.
+static void report_grids(const struct scene_of_lesion *scene, const struct nodes *coarse,
+                         const struct nodes *fine) {
+    double square = 0, count = 0;
+    for (size_t i = 0; i < coarse->count; i++) {
+        uint32_t j = harmonic_find(&fine->harmonic, node_at(coarse, i));
+        if (j == HARMONIC_NONE)
+            continue;
+        double off =
+            vec3_distance(coarse->harmonic.values[coarse->of[i]], fine->harmonic.values[j]);
+        square += off * off;
+        count++;
+    }
+    report_figure(scene->fidelity->report, sqrt(square / count) / fine->largest_mm, "times",
+                  "%s/harmonic/%g to %g mm/rms over largest", scene->name, coarse->spacing_mm,
+                  fine->spacing_mm);
+}
+
+// ---- jumps --------------------------------------------------------------------------------------
+
+struct edge {
+    vec3 from, to;
+    double change;
+};
+
+static int by_change(const void *a, const void *b) {
+    double x = ((const struct edge *)a)->change, y = ((const struct edge *)b)->change;
+    return (x < y) - (x > y);
+}
+
+static double change_between(const struct scene_of_lesion *scene, enum variant variant, vec3 a,
+                             vec3 b) {
+    return vec3_distance(variant_warp(scene->anatomy, variant, a).displacement,
+                         variant_warp(scene->anatomy, variant, b).displacement);
+}
+
+// The change over JUMP_MM where half after half changes more than the other.
+static double jump_on(const struct scene_of_lesion *scene, enum variant variant, vec3 from,
+                      vec3 to) {
+    while (vec3_distance(from, to) > 2 * JUMP_MM) {
+        vec3 middle = vec3_lerp(from, to, 0.5);
+        bool first = change_between(scene, variant, from, middle) >
+                     change_between(scene, variant, middle, to);
+        *(first ? &to : &from) = middle;
+    }
+    vec3 way = vec3_unit_or(vec3_sub(to, from), (vec3){0}), middle = vec3_lerp(from, to, 0.5);
+    return change_between(scene, variant, vec3_add_scaled(middle, -JUMP_MM / 2, way),
+                          vec3_add_scaled(middle, JUMP_MM / 2, way));
+}
+
+static void measure_jumps(const struct scene_of_lesion *scene, enum variant variant,
+                          const struct nodes *nodes) {
+    vec3 *W = alloc(nodes->count, sizeof *W);
+    struct edge *edges = alloc(3 * nodes->count, sizeof *edges);
+    size_t count = 0;
+    double largest = 0;
+    for (size_t i = 0; i < nodes->count; i++)
+        W[i] = variant_warp(scene->anatomy, variant, node_at(nodes, i)).displacement;
+    for (size_t i = 0; i < nodes->count; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            uint32_t next = next_node(nodes, i, axis);
+            if (next != HARMONIC_NONE)
+                edges[count++] = (struct edge){node_at(nodes, i), node_at(nodes, next),
+                                               vec3_distance(W[i], W[next])};
+        }
+    qsort(edges, count, sizeof *edges, by_change);
+    for (size_t i = 0; i < count && i < JUMP_EDGES; i++)
+        largest = fmax(largest, jump_on(scene, variant, edges[i].from, edges[i].to));
+    fidelity_figure(scene, variant, "jump over 0.01 mm", "mm", largest);
+    if (variant == VARIANT_SMOOTH && lesion_is_concave(scene->lesion))
+        fidelity_worst(scene, WORST_JUMP, largest);
+    free(edges);
+    free(W);
+}
+
+// ---- late replies -------------------------------------------------------------------------------
+
+#define LATE_S 0.020
+
+// What is wrong once the hand has gone on: with the late pose, with the late Δ at the newest pose,
+// with the derivative.
+struct late {
+    struct samples pose, delta, derivative;
+};
+
+static void add_late(const struct scene_of_lesion *scene, enum variant variant, vec3 sent, vec3 way,
+                     struct late *out) {
+    struct warp warp = variant_warp(scene->anatomy, variant, sent);
+    vec3 now = variant_warp(scene->anatomy, variant, vec3_add(sent, way)).displacement;
+    vec3 off = vec3_sub(now, warp.displacement);
+    double trusted = fmin(1, warp.trust_radius_mm / vec3_length(way));
+    vec3 foreseen = mat3_apply(warp.gradient, vec3_scale(trusted, way));
+    samples_add(&out->pose, vec3_length(vec3_add(off, way)));
+    samples_add(&out->delta, vec3_length(off));
+    samples_add(&out->derivative, vec3_distance(off, foreseen));
+}
+
+static bool is_free(const struct scene_of_lesion *scene, vec3 from, vec3 way) {
+    return anatomy_reaches(scene->anatomy, vec3_add_scaled(from, 0.5, way)) &&
+           anatomy_reaches(scene->anatomy, vec3_add(from, way));
+}
+
+static void measure_late(const struct scene_of_lesion *scene, enum variant variant,
+                         const struct nodes *nodes, double speed_mm_s) {
+    struct random r = {scene->seed};
+    struct late late = {0};
+    char what[64];
+    int count = scene->fidelity->quick ? 500 : 4000;
+    for (int i = 0; i < count; i++) {
+        vec3 sent = node_at(nodes, random_bits(&r) % nodes->count);
+        vec3 way = vec3_scale(speed_mm_s * LATE_S, random_direction(&r));
+        if (is_free(scene, sent, way))
+            add_late(scene, variant, sent, way, &late);
+    }
+    snprintf(what, sizeof what, "late at %g mm/s/pose", speed_mm_s);
+    fidelity_samples(scene, variant, what, "mm", &late.pose);
+    snprintf(what, sizeof what, "late at %g mm/s/delta", speed_mm_s);
+    fidelity_samples(scene, variant, what, "mm", &late.delta);
+    snprintf(what, sizeof what, "late at %g mm/s/derivative", speed_mm_s);
+    fidelity_samples(scene, variant, what, "mm", &late.derivative);
+    if (speed_mm_s == 25 && variant == scene->standard && late.derivative.count)
+        fidelity_worst(scene, WORST_LATE, samples_mean(&late.derivative));
+    samples_fini(&late.pose);
+    samples_fini(&late.delta);
+    samples_fini(&late.derivative);
+}
+
+void fidelity_fields(const struct scene_of_lesion *scene) {
+    struct nodes coarse, fine;
+    double least_mm = scene->fidelity->quick ? 0.5 : 0.25;
+    nodes_init(&coarse, scene->anatomy, 1);
+    nodes_init(&fine, scene->anatomy, 0.5);
+    while (fine.count < ENOUGH_NODES && fine.spacing_mm > least_mm) {
+        double half = fine.spacing_mm / 2;
+        nodes_fini(&coarse);
+        coarse = fine;
+        nodes_init(&fine, scene->anatomy, half);
+    }
+    report_grids(scene, &coarse, &fine);
+    if (coarse.count)
+        compare_all(scene, &coarse);
+    if (fine.count) {
+        compare_all(scene, &fine);
+        for (int v = 0; v < VARIANT_COUNT; v++) {
+            measure_jumps(scene, (enum variant)v, &fine);
+            measure_late(scene, (enum variant)v, &fine, 25);
+            measure_late(scene, (enum variant)v, &fine, 100);
+        }
+    }
+    nodes_fini(&coarse);
+    nodes_fini(&fine);
+}

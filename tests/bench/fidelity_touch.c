@@ -1,0 +1,143 @@
+#include "fidelity.h"
+
+#include <stdio.h>
+
+// A point of an instrument is put on the surface S of one group, clear of all others, and then a
+// little off it along the normal. It should go where its point of S goes, and keep its place to
+// it: to y + Δ(x). Counted where there is something to get wrong: some displacement within reach.
+// The same for points that a tracker's noise took off S; and the gain of points beside it.
+#define REACH_MM 12
+#define MATTERS_MM 1e-3
+#define NOISE_MM 0.1 // standard deviation of the length
+#define BESIDE_MM 2
+
+static const double offsets_mm[] = {0, 0.05, 0.1, 0.3};
+static const double flexions_deg[] = {0, 30};
+
+#define OFFSET_COUNT (sizeof offsets_mm / sizeof offsets_mm[0])
+#define FLEXION_COUNT (sizeof flexions_deg / sizeof flexions_deg[0])
+
+// ---- one point ----
+
+struct touch {
+    vec3 point, normal; // in the world
+    vec3 delta;         // what takes it to S'
+};
+
+// Another group too near, or nothing displaced in reach.
+static bool is_counted(const struct anatomy *anatomy, int group, const struct touch *touch) {
+    bool matters = vec3_length(touch->delta) > MATTERS_MM;
+    for (int i = 0; i < anatomy->scene.surface_count; i++) {
+        const struct warp_surface *surface = &anatomy->surfaces[i];
+        struct closest c;
+        vec3 p = pose_apply_inverse(anatomy->T_world_body[surface->body], touch->point);
+        if (i == group || !query_closest(surface->query, p, REACH_MM, MESH_NONE, &c))
+            continue;
+        if (c.distance < ANATOMY_CLEAR_MM)
+            return false;
+        matters = matters || vec3_length(warp_of_contact(&anatomy->scene, i, &c)) > MATTERS_MM;
+    }
+    return matters;
+}
+
+static double touch_error(const struct anatomy *anatomy, enum variant variant,
+                          const struct touch *touch, vec3 y) {
+    return vec3_distance(variant_warp(anatomy, variant, y).displacement, touch->delta);
+}
+
+static struct touch touch_on(const struct anatomy *anatomy, int group, uint32_t triangle,
+                             struct random *r) {
+    const struct mesh *mesh = anatomy->surfaces[group].mesh;
+    pose B = anatomy->T_world_body[anatomy->surfaces[group].body];
+    double root = sqrt(random_between(r, 0, 1)), share = random_between(r, 0, 1);
+    double u = root * (1 - share), v = root * share; // even over the triangle
+    vec3 a = mesh_corner(mesh, triangle, 0);
+    vec3 ab = vec3_sub(mesh_corner(mesh, triangle, 1), a);
+    vec3 ac = vec3_sub(mesh_corner(mesh, triangle, 2), a);
+    struct closest on = {.point = vec3_add_scaled(vec3_add_scaled(a, u, ab), v, ac),
+                         .triangle = triangle,
+                         .weights = {1 - u - v, u, v}};
+    vec3 normal = vec3_unit_or(vec3_cross(ab, ac), (vec3){0});
+    if (anatomy->hollow >> group & 1)
+        normal = vec3_scale(-1, normal);
+    return (struct touch){pose_apply(B, on.point), quat_rotate(B.rotation, normal),
+                          warp_of_contact(&anatomy->scene, group, &on)};
+}
+
+// ---- many ----
+
+struct errors {
+    struct samples of[OFFSET_COUNT], noisy, gain;
+};
+
+static void add_errors(const struct anatomy *anatomy, const struct touch *touch, struct random *r,
+                       struct errors errors[VARIANT_COUNT]) {
+    vec3 noisy = vec3_add_scaled(touch->point, NOISE_MM * random_normal(r), random_direction(r));
+    vec3 beside = vec3_add_scaled(touch->point, random_between(r, 0, BESIDE_MM), touch->normal);
+    for (int k = 0; k < VARIANT_COUNT; k++) {
+        enum variant variant = (enum variant)k;
+        for (size_t i = 0; i < OFFSET_COUNT; i++) {
+            vec3 y = vec3_add_scaled(touch->point, offsets_mm[i], touch->normal);
+            samples_add(&errors[k].of[i], touch_error(anatomy, variant, touch, y));
+        }
+        samples_add(&errors[k].noisy, touch_error(anatomy, variant, touch, noisy));
+        mat3 gradient = variant_warp(anatomy, variant, beside).gradient;
+        samples_add(&errors[k].gain, mat3_norm(mat3_add_scaled(mat3_identity(), 1, gradient)));
+    }
+}
+
+// One point for each `spacing` of area.
+static void touch_group(const struct scene_of_lesion *scene, int group, double spacing,
+                        struct errors errors[VARIANT_COUNT]) {
+    const struct mesh *mesh = scene->anatomy->surfaces[group].mesh;
+    struct random r = {1000 * scene->seed + (uint64_t)group};
+    double due = 0;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        vec3 a = mesh_corner(mesh, t, 0);
+        vec3 ab = vec3_sub(mesh_corner(mesh, t, 1), a), ac = vec3_sub(mesh_corner(mesh, t, 2), a);
+        for (due += vec3_length(vec3_cross(ab, ac)) / 2; due > spacing; due -= spacing) {
+            struct touch touch = touch_on(scene->anatomy, group, t, &r);
+            if (is_counted(scene->anatomy, group, &touch))
+                add_errors(scene->anatomy, &touch, &r, errors);
+        }
+    }
+}
+
+static void report_errors(const struct scene_of_lesion *scene,
+                          struct errors errors[VARIANT_COUNT]) {
+    for (int k = 0; k < VARIANT_COUNT; k++) {
+        enum variant variant = (enum variant)k;
+        for (size_t i = 0; i < OFFSET_COUNT; i++) {
+            char what[32];
+            snprintf(what, sizeof what, "touch/%g mm off", offsets_mm[i]);
+            fidelity_samples(scene, variant, what, "mm", &errors[k].of[i]);
+        }
+        fidelity_samples(scene, variant, "touch/noise", "mm", &errors[k].noisy);
+        fidelity_samples(scene, variant, "touch/gain beside", "times", &errors[k].gain);
+        fidelity_worst(scene, WORST_TOUCH, samples_max(&errors[k].of[0]));
+    }
+    double ratio = samples_mean(&errors[scene->standard].noisy) /
+                   samples_mean(&errors[scene->standard - 1].noisy); // without its skin
+    fidelity_figure(scene, scene->standard, "touch/noise/over no skin", "times", ratio);
+    fidelity_worst(scene, WORST_NOISE, ratio);
+}
+
+void fidelity_touch(const struct scene_of_lesion *scene) {
+    struct errors errors[VARIANT_COUNT] = {0};
+    for (size_t f = 0; f < FLEXION_COUNT; f++) {
+        anatomy_flex(scene->anatomy, flexions_deg[f]);
+        for (int i = 0; i < scene->anatomy->scene.surface_count; i++)
+            touch_group(scene, i, scene->fidelity->quick ? 8 : 2, errors);
+    }
+    anatomy_flex(scene->anatomy, 0);
+    report_figure(scene->fidelity->report, (double)errors[0].noisy.count, "points", "%s/touched",
+                  scene->name);
+    if (errors[0].noisy.count)
+        report_errors(scene, errors);
+    for (int k = 0; k < VARIANT_COUNT; k++) {
+        for (size_t i = 0; i < OFFSET_COUNT; i++)
+            samples_fini(&errors[k].of[i]);
+        samples_fini(&errors[k].noisy);
+        samples_fini(&errors[k].gain);
+    }
+}

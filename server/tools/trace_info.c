@@ -33,10 +33,11 @@ static json_t *text_or_null(const char *text) {
 }
 
 static json_t *settings_object(const struct session_settings *s) {
-    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "field",
+    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:s, s:s, s:f, s:f, s:f}", "field",
                      field_name(s->field.kind), "unit_mm", s->field.unit_mm, "radius_mm",
                      s->field.radius_mm, "background_per_mm", s->field.background_per_mm, "skin_mm",
-                     s->field.skin_mm, "strength", s->field.strength, "hold_s",
+                     s->field.skin_mm, "strength", s->field.strength, "adaptive",
+                     adaptive_name(s->adaptive), "avatar", avatar_mode_name(s->avatar), "hold_s",
                      (double)s->hold_ns / (double)NS_PER_S, "ease_share", s->ease_share,
                      "ease_mm_s", s->ease_mm_s);
 }
@@ -48,14 +49,32 @@ static json_t *events_object(const struct survey *s) {
     return events;
 }
 
+// What a trainee might have noticed; shares of the steps in which the instrument was there.
+static json_t *instrument_object(uint64_t present, const struct noticing *n) {
+    double steps = (double)present;
+    return json_pack("{s:I, s:f, s:f, s:f, s:f, s:f, s:{s:f, s:f, s:f, s:f}}", "steps",
+                     (json_int_t)present, "offset_max_mm", n->worst.offset_mm, "turn_max_deg",
+                     n->worst.turn_deg, "gain_max", n->worst.gain, "gain_min", n->worst.gain_least,
+                     "penetration_max_mm", n->penetration_mm, "noticeable_share", "turn",
+                     (double)n->turn / steps, "tilt", (double)n->tilt / steps, "gain",
+                     (double)n->gain / steps, "any", (double)n->any / steps);
+}
+
 static json_t *instruments_object(const struct survey *s) {
     json_t *instruments = json_object();
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
             json_object_set_new(instruments,
                                 channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)),
-                                json_integer((json_int_t)s->present[i]));
+                                instrument_object(s->present[i], &s->noticing[i]));
     return instruments;
+}
+
+static json_t *torn_array(const struct survey *s) {
+    json_t *torn = json_array();
+    for (int i = 0; i < s->torn_count; i++)
+        json_array_append_new(torn, json_pack("{s:f}", "share_max", s->share[i]));
+    return torn;
 }
 
 static json_t *resections_array(const struct survey *s) {
@@ -88,15 +107,25 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         "version", (int)h->version, "settings", settings_object(&h->settings), "machine", "build",
         text_or_null(h->build), "libc", text_or_null(h->libc), "cpu", text_or_null(h->cpu));
     json_t *session = json_pack(
-        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:o, s:b}", "seconds", survey_seconds(s), "steps",
-        (json_int_t)s->steps, "frames", (json_int_t)s->frames, "missing", (json_int_t)s->missing,
-        "state", session_state_name(s->state), "displacement_max_mm", s->largest_mm, "events",
-        events_object(s), "instruments", instruments_object(s), "resections", resections_array(s),
-        "whole", s->end == RESULT_CLOSED);
+        "{s:f, s:I, s:I, s:I, s:s, s:f, s:o, s:o, s:o, s:o, s:b}", "seconds", survey_seconds(s),
+        "steps", (json_int_t)s->steps, "frames", (json_int_t)s->frames, "missing",
+        (json_int_t)s->missing, "state", session_state_name(s->state), "displacement_max_mm",
+        s->largest_mm, "events", events_object(s), "instruments", instruments_object(s), "torn",
+        torn_array(s), "resections", resections_array(s), "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
+}
+
+static void print_instrument(enum channel channel, uint64_t present, const struct noticing *n) {
+    double percent = 100 / (double)present;
+    printf(
+        "instrument  %s in %" PRIu64 " steps; might be noticed in %.1f %% of them (turned %.1f, "
+        "tilted %.1f, gain %.1f): offset up to %.2f mm, turned %.1f degrees, gain %.2f to %.2f\n",
+        channel_name(channel), present, percent * (double)n->any, percent * (double)n->turn,
+        percent * (double)n->tilt, percent * (double)n->gain, n->worst.offset_mm, n->worst.turn_deg,
+        n->worst.gain_least, n->worst.gain);
 }
 
 static void print_text(const struct trace_header *h, const struct survey *s) {
@@ -107,8 +136,9 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     printf("station     %s\ntrainee     %s\n", h->station, h->trainee);
     printf("case        %s, hash %016" PRIx64 ", %s\n", h->case_name, h->case_hash, h->case_dir);
     printf("start       %s\n", start);
-    printf("field       %s, strength %g\n", field_name(h->settings.field.kind),
-           h->settings.field.strength);
+    printf("warp        %s, strength %g, ligaments %s, instruments %s\n",
+           field_name(h->settings.field.kind), h->settings.field.strength,
+           adaptive_name(h->settings.adaptive), avatar_mode_name(h->settings.avatar));
     printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",
@@ -119,8 +149,11 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
             printf("event       %s in %" PRIu64 " steps\n", event_name(i), s->events[i]);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (s->present[i])
-            printf("instrument  %s in %" PRIu64 " steps\n",
-                   channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)), s->present[i]);
+            print_instrument((enum channel)(CHANNEL_FIRST_INSTRUMENT + i), s->present[i],
+                             &s->noticing[i]);
+    for (int i = 0; i < s->torn_count; i++)
+        printf("ligament    torn one %d: up to %.0f %% of its extra motion\n", i + 1,
+               100 * s->share[i]);
     for (int i = 0; i < TISSUES_MAX; i++) {
         const struct tissue_figures *f = &s->tissues[i];
         if (f->mesh_number || f->refused)

@@ -13,6 +13,20 @@ static void count_input(const struct session_input *input, struct survey *s) {
         s->lost_samples += input->frame.samples[i].validity == VALIDITY_LOST;
 }
 
+static void notice(const struct instrument_output *o, struct noticing *n) {
+    const struct discrepancy *d = &o->discrepancy;
+    n->turn += d->turn_deg > NOTICED_TURN_DEG;
+    n->tilt += d->tilt_deg > NOTICED_TURN_DEG;
+    n->gain += d->gain > NOTICED_GAIN_MOST || d->gain_least < NOTICED_GAIN_LEAST;
+    n->any += discrepancy_is_noticed(d);
+    n->worst.offset_mm = fmax(n->worst.offset_mm, d->offset_mm);
+    n->worst.tilt_deg = fmax(n->worst.tilt_deg, d->tilt_deg);
+    n->worst.turn_deg = fmax(n->worst.turn_deg, d->turn_deg);
+    n->worst.gain = fmax(n->worst.gain, d->gain);
+    n->worst.gain_least = fmin(n->worst.gain_least, d->gain_least);
+    n->penetration_mm = fmax(n->penetration_mm, o->penetration_mm);
+}
+
 static void count_output(const struct session_output *output, struct survey *s) {
     if (s->steps++ == 0)
         s->first_ns = output->time_ns;
@@ -21,12 +35,16 @@ static void count_output(const struct session_output *output, struct survey *s) 
     s->jobs += output->job.id != 0;
     if (output->landed.job)
         s->tissues[output->landed.tissue] = output->landed.figures;
+    s->torn_count = output->torn_count;
+    for (int i = 0; i < output->torn_count; i++)
+        s->share[i] = fmax(s->share[i], output->share[i]);
     for (int i = 0; i < EVENT_COUNT; i++)
         s->events[i] += output->events >> i & 1;
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         if (!output->instruments[i].present)
             continue;
         s->present[i]++;
+        notice(&output->instruments[i], &s->noticing[i]);
         s->largest_mm = fmax(s->largest_mm, vec3_length(output->instruments[i].warp.displacement));
     }
 }
@@ -34,6 +52,8 @@ static void count_output(const struct session_output *output, struct survey *s) 
 void survey_read(struct trace_reader *reader, struct survey *s) {
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        s->noticing[i].worst.gain = s->noticing[i].worst.gain_least = 1;
     struct trace_record record;
     while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
         if (record.type == TRACE_STEP) {

@@ -11,6 +11,13 @@ struct survey {
     uint64_t jobs;                 // that were asked for
     struct tissue_figures tissues[TISSUES_MAX]; // as the last job of each left them
     uint64_t present[INSTRUMENT_COUNT];
+    struct noticing {
+        uint64_t turn, tilt, gain, any; // steps past the threshold of session/discrepancy.h
+        struct discrepancy worst;       // of each figure; gain_least: the least
+        double penetration_mm;          // the largest
+    } noticing[INSTRUMENT_COUNT];
+    double share[ADAPTIVE_LIGAMENTS_MAX]; // the largest given of each torn ligament's extra motion
+    int torn_count;
     int64_t first_ns, last_ns; // time of the first and last step
     enum session_state state;  // after the last step
     double largest_mm;         // displacement of any instrument

@@ -59,7 +59,11 @@ static void info_tells_whose_session_it_is(void **state) {
     assert_int_equal(number(root, "steps"), recorded_steps);
     assert_string_equal(json_string_value(json_object_get(root, "station")), "bench 3");
     assert_string_equal(json_string_value(json_object_get(root, "state")), "closed");
-    assert_true(number(json_object_get(root, "instruments"), "probe") > 500);
+    json_t *probe = json_object_get(json_object_get(root, "instruments"), "probe");
+    assert_true(number(probe, "steps") > 500);
+    json_t *noticed = json_object_get(json_object_get(probe, "noticeable_share"), "any");
+    assert_true(json_real_value(noticed) > 0 && json_real_value(noticed) < 1);
+    assert_true(json_real_value(json_object_get(probe, "gain_max")) > 1);
     assert_true(number(json_object_get(root, "events"), "contact") > 0);
     assert_true(json_is_true(json_object_get(root, "whole")));
     json_decref(root);

@@ -1,5 +1,6 @@
 #include "case/inspect.h"
 #include "case_commands.h"
+#include "case_keys.h"
 #include "mesh/topology.h"
 
 #include <getopt.h>
@@ -13,7 +14,9 @@ static const char help[] =
     "Prints name, side, hash, groups (triangles, box, volume, largest displacements by warp and\n"
     "maxcut, topology), lesions (convex parts of each region and their volume, beyond the "
     "meniscus\n"
-    "too), portals, the joint's centre and a point on top of the medial tibial plateau. "
+    "too), torn ligaments (each key's flexion, where the mock-up's hold the joint, and how much\n"
+    "further the patient's goes), portals, the joint's centre and a point on top of the medial\n"
+    "tibial plateau. "
     "Millimetres,\n"
     "in the frame of the femur at rest: x to the patient's right, y anterior, z proximal.\n";
 
@@ -87,14 +90,15 @@ static json_t *group_object(const struct case_group *group) {
     struct topology t = topology_of(&group->mesh);
     struct box box = mesh_bounds(&group->mesh);
     return json_pack(
-        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o, s:o}", "name",
+        "{s:s, s:s, s:b, s:o, s:i, s:i, s:{s:o, s:o}, s:o, s:f, s:f, s:f, s:o, s:o, s:s?}", "name",
         group->name, "body", body_name(group->body), "cuttable", (int)group->cuttable, "parts",
         parts_array(group), "vertices", (int)group->mesh.vertex_count, "triangles",
         (int)group->mesh.triangle_count, "box", "min", vector(box.min), "max", vector(box.max),
         "volume_mm3", t.closed && t.oriented ? json_real(mesh_volume(&group->mesh)) : json_null(),
         "area_mm2", mesh_area(&group->mesh), "warp_max_mm", inspect_largest(group, group->warp),
         "maxcut_max_mm", inspect_largest(group, group->maxcut), "lesion", lesion_object(group),
-        "topology", topology_object(&t));
+        "topology", topology_object(&t), "bridges",
+        group->bridges ? body_name(group->other_body) : NULL);
 }
 
 static int print_json(struct knee_case *knee) {
@@ -110,12 +114,13 @@ static int print_json(struct knee_case *knee) {
     vec3 plateau;
     bool found = inspect_medial_plateau(knee, &plateau);
     json_t *root = json_pack(
-        "{s:s, s:s, s:s, s:s, s:{s:o, s:o}, s:o, s:o, s:o, s:o, s:i}", "name", knee->name, "title",
-        knee->title, "side", side_name(knee->joint.side), "hash", hash, "joint", "T_femur_joint",
-        pose_array(knee->joint.T_femur_joint), "T_tibia_joint",
+        "{s:s, s:s, s:s, s:s, s:{s:o, s:o}, s:o, s:o, s:o, s:o, s:i, s:i, s:o}", "name", knee->name,
+        "title", knee->title, "side", side_name(knee->joint.side), "hash", hash, "joint",
+        "T_femur_joint", pose_array(knee->joint.T_femur_joint), "T_tibia_joint",
         pose_array(knee->joint.T_tibia_joint), "joint_centre", vector(inspect_joint_centre(knee)),
         "medial_plateau", found ? vector(plateau) : json_null(), "groups", groups, "portals",
-        portals, "patella_keys", knee->patella_key_count);
+        portals, "patella_keys", knee->patella_key_count, "rest_poses", knee->rest_count, "torn",
+        keys_array(knee));
     int bad = json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(root);
     puts("");
@@ -133,11 +138,14 @@ static void print_group(const struct case_group *group) {
         printf("%9.0f ", mesh_volume(&group->mesh));
     else
         printf("%9s ", "-");
-    printf("%6.2f %6.2f  %s%s%s%s  [%.1f %.1f %.1f] to [%.1f %.1f %.1f]\n",
+    char bridge[32] = "";
+    if (group->bridges)
+        snprintf(bridge, sizeof bridge, ", to %s", body_name(group->other_body));
+    printf("%6.2f %6.2f  %s%s%s%s%s  [%.1f %.1f %.1f] to [%.1f %.1f %.1f]\n",
            inspect_largest(group, group->warp), inspect_largest(group, group->maxcut),
            t.closed ? "closed" : "open", t.manifold ? "" : ", not manifold",
-           t.oriented ? "" : ", not oriented", group->cuttable ? ", cuttable" : "", box.min.x,
-           box.min.y, box.min.z, box.max.x, box.max.y, box.max.z);
+           t.oriented ? "" : ", not oriented", group->cuttable ? ", cuttable" : "", bridge,
+           box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z);
 }
 
 static void print_lesion(const struct case_group *group) {
@@ -162,6 +170,7 @@ static int print_text(struct knee_case *knee) {
         print_group(&knee->groups[i]);
     for (int i = 0; i < knee->group_count; i++)
         print_lesion(&knee->groups[i]);
+    print_keys(knee);
     for (int i = 0; i < knee->portal_count; i++)
         printf("portal %-17s %.1f %.1f %.1f\n", knee->portals[i].name, knee->portals[i].position.x,
                knee->portals[i].position.y, knee->portals[i].position.z);

@@ -235,7 +235,7 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
         report_figure(report, surfaces_in_reach(&bodies, 12), "surfaces",
                       "%s/near/within 12 mm of the tip, of %d", sizes[i].name, bodies.count);
         if (!strcmp(sizes[i].name, "20k"))
-            report_mark(report, "warp_tip_us_20k", us, "us", 10, BETTER_LOW);
+            report_mark(report, "warp_tip_us_20k", us, "us", 6, BETTER_LOW);
         int points = (options->quick ? 40000 : 400000) / (sizes[i].n * sizes[i].n) + 4;
         error = fmax(error, largest_error(&bodies, points));
         bodies_fini(&bodies);

@@ -67,7 +67,8 @@ struct fig10 {
 // ---- the joint ----
 
 static struct joint_angles joint_at(const struct fig10 *fig, double flexion, double valgus) {
-    return motion_joint(fig->knee, &fig->femur, &fig->tibia, flexion, valgus);
+    struct joint_hold hold = {.flexion_deg = flexion, .valgus_deg = valgus};
+    return motion_joint(fig->knee, &fig->femur, &fig->tibia, &hold);
 }
 
 static void make_torn(const struct fig10 *fig, enum adaptive_kind kind, int keys,

@@ -96,8 +96,8 @@ static enum result open_joint(struct fig7 *fig, struct error *err) {
     if (result == RESULT_OK)
         result = solid_init(&tibia, &fig->tibia->mesh, err);
     if (result == RESULT_OK) {
-        struct joint_angles angles =
-            motion_joint(fig->knee, &femur, &tibia, FLEXION_DEG, VALGUS_DEG);
+        struct joint_hold hold = {.flexion_deg = FLEXION_DEG, .valgus_deg = VALGUS_DEG};
+        struct joint_angles angles = motion_joint(fig->knee, &femur, &tibia, &hold);
         fig->T_world_body[BODY_FEMUR] = pose_identity();
         fig->T_world_body[BODY_TIBIA] = joint_to_pose(&fig->knee->joint, &angles);
         fig->T_world_body[BODY_PATELLA] = case_patella_pose(fig->knee, FLEXION_DEG);

@@ -411,6 +411,21 @@ static void tracked_bones_are_where_they_are_seen_and_stay_there(void **state) {
     assert_pose_near(&view.bodies[1].pose, joint_to_pose(&knee.joint, &joint), 1e-9);
 }
 
+static void the_patella_follows_a_tracked_tibia_too(void **state) {
+    (void)state;
+    struct random random = {15};
+    struct frame frame = {.time_ns = 1};
+    arthron_View view;
+    pose T_mockup_femur = random_pose(&random, 50);
+    pose T_femur_tibia = joint_to_pose(&knee.joint, &(struct joint_angles){.flexion_deg = 45});
+    add(&frame, pose_sample(CHANNEL_FEMUR, T_mockup_femur, 1));
+    add(&frame, pose_sample(CHANNEL_TIBIA, pose_compose(T_mockup_femur, T_femur_tibia), 1));
+    show_frame(&frame, &view);
+    pose half =
+        pose_interpolate(knee.patella[0].T_femur_patella, knee.patella[1].T_femur_patella, 0.5);
+    assert_pose_near(&view.bodies[2].pose, pose_compose(T_mockup_femur, half), 1e-9);
+}
+
 static void without_a_knee_what_is_not_tracked_is_lost(void **state) {
     (void)state;
     struct random random = {13};
@@ -462,6 +477,7 @@ int main(void) {
         WITH_A_KNEE(a_lost_instrument_has_neither_pose),
         WITH_A_KNEE(bones_hang_on_the_femur_by_the_joint),
         WITH_A_KNEE(tracked_bones_are_where_they_are_seen_and_stay_there),
+        WITH_A_KNEE(the_patella_follows_a_tracked_tibia_too),
         WITH_A_KNEE(without_a_knee_what_is_not_tracked_is_lost),
         WITH_A_KNEE(a_corrected_bone_is_shown_where_its_ligaments_let_it),
     };

@@ -1,6 +1,7 @@
 #include "wire/websocket.h"
 
 #include <arpa/inet.h>
+#include <errno.h>
 #include <openssl/ssl.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -126,17 +127,33 @@ bool websocket_send(struct websocket *s, int opcode, bool last, const void *byte
     return sent;
 }
 
-int websocket_receive(struct websocket *s, void *out_bytes, size_t size) {
+// Opcode and length of the next frame; -1: there is none, or it is too long for us.
+static int read_head(struct websocket *s, size_t *out_payload) {
     uint8_t head[2], length[2];
     if (!read_all(s, head, 2))
         return -1;
-    size_t payload = head[1] & 0x7f;
-    if (payload == 126) {
-        if (!read_all(s, length, 2))
-            return -1;
-        payload = (size_t)length[0] << 8 | length[1];
-    }
-    if ((head[0] & 0x0f) != WEBSOCKET_BINARY || payload > size || !read_all(s, out_bytes, payload))
+    *out_payload = head[1] & 0x7f;
+    if (*out_payload == 127 || (*out_payload == 126 && !read_all(s, length, 2)))
+        return -1;
+    if (*out_payload == 126)
+        *out_payload = (size_t)length[0] << 8 | length[1];
+    return head[0] & 0x0f;
+}
+
+int websocket_receive(struct websocket *s, void *out_bytes, size_t size) {
+    size_t payload;
+    if (read_head(s, &payload) != WEBSOCKET_BINARY || payload > size ||
+        !read_all(s, out_bytes, payload))
         return -1;
     return (int)payload;
+}
+
+bool websocket_is_ended(struct websocket *s) {
+    uint8_t bytes[65536];
+    size_t payload;
+    errno = 0;
+    for (int opcode; (opcode = read_head(s, &payload)) >= 0;)
+        if (opcode == WEBSOCKET_CLOSE || !read_all(s, bytes, payload))
+            break;
+    return errno != EAGAIN;
 }

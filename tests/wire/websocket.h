@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { WEBSOCKET_MORE = 0, WEBSOCKET_TEXT = 1, WEBSOCKET_BINARY = 2 };
+enum { WEBSOCKET_MORE = 0, WEBSOCKET_TEXT = 1, WEBSOCKET_BINARY = 2, WEBSOCKET_CLOSE = 8 };
 
 struct websocket;
 
@@ -25,3 +25,7 @@ bool websocket_send(struct websocket *socket, int opcode, bool last, const void 
 
 // The next message, its size; -1 once the server has closed, or says nothing for 5 s.
 int websocket_receive(struct websocket *socket, void *out_bytes, size_t size);
+
+// Reads on until the other side ends the connection, by a close frame or at once; false where it
+// says nothing for 5 s.
+bool websocket_is_ended(struct websocket *socket);

@@ -19,7 +19,7 @@ static const char help[] =
     "Speaks to a running server through its local socket.\n"
     "\n"
     "  list    all stations with their sessions; lost: frames that did not come\n"
-    "  show    the session of one station, and what was cut in it\n"
+    "  show    the session of one station, where its joint is, and what was cut in it\n"
     "  start   starts a waiting or paused session; a new one where the last has ended\n"
     "  pause   freezes it until start\n"
     "  stop    ends it and closes its trace\n"
@@ -108,6 +108,17 @@ static json_t *refused_to_json(const arthron_Refused *r) {
                      (json_int_t)r->replies_dropped);
 }
 
+static json_t *joint_to_json(const arthron_JointReading *reading) {
+    const arthron_Joint *j = &reading->joint;
+    const arthron_Pose *p = &reading->pose;
+    return json_pack("{s:I, s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:[f, f, f, f, f, f, f]}", "step",
+                     (json_int_t)reading->step, "validity",
+                     validity_name((enum validity)reading->validity), "flexion_deg", j->flexion_deg,
+                     "varus_deg", j->varus_deg, "internal_deg", j->internal_deg, "shift_mm",
+                     j->shift_mm, "drawer_mm", j->drawer_mm, "distraction_mm", j->distraction_mm,
+                     "T_femur_tibia", p->x, p->y, p->z, p->qw, p->qx, p->qy, p->qz);
+}
+
 static void print_json(const arthron_CommandReply *reply) {
     json_t *sessions = json_array();
     for (pb_size_t i = 0; i < reply->sessions_count; i++)
@@ -118,6 +129,8 @@ static void print_json(const arthron_CommandReply *reply) {
     for (pb_size_t i = 0; i < reply->resections_count; i++)
         json_array_append_new(resections, resection_to_json(&reply->resections[i]));
     json_object_set_new(whole, "resections", resections);
+    if (reply->has_joint)
+        json_object_set_new(whole, "joint", joint_to_json(&reply->joint));
     if (reply->has_refused)
         json_object_set_new(whole, "refused", refused_to_json(&reply->refused));
     json_dumpf(whole, stdout, JSON_COMPACT);
@@ -166,6 +179,14 @@ static void print_resection(const arthron_Resection *r) {
            shown(r->left_mm3), r->distance_mm, r->cuts_refused);
 }
 
+static void print_joint(const arthron_JointReading *reading) {
+    const arthron_Joint *j = &reading->joint;
+    printf("joint %s: flexion %.2f varus %.2f internal %.2f degrees, shift %.2f drawer %.2f "
+           "distraction %.2f mm\n",
+           validity_name((enum validity)reading->validity), j->flexion_deg, j->varus_deg,
+           j->internal_deg, j->shift_mm, j->drawer_mm, j->distraction_mm);
+}
+
 static int call(const char *socket, const arthron_Command *command, bool json) {
     static arthron_CommandReply reply;
     struct error err;
@@ -177,6 +198,8 @@ static int call(const char *socket, const arthron_Command *command, bool json) {
         print_json(&reply);
     else if (reply.sessions_count)
         print_table(&reply);
+    if (reply.has_joint && !json)
+        print_joint(&reply.joint);
     for (pb_size_t i = 0; i < reply.resections_count && !json; i++)
         print_resection(&reply.resections[i]);
     if (!reply.ok)

@@ -307,6 +307,25 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
 }
 
+static void show_joint(struct hub *hub, struct seat *seat, arthron_CommandReply *reply) {
+    pthread_mutex_lock(&hub->card_lock);
+    newest_take(seat->glances, &seat->glance);
+    struct glance glance = seat->glance;
+    pthread_mutex_unlock(&hub->card_lock);
+    reply->has_joint = seat_has_session(seat) && glance.step > 0;
+    if (!reply->has_joint)
+        return;
+    reply->joint = (arthron_JointReading){
+        .step = glance.step,
+        .time_ns = glance.time_ns,
+        .validity = (arthron_Validity)glance.validity,
+        .has_joint = true,
+        .joint = wire_joint_from(&glance.joint),
+        .has_pose = true,
+        .pose = wire_pose_from(glance.T_femur_tibia),
+    };
+}
+
 static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct seat *seat = &hub->seats[index];
     pthread_mutex_lock(&hub->card_lock);
@@ -320,6 +339,7 @@ static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
         reply_resection(&card.tissues[i],
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
                         card.mesh_hashes[i], &reply->resections[i]);
+    show_joint(hub, seat, reply);
     reply->ok = true;
 }
 

@@ -46,6 +46,7 @@ static enum result place_seats(struct hub *hub, struct error *err) {
     for (int i = 0; i < hub->config.station_count; i++) {
         const struct hub_station *station = &hub->config.stations[i];
         hub->seats[i].station = station;
+        hub->seats[i].glances = newest_create(sizeof(struct glance));
         atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
         hub->seats[i].card.scene = hub_find_case(&hub->config, station->case_name);
         if (hub->seats[i].card.scene < 0)
@@ -125,6 +126,8 @@ static void release(struct hub *hub) {
         worker_release(&hub->workers[i]);
     for (int i = 0; i < hub->config.case_count; i++)
         scene_destroy(&hub->scenes[i]);
+    for (int i = 0; i < hub->config.station_count; i++)
+        newest_destroy(&hub->seats[i].glances);
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);
     pthread_cond_destroy(&hub->clerk_wake);

@@ -1,6 +1,7 @@
 // What the files of this room share: seats, live sessions, and the notes between threads.
 #pragma once
 
+#include "base/newest.h"
 #include "base/ring.h"
 #include "hub/calibration.h"
 #include "hub/hub.h"
@@ -53,11 +54,22 @@ struct seat_counts {
     atomic_int_fast64_t drift_nm; // of the instrument that is farthest off
 };
 
+// The joint at a session's last step.
+struct glance {
+    uint64_t step; // 0: none yet
+    int64_t time_ns;
+    enum validity validity;
+    struct joint_angles joint;
+    pose T_femur_tibia; // of the mock-up
+};
+
 // A configured station: its card for all, the rest for its worker alone.
 struct seat {
     const struct hub_station *station;
     struct card card;
     struct seat_counts counts;
+    struct newest *glances; // of struct glance, from the worker to the desk
+    struct glance glance;   // the last one taken, under hub.card_lock
 
     struct live *live; // NULL: no session
     bool connected;

@@ -43,6 +43,18 @@ static void announce(struct worker *worker, const struct seat *seat) {
     control_send(worker->hub->control, seat->peer, &message);
 }
 
+static void leave_glance(const struct seat *seat, const struct session_output *output) {
+    const pose *bodies = output->T_mockup_body;
+    struct glance glance = {
+        .step = output->step,
+        .time_ns = output->time_ns,
+        .validity = output->joint_validity,
+        .joint = output->joint,
+        .T_femur_tibia = pose_compose(pose_inverse(bodies[BODY_FEMUR]), bodies[BODY_TIBIA]),
+    };
+    newest_put(seat->glances, &glance);
+}
+
 static void advance(struct worker *worker, struct seat *seat, struct session_input *input,
                     struct session_output *output) {
     if (input->time_ns < seat->last_step_ns)
@@ -51,6 +63,7 @@ static void advance(struct worker *worker, struct seat *seat, struct session_inp
     session_step(seat->live->session, input, output);
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
+    leave_glance(seat, output);
     seat->events |= output->events;
     if (output->events & EVENT_STATE) {
         atomic_store(&seat->counts.state, (int)output->state);

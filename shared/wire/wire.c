@@ -256,6 +256,15 @@ static enum result control_check(arthron_Control *m, struct error *err) {
     }
 }
 
+static enum result reading_check(const arthron_JointReading *m, struct error *err) {
+    const arthron_Joint *j = &m->joint;
+    if (!m->has_joint || !isfinite(j->flexion_deg) || !isfinite(j->varus_deg) ||
+        !isfinite(j->internal_deg) || !isfinite(j->shift_mm) || !isfinite(j->drawer_mm) ||
+        !isfinite(j->distraction_mm) || !m->has_pose || !pose_is_valid(wire_pose_to(&m->pose)))
+        return fail(err, RESULT_FORMAT, "joint: no pose");
+    return enum_check("joint: validity", (int)m->validity, _arthron_Validity_ARRAYSIZE, err);
+}
+
 static enum result console_check(const arthron_Console *m, struct error *err) {
     if (m->which_message == arthron_Console_command_tag)
         return enum_check("kind", (int)m->message.command.kind, _arthron_Command_Kind_ARRAYSIZE,
@@ -267,7 +276,7 @@ static enum result console_check(const arthron_Console *m, struct error *err) {
         if (enum_check("state", (int)reply->sessions[i].state, _arthron_SessionState_ARRAYSIZE,
                        err) != RESULT_OK)
             return fail_in(err, RESULT_FORMAT, "session %d: ", i);
-    return RESULT_OK;
+    return reply->has_joint ? reading_check(&reply->joint, err) : RESULT_OK;
 }
 
 // ---- decoding -----------------------------------------------------------------------------------
@@ -391,12 +400,12 @@ pose wire_pose_to(const arthron_Pose *m) {
     return (pose){{m->qw, m->qx, m->qy, m->qz}, {m->x, m->y, m->z}};
 }
 
-static arthron_Joint joint_from(const struct joint_angles *a) {
+arthron_Joint wire_joint_from(const struct joint_angles *a) {
     return (arthron_Joint){a->flexion_deg, a->varus_deg, a->internal_deg,
                            a->shift_mm,    a->drawer_mm, a->distraction_mm};
 }
 
-static struct joint_angles joint_to(const arthron_Joint *m) {
+struct joint_angles wire_joint_to(const arthron_Joint *m) {
     return (struct joint_angles){m->flexion_deg, m->varus_deg, m->internal_deg,
                                  m->shift_mm,    m->drawer_mm, m->distraction_mm};
 }
@@ -413,7 +422,7 @@ static void sample_from(const struct sample *s, arthron_Sample *out) {
     switch (s->kind) {
     case SAMPLE_JOINT:
         out->which_value = arthron_Sample_joint_tag;
-        out->value.joint = joint_from(&s->joint);
+        out->value.joint = wire_joint_from(&s->joint);
         break;
     case SAMPLE_POSE:
         out->which_value = arthron_Sample_pose_tag;
@@ -448,7 +457,7 @@ static bool sample_to(const arthron_Sample *m, struct sample *out) {
     switch (m->which_value) {
     case arthron_Sample_joint_tag:
         out->kind = SAMPLE_JOINT;
-        out->joint = joint_to(&m->value.joint);
+        out->joint = wire_joint_to(&m->value.joint);
         return true;
     case arthron_Sample_pose_tag:
         out->kind = SAMPLE_POSE;

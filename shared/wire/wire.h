@@ -50,7 +50,8 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
 // UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
-// pose and a lead, both finite, each correction is a pose, and a SessionChange's knee is one. A
+// pose and a lead, both finite, each correction is a pose, a SessionChange's knee is one, and a
+// CommandReply's joint is finite. A
 // message of a kind that this version does not know is RESULT_OK with which_message == 0: skip and
 // count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
@@ -92,5 +93,7 @@ void wire_frame_pad(arthron_Frame *message);
 void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out_message);
 void wire_knee_to(const arthron_Knee *message, struct knee_frame *out_knee);
 
+arthron_Joint wire_joint_from(const struct joint_angles *angles);
+struct joint_angles wire_joint_to(const arthron_Joint *message);
 arthron_Pose wire_pose_from(pose p);
 pose wire_pose_to(const arthron_Pose *message);

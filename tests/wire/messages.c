@@ -282,6 +282,13 @@ static void fill_console(int which, arthron_Console *out) {
         reply->sessions[i].rtt_p50_us = 250.5;
         strcpy(reply->sessions[i].station, "station-1");
     }
+    reply->has_joint = true;
+    reply->joint = (arthron_JointReading){.step = 7,
+                                          .validity = arthron_Validity_HELD,
+                                          .has_joint = true,
+                                          .joint = {30, -5, 0.5, 1, 2, 3},
+                                          .has_pose = true,
+                                          .pose = {0.6, 0.8, 0, 0, 1, 2, 3}};
 }
 
 #define VALID_MAX 20
@@ -584,6 +591,32 @@ static void a_console_command_that_is_no_enum_is_refused(void **state) {
     free(m);
 }
 
+static void a_joint_reading_that_is_no_pose_is_refused(void **state) {
+    (void)state;
+    arthron_Console *m = malloc(sizeof *m);
+    arthron_JointReading *joint = &m->message.command_reply.joint;
+    for (int fault = 0; fault < 6; fault++) {
+        fill_console(arthron_Console_command_reply_tag, m);
+        if (fault == 1)
+            joint->joint.drawer_mm = NAN;
+        else if (fault == 2)
+            joint->pose.qw = 0;
+        else if (fault == 3)
+            joint->has_pose = false;
+        else if (fault == 4)
+            joint->has_joint = false;
+        else if (fault == 5)
+            joint->validity = (arthron_Validity)3;
+        struct valid bytes = encoded(KIND_CONSOLE, m);
+        struct error err = {""};
+        enum result result = decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, &err);
+        assert_int_equal(result, fault ? RESULT_FORMAT : RESULT_OK);
+        assert_true(!fault || strstr(err.text, "joint: "));
+        free(bytes.bytes);
+    }
+    free(m);
+}
+
 static void poses_of_a_reply_that_are_none_are_refused(void **state) {
     (void)state;
     arthron_Control *m = malloc(sizeof *m);
@@ -813,6 +846,7 @@ int main(void) {
         cmocka_unit_test(each_malformed_row_gets_its_answer),
         cmocka_unit_test(numbers_that_are_no_enum_are_refused),
         cmocka_unit_test(a_console_command_that_is_no_enum_is_refused),
+        cmocka_unit_test(a_joint_reading_that_is_no_pose_is_refused),
         cmocka_unit_test(poses_of_a_reply_that_are_none_are_refused),
         cmocka_unit_test(leads_that_are_none_are_refused),
         cmocka_unit_test(a_lead_comes_back_as_floats),

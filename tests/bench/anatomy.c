@@ -60,13 +60,14 @@ void anatomy_flex(struct anatomy *anatomy, double flexion_deg) {
 
 // ---- its extent ---------------------------------------------------------------------------------
 
-static vec3 corner_delta(const struct anatomy *a, int surface, uint32_t triangle, int corner) {
-    struct closest contact = {.point = mesh_corner(a->surfaces[surface].mesh, triangle, corner),
+static vec3 corner_delta(const struct warp_scene *scene, int surface, uint32_t triangle,
+                         int corner) {
+    struct closest contact = {.point = mesh_corner(scene->surfaces[surface].mesh, triangle, corner),
                               .triangle = triangle,
                               .weights = {corner == 0, corner == 1, corner == 2},
                               .feature = FEATURE_VERTEX,
                               .corner = corner};
-    return warp_of_contact(&a->scene, surface, &contact);
+    return warp_of_contact(scene, surface, &contact);
 }
 
 static void include(struct box *box, vec3 p) {
@@ -74,74 +75,62 @@ static void include(struct box *box, vec3 p) {
     box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
 }
 
-// The longest Δ, and the box of all that are long enough.
-static double survey(const struct anatomy *a, struct box *out_box) {
+double anatomy_largest(const struct warp_scene *scene, struct box *out_box) {
     double longest = 0;
     *out_box = (struct box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-    for (int k = 0; k < a->scene.surface_count; k++) {
-        const struct warp_surface *s = &a->surfaces[k];
+    for (int k = 0; k < scene->surface_count; k++) {
+        const struct warp_surface *s = &scene->surfaces[k];
         for (uint32_t t = 0; t < s->mesh->triangle_count; t++)
             for (int i = 0; i < 3; i++) {
-                double length = vec3_length(corner_delta(a, k, t, i));
+                double length = vec3_length(corner_delta(scene, k, t, i));
                 longest = fmax(longest, length);
                 if (length > MOVED_MM)
                     include(out_box,
-                            pose_apply(a->T_world_body[s->body], mesh_corner(s->mesh, t, i)));
+                            pose_apply(scene->T_world_body[s->body], mesh_corner(s->mesh, t, i)));
             }
     }
     return longest;
 }
 
-double anatomy_largest(const struct anatomy *anatomy) {
-    struct box box;
-    return survey(anatomy, &box);
-}
-
-bool anatomy_displaced(const struct anatomy *anatomy, struct box *out_box) {
-    return survey(anatomy, out_box) > MOVED_MM;
-}
-
 // ---- where one can be ---------------------------------------------------------------------------
 
-static bool shows_front(const struct anatomy *a, int group, vec3 p, const struct closest *c) {
-    const struct mesh *mesh = a->surfaces[group].mesh;
+static bool shows_front(const struct mesh *mesh, vec3 p, const struct closest *c) {
     vec3 from = mesh_corner(mesh, c->triangle, 0);
     vec3 across = vec3_cross(vec3_sub(mesh_corner(mesh, c->triangle, 1), from),
                              vec3_sub(mesh_corner(mesh, c->triangle, 2), from));
-    bool in_front = vec3_dot(vec3_sub(p, c->point), across) >= 0;
-    return in_front != (a->hollow >> group & 1);
+    return vec3_dot(vec3_sub(p, c->point), across) >= 0;
 }
 
-bool anatomy_reaches(const struct anatomy *a, vec3 y) {
+bool anatomy_reaches(const struct warp_scene *scene, uint32_t hollow, vec3 y) {
     double nearest = INFINITY;
     bool front = true;
     int near = 0;
-    for (int k = 0; k < a->scene.surface_count; k++) {
+    for (int k = 0; k < scene->surface_count; k++) {
+        const struct warp_surface *s = &scene->surfaces[k];
         struct closest c;
-        vec3 p = pose_apply_inverse(a->T_world_body[a->surfaces[k].body], y);
-        if (!query_closest(a->queries[k], p, fmin(nearest + ANATOMY_CLEAR_MM, REACH_MM), MESH_NONE,
-                           &c))
+        vec3 p = pose_apply_inverse(scene->T_world_body[s->body], y);
+        if (!query_closest(s->query, p, fmin(nearest + ANATOMY_CLEAR_MM, REACH_MM), MESH_NONE, &c))
             continue;
         near += c.distance < ANATOMY_CLEAR_MM;
         if (c.distance < nearest) {
             nearest = c.distance;
-            front = shows_front(a, k, p, &c);
+            front = shows_front(s->mesh, p, &c) != (hollow >> k & 1);
         }
     }
     return front && near < 2;
 }
 
-void anatomy_hull(const struct anatomy *a, struct hull *out) {
+void anatomy_hull(const struct warp_scene *scene, struct hull *out) {
     for (int i = 0; i < HULL_PLANES; i++) { // evenly over the sphere, along a spiral
         double z = 1 - (2 * i + 1.0) / HULL_PLANES, turn = 2.399963229728653 * i;
         double across = sqrt(1 - z * z);
         out->normals[i] = (vec3){across * cos(turn), across * sin(turn), z};
         out->heights[i] = -INFINITY;
     }
-    for (int k = 0; k < a->scene.surface_count; k++) {
-        const struct warp_surface *s = &a->surfaces[k];
+    for (int k = 0; k < scene->surface_count; k++) {
+        const struct warp_surface *s = &scene->surfaces[k];
         for (uint32_t v = 0; v < s->mesh->vertex_count; v++) {
-            vec3 p = pose_apply(a->T_world_body[s->body], mesh_vertex(s->mesh, v));
+            vec3 p = pose_apply(scene->T_world_body[s->body], mesh_vertex(s->mesh, v));
             for (int i = 0; i < HULL_PLANES; i++)
                 out->heights[i] = fmax(out->heights[i], vec3_dot(p, out->normals[i]));
         }

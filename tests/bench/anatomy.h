@@ -24,16 +24,14 @@ void anatomy_fini(struct anatomy *anatomy); // zeroed is fine
 void anatomy_displace(struct anatomy *anatomy);
 void anatomy_flex(struct anatomy *anatomy, double flexion_deg);
 
-double anatomy_largest(const struct anatomy *anatomy); // |Δ| of all vertices, mm
-
-// The box of all vertices with |Δ| above 1e-3 mm, in the world; false where there is none.
-bool anatomy_displaced(const struct anatomy *anatomy, struct box *out_box);
+// The longest Δ of all vertices, mm, and the box of those with more than 1e-3 mm, in the world.
+double anatomy_largest(const struct warp_scene *scene, struct box *out_box);
 
 #define ANATOMY_CLEAR_MM 0.5
 
 // Where the tip of an instrument may be: the nearest surface shows its front, and no second one is
-// within ANATOMY_CLEAR_MM.
-bool anatomy_reaches(const struct anatomy *anatomy, vec3 y);
+// within ANATOMY_CLEAR_MM. hollow: as above.
+bool anatomy_reaches(const struct warp_scene *scene, uint32_t hollow, vec3 y);
 
 // Inside the hull of all groups, grown by 10 mm (the hull: between a hundred pairs of planes).
 #define HULL_PLANES 200
@@ -44,5 +42,5 @@ struct hull {
     double heights[HULL_PLANES];
 };
 
-void anatomy_hull(const struct anatomy *anatomy, struct hull *out_hull);
+void anatomy_hull(const struct warp_scene *scene, struct hull *out_hull);
 bool hull_holds(const void *hull, vec3 p); // for struct harmonic_setup

@@ -123,7 +123,8 @@ static void report_ratios(struct report *report, const char *touch,
                   "touch/%s/rigid over tip/depth of its shaft", touch);
 }
 
-static void touch_knee(const struct bench *b, int poses, struct report *report) {
+static void touch_knee(const struct bench *b, int poses, struct report *report,
+                       struct avatar_touch *out) {
     static const char *const names[PROBE_TOUCHES] = {"tip", "shaft", "both"};
     struct depths depths[PROBE_TOUCHES][AVATAR_MODE_COUNT] = {0};
     struct random r = {3};
@@ -137,6 +138,12 @@ static void touch_knee(const struct bench *b, int poses, struct report *report) 
         for (int m = 0; m < AVATAR_MODE_COUNT; m++)
             report_depths(report, names[t], (enum avatar_mode)m, &depths[t][m]);
         report_ratios(report, names[t], depths[t]);
+        const struct depths *rigid = &depths[t][AVATAR_RIGID], *tip = &depths[t][AVATAR_TIP];
+        if (t == PROBE_SHAFT)
+            out->rigid_over_tip = samples_mean(&rigid->points) / samples_mean(&tip->points);
+        else
+            out->tip_gap_p99_mm =
+                fmax(out->tip_gap_p99_mm, samples_quantile(&depths[t][AVATAR_RIGID].gap, 0.99));
         for (int m = 0; m < AVATAR_MODE_COUNT; m++) {
             samples_fini(&depths[t][m].points);
             samples_fini(&depths[t][m].shaft);
@@ -145,12 +152,22 @@ static void touch_knee(const struct bench *b, int poses, struct report *report) 
     }
 }
 
+struct avatar_touch bench_avatar_touch(const struct bench_options *options, struct report *report) {
+    struct bench b = {0};
+    struct avatar_touch touch = {0};
+    prepare(&b);
+    touch_knee(&b, options->quick ? 150 : 1500, report, &touch);
+    bodies_fini(&b.virtual);
+    bodies_fini(&b.knee);
+    return touch;
+}
+
 void bench_avatars(const struct bench_options *options, struct report *report) {
     struct bench b = {0};
     prepare(&b);
     double times = time_modes(&b, report);
     report_mark(report, "rigid_over_tip_time", times, "times", 8, BETTER_LOW);
-    touch_knee(&b, options->quick ? 150 : 1500, report);
     bodies_fini(&b.virtual);
     bodies_fini(&b.knee);
+    bench_avatar_touch(options, report);
 }

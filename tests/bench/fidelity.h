@@ -25,16 +25,7 @@ struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, ve
 
 // ---- marks: each is the worst of all that is measured ----
 
-enum worst {
-    WORST_RMS,
-    WORST_GAIN,
-    WORST_TOUCH,
-    WORST_NOISE,
-    WORST_JUMP,
-    WORST_LATE,
-    WORST_FOLDS,
-    WORST_COUNT
-};
+enum worst { WORST_RMS, WORST_GAIN, WORST_TOUCH, WORST_JUMP, WORST_COUNT };
 
 struct fidelity {
     struct report *report;
@@ -43,6 +34,11 @@ struct fidelity {
         double value;
         char where[128];
     } worst[WORST_COUNT]; // value: −1 where nothing was measured
+    // Of all lesions: errors under noise, with and without the skin; of cavities: those of late
+    // replies.
+    struct samples noisy, noisy_plain, late;
+    double key_error_mm, rest_mm; // of torn ligaments, the largest
+    size_t folds;                 // of the cases that ship, in all
 };
 
 // Where the figures of one lesion go, and what they are of.
@@ -69,3 +65,11 @@ void fidelity_figure(const struct scene_of_lesion *scene, enum variant variant, 
 void fidelity_fields(const struct scene_of_lesion *scene);
 // On the surface, a little off it, and under noise.
 void fidelity_touch(const struct scene_of_lesion *scene);
+
+// Torn ligaments on an ideal joint: the opening curve, with its marks.
+void fidelity_opening(struct fidelity *fidelity);
+// The cases that ship, made in memory: keys, rest, and folds of the space around.
+enum result fidelity_shipped(struct fidelity *fidelity, struct error *err);
+// One case written in m, cm and mm, and loaded again. largest: of what the sessions' warps differ
+// by, mm.
+enum result fidelity_units(struct fidelity *fidelity, double *out_largest_mm, struct error *err);

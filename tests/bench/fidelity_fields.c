@@ -16,6 +16,7 @@ struct nodes {
     struct harmonic harmonic;
     double spacing_mm, largest_mm;
     size_t count, left_out;
+    bool is_finest;  // of a scene: what marks speak of
     uint32_t *of;    // index of each in the harmonic
     uint32_t *place; // of each node of the harmonic in `of`, or HARMONIC_NONE
 };
@@ -23,8 +24,8 @@ struct nodes {
 static void nodes_init(struct nodes *out, const struct anatomy *anatomy, double spacing_mm) {
     struct hull hull;
     struct box box;
-    anatomy_hull(anatomy, &hull);
-    CHECK(anatomy_displaced(anatomy, &box));
+    anatomy_hull(&anatomy->scene, &hull);
+    double largest = anatomy_largest(&anatomy->scene, &box);
     vec3 around = {AROUND_MM, AROUND_MM, AROUND_MM};
     struct harmonic_setup setup = {.scene = &anatomy->scene,
                                    .hollow = anatomy->hollow,
@@ -32,14 +33,15 @@ static void nodes_init(struct nodes *out, const struct anatomy *anatomy, double 
                                    .spacing_mm = spacing_mm,
                                    .is_within = hull_holds,
                                    .context = &hull};
-    *out = (struct nodes){.spacing_mm = spacing_mm, .largest_mm = anatomy_largest(anatomy)};
+    *out = (struct nodes){.spacing_mm = spacing_mm, .largest_mm = largest};
     harmonic_solve(&setup, &out->harmonic);
     out->of = alloc(out->harmonic.count, sizeof *out->of);
     out->place = alloc(out->harmonic.count, sizeof *out->place);
     for (uint32_t i = 0; i < out->harmonic.count; i++) {
         double length = vec3_length(out->harmonic.values[i]);
         bool matters = length > MATTERS_SHARE * out->largest_mm;
-        bool reached = matters && anatomy_reaches(anatomy, harmonic_place(&out->harmonic, i));
+        bool reached = matters && anatomy_reaches(&anatomy->scene, anatomy->hollow,
+                                                  harmonic_place(&out->harmonic, i));
         out->left_out += matters && !reached;
         out->place[i] = reached ? (uint32_t)out->count : HARMONIC_NONE;
         if (reached)
@@ -85,7 +87,7 @@ static void report_gains(const struct scene_of_lesion *scene, enum variant varia
     fidelity_figure(scene, variant, what, "times", largest);
     snprintf(what, sizeof what, "%g mm/gain over harmonic/p99.9", nodes->spacing_mm);
     fidelity_figure(scene, variant, what, "times", p999);
-    if (variant == scene->standard)
+    if (nodes->is_finest && variant == scene->standard)
         fidelity_worst(scene, WORST_GAIN, largest);
 }
 
@@ -108,7 +110,7 @@ static void compare(const struct scene_of_lesion *scene, enum variant variant,
     fidelity_figure(scene, variant, what, "times", rms / nodes->largest_mm);
     snprintf(what, sizeof what, "%g mm/folds", nodes->spacing_mm);
     fidelity_figure(scene, variant, what, "share", (double)folds / count);
-    if (variant == scene->standard)
+    if (nodes->is_finest && variant == scene->standard)
         fidelity_worst(scene, WORST_RMS, rms / nodes->largest_mm);
     struct samples gains = {0};
     add_gains(nodes, W, &gains);
@@ -185,57 +187,88 @@ static void report_grids(const struct scene_of_lesion *scene, const struct nodes
 
 struct edge {
     vec3 from, to;
-    double change;
+    double change, jump;
 };
+
+// Of W from one place to another: how much it changes, and how much of that the derivative, as it
+// is at either end, does not account for.
+static void judge(struct edge *edge, const struct warp *from, const struct warp *to) {
+    vec3 way = vec3_sub(edge->to, edge->from);
+    edge->change = vec3_distance(from->displacement, to->displacement);
+    edge->jump = edge->change - fmax(vec3_length(mat3_apply(from->gradient, way)),
+                                     vec3_length(mat3_apply(to->gradient, way)));
+}
+
+static void look_at(const struct scene_of_lesion *scene, enum variant variant, struct edge *edge) {
+    struct warp from = variant_warp(scene->anatomy, variant, edge->from);
+    struct warp to = variant_warp(scene->anatomy, variant, edge->to);
+    judge(edge, &from, &to);
+}
+
+static int by_jump(const void *a, const void *b) {
+    double x = ((const struct edge *)a)->jump, y = ((const struct edge *)b)->jump;
+    return (x < y) - (x > y);
+}
 
 static int by_change(const void *a, const void *b) {
     double x = ((const struct edge *)a)->change, y = ((const struct edge *)b)->change;
     return (x < y) - (x > y);
 }
 
-static double change_between(const struct scene_of_lesion *scene, enum variant variant, vec3 a,
-                             vec3 b) {
-    return vec3_distance(variant_warp(scene->anatomy, variant, a).displacement,
-                         variant_warp(scene->anatomy, variant, b).displacement);
+// JUMP_MM of an edge, where half after half has more of it (`by`) than the other.
+static struct edge narrow(const struct scene_of_lesion *scene, enum variant variant,
+                          struct edge edge, int (*by)(const void *, const void *)) {
+    while (vec3_distance(edge.from, edge.to) > 2 * JUMP_MM) {
+        vec3 middle = vec3_lerp(edge.from, edge.to, 0.5);
+        struct edge first = {edge.from, middle, 0, 0}, second = {middle, edge.to, 0, 0};
+        look_at(scene, variant, &first);
+        look_at(scene, variant, &second);
+        edge = by(&first, &second) < 0 ? first : second;
+    }
+    vec3 half = vec3_scale(JUMP_MM / 2, vec3_unit_or(vec3_sub(edge.to, edge.from), (vec3){0}));
+    vec3 middle = vec3_lerp(edge.from, edge.to, 0.5);
+    edge.from = vec3_sub(middle, half);
+    edge.to = vec3_add(middle, half);
+    look_at(scene, variant, &edge);
+    return edge;
 }
 
-// The change over JUMP_MM where half after half changes more than the other.
-static double jump_on(const struct scene_of_lesion *scene, enum variant variant, vec3 from,
-                      vec3 to) {
-    while (vec3_distance(from, to) > 2 * JUMP_MM) {
-        vec3 middle = vec3_lerp(from, to, 0.5);
-        bool first = change_between(scene, variant, from, middle) >
-                     change_between(scene, variant, middle, to);
-        *(first ? &to : &from) = middle;
-    }
-    vec3 way = vec3_unit_or(vec3_sub(to, from), (vec3){0}), middle = vec3_lerp(from, to, 0.5);
-    return change_between(scene, variant, vec3_add_scaled(middle, -JUMP_MM / 2, way),
-                          vec3_add_scaled(middle, JUMP_MM / 2, way));
+static struct edge *edges_of(const struct scene_of_lesion *scene, enum variant variant,
+                             const struct nodes *nodes, size_t *out_count) {
+    struct edge *edges = alloc(3 * nodes->count, sizeof *edges);
+    struct warp *warps = alloc(nodes->count, sizeof *warps);
+    *out_count = 0;
+    for (size_t i = 0; i < nodes->count; i++)
+        warps[i] = variant_warp(scene->anatomy, variant, node_at(nodes, i));
+    for (size_t i = 0; i < nodes->count; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            uint32_t next = next_node(nodes, i, axis);
+            if (next == HARMONIC_NONE)
+                continue;
+            struct edge *edge = &edges[(*out_count)++];
+            *edge = (struct edge){node_at(nodes, i), node_at(nodes, next), 0, 0};
+            judge(edge, &warps[i], &warps[next]);
+        }
+    free(warps);
+    return edges;
 }
 
 static void measure_jumps(const struct scene_of_lesion *scene, enum variant variant,
                           const struct nodes *nodes) {
-    vec3 *W = alloc(nodes->count, sizeof *W);
-    struct edge *edges = alloc(3 * nodes->count, sizeof *edges);
-    size_t count = 0;
-    double largest = 0;
-    for (size_t i = 0; i < nodes->count; i++)
-        W[i] = variant_warp(scene->anatomy, variant, node_at(nodes, i)).displacement;
-    for (size_t i = 0; i < nodes->count; i++)
-        for (int axis = 0; axis < 3; axis++) {
-            uint32_t next = next_node(nodes, i, axis);
-            if (next != HARMONIC_NONE)
-                edges[count++] = (struct edge){node_at(nodes, i), node_at(nodes, next),
-                                               vec3_distance(W[i], W[next])};
-        }
+    size_t count;
+    struct edge *edges = edges_of(scene, variant, nodes, &count);
+    double change = 0, jump = 0;
     qsort(edges, count, sizeof *edges, by_change);
     for (size_t i = 0; i < count && i < JUMP_EDGES; i++)
-        largest = fmax(largest, jump_on(scene, variant, edges[i].from, edges[i].to));
-    fidelity_figure(scene, variant, "jump over 0.01 mm", "mm", largest);
+        change = fmax(change, narrow(scene, variant, edges[i], by_change).change);
+    qsort(edges, count, sizeof *edges, by_jump);
+    for (size_t i = 0; i < count && i < JUMP_EDGES; i++)
+        jump = fmax(jump, narrow(scene, variant, edges[i], by_jump).jump);
+    fidelity_figure(scene, variant, "0.01 mm of hand/change", "mm", change);
+    fidelity_figure(scene, variant, "0.01 mm of hand/jump", "mm", jump);
     if (variant == VARIANT_SMOOTH && lesion_is_concave(scene->lesion))
-        fidelity_worst(scene, WORST_JUMP, largest);
+        fidelity_worst(scene, WORST_JUMP, jump);
     free(edges);
-    free(W);
 }
 
 // ---- late replies -------------------------------------------------------------------------------
@@ -261,8 +294,9 @@ static void add_late(const struct scene_of_lesion *scene, enum variant variant, 
 }
 
 static bool is_free(const struct scene_of_lesion *scene, vec3 from, vec3 way) {
-    return anatomy_reaches(scene->anatomy, vec3_add_scaled(from, 0.5, way)) &&
-           anatomy_reaches(scene->anatomy, vec3_add(from, way));
+    const struct anatomy *a = scene->anatomy;
+    return anatomy_reaches(&a->scene, a->hollow, vec3_add_scaled(from, 0.5, way)) &&
+           anatomy_reaches(&a->scene, a->hollow, vec3_add(from, way));
 }
 
 static void measure_late(const struct scene_of_lesion *scene, enum variant variant,
@@ -283,8 +317,9 @@ static void measure_late(const struct scene_of_lesion *scene, enum variant varia
     fidelity_samples(scene, variant, what, "mm", &late.delta);
     snprintf(what, sizeof what, "late at %g mm/s/derivative", speed_mm_s);
     fidelity_samples(scene, variant, what, "mm", &late.derivative);
-    if (speed_mm_s == 25 && variant == scene->standard && late.derivative.count)
-        fidelity_worst(scene, WORST_LATE, samples_mean(&late.derivative));
+    if (speed_mm_s == 25 && variant == scene->standard && scene->lesion <= LESION_UNDER_MENISCUS)
+        for (size_t i = 0; i < late.derivative.count; i++)
+            samples_add(&scene->fidelity->late, late.derivative.values[i]);
     samples_fini(&late.pose);
     samples_fini(&late.delta);
     samples_fini(&late.derivative);
@@ -301,6 +336,7 @@ void fidelity_fields(const struct scene_of_lesion *scene) {
         coarse = fine;
         nodes_init(&fine, scene->anatomy, half);
     }
+    fine.is_finest = true;
     report_grids(scene, &coarse, &fine);
     if (coarse.count)
         compare_all(scene, &coarse);

@@ -116,10 +116,14 @@ static void report_errors(const struct scene_of_lesion *scene,
         fidelity_samples(scene, variant, "touch/gain beside", "times", &errors[k].gain);
         fidelity_worst(scene, WORST_TOUCH, samples_max(&errors[k].of[0]));
     }
-    double ratio = samples_mean(&errors[scene->standard].noisy) /
-                   samples_mean(&errors[scene->standard - 1].noisy); // without its skin
-    fidelity_figure(scene, scene->standard, "touch/noise/over no skin", "times", ratio);
-    fidelity_worst(scene, WORST_NOISE, ratio);
+    const struct samples *noisy = &errors[scene->standard].noisy;
+    const struct samples *plain = &errors[scene->standard - 1].noisy; // without its skin
+    fidelity_figure(scene, scene->standard, "touch/noise/over no skin", "times",
+                    samples_mean(noisy) / samples_mean(plain));
+    for (size_t i = 0; i < noisy->count; i++) {
+        samples_add(&scene->fidelity->noisy, noisy->values[i]);
+        samples_add(&scene->fidelity->noisy_plain, plain->values[i]);
+    }
 }
 
 void fidelity_touch(const struct scene_of_lesion *scene) {

@@ -388,7 +388,8 @@ static void solve(const struct equations *e, struct harmonic *out) {
     free(Ap);
 }
 
-void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out) {
+// The space, and the equations of it.
+static void prepare(const struct harmonic_setup *setup, struct harmonic *out, struct equations *e) {
     struct grid grid;
     grid_init(&grid, setup);
     cross_surfaces(&grid);
@@ -399,16 +400,31 @@ void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out) {
     size_t count = out->count ? out->count : 1;
     out->neighbours = alloc(count, sizeof *out->neighbours);
     out->values = alloc(count, sizeof(vec3));
-    struct equations e = {out, alloc(count, sizeof(double)), alloc(count, sizeof(double)),
-                          alloc(count, sizeof(vec3)), 0};
+    *e = (struct equations){out, alloc(count, sizeof(double)), alloc(count, sizeof(double)),
+                            alloc(count, sizeof(vec3)), 0};
     for (uint32_t i = 0; i < out->count; i++)
-        set_row(&grid, out, &e, i);
+        set_row(&grid, out, e, i);
     grid_fini(&grid);
+}
+
+static void equations_fini(struct equations *e) {
+    free(e->diagonal);
+    free(e->factor);
+    free(e->b);
+}
+
+void harmonic_find_space(const struct harmonic_setup *setup, struct harmonic *out) {
+    struct equations e;
+    prepare(setup, out, &e);
+    equations_fini(&e);
+}
+
+void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out) {
+    struct equations e;
+    prepare(setup, out, &e);
     set_factor(&e);
     solve(&e, out);
-    free(e.diagonal);
-    free(e.factor);
-    free(e.b);
+    equations_fini(&e);
 }
 
 void harmonic_fini(struct harmonic *harmonic) {

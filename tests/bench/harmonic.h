@@ -37,6 +37,8 @@ struct harmonic {
     double residual;           // largest, over the largest value on a boundary
 };
 
+// Only the space, W left at 0; and all of it.
+void harmonic_find_space(const struct harmonic_setup *setup, struct harmonic *out_harmonic);
 void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out_harmonic);
 void harmonic_fini(struct harmonic *harmonic);
 

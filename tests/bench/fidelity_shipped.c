@@ -1,0 +1,185 @@
+// The cases that ship, made in memory: torn ligaments meet their keys and rest at rest, and the
+// space around folds nowhere.
+#include "base/check.h"
+#include "case/generate.h"
+#include "fidelity.h"
+#include "harmonic.h"
+#include "session/session.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define AROUND_JOINT_MM 40.0 // corners of a box, at which two poses are compared
+#define RADIUS_MM 12.0       // of the field: nothing moves farther from what is displaced
+
+struct shipped {
+    struct fidelity *fidelity;
+    const struct scene *scene;
+    const struct knee_case *knee;
+    uint32_t hollow;
+    size_t nodes, left_out, folds;
+    double key_error_mm, rest_mm;
+};
+
+// ---- torn ligaments ----
+
+static double apart(const struct knee_case *knee, pose a, pose b) {
+    double most = 0;
+    for (int i = 0; i < 8; i++) {
+        const double r = AROUND_JOINT_MM;
+        vec3 corner = {i & 1 ? r : -r, i & 2 ? r : -r, i & 4 ? r : -r};
+        vec3 p = pose_apply(knee->joint.T_tibia_joint, corner);
+        most = fmax(most, vec3_distance(pose_apply(a, p), pose_apply(b, p)));
+    }
+    return most;
+}
+
+static struct joint_angles angles_of(const struct knee_case *knee, pose T_femur_tibia) {
+    return joint_from_pose(&knee->joint, T_femur_tibia);
+}
+
+static pose seen(const struct scene_stance *stance) {
+    return pose_compose(stance->correction[BODY_TIBIA], stance->T_femur_body[BODY_TIBIA]);
+}
+
+static void look_at_keys(struct shipped *s) {
+    struct scene_stance stance;
+    for (int i = 0; i < s->knee->key_count; i++) {
+        struct joint_angles angles = angles_of(s->knee, s->knee->keys[i].physical);
+        scene_stand(s->scene, ADAPTIVE_HINGE, &angles, &stance);
+        s->key_error_mm =
+            fmax(s->key_error_mm, apart(s->knee, seen(&stance), s->knee->keys[i].target));
+    }
+}
+
+// A rest path of the case is met in its keys; without one the joint rests all along its axis.
+static void look_at_rest(struct shipped *s) {
+    struct scene_stance stance;
+    int count = s->knee->rest_count ? s->knee->rest_count : 1201;
+    for (int i = 0; i < count; i++) {
+        struct joint_angles angles = {.flexion_deg = 0.1 * i};
+        if (s->knee->rest_count)
+            angles = angles_of(s->knee, s->knee->rest[i]);
+        scene_stand(s->scene, ADAPTIVE_HINGE, &angles, &stance);
+        s->rest_mm =
+            fmax(s->rest_mm, apart(s->knee, seen(&stance), stance.T_femur_body[BODY_TIBIA]));
+    }
+}
+
+// ---- folds ----
+
+static bool folds_at(const struct warp_scene *warp_scene, const struct field *field, vec3 y) {
+    struct warp_memory memory;
+    struct warp warp;
+    warp_memory_init(&memory);
+    warp_point(warp_scene, field, y, &memory, &warp);
+    return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient)) <= 0;
+}
+
+static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
+    struct scene_stance stance;
+    struct hull hull;
+    struct box box;
+    struct harmonic space;
+    scene_stand(s->scene, ADAPTIVE_HINGE, angles, &stance);
+    if (!(anatomy_largest(&stance.warp, &box) > 1e-3))
+        return;
+    anatomy_hull(&stance.warp, &hull);
+    vec3 around = {RADIUS_MM, RADIUS_MM, RADIUS_MM};
+    struct harmonic_setup setup = {.scene = &stance.warp,
+                                   .hollow = s->hollow,
+                                   .box = {vec3_sub(box.min, around), vec3_add(box.max, around)},
+                                   .spacing_mm = s->fidelity->quick ? 2 : 1,
+                                   .is_within = hull_holds,
+                                   .context = &hull};
+    harmonic_find_space(&setup, &space);
+    struct session_settings settings = session_settings_default();
+    for (uint32_t i = 0; i < space.count; i++) {
+        vec3 y = harmonic_place(&space, i);
+        bool reached = anatomy_reaches(&stance.warp, s->hollow, y);
+        s->left_out += !reached;
+        s->nodes += reached;
+        s->folds += reached && folds_at(&stance.warp, &settings.field, y);
+    }
+    harmonic_fini(&space);
+}
+
+// Over flexion at rest, and as each torn ligament's keys hold the joint.
+static void walk(struct shipped *s) {
+    for (int flexion = 0; flexion <= 90; flexion += 30)
+        look_for_folds(s, &(struct joint_angles){.flexion_deg = flexion});
+    for (int i = 0; i < s->knee->key_count; i++) {
+        struct joint_angles angles = angles_of(s->knee, s->knee->keys[i].physical);
+        look_for_folds(s, &angles);
+    }
+}
+
+// ---- recipes ----
+
+static void report_shipped(const struct shipped *s) {
+    struct report *report = s->fidelity->report;
+    const char *name = s->knee->name;
+    report_figure(report, (double)s->nodes, "nodes", "shipped/%s/reached", name);
+    report_figure(report, (double)s->left_out, "nodes", "shipped/%s/left out", name);
+    report_figure(report, (double)s->folds, "nodes", "shipped/%s/folds", name);
+    if (!s->knee->key_count)
+        return;
+    report_figure(report, s->key_error_mm, "mm", "shipped/%s/key error", name);
+    report_figure(report, s->rest_mm, "mm", "shipped/%s/rest warp", name);
+}
+
+static enum result measure_recipe(struct fidelity *f, const char *path, struct error *err) {
+    struct recipe recipe;
+    struct knee_case *knee;
+    struct scene *scene;
+    enum result result = recipe_load(path, &recipe, err);
+    if (result == RESULT_OK)
+        result = generate_knee(&recipe, &knee, err);
+    if (result != RESULT_OK)
+        return result;
+    result = scene_create(&knee, &scene, err);
+    if (result != RESULT_OK) {
+        case_destroy(&knee);
+        return result;
+    }
+    struct shipped s = {.fidelity = f, .scene = scene, .knee = scene_case(scene)};
+    for (int i = 0; i < s.knee->group_count; i++)
+        s.hollow |= strcmp(s.knee->groups[i].name, "skin") == 0 ? 1u << i : 0;
+    look_at_keys(&s);
+    look_at_rest(&s);
+    walk(&s);
+    report_shipped(&s);
+    f->key_error_mm = fmax(f->key_error_mm, s.key_error_mm);
+    f->rest_mm = fmax(f->rest_mm, s.rest_mm);
+    f->folds += s.folds;
+    scene_destroy(&scene);
+    return RESULT_OK;
+}
+
+static int is_recipe(const struct dirent *entry) {
+    char path[512];
+    snprintf(path, sizeof path, CASES "/%s/recipe.ini", entry->d_name);
+    FILE *file = fopen(path, "re");
+    if (file)
+        fclose(file);
+    return file != NULL;
+}
+
+enum result fidelity_shipped(struct fidelity *f, struct error *err) {
+    struct dirent **entries;
+    int count = scandir(CASES, &entries, is_recipe, alphasort);
+    if (count <= 0)
+        return fail(err, RESULT_MISSING, "no recipes in " CASES);
+    enum result result = RESULT_OK;
+    for (int i = 0; i < count; i++) {
+        char path[512];
+        snprintf(path, sizeof path, CASES "/%s", entries[i]->d_name);
+        if (result == RESULT_OK)
+            result = measure_recipe(f, path, err);
+        free(entries[i]);
+    }
+    free(entries);
+    return result;
+}

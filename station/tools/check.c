@@ -194,12 +194,17 @@ static void judge_view(struct check *check) {
     struct error err;
     if (!view->port)
         return;
-    bool is_free = view_port_is_free(view->port);
-    bool secret = token_check(view->token_path, &err) == RESULT_OK;
-    findings_add(&check->findings, is_free && secret, "view",
-                 is_free ? "chmod 600 the file, or delete it: a new one is made"
-                         : "end the program that has it, or choose another port",
-                 "port %d is %s%s%s", view->port, is_free ? "free" : "taken", secret ? "" : "; ",
+    static const char *const uses[] = {
+        [VIEW_PORT_FREE] = "is free",
+        [VIEW_PORT_VIEW] = "has the view of a station that runs",
+        [VIEW_PORT_TAKEN] = "is taken",
+    };
+    enum view_port_use use = view_look_at_port(view->port);
+    bool taken = use == VIEW_PORT_TAKEN, secret = token_check(view->token_path, &err) == RESULT_OK;
+    findings_add(&check->findings, !taken && secret, "view",
+                 taken ? "end the program that has it, or choose another port"
+                       : "chmod 600 the file, or delete it: a new one is made",
+                 "port %d %s%s%s", view->port, uses[use], secret ? "" : "; ",
                  secret ? "" : err.text);
 }
 

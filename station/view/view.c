@@ -4,14 +4,12 @@
 #include "base/newest.h"
 #include "view/door.h"
 
-#include <arpa/inet.h>
 #include <libwebsockets.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #define HANDSHAKE_S 5
 #define STRANGERS_MAX 16 // that have not said yet what they want
@@ -242,16 +240,4 @@ void view_show(struct view *view, arthron_View *message) {
     message->number = ++view->shown;
     if (newest_put(view->newest, message))
         lws_cancel_service(view->context);
-}
-
-bool view_port_is_free(int port) {
-    struct sockaddr_in address = {.sin_family = AF_INET,
-                                  .sin_port = htons((uint16_t)port),
-                                  .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
-    int one = 1, fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    CHECK(fd >= 0);
-    setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    bool is_free = bind(fd, (const struct sockaddr *)&address, sizeof address) == 0;
-    close(fd);
-    return is_free;
 }

@@ -29,5 +29,11 @@ bool view_is_watched(const struct view *view); // by anybody: else there is noth
 // From one thread only, and never waits. Numbers the message.
 void view_show(struct view *view, arthron_View *message);
 
-// Whether view_create would find its port free.
-bool view_port_is_free(int port);
+enum view_port_use {
+    VIEW_PORT_FREE,
+    VIEW_PORT_VIEW, // what has it answers as a view does: a station that runs
+    VIEW_PORT_TAKEN
+};
+
+// What view_create would find at its port. Waits for at most a second, and tells nobody a token.
+enum view_port_use view_look_at_port(int port);

@@ -159,8 +159,13 @@ class View(House):
             report = call_json("arthron-station", "check", "--config", path, "--seconds", "2", code=None)
             return next(f for f in report["findings"] if f["what"] == "view")
         self.assertTrue(finding()["good"])
-        with open(self.write("keys-room-1/view.token", "0" * 64)) as f:
-            os.chmod(f.name, 0o644)
+        self.assertIn("is free", finding()["text"])
+        station = self.start("station", "arthron-station", "run", "--config", path)
+        station.wait_for_log("/view?token=")
+        self.assertTrue(finding()["good"])
+        self.assertIn("a station that runs", finding()["text"])
+        station.end()
+        os.chmod(self.path("keys-room-1/view.token"), 0o644)
         self.assertFalse(finding()["good"])
         self.assertIn("644", finding()["text"])
 

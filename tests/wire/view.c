@@ -7,6 +7,7 @@
 #include "view/token.h"
 #include "wire/websocket.h"
 
+#include <arpa/inet.h>
 #include <pb_decode.h>
 #include <poll.h>
 #include <pthread.h>
@@ -274,10 +275,38 @@ static void a_port_that_is_taken_is_refused(void **state) {
     struct view *second = NULL;
     struct error err = {""};
     same.port = view_port(view);
-    assert_false(view_port_is_free(same.port));
     assert_int_equal(view_create(&same, &second, &err), RESULT_IO);
     assert_null(second);
     assert_non_null(strstr(err.text, "taken"));
+}
+
+static void *answer_something(void *argument) {
+    int caller = accept(*(int *)argument, NULL, NULL);
+    static const char answer[] = "HTTP/1.1 200 OK\r\n\r\n";
+    send(caller, answer, sizeof answer - 1, MSG_NOSIGNAL);
+    close(caller);
+    return NULL;
+}
+
+static void what_has_a_port_is_told(void **state) {
+    (void)state;
+    int port = view_port(view);
+    assert_int_equal(view_look_at_port(port), VIEW_PORT_VIEW);
+    assert_false(view_is_watched(view));
+    view_destroy(&view);
+    assert_int_equal(view_look_at_port(port), VIEW_PORT_FREE);
+    pthread_t other;
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    int fd = socket(AF_INET, SOCK_STREAM, 0);
+    assert_int_equal(bind(fd, (struct sockaddr *)&address, size), 0);
+    assert_int_equal(listen(fd, 1), 0);
+    assert_int_equal(getsockname(fd, (struct sockaddr *)&address, &size), 0);
+    pthread_create(&other, NULL, answer_something, &fd);
+    assert_int_equal(view_look_at_port(ntohs(address.sin_port)), VIEW_PORT_TAKEN);
+    pthread_join(other, NULL);
+    close(fd);
+    assert_int_equal(view_create(&config, &view, NULL), RESULT_OK);
 }
 
 static void viewers_are_sent_away_when_the_station_ends(void **state) {
@@ -301,6 +330,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_slow_viewer_skips_and_holds_up_nobody, begin, end),
         cmocka_unit_test_setup_teardown(who_says_anything_is_sent_away, begin, end),
         cmocka_unit_test_setup_teardown(a_port_that_is_taken_is_refused, begin, end),
+        cmocka_unit_test_setup_teardown(what_has_a_port_is_told, begin, end),
         cmocka_unit_test_setup_teardown(viewers_are_sent_away_when_the_station_ends, begin, end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -20,6 +20,8 @@ static const struct {
     {"maxcut", command_maxcut, "make what a whole resection leaves of the menisci"},
     {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
     {"picture", command_picture, "draw it"},
+    {"record-pose", command_record_pose,
+     "take a running station's pose as a key of a torn ligament"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])
@@ -54,9 +56,9 @@ static void print_help(void) {
     puts("Usage: arthron-case COMMAND [OPTION...]\n\n"
          "Makes and looks at cases: folders with case.json and anatomy.glb.\n");
     for (size_t i = 0; i < COMMAND_COUNT; i++)
-        printf("  %-10s %s\n", commands[i].name, commands[i].what);
-    puts("\n  --help     this text, or that of a command: arthron-case COMMAND --help\n"
-         "  --version  the version");
+        printf("  %-11s %s\n", commands[i].name, commands[i].what);
+    puts("\n  --help      this text, or that of a command: arthron-case COMMAND --help\n"
+         "  --version   the version");
 }
 
 int main(int argc, char **argv) {

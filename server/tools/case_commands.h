@@ -16,6 +16,7 @@ int command_info(int argc, char **argv);
 int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);
 int command_picture(int argc, char **argv);
+int command_record_pose(int argc, char **argv);
 
 // Prints what is wrong and where help is; EXIT_USAGE.
 int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));

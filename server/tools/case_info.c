@@ -170,7 +170,10 @@ static int print_text(struct knee_case *knee) {
         print_group(&knee->groups[i]);
     for (int i = 0; i < knee->group_count; i++)
         print_lesion(&knee->groups[i]);
-    print_keys(knee);
+    for (int i = 0; i < knee->key_count; i++)
+        print_key(knee, i);
+    if (knee->rest_count)
+        printf("rest path of %d poses\n", knee->rest_count);
     for (int i = 0; i < knee->portal_count; i++)
         printf("portal %-17s %.1f %.1f %.1f\n", knee->portals[i].name, knee->portals[i].position.x,
                knee->portals[i].position.y, knee->portals[i].position.z);

@@ -30,18 +30,14 @@ static pose unopened(const struct joint_frame *joint, double flexion_deg) {
     return joint_to_pose(joint, &(struct joint_angles){.flexion_deg = flexion_deg});
 }
 
-void print_keys(const struct knee_case *knee) {
-    for (int i = 0; i < knee->key_count; i++) {
-        const struct case_key *key = &knee->keys[i];
-        double flexion = joint_from_pose(&knee->joint, key->physical).flexion_deg;
-        char held[KEY_TEXT_MAX], extra[KEY_TEXT_MAX];
-        key_motion_text(&knee->joint, unopened(&knee->joint, flexion), key->physical, held);
-        key_motion_text(&knee->joint, key->physical, key->target, extra);
-        printf("torn %-10s at %.1f deg of flexion: held at %s; goes on by %s\n",
-               knee->torn[key->ligament], flexion, held, extra);
-    }
-    if (knee->rest_count)
-        printf("rest path of %d poses\n", knee->rest_count);
+void print_key(const struct knee_case *knee, int index) {
+    const struct case_key *key = &knee->keys[index];
+    double flexion = joint_from_pose(&knee->joint, key->physical).flexion_deg;
+    char held[KEY_TEXT_MAX], extra[KEY_TEXT_MAX];
+    key_motion_text(&knee->joint, unopened(&knee->joint, flexion), key->physical, held);
+    key_motion_text(&knee->joint, key->physical, key->target, extra);
+    printf("torn %-10s at %.1f deg of flexion: held at %s; goes on by %s\n",
+           knee->torn[key->ligament], flexion, held, extra);
 }
 
 static json_t *angles_object(const struct joint_angles *a) {

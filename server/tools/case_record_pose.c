@@ -1,0 +1,249 @@
+#include "case/record.h"
+#include "case_commands.h"
+#include "case_keys.h"
+#include "net/console.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#define READINGS 20
+#define READING_MS 50
+#define STILL_DEG 0.5
+#define STILL_MM 0.5
+
+static const char help[] =
+    "Usage: arthron-case record-pose DIR --as rest|physical|target [--ligament NAME]\n"
+    "                                --station NAME --socket PATH\n"
+    "\n"
+    "Takes the present pose of a running station's joint into the case, the mean of a second.\n"
+    "\n"
+    "  --as rest        the mock-up at rest; one pose for each flexion makes the rest path, "
+    "without\n"
+    "                   any it is that of the joint's axes\n"
+    "  --as physical    the mock-up pushed to its end, with its ligaments mounted. It waits "
+    "beside\n"
+    "                   the case (recorded.json) for its target\n"
+    "  --as target      the mock-up pushed on, with its ligament off: where the patient's tibia "
+    "is\n"
+    "                   to appear in the physical pose. It completes the one that waits within 5\n"
+    "                   degrees of flexion, or gives such a key another target\n"
+    "  --ligament NAME  which is torn, for physical and target\n"
+    "  --station NAME   of a session on a case with the same joint frames: any case of this "
+    "mock-up\n"
+    "  --socket PATH    of the server, as in its config\n"
+    "\n"
+    "So: ligaments mounted, push to the end at some flexions, --as physical at each; ligament "
+    "off,\n"
+    "push on at about the same flexions, --as target at each. What is recorded within a degree of\n"
+    "flexion replaces what was there. Refused where the joint moves, is held or lost.\n";
+
+enum role { ROLE_REST, ROLE_PHYSICAL, ROLE_TARGET, ROLE_COUNT };
+
+static const char *const role_names[ROLE_COUNT] = {"rest", "physical", "target"};
+
+struct request {
+    const char *dir, *ligament, *station, *socket;
+    enum role role; // ROLE_COUNT: not given
+};
+
+// ---- the present pose ---------------------------------------------------------------------------
+
+static enum result read_once(const struct request *request, arthron_JointReading *out,
+                             struct error *err) {
+    static arthron_CommandReply reply;
+    arthron_Command command = {.kind = arthron_Command_Kind_SHOW};
+    snprintf(command.station, sizeof command.station, "%s", request->station);
+    enum result result = console_call(request->socket, &command, &reply, err);
+    if (result != RESULT_OK)
+        return result;
+    if (!reply.ok)
+        return fail(err, RESULT_REFUSED, "%s", reply.text);
+    if (!reply.has_joint)
+        return fail(err, RESULT_MISSING, "station %s has no session", request->station);
+    if (reply.joint.validity != arthron_Validity_OK)
+        return fail(err, RESULT_REFUSED, "station %s: the joint is %s", request->station,
+                    validity_name((enum validity)reply.joint.validity));
+    *out = reply.joint;
+    return RESULT_OK;
+}
+
+// The session's case may be another one, but must place bones as this one does.
+static enum result check_frames(const struct knee_case *knee, const arthron_JointReading *reading,
+                                struct error *err) {
+    struct joint_angles theirs = wire_joint_to(&reading->joint);
+    pose here = joint_to_pose(&knee->joint, &theirs), there = wire_pose_to(&reading->pose);
+    if (quat_angle(here.rotation, there.rotation) < 1e-6 &&
+        vec3_distance(here.translation, there.translation) < 1e-6)
+        return RESULT_OK;
+    return fail(err, RESULT_INVALID,
+                "the station's session is on a case with other joint frames than this one");
+}
+
+static pose mean_of(const pose *poses, int count) {
+    quat sum = {0};
+    vec3 place = {0};
+    for (int i = 0; i < count; i++) {
+        quat q = poses[i].rotation, first = poses[0].rotation;
+        double same = q.w * first.w + q.x * first.x + q.y * first.y + q.z * first.z;
+        double sign = same < 0 ? -1 : 1;
+        sum =
+            (quat){sum.w + sign * q.w, sum.x + sign * q.x, sum.y + sign * q.y, sum.z + sign * q.z};
+        place = vec3_add_scaled(place, 1.0 / count, poses[i].translation);
+    }
+    return (pose){quat_unit(sum), place};
+}
+
+// How far the readings are from their mean, of the tibia's joint frame.
+static enum result check_still(const struct knee_case *knee, const pose *poses, int count,
+                               pose mean, struct error *err) {
+    vec3 centre = knee->joint.T_tibia_joint.translation;
+    double degrees = 0, mm = 0;
+    for (int i = 0; i < count; i++) {
+        degrees = fmax(degrees, DEG_PER_RAD * quat_angle(poses[i].rotation, mean.rotation));
+        mm = fmax(mm, vec3_distance(pose_apply(poses[i], centre), pose_apply(mean, centre)));
+    }
+    if (degrees > STILL_DEG || mm > STILL_MM)
+        return fail(err, RESULT_REFUSED,
+                    "the joint moves: by %.2f degrees and %.2f mm from its mean, where %g and %g "
+                    "are still",
+                    degrees, mm, STILL_DEG, STILL_MM);
+    printf("%d readings within %.2f deg and %.2f mm\n", count, degrees, mm);
+    return RESULT_OK;
+}
+
+static enum result present_pose(const struct knee_case *knee, const struct request *request,
+                                pose *out_pose, struct error *err) {
+    static const struct timespec pause = {0, READING_MS * 1000000L};
+    pose poses[READINGS];
+    arthron_JointReading first = {0}, now = {0};
+    for (int i = 0; i < READINGS; i++) {
+        enum result result = read_once(request, &now, err);
+        if (result == RESULT_OK)
+            result = check_frames(knee, &now, err);
+        if (result != RESULT_OK)
+            return result;
+        if (i == 0)
+            first = now;
+        poses[i] = wire_pose_to(&now.pose);
+        nanosleep(&pause, NULL);
+    }
+    if (now.step == first.step)
+        return fail(err, RESULT_REFUSED, "station %s: its session makes no steps",
+                    request->station);
+    *out_pose = mean_of(poses, READINGS);
+    return check_still(knee, poses, READINGS, *out_pose, err);
+}
+
+// ---- into the case ------------------------------------------------------------------------------
+
+static void say_what_waits(const struct knee_case *knee, const struct record *record) {
+    for (int i = 0; i < record->count; i++)
+        printf("%s at %.1f deg of flexion waits for its target\n", record->waiting[i].ligament,
+               joint_from_pose(&knee->joint, record->waiting[i].physical).flexion_deg);
+}
+
+static enum result take_pose(struct knee_case *knee, const struct request *request, pose p,
+                             struct record *record, struct error *err) {
+    int key = -1;
+    if (request->role == ROLE_REST) {
+        enum result result = record_rest(knee, p, err);
+        if (result == RESULT_OK)
+            printf("at rest at %.1f deg of flexion\n",
+                   joint_from_pose(&knee->joint, p).flexion_deg);
+        return result;
+    }
+    if (request->role == ROLE_PHYSICAL)
+        return record_physical(knee, record, request->ligament, p, err);
+    enum result result = record_target(knee, record, request->ligament, p, &key, err);
+    if (result == RESULT_OK)
+        print_key(knee, key);
+    return result;
+}
+
+static enum result save(struct knee_case *knee, const struct request *request,
+                        const struct record *record, struct error *err) {
+    enum result result = RESULT_OK;
+    if (request->role != ROLE_PHYSICAL)
+        result = case_save(knee, request->dir, err);
+    if (result == RESULT_OK)
+        result = record_save(request->dir, record, err);
+    if (result != RESULT_OK)
+        return result;
+    say_what_waits(knee, record);
+    if (request->role != ROLE_PHYSICAL)
+        printf("the case has changed: arthron-case check %s; a server reads it when it starts\n",
+               request->dir);
+    return RESULT_OK;
+}
+
+static enum result record_pose(struct knee_case *knee, const struct request *request,
+                               struct error *err) {
+    struct record record;
+    pose p;
+    enum result result = record_load(request->dir, &record, err);
+    if (result == RESULT_OK)
+        result = present_pose(knee, request, &p, err);
+    if (result == RESULT_OK)
+        result = take_pose(knee, request, p, &record, err);
+    return result == RESULT_OK ? save(knee, request, &record, err) : result;
+}
+
+static int run(const struct request *request) {
+    struct knee_case *knee;
+    struct error err;
+    enum result result = case_load(request->dir, NULL, &knee, &err);
+    if (result == RESULT_OK)
+        result = record_pose(knee, request, &err);
+    case_destroy(&knee);
+    return result == RESULT_OK ? EXIT_OK : failed("record-pose", &err);
+}
+
+// ---- the command line ---------------------------------------------------------------------------
+
+static enum role role_from_name(const char *name) {
+    enum role role = 0;
+    while (role < ROLE_COUNT && strcmp(role_names[role], name) != 0)
+        role++;
+    return role;
+}
+
+static int check_request(const struct request *r) {
+    if (r->role == ROLE_COUNT || !r->station || !r->socket)
+        return usage_error("record-pose", "--as rest, physical or target, --station and --socket "
+                                          "are needed");
+    if ((r->role == ROLE_REST) != !r->ligament)
+        return usage_error("record-pose", "--ligament is for physical and target, and only there");
+    return EXIT_OK;
+}
+
+int command_record_pose(int argc, char **argv) {
+    static const struct option options[] = {
+        {"as", required_argument, NULL, 'a'},      {"ligament", required_argument, NULL, 'l'},
+        {"station", required_argument, NULL, 's'}, {"socket", required_argument, NULL, 'S'},
+        {"help", no_argument, NULL, 'h'},          {0}};
+    struct request request = {.role = ROLE_COUNT};
+    int option;
+    while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+        if (option == 'h') {
+            fputs(help, stdout);
+            return EXIT_OK;
+        } else if (option == 'a') {
+            request.role = role_from_name(optarg);
+        } else if (option == 'l') {
+            request.ligament = optarg;
+        } else if (option == 's') {
+            request.station = optarg;
+        } else if (option == 'S') {
+            request.socket = optarg;
+        } else {
+            return EXIT_USAGE;
+        }
+    }
+    if (optind + 1 != argc)
+        return usage_error("record-pose", "one folder, please");
+    request.dir = argv[optind];
+    int status = check_request(&request);
+    return status == EXIT_OK ? run(&request) : status;
+}

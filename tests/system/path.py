@@ -254,6 +254,9 @@ class Configs(House):
             (("tool.probe", "tool.spoon"), ("tracker", "tool.spoon")),
             (("flexion = 1 0.01 0", "flexion = one"), ("encoders", "flexion")),
             (("name = room-1", "nome = room-1"), ("[station]", "nome")),
+            (("[device enc", "[view]\nport = 65536\n[device enc"), ("[view]", "port", "65536")),
+            (("[device enc", "[view]\norigins = localhost:8080\n[device enc"), ("[view]", "origins")),
+            (("[device enc", "[view]\norigins = http://a/b\n[device enc"), ("[view]", "origins")),
         ):
             path = self.write("bad.ini", good.replace(*change, 1))
             done = call("arthron-station", "run", "--config", path, code=2)

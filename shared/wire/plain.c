@@ -1,0 +1,141 @@
+// Messages as the plain types of base, and back.
+#include "base/check.h"
+#include "wire/wire.h"
+
+#include <string.h>
+
+arthron_Pose wire_pose_from(pose p) {
+    quat q = p.rotation;
+    vec3 t = p.translation;
+    return (arthron_Pose){q.w, q.x, q.y, q.z, t.x, t.y, t.z};
+}
+
+pose wire_pose_to(const arthron_Pose *m) {
+    return (pose){{m->qw, m->qx, m->qy, m->qz}, {m->x, m->y, m->z}};
+}
+
+arthron_Joint wire_joint_from(const struct joint_angles *a) {
+    return (arthron_Joint){a->flexion_deg, a->varus_deg, a->internal_deg,
+                           a->shift_mm,    a->drawer_mm, a->distraction_mm};
+}
+
+struct joint_angles wire_joint_to(const arthron_Joint *m) {
+    return (struct joint_angles){m->flexion_deg, m->varus_deg, m->internal_deg,
+                                 m->shift_mm,    m->drawer_mm, m->distraction_mm};
+}
+
+static void sample_from(const struct sample *s, arthron_Sample *out) {
+    out->channel = (arthron_Channel)s->channel;
+    out->validity = (arthron_Validity)s->validity;
+    out->device = s->device;
+    out->time_ns = s->time_ns;
+    if (s->filter == FILTER_ONE_EURO) {
+        out->which_filter = arthron_Sample_one_euro_us_tag;
+        out->filter.one_euro_us = s->filter_latency_us;
+    }
+    switch (s->kind) {
+    case SAMPLE_JOINT:
+        out->which_value = arthron_Sample_joint_tag;
+        out->value.joint = wire_joint_from(&s->joint);
+        break;
+    case SAMPLE_POSE:
+        out->which_value = arthron_Sample_pose_tag;
+        out->value.pose = wire_pose_from(s->T_mockup_body);
+        break;
+    default:
+        out->which_value = arthron_Sample_handle_tag;
+        out->value.handle = (arthron_Handle){s->handle.opening, s->handle.buttons};
+    }
+}
+
+void wire_frame_from(const struct frame *frame, arthron_Frame *out) {
+    memset(out, 0, sizeof *out);
+    out->number = frame->number;
+    out->time_ns = frame->time_ns;
+    out->samples_count = (pb_size_t)frame->count;
+    for (int i = 0; i < frame->count; i++)
+        sample_from(&frame->samples[i], &out->samples[i]);
+}
+
+static bool sample_to(const arthron_Sample *m, struct sample *out) {
+    if (m->device >= WIRE_DEVICES_MAX)
+        return false;
+    out->channel = (enum channel)m->channel;
+    out->validity = (enum validity)m->validity;
+    out->device = (uint8_t)m->device;
+    out->time_ns = m->time_ns;
+    if (m->which_filter == arthron_Sample_one_euro_us_tag) {
+        out->filter = FILTER_ONE_EURO;
+        out->filter_latency_us = m->filter.one_euro_us;
+    }
+    switch (m->which_value) {
+    case arthron_Sample_joint_tag:
+        out->kind = SAMPLE_JOINT;
+        out->joint = wire_joint_to(&m->value.joint);
+        return true;
+    case arthron_Sample_pose_tag:
+        out->kind = SAMPLE_POSE;
+        out->T_mockup_body = wire_pose_to(&m->value.pose);
+        return true;
+    case arthron_Sample_handle_tag:
+        out->kind = SAMPLE_HANDLE;
+        out->handle = (struct handle){m->value.handle.opening, m->value.handle.buttons};
+        return true;
+    default:
+        return false;
+    }
+}
+
+// So that adding the offset between two clocks cannot overflow.
+static bool is_sane_time(int64_t time_ns) {
+    return time_ns >= 0 && time_ns < WIRE_TIME_MAX_NS;
+}
+
+static bool times_are_sane(const struct frame *frame) {
+    for (int i = 0; i < frame->count; i++)
+        if (!is_sane_time(frame->samples[i].time_ns))
+            return false;
+    return is_sane_time(frame->time_ns);
+}
+
+enum result wire_frame_to(const arthron_Frame *m, struct frame *out, struct error *err) {
+    *out = (struct frame){.number = m->number, .time_ns = m->time_ns, .count = m->samples_count};
+    CHECK(out->count <= FRAME_SAMPLES_MAX);
+    for (int i = 0; i < out->count; i++)
+        if (!sample_to(&m->samples[i], &out->samples[i]))
+            return fail(err, RESULT_INVALID, "frame %llu: sample %d has no known value or device",
+                        (unsigned long long)m->number, i);
+    if (!times_are_sane(out))
+        return fail(err, RESULT_INVALID, "frame %llu: a time is negative or centuries ahead",
+                    (unsigned long long)m->number);
+    if (!frame_is_valid(out))
+        return fail(err, RESULT_INVALID, "frame %llu: a sample is out of its range",
+                    (unsigned long long)m->number);
+    return RESULT_OK;
+}
+
+// ---- knees --------------------------------------------------------------------------------------
+
+void wire_knee_from(const struct knee_frame *knee, arthron_Knee *out) {
+    *out = (arthron_Knee){.side = (arthron_Knee_Side)knee->joint.side,
+                          .has_femur_joint = true,
+                          .femur_joint = wire_pose_from(knee->joint.T_femur_joint),
+                          .has_tibia_joint = true,
+                          .tibia_joint = wire_pose_from(knee->joint.T_tibia_joint),
+                          .patella_count = (pb_size_t)knee->patella_count};
+    for (int i = 0; i < knee->patella_count; i++) {
+        const struct patella_key *key = &knee->patella[i];
+        out->patella[i] =
+            (arthron_PatellaKey){key->flexion_deg, true, wire_pose_from(key->T_femur_patella)};
+    }
+}
+
+void wire_knee_to(const arthron_Knee *m, struct knee_frame *out) {
+    *out = (struct knee_frame){.joint = {.side = (enum side)m->side,
+                                         .T_femur_joint = wire_pose_to(&m->femur_joint),
+                                         .T_tibia_joint = wire_pose_to(&m->tibia_joint)},
+                               .patella_count = m->patella_count};
+    for (int i = 0; i < out->patella_count; i++)
+        out->patella[i] =
+            (struct patella_key){m->patella[i].flexion_deg, wire_pose_to(&m->patella[i].pose)};
+}

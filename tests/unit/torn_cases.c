@@ -7,7 +7,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define CLEAR_MM 0.3 // that a virtual tibia stays off its femur; 0.4 at rest
+// That a virtual tibia stays off its femur, also where the mock-up is pushed past the keys; 0.4 at
+// rest.
+#define CLEAR_MM 0.1
 
 struct patient {
     const char *recipe;
@@ -219,8 +221,8 @@ static void the_virtual_tibia_stays_out_of_the_femur(void **state) {
             for (int way = 1; way <= 4; way++) {
                 bool valgus = p->opens_medially, drawer = p->glides;
                 struct joint_hold hold = {.flexion_deg = flexion,
-                                          .valgus_deg = valgus * 5 * way / 4.0,
-                                          .drawer_mm = drawer * 6 * way / 4.0};
+                                          .valgus_deg = valgus * 8 * way / 4.0,
+                                          .drawer_mm = drawer * 10 * way / 4.0};
                 double clear = bones_gap(&bones, seen(p, held(p, hold)));
                 if (!(clear > CLEAR_MM))
                     fail_msg("%s: %g mm at %g degrees of flexion, valgus %g, drawer %g", p->recipe,

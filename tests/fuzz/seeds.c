@@ -81,6 +81,16 @@ static void messages(void) {
     CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
     seed("control", "welcome", data, used);
 
+    struct knee_frame knee = {.joint = {SIDE_LEFT, pose_identity(), pose_identity()},
+                              .patella_count = 2};
+    for (int i = 0; i < 2; i++)
+        knee.patella[i] = (struct patella_key){90.0 * i, pose_identity()};
+    control = (arthron_Control){.which_message = arthron_Control_session_change_tag};
+    control.message.session_change.has_knee = true;
+    wire_knee_from(&knee, &control.message.session_change.knee);
+    CHECK(wire_encode_control(&control, data, sizeof data, &used) == RESULT_OK);
+    seed("control", "change", data, used);
+
     console.which_message = arthron_Console_command_tag;
     CHECK(wire_encode_console(&console, data, sizeof data, &used) == RESULT_OK);
     seed("control", "console", data, used);

@@ -54,7 +54,7 @@ class View(House):
         self.start_mockup()
         self.server = self.start_server(extra=extra)
         self.enrol("room-1")
-        station = self.start_station()
+        station = self.start_station("room-1", "--live")
         station.wait_for_log("/view?token=")
         return station
 
@@ -80,7 +80,7 @@ class View(House):
 
     def check_answer(self, extra):
         self.stand()
-        self.start_all(extra)
+        station = self.start_all(extra)
         viewer = self.look()
         self.probe_when(viewer, "an answer", lambda p: p["warp_validity"] == "ok")
         self.wait_for_steps(100)
@@ -100,6 +100,7 @@ class View(House):
             self.assert_pose(message["bodies"][1]["pose"], step, "tibia")
         moved = math.dist(*([p[key] for key in "xyz"] for p in (probe["tip"], probe["warped"])))
         self.assertGreater(moved, 0.1)
+        wait_until("a live line", lambda: f"warp {moved:5.2f} mm" in station.out())
 
     def test_a_standing_hand_is_shown_where_the_server_puts_it(self):
         self.check_answer("")

@@ -24,15 +24,29 @@ class View(House):
             viewer.close()
         super().tearDown()
 
-    # ---- a hand that stands
+    # ---- motions
 
-    def stand(self):
-        """The mock-up's motion becomes one moment of itself, with the probe on the tibia."""
+    def play(self, choose):
+        """The mock-up's motion becomes what `choose` takes of its rows, 10 ms each."""
         with open(self.motion) as f:
             header, *rows = f.read().splitlines()
-        touching = [row for row in rows if row.endswith(",tibia")]
-        rest = touching[len(touching) // 6].split(",", 1)[1]
-        self.motion = self.write("standing.csv", "\n".join([header] + [f"{i / 100:.2f},{rest}" for i in range(100)]))
+        chosen = [row.split(",", 1)[1] for row in choose(rows)]
+        self.motion = self.write("played.csv", "\n".join([header] + [f"{i / 100:.2f},{r}" for i, r in enumerate(chosen)]))
+
+    def stand(self):
+        """One moment, with the probe on the tibia."""
+        def choose(rows):
+            touching = [row for row in rows if row.endswith(",tibia")]
+            return [touching[len(touching) // 6]] * 100
+        self.play(choose)
+
+    def stroke(self):
+        """The probe strokes the tibia, there and back."""
+        def choose(rows):
+            first = next(i for i, row in enumerate(rows) if row.endswith(",tibia"))
+            there = rows[first:first + 120]
+            return there + there[::-1]
+        self.play(choose)
 
     # ---- programs
 
@@ -67,10 +81,14 @@ class View(House):
                 return probe
         raise AssertionError(f"in vain: {what}")
 
-    def last_step(self):
+    def steps(self):
         trace = self.session()["trace"]
         rows = call("arthron-trace", "export", trace, "--csv", "-", code=None).stdout.splitlines()
-        return dict(zip(rows[0].split(","), rows[-1].split(",")))
+        return [dict(zip(rows[0].split(","), row.split(","))) for row in rows[1:]]
+
+    def last_step(self):
+        steps = self.steps()
+        return steps[-1] if steps else {}
 
     def assert_pose(self, shown, step, name):
         for key, column in COLUMNS.items():
@@ -107,6 +125,29 @@ class View(House):
 
     def test_a_standing_rigid_instrument_is_too(self):
         self.check_answer("[warp]\navatar = rigid\n")
+
+    def test_a_moving_hand_is_shown_where_the_server_will_say(self):
+        self.stroke()
+        self.start_all()
+        viewer = self.look()
+        self.probe_when(viewer, "an answer", lambda p: p["warp_validity"] == "ok")
+        shown = [viewer.next()["instruments"][PROBE] for _ in range(600)]
+
+        def place(step, name):
+            return tuple(float(step[f"{name}_{column}"]) for column in ("tx_mm", "ty_mm", "tz_mm"))
+        said = {place(step, "probe"): place(step, "probe_warped") for step in self.steps() if step["probe_tx_mm"]}
+        errors, warps = [], []
+        for probe in shown:
+            tip = tuple(probe["tip"][key] for key in "xyz")
+            if tip not in said or not probe["warped"] or probe["age_ms"] > 20:
+                continue  # the trace is not on the disk yet, or the machine is busy
+            warped = tuple(probe["warped"][key] for key in "xyz")
+            errors.append(math.dist(warped, said[tip]))
+            warps.append(math.dist(tip, said[tip]))
+        self.assertGreater(len(errors), 200)
+        self.assertGreater(max(warps) - min(warps), 0.2)
+
+        self.assertLess(sum(errors) / len(errors), 0.01)  # 0.002, and 0.017 by the displacement alone
 
     def test_without_the_server_the_last_answer_is_held_then_lost_then_back(self):
         self.stand()

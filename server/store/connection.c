@@ -1,0 +1,368 @@
+#include "store/connection.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "store/schema.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <time.h>
+#include <unistd.h>
+
+#define BUSY_MS 2000
+#define LOCK_ROUND_MS 10
+
+// ---- errors -------------------------------------------------------------------------------------
+
+enum result connection_failed(sqlite3 *db, const char *path, int code, struct error *err) {
+    const char *text = db ? sqlite3_errmsg(db) : sqlite3_errstr(code);
+    switch (code & 0xff) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+        return fail(err, RESULT_TIMEOUT,
+                    "%s: another program keeps the records locked: end it, or try again", path);
+    case SQLITE_CORRUPT:
+        return fail(err, RESULT_CORRUPT,
+                    "%s: the records are damaged (%s): put back a backup with 'arthron-server "
+                    "restore BACKUP --file %s'",
+                    path, text, path);
+    case SQLITE_NOTADB:
+        return fail(err, RESULT_FORMAT,
+                    "%s: this is no database, or its beginning is destroyed: name another file, or "
+                    "put back a backup with 'arthron-server restore BACKUP --file %s'",
+                    path, path);
+    case SQLITE_CONSTRAINT:
+        return fail(err, RESULT_REFUSED, "%s: %s", path, text);
+    case SQLITE_ERROR:
+    case SQLITE_SCHEMA:
+    case SQLITE_MISMATCH:
+        return fail(err, RESULT_FORMAT,
+                    "%s: its tables are not those of arthron-server (%s): put back a backup", path,
+                    text);
+    default:
+        return fail(err, RESULT_IO, "%s: %s: look after the disk's space and the file's rights",
+                    path, text);
+    }
+}
+
+enum result store_failed(struct store *store, int code, struct error *err) {
+    return connection_failed(store->db, store->path, code, err);
+}
+
+// ---- the lock beside the file -------------------------------------------------------------------
+
+// SQLite's own locks are on the file, and a restore exchanges the file.
+enum result connection_lock(const char *path, bool alone, int *out_fd, struct error *err) {
+    char lock[PATH_MAX];
+    if (snprintf(lock, sizeof lock, "%s-lock", path) >= (int)sizeof lock)
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
+    int fd = open(lock, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", lock, strerror(errno));
+    const struct timespec round = {0, LOCK_ROUND_MS * NS_PER_MS};
+    for (int waited = 0; flock(fd, (alone ? LOCK_EX : LOCK_SH) | LOCK_NB);
+         waited += LOCK_ROUND_MS) {
+        if (waited >= BUSY_MS) {
+            close(fd);
+            return fail(err, RESULT_TIMEOUT,
+                        "%s: another arthron-server %s: try again when it has ended", path,
+                        alone ? "has the records open" : "is putting back a backup");
+        }
+        nanosleep(&round, NULL);
+    }
+    *out_fd = fd;
+    return RESULT_OK;
+}
+
+// ---- opening ------------------------------------------------------------------------------------
+
+static enum result reach_file(const char *path, int flags, struct error *err) {
+    int access_mode = flags & SQLITE_OPEN_READONLY ? O_RDONLY : O_RDWR;
+    int fd = open(path, access_mode | O_CLOEXEC | (flags & SQLITE_OPEN_CREATE ? O_CREAT : 0), 0600);
+    if (fd < 0 && errno == ENOENT)
+        return fail(err, RESULT_MISSING, "%s: there are no records", path);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    close(fd);
+    return RESULT_OK;
+}
+
+static enum result read_number(sqlite3 *db, const char *path, const char *sql, int64_t *out,
+                               struct error *err) {
+    sqlite3_stmt *statement;
+    int code = sqlite3_prepare_v2(db, sql, -1, &statement, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_step(statement);
+    if (code == SQLITE_ROW)
+        *out = sqlite3_column_int64(statement, 0);
+    sqlite3_finalize(statement);
+    return code == SQLITE_ROW ? RESULT_OK : connection_failed(db, path, code, err);
+}
+
+enum result connection_version(sqlite3 *db, const char *path, int *out_version, struct error *err) {
+    int64_t version = 0;
+    enum result result = read_number(db, path, "PRAGMA user_version", &version, err);
+    *out_version = (int)version;
+    return result;
+}
+
+// An empty file becomes ours; any other must be.
+static enum result check_owner(sqlite3 *db, const char *path, bool make, struct error *err) {
+    int64_t id = 0, tables = 0;
+    int version = 0;
+    enum result result = read_number(db, path, "PRAGMA application_id", &id, err);
+    if (result == RESULT_OK)
+        result = read_number(db, path, "SELECT count(*) FROM sqlite_schema", &tables, err);
+    if (result == RESULT_OK)
+        result = connection_version(db, path, &version, err);
+    if (result != RESULT_OK)
+        return result;
+    if (id != STORE_APPLICATION_ID && (id || tables || version || !make))
+        return fail(err, RESULT_FORMAT,
+                    "%s: this is no file of arthron-server's records: name another", path);
+    if (version > schema_version)
+        return fail(
+            err, RESULT_VERSION,
+            "%s: a newer arthron-server made these records (version %d, this one knows %d): "
+            "install it, or put back an older backup",
+            path, version, schema_version);
+    if (version < 0 || (id && !version))
+        return fail(err, RESULT_FORMAT, "%s: records of version %d: put back a backup", path,
+                    version);
+    return RESULT_OK;
+}
+
+enum result connection_open(const char *path, int flags, sqlite3 **out_db, struct error *err) {
+    enum result result = reach_file(path, flags, err);
+    sqlite3 *db = NULL;
+    *out_db = NULL;
+    if (result != RESULT_OK)
+        return result;
+    int code = sqlite3_open_v2(path, &db, flags, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_busy_timeout(db, BUSY_MS);
+    if (code == SQLITE_OK)
+        code = sqlite3_exec(db, "PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON;", NULL,
+                            NULL, NULL);
+    result = code == SQLITE_OK ? check_owner(db, path, flags & SQLITE_OPEN_CREATE, err)
+                               : connection_failed(db, path, code, err);
+    if (result == RESULT_OK)
+        *out_db = db;
+    else
+        sqlite3_close(db);
+    return result;
+}
+
+// One row "ok" where all is well, else what is wrong.
+static enum result expect(sqlite3 *db, const char *path, const char *pragma, const char *expected,
+                          struct error *err) {
+    sqlite3_stmt *statement;
+    int code = sqlite3_prepare_v2(db, pragma, -1, &statement, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_step(statement);
+    enum result result = RESULT_OK;
+    const char *text = code == SQLITE_ROW ? (const char *)sqlite3_column_text(statement, 0) : NULL;
+    if (code != SQLITE_ROW && code != SQLITE_DONE)
+        result = connection_failed(db, path, code, err);
+    else if ((text || expected) && (!text || !expected || strcmp(text, expected) != 0))
+        result = fail(err, RESULT_CORRUPT, "%s: the records are damaged: %s", path,
+                      text ? text : "no answer");
+    sqlite3_finalize(statement);
+    return result;
+}
+
+enum result connection_check(sqlite3 *db, const char *path, struct error *err) {
+    enum result result = expect(db, path, "PRAGMA integrity_check(1)", "ok", err);
+    if (result == RESULT_OK)
+        result = expect(db, path, "PRAGMA foreign_key_check", NULL, err);
+    return result;
+}
+
+// ---- versions -----------------------------------------------------------------------------------
+
+// Another program may be doing the same: the version counts that is found once nobody else writes.
+static enum result climb(struct store *store, bool *out_there, struct error *err) {
+    char sql[96];
+    int version;
+    *out_there = false;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = connection_version(store->db, store->path, &version, err);
+    if (result == RESULT_OK && version >= schema_version) {
+        *out_there = true;
+        return store_end(store, result, err);
+    }
+    snprintf(sql, sizeof sql, "PRAGMA application_id = %d; PRAGMA user_version = %d;",
+             STORE_APPLICATION_ID, version + 1);
+    if (result == RESULT_OK)
+        result = store_run(store, schema_steps[version], err);
+    if (result == RESULT_OK)
+        result = store_run(store, sql, err);
+    return store_end(store, result, err);
+}
+
+static enum result bring_up_to_date(struct store *store, struct error *err) {
+    int version;
+    enum result result = connection_version(store->db, store->path, &version, err);
+    for (bool there = version >= schema_version; result == RESULT_OK && !there;)
+        result = climb(store, &there, err);
+    return result;
+}
+
+enum result store_open(const char *path, enum store_mode mode, const char *actor,
+                       struct store **out_store, struct error *err) {
+    struct store *store = alloc(1, sizeof *store);
+    store->path = alloc_text(path);
+    store->actor = alloc_text(actor);
+    store->lock_fd = -1;
+    enum result result = RESULT_OK;
+    if (mode == STORE_THERE && access(path, F_OK))
+        result = fail(err, RESULT_MISSING, "%s: there are no records", path);
+    if (result == RESULT_OK)
+        result = connection_lock(path, false, &store->lock_fd, err);
+    if (result == RESULT_OK)
+        result = connection_open(
+            path, SQLITE_OPEN_READWRITE | (mode == STORE_MAKE ? SQLITE_OPEN_CREATE : 0), &store->db,
+            err);
+    if (result == RESULT_OK)
+        result = store_run(store,
+                           "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+                           "PRAGMA foreign_keys = ON; PRAGMA secure_delete = ON;",
+                           err);
+    if (result == RESULT_OK)
+        result = bring_up_to_date(store, err);
+    if (result != RESULT_OK)
+        store_close(&store);
+    *out_store = store;
+    return result;
+}
+
+void store_close(struct store **store) {
+    struct store *s = *store;
+    if (!s)
+        return;
+    for (int i = 0; i < s->statement_count; i++)
+        sqlite3_finalize(s->statements[i].prepared);
+    sqlite3_close(s->db);
+    if (s->lock_fd >= 0)
+        close(s->lock_fd);
+    free(s->path);
+    free(s->actor);
+    free(s);
+    *store = NULL;
+}
+
+// ---- statements ---------------------------------------------------------------------------------
+
+enum result store_run(struct store *store, const char *sql, struct error *err) {
+    int code = sqlite3_exec(store->db, sql, NULL, NULL, NULL);
+    return code == SQLITE_OK ? RESULT_OK : store_failed(store, code, err);
+}
+
+static enum result get_statement(struct store *store, const char *sql, sqlite3_stmt **out,
+                                 struct error *err) {
+    for (int i = 0; i < store->statement_count; i++)
+        if (store->statements[i].sql == sql) {
+            *out = store->statements[i].prepared;
+            return RESULT_OK;
+        }
+    CHECK(store->statement_count < STORE_STATEMENTS_MAX);
+    int code = sqlite3_prepare_v2(store->db, sql, -1, out, NULL);
+    if (code != SQLITE_OK)
+        return store_failed(store, code, err);
+    store->statements[store->statement_count++] = (struct statement){sql, *out};
+    return RESULT_OK;
+}
+
+static int bind(sqlite3_stmt *statement, int at, char kind, va_list *args) {
+    if (kind == 'i')
+        return sqlite3_bind_int64(statement, at, va_arg(*args, int64_t));
+    if (kind == 't')
+        return sqlite3_bind_text(statement, at, va_arg(*args, const char *), -1, SQLITE_TRANSIENT);
+    CHECK(kind == 'r');
+    double value = va_arg(*args, double);
+    return isfinite(value) ? sqlite3_bind_double(statement, at, value)
+                           : sqlite3_bind_null(statement, at);
+}
+
+static enum result prepare(struct store *store, const char *sql, sqlite3_stmt **out,
+                           struct error *err, const char *kinds, va_list *args) {
+    enum result result = get_statement(store, sql, out, err);
+    int code = SQLITE_OK;
+    for (int i = 0; result == RESULT_OK && kinds[i] && code == SQLITE_OK; i++)
+        code = bind(*out, i + 1, kinds[i], args);
+    return code == SQLITE_OK ? result : store_failed(store, code, err);
+}
+
+enum result store_prepare(struct store *store, const char *sql, sqlite3_stmt **out,
+                          struct error *err, const char *kinds, ...) {
+    va_list args;
+    va_start(args, kinds);
+    enum result result = prepare(store, sql, out, err, kinds, &args);
+    va_end(args);
+    return result;
+}
+
+// The row's number into *out where there is one and it is asked for.
+static enum result run_once(struct store *store, sqlite3_stmt *statement, int64_t *out,
+                            struct error *err) {
+    int code = sqlite3_step(statement);
+    enum result result = RESULT_OK;
+    if (code == SQLITE_ROW && out)
+        *out = sqlite3_column_int64(statement, 0);
+    else if (code == SQLITE_DONE && out)
+        result = RESULT_MISSING;
+    else if (code != SQLITE_DONE && code != SQLITE_ROW)
+        result = store_failed(store, code, err);
+    sqlite3_reset(statement);
+    sqlite3_clear_bindings(statement);
+    return result;
+}
+
+enum result store_do(struct store *store, const char *sql, struct error *err, const char *kinds,
+                     ...) {
+    va_list args;
+    sqlite3_stmt *statement;
+    va_start(args, kinds);
+    enum result result = prepare(store, sql, &statement, err, kinds, &args);
+    va_end(args);
+    return result == RESULT_OK ? run_once(store, statement, NULL, err) : result;
+}
+
+enum result store_find(struct store *store, const char *sql, int64_t *out, struct error *err,
+                       const char *kinds, ...) {
+    va_list args;
+    sqlite3_stmt *statement;
+    va_start(args, kinds);
+    enum result result = prepare(store, sql, &statement, err, kinds, &args);
+    va_end(args);
+    return result == RESULT_OK ? run_once(store, statement, out, err) : result;
+}
+
+enum result store_begin(struct store *store, struct error *err) {
+    return store_run(store, "BEGIN IMMEDIATE", err);
+}
+
+enum result store_end(struct store *store, enum result result, struct error *err) {
+    if (result == RESULT_OK)
+        result = store_run(store, "COMMIT", err);
+    if (result != RESULT_OK && !sqlite3_get_autocommit(store->db))
+        sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+    return result;
+}
+
+enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,
+                        struct error *err) {
+    char subject[STORE_NAME_MAX];
+    snprintf(subject, sizeof subject, id ? "%s %lld" : "%s", kind, (long long)id);
+    return store_do(store, "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)",
+                    err, "ittt", clock_utc_ns(), store->actor, action, subject);
+}

@@ -1,0 +1,222 @@
+// Copies of the whole file, made and put back.
+#include "base/check.h"
+#include "base/clock.h"
+#include "store/connection.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <libgen.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#define PAGES_A_TURN 256
+#define PATIENCE_NS (10 * NS_PER_S)
+#define ASIDE_MAX 100
+
+static enum result name_beside(const char *path, const char *more, char *out, size_t size,
+                               struct error *err) {
+    if (snprintf(out, size, "%s%s", path, more) >= (int)size)
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
+    return RESULT_OK;
+}
+
+static enum result make_new(const char *path, struct error *err) {
+    int fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return fail(err, errno == EEXIST ? RESULT_REFUSED : RESULT_IO, "%s: %s", path,
+                    strerror(errno));
+    close(fd);
+    return RESULT_OK;
+}
+
+static enum result sync_path(const char *path, int flags, struct error *err) {
+    int fd = open(path, flags | O_CLOEXEC);
+    int failed = fd < 0 || fsync(fd);
+    if (failed)
+        fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return failed ? RESULT_IO : RESULT_OK;
+}
+
+static enum result sync_file_and_folder(const char *path, struct error *err) {
+    char *copy = alloc_text(path);
+    enum result result = sync_path(path, O_RDONLY, err);
+    if (result == RESULT_OK)
+        result = sync_path(dirname(copy), O_RDONLY | O_DIRECTORY, err);
+    free(copy);
+    return result;
+}
+
+// ---- copying ------------------------------------------------------------------------------------
+
+// Others may write between two turns; what they do then is in the copy too.
+static int copy_pages(sqlite3 *from, sqlite3 *to) {
+    sqlite3_backup *backup = sqlite3_backup_init(to, "main", from, "main");
+    if (!backup)
+        return sqlite3_errcode(to);
+    int64_t end_ns = clock_now_ns() + PATIENCE_NS;
+    int code;
+    while ((code = sqlite3_backup_step(backup, PAGES_A_TURN)) != SQLITE_DONE) {
+        bool waits = code == SQLITE_BUSY || code == SQLITE_LOCKED;
+        if ((code != SQLITE_OK && !waits) || clock_now_ns() > end_ns)
+            break;
+        if (waits)
+            sqlite3_sleep(10);
+    }
+    sqlite3_backup_finish(backup);
+    return code == SQLITE_OK ? SQLITE_BUSY : code;
+}
+
+// Into a new file that needs no other beside it, checked and on disk.
+static enum result copy_checked(sqlite3 *from, const char *from_path, const char *to_path,
+                                struct error *err) {
+    sqlite3 *to = NULL;
+    enum result result = make_new(to_path, err);
+    if (result != RESULT_OK)
+        return result;
+    int code = sqlite3_open_v2(to_path, &to, SQLITE_OPEN_READWRITE, NULL);
+    if (code != SQLITE_OK)
+        result = connection_failed(to, to_path, code, err);
+    if (result == RESULT_OK && (code = copy_pages(from, to)) != SQLITE_DONE)
+        result = connection_failed(NULL, from_path, code, err);
+    if (result == RESULT_OK)
+        result = connection_check(to, from_path, err);
+    if (result == RESULT_OK &&
+        (code = sqlite3_exec(to, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL)) != SQLITE_OK)
+        result = connection_failed(to, to_path, code, err);
+    sqlite3_close(to);
+    if (result == RESULT_OK)
+        result = sync_file_and_folder(to_path, err);
+    if (result != RESULT_OK)
+        unlink(to_path);
+    return result;
+}
+
+// Under its own name only once it is whole.
+enum result store_backup(struct store *store, const char *out_path, struct error *err) {
+    char part[PATH_MAX];
+    enum result result = name_beside(out_path, ".part", part, sizeof part, err);
+    if (result == RESULT_OK && access(out_path, F_OK) == 0)
+        result = fail(err, RESULT_REFUSED, "%s: it is there already: name another file", out_path);
+    if (result != RESULT_OK)
+        return result;
+    unlink(part); // of a backup that was interrupted
+    result = copy_checked(store->db, store->path, part, err);
+    if (result == RESULT_OK && link(part, out_path))
+        result = fail(err, RESULT_IO, "%s: %s", out_path, strerror(errno));
+    unlink(part);
+    return result == RESULT_OK ? sync_file_and_folder(out_path, err) : result;
+}
+
+// ---- putting back -------------------------------------------------------------------------------
+
+static enum result read_backup(const char *backup, const char *fresh, struct error *err) {
+    sqlite3 *db;
+    enum result result = connection_open(backup, SQLITE_OPEN_READONLY, &db, err);
+    if (result != RESULT_OK)
+        return result;
+    result = copy_checked(db, backup, fresh, err);
+    sqlite3_close(db);
+    return result;
+}
+
+static enum result free_name(const char *path, char *out, size_t size, struct error *err) {
+    char when[32];
+    time_t now = time(NULL);
+    struct tm utc;
+    strftime(when, sizeof when, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+    for (int i = 0; i < ASIDE_MAX; i++) {
+        char more[64] = "";
+        snprintf(more, sizeof more, i ? ".replaced-%s-%d" : ".replaced-%s", when, i);
+        enum result result = name_beside(path, more, out, size, err);
+        if (result != RESULT_OK || access(out, F_OK))
+            return result;
+    }
+    return fail(err, RESULT_REFUSED, "%s: %d others lie aside", path, ASIDE_MAX);
+}
+
+// Takes what is in the log beside the file into it, and the log away, so that the file can be
+// moved. What is too damaged for that is moved as it is, log and all.
+static enum result settle(const char *path, struct error *err) {
+    sqlite3 *db;
+    struct error why;
+    enum result result = connection_open(path, SQLITE_OPEN_READWRITE, &db, &why);
+    if (result == RESULT_OK) {
+        int code = sqlite3_exec(db, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
+        if (code != SQLITE_OK)
+            result = connection_failed(db, path, code, &why);
+        sqlite3_close(db);
+    }
+    if (result == RESULT_TIMEOUT || result == RESULT_IO)
+        return fail(err, result, "%s", why.text);
+    return RESULT_OK;
+}
+
+static enum result move_file(const char *path, const char *to, const char *more,
+                             struct error *err) {
+    char from_name[PATH_MAX], to_name[PATH_MAX];
+    enum result result = name_beside(path, more, from_name, sizeof from_name, err);
+    if (result == RESULT_OK)
+        result = name_beside(to, more, to_name, sizeof to_name, err);
+    if (result == RESULT_OK && rename(from_name, to_name) && errno != ENOENT)
+        result = fail(err, RESULT_IO, "%s: %s", from_name, strerror(errno));
+    return result;
+}
+
+// The log before its file: another file must never meet it.
+static enum result put_aside(const char *path, char *out_aside, struct error *err) {
+    out_aside[0] = '\0';
+    if (access(path, F_OK))
+        return RESULT_OK;
+    enum result result = settle(path, err);
+    if (result == RESULT_OK)
+        result = free_name(path, out_aside, STORE_TEXT_MAX, err);
+    if (result == RESULT_OK)
+        result = move_file(path, out_aside, "-wal", err);
+    if (result == RESULT_OK)
+        result = move_file(path, out_aside, "-shm", err);
+    if (result == RESULT_OK && link(path, out_aside))
+        result = fail(err, RESULT_IO, "%s: %s", out_aside, strerror(errno));
+    return result;
+}
+
+static enum result tell_audit(const char *path, const char *actor, struct error *err) {
+    struct store *store;
+    enum result result = store_open(path, STORE_THERE, actor, &store, err);
+    if (result == RESULT_OK)
+        result = store_audit(store, "restore", "records", 0, err);
+    store_close(&store);
+    return result;
+}
+
+static enum result exchange(const char *fresh, const char *path, char *out_aside,
+                            struct error *err) {
+    enum result result = put_aside(path, out_aside, err);
+    if (result == RESULT_OK && rename(fresh, path))
+        result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return result == RESULT_OK ? sync_file_and_folder(path, err) : result;
+}
+
+enum result store_restore(const char *backup, const char *path, const char *actor,
+                          char out_aside[STORE_TEXT_MAX], struct error *err) {
+    char fresh[PATH_MAX];
+    int lock = -1;
+    out_aside[0] = '\0';
+    enum result result = name_beside(path, ".restoring", fresh, sizeof fresh, err);
+    if (result == RESULT_OK)
+        result = connection_lock(path, true, &lock, err);
+    if (result != RESULT_OK)
+        return result;
+    unlink(fresh); // of a restore that was interrupted: the lock is ours
+    result = read_backup(backup, fresh, err);
+    if (result == RESULT_OK)
+        result = exchange(fresh, path, out_aside, err);
+    unlink(fresh);
+    close(lock);
+    return result == RESULT_OK ? tell_audit(path, actor, err) : result;
+}

@@ -1,0 +1,139 @@
+#include "base/check.h"
+#include "store/connection.h"
+
+#include <string.h>
+
+#define COLUMNS_MAX 24
+
+#define SESSIONS                                                                                   \
+    "SELECT s.uuid AS id, station.name AS station, trainee.name AS trainee, "                      \
+    "knee_case.name AS \"case\", knee_case.hash AS case_hash, s.start_utc_ns, s.end_utc_ns, "      \
+    "s.state, s.steps, s.missing, s.trace, s.trace_xxh3 FROM session s "                           \
+    "JOIN station ON station.id = s.station_id JOIN knee_case ON knee_case.id = s.case_id "        \
+    "LEFT JOIN trainee ON trainee.id = s.trainee_id "
+
+// ?1: the key, or NULL for all.
+static const struct {
+    const char *name, *sql;
+} lists[LIST_COUNT] = {
+    [LIST_TRAINEES] = {"trainees",
+                       "SELECT t.name, t.full_name, t.created_utc_ns, t.erased_utc_ns, "
+                       "(SELECT count(*) FROM session WHERE trainee_id = t.id) AS sessions "
+                       "FROM trainee t WHERE ?1 IS NULL OR t.name = ?1 ORDER BY t.id"},
+    [LIST_COURSES] = {"courses",
+                      "SELECT c.name, c.created_utc_ns, "
+                      "(SELECT count(*) FROM enrolment WHERE course_id = c.id) AS trainees "
+                      "FROM course c WHERE ?1 IS NULL OR c.name = ?1 ORDER BY c.id"},
+    [LIST_ENROLMENTS] = {"enrolments",
+                         "SELECT course.name AS course, trainee.name AS trainee FROM enrolment "
+                         "JOIN course ON course.id = course_id "
+                         "JOIN trainee ON trainee.id = trainee_id "
+                         "WHERE ?1 IS NULL OR course.name = ?1 ORDER BY course.id, trainee.id"},
+    [LIST_STATIONS] = {"stations",
+                       "SELECT st.name, count(s.id) AS sessions, max(s.start_utc_ns) AS "
+                       "last_start_utc_ns FROM station st LEFT JOIN session s ON "
+                       "s.station_id = st.id WHERE ?1 IS NULL OR st.name = ?1 "
+                       "GROUP BY st.id ORDER BY st.id"},
+    [LIST_CASES] = {"cases", "SELECT c.name, c.hash, "
+                             "(SELECT count(*) FROM session WHERE case_id = c.id) AS sessions "
+                             "FROM knee_case c WHERE ?1 IS NULL OR c.name = ?1 ORDER BY c.id"},
+    [LIST_SESSIONS] = {"sessions", SESSIONS "WHERE ?1 IS NULL OR s.uuid = ?1 ORDER BY s.id"},
+    [LIST_RESULTS] = {"results",
+                      "SELECT s.uuid AS session, r.metric, r.subject, r.version, r.unit, r.value, "
+                      "r.details FROM result r JOIN session s ON s.id = r.session_id "
+                      "WHERE ?1 IS NULL OR s.uuid = ?1 "
+                      "ORDER BY s.id, r.metric, r.subject, r.version"},
+    [LIST_ACCOUNTS] = {"accounts",
+                       "SELECT a.name, a.role, trainee.name AS trainee, "
+                       "a.password IS NOT NULL AS can_log_in, a.created_utc_ns FROM account a "
+                       "LEFT JOIN trainee ON trainee.id = a.trainee_id "
+                       "WHERE ?1 IS NULL OR a.name = ?1 ORDER BY a.id"},
+    [LIST_AUDIT] = {"audit", "SELECT utc_ns, actor, action, subject FROM audit "
+                             "WHERE ?1 IS NULL OR subject = ?1 ORDER BY id"},
+};
+
+const char *store_list_name(enum store_list list) {
+    return lists[list].name;
+}
+
+bool store_list_from_name(const char *name, enum store_list *out_list) {
+    for (int i = 0; i < LIST_COUNT; i++)
+        if (!strcmp(name, lists[i].name)) {
+            *out_list = (enum store_list)i;
+            return true;
+        }
+    return false;
+}
+
+static struct store_cell read_cell(sqlite3_stmt *statement, int column) {
+    struct store_cell cell = {.column = sqlite3_column_name(statement, column)};
+    switch (sqlite3_column_type(statement, column)) {
+    case SQLITE_INTEGER:
+        cell.kind = STORE_WHOLE;
+        cell.whole = sqlite3_column_int64(statement, column);
+        break;
+    case SQLITE_FLOAT:
+        cell.kind = STORE_REAL;
+        cell.real = sqlite3_column_double(statement, column);
+        break;
+    case SQLITE_TEXT:
+        cell.kind = STORE_TEXT;
+        cell.text = (const char *)sqlite3_column_text(statement, column);
+        break;
+    default: // also a blob, which no table of ours has
+        cell.kind = STORE_NOTHING;
+    }
+    return cell;
+}
+
+static int read_row(sqlite3_stmt *statement, struct store_cell cells[COLUMNS_MAX]) {
+    int count = sqlite3_column_count(statement);
+    CHECK(count <= COLUMNS_MAX);
+    for (int i = 0; i < count; i++)
+        cells[i] = read_cell(statement, i);
+    return count;
+}
+
+static enum result read_all(struct store *store, const char *sql, const char *key, store_taker take,
+                            void *user, struct error *err) {
+    struct store_cell cells[COLUMNS_MAX];
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(store, sql, &statement, err, "t", key);
+    if (result != RESULT_OK)
+        return result;
+    int code;
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
+        int count = read_row(statement, cells);
+        take(user, cells, count);
+    }
+    if (code != SQLITE_DONE)
+        result = store_failed(store, code, err);
+    sqlite3_reset(statement);
+    return result;
+}
+
+enum result store_read(struct store *store, enum store_list list, const char *key, store_taker take,
+                       void *user, struct error *err) {
+    return read_all(store, lists[list].sql, key, take, user, err);
+}
+
+enum result store_columns(struct store *store, enum store_list list, store_taker take, void *user,
+                          struct error *err) {
+    struct store_cell cells[COLUMNS_MAX] = {0};
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(store, lists[list].sql, &statement, err, "t", NULL);
+    if (result != RESULT_OK)
+        return result;
+    int count = sqlite3_column_count(statement);
+    CHECK(count <= COLUMNS_MAX);
+    for (int i = 0; i < count; i++)
+        cells[i].column = sqlite3_column_name(statement, i);
+    take(user, cells, count);
+    return RESULT_OK;
+}
+
+enum result store_read_sessions_of(struct store *store, const char *trainee, store_taker take,
+                                   void *user, struct error *err) {
+    return read_all(store, SESSIONS "WHERE trainee.name = ?1 ORDER BY s.id", trainee, take, user,
+                    err);
+}

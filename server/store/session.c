@@ -1,0 +1,138 @@
+#include "base/check.h"
+#include "base/clock.h"
+#include "store/connection.h"
+#include "store/text.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char *const state_names[] = {"open", "closed", "deserted", "interrupted"};
+
+static enum result check_session(const struct store_session *s, struct error *err) {
+    enum result result = text_check(s->station, "session's station", sizeof s->station, err);
+    if (result == RESULT_OK)
+        result = text_check(s->case_name, "session's case", sizeof s->case_name, err);
+    if (result == RESULT_OK && s->trainee[0])
+        result = text_check(s->trainee, "session's trainee", sizeof s->trainee, err);
+    if (result == RESULT_OK)
+        result = text_check(s->trace, "session's trace", sizeof s->trace, err);
+    if (result == RESULT_OK &&
+        (strlen(s->id) != STORE_ID_MAX - 1 || strspn(s->id, "0123456789abcdef") != strlen(s->id)))
+        result = fail(err, RESULT_INVALID, "the session's id '%.40s' is not 32 hexadecimal digits",
+                      s->id);
+    if (result == RESULT_OK && (s->steps > INT64_MAX || s->missing > INT64_MAX))
+        result = fail(err, RESULT_INVALID, "the session's steps are out of range");
+    return result;
+}
+
+static enum result check_result(const struct store_result *r, struct error *err) {
+    enum result result = text_check(r->metric, "result's metric", sizeof r->metric, err);
+    if (result == RESULT_OK && r->subject[0])
+        result = text_check(r->subject, "result's subject", sizeof r->subject, err);
+    if (result == RESULT_OK && r->unit[0])
+        result = text_check(r->unit, "result's unit", sizeof r->unit, err);
+    if (result == RESULT_OK && r->version < 1)
+        result = fail(err, RESULT_INVALID, "the result's version is %d", r->version);
+    return result;
+}
+
+// ---- what it refers to --------------------------------------------------------------------------
+
+static enum result make_places(struct store *store, const struct store_session *s,
+                               const char *case_hash, struct error *err) {
+    enum result result =
+        store_do(store, "INSERT OR IGNORE INTO station (name) VALUES (?)", err, "t", s->station);
+    if (result == RESULT_OK)
+        result = store_do(store, "INSERT OR IGNORE INTO knee_case (name, hash) VALUES (?, ?)", err,
+                          "tt", s->case_name, case_hash);
+    if (result == RESULT_OK && s->trainee[0])
+        result =
+            store_do(store, "INSERT OR IGNORE INTO trainee (name, created_utc_ns) VALUES (?, ?)",
+                     err, "ti", s->trainee, clock_utc_ns());
+    return result;
+}
+
+// ---- the session --------------------------------------------------------------------------------
+
+static enum result begin_session(struct store *store, const struct store_session *s,
+                                 int64_t *out_id, struct error *err) {
+    char case_hash[17];
+    snprintf(case_hash, sizeof case_hash, "%016" PRIx64, s->case_hash);
+    enum result result = make_places(store, s, case_hash, err);
+    if (result == RESULT_OK)
+        result = store_do(
+            store,
+            "INSERT INTO session (uuid, station_id, trainee_id, case_id, start_utc_ns, state, "
+            "steps, missing, trace) VALUES (?, (SELECT id FROM station WHERE name = ?), "
+            "(SELECT id FROM trainee WHERE name = ?), "
+            "(SELECT id FROM knee_case WHERE name = ? AND hash = ?), ?, 'open', 0, 0, ?)",
+            err, "tttttit", s->id, s->station, s->trainee, s->case_name, case_hash, s->start_utc_ns,
+            s->trace);
+    *out_id = sqlite3_last_insert_rowid(store->db);
+    return result;
+}
+
+static enum result find_session(struct store *store, const struct store_session *s, int64_t *out_id,
+                                struct error *err) {
+    enum result result =
+        store_find(store, "SELECT id FROM session WHERE uuid = ?", out_id, err, "t", s->id);
+    return result == RESULT_MISSING ? begin_session(store, s, out_id, err) : result;
+}
+
+static enum result update_session(struct store *store, int64_t id, const struct store_session *s,
+                                  struct error *err) {
+    char hash[17];
+    snprintf(hash, sizeof hash, "%016" PRIx64, s->trace_hash);
+    return store_do(store,
+                    "UPDATE session SET end_utc_ns = nullif(?, 0), state = ?, steps = ?, "
+                    "missing = ?, trace = ?, trace_xxh3 = ? WHERE id = ?",
+                    err, "itiitti", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
+                    (int64_t)s->missing, s->trace, s->trace_is_hashed ? hash : NULL, id);
+}
+
+static enum result put_result(struct store *store, int64_t session_id, const struct store_result *r,
+                              struct error *err) {
+    enum result result = check_result(r, err);
+    if (result != RESULT_OK)
+        return result;
+    return store_do(store,
+                    "INSERT OR REPLACE INTO result (session_id, metric, subject, version, unit, "
+                    "value, details) VALUES (?, ?, ?, ?, ?, ?, nullif(?, ''))",
+                    err, "ittitrt", session_id, r->metric, r->subject, (int64_t)r->version, r->unit,
+                    r->value, r->details);
+}
+
+enum result store_put_session(struct store *store, const struct store_session *s,
+                              const struct store_result *results, int count, struct error *err) {
+    int64_t id;
+    CHECK((unsigned)s->state < sizeof state_names / sizeof *state_names);
+    enum result result = check_session(s, err);
+    if (result == RESULT_OK)
+        result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_session(store, s, &id, err);
+    if (result == RESULT_OK)
+        result = update_session(store, id, s, err);
+    for (int i = 0; i < count && result == RESULT_OK; i++)
+        result = put_result(store, id, &results[i], err);
+    return store_end(store, result, err);
+}
+
+enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, struct error *err) {
+    return store_do(store,
+                    "UPDATE session SET state = 'interrupted' "
+                    "WHERE state = 'open' AND start_utc_ns < ?",
+                    err, "i", before_utc_ns);
+}
+
+enum result store_trace_is_done(struct store *store, const char *trace, bool *out_done,
+                                struct error *err) {
+    int64_t id;
+    enum result result =
+        store_find(store, "SELECT id FROM session WHERE trace = ? AND trace_xxh3 IS NOT NULL", &id,
+                   err, "t", trace);
+    *out_done = result == RESULT_OK;
+    return result == RESULT_MISSING ? RESULT_OK : result;
+}

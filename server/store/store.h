@@ -1,0 +1,164 @@
+// The records: who trained where, on what, and with which results. An SQLite database (WAL) that is
+// made from what happened; the truth about a session stays in its trace. docs/RECORDS.md has the
+// tables, and what of them is personal.
+//
+// A store belongs to the thread that opened it, and is meant to be open for a moment only: whoever
+// has it open keeps store_restore waiting. Any number of programs may have the same file open.
+//
+// Errors name the file and what to do. RESULT_TIMEOUT: another program kept it locked, all can be
+// tried again. RESULT_CORRUPT: it is damaged. RESULT_FORMAT: it is something else. RESULT_VERSION:
+// a newer program made it. RESULT_IO: the disk or its rights. RESULT_INVALID: a text that is too
+// long, empty or unprintable. RESULT_REFUSED: it contradicts what is there. RESULT_MISSING: nothing
+// of that name. After any of them the records are as they were.
+#pragma once
+
+#include "base/result.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define STORE_NAME_MAX 64 // bytes of UTF-8 with the 0 at the end
+#define STORE_TEXT_MAX 256
+#define STORE_ID_MAX 33 // 32 hexadecimal digits
+
+struct store;
+
+enum store_mode {
+    STORE_THERE, // RESULT_MISSING where the file is not there
+    STORE_MAKE   // made where it is not there, for this user alone
+};
+
+// Brings an older database to this version's tables: forwards only, each step whole or not at all.
+// actor: who this is, for the audit log; copied.
+enum result store_open(const char *path, enum store_mode mode, const char *actor,
+                       struct store **out_store, struct error *err);
+void store_close(struct store **store); // NULL inside is fine
+
+// ---- people and courses -------------------------------------------------------------------------
+
+// full_name may be NULL. RESULT_REFUSED where the name is taken.
+enum result store_add_trainee(struct store *store, const char *name, const char *full_name,
+                              struct error *err);
+enum result store_add_course(struct store *store, const char *name, struct error *err);
+
+// A trainee may be in several courses; once more in the same one is fine.
+enum result store_enrol(struct store *store, const char *trainee, const char *course,
+                        struct error *err);
+
+enum store_role { ROLE_TECHNICIAN, ROLE_INSTRUCTOR, ROLE_TRAINEE, ROLE_COUNT };
+
+const char *store_role_name(enum store_role role); // "technician", "instructor", "trainee"
+bool store_role_from_name(const char *name, enum store_role *out_role);
+
+// password: encoded by argon2 ("$argon2id$v=19$..."), never the password itself, or NULL for an
+// account that cannot log in. trainee: whose account it is, or NULL.
+enum result store_add_account(struct store *store, const char *name, enum store_role role,
+                              const char *password, const char *trainee, struct error *err);
+
+// Takes away who the trainee was: name and full name give way to a pseudonym (written to
+// out_pseudonym), their courses and accounts go, and nothing of them stays in the file. Their
+// sessions and results stay. RESULT_MISSING where there is none of that name.
+enum result store_erase_trainee(struct store *store, const char *name,
+                                char out_pseudonym[STORE_NAME_MAX], struct error *err);
+
+// ---- sessions -----------------------------------------------------------------------------------
+
+enum store_state {
+    STATE_OPEN,
+    STATE_CLOSED,
+    STATE_DESERTED,   // its station stayed away for too long
+    STATE_INTERRUPTED // its server ended before it did
+};
+
+struct store_session {
+    char id[STORE_ID_MAX]; // lower-case hexadecimal
+    char station[STORE_NAME_MAX];
+    char trainee[STORE_NAME_MAX]; // empty: nobody was named
+    char case_name[STORE_NAME_MAX];
+    uint64_t case_hash;
+    int64_t start_utc_ns;
+    int64_t end_utc_ns; // 0: not yet
+    enum store_state state;
+    uint64_t steps;
+    uint64_t missing; // steps that its trace lacks
+    char trace[STORE_TEXT_MAX];
+    bool trace_is_hashed;
+    uint64_t trace_hash; // XXH3 of the whole file
+};
+
+// One figure of a session. Figures of different versions of a metric stand beside each other.
+struct store_result {
+    char metric[STORE_NAME_MAX];  // "resection.over"
+    char subject[STORE_NAME_MAX]; // of what: a tissue, an instrument; empty: the session
+    int version;                  // of the metric's definition, from 1
+    char unit[16];                // "mm3"; empty: a number
+    double value;                 // not finite: none
+    char details[STORE_TEXT_MAX]; // a JSON object, or empty
+};
+
+// Writes what is now known of a session, and results with it: all or nothing. Station, trainee and
+// case are made where they are new. A session that is there keeps what it began with.
+enum result store_put_session(struct store *store, const struct store_session *session,
+                              const struct store_result *results, int count, struct error *err);
+
+// Sessions that are open although they began before this time: their server has ended.
+enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, struct error *err);
+
+// Whether all is known of the session with this trace (its path as it was put).
+enum result store_trace_is_done(struct store *store, const char *trace, bool *out_done,
+                                struct error *err);
+
+// ---- reading ------------------------------------------------------------------------------------
+
+enum store_list {
+    LIST_TRAINEES,
+    LIST_COURSES,
+    LIST_ENROLMENTS,
+    LIST_STATIONS,
+    LIST_CASES,
+    LIST_SESSIONS,
+    LIST_RESULTS, // of a session
+    LIST_ACCOUNTS,
+    LIST_AUDIT,
+    LIST_COUNT
+};
+
+const char *store_list_name(enum store_list list); // "trainees", "courses", ...
+bool store_list_from_name(const char *name, enum store_list *out_list);
+
+enum store_kind { STORE_NOTHING, STORE_WHOLE, STORE_REAL, STORE_TEXT };
+
+struct store_cell {
+    const char *column;
+    enum store_kind kind;
+    int64_t whole;
+    double real;
+    const char *text; // STORE_TEXT
+};
+
+typedef void (*store_taker)(void *user, const struct store_cell *cells, int count);
+
+// Gives each row to the taker, in the order in which they were made; texts live until it returns.
+// key: only the rows of this name or id (results: of this session), or NULL for all.
+enum result store_read(struct store *store, enum store_list list, const char *key, store_taker take,
+                       void *user, struct error *err);
+
+// The columns of a list, without rows.
+enum result store_columns(struct store *store, enum store_list list, store_taker take, void *user,
+                          struct error *err);
+
+// The sessions of one trainee, as LIST_SESSIONS.
+enum result store_read_sessions_of(struct store *store, const char *trainee, store_taker take,
+                                   void *user, struct error *err);
+
+// ---- the whole file -----------------------------------------------------------------------------
+
+// A copy of the records at one moment, checked, in a new file of this user alone; others may write
+// meanwhile. RESULT_REFUSED where the file is there.
+enum result store_backup(struct store *store, const char *out_path, struct error *err);
+
+// Puts a backup in the place of the records at `path`, at once or not at all; what was there is
+// kept beside it, its path in out_aside (empty: nothing was there). Waits until nobody has them
+// open.
+enum result store_restore(const char *backup, const char *path, const char *actor,
+                          char out_aside[STORE_TEXT_MAX], struct error *err);

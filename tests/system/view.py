@@ -146,7 +146,6 @@ class View(House):
             warps.append(math.dist(tip, said[tip]))
         self.assertGreater(len(errors), 200)
         self.assertGreater(max(warps) - min(warps), 0.2)
-
         self.assertLess(sum(errors) / len(errors), 0.01)  # 0.002, and 0.017 by the displacement alone
 
     def test_without_the_server_the_last_answer_is_held_then_lost_then_back(self):

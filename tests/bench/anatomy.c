@@ -60,8 +60,7 @@ void anatomy_flex(struct anatomy *anatomy, double flexion_deg) {
 
 // ---- its extent ---------------------------------------------------------------------------------
 
-static vec3 corner_delta(const struct warp_scene *scene, int surface, uint32_t triangle,
-                         int corner) {
+vec3 anatomy_delta(const struct warp_scene *scene, int surface, uint32_t triangle, int corner) {
     struct closest contact = {.point = mesh_corner(scene->surfaces[surface].mesh, triangle, corner),
                               .triangle = triangle,
                               .weights = {corner == 0, corner == 1, corner == 2},
@@ -82,7 +81,7 @@ double anatomy_largest(const struct warp_scene *scene, struct box *out_box) {
         const struct warp_surface *s = &scene->surfaces[k];
         for (uint32_t t = 0; t < s->mesh->triangle_count; t++)
             for (int i = 0; i < 3; i++) {
-                double length = vec3_length(corner_delta(scene, k, t, i));
+                double length = vec3_length(anatomy_delta(scene, k, t, i));
                 longest = fmax(longest, length);
                 if (length > MOVED_MM)
                     include(out_box,
@@ -118,6 +117,19 @@ bool anatomy_reaches(const struct warp_scene *scene, uint32_t hollow, vec3 y) {
         }
     }
     return front && near < 2;
+}
+
+double anatomy_gap(const struct warp_scene *scene, uint32_t hollow, vec3 y) {
+    double gap = INFINITY;
+    for (int k = 0; k < scene->surface_count; k++) {
+        const struct warp_surface *s = &scene->surfaces[k];
+        struct closest c;
+        vec3 p = pose_apply_inverse(scene->T_world_body[s->body], y);
+        bool solid = !(hollow >> k & 1);
+        if (solid && query_closest(s->query, p, fmin(REACH_MM, fabs(gap)), MESH_NONE, &c))
+            gap = shows_front(s->mesh, p, &c) ? c.distance : -c.distance;
+    }
+    return gap;
 }
 
 void anatomy_hull(const struct warp_scene *scene, struct hull *out) {

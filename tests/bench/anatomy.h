@@ -24,6 +24,9 @@ void anatomy_fini(struct anatomy *anatomy); // zeroed is fine
 void anatomy_displace(struct anatomy *anatomy);
 void anatomy_flex(struct anatomy *anatomy, double flexion_deg);
 
+// Of a corner of a triangle.
+vec3 anatomy_delta(const struct warp_scene *scene, int surface, uint32_t triangle, int corner);
+
 // The longest Δ of all vertices, mm, and the box of those with more than 1e-3 mm, in the world.
 double anatomy_largest(const struct warp_scene *scene, struct box *out_box);
 
@@ -32,6 +35,10 @@ double anatomy_largest(const struct warp_scene *scene, struct box *out_box);
 // Where the tip of an instrument may be: the nearest surface shows its front, and no second one is
 // within ANATOMY_CLEAR_MM. hollow: as above.
 bool anatomy_reaches(const struct warp_scene *scene, uint32_t hollow, vec3 y);
+
+// From y to the nearest solid within 12 mm, negative inside it; INFINITY where there is none.
+// Instruments pass through what is hollow.
+double anatomy_gap(const struct warp_scene *scene, uint32_t hollow, vec3 y);
 
 // Inside the hull of all groups, grown by 10 mm (the hull: between a hundred pairs of planes).
 #define HULL_PLANES 200

@@ -68,6 +68,31 @@ void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant,
     report_figure(report, samples_max(samples), unit, "%s/%s/%s/max", scene->name, field, what);
 }
 
+// ---- places -------------------------------------------------------------------------------------
+
+#define PLACE_TRIES 100000
+
+bool fidelity_place(const struct scene_of_lesion *scene, struct random *r, vec3 *out_point,
+                    vec3 *out_normal) {
+    const struct warp_scene *warp_scene = &scene->anatomy->scene;
+    for (int i = 0; i < PLACE_TRIES; i++) {
+        int k = (int)(random_bits(r) % (uint64_t)warp_scene->surface_count);
+        const struct warp_surface *s = &warp_scene->surfaces[k];
+        uint32_t t = (uint32_t)(random_bits(r) % s->mesh->triangle_count);
+        if (!s->displacement ||
+            vec3_length(anatomy_delta(warp_scene, k, t, 0)) < 0.1 * scene->largest_mm)
+            continue;
+        vec3 p[3];
+        for (int c = 0; c < 3; c++)
+            p[c] = pose_apply(warp_scene->T_world_body[s->body], mesh_corner(s->mesh, t, c));
+        vec3 across = vec3_cross(vec3_sub(p[1], p[0]), vec3_sub(p[2], p[0]));
+        *out_point = vec3_lerp(vec3_lerp(p[0], p[1], 0.5), p[2], 1.0 / 3);
+        *out_normal = vec3_unit_or(across, (vec3){0});
+        return true;
+    }
+    return false;
+}
+
 // ---- knees --------------------------------------------------------------------------------------
 
 static const uint64_t seeds[] = {1, 2};
@@ -81,9 +106,12 @@ static enum result measure_lesion(struct scene_of_lesion *scene, struct error *e
     scene->standard = lesion_is_concave(scene->lesion) ? VARIANT_SMOOTH_SKIN : VARIANT_INVERSE_SKIN;
     snprintf(scene->name, sizeof scene->name, "%s/%s/%d", knee->name, lesion_name(scene->lesion),
              (int)scene->seed);
+    struct box box;
+    scene->largest_mm = anatomy_largest(&scene->anatomy->scene, &box);
     fidelity_fields(scene);
     fidelity_touch(scene);
-    return RESULT_OK;
+    fidelity_motion(scene);
+    return fidelity_instruments(scene, err);
 }
 
 // Takes the case.

@@ -47,6 +47,7 @@ struct scene_of_lesion {
     struct anatomy *anatomy;
     enum lesion lesion;
     uint64_t seed;
+    double largest_mm;     // Δ
     enum variant standard; // the field that the marks speak of
     char name[96];         // "healthy/cavity/1"
 };
@@ -59,12 +60,24 @@ void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant,
 void fidelity_figure(const struct scene_of_lesion *scene, enum variant variant, const char *what,
                      const char *unit, double value);
 
+// ---- places ----
+
+// A point of a surface where it is displaced by a tenth of the largest Δ and more, and the way off
+// it; false where none was found.
+bool fidelity_place(const struct scene_of_lesion *scene, struct random *r, vec3 *out_point,
+                    vec3 *out_normal);
+
 // ---- what is measured ----
 
 // Beside the harmonic displacement on two grids: rms, gain, folds; jumps; late replies.
 void fidelity_fields(const struct scene_of_lesion *scene);
 // On the surface, a little off it, and under noise.
 void fidelity_touch(const struct scene_of_lesion *scene);
+
+// Along recordings of hands, from many places.
+void fidelity_motion(const struct scene_of_lesion *scene);
+// Straight instruments through the portals of the case, in each mode: false touch.
+enum result fidelity_instruments(const struct scene_of_lesion *scene, struct error *err);
 
 // Torn ligaments on an ideal joint: the opening curve, with its marks.
 void fidelity_opening(struct fidelity *fidelity);

@@ -9,7 +9,8 @@
 #define MATTERS_SHARE 0.01 // of the largest displacement
 #define ENOUGH_NODES 2000  // before that the grid is made finer
 #define JUMP_MM 0.01
-#define JUMP_EDGES 400 // those that change most are looked into
+#define JUMP_EDGES 400 // those that change most are looked into, and
+#define JUMP_EDGES_QUICK 40
 
 // The nodes of a grid where one can be and something is displaced.
 struct nodes {
@@ -124,21 +125,9 @@ static void report_harmonic(const struct scene_of_lesion *scene, const struct no
     struct report *report = scene->fidelity->report;
     size_t folds = 0;
     for (size_t i = 0; i < nodes->count; i++) {
-        vec3 at = nodes->harmonic.values[nodes->of[i]];
-        double m[3][3];
-        bool whole = true;
-        for (int axis = 0; axis < 3; axis++) {
-            uint32_t next = next_node(nodes, i, axis);
-            whole = whole && next != HARMONIC_NONE;
-            vec3 d = whole ? vec3_sub(nodes->harmonic.values[nodes->of[next]], at) : at;
-            m[0][axis] = d.x / nodes->spacing_mm + (axis == 0);
-            m[1][axis] = d.y / nodes->spacing_mm + (axis == 1);
-            m[2][axis] = d.z / nodes->spacing_mm + (axis == 2);
-        }
-        mat3 A = {{{m[0][0], m[0][1], m[0][2]},
-                   {m[1][0], m[1][1], m[1][2]},
-                   {m[2][0], m[2][1], m[2][2]}}};
-        folds += whole && mat3_determinant(A) <= 0;
+        mat3 gradient;
+        folds += harmonic_gradient(&nodes->harmonic, nodes->of[i], &gradient) &&
+                 mat3_determinant(mat3_add_scaled(mat3_identity(), 1, gradient)) <= 0;
     }
     double h = nodes->spacing_mm;
     report_figure(report, (double)nodes->count, "nodes", "%s/harmonic/%g mm/nodes", scene->name, h);
@@ -255,14 +244,14 @@ static struct edge *edges_of(const struct scene_of_lesion *scene, enum variant v
 
 static void measure_jumps(const struct scene_of_lesion *scene, enum variant variant,
                           const struct nodes *nodes) {
-    size_t count;
+    size_t count, looked_into = scene->fidelity->quick ? JUMP_EDGES_QUICK : JUMP_EDGES;
     struct edge *edges = edges_of(scene, variant, nodes, &count);
     double change = 0, jump = 0;
     qsort(edges, count, sizeof *edges, by_change);
-    for (size_t i = 0; i < count && i < JUMP_EDGES; i++)
+    for (size_t i = 0; i < count && i < looked_into; i++)
         change = fmax(change, narrow(scene, variant, edges[i], by_change).change);
     qsort(edges, count, sizeof *edges, by_jump);
-    for (size_t i = 0; i < count && i < JUMP_EDGES; i++)
+    for (size_t i = 0; i < count && i < looked_into; i++)
         jump = fmax(jump, narrow(scene, variant, edges[i], by_jump).jump);
     fidelity_figure(scene, variant, "0.01 mm of hand/change", "mm", change);
     fidelity_figure(scene, variant, "0.01 mm of hand/jump", "mm", jump);

@@ -19,7 +19,8 @@ struct shipped {
     const struct scene *scene;
     const struct knee_case *knee;
     uint32_t hollow;
-    size_t nodes, left_out, folds;
+    size_t nodes, left_out;
+    size_t folds, beside_skin, harmonic_folds; // beside: of the folds, between skin and another
     double key_error_mm, rest_mm;
 };
 
@@ -70,12 +71,39 @@ static void look_at_rest(struct shipped *s) {
 
 // ---- folds ----
 
-static bool folds_at(const struct warp_scene *warp_scene, const struct field *field, vec3 y) {
+static bool is_folded(mat3 gradient) {
+    return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, gradient)) <= 0;
+}
+
+// One of the two surfaces nearest to y is hollow.
+static bool is_beside_skin(const struct shipped *s, const struct warp_contact *contacts,
+                           int count) {
+    const struct warp_contact *nearest[2] = {NULL, NULL};
+    for (int i = 0; i < count; i++) {
+        bool first = !nearest[0] || contacts[i].distance < nearest[0]->distance;
+        if (first)
+            nearest[1] = nearest[0];
+        if (first || !nearest[1] || contacts[i].distance < nearest[1]->distance)
+            nearest[!first] = &contacts[i];
+    }
+    for (int i = 0; i < 2; i++)
+        if (nearest[i] && s->hollow >> nearest[i]->surface & 1)
+            return true;
+    return false;
+}
+
+static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene, vec3 y) {
+    struct session_settings settings = session_settings_default();
+    struct warp_contact contacts[WARP_SURFACES_MAX];
     struct warp_memory memory;
     struct warp warp;
     warp_memory_init(&memory);
-    warp_point(warp_scene, field, y, &memory, &warp);
-    return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient)) <= 0;
+    int count = warp_contacts(warp_scene, &settings.field, y, &memory, &warp, contacts);
+    s->nodes++;
+    if (!is_folded(warp.gradient))
+        return;
+    s->folds++;
+    s->beside_skin += is_beside_skin(s, contacts, count);
 }
 
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
@@ -94,23 +122,25 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
                                    .spacing_mm = s->fidelity->quick ? 2 : 1,
                                    .is_within = hull_holds,
                                    .context = &hull};
-    harmonic_find_space(&setup, &space);
-    struct session_settings settings = session_settings_default();
+    harmonic_solve(&setup, &space);
     for (uint32_t i = 0; i < space.count; i++) {
         vec3 y = harmonic_place(&space, i);
-        bool reached = anatomy_reaches(&stance.warp, s->hollow, y);
-        s->left_out += !reached;
-        s->nodes += reached;
-        s->folds += reached && folds_at(&stance.warp, &settings.field, y);
+        mat3 gradient;
+        if (!anatomy_reaches(&stance.warp, s->hollow, y)) {
+            s->left_out++;
+            continue;
+        }
+        look_at_node(s, &stance.warp, y);
+        s->harmonic_folds += harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
     }
     harmonic_fini(&space);
 }
 
 // Over flexion at rest, and as each torn ligament's keys hold the joint.
 static void walk(struct shipped *s) {
-    for (int flexion = 0; flexion <= 90; flexion += 30)
+    for (int flexion = 0; flexion <= 90; flexion += s->fidelity->quick ? 60 : 30)
         look_for_folds(s, &(struct joint_angles){.flexion_deg = flexion});
-    for (int i = 0; i < s->knee->key_count; i++) {
+    for (int i = 0; i < s->knee->key_count; i += s->fidelity->quick ? 2 : 1) {
         struct joint_angles angles = angles_of(s->knee, s->knee->keys[i].physical);
         look_for_folds(s, &angles);
     }
@@ -124,6 +154,8 @@ static void report_shipped(const struct shipped *s) {
     report_figure(report, (double)s->nodes, "nodes", "shipped/%s/reached", name);
     report_figure(report, (double)s->left_out, "nodes", "shipped/%s/left out", name);
     report_figure(report, (double)s->folds, "nodes", "shipped/%s/folds", name);
+    report_figure(report, (double)s->beside_skin, "nodes", "shipped/%s/folds/beside skin", name);
+    report_figure(report, (double)s->harmonic_folds, "nodes", "shipped/%s/folds/harmonic", name);
     if (!s->knee->key_count)
         return;
     report_figure(report, s->key_error_mm, "mm", "shipped/%s/key error", name);

@@ -388,8 +388,7 @@ static void solve(const struct equations *e, struct harmonic *out) {
     free(Ap);
 }
 
-// The space, and the equations of it.
-static void prepare(const struct harmonic_setup *setup, struct harmonic *out, struct equations *e) {
+void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out) {
     struct grid grid;
     grid_init(&grid, setup);
     cross_surfaces(&grid);
@@ -400,31 +399,16 @@ static void prepare(const struct harmonic_setup *setup, struct harmonic *out, st
     size_t count = out->count ? out->count : 1;
     out->neighbours = alloc(count, sizeof *out->neighbours);
     out->values = alloc(count, sizeof(vec3));
-    *e = (struct equations){out, alloc(count, sizeof(double)), alloc(count, sizeof(double)),
-                            alloc(count, sizeof(vec3)), 0};
+    struct equations e = {out, alloc(count, sizeof(double)), alloc(count, sizeof(double)),
+                          alloc(count, sizeof(vec3)), 0};
     for (uint32_t i = 0; i < out->count; i++)
-        set_row(&grid, out, e, i);
+        set_row(&grid, out, &e, i);
     grid_fini(&grid);
-}
-
-static void equations_fini(struct equations *e) {
-    free(e->diagonal);
-    free(e->factor);
-    free(e->b);
-}
-
-void harmonic_find_space(const struct harmonic_setup *setup, struct harmonic *out) {
-    struct equations e;
-    prepare(setup, out, &e);
-    equations_fini(&e);
-}
-
-void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out) {
-    struct equations e;
-    prepare(setup, out, &e);
     set_factor(&e);
     solve(&e, out);
-    equations_fini(&e);
+    free(e.diagonal);
+    free(e.factor);
+    free(e.b);
 }
 
 void harmonic_fini(struct harmonic *harmonic) {
@@ -453,4 +437,17 @@ uint32_t harmonic_find(const struct harmonic *h, vec3 place) {
             return HARMONIC_NONE;
     double node = at[0] + h->size[0] * (at[1] + h->size[1] * at[2]);
     return h->index[(size_t)node];
+}
+
+bool harmonic_gradient(const struct harmonic *h, uint32_t i, mat3 *out) {
+    for (int axis = 0; axis < 3; axis++) {
+        uint32_t next = h->neighbours[i][2 * axis + 1];
+        if (next == HARMONIC_NONE)
+            return false;
+        vec3 slope = vec3_scale(1 / h->spacing_mm, vec3_sub(h->values[next], h->values[i]));
+        out->m[0][axis] = slope.x;
+        out->m[1][axis] = slope.y;
+        out->m[2][axis] = slope.z;
+    }
+    return true;
 }

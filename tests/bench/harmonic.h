@@ -37,8 +37,6 @@ struct harmonic {
     double residual;           // largest, over the largest value on a boundary
 };
 
-// Only the space, W left at 0; and all of it.
-void harmonic_find_space(const struct harmonic_setup *setup, struct harmonic *out_harmonic);
 void harmonic_solve(const struct harmonic_setup *setup, struct harmonic *out_harmonic);
 void harmonic_fini(struct harmonic *harmonic);
 
@@ -46,3 +44,6 @@ vec3 harmonic_place(const struct harmonic *harmonic, uint32_t i);
 
 // The same node of another grid, HARMONIC_NONE where it is not in that one's space.
 uint32_t harmonic_find(const struct harmonic *harmonic, vec3 place);
+
+// ∂W/∂y by the next nodes along x, y and z; false where one of them is not there.
+bool harmonic_gradient(const struct harmonic *harmonic, uint32_t i, mat3 *out_gradient);

@@ -117,6 +117,12 @@ static void a_linear_displacement_of_all_walls_goes_on_between_them(void **state
     assert_true(h.count > 1000);
     for (uint32_t i = 0; i < h.count; i++)
         assert_vec3_near(h.values[i], linear(harmonic_place(&h, i)), 1e-5);
+    mat3 gradient;
+    for (uint32_t i = 0; i < h.count; i++)
+        if (harmonic_gradient(&h, i, &gradient)) {
+            vec3 d = mat3_apply(gradient, (vec3){1, 2, 3});
+            assert_vec3_near(d, vec3_sub(linear((vec3){1, 2, 3}), linear((vec3){0})), 1e-4);
+        }
     harmonic_fini(&h);
     bodies_fini(&bodies);
 }

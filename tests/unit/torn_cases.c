@@ -1,5 +1,6 @@
 // The generated cases with torn ligaments, through the adaptive warp as a session has it.
 #include "case/generate.h"
+#include "case/motion.h"
 #include "case/motion_joint.h"
 #include "test.h"
 #include "warp/adaptive.h"
@@ -172,6 +173,29 @@ static void two_torn_ligaments_give_way_together(void **state) {
     assert_near(b.drawer_mm - a.drawer_mm, 6.9, 0.2);
 }
 
+static void the_stress_motion_takes_each_ligament_to_its_end_and_not_past_it(void **state) {
+    (void)state;
+    struct patient *p = &patients[3];
+    struct motion_script script;
+    struct motion motion;
+    struct error err = {""};
+    if (motion_script_load(CASES "/motions/stress.ini", &script, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    script.rate_hz = 20; // quicker
+    if (motion_plan(p->knee, &script, &motion, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    double most[2] = {0};
+    for (size_t i = 0; i < motion.row_count; i++) {
+        struct adaptive_warp warp;
+        adaptive_at(p->adaptive, joint_to_pose(&p->knee->joint, &motion.rows[i].joint), &warp);
+        for (int ligament = 0; ligament < 2; ligament++)
+            most[ligament] = fmax(most[ligament], warp.opening[ligament]);
+    }
+    assert_near(most[0], 1, 1e-3);
+    assert_near(most[1], 1, 1e-3);
+    motion_fini(&motion);
+}
+
 // ---- what the trainee sees ----------------------------------------------------------------------
 
 struct virtual_bones {
@@ -239,6 +263,7 @@ int main(void) {
         cmocka_unit_test(nothing_is_moved_at_rest),
         cmocka_unit_test(one_ligament_does_not_open_the_other),
         cmocka_unit_test(two_torn_ligaments_give_way_together),
+        cmocka_unit_test(the_stress_motion_takes_each_ligament_to_its_end_and_not_past_it),
         cmocka_unit_test(the_virtual_tibia_stays_out_of_the_femur),
     };
     return cmocka_run_group_tests(tests, make, destroy);

@@ -15,11 +15,8 @@
 #define OUT_MAX_MM 0.5
 #define PLAN_BEYOND_MAX 0.1
 
-static void note(struct inspection *inspection, enum finding_level level, const char *where,
-                 const char *format, ...) __attribute__((format(printf, 4, 5)));
-
-static void note(struct inspection *inspection, enum finding_level level, const char *where,
-                 const char *format, ...) {
+void inspection_note(struct inspection *inspection, enum finding_level level, const char *where,
+                     const char *format, ...) {
     inspection->faults += level == FINDING_FAULT;
     if (inspection->count == FINDINGS_MAX)
         return;
@@ -104,29 +101,32 @@ bool inspect_medial_plateau(struct knee_case *knee, vec3 *out_point) {
 static void inspect_surface(const struct case_group *group, struct inspection *out) {
     struct topology t = topology_of(&group->mesh);
     if (!t.closed)
-        note(out, FINDING_WARNING, group->name, "open: %u edges with one triangle", t.open_edges);
+        inspection_note(out, FINDING_WARNING, group->name, "open: %u edges with one triangle",
+                        t.open_edges);
     if (!t.manifold)
-        note(out, FINDING_WARNING, group->name, "not manifold: %u edges, %u vertices",
-             t.non_manifold_edges, t.non_manifold_vertices);
+        inspection_note(out, FINDING_WARNING, group->name, "not manifold: %u edges, %u vertices",
+                        t.non_manifold_edges, t.non_manifold_vertices);
     if (!t.oriented)
-        note(out, FINDING_WARNING, group->name, "triangles disagree along %u edges",
-             t.flipped_edges);
+        inspection_note(out, FINDING_WARNING, group->name, "triangles disagree along %u edges",
+                        t.flipped_edges);
     if (t.unused_vertices)
-        note(out, FINDING_WARNING, group->name, "%u vertices in no triangle", t.unused_vertices);
+        inspection_note(out, FINDING_WARNING, group->name, "%u vertices in no triangle",
+                        t.unused_vertices);
     if (t.closed && t.oriented && mesh_volume(&group->mesh) <= 0)
-        note(out, FINDING_FAULT, group->name, "inside out: its volume is %.0f mm3",
-             mesh_volume(&group->mesh));
+        inspection_note(out, FINDING_FAULT, group->name, "inside out: its volume is %.0f mm3",
+                        mesh_volume(&group->mesh));
 }
 
 static void inspect_displacements(const struct case_group *group, struct inspection *out) {
     double warp = inspect_largest(group, group->warp);
     double maxcut = inspect_largest(group, group->maxcut);
     if (warp >= DISPLACEMENT_MAX_MM)
-        note(out, FINDING_FAULT, group->name, "warp moves a vertex by %.1f mm, %d or more", warp,
-             DISPLACEMENT_MAX_MM);
+        inspection_note(out, FINDING_FAULT, group->name,
+                        "warp moves a vertex by %.1f mm, %d or more", warp, DISPLACEMENT_MAX_MM);
     if (maxcut >= DISPLACEMENT_MAX_MM)
-        note(out, FINDING_FAULT, group->name, "maxcut moves a vertex by %.1f mm, %d or more",
-             maxcut, DISPLACEMENT_MAX_MM);
+        inspection_note(out, FINDING_FAULT, group->name,
+                        "maxcut moves a vertex by %.1f mm, %d or more", maxcut,
+                        DISPLACEMENT_MAX_MM);
 }
 
 static void inspect_budget(const struct case_group *group, const struct maxcut_report *report,
@@ -134,13 +134,16 @@ static void inspect_budget(const struct case_group *group, const struct maxcut_r
     const char *where = group->name;
     double budget = report->whole_mm3 - report->least_mm3, beyond = report->plan_beyond_mm3;
     if (group->lesion.plan.part_count == 0) {
-        note(out, FINDING_NOTE, where, "cut budget %.0f of %.0f mm3", budget, report->whole_mm3);
+        inspection_note(out, FINDING_NOTE, where, "cut budget %.0f of %.0f mm3", budget,
+                        report->whole_mm3);
         return;
     }
-    note(out, FINDING_NOTE, where, "cut budget %.0f of %.0f mm3; planned %.0f mm3, %.0f within it",
-         budget, report->whole_mm3, report->plan_mm3, report->plan_mm3 - beyond);
+    inspection_note(out, FINDING_NOTE, where,
+                    "cut budget %.0f of %.0f mm3; planned %.0f mm3, %.0f within it", budget,
+                    report->whole_mm3, report->plan_mm3, report->plan_mm3 - beyond);
     if (beyond > PLAN_BEYOND_MAX * report->plan_mm3)
-        note(out, FINDING_WARNING, where, "%.0f mm3 of the plan lie within what must stay", beyond);
+        inspection_note(out, FINDING_WARNING, where,
+                        "%.0f mm3 of the plan lie within what must stay", beyond);
 }
 
 static void inspect_maxcut(const struct case_group *group, struct inspection *out) {
@@ -149,21 +152,23 @@ static void inspect_maxcut(const struct case_group *group, struct inspection *ou
     if (!group->cuttable)
         return;
     if (!group->maxcut) {
-        note(out, FINDING_WARNING, group->name, "no maxcut: nothing of it can give way to a cut");
+        inspection_note(out, FINDING_WARNING, group->name,
+                        "no maxcut: nothing of it can give way to a cut");
         return;
     }
     if (maxcut_inspect(group, &report, &err) != RESULT_OK) {
-        note(out, FINDING_FAULT, group->name, "%s", err.text);
+        inspection_note(out, FINDING_FAULT, group->name, "%s", err.text);
         return;
     }
     if (report.out_count > 0)
-        note(out, report.deepest_mm > OUT_MAX_MM ? FINDING_FAULT : FINDING_WARNING, group->name,
-             "maxcut: %u of %u samples stick out of S' by more than %g mm, at most %.2f mm",
-             report.out_count, report.samples, MAXCUT_TOLERANCE_MM, report.deepest_mm);
+        inspection_note(
+            out, report.deepest_mm > OUT_MAX_MM ? FINDING_FAULT : FINDING_WARNING, group->name,
+            "maxcut: %u of %u samples stick out of S' by more than %g mm, at most %.2f mm",
+            report.out_count, report.samples, MAXCUT_TOLERANCE_MM, report.deepest_mm);
     if (report.folds.crossed + report.folds.creased > 0)
-        note(out, FINDING_FAULT, group->name,
-             "maxcut: folded, %u pairs of triangles cross and %u lie on one another",
-             report.folds.crossed, report.folds.creased);
+        inspection_note(out, FINDING_FAULT, group->name,
+                        "maxcut: folded, %u pairs of triangles cross and %u lie on one another",
+                        report.folds.crossed, report.folds.creased);
     inspect_budget(group, &report, out);
 }
 
@@ -172,7 +177,7 @@ static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
     for (int i = 0; i < 2; i++) {
         struct error err;
         if (import_check_bone(case_group(knee, bones[i]), 1, &err) != RESULT_OK)
-            note(out, FINDING_FAULT, bones[i], "%s", err.text);
+            inspection_note(out, FINDING_FAULT, bones[i], "%s", err.text);
     }
     static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
     for (int i = 0; i < 2; i++) {
@@ -181,16 +186,16 @@ static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
             continue;
         double volume = mesh_volume(&meniscus->mesh) / 1000;
         if (volume < 0.5 || volume > 5)
-            note(out, FINDING_WARNING, menisci[i], "%.3g cm3, where a meniscus has 0.5 to 5 cm3",
-                 volume);
+            inspection_note(out, FINDING_WARNING, menisci[i],
+                            "%.3g cm3, where a meniscus has 0.5 to 5 cm3", volume);
     }
     const struct case_group *patella = case_group(knee, "patella");
     if (patella) {
         struct box box = mesh_bounds(&patella->mesh);
         double height = box.max.z - box.min.z;
         if (height < 20 || height > 70)
-            note(out, FINDING_WARNING, "patella", "%.3g mm high, where a patella has 20 to 70 mm",
-                 height);
+            inspection_note(out, FINDING_WARNING, "patella",
+                            "%.3g mm high, where a patella has 20 to 70 mm", height);
     }
 }
 
@@ -209,19 +214,22 @@ static void inspect_places(struct knee_case *knee, struct inspection *out) {
     bool bones = centre_of(knee, "femur", &femur) && centre_of(knee, "tibia", &tibia);
     CHECK(bones);
     if (femur.z <= tibia.z)
-        note(out, FINDING_FAULT, "femur", "does not lie above the tibia: is z proximal?");
+        inspection_note(out, FINDING_FAULT, "femur",
+                        "does not lie above the tibia: is z proximal?");
     if (centre_of(knee, "patella", &patella) && patella.y <= femur.y)
-        note(out, FINDING_FAULT, "patella", "does not lie before the femur: is y anterior?");
+        inspection_note(out, FINDING_FAULT, "patella",
+                        "does not lie before the femur: is y anterior?");
     if (centre_of(knee, "meniscus_medial", &medial) &&
         centre_of(knee, "meniscus_lateral", &lateral) &&
         medial_sign(knee) * (medial.x - lateral.x) <= 0)
-        note(out, FINDING_FAULT, "meniscus_medial",
-             "lies lateral of meniscus_lateral: is the side right, and x to the patient's right?");
+        inspection_note(
+            out, FINDING_FAULT, "meniscus_medial",
+            "lies lateral of meniscus_lateral: is the side right, and x to the patient's right?");
     struct box box =
         box_in_joint(&case_group(knee, "femur")->mesh, knee->joint.T_femur_joint, -INFINITY);
     if (box.min.x > 0 || box.max.x < 0 || box.min.y > 0 || box.max.y < 0 || box.min.z > 30 ||
         box.max.z < 0)
-        note(out, FINDING_FAULT, "joint", "its centre does not lie in the femur");
+        inspection_note(out, FINDING_FAULT, "joint", "its centre does not lie in the femur");
 }
 
 static double distance_to(const struct mesh *mesh, vec3 p) {
@@ -240,13 +248,16 @@ static void inspect_portals(struct knee_case *knee, struct inspection *out) {
         const struct case_portal *portal = &knee->portals[i];
         double off = skin ? distance_to(&skin->mesh, portal->position) : 0;
         if (off > PORTAL_OFF_SKIN_MAX_MM)
-            note(out, FINDING_FAULT, portal->name, "the portal is %.1f mm off the skin", off);
+            inspection_note(out, FINDING_FAULT, portal->name, "the portal is %.1f mm off the skin",
+                            off);
         vec3 inwards = vec3_sub(inspect_joint_centre(knee), portal->position);
         if (vec3_dot(inwards, portal->direction) <= 0)
-            note(out, FINDING_FAULT, portal->name, "the portal points away from the joint");
+            inspection_note(out, FINDING_FAULT, portal->name,
+                            "the portal points away from the joint");
     }
     if (knee->portal_count == 0)
-        note(out, FINDING_WARNING, "portals", "there are none: no instrument can be planned");
+        inspection_note(out, FINDING_WARNING, "portals",
+                        "there are none: no instrument can be planned");
 }
 
 void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {
@@ -259,7 +270,7 @@ void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {
     }
     for (size_t i = 0; i < sizeof useful / sizeof useful[0]; i++)
         if (!case_group(knee, useful[i]))
-            note(out_inspection, FINDING_WARNING, useful[i], "there is no such group");
+            inspection_note(out_inspection, FINDING_WARNING, useful[i], "there is no such group");
     inspect_sizes(knee, out_inspection);
     inspect_places(knee, out_inspection);
     inspect_portals(knee, out_inspection);

@@ -19,6 +19,10 @@ struct inspection {
     struct finding findings[FINDINGS_MAX];
 };
 
+// Adds a finding, cut at the text's end.
+void inspection_note(struct inspection *inspection, enum finding_level level, const char *where,
+                     const char *format, ...) __attribute__((format(printf, 4, 5)));
+
 // Faults: a tibia or femur that is not the size of a knee, a closed group that is inside out,
 // a displacement of more than 30 mm, a portal off the skin or pointing away from the joint, bones
 // or menisci that do not lie as the side and the frame (x right, y anterior, z proximal) say, a

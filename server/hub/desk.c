@@ -401,6 +401,10 @@ static void change_case(struct hub *hub, int index, const char *name, arthron_Co
         refuse(reply, "there is no case %s", name);
         return;
     }
+    if (hub->unfit[scene].text[0]) {
+        refuse(reply, "%s", hub->unfit[scene].text);
+        return;
+    }
     reply->ok = true;
     if (seat_has_session(&hub->seats[index]))
         stop(hub, index, reply);

@@ -102,6 +102,14 @@ static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *we
     return RESULT_OK;
 }
 
+// Why the seat's case is not served; empty where it is.
+static const char *unfit_of(struct hub *hub, int index) {
+    pthread_mutex_lock(&hub->card_lock);
+    const char *unfit = hub->unfit[hub->seats[index].card.scene].text;
+    pthread_mutex_unlock(&hub->card_lock);
+    return unfit;
+}
+
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
     struct hub *hub = user;
@@ -110,6 +118,10 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
                       "station %s has no case: the server's config does not name it",
                       hello->station);
+    const char *unfit = unfit_of(hub, index);
+    if (unfit[0])
+        return refuse(refusal, arthron_Refusal_Reason_NO_CASE, "station %s: %s", hello->station,
+                      unfit);
     if (hello->visit)
         return receive_visit(hub, index, welcome);
     pthread_mutex_lock(&hub->card_lock);

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "check/grade.h"
 #include "hub/seat.h"
 
 #include <errno.h>
@@ -25,6 +26,34 @@ int hub_find_station(const struct hub_config *config, const char *name) {
     return -1;
 }
 
+// What a check found of the case, if it is of these files.
+static void judge(struct hub *hub, int index) {
+    const struct hub_case *entry = &hub->config.cases[index];
+    struct case_grade grade;
+    struct error err;
+    enum result result = grade_read(entry->dir, &grade, &err);
+    if (result == RESULT_MISSING)
+        log_warning("hub", "case %s is not checked: run arthron-case check %s", entry->name,
+                    entry->dir);
+    else if (result != RESULT_OK)
+        log_warning("hub", "case %s: what its check found cannot be read: %s", entry->name,
+                    err.text);
+    else if (grade.hash != scene_case(hub->scenes[index])->hash)
+        log_warning("hub", "case %s has changed since it was checked: run arthron-case check %s",
+                    entry->name, entry->dir);
+    else if (grade.grade != GRADE_UNFIT)
+        log_info("hub", "case %s is %s%s", entry->name, grade_name(grade.grade),
+                 grade.quick ? ", by a quick check" : "");
+    else {
+        log_warning("hub", "case %s is unfit, %s: %s", entry->name,
+                    hub->config.serve_unfit ? "and served all the same" : "no session is on it",
+                    grade.reason);
+        if (!hub->config.serve_unfit)
+            fail(&hub->unfit[index], RESULT_REFUSED, "case %s is unfit: %s", entry->name,
+                 grade.reason);
+    }
+}
+
 static enum result load_scenes(struct hub *hub, struct error *err) {
     struct case_limits limits = case_limits_default();
     for (int i = 0; i < hub->config.case_count; i++) {
@@ -38,6 +67,7 @@ static enum result load_scenes(struct hub *hub, struct error *err) {
         if (result != RESULT_OK)
             return fail_in(err, result, "case %s: ", entry->name);
         log_info("hub", "case %s from %s", entry->name, entry->dir);
+        judge(hub, i);
     }
     return RESULT_OK;
 }

@@ -36,6 +36,7 @@ struct hub_config {
     char keys_dir[HUB_PATH_MAX];
     char traces_dir[HUB_PATH_MAX];
     char socket[HUB_PATH_MAX]; // local socket of the console
+    bool serve_unfit;          // sessions on cases that a check found unfit, too (check/grade.h)
     int wait_s;                // how long a session waits for its station
     // What is worse is warned of: age and residuals of a station's calibration, and drift.
     int calibration_days;

@@ -1,6 +1,8 @@
 """From mock-up to warped pose: the whole path with the real programs."""
 
+import json
 import os
+import shutil
 import socket
 import time
 import unittest
@@ -168,6 +170,34 @@ class Strangers(House):
         station.process.wait(timeout=30)
         self.assertIn("room-2 has no case", station.out() + station.log())
 
+    def test_a_case_that_was_found_unfit_is_served_only_where_the_config_says_so(self):
+        bad = self.path("bad")
+        shutil.copytree(f"{self.cases}/arthrosis", bad)
+        call("arthron-case", "check", bad, "--quick")
+        with open(f"{bad}/check.json") as f:
+            found = json.load(f)
+        self.assertEqual(found["grade"], "fit with warnings")
+        found["grade"] = "unfit"
+        found["findings"].insert(0, {"level": "fault", "where": "femur", "text": "faces too much"})
+        with open(f"{bad}/check.json", "w") as f:
+            json.dump(found, f)
+        stations = f"[case bad]\ndir = {bad}\n[station room-1]\ncase = {{}}"
+        self.start_mockup()
+        server = self.start_server(stations.format("bad"))
+        self.enrol("room-1")
+        self.assertIn("case healthy is not checked", server.log())
+        self.assertIn("case bad is unfit, no session is on it: femur: faces too much", server.log())
+        station = self.start_station("room-1", "--seconds", "2", "--live")
+        station.process.wait(timeout=30)
+        self.assertIn("case bad is unfit: femur: faces too much", station.out() + station.log())
+        self.assertIn("case bad is unfit", self.steer("case", "room-1", "bad", code=1)["text"])
+        self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
+        server.end()
+        self.start_server(stations.format("bad"), "unfit = serve")
+        self.start_station()
+        wait_until("connected", lambda: self.session()["connected"])
+        self.assertEqual(self.session()["case"], "bad")
+
     def test_of_two_stations_with_one_name_the_second_is_refused(self):
         self.start_mockup()
         self.start_server()
@@ -239,6 +269,7 @@ class Configs(House):
             (("port = ", "prot = "), ("server.ini", "line", "[server]", "prot")),
             ((f"port = {self.port}", "port = 70000"), ("[server]", "port", "70000")),
             (("case = arthrosis", "case = nowhere"), ("room-1", "nowhere")),
+            (("socket = s", "socket = s\nunfit = perhaps"), ("[server]", "unfit", "perhaps")),
             (("udp_port = ", " udp_port = "), ("line", "port", "blank")),
             (("[case healthy]", "[cose healthy]"), ("cose healthy",)),
             ((f"dir = {self.cases}/healthy", "dir = /nowhere"), ("healthy", "/nowhere")),

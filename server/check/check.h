@@ -1,0 +1,92 @@
+// What a case is worth: all that can be said of it before a trainee meets it.
+//
+// Beside what case/inspect.h sees, the reachable space of the joint is walked over flexion, and in
+// the key poses of torn ligaments: folds, gain, jumps, touch, facing surfaces (check/field.h,
+// check/facing.h). A case is unfit where there is a fault, fit with warnings where there is a
+// warning.
+//
+// Faults: what inspect.h calls so; a torn ligament whose key is not met; a rest pose that ligaments
+// move; a touch error above 1e-4 mm; in a rest pose, displacements that fill the gap between
+// surfaces that face each other within 1 mm, or make the field fold in a wider one; folds in more
+// than FOLDS_MAX of the warped space; a virtual tibia that sinks more than SUNK_MAX_MM deeper into
+// the femur than the mock-up's.
+//
+// Warnings: fewer folds; jumps; facing surfaces whose displacements differ by more than their gap;
+// a tibia that sinks in by less. Also filled gaps in key poses: two bones that slide past each
+// other are not displaced alike, and what lies between them is pressed; it is told how much, and
+// counts among the folds. The skin gives way: it faces nothing, and folds against it are told
+// apart.
+#pragma once
+
+#include "case/inspect.h"
+#include "check/facing.h"
+#include "check/field.h"
+#include "check/grade.h"
+#include "check/ligaments.h"
+
+#define CHECK_POSES_MAX (16 + CASE_KEYS_MAX)
+#define FOLDS_MAX 0.01
+#define SUNK_MAX_MM 1.0
+#define SUNK_MM 0.1
+
+struct check_settings {
+    struct field field;
+    enum adaptive_kind adaptive;
+    double spacing_mm; // of the grid
+    double flexion_step_deg;
+    bool quick; // of the keys of each ligament only the first; said in the result
+    void (*progress)(void *context, const char *what, int done, int count); // or NULL
+    void *context;
+};
+
+// Those of a session by default; 0.5 mm, every 15 degrees; quick: 1 mm, every 60.
+struct check_settings check_settings_default(bool quick);
+
+// At one pose of the joint.
+struct check_pose {
+    char name[CASE_NAME_MAX + 16]; // "30 degrees", "mcl at 15 degrees"
+    struct joint_angles joint;
+    int key;       // of the case, -1: none
+    bool is_still; // nothing is displaced: all figures are 0
+    uint64_t places[PLACE_COUNT];
+    struct field_figures *field;
+    struct touch_figures touch;
+    struct facing_figures *facing;
+    struct key_figures bones; // with a key
+};
+
+struct check {
+    struct check_settings settings;
+    char case_name[CASE_NAME_MAX];
+    uint64_t hash;
+    struct inspection findings;
+    enum grade grade;
+    double rest_mm; // of torn ligaments: what the rest pose is warped by
+    int pose_count;
+    struct check_pose poses[CHECK_POSES_MAX];
+    struct field_figures *field; // of all poses together
+    // Where the worst of all poses is, -1: nowhere.
+    int gain_pose, fold_pose, filling_pose, yielding_pose, jump_pose;
+    int opening_count;
+    struct opening openings[CASE_LIGAMENTS_MAX];
+    int group_count; // names of the groups that surfaces stand for
+    char groups[CASE_GROUPS_MAX][CASE_NAME_MAX];
+};
+
+// Takes *knee, which becomes NULL. Where it cannot even be prepared, that is its fault in the
+// result, and *out_scene is NULL; otherwise the scene is the caller's. RESULT_IO or RESULT_LIMIT
+// where the check cannot be made. The caller releases *out_check with check_destroy.
+enum result check_case(struct knee_case **knee, const struct check_settings *settings,
+                       struct check **out_check, struct scene **out_scene, struct error *err);
+void check_destroy(struct check **check); // NULL inside is fine
+
+// A check of a case that cannot be loaded: one fault, why.
+struct check *check_of_none(const char *name, const struct check_settings *settings,
+                            const struct error *why);
+
+// Roles of the scene's surfaces in its reachable space, and for a case without a skin the planes
+// that it ends at (at most CONVEX_PLANES_MAX), in the femur's frame: those about the bones within
+// 60 mm of the joint's centre, 10 mm outside of them; how many.
+void check_roles(const struct scene *scene, struct space_surface out_surfaces[CASE_GROUPS_MAX]);
+int check_planes(const struct scene *scene, const struct scene_stance *stance,
+                 struct plane *out_planes);

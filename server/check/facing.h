@@ -1,0 +1,42 @@
+// Whether the displacements of surfaces that lie close to each other go together
+// (compatibility). Where surface b faces surface a over a gap g, with the direction n from a to b:
+//
+//     g + n · (Δ_b − Δ_a) <= 0     the gap is filled, or more: no field can take both surfaces to
+//                                  where they belong without folding
+//     |Δ_b − Δ_a| > g              the field has to change by more than a hand moves across it
+//
+// Surfaces that touch or overlap have the gap 0, however deep. What differs by less than
+// FACING_SLACK_MM counts as equal: scanned surfaces touch and overlap by more than that, and
+// equal displacements of them are not compatible to the last digit. Millimetres, the scene's world.
+#pragma once
+
+#include "warp/warp.h"
+
+#define FACING_GAP_MM 1.0
+#define FACING_SLACK_MM 0.02
+
+struct facing_spot {
+    vec3 place; // on surface a
+    double gap_mm;
+    double closed_mm; // −n · (Δ_b − Δ_a): positive where they come closer
+    double apart_mm;  // |Δ_b − Δ_a|
+};
+
+// Two surfaces, a < b. Counts are of vertices of either that the other one faces.
+struct facing_pair {
+    int a, b;
+    uint64_t count;    // within FACING_GAP_MM
+    uint64_t filled;   // by the first condition; `filling`: the largest of closed − gap
+    uint64_t strained; // by the second; `strain`: the largest of apart − gap
+    struct facing_spot filling, strain;
+};
+
+struct facing_figures {
+    int count; // pairs that face each other anywhere
+    struct facing_pair pairs[WARP_SURFACES_MAX * (WARP_SURFACES_MAX - 1) / 2];
+};
+
+// Surfaces face each other where their normals are within 60 degrees of opposite. skipped: bit k:
+// leave surface k out. Threads inside; the figures depend on none of it.
+void facing_compare(const struct warp_scene *scene, uint32_t skipped,
+                    struct facing_figures *out_figures);

@@ -1,0 +1,90 @@
+// The field that a case asks for, looked at all over a reachable space: folds, gain, jumps.
+// Millimetres, in the scene's world.
+#pragma once
+
+#include "check/space.h"
+
+// Where what two surfaces are displaced by leaves so little of the gap between them, every field
+// that keeps to both folds, or all but: a bump of 2 mm that fills a gap of 2 mm.
+#define FILLED_SHARE 0.9
+#define SECOND_GROUP_MM 0.5
+#define JUMP_WAY_MM 0.01
+#define JUMP_MM 0.05
+#define GAIN_BINS 20000
+#define GAIN_BIN 1e-3
+
+// Triangles that are displaced at this pose, in the world. Beyond `reach_mm` of them W is 0.
+struct moved {
+    struct mesh mesh; // no triangles: nothing is
+    struct query *query;
+    double reach_mm;
+};
+
+// A displacement of at most 1e-6 mm is none. Of a surface with a mean, in the smooth field, all
+// triangles. For the gaussian field, whose reach has no end, it is the radius all the same. The
+// caller releases it; RESULT_IO as query_create.
+enum result moved_init(const struct warp_scene *scene, const struct field *field,
+                       struct moved *out_moved, struct error *err);
+void moved_fini(struct moved *moved);
+
+struct box moved_box(const struct moved *moved); // with its reach; it has triangles
+
+struct field_spot {
+    double value;
+    vec3 place;
+    int nearest[2]; // surfaces, -1: none
+    double gap_mm;  // between them there; 0 where they do not face each other
+    double left_mm; // of it, after their displacements
+};
+
+// Nodes, except where it says otherwise. Spots have a meaning where their count is not 0.
+struct field_figures {
+    uint64_t looked;        // W is not 0: what the shares below are of
+    uint64_t still;         // W is 0
+    uint64_t close;         // left out: closer than SECOND_GROUP_MM to a second surface
+    uint64_t folded;        // det(I + ∇W) <= 0; of these,
+    uint64_t yielded;       // those against a surface that gives way, and of the others
+    uint64_t filled;        // those where a gap is filled
+    uint64_t jumped;        // pairs of neighbours between which W jumps
+    struct field_spot gain; // the largest |∇W|
+    // The least determinant where a surface gives way, where a gap is filled, and elsewhere.
+    struct field_spot yielding, filling, fold;
+    struct field_spot jump;    // the largest change of W over JUMP_WAY_MM; nearest[0]: the surface
+                               // whose part in it changes most
+    uint64_t gains[GAIN_BINS]; // of |∇W|; the last: all beyond
+};
+
+// By |∇W| (largest singular value): change of warp for each millimetre of hand. A jump: W changes
+// by more than JUMP_MM over JUMP_WAY_MM, found by halving the way between neighbours that differ by
+// more than both gradients explain. yielding: bit k: surface k gives way, as skin does; a place is
+// against it where it is one of the two nearest. Figures are added to those that are there. Threads
+// inside; the figures depend on none of it.
+void field_walk(const struct warp_scene *scene, const struct field *field,
+                const struct moved *moved, uint32_t yielding, const struct space *space,
+                struct field_figures *figures);
+
+// Folds that neither a surface that gives way nor a filled gap explains.
+static inline uint64_t field_own_folds(const struct field_figures *figures) {
+    return figures->folded - figures->yielded - figures->filled;
+}
+
+// The gain that a share of what was looked at does not exceed; 0 where nothing was.
+double field_gain_within(const struct field_figures *figures, double share);
+
+// What is left of the gap between two contacts of a point that face each other across it, after
+// their displacements; false where they do not.
+bool field_gap(const struct warp_contact *a, const struct warp_contact *b, vec3 y, double *out_gap,
+               double *out_left);
+
+// Points exactly on displaced surfaces, where no second one is within SECOND_GROUP_MM: how far from
+// where they should be.
+struct touch_figures {
+    uint64_t count;
+    double sum_mm, largest_mm;
+    int surface; // of the largest
+    vec3 place;
+};
+
+// Added to what is there: the middles of all displaced triangles.
+void field_touch(const struct warp_scene *scene, const struct field *field,
+                 struct touch_figures *figures);

@@ -1,0 +1,29 @@
+// What a case was found to be worth: check.json in its folder, bound to the case's files by their
+// hash. Reading it needs no check.
+#pragma once
+
+#include "base/result.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define GRADE_FILE "check.json"
+#define GRADE_FORMAT "arthron-check"
+#define GRADE_VERSION 1
+#define GRADE_TEXT_MAX 384
+
+enum grade { GRADE_FIT, GRADE_WARNINGS, GRADE_UNFIT, GRADE_COUNT };
+
+const char *grade_name(enum grade grade); // "fit", "fit with warnings", "unfit"
+
+struct case_grade {
+    enum grade grade;
+    uint64_t hash;               // of the case that was checked
+    bool quick;                  // on a coarse grid, at few poses
+    char field[32];              // name of the field that it was checked with
+    char reason[GRADE_TEXT_MAX]; // the first fault, "where: text"; empty where there is none
+};
+
+// RESULT_MISSING where there is no check.json; RESULT_FORMAT, LIMIT, VERSION, INVALID where it is
+// not one of ours, naming file and key. Nothing is believed of a file that is refused.
+enum result grade_read(const char *dir, struct case_grade *out_grade, struct error *err);

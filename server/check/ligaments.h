@@ -1,0 +1,39 @@
+// What a case's torn ligaments do to its joint.
+#pragma once
+
+#include "session/session.h"
+
+#define OPENING_STEPS 61 // 0 to 120 degrees of flexion, every 2
+
+// One key pose, by the bones alone.
+struct key_figures {
+    double physical_mm; // how deep the tibia is in the femur: of the mock-up
+    double virtual_mm;  // and as it is shown
+    vec3 place;         // of the latter, in the femur's frame
+};
+
+struct key_figures ligaments_key(const struct scene *scene, enum adaptive_kind kind, int key);
+
+// The largest displacement of a point of the tibia near the joint (57 mm from its centre) in the
+// rest pose, 0 to 120 degrees in steps of 0.5, mm.
+double ligaments_rest_mm(const struct scene *scene, enum adaptive_kind kind);
+
+// The joint at rest: on the case's rest path, straight between its keys.
+struct joint_angles ligaments_rest(const struct knee_case *knee, double flexion_deg);
+
+// The joint with a ligament held against its end, over flexion: straight between its keys, constant
+// past them.
+struct joint_angles ligaments_held(const struct knee_case *knee, int ligament, double flexion_deg);
+
+// What a ligament's extra motion is, over flexion: of the joint's coordinates, the one that its
+// targets change most.
+struct opening {
+    const char *coordinate; // "valgus", "drawer", ...
+    const char *unit;       // "degrees", "mm"
+    double flexion[OPENING_STEPS], physical[OPENING_STEPS], shown[OPENING_STEPS];
+    int key_count;
+    double key_flexion[CASE_KEYS_MAX], key_target[CASE_KEYS_MAX];
+};
+
+void ligaments_opening(const struct scene *scene, enum adaptive_kind kind, int ligament,
+                       struct opening *out_opening);

@@ -1,0 +1,35 @@
+#include "check/parallel.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <unistd.h>
+
+#define THREADS_MAX 64
+
+struct share {
+    atomic_int next;
+    int count;
+    parallel_work *work;
+    void *context;
+};
+
+static void *take_share(void *argument) {
+    struct share *share = argument;
+    for (int i; (i = atomic_fetch_add(&share->next, 1)) < share->count;)
+        share->work(share->context, i);
+    return NULL;
+}
+
+void parallel_for(int count, parallel_work *work, void *context) {
+    struct share share = {.count = count, .work = work, .context = context};
+    long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    pthread_t threads[THREADS_MAX];
+    int started = 0;
+    // A thread that cannot be had leaves its share to the others.
+    while (started < THREADS_MAX && started + 1 < cores && started + 1 < count &&
+           pthread_create(&threads[started], NULL, take_share, &share) == 0)
+        started++;
+    take_share(&share);
+    for (int i = 0; i < started; i++)
+        pthread_join(threads[i], NULL);
+}

@@ -199,9 +199,11 @@ static enum result measure_rest(struct fidelity *f, const struct bench_options *
 
 // What the marks speak of.
 static void explain(struct report *report) {
-    report_text(report, "the field of the marks",
-                "what sessions have: inverse-distance with a skin of 0.1 mm; where what is "
-                "displaced is hollow (trimmed meniscus, notch osteophyte) smooth with it");
+    report_text(
+        report, "the field of the marks",
+        "inverse-distance with a skin of 0.1 mm, the default of sessions; smooth with it where "
+        "a hollow group is displaced, a meniscus or the femur: all lesions but the exposed "
+        "cavity");
     report_text(report, "the space",
                 "inside the skin, or the hull of all groups and 10 mm; outside solids; at least "
                 "0.5 mm from a second surface; where the harmonic displacement is above 1 % of the "

@@ -255,7 +255,7 @@ static void measure_jumps(const struct scene_of_lesion *scene, enum variant vari
         jump = fmax(jump, narrow(scene, variant, edges[i], by_jump).jump);
     fidelity_figure(scene, variant, "0.01 mm of hand/change", "mm", change);
     fidelity_figure(scene, variant, "0.01 mm of hand/jump", "mm", jump);
-    if (variant == VARIANT_SMOOTH && lesion_is_concave(scene->lesion))
+    if (variant == VARIANT_SMOOTH && scene->lesion >= LESION_TRIMMED)
         fidelity_worst(scene, WORST_JUMP, jump);
     free(edges);
 }
@@ -317,8 +317,8 @@ static void measure_late(const struct scene_of_lesion *scene, enum variant varia
 void fidelity_fields(const struct scene_of_lesion *scene) {
     struct nodes coarse, fine;
     double least_mm = scene->fidelity->quick ? 0.5 : 0.25;
-    nodes_init(&coarse, scene->anatomy, 1);
-    nodes_init(&fine, scene->anatomy, 0.5);
+    nodes_init(&coarse, scene->anatomy, 4 * least_mm);
+    nodes_init(&fine, scene->anatomy, 2 * least_mm);
     while (fine.count < ENOUGH_NODES && fine.spacing_mm > least_mm) {
         double half = fine.spacing_mm / 2;
         nodes_fini(&coarse);

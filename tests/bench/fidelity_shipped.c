@@ -167,6 +167,8 @@ static enum result measure_recipe(struct fidelity *f, const char *path, struct e
     struct knee_case *knee;
     struct scene *scene;
     enum result result = recipe_load(path, &recipe, err);
+    if (result == RESULT_OK && !recipe.cavity_count && !recipe.ligament_count)
+        return RESULT_OK; // nothing is displaced
     if (result == RESULT_OK)
         result = generate_knee(&recipe, &knee, err);
     if (result != RESULT_OK)

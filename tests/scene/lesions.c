@@ -20,7 +20,7 @@ const char *lesion_name(enum lesion lesion) {
 }
 
 bool lesion_is_concave(enum lesion lesion) {
-    return lesion == LESION_TRIMMED || lesion == LESION_NOTCH;
+    return lesion != LESION_CAVITY;
 }
 
 static struct deform_cavity vary(vec3 at, double radius_mm, double depth_mm, struct random *r) {

@@ -14,7 +14,8 @@ enum lesion {
 
 const char *lesion_name(enum lesion lesion);
 
-// Whether what is displaced is hollow, so that closest points jump: what `smooth` is for.
+// Whether a group is displaced that is hollow, a meniscus or the femur with its notch, so that
+// closest points jump: what `smooth` is for.
 bool lesion_is_concave(enum lesion lesion);
 
 // All displacements of the case are replaced by the lesion's. Its place, within 3 mm, and its

@@ -79,7 +79,7 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     struct trace_header header;
     fill_header(hub, seat, &card, &header);
     struct trace_writer *trace;
-    result = trace_writer_create(card.trace, &header, &trace, err);
+    result = trace_writer_create(card.trace, &header, &hub->vouches, &trace, err);
     if (result != RESULT_OK)
         return result;
     struct live *live = alloc(1, sizeof *live);

@@ -95,6 +95,19 @@ static enum result make_traces_dir(const struct hub *hub, struct error *err) {
     return RESULT_OK;
 }
 
+static enum result load_signer(struct hub *hub, struct error *err) {
+    enum result result = signer_create(hub->config.keys_dir, &hub->signer, err);
+    if (result != RESULT_OK)
+        return result;
+    hub->vouches.certificate = signer_certificate(hub->signer, &hub->vouches.certificate_size);
+    hub->vouches.sign = signer_sign;
+    hub->vouches.context = hub->signer;
+    if (hub->vouches.certificate_size > TRACE_CERTIFICATE_MAX)
+        return fail(err, RESULT_LIMIT, "%s/server.pem: it is longer than %d bytes",
+                    hub->config.keys_dir, TRACE_CERTIFICATE_MAX);
+    return RESULT_OK;
+}
+
 int hub_worker_count(const struct hub_config *config) {
     return config->workers ? config->workers : (int)sysconf(_SC_NPROCESSORS_ONLN);
 }
@@ -136,6 +149,8 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     pthread_cond_init(&hub->clerk_wake, NULL);
     enum result result = make_traces_dir(hub, err);
     if (result == RESULT_OK)
+        result = load_signer(hub, err);
+    if (result == RESULT_OK)
         result = load_scenes(hub, err);
     if (result == RESULT_OK)
         result = place_seats(hub, err);
@@ -161,6 +176,7 @@ static void release(struct hub *hub) {
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);
     pthread_cond_destroy(&hub->clerk_wake);
+    signer_destroy(&hub->signer);
     free(hub->workers);
     free(hub);
 }

@@ -8,6 +8,7 @@
 #include "net/console.h"
 #include "net/control.h"
 #include "net/datagram.h"
+#include "net/signer.h"
 #include "trace/trace.h"
 
 #include <pthread.h>
@@ -148,6 +149,8 @@ struct hub {
     atomic_bool workers_stop;
     struct control *control;
     struct console *console;
+    struct signer *signer;
+    struct trace_signer vouches; // with it
 
     pthread_mutex_t card_lock;
     pthread_mutex_t desk_lock; // one at a time opens, closes or commands sessions; may take long

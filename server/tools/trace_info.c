@@ -5,6 +5,7 @@
 #include <inttypes.h>
 #include <jansson.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
 
 static const char help[] =
@@ -14,9 +15,14 @@ static const char help[] =
     "and what happened: steps, events, instruments, the largest displacement.\n"
     "Exits 1 where the file cannot be read at all; verify tells whether it is whole.\n";
 
-static void id_text(const struct trace_header *header, char out[33]) {
-    for (size_t i = 0; i < sizeof header->session_id; i++)
-        snprintf(out + 2 * i, 3, "%02x", header->session_id[i]);
+static void hex_text(const uint8_t *bytes, size_t size, char *out) {
+    for (size_t i = 0; i < size; i++)
+        snprintf(out + 2 * i, 3, "%02x", bytes[i]);
+}
+
+static bool has_parent(const struct trace_header *header) {
+    static const uint8_t none[TRACE_HASH_SIZE];
+    return memcmp(header->parent, none, sizeof none) != 0;
 }
 
 static void time_text(int64_t utc_ns, char out[32]) {
@@ -97,7 +103,7 @@ static json_t *resections_array(const struct survey *s) {
 
 static void print_json(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32], hash[17];
-    id_text(h, id);
+    hex_text(h->session_id, sizeof h->session_id, id);
     time_text(h->start_utc_ns, start);
     snprintf(hash, sizeof hash, "%016" PRIx64, h->case_hash);
     json_t *root = json_pack(
@@ -113,6 +119,11 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         s->largest_mm, "events", events_object(s), "instruments", instruments_object(s), "torn",
         torn_array(s), "resections", resections_array(s), "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
+    char parent[2 * TRACE_HASH_SIZE + 1];
+    hex_text(h->parent, sizeof h->parent, parent);
+    json_object_set_new(root, "parent", has_parent(h) ? json_string(parent) : json_null());
+    json_object_set_new(root, "past", json_integer((json_int_t)s->past));
+    json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -130,7 +141,7 @@ static void print_instrument(enum channel channel, uint64_t present, const struc
 
 static void print_text(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32];
-    id_text(h, id);
+    hex_text(h->session_id, sizeof h->session_id, id);
     time_text(h->start_utc_ns, start);
     printf("session     %s\n", id);
     printf("station     %s\ntrainee     %s\n", h->station, h->trainee);
@@ -143,6 +154,10 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",
            survey_seconds(s), s->steps, s->frames, s->missing);
+    if (has_parent(h))
+        printf("piece       of another trace; %" PRIu64 " inputs before it\n", s->past);
+    if (s->resumes)
+        printf("resumed     %" PRIu64 " times after its server was killed\n", s->resumes);
     printf("state       %s\n", session_state_name(s->state));
     for (int i = 0; i < EVENT_COUNT; i++)
         if (s->events[i])

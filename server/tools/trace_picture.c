@@ -105,7 +105,7 @@ static void run_to(struct rerun *rerun, struct trace_reader *reader, double at_s
     struct session_output output;
     int64_t start_ns = trace_reader_header(reader)->start_ns;
     while (trace_read(reader, &record, NULL) == RESULT_OK && record.type != TRACE_GAP) {
-        if (record.type != TRACE_STEP)
+        if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         if ((double)(record.input.time_ns - start_ns) > at_s * NS_PER_S)
             return;

@@ -69,7 +69,7 @@ static int replay(const char *file, const char *case_dir, bool json) {
     enum result result = load_scene(reader, case_dir, &scene, &err);
     int64_t begin_ns = clock_now_ns();
     if (result == RESULT_OK)
-        result = trace_replay(reader, scene, show_progress, &report, &err);
+        result = trace_replay(reader, scene, NULL, show_progress, &report, &err);
     int64_t taken_ns = clock_now_ns() - begin_ns;
     scene_destroy(&scene);
     trace_reader_destroy(&reader);

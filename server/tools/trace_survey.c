@@ -64,6 +64,8 @@ void survey_read(struct trace_reader *reader, struct survey *s) {
             s->gaps++;
             s->missing += record.missing;
         }
+        s->past += record.type == TRACE_PAST;
+        s->resumes += record.type == TRACE_RESUME;
         show_progress(trace_reader_offset(reader), s->file_bytes);
     }
     s->whole_bytes = trace_reader_offset(reader);

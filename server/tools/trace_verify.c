@@ -6,56 +6,163 @@
 #include <stdio.h>
 
 static const char help[] =
-    "Usage: arthron-trace verify FILE [--json]\n"
+    "Usage: arthron-trace verify FILE [--authority PEM] [--json]\n"
     "\n"
-    "Reads every record and tells whether the file is whole, or up to which byte. A session that\n"
-    "still runs, or whose server was killed, has no end record: all before that can be used.\n"
-    "Exits 1 where anything is damaged, cut off or missing.\n";
+    "Reads every record and tells whether the file is whole, which records were changed, and who\n"
+    "signed it. A session that still runs, or whose server was killed, has no end record and no\n"
+    "signature: all before that can be used.\n"
+    "\n"
+    "  --authority PEM   the certificate of the authority whose servers are trusted "
+    "(authority.pem\n"
+    "                    in a server's folder of keys): what none of them signed is a fault\n"
+    "\n"
+    "Exits 1 where anything is damaged, cut off or missing, or the signature is wrong.\n";
 
-static void print_json(const struct survey *s) {
+#define DAMAGES_MAX 16
+
+struct damage {
+    uint64_t offset, bytes; // that are left out, 0: to the end
+    uint64_t step;          // the last one before
+    struct error why;
+};
+
+enum seal_state { SEAL_NONE, SEAL_GOOD, SEAL_BAD };
+
+struct verdict {
+    struct survey survey;
+    struct damage damages[DAMAGES_MAX]; // the first
+    int damage_count;
+    uint64_t steps_behind; // that can be read behind the first damage
+    enum seal_state seal;
+    char signed_by[TRACE_SIGNED_BY_MAX];
+    struct error seal_why;
+};
+
+static const char *const seal_names[] = {"none", "good", "bad"};
+
+// What can be read behind the damage that ended the survey.
+static void read_behind(struct trace_reader *reader, struct verdict *v) {
+    struct trace_record record;
+    enum result result = v->survey.end;
+    struct error why = v->survey.why;
+    while (result == RESULT_CORRUPT || result == RESULT_FORMAT) {
+        struct trace_place place = trace_reader_place(reader);
+        struct damage damage = {.offset = place.offset, .step = place.step, .why = why};
+        bool more = trace_skip_damage(reader, &damage.bytes, NULL) == RESULT_OK;
+        if (v->damage_count < DAMAGES_MAX)
+            v->damages[v->damage_count] = damage;
+        v->damage_count++;
+        if (!more)
+            return;
+        while ((result = trace_read(reader, &record, &why)) == RESULT_OK)
+            v->steps_behind += record.type == TRACE_STEP;
+    }
+}
+
+static void ask_seal(const struct trace_reader *reader, const char *authority, struct verdict *v) {
+    struct trace_seal seal;
+    if (!trace_reader_seal(reader, &seal))
+        return;
+    int64_t utc_ns = trace_reader_header(reader)->start_utc_ns;
+    enum result result = trace_seal_check(&seal, authority, utc_ns, v->signed_by, &v->seal_why);
+    v->seal = result == RESULT_OK ? SEAL_GOOD : SEAL_BAD;
+}
+
+static json_t *damages_array(const struct verdict *v) {
+    json_t *array = json_array();
+    for (int i = 0; i < v->damage_count && i < DAMAGES_MAX; i++)
+        json_array_append_new(
+            array, json_pack("{s:I, s:I, s:I, s:s}", "byte", (json_int_t)v->damages[i].offset,
+                             "bytes", (json_int_t)v->damages[i].bytes, "after_step",
+                             (json_int_t)v->damages[i].step, "why", v->damages[i].why.text));
+    return array;
+}
+
+static void print_json(const struct verdict *v) {
+    const struct survey *s = &v->survey;
     json_t *root = json_pack(
         "{s:b, s:s, s:I, s:I, s:I, s:I, s:I}", "whole", s->end == RESULT_CLOSED, "end",
         s->end == RESULT_CLOSED ? "" : s->why.text, "whole_bytes", (json_int_t)s->whole_bytes,
         "file_bytes", (json_int_t)s->file_bytes, "records", (json_int_t)s->steps, "gaps",
         (json_int_t)s->gaps, "missing", (json_int_t)s->missing);
-    json_object_set_new(root, "lost_samples", json_integer((json_int_t)s->lost_samples));
+    json_t *more = json_pack(
+        "{s:I, s:s, s:s, s:s, s:o, s:I}", "lost_samples", (json_int_t)s->lost_samples, "signature",
+        seal_names[v->seal], "signed_by", v->signed_by, "signature_fault", v->seal_why.text,
+        "damages", damages_array(v), "records_behind", (json_int_t)v->steps_behind);
+    json_object_update_new(root, more);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
 }
 
-static void print_text(const struct survey *s) {
+static void print_seal(const struct verdict *v, bool asked) {
+    if (v->seal == SEAL_NONE)
+        printf("not signed%s\n",
+               v->survey.end == RESULT_CLOSED ? "" : ": it was not closed, or has lost its end");
+    else if (v->seal == SEAL_BAD)
+        printf("signature wrong: %s\n", v->seal_why.text);
+    else
+        printf("signed by %s%s\n", v->signed_by,
+               asked ? "" : " (--authority tells whether to believe that)");
+}
+
+static void print_text(const struct verdict *v, bool asked) {
+    const struct survey *s = &v->survey;
     if (s->end == RESULT_CLOSED)
         printf("whole: %" PRIu64 " bytes\n", s->whole_bytes);
     else
         printf("not whole: %s\n%" PRIu64 " bytes of %" PRIu64 " are\n", s->why.text, s->whole_bytes,
                s->file_bytes);
+    for (int i = 0; i < v->damage_count && i < DAMAGES_MAX; i++)
+        printf("damaged after step %" PRIu64 ": %s\n", v->damages[i].step, v->damages[i].why.text);
+    if (v->steps_behind)
+        printf("%" PRIu64 " steps behind that are as they were written\n", v->steps_behind);
+    print_seal(v, asked);
     printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps, %" PRIu64
            " samples lost at the station\n",
            s->steps, s->missing, s->gaps, s->lost_samples);
 }
 
+static bool is_good(const struct verdict *v, bool asked) {
+    bool believed = v->seal == SEAL_GOOD || (v->seal == SEAL_NONE && !asked);
+    return v->survey.end == RESULT_CLOSED && v->survey.missing == 0 && believed;
+}
+
+static int verify(const char *file, const char *authority, bool json) {
+    struct trace_reader *reader;
+    struct error err;
+    static struct verdict v;
+    if (trace_reader_create(file, &reader, &err) != RESULT_OK)
+        return failed("verify", &err);
+    survey_read(reader, &v.survey);
+    read_behind(reader, &v);
+    ask_seal(reader, authority, &v);
+    trace_reader_destroy(&reader);
+    if (json)
+        print_json(&v);
+    else
+        print_text(&v, authority);
+    return is_good(&v, authority) ? EXIT_GOOD : EXIT_FAULT;
+}
+
 int command_verify(int argc, char **argv) {
-    static const struct option options[] = {
-        {"json", no_argument, NULL, 'j'}, {"help", no_argument, NULL, 'h'}, {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"authority", required_argument, NULL, 'a'},
+                                            {"json", no_argument, NULL, 'j'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
     bool json = false;
+    const char *authority = NULL, *file;
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;
-        if (c != 'j')
+        if (c == 'j')
+            json = true;
+        else if (c == 'a')
+            authority = optarg;
+        else
             return usage_error(argv[0], "unknown option");
-        json = true;
     }
-    const char *file;
     if (take_file(argc, argv, &file) != EXIT_GOOD)
         return EXIT_USAGE;
-    struct trace_reader *reader;
-    struct error err;
-    if (trace_reader_create(file, &reader, &err) != RESULT_OK)
-        return failed(argv[0], &err);
-    struct survey survey;
-    survey_read(reader, &survey);
-    trace_reader_destroy(&reader);
-    (json ? print_json : print_text)(&survey);
-    return survey.end == RESULT_CLOSED && survey.missing == 0 ? EXIT_GOOD : EXIT_FAULT;
+    return verify(file, authority, json);
 }

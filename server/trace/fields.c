@@ -1,6 +1,7 @@
 #include "trace/fields.h"
 
 #include "base/check.h"
+#include "trace/trace.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -109,6 +110,9 @@ static const struct member tool_members[] = {
     {"trust_radius_mm", &real_type, TOOL(warp.trust_radius_mm)},
     {"nearest", &index_type, TOOL(warp.nearest)},
     {"nearest_mm", &real_type, TOOL(warp.nearest_mm)},
+};
+
+static const struct member follow_members[] = {
     {"penetration_mm", &real_type, TOOL(penetration_mm)},
     {"tip_gap_mm", &real_type, TOOL(tip_gap_mm)},
     {"offset_mm", &real_type, TOOL(discrepancy.offset_mm)},
@@ -196,6 +200,7 @@ static const struct member valid_member[] = {{"valid", &flag_type, TOOL(present)
 struct list {
     struct trace_field *fields;
     int count;
+    int since; // of the next
 };
 
 // Members of what stands at `base` in the output, named after `prefix` where that is not empty.
@@ -207,6 +212,7 @@ static void add_members(struct list *list, const struct member *members, size_t 
         snprintf(field->name, sizeof field->name, "%s%s%s", prefix, *prefix ? "_" : "",
                  members[i].name);
         field->owner = owner;
+        field->since = list->since;
         field->presence = members == valid_member;
         field->offset = base + members[i].offset;
         field->type = members[i].type;
@@ -236,7 +242,10 @@ static void add_tool(struct list *list, int instrument) {
     add_members(list, pose_members, COUNT(pose_members), base + TOOL(T_mockup_warped), warped,
                 instrument);
     add_members(list, tool_members, COUNT(tool_members), base, name, instrument);
+    list->since = 3;
+    add_members(list, follow_members, COUNT(follow_members), base, name, instrument);
     add_lead(list, instrument, base, name);
+    list->since = TRACE_OLDEST_VERSION;
 }
 
 static void add_virtual(struct list *list) {
@@ -279,18 +288,21 @@ static void add_landed(struct list *list) {
 }
 
 int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]) {
-    struct list list = {out_fields, 0};
+    struct list list = {out_fields, 0, TRACE_OLDEST_VERSION};
     add_members(&list, first_members, COUNT(first_members), 0, "", OWNER_STEP);
     for (int i = 0; i < BODY_COUNT; i++)
         add_members(&list, pose_members, COUNT(pose_members),
                     OUTPUT(T_mockup_body) + (size_t)i * sizeof(pose), body_name((enum body)i),
                     OWNER_STEP);
+    list.since = 3;
     add_virtual(&list);
     add_torn(&list);
+    list.since = TRACE_OLDEST_VERSION;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         add_tool(&list, i);
     add_job(&list);
     add_landed(&list);
+    list.since = 3; // of all fields: that of version 2 is of fewer
     add_members(&list, last_members, COUNT(last_members), 0, "", OWNER_STEP);
     return list.count;
 }

@@ -11,6 +11,7 @@ enum trace_owner { OWNER_STEP = -1, OWNER_JOB = -2, OWNER_LANDED = -3 };
 struct trace_field {
     char name[48]; // with its unit, as in motion files: "flexion_deg", "probe_tx_mm"
     int owner;     // an instrument, or enum trace_owner: where that is absent the field is 0
+    int since;     // the version of the trace that has it first
     bool presence; // says whether that instrument is there
     size_t offset; // in struct session_output
     const struct trace_type *type;

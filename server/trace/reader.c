@@ -10,12 +10,14 @@
 struct trace_reader {
     FILE *file;
     char *path;
-    uint64_t offset, size;
+    uint64_t size;
     struct trace_header header;
-    uint64_t step;     // of the last record, gaps counted
-    uint64_t records;  // steps read
-    int64_t time_ns;   // of the last step, 0 before the first: where a session's clock begins
-    bool ended;        // the end record was read
+    struct trace_place place; // time 0 before the first step: where a session's clock begins
+    struct chain chain;
+    bool ended;   // the end record was read
+    bool damaged; // records were left out: what is read need not follow from what came before
+    struct trace_end end;
+    uint8_t seal[TRACE_SEAL_SIZE];
     enum result state; // anything but OK: reading has ended so
     struct error why;
 };
@@ -33,14 +35,15 @@ static enum result read_exactly(struct trace_reader *r, void *out, size_t size, 
 static enum result read_header(struct trace_reader *r, struct error *err) {
     uint8_t data[HEADER_MAX];
     size_t rest = 0;
+    unsigned version = 0;
     enum result result = read_exactly(r, data, HEADER_PREFIX, err);
     if (result == RESULT_OK)
-        result = header_decode_prefix(data, &rest, err);
+        result = header_decode_prefix(data, &version, &rest, err);
     if (result == RESULT_OK)
         result = read_exactly(r, data + HEADER_PREFIX, rest, err);
     if (result == RESULT_OK)
-        result = header_decode(data, HEADER_PREFIX + rest, &r->header, err);
-    r->offset = HEADER_PREFIX + rest;
+        result = header_decode(data, HEADER_PREFIX + rest, version, &r->chain, &r->header, err);
+    r->place.offset = HEADER_PREFIX + rest;
     if (result != RESULT_OK)
         return fail_in(err, result, "%s, header: ", r->path);
     return RESULT_OK;
@@ -54,6 +57,7 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
     struct trace_reader *r = alloc(1, sizeof *r);
     r->file = file;
     r->path = alloc_text(path);
+    chain_init(&r->chain);
     struct stat status;
     if (fstat(fileno(file), &status) == 0)
         r->size = (uint64_t)status.st_size;
@@ -70,6 +74,7 @@ void trace_reader_destroy(struct trace_reader **reader) {
     if (!*reader)
         return;
     fclose((*reader)->file);
+    chain_fini(&(*reader)->chain);
     free((*reader)->path);
     free(*reader);
     *reader = NULL;
@@ -79,8 +84,14 @@ const struct trace_header *trace_reader_header(const struct trace_reader *r) {
     return &r->header;
 }
 
+struct trace_place trace_reader_place(const struct trace_reader *r) {
+    struct trace_place place = r->place;
+    memcpy(place.hash, r->chain.value, sizeof place.hash);
+    return place;
+}
+
 uint64_t trace_reader_offset(const struct trace_reader *r) {
-    return r->offset;
+    return r->place.offset;
 }
 
 uint64_t trace_reader_size(const struct trace_reader *r) {
@@ -88,29 +99,55 @@ uint64_t trace_reader_size(const struct trace_reader *r) {
 }
 
 // What is right in itself must also follow from what came before.
+static enum result follow_step(struct trace_reader *r, const struct trace_record *record,
+                               struct error *err) {
+    struct trace_place *place = &r->place;
+    uint64_t step = record->type == TRACE_STEP ? record->output.step : place->step + 1;
+    if (r->damaged ? step <= place->step : step != place->step + 1)
+        return fail(err, RESULT_FORMAT, "step %llu comes after step %llu", (unsigned long long)step,
+                    (unsigned long long)place->step);
+    if (record->input.time_ns < place->time_ns)
+        return fail(err, RESULT_FORMAT, "time falls at step %llu", (unsigned long long)step);
+    place->step = step;
+    place->time_ns = record->input.time_ns;
+    if (record->type == TRACE_STEP)
+        place->records++;
+    else
+        place->past++;
+    return RESULT_OK;
+}
+
 static enum result follow(struct trace_reader *r, const struct trace_record *record,
                           struct error *err) {
+    struct trace_place *place = &r->place;
     switch (record->type) {
     case TRACE_STEP:
-        if (record->output.step != r->step + 1)
-            return fail(err, RESULT_FORMAT, "step %llu comes after step %llu",
-                        (unsigned long long)record->output.step, (unsigned long long)r->step);
-        if (record->input.time_ns < r->time_ns)
-            return fail(err, RESULT_FORMAT, "time falls at step %llu",
-                        (unsigned long long)record->output.step);
-        r->step++;
-        r->records++;
-        r->time_ns = record->input.time_ns;
-        return RESULT_OK;
+    case TRACE_PAST:
+        return follow_step(r, record, err);
     case TRACE_GAP:
-        r->step += record->missing;
+        place->step += record->missing;
+        place->missing += record->missing;
+        return RESULT_OK;
+    case TRACE_RESUME:
         return RESULT_OK;
     default:
-        if (record->records != r->records || record->missing != r->step - r->records)
+        if (!r->damaged && (record->records != place->records || record->missing != place->missing))
             return fail(err, RESULT_FORMAT, "the end record counts other steps than there are");
         r->ended = true;
         return RESULT_OK;
     }
+}
+
+static enum result decode(struct trace_reader *r, const uint8_t *data, size_t size,
+                          struct trace_record *out, struct error *err) {
+    uint8_t before[TRACE_HASH_SIZE];
+    memcpy(before, r->chain.value, sizeof before);
+    enum result result = record_decode(data, size, r->header.version, &r->chain, out, &r->end, err);
+    if (result == RESULT_OK)
+        result = follow(r, out, err);
+    if (result == RESULT_OK && out->type == TRACE_END)
+        seal_message(before, out->records, out->missing, r->seal);
+    return result;
 }
 
 static enum result read_record(struct trace_reader *r, struct trace_record *out,
@@ -122,18 +159,16 @@ static enum result read_record(struct trace_reader *r, struct trace_record *out,
     size_t rest;
     enum result result = read_exactly(r, data, RECORD_PREFIX, err);
     if (result == RESULT_OK)
-        result = record_decode_prefix(data, &rest, err);
+        result = record_decode_prefix(data, r->header.version, &rest, err);
     if (result == RESULT_OK)
         result = read_exactly(r, data + RECORD_PREFIX, rest, err);
     if (result == RESULT_OK)
-        result = record_decode(data, RECORD_PREFIX + rest, out, err);
-    if (result == RESULT_OK)
-        result = follow(r, out, err);
+        result = decode(r, data, RECORD_PREFIX + rest, out, err);
     if (result != RESULT_OK)
         return result;
-    out->offset = r->offset;
+    out->offset = r->place.offset;
     out->size = RECORD_PREFIX + rest;
-    r->offset += out->size;
+    r->place.offset += out->size;
     return RESULT_OK;
 }
 
@@ -141,9 +176,66 @@ enum result trace_read(struct trace_reader *r, struct trace_record *out, struct 
     if (r->state == RESULT_OK) {
         r->state = read_record(r, out, &r->why);
         if (r->state != RESULT_OK)
-            fail_in(&r->why, r->state, "%s, byte %llu: ", r->path, (unsigned long long)r->offset);
+            fail_in(&r->why, r->state, "%s, byte %llu: ", r->path,
+                    (unsigned long long)r->place.offset);
     }
     if (r->state != RESULT_OK)
         return fail(err, r->state, "%s", r->why.text);
     return RESULT_OK;
+}
+
+// ---- behind what is damaged
+
+// Whether a record begins at `at`, by the hash before it. Of version 3: an older one has no chain.
+static bool record_begins(struct trace_reader *r, const uint8_t *data, size_t size, size_t at) {
+    size_t rest;
+    struct error none;
+    if (size - at < RECORD_PREFIX ||
+        record_decode_prefix(data + at, r->header.version, &rest, &none) != RESULT_OK ||
+        size - at - RECORD_PREFIX < rest)
+        return false;
+    memcpy(r->chain.value, data + at - TRACE_HASH_SIZE, TRACE_HASH_SIZE);
+    return checksum_matches(data + at, RECORD_PREFIX + rest, r->header.version, &r->chain);
+}
+
+// The rest of the file from the damaged record on.
+static size_t read_rest(struct trace_reader *r, uint8_t **out_data) {
+    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
+    size_t size = r->size > r->place.offset ? (size_t)(r->size - r->place.offset) : 0;
+    *out_data = alloc(size + 1, 1);
+    return fread(*out_data, 1, size, r->file);
+}
+
+enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struct error *err) {
+    uint8_t *data;
+    size_t size = read_rest(r, &data), at = RECORD_PREFIX + TRACE_HASH_SIZE;
+    bool looks = r->header.version >= 3 && !r->ended;
+    while (looks && at < size && !record_begins(r, data, size, at))
+        at++;
+    bool found = looks && at < size;
+    if (found)
+        memcpy(r->chain.value, data + at - TRACE_HASH_SIZE, TRACE_HASH_SIZE);
+    free(data);
+    if (!found)
+        return fail(err, RESULT_MISSING, "%s: no whole record after byte %llu", r->path,
+                    (unsigned long long)r->place.offset);
+    *out_bytes = at;
+    r->place.offset += at;
+    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
+    r->state = RESULT_OK;
+    r->damaged = true;
+    return RESULT_OK;
+}
+
+// ---- the seal
+
+bool trace_reader_seal(const struct trace_reader *r, struct trace_seal *out) {
+    if (!r->ended || !r->end.signature_size)
+        return false;
+    memcpy(out->message, r->seal, sizeof out->message);
+    out->certificate = r->end.certificate;
+    out->certificate_size = r->end.certificate_size;
+    out->signature = r->end.signature;
+    out->signature_size = r->end.signature_size;
+    return true;
 }

@@ -5,7 +5,6 @@
 #include "session/digest.h"
 
 #include <string.h>
-#include <xxhash.h>
 
 // Version 3 has these, and these only: whoever adds a field, a channel or a body writes it here, in
 // fields.c and in FORMAT.md, and raises TRACE_VERSION.
@@ -15,7 +14,6 @@ _Static_assert(sizeof(struct instrument_output) == 592, "the output of an instru
 _Static_assert(sizeof(struct job) == 152, "a job");
 _Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
 _Static_assert(sizeof(struct session_output) == 4040, "the output of a step");
-_Static_assert(sizeof(struct session_settings) == 2680, "the settings");
 
 enum {
     POSE_SIZE = 7 * 8,
@@ -31,14 +29,6 @@ enum {
                       INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + JOB_SIZE_MAX + LANDED_SIZE_MAX + 8
 };
 _Static_assert(INPUT_SIZE_MAX + OUTPUT_SIZE_MAX <= RECORD_PAYLOAD_MAX, "a step fits");
-_Static_assert(sizeof(struct trace_header) < HEADER_FIELDS_MAX, "a header fits");
-
-// Times are added and subtracted: this keeps them from overflowing for 73 years of either sign.
-#define TIME_MAX_NS (INT64_MAX / 4)
-
-static bool time_is_sane(int64_t time_ns) {
-    return time_ns >= -TIME_MAX_NS && time_ns <= TIME_MAX_NS;
-}
 
 // ---- what both ends have in common, one pair for each type
 
@@ -60,143 +50,6 @@ static void write_handle(struct writer *w, const struct handle *handle) {
 static struct handle read_handle(struct reader *r) {
     double opening = read_f64(r);
     return (struct handle){opening, read_u32(r)};
-}
-
-// ---- the header
-
-static void write_body(struct writer *w, const struct instrument_body *body) {
-    write_u8(w, (uint8_t)body->point_count);
-    for (int i = 0; i < body->point_count; i++) {
-        write_vec3(w, body->points[i].at);
-        write_f64(w, body->points[i].radius_mm);
-    }
-}
-
-// Of too many points none is read: body_is_valid refuses them.
-static void read_body(struct reader *r, struct instrument_body *out) {
-    out->point_count = read_u8(r);
-    for (int i = 0; out->point_count <= AVATAR_POINTS_MAX && i < out->point_count; i++) {
-        out->points[i].at = read_vec3(r);
-        out->points[i].radius_mm = read_f64(r);
-    }
-}
-
-static void write_settings(struct writer *w, const struct session_settings *s) {
-    write_u8(w, (uint8_t)s->field.kind);
-    write_f64(w, s->field.unit_mm);
-    write_f64(w, s->field.radius_mm);
-    write_f64(w, s->field.background_per_mm);
-    write_f64(w, s->field.skin_mm);
-    write_f64(w, s->field.strength);
-    write_u8(w, (uint8_t)s->adaptive);
-    write_u8(w, (uint8_t)s->avatar);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        write_body(w, &s->bodies[i]);
-    write_i64(w, s->hold_ns);
-    write_f64(w, s->ease_share);
-    write_f64(w, s->ease_mm_s);
-}
-
-static void read_settings(struct reader *r, struct session_settings *out) {
-    out->field.kind = read_u8(r);
-    out->field.unit_mm = read_f64(r);
-    out->field.radius_mm = read_f64(r);
-    out->field.background_per_mm = read_f64(r);
-    out->field.skin_mm = read_f64(r);
-    out->field.strength = read_f64(r);
-    out->adaptive = read_u8(r);
-    out->avatar = read_u8(r);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        read_body(r, &out->bodies[i]);
-    out->hold_ns = read_i64(r);
-    out->ease_share = read_f64(r);
-    out->ease_mm_s = read_f64(r);
-}
-
-static bool settings_are_valid(const struct session_settings *s) {
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        if (!instrument_body_is_valid(&s->bodies[i]))
-            return false;
-    return (unsigned)s->adaptive < ADAPTIVE_COUNT && (unsigned)s->avatar < AVATAR_MODE_COUNT &&
-           (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
-           isfinite(s->field.unit_mm) && s->field.radius_mm > 0 && isfinite(s->field.radius_mm) &&
-           s->field.background_per_mm >= 0 && isfinite(s->field.background_per_mm) &&
-           s->field.skin_mm >= 0 && isfinite(s->field.skin_mm) && s->field.strength >= 0 &&
-           s->field.strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS &&
-           s->ease_share >= 0 && isfinite(s->ease_share) && s->ease_mm_s >= 0 &&
-           isfinite(s->ease_mm_s);
-}
-
-size_t header_encode(const struct trace_header *h, uint8_t *out) {
-    struct writer w = {out, HEADER_MAX, HEADER_PREFIX, false};
-    write_bytes(&w, h->session_id, sizeof h->session_id);
-    write_text(&w, h->station);
-    write_text(&w, h->trainee);
-    write_text(&w, h->case_name);
-    write_text(&w, h->case_dir);
-    write_u64(&w, h->case_hash);
-    write_i64(&w, h->start_utc_ns);
-    write_i64(&w, h->start_ns);
-    write_settings(&w, &h->settings);
-    write_text(&w, h->build);
-    write_text(&w, h->libc);
-    write_text(&w, h->cpu);
-    struct writer prefix = {out, HEADER_PREFIX, 0, false};
-    write_bytes(&prefix, HEADER_MAGIC, 8);
-    write_u16(&prefix, TRACE_VERSION);
-    write_u32(&prefix, (uint32_t)(w.used - HEADER_PREFIX));
-    write_u64(&w, XXH3_64bits(out, w.used));
-    CHECK(!w.overflow && !prefix.overflow);
-    return w.used;
-}
-
-enum result header_decode_prefix(const uint8_t *prefix, size_t *out_rest, struct error *err) {
-    struct reader r = {prefix, HEADER_PREFIX, 0, false};
-    if (memcmp(read_bytes(&r, 8), HEADER_MAGIC, 8) != 0)
-        return fail(err, RESULT_FORMAT, "it does not begin as a trace does");
-    unsigned version = read_u16(&r);
-    if (version != TRACE_VERSION)
-        return fail(err, RESULT_VERSION, "it has version %u, and this program reads version %d",
-                    version, TRACE_VERSION);
-    uint32_t size = read_u32(&r);
-    if (size > HEADER_FIELDS_MAX)
-        return fail(err, RESULT_LIMIT, "its header claims %u bytes, more than %d", size,
-                    HEADER_FIELDS_MAX);
-    *out_rest = size + RECORD_CHECKSUM;
-    return RESULT_OK;
-}
-
-static bool checksum_matches(const uint8_t *data, size_t size) {
-    struct reader r = {data + size - RECORD_CHECKSUM, RECORD_CHECKSUM, 0, false};
-    return read_u64(&r) == XXH3_64bits(data, size - RECORD_CHECKSUM);
-}
-
-enum result header_decode(const uint8_t *data, size_t size, struct trace_header *h,
-                          struct error *err) {
-    if (!checksum_matches(data, size))
-        return fail(err, RESULT_CORRUPT, "the checksum of its header is wrong");
-    memset(h, 0, sizeof *h);
-    struct reader r = {data, size - RECORD_CHECKSUM, HEADER_PREFIX, false};
-    h->version = TRACE_VERSION;
-    const uint8_t *id = read_bytes(&r, sizeof h->session_id);
-    if (id)
-        memcpy(h->session_id, id, sizeof h->session_id);
-    read_text(&r, h->station, sizeof h->station);
-    read_text(&r, h->trainee, sizeof h->trainee);
-    read_text(&r, h->case_name, sizeof h->case_name);
-    read_text(&r, h->case_dir, sizeof h->case_dir);
-    h->case_hash = read_u64(&r);
-    h->start_utc_ns = read_i64(&r);
-    h->start_ns = read_i64(&r);
-    read_settings(&r, &h->settings);
-    read_text(&r, h->build, sizeof h->build);
-    read_text(&r, h->libc, sizeof h->libc);
-    read_text(&r, h->cpu, sizeof h->cpu);
-    if (r.underflow || r.used != r.size)
-        return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
-    if (!settings_are_valid(&h->settings) || !time_is_sane(h->start_ns))
-        return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
-    return RESULT_OK;
 }
 
 // ---- the input of a step
@@ -237,12 +90,12 @@ static void read_sample(struct reader *r, struct sample *out) {
     }
 }
 
-static void write_input(struct writer *w, const struct session_input *input) {
+static void write_input(struct writer *w, const struct session_input *input, bool job_done) {
     write_u8(w, (uint8_t)input->kind);
     write_i64(w, input->time_ns);
     if (input->kind == INPUT_JOB) {
         write_u64(w, input->job);
-        write_u8(w, input->result != NULL);
+        write_u8(w, job_done);
     }
     if (input->kind != INPUT_FRAME)
         return;
@@ -285,13 +138,18 @@ static bool read_input(struct reader *r, struct session_input *out, bool *out_jo
 // ---- the output of a step
 
 // That of `tip` is the space warp's.
+static void lead_of_tip(const struct warp *warp, struct avatar_lead *out) {
+    out->mode = AVATAR_TIP;
+    out->motion.v = warp->displacement;
+    for (int i = 0; i < 3; i++)
+        memcpy(out->slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
+    out->trust_radius_mm = warp->trust_radius_mm;
+}
+
 static bool read_lead(struct reader *r, const struct warp *warp, struct avatar_lead *out) {
     out->mode = read_u8(r);
     if (out->mode == AVATAR_TIP) {
-        out->motion.v = warp->displacement;
-        for (int i = 0; i < 3; i++)
-            memcpy(out->slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
-        out->trust_radius_mm = warp->trust_radius_mm;
+        lead_of_tip(warp, out);
         return true;
     }
     out->portal = read_vec3(r);
@@ -304,16 +162,16 @@ static bool read_lead(struct reader *r, const struct warp *warp, struct avatar_l
     return (unsigned)out->mode < AVATAR_MODE_COUNT;
 }
 
-static bool read_bones(struct reader *r, struct session_output *out) {
+static bool read_bones(struct reader *r, unsigned version, struct session_output *out) {
     bool good = true;
     for (int i = 0; i < BODY_COUNT; i++) {
         out->T_mockup_body[i] = out->T_mockup_virtual[i] = read_pose(r);
-        unsigned elsewhere = read_u8(r);
+        unsigned elsewhere = version >= 3 ? read_u8(r) : 0;
         if (elsewhere)
             out->T_mockup_virtual[i] = read_pose(r);
         good = good && elsewhere <= 1;
     }
-    out->torn_count = read_u8(r);
+    out->torn_count = version >= 3 ? read_u8(r) : 0;
     if (out->torn_count > ADAPTIVE_LIGAMENTS_MAX)
         return false;
     for (int i = 0; i < out->torn_count; i++) {
@@ -323,7 +181,25 @@ static bool read_bones(struct reader *r, struct session_output *out) {
     return good;
 }
 
-static bool read_instrument(struct reader *r, struct instrument_output *out) {
+static bool read_follow(struct reader *r, struct instrument_output *out) {
+    bool good = read_lead(r, &out->warp, &out->lead);
+    out->penetration_mm = read_f64(r);
+    out->tip_gap_mm = read_f64(r);
+    out->discrepancy.offset_mm = read_f64(r);
+    out->discrepancy.tilt_deg = read_f64(r);
+    out->discrepancy.gain = read_f64(r);
+    out->discrepancy.gain_least = read_f64(r);
+    out->discrepancy.turn_deg = read_f64(r);
+    return good;
+}
+
+// Version 2 had another gain in the place of all that.
+static void skip_follow(struct reader *r, struct instrument_output *out) {
+    read_f64(r);
+    lead_of_tip(&out->warp, &out->lead);
+}
+
+static bool read_instrument(struct reader *r, unsigned version, struct instrument_output *out) {
     unsigned present = read_u8(r);
     out->present = present == 1;
     if (!out->present)
@@ -337,14 +213,11 @@ static bool read_instrument(struct reader *r, struct instrument_output *out) {
     out->warp.trust_radius_mm = read_f64(r);
     out->warp.nearest = (int32_t)read_u32(r);
     out->warp.nearest_mm = read_f64(r);
-    bool good = read_lead(r, &out->warp, &out->lead);
-    out->penetration_mm = read_f64(r);
-    out->tip_gap_mm = read_f64(r);
-    out->discrepancy.offset_mm = read_f64(r);
-    out->discrepancy.tilt_deg = read_f64(r);
-    out->discrepancy.gain = read_f64(r);
-    out->discrepancy.gain_least = read_f64(r);
-    out->discrepancy.turn_deg = read_f64(r);
+    bool good = true;
+    if (version >= 3)
+        good = read_follow(r, out);
+    else
+        skip_follow(r, out);
     out->handle = read_handle(r);
     out->handle_validity = read_u8(r);
     return good && (unsigned)out->validity < VALIDITY_COUNT &&
@@ -425,7 +298,7 @@ static void write_output(struct writer *w, const struct session_output *out) {
     write_u64(w, out->hash);
 }
 
-static bool read_output(struct reader *r, struct session_output *out) {
+static bool read_output(struct reader *r, unsigned version, struct session_output *out) {
     out->step = read_u64(r);
     out->frame_number = read_u64(r);
     out->time_ns = read_i64(r);
@@ -435,9 +308,9 @@ static bool read_output(struct reader *r, struct session_output *out) {
     out->joint_validity = read_u8(r);
     bool good = (unsigned)out->state < SESSION_STATE_COUNT &&
                 (unsigned)out->joint_validity < VALIDITY_COUNT;
-    good = read_bones(r, out) && good;
+    good = read_bones(r, version, out) && good;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        good = read_instrument(r, &out->instruments[i]) && good;
+        good = read_instrument(r, version, &out->instruments[i]) && good;
     good = read_job(r, &out->job) && good;
     good = read_landed(r, &out->landed) && good;
     out->hash = read_u64(r);
@@ -452,71 +325,118 @@ static struct writer begin_record(enum trace_record_type type, uint8_t *out) {
     return w;
 }
 
-static size_t end_record(struct writer *w) {
+static size_t end_record(struct writer *w, struct chain *chain) {
     struct writer prefix = {w->data, 4, 0, false};
     write_u32(&prefix, (uint32_t)(w->used - RECORD_PREFIX));
-    write_u64(w, XXH3_64bits(w->data, w->used));
+    chain_add(chain, w->data, w->used);
+    write_bytes(w, chain->value, sizeof chain->value);
     CHECK(!w->overflow);
     return w->used;
 }
 
-size_t record_encode_step(const struct session_input *input, const struct session_output *output,
-                          uint8_t *out) {
+size_t record_encode_step(const struct session_input *input, bool job_done,
+                          const struct session_output *output, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_STEP, out);
-    write_input(&w, input);
+    write_input(&w, input, job_done);
     write_output(&w, output);
-    return end_record(&w);
+    return end_record(&w, chain);
 }
 
-size_t record_encode_gap(uint64_t missing, uint8_t *out) {
+size_t record_encode_past(const struct session_input *input, bool job_done, struct chain *chain,
+                          uint8_t *out) {
+    struct writer w = begin_record(TRACE_PAST, out);
+    write_input(&w, input, job_done);
+    return end_record(&w, chain);
+}
+
+size_t record_encode_gap(uint64_t missing, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_GAP, out);
     write_u64(&w, missing);
-    return end_record(&w);
+    return end_record(&w, chain);
 }
 
-size_t record_encode_end(uint64_t records, uint64_t missing, uint8_t *out) {
+size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_RESUME, out);
+    write_i64(&w, utc_ns);
+    return end_record(&w, chain);
+}
+
+static void write_block(struct writer *w, const uint8_t *data, size_t size) {
+    write_u16(w, (uint16_t)size);
+    write_bytes(w, data, size);
+}
+
+size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_END, out);
-    write_u64(&w, records);
-    write_u64(&w, missing);
-    return end_record(&w);
+    write_u64(&w, end->records);
+    write_u64(&w, end->missing);
+    write_block(&w, end->certificate, end->certificate_size);
+    write_block(&w, end->signature, end->signature_size);
+    return end_record(&w, chain);
 }
 
-enum result record_decode_prefix(const uint8_t *prefix, size_t *out_rest, struct error *err) {
+enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
+                                 struct error *err) {
     struct reader r = {prefix, RECORD_PREFIX, 0, false};
     uint32_t size = read_u32(&r);
     unsigned type = read_u8(&r);
     if (size > RECORD_PAYLOAD_MAX)
         return fail(err, RESULT_FORMAT, "a record claims %u bytes, more than %d", size,
                     RECORD_PAYLOAD_MAX);
-    if (type < TRACE_STEP || type > TRACE_END)
+    if (type < TRACE_STEP || type > (version >= 3 ? TRACE_RESUME : TRACE_END))
         return fail(err, RESULT_FORMAT, "a record has the unknown type %u", type);
-    *out_rest = size + RECORD_CHECKSUM;
+    *out_rest = size + checksum_size(version);
     return RESULT_OK;
 }
 
-enum result record_decode(const uint8_t *data, size_t size, struct trace_record *out,
-                          struct error *err) {
-    if (!checksum_matches(data, size))
-        return fail(err, RESULT_CORRUPT, "the checksum of a record is wrong");
+static bool read_block(struct reader *r, uint8_t *out, size_t *out_size, size_t size_max) {
+    *out_size = read_u16(r);
+    const uint8_t *bytes = *out_size <= size_max ? read_bytes(r, *out_size) : NULL;
+    if (bytes)
+        memcpy(out, bytes, *out_size);
+    return bytes;
+}
+
+static bool read_end(struct reader *r, unsigned version, struct trace_end *out) {
     memset(out, 0, sizeof *out);
-    struct reader r = {data, size - RECORD_CHECKSUM, 4, false};
-    bool good = true;
-    out->type = read_u8(&r);
+    out->records = read_u64(r);
+    out->missing = read_u64(r);
+    return version < 3 ||
+           (read_block(r, out->certificate, &out->certificate_size, sizeof out->certificate) &&
+            read_block(r, out->signature, &out->signature_size, sizeof out->signature));
+}
+
+static bool read_payload(struct reader *r, unsigned version, struct trace_record *out,
+                         struct trace_end *out_end) {
+    out->type = read_u8(r);
     switch (out->type) {
     case TRACE_STEP:
-        good = read_input(&r, &out->input, &out->job_done) && read_output(&r, &out->output) &&
-               out->output.time_ns == out->input.time_ns;
-        break;
+        return read_input(r, &out->input, &out->job_done) &&
+               read_output(r, version, &out->output) && out->output.time_ns == out->input.time_ns;
+    case TRACE_PAST:
+        return read_input(r, &out->input, &out->job_done);
     case TRACE_GAP:
-        out->missing = read_u64(&r);
-        good = out->missing > 0;
-        break;
-    case TRACE_END:
-        out->records = read_u64(&r);
-        out->missing = read_u64(&r);
-        break;
+        out->missing = read_u64(r);
+        return out->missing > 0;
+    case TRACE_RESUME:
+        out->utc_ns = read_i64(r);
+        return true;
+    default:
+        return read_end(r, version, out_end);
     }
-    if (!good || r.underflow || r.used != r.size)
+}
+
+enum result record_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
+                          struct trace_record *out, struct trace_end *out_end, struct error *err) {
+    if (!checksum_matches(data, size, version, chain))
+        return fail(err, RESULT_CORRUPT, "the checksum of a record is wrong");
+    memset(out, 0, sizeof *out);
+    struct reader r = {data, size - checksum_size(version), 4, false};
+    if (!read_payload(&r, version, out, out_end) || r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "a field of a record is out of range");
+    if (out->type == TRACE_END) {
+        out->records = out_end->records;
+        out->missing = out_end->missing;
+    }
     return RESULT_OK;
 }

@@ -1,33 +1,65 @@
 // Bytes of a header and of records, for this room only. FORMAT.md describes them field by field.
 #pragma once
 
-#include "trace/trace.h"
+#include "trace/chain.h"
 
-// Before and after a payload: u32 size and u8 type; u64 checksum.
+// Before a payload: u32 size and u8 type. After it: a checksum.
 #define RECORD_PREFIX 5
-#define RECORD_CHECKSUM 8
 #define RECORD_PAYLOAD_MAX 8192
-#define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + RECORD_CHECKSUM)
+#define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + TRACE_HASH_SIZE)
 
-// Before and after the fields of a header: magic, u16 version and u32 size; u64 checksum.
+// Before the fields of a header: magic, u16 version and u32 size. After them: a checksum.
 #define HEADER_MAGIC "ARTHRTRC"
 #define HEADER_PREFIX 14
 #define HEADER_FIELDS_MAX 8192
-#define HEADER_MAX (HEADER_PREFIX + HEADER_FIELDS_MAX + RECORD_CHECKSUM)
+#define HEADER_MAX (HEADER_PREFIX + HEADER_FIELDS_MAX + TRACE_HASH_SIZE)
 
-// Each returns the size of the whole. `out` holds HEADER_MAX or RECORD_MAX bytes.
-size_t header_encode(const struct trace_header *header, uint8_t *out);
-size_t record_encode_step(const struct session_input *input, const struct session_output *output,
+// Times are added and subtracted: this keeps them from overflowing for 73 years of either sign.
+#define TIME_MAX_NS (INT64_MAX / 4)
+
+static inline bool time_is_sane(int64_t time_ns) {
+    return time_ns >= -TIME_MAX_NS && time_ns <= TIME_MAX_NS;
+}
+
+// What a trace ends with. Without a signature both sizes are 0.
+struct trace_end {
+    uint64_t records, missing;
+    size_t certificate_size, signature_size;
+    uint8_t certificate[TRACE_CERTIFICATE_MAX]; // X.509, DER
+    uint8_t signature[TRACE_SIGNATURE_MAX];
+};
+
+// Each returns the size of the whole, and the chain goes on by it. `out` holds HEADER_MAX or
+// RECORD_MAX bytes.
+size_t header_encode(const struct trace_header *header, struct chain *chain, uint8_t *out);
+size_t record_encode_step(const struct session_input *input, bool job_done,
+                          const struct session_output *output, struct chain *chain, uint8_t *out);
+size_t record_encode_past(const struct session_input *input, bool job_done, struct chain *chain,
                           uint8_t *out);
-size_t record_encode_gap(uint64_t missing, uint8_t *out);
-size_t record_encode_end(uint64_t records, uint64_t missing, uint8_t *out);
+size_t record_encode_gap(uint64_t missing, struct chain *chain, uint8_t *out);
+size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out);
+size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 
 // What the first bytes say about the rest. RESULT_FORMAT, RESULT_VERSION, RESULT_LIMIT.
-enum result header_decode_prefix(const uint8_t *prefix, size_t *out_rest, struct error *err);
-enum result record_decode_prefix(const uint8_t *prefix, size_t *out_rest, struct error *err);
+enum result header_decode_prefix(const uint8_t *prefix, unsigned *out_version, size_t *out_rest,
+                                 struct error *err);
+enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
+                                 struct error *err);
 
-// The whole, prefix and checksum included. RESULT_CORRUPT, RESULT_FORMAT.
-enum result header_decode(const uint8_t *data, size_t size, struct trace_header *out_header,
+// Of the last bytes of a header or record.
+size_t checksum_size(unsigned version);
+// The chain goes on by what the checksum says, right or wrong, so that the record after a damaged
+// one can be told from a damaged one.
+bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct chain *chain);
+
+// The whole, prefix and checksum included. RESULT_CORRUPT, RESULT_FORMAT. *out_end is set where the
+// record is an end.
+enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
+                          struct trace_header *out_header, struct error *err);
+enum result record_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
+                          struct trace_record *out_record, struct trace_end *out_end,
                           struct error *err);
-enum result record_decode(const uint8_t *data, size_t size, struct trace_record *out_record,
-                          struct error *err);
+
+// What a signer signs: out_message holds TRACE_SEAL_SIZE bytes.
+void seal_message(const uint8_t hash[TRACE_HASH_SIZE], uint64_t records, uint64_t missing,
+                  uint8_t *out_message);

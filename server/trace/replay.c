@@ -2,53 +2,17 @@
 
 #include "base/check.h"
 
-#include <stdlib.h>
 #include <string.h>
-
-struct rerun {
-    struct session *session;
-    struct operation *operation;
-    struct job_result *pending; // of the last job that the session asked for
-};
 
 struct replay {
     struct rerun *rerun;
     struct trace_field fields[TRACE_FIELDS_MAX];
     int field_count;
     struct replay_report *report;
+    const struct replay_span *span;
+    uint64_t steps; // run
+    int64_t first_ns;
 };
-
-struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
-    struct rerun *rerun = alloc(1, sizeof *rerun);
-    rerun->session = session_create(scene, settings);
-    rerun->operation = operation_create(scene);
-    return rerun;
-}
-
-void rerun_destroy(struct rerun **rerun) {
-    session_destroy(&(*rerun)->session);
-    operation_destroy(&(*rerun)->operation);
-    job_result_destroy(&(*rerun)->pending);
-    free(*rerun);
-    *rerun = NULL;
-}
-
-void rerun_step(struct rerun *rerun, const struct trace_record *record,
-                struct session_output *output) {
-    struct session_input input = record->input;
-    bool lands = input.kind == INPUT_JOB && record->job_done;
-    if (lands && rerun->pending && rerun->pending->job == input.job)
-        input.result = rerun->pending;
-    session_step(rerun->session, &input, output);
-    if (!output->job.id)
-        return;
-    job_result_destroy(&rerun->pending);
-    rerun->pending = operation_run(rerun->operation, &output->job);
-}
-
-const struct operation *rerun_operation(const struct rerun *rerun) {
-    return rerun->operation;
-}
 
 const char *replay_verdict_name(enum replay_verdict verdict) {
     static const char *const names[REPLAY_VERDICT_COUNT] = {"identical", "equivalent", "different"};
@@ -99,24 +63,42 @@ static void compare_outputs(const struct replay *replay, const struct session_ou
     }
 }
 
+static void run_step(struct replay *replay, const struct trace_record *record) {
+    struct replay_report *report = replay->report;
+    const struct replay_span *span = replay->span;
+    struct session_output output;
+    rerun_step(replay->rerun, record, &output);
+    if (replay->steps++ == 0)
+        replay->first_ns = record->input.time_ns;
+    report->session_ns = record->input.time_ns - replay->first_ns;
+    bool asked_for =
+        !span || (report->session_ns >= span->from_ns && report->session_ns <= span->to_ns);
+    if (record->type == TRACE_STEP && asked_for)
+        compare_outputs(replay, &record->output, &output);
+}
+
+// The rest of the trace need not be read.
+static bool is_behind(const struct replay *replay, const struct trace_record *record) {
+    return replay->span && replay->steps && (record->type == TRACE_STEP) &&
+           record->input.time_ns - replay->first_ns > replay->span->to_ns;
+}
+
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
     struct replay_report *report = replay->report;
     struct trace_record record;
-    struct session_output output;
-    int64_t first_ns = 0;
     bool gap = false;
     while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
+        if (is_behind(replay, &record)) {
+            report->end = RESULT_CLOSED;
+            return;
+        }
         gap |= record.type == TRACE_GAP;
         if (gap)
             report->left_out +=
                 record.type == TRACE_GAP ? record.missing : record.type == TRACE_STEP;
-        if (gap || record.type != TRACE_STEP)
-            continue;
-        rerun_step(replay->rerun, &record, &output);
-        compare_outputs(replay, &record.output, &output);
-        first_ns = report->steps == 1 ? record.input.time_ns : first_ns;
-        report->session_ns = record.input.time_ns - first_ns;
+        if (!gap && (record.type == TRACE_STEP || record.type == TRACE_PAST))
+            run_step(replay, &record);
         if (progress)
             progress(trace_reader_offset(reader), trace_reader_size(reader));
     }
@@ -130,7 +112,17 @@ static enum replay_verdict judge(const struct replay_report *report) {
     return !same_machine && close ? REPLAY_EQUIVALENT : REPLAY_DIFFERENT;
 }
 
+// What a trace of this version has.
+static int fields_of(int version, struct trace_field fields[TRACE_FIELDS_MAX]) {
+    int count = trace_fields(fields), kept = 0;
+    for (int i = 0; i < count; i++)
+        if (fields[i].since <= version)
+            fields[kept++] = fields[i];
+    return kept;
+}
+
 enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
+                         const struct replay_span *span,
                          void (*progress)(uint64_t done, uint64_t all),
                          struct replay_report *out_report, struct error *err) {
     const struct trace_header *header = trace_reader_header(reader);
@@ -144,9 +136,9 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     memset(out_report, 0, sizeof *out_report);
     out_report->same_events = true;
     compare_machines(header, out_report);
-    struct replay replay = {.report = out_report};
+    struct replay replay = {.report = out_report, .span = span};
     replay.rerun = rerun_create(scene, &header->settings);
-    replay.field_count = trace_fields(replay.fields);
+    replay.field_count = fields_of(header->version, replay.fields);
     run_steps(&replay, reader, progress);
     rerun_destroy(&replay.rerun);
     out_report->verdict = judge(out_report);

@@ -2,22 +2,7 @@
 #pragma once
 
 #include "trace/fields.h"
-#include "trace/trace.h"
-
-// A session that is run again from the steps of its record. Jobs are run as the session asks for
-// them, and land where the record says so.
-struct rerun;
-
-// The scene must outlive it.
-struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings);
-void rerun_destroy(struct rerun **rerun);
-
-// One TRACE_STEP, in order.
-void rerun_step(struct rerun *rerun, const struct trace_record *record,
-                struct session_output *out_output);
-
-// Its tissue after all jobs that were asked for so far.
-const struct operation *rerun_operation(const struct rerun *rerun);
+#include "trace/rerun.h"
 
 // What other mathematics (another build, libc or CPU) may move a warped pose by.
 #define REPLAY_TOLERANCE_MM 1e-6
@@ -51,9 +36,15 @@ struct replay_report {
     enum replay_verdict verdict;
 };
 
+// Since the first step.
+struct replay_span {
+    int64_t from_ns, to_ns;
+};
+
 // The case's hash must be that of the header: else RESULT_REFUSED and nothing is run. RESULT_OK
-// says only that a report was made. `progress` may be NULL; it gets bytes read and bytes in all
-// after each step.
+// says only that a report was made. All steps are run, and those of the span compared (NULL: all
+// that are there). `progress` may be NULL; it gets bytes read and bytes in all.
 enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
+                         const struct replay_span *span,
                          void (*progress)(uint64_t done, uint64_t all),
                          struct replay_report *out_report, struct error *err);

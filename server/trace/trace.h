@@ -1,18 +1,25 @@
 // The record of a session: an append-only binary file of inputs, outputs and step hashes.
 //
 // Layout (little-endian, written field by field; every field is in trace/FORMAT.md): a header, then
-// records. A record is: u32 size of the payload, u8 type, payload, u64 XXH3 of all before it in the
-// record. A file that ends in the middle of a record is read up to the last whole one.
+// records. A record is: u32 size of the payload, u8 type, payload, SHA-256 of that of the record
+// before and of all before it in the record: a chain from the header to the end, whose last link is
+// signed. A file that ends in the middle of a record is read up to the last whole one.
 #pragma once
 
 #include "base/result.h"
 #include "session/session.h"
 
 #define TRACE_VERSION 3
+#define TRACE_OLDEST_VERSION 2 // that is still read
+
+#define TRACE_HASH_SIZE 32
+#define TRACE_CERTIFICATE_MAX 4096
+#define TRACE_SIGNATURE_MAX 512
 
 struct trace_header {
     uint16_t version; // set by the writer
     uint8_t session_id[16];
+    uint8_t parent[TRACE_HASH_SIZE]; // the last hash of the trace that this was made from; 0: none
     char station[64];
     char trainee[64];
     char case_name[CASE_NAME_MAX];
@@ -36,19 +43,48 @@ void trace_header_set_machine(struct trace_header *header);
 
 struct trace_writer;
 
-// Makes the file (it must not exist), writes the header and puts it on disk.
+// Who vouches for a trace that is closed. Outlives the writer, which calls `sign` once, from a
+// thread of its own.
+struct trace_signer {
+    const uint8_t *certificate; // X.509, DER
+    size_t certificate_size;    // at most TRACE_CERTIFICATE_MAX
+    // With the certificate's key and SHA-256. False where it cannot: the trace stays unsigned.
+    bool (*sign)(void *context, const uint8_t *message, size_t size, uint8_t *out_signature,
+                 size_t *in_out_signature_size);
+    void *context;
+};
+
+// Makes the file (it must not exist), writes the header and puts it on disk. `signer` may be NULL.
 enum result trace_writer_create(const char *path, const struct trace_header *header,
-                                struct trace_writer **out_writer, struct error *err);
+                                const struct trace_signer *signer, struct trace_writer **out_writer,
+                                struct error *err);
+
+struct trace_place;
+
+// Goes on after the last whole record of a trace that has no end: what is there behind it is cut
+// off, and a record says that the session was resumed at utc_ns. RESULT_REFUSED where a writer is
+// still at work on it.
+enum result trace_writer_resume(const char *path, const struct trace_place *end, int64_t utc_ns,
+                                const struct trace_signer *signer, struct trace_writer **out_writer,
+                                struct error *err);
 
 // False where the writer's buffer is full: the step is counted as missing and a gap record says so
 // as soon as there is room again. Steps are appended in order, none left out.
 bool trace_append(struct trace_writer *writer, const struct session_input *input,
                   const struct session_output *output);
 
+struct trace_record;
+
+// A record as it was read, to make a trace of another: a step, a gap, an input alone. Waits for the
+// disk, so not for a worker. RESULT_IO where the disk takes no more.
+enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
+                                struct error *err);
+
 struct trace_status {
     uint64_t records; // steps appended
     uint64_t missing; // steps dropped because the disk was too slow or full
     uint64_t bytes;   // on disk
+    bool failing;     // the disk does not take what it is given
 };
 
 // From any thread.
@@ -62,17 +98,35 @@ void trace_writer_destroy(struct trace_writer **writer);
 
 struct trace_reader;
 
-enum trace_record_type { TRACE_STEP = 1, TRACE_GAP = 2, TRACE_END = 3 };
+enum trace_record_type {
+    TRACE_STEP = 1,
+    TRACE_GAP = 2,
+    TRACE_END = 3,
+    TRACE_PAST = 4,  // a step's input without its output: what led to where a piece begins
+    TRACE_RESUME = 5 // here the server was started again
+};
 
 struct trace_record {
     enum trace_record_type type;
     uint64_t offset;              // of the record in the file
     uint64_t size;                // of the whole record
-    struct session_input input;   // TRACE_STEP; without a result
+    struct session_input input;   // TRACE_STEP, TRACE_PAST; without a result
     bool job_done;                // INPUT_JOB: that it had a result
     struct session_output output; // TRACE_STEP
     uint64_t missing; // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
     uint64_t records; // TRACE_END: steps recorded
+    int64_t utc_ns;   // TRACE_RESUME: when
+};
+
+// How far a trace was read.
+struct trace_place {
+    uint64_t offset;  // in the file: all before it is whole
+    uint64_t step;    // the last, gaps and past counted
+    uint64_t records; // steps recorded
+    uint64_t missing; // in gaps
+    uint64_t past;    // inputs alone
+    int64_t time_ns;  // of the last step
+    uint8_t hash[TRACE_HASH_SIZE];
 };
 
 // RESULT_IO where it cannot be opened, RESULT_FORMAT where it is no trace, RESULT_VERSION where its
@@ -82,6 +136,7 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
                                 struct error *err);
 void trace_reader_destroy(struct trace_reader **reader);
 const struct trace_header *trace_reader_header(const struct trace_reader *reader);
+struct trace_place trace_reader_place(const struct trace_reader *reader);
 uint64_t trace_reader_offset(const struct trace_reader *reader); // bytes read and found whole
 uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file when it was opened
 
@@ -95,3 +150,31 @@ uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file 
 // trace: whoever replays runs the job again (replay.c).
 enum result trace_read(struct trace_reader *reader, struct trace_record *out_record,
                        struct error *err);
+
+// After RESULT_CORRUPT or RESULT_FORMAT: goes on at the first record behind the damage that follows
+// from the hash before it, and tells how many bytes are left out. RESULT_MISSING where there is
+// none. What is read from then on is as it was written, but steps are missing before it.
+enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, struct error *err);
+
+// ---- who vouches for it
+
+// What a signer signs: a text, the hash before the end record, and its counts of steps and of
+// missing ones.
+#define TRACE_SEAL_SIZE (18 + TRACE_HASH_SIZE + 8 + 8)
+
+struct trace_seal {
+    uint8_t message[TRACE_SEAL_SIZE];
+    size_t certificate_size, signature_size;
+    const uint8_t *certificate, *signature;
+};
+
+// True after the end record where that is signed. The seal holds until the reader is destroyed.
+bool trace_reader_seal(const struct trace_reader *reader, struct trace_seal *out_seal);
+
+// Whether the seal's signature is that of its certificate, and the certificate one that the
+// authority (a PEM file; NULL: not asked) gave and that was good at utc_ns. Says whose certificate
+// it is. RESULT_REFUSED where not, RESULT_FORMAT where it is no certificate, RESULT_IO where the
+// authority's cannot be read.
+#define TRACE_SIGNED_BY_MAX 128
+enum result trace_seal_check(const struct trace_seal *seal, const char *authority, int64_t utc_ns,
+                             char out_signed_by[TRACE_SIGNED_BY_MAX], struct error *err);

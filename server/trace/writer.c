@@ -11,6 +11,8 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
+#include <time.h>
 #include <unistd.h>
 
 #define WRITE_EVERY_NS (20 * NS_PER_MS)
@@ -26,8 +28,11 @@ struct trace_writer {
     uint8_t *buffer;
     _Alignas(64) atomic_size_t head; // next byte to fill, owned by the appender
     uint64_t gap;                    // steps dropped since the last record, the appender's
+    struct chain chain;              // the appender's, through the records in the buffer
+    const struct trace_signer *signer;
     _Alignas(64) atomic_size_t tail; // next byte to write, owned by the thread
-    bool failing, unsynced;          // the thread's
+    bool unsynced;                   // the thread's
+    atomic_bool failing;
     atomic_uint_fast64_t records, missing, bytes;
     pthread_t thread;
     pthread_mutex_t mutex; // of stop
@@ -50,18 +55,24 @@ static bool put(struct trace_writer *w, const uint8_t *data, size_t size) {
     return true;
 }
 
+static size_t waiting_bytes(const struct trace_writer *w) {
+    return atomic_load_explicit(&w->head, memory_order_acquire) -
+           atomic_load_explicit(&w->tail, memory_order_relaxed);
+}
+
 static void count(atomic_uint_fast64_t *counter, uint64_t more) {
     atomic_fetch_add_explicit(counter, more, memory_order_relaxed);
 }
 
-bool trace_append(struct trace_writer *w, const struct session_input *input,
-                  const struct session_output *output) {
-    uint8_t data[2 * RECORD_MAX];
-    size_t size = w->gap ? record_encode_gap(w->gap, data) : 0;
-    size += record_encode_step(input, output, data + size);
+// Where the buffer is full the chain is as it was.
+static bool append(struct trace_writer *w, const struct session_input *input, bool job_done,
+                   const struct session_output *output) {
+    uint8_t data[2 * RECORD_MAX], before[TRACE_HASH_SIZE];
+    memcpy(before, w->chain.value, sizeof before);
+    size_t size = w->gap ? record_encode_gap(w->gap, &w->chain, data) : 0;
+    size += record_encode_step(input, job_done, output, &w->chain, data + size);
     if (!put(w, data, size)) {
-        w->gap++;
-        count(&w->missing, 1);
+        memcpy(w->chain.value, before, sizeof before);
         return false;
     }
     w->gap = 0;
@@ -69,25 +80,57 @@ bool trace_append(struct trace_writer *w, const struct session_input *input,
     return true;
 }
 
+bool trace_append(struct trace_writer *w, const struct session_input *input,
+                  const struct session_output *output) {
+    if (append(w, input, input->kind == INPUT_JOB && input->result, output))
+        return true;
+    w->gap++;
+    count(&w->missing, 1);
+    return false;
+}
+
+static enum result wait_for_room(struct trace_writer *w, struct error *err) {
+    while (BUFFER_SIZE - waiting_bytes(w) < 2 * RECORD_MAX) {
+        if (atomic_load(&w->failing))
+            return fail(err, RESULT_IO, "%s: the disk takes no more", w->path);
+        nanosleep(&(struct timespec){0, NS_PER_MS}, NULL);
+    }
+    return RESULT_OK;
+}
+
+enum result trace_append_record(struct trace_writer *w, const struct trace_record *record,
+                                struct error *err) {
+    uint8_t data[RECORD_MAX];
+    enum result result = wait_for_room(w, err);
+    if (result != RESULT_OK)
+        return result;
+    bool taken = true;
+    if (record->type == TRACE_STEP)
+        taken = append(w, &record->input, record->job_done, &record->output);
+    if (record->type == TRACE_PAST)
+        taken = put(w, data, record_encode_past(&record->input, record->job_done, &w->chain, data));
+    if (record->type == TRACE_GAP) {
+        w->gap += record->missing;
+        count(&w->missing, record->missing);
+    }
+    CHECK(taken);
+    return RESULT_OK;
+}
+
 struct trace_status trace_writer_status(const struct trace_writer *w) {
     return (struct trace_status){
         .records = atomic_load_explicit(&w->records, memory_order_relaxed),
         .missing = atomic_load_explicit(&w->missing, memory_order_relaxed),
         .bytes = atomic_load_explicit(&w->bytes, memory_order_relaxed),
+        .failing = atomic_load_explicit(&w->failing, memory_order_relaxed),
     };
 }
 
 // ---- the thread
 
 static void disk_failed(struct trace_writer *w, const char *what) {
-    if (!w->failing)
+    if (!atomic_exchange(&w->failing, true))
         log_error("trace", "%s: %s: %s; trying again", w->path, what, strerror(errno));
-    w->failing = true;
-}
-
-static size_t waiting_bytes(const struct trace_writer *w) {
-    return atomic_load_explicit(&w->head, memory_order_acquire) -
-           atomic_load_explicit(&w->tail, memory_order_relaxed);
 }
 
 static void drain(struct trace_writer *w) {
@@ -118,19 +161,35 @@ static void sync_data(struct trace_writer *w) {
         return;
     }
     w->unsynced = false;
-    if (w->failing && waiting_bytes(w) == 0) {
+    if (waiting_bytes(w) == 0 && atomic_exchange(&w->failing, false))
         log_warning("trace", "%s: the disk takes records again", w->path);
-        w->failing = false;
+}
+
+static void sign(struct trace_writer *w, struct trace_end *end) {
+    const struct trace_signer *signer = w->signer;
+    uint8_t message[TRACE_SEAL_SIZE];
+    size_t size = sizeof end->signature;
+    seal_message(w->chain.value, end->records, end->missing, message);
+    if (!signer->sign(signer->context, message, sizeof message, end->signature, &size)) {
+        log_error("trace", "%s: it cannot be signed", w->path);
+        return;
     }
+    CHECK(signer->certificate_size <= sizeof end->certificate && size <= sizeof end->signature);
+    memcpy(end->certificate, signer->certificate, signer->certificate_size);
+    end->certificate_size = signer->certificate_size;
+    end->signature_size = size;
 }
 
 // The appender has stopped: this thread has both ends.
 static void finish(struct trace_writer *w) {
     uint8_t data[2 * RECORD_MAX];
     struct trace_status status = trace_writer_status(w);
+    struct trace_end end = {.records = status.records, .missing = status.missing};
     drain(w);
-    size_t size = w->gap ? record_encode_gap(w->gap, data) : 0;
-    size += record_encode_end(status.records, status.missing, data + size);
+    size_t size = w->gap ? record_encode_gap(w->gap, &w->chain, data) : 0;
+    if (w->signer)
+        sign(w, &end);
+    size += record_encode_end(&end, &w->chain, data + size);
     bool complete = put(w, data, size);
     drain(w);
     sync_data(w);
@@ -193,36 +252,90 @@ static bool sync_folder_of(const char *path) {
     return done;
 }
 
-static enum result write_header(int fd, const char *path, const struct trace_header *header,
-                                size_t *out_size, struct error *err) {
-    uint8_t data[HEADER_MAX];
-    *out_size = header_encode(header, data);
+static enum result put_on_disk(int fd, const char *path, const uint8_t *data, size_t size,
+                               struct error *err) {
     errno = ENOSPC; // what a short write means
-    if (write(fd, data, *out_size) != (ssize_t)*out_size || fsync(fd) != 0 || !sync_folder_of(path))
-        return fail(err, RESULT_IO, "%s: cannot write the header: %s", path, strerror(errno));
+    if (write(fd, data, size) != (ssize_t)size || fsync(fd) != 0 || !sync_folder_of(path))
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return RESULT_OK;
 }
 
-enum result trace_writer_create(const char *path, const struct trace_header *header,
-                                struct trace_writer **out_writer, struct error *err) {
-    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
-    if (fd < 0)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    size_t size;
-    enum result result = write_header(fd, path, header, &size, err);
-    if (result != RESULT_OK) {
-        close(fd);
-        unlink(path);
-        return result;
-    }
+static struct trace_writer *writer_of(int fd, const char *path, const struct trace_signer *signer) {
     struct trace_writer *w = aligned_alloc(64, sizeof *w);
     CHECK(w);
     memset(w, 0, sizeof *w);
     w->fd = fd;
     w->path = alloc_text(path);
+    w->signer = signer;
+    chain_init(&w->chain);
     w->buffer = alloc(1, BUFFER_SIZE);
     memset(w->buffer, 0xff, BUFFER_SIZE); // the appender must not meet a page for the first time
+    return w;
+}
+
+static void release(struct trace_writer *w) {
+    close(w->fd);
+    chain_fini(&w->chain);
+    free(w->buffer);
+    free(w->path);
+    free(w);
+}
+
+// Two writers would spoil a file for good.
+static bool lock(int fd) {
+    return flock(fd, LOCK_EX | LOCK_NB) == 0;
+}
+
+enum result trace_writer_create(const char *path, const struct trace_header *header,
+                                const struct trace_signer *signer, struct trace_writer **out_writer,
+                                struct error *err) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    struct trace_writer *w = writer_of(fd, path, signer);
+    uint8_t data[HEADER_MAX];
+    size_t size = header_encode(header, &w->chain, data);
+    enum result result = lock(fd) ? put_on_disk(fd, path, data, size, err)
+                                  : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    if (result != RESULT_OK) {
+        unlink(path);
+        release(w);
+        return result;
+    }
     count(&w->bytes, size);
+    start_thread(w);
+    *out_writer = w;
+    return RESULT_OK;
+}
+
+static enum result cut_back(int fd, const char *path, uint64_t offset, struct error *err) {
+    if (!lock(fd))
+        return fail(err, RESULT_REFUSED, "%s: it is still being written", path);
+    if (ftruncate(fd, (off_t)offset) != 0 || lseek(fd, 0, SEEK_END) < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
+enum result trace_writer_resume(const char *path, const struct trace_place *end, int64_t utc_ns,
+                                const struct trace_signer *signer, struct trace_writer **out_writer,
+                                struct error *err) {
+    int fd = open(path, O_WRONLY | O_CLOEXEC);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    struct trace_writer *w = writer_of(fd, path, signer);
+    memcpy(w->chain.value, end->hash, sizeof end->hash);
+    uint8_t data[RECORD_MAX];
+    size_t size = record_encode_resume(utc_ns, &w->chain, data);
+    enum result result = cut_back(fd, path, end->offset, err);
+    if (result == RESULT_OK)
+        result = put_on_disk(fd, path, data, size, err);
+    if (result != RESULT_OK) {
+        release(w);
+        return result;
+    }
+    count(&w->bytes, end->offset + size);
+    count(&w->records, end->records);
+    count(&w->missing, end->missing);
     start_thread(w);
     *out_writer = w;
     return RESULT_OK;
@@ -239,9 +352,6 @@ void trace_writer_destroy(struct trace_writer **writer) {
     pthread_join(w->thread, NULL);
     pthread_cond_destroy(&w->wake);
     pthread_mutex_destroy(&w->mutex);
-    close(w->fd);
-    free(w->buffer);
-    free(w->path);
-    free(w);
+    release(w);
     *writer = NULL;
 }

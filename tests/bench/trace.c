@@ -23,7 +23,7 @@ static enum result replay_on(const char *path, const struct scene *scene, const 
     if (result != RESULT_OK)
         return result;
     int64_t begin_ns = clock_now_ns();
-    result = trace_replay(reader, scene, NULL, &replay, err);
+    result = trace_replay(reader, scene, NULL, NULL, &replay, err);
     double taken_ns = (double)(clock_now_ns() - begin_ns);
     trace_reader_destroy(&reader);
     if (result != RESULT_OK)
@@ -63,7 +63,7 @@ static enum result record(const struct played *played, const char *path, struct 
         .settings = session_settings_default(),
     };
     trace_header_set_machine(&header);
-    enum result result = trace_writer_create(path, &header, &r.writer, err);
+    enum result result = trace_writer_create(path, &header, NULL, &r.writer, err);
     if (result != RESULT_OK)
         return result;
     played_run(played, &header.settings, played->motion.row_count, append, &r);

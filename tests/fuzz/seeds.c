@@ -223,7 +223,7 @@ static struct trace_writer *begin_trace(const char *file) {
     struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
     header.settings = session_settings_default();
     struct trace_writer *writer;
-    CHECK(trace_writer_create(file, &header, &writer, NULL) == RESULT_OK);
+    CHECK(trace_writer_create(file, &header, NULL, &writer, NULL) == RESULT_OK);
     return writer;
 }
 

@@ -89,6 +89,40 @@ static void verify_tells_up_to_where_a_file_is_whole(void **state) {
     json_decref(root);
 }
 
+static void flip_byte_at(long offset) {
+    FILE *file = fopen(trace_path, "r+b");
+    assert_non_null(file);
+    fseek(file, offset, SEEK_SET);
+    int byte = fgetc(file);
+    fseek(file, offset, SEEK_SET);
+    fputc(byte ^ 4, file);
+    fclose(file);
+}
+
+static void verify_tells_what_was_changed_and_reads_behind_it(void **state) {
+    (void)state;
+    record_honestly();
+    assert_int_equal(run_on_trace("verify", ""), 0);
+    assert_non_null(strstr(output, "not signed"));
+    struct stat status;
+    assert_int_equal(stat(trace_path, &status), 0);
+    flip_byte_at(status.st_size / 3);
+    flip_byte_at(status.st_size / 2);
+    assert_int_equal(run_on_trace("verify", "--json"), 1);
+    json_t *root = output_object(), *damages = json_object_get(root, "damages");
+    assert_int_equal(json_array_size(damages), 2);
+    for (int i = 0; i < 2; i++) {
+        json_t *damage = json_array_get(damages, (size_t)i);
+        json_int_t at = status.st_size / (3 - i), begin = number(damage, "byte");
+        assert_true(begin <= at && at < begin + number(damage, "bytes"));
+    }
+    json_int_t readable = number(root, "records") + number(root, "records_behind");
+    assert_int_equal(readable, recorded_steps - 2);
+    json_decref(root);
+    assert_int_equal(run_on_trace("verify", "--authority /nowhere.pem"), 1);
+    assert_int_equal(run_on_trace("info", ""), 0);
+}
+
 static void replay_finds_the_case_that_the_trace_names(void **state) {
     (void)state;
     record_honestly();
@@ -201,6 +235,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(info_tells_whose_session_it_is),
         cmocka_unit_test(verify_tells_up_to_where_a_file_is_whole),
+        cmocka_unit_test(verify_tells_what_was_changed_and_reads_behind_it),
         cmocka_unit_test(replay_finds_the_case_that_the_trace_names),
         cmocka_unit_test(replay_of_a_forged_trace_fails_and_says_where),
         cmocka_unit_test(export_writes_a_row_for_each_step),

@@ -3,6 +3,7 @@
 #include "replay/recording.h"
 #include "test.h"
 #include "trace/record.h"
+#include "unit/trace_mend.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +15,7 @@ static enum result replay(const struct scene *scene, struct replay_report *out_r
     struct error err = {""};
     if (trace_reader_create(trace_path, &reader, &err) != RESULT_OK)
         fail_msg("%s", err.text);
-    enum result result = trace_replay(reader, scene, NULL, out_report, &err);
+    enum result result = trace_replay(reader, scene, NULL, NULL, out_report, &err);
     trace_reader_destroy(&reader);
     return result;
 }
@@ -169,16 +170,21 @@ static void replace_by_gap(uint64_t step) {
     }
     uint64_t size = trace_reader_size(reader);
     trace_reader_destroy(&reader);
-    uint8_t *data = calloc(1, size);
+    uint8_t *data = calloc(1, size + RECORD_MAX);
     FILE *f = fopen(trace_path, "r+b");
     assert_int_equal(fread(data, 1, size, f), size);
+    struct chain chain;
+    chain_init(&chain);
+    size_t gap_size = record_encode_gap(1, &chain, gap);
+    chain_fini(&chain);
+    memmove(data + at + gap_size, data + after, end - after);
+    memcpy(data + at, gap, gap_size);
+    size = at + gap_size + end - after;
+    trace_mend(data, size);
     rewind(f);
-    size_t gap_size = record_encode_gap(1, gap);
-    fwrite(data, 1, at, f);
-    fwrite(gap, 1, gap_size, f);
-    fwrite(data + after, 1, end - after, f);
+    fwrite(data, 1, size, f);
     fflush(f);
-    assert_int_equal(ftruncate(fileno(f), (off_t)(at + gap_size + end - after)), 0);
+    assert_int_equal(ftruncate(fileno(f), (off_t)size), 0);
     fclose(f);
     free(data);
 }

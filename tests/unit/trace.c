@@ -1,14 +1,14 @@
-#include "base/bytes.h"
 #include "base/check.h"
 #include "test.h"
 #include "trace/fields.h"
 #include "unit/trace_files.h"
+#include "unit/trace_mend.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <xxhash.h>
+#include <unistd.h>
 
 static size_t slurp(uint8_t **out_data) {
     FILE *file = fopen(path, "rb");
@@ -22,6 +22,7 @@ static size_t slurp(uint8_t **out_data) {
 }
 
 static void write_copy(const uint8_t *data, size_t size) {
+    unlink(copy_path); // a file that is made anew waits for no disk
     FILE *file = fopen(copy_path, "wb");
     assert_non_null(file);
     assert_int_equal(fwrite(data, 1, size, file), size);
@@ -58,7 +59,7 @@ static void an_existing_file_is_never_overwritten(void **state) {
     struct trace_header header = some_header();
     struct trace_writer *writer = NULL;
     struct error err = {""};
-    assert_int_equal(trace_writer_create(path, &header, &writer, &err), RESULT_IO);
+    assert_int_equal(trace_writer_create(path, &header, NULL, &writer, &err), RESULT_IO);
     assert_null(writer);
     assert_non_null(strstr(err.text, path));
 }
@@ -128,10 +129,11 @@ static void bytes_after_the_end_record_are_noticed(void **state) {
     free(data);
 }
 
-// Puts right the checksum of what lies in data[0 .. size), for forgers.
-static void seal_again(uint8_t *data, size_t size) {
-    struct writer w = {data, size, size - 8, false};
-    write_u64(&w, XXH3_64bits(data, size - 8));
+static enum result end_of_copy(uint8_t *data, size_t size, bool mended) {
+    if (mended)
+        trace_mend(data, size);
+    write_copy(data, size);
+    return read_prefix_of_steps(copy_path).end;
 }
 
 static void a_record_left_out_repeated_or_forged_is_noticed(void **state) {
@@ -150,23 +152,71 @@ static void a_record_left_out_repeated_or_forged_is_noticed(void **state) {
     uint8_t *forged = alloc(2 * size, 1);
     memcpy(forged, data, at[1]); // the second step left out
     memcpy(forged + at[1], data + at[2], size - at[2]);
-    write_copy(forged, size - (at[2] - at[1]));
-    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    assert_int_equal(end_of_copy(forged, size - (at[2] - at[1]), false), RESULT_CORRUPT);
+    assert_int_equal(end_of_copy(forged, size - (at[2] - at[1]), true), RESULT_FORMAT);
     memcpy(forged, data, at[2]); // the second step twice
     memcpy(forged + at[2], data + at[1], size - at[1]);
-    write_copy(forged, size + at[2] - at[1]);
-    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    assert_int_equal(end_of_copy(forged, size + at[2] - at[1], false), RESULT_CORRUPT);
+    assert_int_equal(end_of_copy(forged, size + at[2] - at[1], true), RESULT_FORMAT);
+    memcpy(forged, data, at[1]); // the second and the third step changed places
+    memcpy(forged + at[1], data + at[2], at[3] - at[2]);
+    memcpy(forged + at[1] + at[3] - at[2], data + at[1], at[2] - at[1]);
+    memcpy(forged + at[3], data + at[3], size - at[3]);
+    assert_int_equal(end_of_copy(forged, size, false), RESULT_CORRUPT);
+    assert_int_equal(end_of_copy(forged, size, true), RESULT_FORMAT);
     memcpy(forged, data, size); // an input of a kind that there is not
     forged[at[1] + 5] = INPUT_KIND_COUNT;
-    seal_again(forged + at[1], at[2] - at[1]);
-    write_copy(forged, size);
-    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    assert_int_equal(end_of_copy(forged, size, true), RESULT_FORMAT);
     memcpy(forged, data, size); // time falls
     forged[at[2] + 5 + 1 + 7] = 0x80;
-    seal_again(forged + at[2], at[3] - at[2]);
-    write_copy(forged, size);
-    assert_int_equal(read_prefix_of_steps(copy_path).end, RESULT_FORMAT);
+    assert_int_equal(end_of_copy(forged, size, true), RESULT_FORMAT);
     free(forged);
+    free(data);
+}
+
+// Reads on behind all damage: whatever is accepted must be what was written. Sets in `out_read`
+// which steps were.
+static void read_behind_damage(bool *out_read, uint64_t *out_left_out) {
+    struct trace_reader *reader = open_trace(copy_path);
+    struct trace_record record;
+    uint64_t bytes;
+    *out_left_out = 0;
+    do {
+        while (trace_read(reader, &record, NULL) == RESULT_OK)
+            if (record.type == TRACE_STEP) {
+                assert_is_step(&record, record.output.step);
+                out_read[record.output.step] = true;
+            }
+        bytes = 0;
+        bool more = trace_skip_damage(reader, &bytes, NULL) == RESULT_OK;
+        *out_left_out += more ? bytes : 0;
+    } while (bytes);
+    trace_reader_destroy(&reader);
+}
+
+static void one_damaged_record_leaves_all_others_readable(void **state) {
+    (void)state;
+    write_trace(6);
+    uint8_t *data;
+    size_t size = slurp(&data);
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    while (trace_read(reader, &record, NULL) == RESULT_OK && record.output.step < 3)
+        continue;
+    trace_reader_destroy(&reader);
+    for (size_t i = 0; i < record.size; i += 7) {
+        bool was_read[7] = {0};
+        uint64_t left_out;
+        data[record.offset + i] ^= 0x10;
+        write_copy(data, size);
+        read_behind_damage(was_read, &left_out);
+        data[record.offset + i] ^= 0x10;
+        bool hash = i >= record.size - TRACE_HASH_SIZE; // then the next one has lost its past
+        assert_true(was_read[1] && was_read[2] && was_read[5] && was_read[6]);
+        assert_false(was_read[3]);
+        assert_true(was_read[4] == !hash);
+        assert_true(hash ? left_out > record.size : left_out == record.size);
+    }
     free(data);
 }
 
@@ -199,9 +249,7 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
     write_trace(1);
     uint8_t *data;
     size_t size = slurp(&data);
-    struct trace_reader *reader = open_trace(path);
-    size_t header_size = trace_reader_offset(reader);
-    trace_reader_destroy(&reader);
+    struct trace_reader *reader;
     static const struct {
         size_t at;
         uint8_t value;
@@ -209,10 +257,10 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
     } rows[] = {
         {0, 'X', RESULT_FORMAT},  // magic
         {8, 4, RESULT_VERSION},   // a newer version
-        {8, 2, RESULT_VERSION},   // an older one
+        {8, 1, RESULT_VERSION},   // one that is too old
         {12, 1, RESULT_LIMIT},    // larger than we accept
         {14, 1, RESULT_CORRUPT},  // a byte of the session's id
-        {30, 99, RESULT_CORRUPT}, // length of a text
+        {62, 99, RESULT_CORRUPT}, // length of a text
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         uint8_t before = data[rows[i].at];
@@ -223,8 +271,8 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
         assert_non_null(strstr(err.text, copy_path));
         data[rows[i].at] = before;
     }
-    data[30] = 99; // a text that is longer than its place, with a right checksum
-    seal_again(data, header_size);
+    data[62] = 99; // a text that is longer than its place, with a right checksum
+    trace_mend(data, size);
     write_copy(data, size);
     assert_int_equal(trace_reader_create(copy_path, &reader, NULL), RESULT_FORMAT);
     free(data);
@@ -262,6 +310,7 @@ int main(void) {
         cmocka_unit_test(a_flipped_bit_in_any_byte_is_noticed),
         cmocka_unit_test(bytes_after_the_end_record_are_noticed),
         cmocka_unit_test(a_record_left_out_repeated_or_forged_is_noticed),
+        cmocka_unit_test(one_damaged_record_leaves_all_others_readable),
         cmocka_unit_test(a_time_that_no_session_takes_is_refused),
         cmocka_unit_test(a_header_that_is_not_ours_is_refused),
         cmocka_unit_test(every_byte_of_an_output_belongs_to_a_field),

@@ -1,0 +1,22 @@
+// Signs with the server's key, so that others can tell by the authority's certificate what this
+// server wrote. Any number of threads may use one.
+#pragma once
+
+#include "base/result.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct signer;
+
+// Key and certificate of the server in the authority's folder (authority.h).
+enum result signer_create(const char *authority_dir, struct signer **out_signer, struct error *err);
+void signer_destroy(struct signer **signer); // NULL inside is fine
+
+// X.509, DER; it lives as long as the signer.
+const uint8_t *signer_certificate(const struct signer *signer, size_t *out_size);
+
+// ECDSA with SHA-256, DER. `signer` is a struct signer. False where out_signature is too small.
+bool signer_sign(void *signer, const uint8_t *message, size_t size, uint8_t *out_signature,
+                 size_t *in_out_signature_size);

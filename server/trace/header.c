@@ -1,0 +1,169 @@
+#include "base/bytes.h"
+#include "base/check.h"
+#include "trace/record.h"
+
+#include <string.h>
+#include <xxhash.h>
+
+_Static_assert(sizeof(struct session_settings) == 2680, "the settings");
+_Static_assert(sizeof(struct trace_header) < HEADER_FIELDS_MAX, "a header fits");
+
+static void write_body(struct writer *w, const struct instrument_body *body) {
+    write_u8(w, (uint8_t)body->point_count);
+    for (int i = 0; i < body->point_count; i++) {
+        write_vec3(w, body->points[i].at);
+        write_f64(w, body->points[i].radius_mm);
+    }
+}
+
+// Of too many points none is read: body_is_valid refuses them.
+static void read_body(struct reader *r, struct instrument_body *out) {
+    memset(out, 0, sizeof *out);
+    out->point_count = read_u8(r);
+    for (int i = 0; out->point_count <= AVATAR_POINTS_MAX && i < out->point_count; i++) {
+        out->points[i].at = read_vec3(r);
+        out->points[i].radius_mm = read_f64(r);
+    }
+}
+
+static void write_settings(struct writer *w, const struct session_settings *s) {
+    write_u8(w, (uint8_t)s->field.kind);
+    write_f64(w, s->field.unit_mm);
+    write_f64(w, s->field.radius_mm);
+    write_f64(w, s->field.background_per_mm);
+    write_f64(w, s->field.skin_mm);
+    write_f64(w, s->field.strength);
+    write_u8(w, (uint8_t)s->adaptive);
+    write_u8(w, (uint8_t)s->avatar);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        write_body(w, &s->bodies[i]);
+    write_i64(w, s->hold_ns);
+    write_f64(w, s->ease_share);
+    write_f64(w, s->ease_mm_s);
+}
+
+// Version 2 had instruments that follow by their tips, and no torn ligaments.
+static void read_settings(struct reader *r, unsigned version, struct session_settings *out) {
+    *out = session_settings_default();
+    out->field.kind = read_u8(r);
+    out->field.unit_mm = read_f64(r);
+    out->field.radius_mm = read_f64(r);
+    out->field.background_per_mm = read_f64(r);
+    out->field.skin_mm = read_f64(r);
+    out->field.strength = read_f64(r);
+    if (version >= 3) {
+        out->adaptive = read_u8(r);
+        out->avatar = read_u8(r);
+        for (int i = 0; i < INSTRUMENT_COUNT; i++)
+            read_body(r, &out->bodies[i]);
+    }
+    out->hold_ns = read_i64(r);
+    out->ease_share = read_f64(r);
+    out->ease_mm_s = read_f64(r);
+}
+
+static bool settings_are_valid(const struct session_settings *s) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (!instrument_body_is_valid(&s->bodies[i]))
+            return false;
+    return (unsigned)s->adaptive < ADAPTIVE_COUNT && (unsigned)s->avatar < AVATAR_MODE_COUNT &&
+           (unsigned)s->field.kind < FIELD_COUNT && s->field.unit_mm > 0 &&
+           isfinite(s->field.unit_mm) && s->field.radius_mm > 0 && isfinite(s->field.radius_mm) &&
+           s->field.background_per_mm >= 0 && isfinite(s->field.background_per_mm) &&
+           s->field.skin_mm >= 0 && isfinite(s->field.skin_mm) && s->field.strength >= 0 &&
+           s->field.strength <= 1 && s->hold_ns >= 0 && s->hold_ns <= TIME_MAX_NS &&
+           s->ease_share >= 0 && isfinite(s->ease_share) && s->ease_mm_s >= 0 &&
+           isfinite(s->ease_mm_s);
+}
+
+static void read_array(struct reader *r, uint8_t *out, size_t size) {
+    const uint8_t *bytes = read_bytes(r, size);
+    if (bytes)
+        memcpy(out, bytes, size);
+}
+
+size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t *out) {
+    struct writer w = {out, HEADER_MAX, HEADER_PREFIX, false};
+    write_bytes(&w, h->session_id, sizeof h->session_id);
+    write_bytes(&w, h->parent, sizeof h->parent);
+    write_text(&w, h->station);
+    write_text(&w, h->trainee);
+    write_text(&w, h->case_name);
+    write_text(&w, h->case_dir);
+    write_u64(&w, h->case_hash);
+    write_i64(&w, h->start_utc_ns);
+    write_i64(&w, h->start_ns);
+    write_settings(&w, &h->settings);
+    write_text(&w, h->build);
+    write_text(&w, h->libc);
+    write_text(&w, h->cpu);
+    struct writer prefix = {out, HEADER_PREFIX, 0, false};
+    write_bytes(&prefix, HEADER_MAGIC, 8);
+    write_u16(&prefix, TRACE_VERSION);
+    write_u32(&prefix, (uint32_t)(w.used - HEADER_PREFIX));
+    chain_add(chain, out, w.used);
+    write_bytes(&w, chain->value, sizeof chain->value);
+    CHECK(!w.overflow && !prefix.overflow);
+    return w.used;
+}
+
+enum result header_decode_prefix(const uint8_t *prefix, unsigned *out_version, size_t *out_rest,
+                                 struct error *err) {
+    struct reader r = {prefix, HEADER_PREFIX, 0, false};
+    if (memcmp(read_bytes(&r, 8), HEADER_MAGIC, 8) != 0)
+        return fail(err, RESULT_FORMAT, "it does not begin as a trace does");
+    *out_version = read_u16(&r);
+    if (*out_version < TRACE_OLDEST_VERSION || *out_version > TRACE_VERSION)
+        return fail(err, RESULT_VERSION, "it has version %u, and this program reads %d to %d",
+                    *out_version, TRACE_OLDEST_VERSION, TRACE_VERSION);
+    uint32_t size = read_u32(&r);
+    if (size > HEADER_FIELDS_MAX)
+        return fail(err, RESULT_LIMIT, "its header claims %u bytes, more than %d", size,
+                    HEADER_FIELDS_MAX);
+    *out_rest = size + checksum_size(*out_version);
+    return RESULT_OK;
+}
+
+size_t checksum_size(unsigned version) {
+    return version >= 3 ? TRACE_HASH_SIZE : sizeof(uint64_t);
+}
+
+bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct chain *chain) {
+    size_t checked = size - checksum_size(version);
+    if (version < 3) {
+        struct reader r = {data + checked, sizeof(uint64_t), 0, false};
+        return read_u64(&r) == XXH3_64bits(data, checked);
+    }
+    chain_add(chain, data, checked);
+    bool matches = !memcmp(chain->value, data + checked, sizeof chain->value);
+    memcpy(chain->value, data + checked, sizeof chain->value);
+    return matches;
+}
+
+enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
+                          struct trace_header *h, struct error *err) {
+    if (!checksum_matches(data, size, version, chain))
+        return fail(err, RESULT_CORRUPT, "the checksum of its header is wrong");
+    memset(h, 0, sizeof *h);
+    struct reader r = {data, size - checksum_size(version), HEADER_PREFIX, false};
+    h->version = (uint16_t)version;
+    read_array(&r, h->session_id, sizeof h->session_id);
+    if (version >= 3)
+        read_array(&r, h->parent, sizeof h->parent);
+    read_text(&r, h->station, sizeof h->station);
+    read_text(&r, h->trainee, sizeof h->trainee);
+    read_text(&r, h->case_name, sizeof h->case_name);
+    read_text(&r, h->case_dir, sizeof h->case_dir);
+    h->case_hash = read_u64(&r);
+    h->start_utc_ns = read_i64(&r);
+    h->start_ns = read_i64(&r);
+    read_settings(&r, version, &h->settings);
+    read_text(&r, h->build, sizeof h->build);
+    read_text(&r, h->libc, sizeof h->libc);
+    read_text(&r, h->cpu, sizeof h->cpu);
+    if (r.underflow || r.used != r.size)
+        return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
+    if (!settings_are_valid(&h->settings) || !time_is_sane(h->start_ns))
+        return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
+    return RESULT_OK;
+}

@@ -1,0 +1,88 @@
+#include "trace/rerun.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define LAND_AFTER_NS (NS_PER_S / 2)
+
+struct rerun {
+    struct session *session;
+    struct operation *operation;
+    struct job_result *pending; // of the last job that the session asked for, until it lands
+    int64_t asked_ns;
+};
+
+struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
+    struct rerun *rerun = alloc(1, sizeof *rerun);
+    rerun->session = session_create(scene, settings);
+    rerun->operation = operation_create(scene);
+    return rerun;
+}
+
+void rerun_destroy(struct rerun **rerun) {
+    if (!*rerun)
+        return;
+    session_destroy(&(*rerun)->session);
+    operation_destroy(&(*rerun)->operation);
+    job_result_destroy(&(*rerun)->pending);
+    free(*rerun);
+    *rerun = NULL;
+}
+
+static void step(struct rerun *rerun, struct session_input *input, struct job_result *result,
+                 struct session_output *output) {
+    if (input->kind == INPUT_JOB)
+        input->result = result;
+    session_step(rerun->session, input, output);
+    if (result) {
+        CHECK(result == rerun->pending);
+        job_result_destroy(&rerun->pending);
+    }
+    if (!output->job.id)
+        return;
+    job_result_destroy(&rerun->pending);
+    rerun->pending = operation_run(rerun->operation, &output->job);
+    rerun->asked_ns = input->time_ns;
+}
+
+void rerun_step(struct rerun *rerun, const struct trace_record *record,
+                struct session_output *output) {
+    struct session_input input = record->input;
+    bool lands = input.kind == INPUT_JOB && record->job_done && rerun->pending &&
+                 rerun->pending->job == input.job;
+    step(rerun, &input, lands ? rerun->pending : NULL, output);
+}
+
+void rerun_step_freely(struct rerun *rerun, const struct trace_record *record,
+                       struct session_output *output, struct landed *out_landed) {
+    struct session_input input = record->input;
+    memset(out_landed, 0, sizeof *out_landed);
+    if (input.kind == INPUT_JOB && rerun->pending) {
+        input.job = rerun->pending->job;
+        step(rerun, &input, rerun->pending, output);
+        return;
+    }
+    if (rerun->pending && input.time_ns - rerun->asked_ns >= LAND_AFTER_NS) {
+        struct session_input landing = {
+            .kind = INPUT_JOB, .time_ns = input.time_ns, .job = rerun->pending->job};
+        step(rerun, &landing, rerun->pending, output);
+        *out_landed = output->landed;
+    }
+    step(rerun, &input, NULL, output);
+}
+
+const struct operation *rerun_operation(const struct rerun *rerun) {
+    return rerun->operation;
+}
+
+void rerun_release(struct rerun **rerun, struct session **out_session,
+                   struct operation **out_operation, struct job_result **out_pending) {
+    *out_session = (*rerun)->session;
+    *out_operation = (*rerun)->operation;
+    *out_pending = (*rerun)->pending;
+    free(*rerun);
+    *rerun = NULL;
+}

@@ -224,9 +224,14 @@ static void explain(struct report *report) {
     report_text(report, "unit_dependence_mm",
                 "the field of sessions. smooth differs by what its sums are good to, about 1e-4 of "
                 "the displacement: a coordinate that is rounded otherwise gives another tree");
-    report_text(report, "folds",
-                "nodes of all recipes in cases/, over flexion at rest and in the keys of torn "
-                "ligaments, by the closed derivative");
+    report_text(
+        report, "folds",
+        "nodes of all recipes in cases/, over flexion at rest and in the keys of torn "
+        "ligaments, by the closed derivative: all of them, wherever they are. Beside them, as "
+        "the check of a case does: those against the skin, which gives way but not here; "
+        "those in gaps that the displacements fill; with one surface in reach, off which "
+        "the field fades over 12 mm: where that is displaced by more than 7.2 mm along its "
+        "normal, too fast; and others");
     report_text(report, "seeds", "each lesion twice: the last part of its name");
 }
 

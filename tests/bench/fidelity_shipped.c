@@ -2,6 +2,7 @@
 // space around folds nowhere.
 #include "base/check.h"
 #include "case/generate.h"
+#include "check/field.h"
 #include "fidelity.h"
 #include "harmonic.h"
 #include "session/session.h"
@@ -20,7 +21,10 @@ struct shipped {
     const struct knee_case *knee;
     uint32_t hollow;
     size_t nodes, left_out;
-    size_t folds, beside_skin, harmonic_folds; // beside: of the folds, between skin and another
+    // Of the folds: with one surface in reach, off which the field fades; against the skin, which
+    // gives way; where a gap is filled.
+    size_t folds, fading, beside_skin, filled;
+    size_t harmonic_folds; // of the harmonic displacement
     double key_error_mm, rest_mm;
 };
 
@@ -75,21 +79,35 @@ static bool is_folded(mat3 gradient) {
     return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, gradient)) <= 0;
 }
 
-// One of the two surfaces nearest to y is hollow.
-static bool is_beside_skin(const struct shipped *s, const struct warp_contact *contacts,
-                           int count) {
-    const struct warp_contact *nearest[2] = {NULL, NULL};
+static void find_nearest(const struct warp_contact *contacts, int count,
+                         const struct warp_contact *out[2]) {
+    out[0] = out[1] = NULL;
     for (int i = 0; i < count; i++) {
-        bool first = !nearest[0] || contacts[i].distance < nearest[0]->distance;
-        if (first)
-            nearest[1] = nearest[0];
-        if (first || !nearest[1] || contacts[i].distance < nearest[1]->distance)
-            nearest[!first] = &contacts[i];
+        const struct warp_contact *c = &contacts[i];
+        if (!out[0] || c->distance < out[0]->distance) {
+            out[1] = out[0];
+            out[0] = c;
+        } else if (!out[1] || c->distance < out[1]->distance) {
+            out[1] = c;
+        }
     }
-    for (int i = 0; i < 2; i++)
-        if (nearest[i] && s->hollow >> nearest[i]->surface & 1)
-            return true;
-    return false;
+}
+
+// As the check of a case tells them apart.
+static void add_fold(struct shipped *s, const struct warp_contact *contacts, int count, vec3 y) {
+    const struct warp_contact *nearest[2];
+    double gap, left;
+    find_nearest(contacts, count, nearest);
+    s->folds++;
+    if (!nearest[1]) {
+        s->fading++;
+        return;
+    }
+    uint32_t both = 1u << nearest[0]->surface | 1u << nearest[1]->surface;
+    if (both & s->hollow)
+        s->beside_skin++;
+    else if (field_gap(nearest[0], nearest[1], y, &gap, &left))
+        s->filled += left <= (1 - FILLED_SHARE) * gap;
 }
 
 static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene, vec3 y) {
@@ -100,10 +118,8 @@ static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene,
     warp_memory_init(&memory);
     int count = warp_contacts(warp_scene, &settings.field, y, &memory, &warp, contacts);
     s->nodes++;
-    if (!is_folded(warp.gradient))
-        return;
-    s->folds++;
-    s->beside_skin += is_beside_skin(s, contacts, count);
+    if (is_folded(warp.gradient))
+        add_fold(s, contacts, count, y);
 }
 
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
@@ -154,7 +170,11 @@ static void report_shipped(const struct shipped *s) {
     report_figure(report, (double)s->nodes, "nodes", "shipped/%s/reached", name);
     report_figure(report, (double)s->left_out, "nodes", "shipped/%s/left out", name);
     report_figure(report, (double)s->folds, "nodes", "shipped/%s/folds", name);
-    report_figure(report, (double)s->beside_skin, "nodes", "shipped/%s/folds/beside skin", name);
+    report_figure(report, (double)s->beside_skin, "nodes", "shipped/%s/folds/against skin", name);
+    report_figure(report, (double)s->filled, "nodes", "shipped/%s/folds/in filled gaps", name);
+    report_figure(report, (double)s->fading, "nodes", "shipped/%s/folds/fading", name);
+    report_figure(report, (double)(s->folds - s->fading - s->beside_skin - s->filled), "nodes",
+                  "shipped/%s/folds/others", name);
     report_figure(report, (double)s->harmonic_folds, "nodes", "shipped/%s/folds/harmonic", name);
     if (!s->knee->key_count)
         return;

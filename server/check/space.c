@@ -8,6 +8,9 @@
 // So that made meshes, whose corners like round numbers, do not meet the grid's lines.
 #define SHIFT 0.37
 
+// Through its hole an open surface shows its back to what is outside, too.
+#define OPEN_VOTES 2
+
 size_t space_count(const struct space *space) {
     return (size_t)space->size[0] * (size_t)space->size[1] * (size_t)space->size[2];
 }
@@ -156,7 +159,7 @@ static void count_backs(const struct space *s, const struct lines *lines, int8_t
 
 static void vote(const struct space *s, const struct warp_surface *surface, pose T, bool open,
                  int8_t *votes) {
-    memset(votes, 0, space_count(s));
+    memset(votes, open ? 1 - OPEN_VOTES : 0, space_count(s));
     for (int axis = open ? 0 : 2; axis < 3; axis++) {
         struct lines lines = lines_meet(s, axis, surface->mesh, T);
         if (open)

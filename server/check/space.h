@@ -1,7 +1,8 @@
 // The space that the tip of an instrument can reach at one pose of the joint, as nodes of a grid:
 // inside the skin, or inside given planes where there is none, and outside of all solids. Of a
-// closed surface, inside is where its winding number is positive; of an open one, where more of the
-// six ways along the axes meet its back first than its front. Millimetres, in the scene's world.
+// closed surface, inside is where its winding number is positive; of an open one, where of the six
+// ways along the axes at least two more meet its back first than its front. Millimetres, in the
+// scene's world.
 #pragma once
 
 #include "mesh/convex.h"

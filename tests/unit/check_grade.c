@@ -1,0 +1,213 @@
+#include "case_knee.h"
+#include "check/verdict.h"
+#include "test.h"
+
+#include <jansson.h>
+#include <stdlib.h>
+#include <string.h>
+
+static char folder[256];
+
+static int setup(void **state) {
+    (void)state;
+    make_folder(folder, sizeof folder);
+    return 0;
+}
+
+static int teardown(void **state) {
+    (void)state;
+    remove_folder(folder);
+    return 0;
+}
+
+static struct check *check_knee(struct knee_case *knee, struct scene **out_scene) {
+    struct check_settings settings = check_settings_default(true);
+    settings.spacing_mm = 4;
+    struct check *check;
+    struct error err;
+    assert_int_equal(check_case(&knee, &settings, &check, out_scene, &err), RESULT_OK);
+    assert_null(knee);
+    return check;
+}
+
+static const struct finding *find(const struct check *check, enum finding_level level,
+                                  const char *where, const char *text) {
+    for (int i = 0; i < check->findings.count; i++) {
+        const struct finding *f = &check->findings.findings[i];
+        if (f->level == level && !strcmp(f->where, where) && strstr(f->text, text))
+            return f;
+    }
+    return NULL;
+}
+
+// Boxes of a knee without torn ligaments and without displacements.
+static struct knee_case *plain_knee(void) {
+    struct knee_case *knee = box_knee();
+    knee->torn_count = knee->key_count = knee->rest_count = 0;
+    free(case_group(knee, "tibia")->warp);
+    case_group(knee, "tibia")->warp = NULL;
+    return knee;
+}
+
+static void the_grade_of_a_check_is_read_back_for_its_case(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct scene *scene;
+    struct error err;
+    assert_int_equal(case_save(knee, folder, &err), RESULT_OK);
+    uint64_t hash = knee->hash;
+    struct check *check = check_knee(knee, &scene);
+    assert_non_null(scene);
+    struct case_grade grade;
+    assert_int_equal(grade_read(folder, &grade, &err), RESULT_MISSING);
+    assert_int_equal(verdict_save(check, 1763700000, folder, &err), RESULT_OK);
+    assert_int_equal(grade_read(folder, &grade, &err), RESULT_OK);
+    assert_int_equal(grade.grade, check->grade);
+    assert_true(grade.hash == hash && grade.quick);
+    assert_string_equal(grade.field, "inverse-distance");
+    assert_int_equal(grade.reason[0] != '\0', check->grade == GRADE_UNFIT);
+    struct knee_case *again;
+    assert_int_equal(case_load(folder, NULL, &again, &err), RESULT_OK);
+    assert_true(again->hash == hash); // the case has not changed
+    case_destroy(&again);
+    scene_destroy(&scene);
+    check_destroy(&check);
+}
+
+static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
+    (void)state;
+    struct scene *scene;
+    struct check *check = check_knee(plain_knee(), &scene);
+    assert_null(find(check, FINDING_FAULT, "femur", "faces"));
+    assert_non_null(find(check, FINDING_NOTE, "field", "nothing is displaced"));
+    enum grade before = check->grade;
+    scene_destroy(&scene);
+    check_destroy(&check);
+    struct knee_case *knee = plain_knee();
+    struct case_group *femur = case_group(knee, "femur");
+    float *warp = case_group_need_warp(femur);
+    for (uint32_t v = 0; v < femur->mesh.vertex_count; v++)
+        warp[3 * v + 2] = -2;
+    check = check_knee(knee, &scene);
+    assert_non_null(
+        find(check, FINDING_FAULT, "femur", "faces meniscus_medial over a gap of 0.00"));
+    assert_int_equal(check->grade, GRADE_UNFIT);
+    assert_int_not_equal(before, GRADE_UNFIT);
+    scene_destroy(&scene);
+    check_destroy(&check);
+}
+
+static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
+    (void)state;
+    struct scene *scene;
+    struct check *check = check_knee(box_knee(), &scene);
+    assert_int_equal(check->pose_count, 3 + 2); // quick: 0, 60, 120, and a key of each ligament
+    assert_string_equal(check->poses[3].name, "mcl at 15 degrees");
+    assert_true(check->poses[3].bones.virtual_mm >= 0);
+    assert_int_equal(check->opening_count, 2);
+    assert_string_equal(check->openings[0].coordinate, "valgus");
+    assert_string_equal(check->openings[1].coordinate, "drawer");
+    const struct opening *o = &check->openings[0];
+    for (int k = 0; k < o->key_count; k++)
+        for (int i = 0; i < OPENING_STEPS; i++)
+            if (fabs(o->flexion[i] - o->key_flexion[k]) < 1e-9)
+                assert_near(o->shown[i], o->key_target[k], 1e-6);
+    assert_true(check->rest_mm < 1e-6);
+    scene_destroy(&scene);
+    check_destroy(&check);
+}
+
+static void a_case_that_cannot_be_prepared_is_unfit_and_says_why(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    knee->keys[1].physical = knee->keys[0].physical; // two keys at one flexion
+    struct scene *scene;
+    struct check *check = check_knee(knee, &scene);
+    assert_null(scene);
+    assert_int_equal(check->grade, GRADE_UNFIT);
+    assert_non_null(find(check, FINDING_FAULT, "case", "torn ligaments"));
+    char *text = verdict_text(check, 0);
+    assert_non_null(strstr(text, "\"grade\": \"unfit\""));
+    assert_non_null(strstr(text, "1970-01-01T00:00:00Z"));
+    free(text);
+    check_destroy(&check);
+}
+
+static void a_broken_record_is_refused_and_says_where(void **state) {
+    (void)state;
+    const char *good = "{\"format\":\"arthron-check\",\"version\":1,\"grade\":\"unfit\","
+                       "\"hash\":\"0123456789abcdef\",\"quick\":false,"
+                       "\"settings\":{\"field\":\"smooth\"},\"findings\":["
+                       "{\"level\":\"note\",\"where\":\"a\",\"text\":\"b\"},"
+                       "{\"level\":\"fault\",\"where\":\"femur\",\"text\":\"faces\"}]}";
+    const struct {
+        const char *from, *to;
+        enum result result;
+        const char *says;
+    } rows[] = {
+        {"arthron-check", "arthron-cheque", RESULT_FORMAT, "format"},
+        {"\"version\":1", "\"version\":2", RESULT_VERSION, "version"},
+        {"\"version\":1", "\"version\":\"1\"", RESULT_VERSION, "version"},
+        {"unfit", "splendid", RESULT_INVALID, "grade"},
+        {"\"grade\":\"unfit\",", "", RESULT_INVALID, "grade"},
+        {"\"grade\":\"unfit\"", "\"grade\":2", RESULT_INVALID, "grade"},
+        {"0123456789abcdef", "123456789abcdef", RESULT_INVALID, "hash"},
+        {"0123456789abcdef", "-123456789abcdef", RESULT_INVALID, "hash"},
+        {"0123456789abcdef", "0123456789ABCDEF", RESULT_INVALID, "hash"},
+        {"\"quick\":false", "\"quick\":0", RESULT_INVALID, "quick"},
+        {"\"field\":\"smooth\"", "\"field\":[]", RESULT_INVALID, "settings.field"},
+        {"smooth", "a name that is longer than the name of any field", RESULT_INVALID,
+         "settings.field"},
+        {"{\"format\"", "[\"format\"", RESULT_FORMAT, "line 1"},
+        {"\"quick\":false", "\"quick\":false,\"quick\":true", RESULT_FORMAT, "line 1"},
+        {"}]}", "}]", RESULT_FORMAT, "line 1"},
+    };
+    struct case_grade grade;
+    struct error err;
+    write_file(folder, GRADE_FILE, good, strlen(good));
+    assert_int_equal(grade_read(folder, &grade, &err), RESULT_OK);
+    assert_int_equal(grade.grade, GRADE_UNFIT);
+    assert_true(grade.hash == 0x0123456789abcdef && !grade.quick);
+    assert_string_equal(grade.reason, "femur: faces");
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        char text[1024];
+        const char *at = strstr(good, rows[i].from);
+        assert_non_null(at);
+        snprintf(text, sizeof text, "%.*s%s%s", (int)(at - good), good, rows[i].to,
+                 at + strlen(rows[i].from));
+        write_file(folder, GRADE_FILE, text, strlen(text));
+        if (grade_read(folder, &grade, &err) != rows[i].result || !strstr(err.text, rows[i].says) ||
+            !strstr(err.text, GRADE_FILE))
+            fail_msg("row %zu: %s", i, err.text);
+        assert_int_equal(grade.reason[0], 0);
+    }
+    write_file(folder, GRADE_FILE, "\xff\xfe", 2);
+    assert_int_equal(grade_read(folder, &grade, &err), RESULT_FORMAT);
+    write_file(folder, GRADE_FILE, "", 0);
+    assert_int_not_equal(grade_read(folder, &grade, &err), RESULT_OK);
+}
+
+static void a_record_that_is_too_large_is_not_read(void **state) {
+    (void)state;
+    size_t size = 5 << 20;
+    char *bytes = malloc(size);
+    memset(bytes, ' ', size);
+    write_file(folder, GRADE_FILE, bytes, size);
+    free(bytes);
+    struct case_grade grade;
+    struct error err;
+    assert_int_equal(grade_read(folder, &grade, &err), RESULT_LIMIT);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(the_grade_of_a_check_is_read_back_for_its_case, setup,
+                                        teardown),
+        cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
+        cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),
+        cmocka_unit_test(a_case_that_cannot_be_prepared_is_unfit_and_says_why),
+        cmocka_unit_test_setup_teardown(a_broken_record_is_refused_and_says_where, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_record_that_is_too_large_is_not_read, setup, teardown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

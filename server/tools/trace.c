@@ -15,6 +15,7 @@ static const struct {
     {"verify", command_verify, "whether the file is whole, or up to where"},
     {"replay", command_replay, "run the session again and compare every step"},
     {"export", command_export, "a table with a row for each step"},
+    {"score", command_score, "what it is worth: time, paths, smoothness, contacts, resection"},
     {"picture", command_picture, "what was cut, drawn"},
 };
 

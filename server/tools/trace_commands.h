@@ -14,6 +14,7 @@ int command_info(int argc, char **argv);
 int command_verify(int argc, char **argv);
 int command_replay(int argc, char **argv);
 int command_export(int argc, char **argv);
+int command_score(int argc, char **argv);
 int command_picture(int argc, char **argv);
 
 // Takes one argument that is no option, FILE. EXIT_GOOD, or EXIT_USAGE after a line on stderr.

@@ -1,0 +1,154 @@
+#include "metrics/metrics.h"
+
+#include "base/check.h"
+
+#include <string.h>
+
+#define SCOPE (CHANNEL_SCOPE - CHANNEL_FIRST_INSTRUMENT)
+
+void metrics_init(struct metrics *m, struct view_optic optic) {
+    CHECK(optic.tilt_deg >= 0 && optic.tilt_deg <= 90);
+    CHECK(optic.field_deg > 0 && optic.field_deg < 180);
+    memset(m, 0, sizeof *m);
+    m->optic = optic;
+    hands_init(&m->hands);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        struct instrument_metrics *one = &m->instruments[i];
+        one->newest_ns = -1;
+        smooth_init(&one->hand_smooth);
+        smooth_init(&one->seen_smooth);
+        travel_init(&one->hand);
+        travel_init(&one->seen);
+        touch_init(&one->touch);
+        search_init(&one->search);
+    }
+}
+
+// ---- what stood since the step before -----------------------------------------------------------
+
+static void pass_instrument(struct instrument_metrics *one, const struct standing *s,
+                            int64_t passed_ns) {
+    if (!s->present)
+        return;
+    one->present_ns += passed_ns;
+    touch_pass(&one->touch, s->nearest, s->penetration_mm, passed_ns);
+    for (int i = 0; i < NOTICED_COUNT; i++)
+        if (s->noticed[i])
+            one->noticed_ns[i] += passed_ns;
+    if (!s->beside_scope)
+        return;
+    one->beside_scope_ns += passed_ns;
+    if (!s->in_view)
+        one->out_of_view_ns += passed_ns;
+}
+
+static void pass(struct metrics *m, int64_t time_ns) {
+    int64_t passed_ns = time_ns - m->time_ns;
+    if (!m->stepped || !m->running)
+        return;
+    m->running_ns += passed_ns;
+    if (passed_ns > METRICS_STEP_MAX_NS)
+        passed_ns = METRICS_STEP_MAX_NS;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        pass_instrument(&m->instruments[i], &m->standing[i], passed_ns);
+}
+
+// ---- what stands from this step on --------------------------------------------------------------
+
+static void stand(const struct metrics *m, const struct session_output *output, int instrument,
+                  struct standing *out) {
+    const struct instrument_output *o = &output->instruments[instrument];
+    const struct instrument_output *scope = &output->instruments[SCOPE];
+    const struct discrepancy *d = &o->discrepancy;
+    memset(out, 0, sizeof *out);
+    if (!o->present)
+        return;
+    out->present = true;
+    out->nearest = o->warp.nearest;
+    out->penetration_mm = o->penetration_mm;
+    out->noticed[NOTICED_TURNED] = d->turn_deg > NOTICED_TURN_DEG;
+    out->noticed[NOTICED_TILTED] = d->tilt_deg > NOTICED_TURN_DEG;
+    out->noticed[NOTICED_GAIN] = d->gain > NOTICED_GAIN_MOST || d->gain_least < NOTICED_GAIN_LEAST;
+    out->noticed[NOTICED_ANY] = discrepancy_is_noticed(d);
+    out->beside_scope = instrument != SCOPE && scope->present;
+    out->in_view = out->beside_scope &&
+                   view_shows(&m->optic, scope->T_mockup_warped, o->T_mockup_warped.translation);
+}
+
+// ---- motion -------------------------------------------------------------------------------------
+
+// The newest good sample of an instrument's pose in a frame; NULL where there is none.
+static const struct sample *sample_of(const struct session_input *input, int instrument) {
+    if (input->kind != INPUT_FRAME)
+        return NULL;
+    for (int i = input->frame.count - 1; i >= 0; i--) {
+        const struct sample *s = &input->frame.samples[i];
+        if (s->kind == SAMPLE_POSE && s->validity != VALIDITY_LOST &&
+            (int)s->channel == CHANNEL_FIRST_INSTRUMENT + instrument)
+            return s;
+    }
+    return NULL;
+}
+
+static void follow_seen(struct instrument_metrics *one, int64_t time_ns, vec3 seen) {
+    struct smooth_point points[SMOOTH_OUT_MAX];
+    int count = smooth_feed(&one->seen_smooth, time_ns, seen, points);
+    for (int i = 0; i < count; i++)
+        travel_add(&one->seen, &points[i]);
+}
+
+// Times are those of the samples, for steps come late by as much as they like. One that is ahead of
+// the step is clock error.
+static void follow(struct metrics *m, int instrument, const struct sample *sample,
+                   const struct session_output *output) {
+    struct instrument_metrics *one = &m->instruments[instrument];
+    const struct instrument_output *o = &output->instruments[instrument];
+    struct smooth_point points[SMOOTH_OUT_MAX];
+    vec3 hand = o->T_mockup_tip.translation, seen = o->T_mockup_warped.translation;
+    int64_t time_ns = sample->time_ns < output->time_ns ? sample->time_ns : output->time_ns;
+    if (time_ns <= one->newest_ns || !vec3_is_finite(hand) || !vec3_is_finite(seen))
+        return;
+    one->newest_ns = time_ns;
+    one->samples++;
+    int count = smooth_feed(&one->hand_smooth, time_ns, hand, points);
+    for (int i = 0; i < count; i++) {
+        travel_add(&one->hand, &points[i]);
+        hands_move(&m->hands, instrument, points[i].cell, one->hand.speed);
+    }
+    follow_seen(one, time_ns, seen);
+}
+
+// ---- the step -----------------------------------------------------------------------------------
+
+static void step_instrument(struct metrics *m, int instrument, const struct session_input *input,
+                            const struct session_output *output) {
+    struct instrument_metrics *one = &m->instruments[instrument];
+    struct standing *standing = &m->standing[instrument];
+    const struct instrument_output *o = &output->instruments[instrument];
+    stand(m, output, instrument, standing);
+    touch_step(&one->touch, o->present ? o->warp.nearest : -1, o->warp.nearest_mm);
+    search_step(&one->search, output->time_ns, standing->beside_scope, standing->in_view);
+    const struct sample *sample = sample_of(input, instrument);
+    if (o->present && sample)
+        follow(m, instrument, sample, output);
+    if (output->state != SESSION_RUNNING) {
+        smooth_break(&one->hand_smooth);
+        smooth_break(&one->seen_smooth);
+    }
+}
+
+void metrics_step(struct metrics *m, const struct session_input *input,
+                  const struct session_output *output) {
+    if (input->kind == INPUT_RESET && output->state != SESSION_CLOSED)
+        metrics_init(m, m->optic);
+    pass(m, output->time_ns);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        step_instrument(m, i, input, output);
+    if (output->landed.job) {
+        m->tissues[output->landed.tissue] = output->landed.figures;
+        m->resected[output->landed.tissue] = true;
+    }
+    m->stepped = true;
+    m->time_ns = output->time_ns;
+    m->running = output->state == SESSION_RUNNING;
+}

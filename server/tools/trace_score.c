@@ -1,0 +1,249 @@
+#include "metrics/metrics.h"
+#include "trace_commands.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: arthron-trace score FILE [--json] [--case DIR] [--optic DEG] [--field DEG]\n"
+    "\n"
+    "Prints what the session is worth in figures, computed from its steps: time, paths of the\n"
+    "instruments in the hand's space and as seen, economy, smoothness, contacts by tissue and "
+    "depth,\n"
+    "view and triangulation, both hands together, resection, what may have been noticed of the\n"
+    "warp. docs/METRICS.md defines each. Every figure comes with its unit and version; one in\n"
+    "brackets (below_floor) is so small that noise may have made a tenth of it.\n"
+    "\n"
+    "  --case DIR    the case, for the names of its groups; else that of the trace, else numbers\n"
+    "  --optic DEG   how the scope's optic is tilted, 0 to 90; 30 if left out, 70 is usual too\n"
+    "  --field DEG   the whole angle that it sees, 1 to 179; 90 if left out\n"
+    "  --json        one object of JSON\n"
+    "\n"
+    "Exits 1 where the trace is not whole or steps are missing (what can be read is scored).\n";
+
+struct request {
+    const char *file, *case_dir;
+    bool json;
+    struct view_optic optic;
+};
+
+struct score {
+    struct metrics metrics;
+    const struct knee_case *knee; // NULL: groups have no names,
+    struct error unnamed;         // and why
+    int tissue_groups[TISSUES_MAX];
+    uint64_t missing;
+    enum result end;
+    struct error why;
+};
+
+// ---- names --------------------------------------------------------------------------------------
+
+#define LABEL_MAX (CASE_NAME_MAX + 16)
+
+// Its name, or its number where the case is not there.
+static void group_text(const struct score *s, int group, char out[LABEL_MAX]) {
+    if (s->knee && group < s->knee->group_count)
+        snprintf(out, LABEL_MAX, "%s", s->knee->groups[group].name);
+    else
+        snprintf(out, LABEL_MAX, "group-%d", group);
+}
+
+static void tissue_text(const struct score *s, int tissue, char out[LABEL_MAX]) {
+    if (s->knee && s->tissue_groups[tissue] >= 0)
+        group_text(s, s->tissue_groups[tissue], out);
+    else
+        snprintf(out, LABEL_MAX, "tissue-%d", tissue);
+}
+
+// "anterior_horn.inner"
+static void zone_text(const struct metric_value *v, char out[LABEL_MAX]) {
+    static const char *const along[] = {"anterior_horn", "body", "posterior_horn"};
+    static const char *const across[] = {"inner", "middle", "outer"};
+    snprintf(out, LABEL_MAX, "%s.%s", along[v->along], across[v->across]);
+}
+
+static const char *instrument_text(const struct metric_value *v) {
+    return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + v->instrument));
+}
+
+// Cuttable groups in the case's order are its tissues.
+static void name_tissues(struct score *s) {
+    int count = 0;
+    for (int t = 0; t < TISSUES_MAX; t++)
+        s->tissue_groups[t] = -1;
+    for (int g = 0; s->knee && g < s->knee->group_count && count < TISSUES_MAX; g++)
+        if (s->knee->groups[g].cuttable)
+            s->tissue_groups[count++] = g;
+}
+
+// ---- reading ------------------------------------------------------------------------------------
+
+// The case that was recorded, or NULL: figures need none, and another one's names would be wrong.
+static struct knee_case *case_of(const struct trace_header *header, const char *dir,
+                                 struct error *err) {
+    struct case_limits limits = case_limits_default();
+    struct knee_case *knee;
+    if (case_load(dir ? dir : header->case_dir, &limits, &knee, err) != RESULT_OK)
+        return NULL;
+    if (knee->hash == header->case_hash)
+        return knee;
+    fail(err, RESULT_INVALID, "%s: not the case of this trace", dir ? dir : header->case_dir);
+    case_destroy(&knee);
+    return NULL;
+}
+
+static void read_steps(struct trace_reader *reader, struct score *s) {
+    struct trace_record record;
+    while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
+        if (record.type == TRACE_STEP)
+            metrics_step(&s->metrics, &record.input, &record.output);
+        if (record.type == TRACE_GAP)
+            s->missing += record.missing;
+        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
+    }
+}
+
+// ---- JSON ---------------------------------------------------------------------------------------
+
+struct listing {
+    const struct score *score;
+    json_t *all;
+};
+
+static void add_labels(const struct score *s, const struct metric_value *v, json_t *object) {
+    char text[LABEL_MAX];
+    if (v->instrument >= 0)
+        json_object_set_new(object, "instrument", json_string(instrument_text(v)));
+    if (v->group >= 0) {
+        group_text(s, v->group, text);
+        json_object_set_new(object, "group", json_string(text));
+    }
+    if (v->depth >= 0)
+        json_object_set_new(object, "from_mm", json_real(touch_depth_mm[v->depth]));
+    if (v->tissue >= 0) {
+        tissue_text(s, v->tissue, text);
+        json_object_set_new(object, "tissue", json_string(text));
+    }
+    if (v->along >= 0) {
+        zone_text(v, text);
+        json_object_set_new(object, "zone", json_string(text));
+    }
+}
+
+static void add_figure(void *context, const struct metric_value *v) {
+    struct listing *listing = context;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    json_t *object = json_pack("{s:s, s:s, s:i, s:o, s:s, s:b}", "name", kind->name, "unit",
+                               kind->unit, "version", kind->version, "value",
+                               isfinite(v->value) ? json_real(v->value) : json_null(), "floor",
+                               kind->floor, "below_floor", v->below_floor);
+    add_labels(listing->score, v, object);
+    json_array_append_new(listing->all, object);
+}
+
+static void print_json(const struct score *s, const struct request *request) {
+    struct listing listing = {s, json_array()};
+    metrics_each(&s->metrics, add_figure, &listing);
+    json_t *root =
+        json_pack("{s:b, s:I, s:s, s:{s:f, s:f}, s:o}", "whole", s->end == RESULT_CLOSED, "missing",
+                  (json_int_t)s->missing, "end", s->end == RESULT_CLOSED ? "" : s->why.text,
+                  "optic", "tilt_deg", request->optic.tilt_deg, "field_deg",
+                  request->optic.field_deg, "metrics", listing.all);
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(17));
+    putchar('\n');
+    json_decref(root);
+}
+
+// ---- text ---------------------------------------------------------------------------------------
+
+static void print_figure(void *context, const struct metric_value *v) {
+    const struct score *s = context;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    char group[LABEL_MAX] = "", zone[LABEL_MAX] = "", about[4 * LABEL_MAX], value[48] = "-";
+    if (v->group >= 0)
+        group_text(s, v->group, group);
+    if (v->tissue >= 0)
+        tissue_text(s, v->tissue, group);
+    if (v->along >= 0)
+        zone_text(v, zone);
+    if (v->depth >= 0)
+        snprintf(zone, sizeof zone, "from %g mm", touch_depth_mm[v->depth]);
+    snprintf(about, sizeof about, "%s %s %s", v->instrument >= 0 ? instrument_text(v) : "", group,
+             zone);
+    if (isfinite(v->value))
+        snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
+    printf("%-20s v%d %12s %-5s %s\n", kind->name, kind->version, value, kind->unit,
+           about + strspn(about, " "));
+}
+
+static void print_text(const struct score *s, const struct request *request) {
+    if (!s->knee)
+        printf("groups have no names: %s\n", s->unnamed.text);
+    printf("optic %g degrees, field %g degrees\n", request->optic.tilt_deg,
+           request->optic.field_deg);
+    metrics_each(&s->metrics, print_figure, (void *)s);
+    if (s->missing)
+        printf("missing     %" PRIu64 " steps\n", s->missing);
+    if (s->end != RESULT_CLOSED)
+        printf("not whole   %s\n", s->why.text);
+}
+
+// ---- the command --------------------------------------------------------------------------------
+
+static int score(const struct request *request) {
+    struct trace_reader *reader;
+    struct error err = {""};
+    if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
+        return failed("score", &err);
+    struct knee_case *knee = case_of(trace_reader_header(reader), request->case_dir, &err);
+    if (!knee && request->case_dir) {
+        trace_reader_destroy(&reader);
+        return failed("score", &err);
+    }
+    struct score s = {.knee = knee, .unnamed = err};
+    name_tissues(&s);
+    metrics_init(&s.metrics, request->optic);
+    read_steps(reader, &s);
+    if (request->json)
+        print_json(&s, request);
+    else
+        print_text(&s, request);
+    trace_reader_destroy(&reader);
+    case_destroy(&knee);
+    return s.end == RESULT_CLOSED && !s.missing ? EXIT_GOOD : EXIT_FAULT;
+}
+
+static bool parse_degrees(const char *text, double least, double most, double *out) {
+    char *end;
+    *out = strtod(text, &end);
+    return end != text && *end == '\0' && *out >= least && *out <= most;
+}
+
+int command_score(int argc, char **argv) {
+    static const struct option options[] = {
+        {"json", no_argument, NULL, 'j'},        {"case", required_argument, NULL, 'c'},
+        {"optic", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'},
+        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
+    struct request request = {.optic = {30, 90}};
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'h')
+            return fputs(help, stdout) < 0;
+        if (c == 'j')
+            request.json = true;
+        else if (c == 'c')
+            request.case_dir = optarg;
+        else if (c != 'o' && c != 'f')
+            return usage_error(argv[0], "unknown option");
+        else if (c == 'o' && !parse_degrees(optarg, 0, 90, &request.optic.tilt_deg))
+            return usage_error(argv[0], "'%s': --optic takes 0 to 90 degrees", optarg);
+        else if (c == 'f' && !parse_degrees(optarg, 1, 179, &request.optic.field_deg))
+            return usage_error(argv[0], "'%s': --field takes 1 to 179 degrees", optarg);
+    }
+    if (take_file(argc, argv, &request.file) != EXIT_GOOD)
+        return EXIT_USAGE;
+    return score(&request);
+}

@@ -1,4 +1,5 @@
-// Ligaments that bridge two bones: how much of each vertex goes with the other one.
+// Ligaments that bridge two bones, and the skin round both: how much of each vertex goes with the
+// other one.
 //
 //     share = d_body / (d_body + d_other)
 //

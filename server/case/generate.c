@@ -136,7 +136,7 @@ static enum result add_skin(struct knee_case *knee, const struct recipe *recipe,
         return result;
     add_portals(knee, recipe, query);
     query_destroy(&query);
-    return RESULT_OK;
+    return bridge_make(knee, group, BODY_TIBIA, err);
 }
 
 static enum result add_cavity(struct knee_case *knee, const struct recipe *recipe,

@@ -126,10 +126,10 @@ enum body import_default_body(const char *group) {
 }
 
 enum body import_default_bridge(const char *group, enum body body) {
-    static const char *const patellar[] = {"patellar_ligament", "patellar_tendon", NULL};
+    static const char *const to_tibia[] = {"patellar_ligament", "patellar_tendon", "skin", NULL};
     if (is_one_of(group, ligaments))
         return body == BODY_FEMUR ? BODY_TIBIA : BODY_FEMUR;
-    return is_one_of(group, patellar) && body != BODY_TIBIA ? BODY_TIBIA : BODY_COUNT;
+    return is_one_of(group, to_tibia) && body != BODY_TIBIA ? BODY_TIBIA : BODY_COUNT;
 }
 
 // ---- size ---------------------------------------------------------------------------------------

@@ -36,8 +36,8 @@ bool import_axes(const char *letters, pose *out_T_case_common);
 enum body import_default_body(const char *group);
 
 // The other bone of a ligament, where nobody says otherwise: acl, pcl, mcl, lcl: femur, or tibia
-// where they are of the femur's body; patellar_ligament, patellar_tendon: tibia. BODY_COUNT: of no
-// other.
+// where they are of the femur's body; patellar_ligament, patellar_tendon, and the skin: tibia.
+// BODY_COUNT: of no other.
 enum body import_default_bridge(const char *group, enum body body);
 
 // RESULT_INVALID where a tibia or femur is too small or large for a knee: the middle one of the

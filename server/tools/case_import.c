@@ -35,7 +35,7 @@ static const char help[] =
     "  --bridge NAME=BODY the group is a ligament that goes over to another bone: its vertices\n"
     "                     follow both, by how near they are. Default: acl, pcl, mcl, lcl from "
     "tibia\n"
-    "                     to femur, patellar_ligament to tibia; NAME=none for not\n"
+    "                     to femur, patellar_ligament and skin to tibia; NAME=none for not\n"
     "  --cuttable NAME    the group will be cut: one closed, manifold mesh\n"
     "  --portal NAME=x,y,z,dx,dy,dz\n"
     "                     an entry through the skin and its direction into the joint, RAS, mm\n"

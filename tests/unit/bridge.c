@@ -106,7 +106,8 @@ static void ligaments_bridge_by_their_names(void **state) {
     assert_int_equal(import_default_bridge("patellar_ligament", BODY_PATELLA), BODY_TIBIA);
     assert_int_equal(import_default_bridge("patellar_tendon", BODY_TIBIA), BODY_COUNT);
     assert_int_equal(import_default_bridge("meniscus_medial", BODY_TIBIA), BODY_COUNT);
-    assert_int_equal(import_default_bridge("skin", BODY_FEMUR), BODY_COUNT);
+    assert_int_equal(import_default_bridge("skin", BODY_FEMUR), BODY_TIBIA);
+    assert_int_equal(import_default_bridge("fat_pad", BODY_FEMUR), BODY_COUNT);
 }
 
 int main(void) {

@@ -13,6 +13,10 @@ static const char help[] =
     "  keys      make the server's keys, enrol and revoke stations\n"
     "  session   list, show, start, pause, stop, reset and give another case to the sessions\n"
     "            of a running server\n"
+    "  records   keep trainees and courses, list and export sessions and results, erase a\n"
+    "            trainee's personal data\n"
+    "  backup    copy the records while the server runs\n"
+    "  restore   put a backup of the records in their place\n"
     "\n"
     "arthron-server COMMAND --help tells more.\n"
     "  --help      show this\n"
@@ -22,9 +26,8 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"run", command_run},
-    {"keys", command_keys},
-    {"session", command_session},
+    {"run", command_run},         {"keys", command_keys},     {"session", command_session},
+    {"records", command_records}, {"backup", command_backup}, {"restore", command_restore},
 };
 
 int main(int argc, char **argv) {

@@ -5,3 +5,9 @@
 int command_run(int argc, char **argv);
 int command_keys(int argc, char **argv);
 int command_session(int argc, char **argv);
+int command_records(int argc, char **argv);
+int command_backup(int argc, char **argv);
+int command_restore(int argc, char **argv);
+
+// Who this is, for the records' audit log: the user of the system.
+const char *records_actor(void);

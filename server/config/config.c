@@ -43,6 +43,8 @@ static bool take_server_key(struct reading *r, const char *key, const char *valu
         return take_path(r, value, c->traces_dir);
     if (!strcmp(key, "socket"))
         return take_path(r, value, c->socket);
+    if (!strcmp(key, "records"))
+        return take_path(r, value, c->records);
     if (!strcmp(key, "unfit")) {
         c->serve_unfit = !strcmp(value, "serve");
         return c->serve_unfit || !strcmp(value, "refuse");

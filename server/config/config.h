@@ -1,7 +1,7 @@
 // The server's config file (INI), read once at the start and never written.
 //
-//   [server]  address, port, udp_port, workers, keys, traces, socket, unfit,
-//            wait_s, calibration_days, calibration_mm, calibration_deg
+//   [server]  address, port, udp_port, workers, keys, traces, socket, records,
+//            unfit, wait_s, calibration_days, calibration_mm, calibration_deg
 //   [warp]    field, unit_mm, radius_mm, background_per_mm, skin_mm, strength, hold_ms,
 //             adaptive, avatar, ease_share, ease_mm_s
 //   [instrument NAME]  point.1, point.2, ...

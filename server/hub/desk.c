@@ -88,6 +88,8 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     live->scene = hub->scenes[card.scene];
     live->session = session_create(live->scene, &hub->config.settings);
     live->operation = operation_create(live->scene);
+    session_record_begin(&header, card.trace, &live->record);
+    recorder_put(hub->recorder, &live->record);
     log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
              scene_case(live->scene)->name, card.trace);
     *out_live = live;
@@ -131,8 +133,7 @@ static enum result open_session(struct hub *hub, int index, struct error *err) {
     return RESULT_OK;
 }
 
-static void log_trace_end(const struct seat *seat, struct trace_writer *trace) {
-    struct trace_status status = trace_writer_status(trace);
+static void log_trace_end(const struct seat *seat, struct trace_status status) {
     const char *name = seat->station->name;
     if (status.missing)
         log_error("hub", "station %s: session ended, %llu of its records could not be written",
@@ -140,6 +141,20 @@ static void log_trace_end(const struct seat *seat, struct trace_writer *trace) {
     else
         log_info("hub", "station %s: session ended after %llu steps", name,
                  (unsigned long long)status.records);
+}
+
+static void record_end(struct hub *hub, struct live *live, struct trace_status status,
+                       bool deserted) {
+    struct store_session *session = &live->record.session;
+    const struct knee_case *knee = scene_case(live->scene);
+    session->state = deserted ? STATE_DESERTED : STATE_CLOSED;
+    session->end_utc_ns = clock_utc_ns();
+    session->steps = status.records;
+    session->missing = status.missing;
+    for (int i = 0; i < scene_tissue_count(live->scene); i++)
+        session_record_figures(&live->record, knee->groups[scene_tissue_group(live->scene, i)].name,
+                               operation_figures(live->operation, i));
+    recorder_put(hub->recorder, &live->record);
 }
 
 // desk_lock held.
@@ -150,8 +165,10 @@ static void release_retired(struct hub *hub, struct worker *worker) {
         if (retired.deserted)
             log_warning("hub", "station %s: no frame for %d s, its session ends",
                         seat->station->name, hub->config.wait_s);
-        log_trace_end(seat, retired.live->trace);
+        struct trace_status status = trace_writer_status(retired.live->trace);
+        log_trace_end(seat, status);
         trace_writer_destroy(&retired.live->trace);
+        record_end(hub, retired.live, status, retired.deserted);
         session_destroy(&retired.live->session);
         operation_destroy(&retired.live->operation);
         free(retired.live);

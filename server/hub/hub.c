@@ -108,6 +108,15 @@ static enum result load_signer(struct hub *hub, struct error *err) {
     return RESULT_OK;
 }
 
+// For the recorder: scenes stay as they are until it has stopped.
+static const struct scene *find_scene(void *user, uint64_t case_hash) {
+    const struct hub *hub = user;
+    for (int i = 0; i < hub->config.case_count; i++)
+        if (scene_case(hub->scenes[i])->hash == case_hash)
+            return hub->scenes[i];
+    return NULL;
+}
+
 int hub_worker_count(const struct hub_config *config) {
     return config->workers ? config->workers : (int)sysconf(_SC_NPROCESSORS_ONLN);
 }
@@ -157,6 +166,9 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     if (result == RESULT_OK)
         result = start_workers(hub, err);
     if (result == RESULT_OK) {
+        if (hub->config.records[0])
+            hub->recorder =
+                recorder_start(hub->config.records, hub->config.traces_dir, find_scene, hub);
         desk_start(hub);
         result = open_doors(hub, err);
     }
@@ -182,7 +194,8 @@ static void release(struct hub *hub) {
 }
 
 // Console and clerk first, so that no session begins; then the workers, who end theirs and tell the
-// stations; then the control connections; then what the workers left for the desk.
+// stations; then the control connections; then what the workers left for the desk, and the desk for
+// the recorder.
 void hub_destroy(struct hub **hub) {
     struct hub *h = *hub;
     if (h->console)
@@ -193,6 +206,7 @@ void hub_destroy(struct hub **hub) {
     if (h->control)
         control_destroy(&h->control);
     desk_release(h);
+    recorder_stop(&h->recorder);
     release(h);
     *hub = NULL;
 }

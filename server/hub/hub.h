@@ -2,7 +2,8 @@
 //
 // Threads: a worker for each core (datagrams, steps, replies) and a theatre beside it (cuts, and
 // the meshes that they change), one for control connections, one for the console, and the clerk,
-// who does what may take time (loading, opening and closing traces). They talk through rings; a
+// who does what may take time (loading, opening and closing traces), and the recorder, who alone
+// waits for the database. They talk through rings; a
 // worker never waits for any of the others.
 #pragma once
 
@@ -35,9 +36,10 @@ struct hub_config {
     int workers;                // 0: one for each core
     char keys_dir[HUB_PATH_MAX];
     char traces_dir[HUB_PATH_MAX];
-    char socket[HUB_PATH_MAX]; // local socket of the console
-    bool serve_unfit;          // sessions on cases that a check found unfit, too (check/grade.h)
-    int wait_s;                // how long a session waits for its station
+    char socket[HUB_PATH_MAX];  // local socket of the console
+    char records[HUB_PATH_MAX]; // the database of sessions (store); empty: none
+    bool serve_unfit;           // sessions on cases that a check found unfit, too (check/grade.h)
+    int wait_s;                 // how long a session waits for its station
     // What is worse is warned of: age and residuals of a station's calibration, and drift.
     int calibration_days;
     double calibration_mm, calibration_deg;

@@ -5,6 +5,7 @@
 #include "base/ring.h"
 #include "hub/calibration.h"
 #include "hub/hub.h"
+#include "hub/recorder.h"
 #include "net/console.h"
 #include "net/control.h"
 #include "net/datagram.h"
@@ -22,6 +23,7 @@ struct live {
     struct trace_writer *trace;
     struct operation *operation;
     const struct scene *scene;
+    struct session_record record; // the desk's
 };
 
 // What any thread may know of a seat, under hub.card_lock, which is held for copies only.
@@ -151,6 +153,7 @@ struct hub {
     struct console *console;
     struct signer *signer;
     struct trace_signer vouches; // with it
+    struct recorder *recorder;   // NULL: no records
 
     pthread_mutex_t card_lock;
     pthread_mutex_t desk_lock; // one at a time opens, closes or commands sessions; may take long

@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BUSY_MS 2000
+#define BUSY_MS 1000
 #define LOCK_ROUND_MS 10
 
 // ---- errors -------------------------------------------------------------------------------------

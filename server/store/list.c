@@ -112,7 +112,7 @@ static enum result read_all(struct store *store, const char *sql, const char *ke
     return result;
 }
 
-enum result store_read(struct store *store, enum store_list list, const char *key, store_taker take,
+enum result store_rows(struct store *store, enum store_list list, const char *key, store_taker take,
                        void *user, struct error *err) {
     return read_all(store, lists[list].sql, key, take, user, err);
 }
@@ -132,8 +132,8 @@ enum result store_columns(struct store *store, enum store_list list, store_taker
     return RESULT_OK;
 }
 
-enum result store_read_sessions_of(struct store *store, const char *trainee, store_taker take,
-                                   void *user, struct error *err) {
+enum result store_sessions_of(struct store *store, const char *trainee, store_taker take,
+                              void *user, struct error *err) {
     return read_all(store, SESSIONS "WHERE trainee.name = ?1 ORDER BY s.id", trainee, take, user,
                     err);
 }

@@ -140,7 +140,7 @@ typedef void (*store_taker)(void *user, const struct store_cell *cells, int coun
 
 // Gives each row to the taker, in the order in which they were made; texts live until it returns.
 // key: only the rows of this name or id (results: of this session), or NULL for all.
-enum result store_read(struct store *store, enum store_list list, const char *key, store_taker take,
+enum result store_rows(struct store *store, enum store_list list, const char *key, store_taker take,
                        void *user, struct error *err);
 
 // The columns of a list, without rows.
@@ -148,8 +148,8 @@ enum result store_columns(struct store *store, enum store_list list, store_taker
                           struct error *err);
 
 // The sessions of one trainee, as LIST_SESSIONS.
-enum result store_read_sessions_of(struct store *store, const char *trainee, store_taker take,
-                                   void *user, struct error *err);
+enum result store_sessions_of(struct store *store, const char *trainee, store_taker take,
+                              void *user, struct error *err);
 
 // ---- the whole file -----------------------------------------------------------------------------
 

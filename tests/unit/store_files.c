@@ -117,7 +117,7 @@ static int take_rows(struct store *store, enum store_list list, const char *key,
     struct text text = {rows, sizeof rows, 0};
     struct error err = {""};
     rows[0] = '\0';
-    if (store_read(store, list, key, take_row, &text, &err) != RESULT_OK)
+    if (store_rows(store, list, key, take_row, &text, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     *out_text = rows;
     return text.rows;

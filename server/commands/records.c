@@ -1,0 +1,333 @@
+#include "commands/commands.h"
+#include "commands/records_rows.h"
+#include "commands/records_xapi.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <pwd.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char help[] =
+    "Usage: arthron-server records --file FILE list WHAT [--json]\n"
+    "       arthron-server records --file FILE show trainee|course|station|account NAME [--json]\n"
+    "       arthron-server records --file FILE show session ID [--json]\n"
+    "       arthron-server records --file FILE add trainee NAME [--full-name TEXT]\n"
+    "       arthron-server records --file FILE add course NAME\n"
+    "       arthron-server records --file FILE add account NAME --role ROLE [--trainee NAME]\n"
+    "                                      [--password FILE]\n"
+    "       arthron-server records --file FILE enrol TRAINEE COURSE\n"
+    "       arthron-server records --file FILE export --csv DIR | --xapi FILE [--site URL]\n"
+    "       arthron-server records --file FILE erase TRAINEE [--json]\n"
+    "\n"
+    "Reads and keeps the records, beside a running server too.\n"
+    "\n"
+    "  list      trainees, courses, enrolments, stations, cases, sessions, results, accounts or\n"
+    "            audit\n"
+    "  show      one of them: a trainee with the sessions, a course with its trainees, a session\n"
+    "            with its results\n"
+    "  add       a trainee (as in [station] trainee = NAME of the server's config), a course, an\n"
+    "            account of a technician, instructor or trainee\n"
+    "  enrol     puts a trainee into a course\n"
+    "  export    every list as a CSV file, or the sessions that have ended as xAPI statements\n"
+    "  erase     takes away who a trainee was, keeps the sessions and results under a pseudonym,\n"
+    "            and names the traces that still say who it was\n"
+    "\n"
+    "  -f, --file FILE      the records, as in the server's config\n"
+    "      --full-name TEXT the trainee's name for people\n"
+    "      --role ROLE      technician, instructor or trainee\n"
+    "      --trainee NAME   whose account it is\n"
+    "      --password FILE  the password as argon2 encodes it, in the first line; - for stdin\n"
+    "      --csv DIR, --xapi FILE   where to export to\n"
+    "      --site URL       the address under which your accounts and cases are named in xAPI\n"
+    "                       (https://HOST/arthron)\n"
+    "      --json           print JSON\n"
+    "      --help           show this\n";
+
+struct request {
+    const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site;
+    bool json;
+    char **words;
+    int count;
+};
+
+enum { DONE, FAILED, USAGE };
+
+const char *records_actor(void) {
+    const struct passwd *user = getpwuid(getuid());
+    return user ? user->pw_name : "unknown";
+}
+
+static int report(enum result result, const struct error *err) {
+    if (result == RESULT_OK)
+        return DONE;
+    fprintf(stderr, "arthron-server records: %s\n", err->text);
+    return FAILED;
+}
+
+static void print_json(json_t *json) {
+    json_dumpf(json, stdout, JSON_COMPACT);
+    putchar('\n');
+}
+
+// ---- list, show ---------------------------------------------------------------------------------
+
+static int list(struct store *store, const struct request *r) {
+    enum store_list which;
+    struct error err;
+    if (r->count != 2 || !store_list_from_name(r->words[1], &which))
+        return USAGE;
+    json_t *rows = json_array();
+    enum result result = store_rows(store, which, NULL, rows_take, rows, &err);
+    if (result == RESULT_OK && r->json)
+        print_json(rows);
+    else if (result == RESULT_OK)
+        rows_print(rows);
+    json_decref(rows);
+    return report(result, &err);
+}
+
+// What belongs to a row of a list, for show.
+static enum result read_belongings(struct store *store, enum store_list which, const char *name,
+                                   json_t *shown, struct error *err) {
+    json_t *rows = json_array();
+    enum result result = RESULT_OK;
+    const char *key = NULL;
+    if (which == LIST_TRAINEES) {
+        key = "sessions";
+        result = store_sessions_of(store, name, rows_take, rows, err);
+    } else if (which == LIST_COURSES) {
+        key = "trainees";
+        result = store_rows(store, LIST_ENROLMENTS, name, rows_take, rows, err);
+    } else if (which == LIST_SESSIONS) {
+        key = "results";
+        result = store_rows(store, LIST_RESULTS, name, rows_take, rows, err);
+    }
+    if (key)
+        json_object_set(shown, key, rows);
+    json_decref(rows);
+    return result;
+}
+
+static void print_shown(const json_t *shown) {
+    const char *key;
+    json_t *rows;
+    json_object_foreach((json_t *)shown, key, rows) {
+        if (json_array_size(rows))
+            printf("%s:\n", key);
+        rows_print(rows);
+    }
+}
+
+static int show(struct store *store, const struct request *r) {
+    char plural[32];
+    enum store_list which;
+    struct error err;
+    if (r->count != 3)
+        return USAGE;
+    snprintf(plural, sizeof plural, "%ss", r->words[1]);
+    if (!store_list_from_name(plural, &which) || which == LIST_RESULTS || which == LIST_ENROLMENTS)
+        return USAGE;
+    json_t *rows = json_array(), *shown = json_object();
+    json_object_set(shown, r->words[1], rows);
+    enum result result = store_rows(store, which, r->words[2], rows_take, rows, &err);
+    if (result == RESULT_OK && !json_array_size(rows))
+        result = fail(&err, RESULT_MISSING, "%s: there is no %s '%.64s'", r->file, r->words[1],
+                      r->words[2]);
+    if (result == RESULT_OK)
+        result = read_belongings(store, which, r->words[2], shown, &err);
+    if (result == RESULT_OK && r->json)
+        print_json(shown);
+    else if (result == RESULT_OK)
+        print_shown(shown);
+    json_decref(rows);
+    json_decref(shown);
+    return report(result, &err);
+}
+
+// ---- add, enrol ---------------------------------------------------------------------------------
+
+static enum result read_password(const char *path, char out[STORE_TEXT_MAX], struct error *err) {
+    FILE *file = strcmp(path, "-") ? fopen(path, "r") : stdin;
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    bool read = fgets(out, STORE_TEXT_MAX, file) != NULL;
+    if (file != stdin)
+        fclose(file);
+    if (!read)
+        return fail(err, RESULT_FORMAT, "%s: there is no password in it", path);
+    out[strcspn(out, "\r\n")] = '\0';
+    return RESULT_OK;
+}
+
+static int add_account(struct store *store, const struct request *r) {
+    char password[STORE_TEXT_MAX];
+    enum store_role role;
+    struct error err;
+    enum result result = RESULT_OK;
+    if (!r->role || !store_role_from_name(r->role, &role))
+        return USAGE;
+    if (r->password)
+        result = read_password(r->password, password, &err);
+    if (result == RESULT_OK)
+        result = store_add_account(store, r->words[2], role, r->password ? password : NULL,
+                                   r->trainee, &err);
+    return report(result, &err);
+}
+
+static int add(struct store *store, const struct request *r) {
+    struct error err;
+    if (r->count != 3)
+        return USAGE;
+    if (!strcmp(r->words[1], "trainee"))
+        return report(store_add_trainee(store, r->words[2], r->full_name, &err), &err);
+    if (!strcmp(r->words[1], "course"))
+        return report(store_add_course(store, r->words[2], &err), &err);
+    if (!strcmp(r->words[1], "account"))
+        return add_account(store, r);
+    return USAGE;
+}
+
+static int enrol(struct store *store, const struct request *r) {
+    struct error err;
+    if (r->count != 3)
+        return USAGE;
+    return report(store_enrol(store, r->words[1], r->words[2], &err), &err);
+}
+
+// ---- export, erase ------------------------------------------------------------------------------
+
+static enum result export_statements(struct store *store, const struct request *r,
+                                     struct error *err) {
+    char host[65] = "localhost", site[96];
+    int left;
+    gethostname(host, sizeof host - 1);
+    snprintf(site, sizeof site, "https://%s/arthron", host);
+    enum result result = xapi_export(store, r->xapi, r->site ? r->site : site, &left, err);
+    if (result == RESULT_OK && left)
+        fprintf(stderr,
+                "arthron-server records: %d sessions are left out: they go on, or nobody is named "
+                "for them\n",
+                left);
+    return result;
+}
+
+static int export(struct store *store, const struct request *r) {
+    struct error err;
+    enum result result = RESULT_OK;
+    if (r->count != 1 || (!r->csv && !r->xapi))
+        return USAGE;
+    if (r->csv)
+        result = rows_export_csv(store, r->csv, &err);
+    if (result == RESULT_OK && r->xapi)
+        result = export_statements(store, r, &err);
+    return report(result, &err);
+}
+
+static void take_trace(void *traces, const struct store_cell *cells, int count) {
+    for (int i = 0; i < count; i++)
+        if (!strcmp(cells[i].column, "trace") && cells[i].kind == STORE_TEXT)
+            json_array_append_new(traces, json_string(cells[i].text));
+}
+
+static void print_erased(const char *pseudonym, json_t *traces, bool json) {
+    if (json) {
+        json_t *whole = json_pack("{s:s, s:O}", "pseudonym", pseudonym, "traces", traces);
+        print_json(whole);
+        json_decref(whole);
+        return;
+    }
+    printf("now %s\n", pseudonym);
+    if (json_array_size(traces))
+        puts("these traces still carry the name:");
+    for (size_t i = 0; i < json_array_size(traces); i++)
+        printf("%s\n", json_string_value(json_array_get(traces, i)));
+}
+
+static int erase(struct store *store, const struct request *r) {
+    char pseudonym[STORE_NAME_MAX];
+    struct error err;
+    if (r->count != 2)
+        return USAGE;
+    json_t *traces = json_array();
+    enum result result = store_erase_trainee(store, r->words[1], pseudonym, &err);
+    if (result == RESULT_OK)
+        result = store_sessions_of(store, pseudonym, take_trace, traces, &err);
+    if (result == RESULT_OK)
+        print_erased(pseudonym, traces, r->json);
+    json_decref(traces);
+    return report(result, &err);
+}
+
+// ---- arguments ----------------------------------------------------------------------------------
+
+static const struct {
+    const char *name;
+    enum store_mode mode;
+    int (*run)(struct store *store, const struct request *r);
+} verbs[] = {
+    {"list", STORE_THERE, list},   {"show", STORE_THERE, show},     {"add", STORE_MAKE, add},
+    {"enrol", STORE_THERE, enrol}, {"export", STORE_THERE, export}, {"erase", STORE_THERE, erase},
+};
+
+static int run(const struct request *r) {
+    struct store *store;
+    struct error err;
+    for (size_t i = 0; r->count && i < sizeof verbs / sizeof *verbs; i++) {
+        if (strcmp(r->words[0], verbs[i].name))
+            continue;
+        if (store_open(r->file, verbs[i].mode, records_actor(), &store, &err) != RESULT_OK)
+            return report(RESULT_IO, &err);
+        int code = verbs[i].run(store, r);
+        store_close(&store);
+        return code;
+    }
+    return USAGE;
+}
+
+// False where an argument is unknown.
+static bool take_option(int option, struct request *r) {
+    const char **const texts[] = {
+        ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role, ['t'] = &r->trainee,
+        ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi, ['s'] = &r->site};
+    if (option == 'j')
+        return r->json = true;
+    if (option <= 0 || (size_t)option >= sizeof texts / sizeof *texts || !texts[option])
+        return false;
+    *texts[option] = optarg;
+    return true;
+}
+
+int command_records(int argc, char **argv) {
+    static const struct option options[] = {
+        {"file", required_argument, NULL, 'f'},
+        {"full-name", required_argument, NULL, 'n'},
+        {"role", required_argument, NULL, 'r'},
+        {"trainee", required_argument, NULL, 't'},
+        {"password", required_argument, NULL, 'p'},
+        {"csv", required_argument, NULL, 'c'},
+        {"xapi", required_argument, NULL, 'x'},
+        {"site", required_argument, NULL, 's'},
+        {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},
+        {0},
+    };
+    struct request request = {0};
+    int code = DONE;
+    for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1 && code != USAGE;) {
+        if (o == 'h') {
+            fputs(help, stdout);
+            return DONE;
+        }
+        if (!take_option(o, &request))
+            code = USAGE;
+    }
+    request.words = argv + optind;
+    request.count = argc - optind;
+    if (code == DONE)
+        code = request.file ? run(&request) : USAGE;
+    if (code == USAGE)
+        fputs(help, stderr);
+    return code;
+}

@@ -1,0 +1,163 @@
+#include "commands/records_rows.h"
+
+#include "base/clock.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#define WIDTH_MAX 48
+
+static json_t *cell_to_json(const struct store_cell *cell) {
+    switch (cell->kind) {
+    case STORE_WHOLE:
+        return json_integer(cell->whole);
+    case STORE_REAL:
+        return json_real(cell->real);
+    case STORE_TEXT:
+        return json_string(cell->text);
+    default:
+        return json_null();
+    }
+}
+
+void rows_take(void *array, const struct store_cell *cells, int count) {
+    json_t *row = json_object();
+    for (int i = 0; i < count; i++)
+        json_object_set_new(row, cells[i].column, cell_to_json(&cells[i]));
+    json_array_append_new(array, row);
+}
+
+void rows_time(int64_t utc_ns, char out_text[32]) {
+    time_t seconds = (time_t)(utc_ns / NS_PER_S);
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    size_t used = strftime(out_text, 32, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(out_text + used, 32 - used, ".%03dZ", (int)(utc_ns % NS_PER_S / NS_PER_MS));
+}
+
+// ---- table --------------------------------------------------------------------------------------
+
+static bool is_time(const char *column) {
+    size_t length = strlen(column);
+    return length > 7 && !strcmp(column + length - 7, "_utc_ns");
+}
+
+static void cell_text(const char *column, const json_t *value, char *out, size_t size) {
+    char when[32];
+    if (json_is_integer(value) && is_time(column)) {
+        rows_time(json_integer_value(value), when);
+        snprintf(out, size, "%.19sZ", when);
+    } else if (json_is_integer(value)) {
+        snprintf(out, size, "%" JSON_INTEGER_FORMAT, json_integer_value(value));
+    } else if (json_is_real(value)) {
+        snprintf(out, size, "%.4g", json_real_value(value));
+    } else {
+        snprintf(out, size, "%s", json_is_string(value) ? json_string_value(value) : "-");
+    }
+}
+
+static int column_width(const json_t *rows, const char *column) {
+    char text[STORE_TEXT_MAX];
+    int width = (int)strlen(column);
+    for (size_t i = 0; i < json_array_size(rows); i++) {
+        cell_text(column, json_object_get(json_array_get(rows, i), column), text, sizeof text);
+        int length = (int)strlen(text);
+        width = length > width ? length : width;
+    }
+    return width < WIDTH_MAX ? width : WIDTH_MAX;
+}
+
+static void print_row(const json_t *rows, json_t *row, bool names) {
+    char text[STORE_TEXT_MAX];
+    const char *column;
+    json_t *value;
+    json_object_foreach(row, column, value) {
+        cell_text(column, value, text, sizeof text);
+        printf("%-*s  ", column_width(rows, column), names ? column : text);
+    }
+    putchar('\n');
+}
+
+void rows_print(const json_t *rows) {
+    if (json_array_size(rows))
+        print_row(rows, json_array_get(rows, 0), true);
+    for (size_t i = 0; i < json_array_size(rows); i++)
+        print_row(rows, json_array_get(rows, i), false);
+}
+
+// ---- files --------------------------------------------------------------------------------------
+
+enum result rows_create(const char *path, FILE **out_file, struct error *err) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    *out_file = fd < 0 ? NULL : fdopen(fd, "w");
+    return *out_file ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+}
+
+enum result rows_close(FILE *file, const char *path, struct error *err) {
+    bool failed = ferror(file);
+    if (fclose(file) || failed)
+        return fail(err, RESULT_IO, "%s: it could not be written whole: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
+static void put_text(FILE *file, const char *text) {
+    if (!strpbrk(text, ",\"\r\n")) {
+        fputs(text, file);
+        return;
+    }
+    putc('"', file);
+    for (; *text; text++) {
+        if (*text == '"')
+            putc('"', file);
+        putc(*text, file);
+    }
+    putc('"', file);
+}
+
+static void put_names(void *file, const struct store_cell *cells, int count) {
+    for (int i = 0; i < count; i++)
+        fprintf(file, "%s%s", cells[i].column, i + 1 < count ? "," : "\r\n");
+}
+
+static void put_row(void *file, const struct store_cell *cells, int count) {
+    for (int i = 0; i < count; i++) {
+        if (cells[i].kind == STORE_WHOLE)
+            fprintf(file, "%" PRId64, cells[i].whole);
+        else if (cells[i].kind == STORE_REAL)
+            fprintf(file, "%.17g", cells[i].real);
+        else if (cells[i].kind == STORE_TEXT)
+            put_text(file, cells[i].text);
+        fputs(i + 1 < count ? "," : "\r\n", file);
+    }
+}
+
+static enum result export_list(struct store *store, enum store_list list, const char *dir,
+                               struct error *err) {
+    char path[PATH_MAX];
+    FILE *file;
+    if (snprintf(path, sizeof path, "%s/%s.csv", dir, store_list_name(list)) >= (int)sizeof path)
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", dir);
+    enum result result = rows_create(path, &file, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_columns(store, list, put_names, file, err);
+    if (result == RESULT_OK)
+        result = store_rows(store, list, NULL, put_row, file, err);
+    enum result closed = rows_close(file, path, result == RESULT_OK ? err : NULL);
+    return result == RESULT_OK ? closed : result;
+}
+
+enum result rows_export_csv(struct store *store, const char *dir, struct error *err) {
+    enum result result = RESULT_OK;
+    if (mkdir(dir, 0700) && errno != EEXIST)
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    for (int i = 0; i < LIST_COUNT && result == RESULT_OK; i++)
+        result = export_list(store, (enum store_list)i, dir, err);
+    return result;
+}

@@ -1,0 +1,299 @@
+#include "hub/recorder.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define RETRY_NS NS_PER_S
+#define ACTOR "server"
+
+struct waiting {
+    struct waiting *next;
+    struct session_record record;
+};
+
+struct recorder {
+    char *records, *traces_dir;
+    scene_finder find;
+    void *user;
+    int64_t start_utc_ns;
+    pthread_t thread;
+    pthread_mutex_t mutex; // of all below
+    pthread_cond_t wake;
+    struct waiting *first, **end;
+    bool stop;
+    // The thread's own.
+    bool took_over, failing;
+};
+
+// ---- what waits ---------------------------------------------------------------------------------
+
+void recorder_put(struct recorder *r, const struct session_record *record) {
+    if (!r)
+        return;
+    struct waiting *waiting = alloc(1, sizeof *waiting);
+    waiting->record = *record;
+    pthread_mutex_lock(&r->mutex);
+    *r->end = waiting;
+    r->end = &waiting->next;
+    pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+// Only the recorder's thread takes away, so the first stays the first meanwhile.
+static struct waiting *first_waiting(struct recorder *r) {
+    pthread_mutex_lock(&r->mutex);
+    struct waiting *first = r->first;
+    pthread_mutex_unlock(&r->mutex);
+    return first;
+}
+
+static void drop_first(struct recorder *r) {
+    pthread_mutex_lock(&r->mutex);
+    struct waiting *first = r->first;
+    r->first = first->next;
+    if (!r->first)
+        r->end = &r->first;
+    pthread_mutex_unlock(&r->mutex);
+    free(first);
+}
+
+static bool should_stop(struct recorder *r) {
+    pthread_mutex_lock(&r->mutex);
+    bool stop = r->stop;
+    pthread_mutex_unlock(&r->mutex);
+    return stop;
+}
+
+// ---- writing ------------------------------------------------------------------------------------
+
+static void tell_failure(struct recorder *r, const struct error *err) {
+    if (!r->failing)
+        log_error("records", "%s; sessions go on, trying again", err->text);
+    r->failing = true;
+}
+
+static void tell_success(struct recorder *r) {
+    if (r->failing)
+        log_warning("records", "%s: takes sessions again", r->records);
+    r->failing = false;
+}
+
+static void hash_trace(struct store_session *session) {
+    if (session->end_utc_ns && !session->trace_is_hashed && !session_record_hash(session))
+        log_error("records", "%s: %s: the session is recorded without the hash of its trace",
+                  session->trace, strerror(errno));
+}
+
+static enum result write_record(struct recorder *r, struct session_record *record,
+                                struct error *err) {
+    struct store *store;
+    hash_trace(&record->session);
+    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
+    if (result == RESULT_OK)
+        result =
+            store_put_session(store, &record->session, record->results, record->result_count, err);
+    store_close(&store);
+    return result;
+}
+
+// False where the rest has to wait.
+static bool write_all(struct recorder *r) {
+    struct waiting *first;
+    while ((first = first_waiting(r))) {
+        struct error err;
+        enum result result = write_record(r, &first->record, &err);
+        bool never = result == RESULT_INVALID || result == RESULT_REFUSED;
+        if (never)
+            log_error("records", "session %s of %s cannot be recorded: %s",
+                      first->record.session.id, first->record.session.trace, err.text);
+        else if (result != RESULT_OK) {
+            tell_failure(r, &err);
+            return false;
+        }
+        tell_success(r);
+        drop_first(r);
+    }
+    return true;
+}
+
+// ---- taking over --------------------------------------------------------------------------------
+
+static bool is_trace(const char *name) {
+    size_t length = strlen(name);
+    return length > 6 && !strcmp(name + length - 6, ".trace");
+}
+
+static enum result look_at(struct recorder *r, struct store *store, const char *name,
+                           char out_path[STORE_TEXT_MAX], bool *out_new, struct error *err) {
+    bool done = false;
+    *out_new = false;
+    if (!is_trace(name))
+        return RESULT_OK;
+    if (snprintf(out_path, STORE_TEXT_MAX, "%s/%s", r->traces_dir, name) >= STORE_TEXT_MAX) {
+        log_error("records", "%s/%s: the path is too long for the records", r->traces_dir, name);
+        return RESULT_OK;
+    }
+    enum result result = store_trace_is_done(store, out_path, &done, err);
+    *out_new = result == RESULT_OK && !done;
+    return result;
+}
+
+struct paths {
+    char (*at)[STORE_TEXT_MAX];
+    size_t count, room;
+};
+
+static enum result collect(struct recorder *r, struct store *store, DIR *dir, struct paths *paths,
+                           struct error *err) {
+    enum result result = RESULT_OK;
+    struct dirent *entry;
+    while (result == RESULT_OK && (entry = readdir(dir))) {
+        bool is_new;
+        if (paths->count == paths->room) {
+            paths->room = 2 * paths->room + 16;
+            paths->at = alloc_resize(paths->at, paths->room, sizeof *paths->at);
+        }
+        result = look_at(r, store, entry->d_name, paths->at[paths->count], &is_new, err);
+        paths->count += is_new;
+    }
+    return result;
+}
+
+// The records are open only while they are asked, not while traces are read.
+static enum result find_unrecorded(struct recorder *r, struct paths *paths, struct error *err) {
+    struct store *store;
+    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
+    if (result == RESULT_OK)
+        result = store_interrupt_open(store, r->start_utc_ns, err);
+    DIR *dir = result == RESULT_OK ? opendir(r->traces_dir) : NULL;
+    if (result == RESULT_OK && !dir)
+        result = fail(err, RESULT_IO, "%s: %s", r->traces_dir, strerror(errno));
+    if (dir) {
+        result = collect(r, store, dir, paths, err);
+        closedir(dir);
+    }
+    store_close(&store);
+    return result;
+}
+
+static bool take_over_trace(struct recorder *r, const char *path, struct session_record *record) {
+    struct error err;
+    enum result result = session_record_from_trace(path, r->find, r->user, record, &err);
+    if (result != RESULT_OK) {
+        log_warning("records", "not recorded: %s", err.text);
+        return false;
+    }
+    if (record->session.start_utc_ns >= r->start_utc_ns)
+        return false; // of this server
+    if (!record->session.end_utc_ns)
+        record->session.end_utc_ns = record->session.start_utc_ns;
+    recorder_put(r, record);
+    return true;
+}
+
+static bool take_over(struct recorder *r) {
+    struct paths paths = {0};
+    struct error err;
+    struct session_record *record = alloc(1, sizeof *record);
+    enum result result = find_unrecorded(r, &paths, &err);
+    size_t taken = 0;
+    for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
+        taken += take_over_trace(r, paths.at[i], record);
+    if (result != RESULT_OK)
+        tell_failure(r, &err);
+    else if (taken)
+        log_info("records", "%s: %zu sessions taken over from their traces", r->records, taken);
+    free(paths.at);
+    free(record);
+    return result == RESULT_OK;
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+static void wait_for_work(struct recorder *r, bool again) {
+    int64_t when_ns = clock_now_ns() + RETRY_NS;
+    struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
+    pthread_mutex_lock(&r->mutex);
+    if (again)
+        while (!r->stop && pthread_cond_timedwait(&r->wake, &r->mutex, &when) != ETIMEDOUT)
+            ;
+    while (!again && !r->stop && !r->first)
+        pthread_cond_wait(&r->wake, &r->mutex);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+static void *run(void *argument) {
+    struct recorder *r = argument;
+    struct sched_param none = {0};
+    sched_setscheduler(0, SCHED_IDLE, &none);
+    while (!should_stop(r)) {
+        bool wrote = write_all(r);
+        if (!r->took_over)
+            r->took_over = wrote && take_over(r);
+        wait_for_work(r, !wrote || !r->took_over);
+    }
+    size_t left = 0;
+    if (!write_all(r))
+        for (struct waiting *w = first_waiting(r); w; w = w->next)
+            left++;
+    if (left)
+        log_error("records",
+                  "%s: %zu entries are not written: they are taken from the traces at the next "
+                  "start",
+                  r->records, left);
+    return NULL;
+}
+
+struct recorder *recorder_start(const char *records, const char *traces_dir, scene_finder find,
+                                void *user) {
+    struct recorder *r = alloc(1, sizeof *r);
+    r->records = alloc_text(records);
+    r->traces_dir = alloc_text(traces_dir);
+    r->find = find;
+    r->user = user;
+    r->start_utc_ns = clock_utc_ns();
+    r->end = &r->first;
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&r->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    pthread_mutex_init(&r->mutex, NULL);
+    sigset_t all, before; // a file size limit then is an error like a full disk
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    int failed = pthread_create(&r->thread, NULL, run, r);
+    CHECK(!failed);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return r;
+}
+
+void recorder_stop(struct recorder **recorder) {
+    struct recorder *r = *recorder;
+    if (!r)
+        return;
+    pthread_mutex_lock(&r->mutex);
+    r->stop = true;
+    pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
+    pthread_join(r->thread, NULL);
+    while (r->first)
+        drop_first(r);
+    pthread_cond_destroy(&r->wake);
+    pthread_mutex_destroy(&r->mutex);
+    free(r->records);
+    free(r->traces_dir);
+    free(r);
+    *recorder = NULL;
+}

@@ -1,0 +1,123 @@
+"""What becomes of sessions is in the records, whatever happens to server and database meanwhile."""
+
+import json
+import os
+import signal
+import sqlite3
+import unittest
+
+from arthron import House, call, call_json, wait_until
+
+STATION = "[station room-1]\ncase = arthrosis\ntrainee = ada-lovelace"
+
+
+class Records(House):
+    def setUp(self):
+        super().setUp()
+        self.db = self.path("records.db")
+
+    def records(self, *words, code=0):
+        return call("arthron-server", "records", "--file", self.db, *words, code=code)
+
+    def rows(self, what):
+        return json.loads(self.records("list", what, "--json").stdout)
+
+    def start_room(self):
+        server = self.start_server(STATION, "records = records.db")
+        if not os.path.exists(self.path("keys-room-1")):
+            self.start_mockup()
+            self.enrol("room-1")
+            self.start_station()
+        wait_until("a running session", lambda: self.session()["state"] == "running")
+        self.wait_for_steps()
+        return server
+
+    def in_state(self, state, count=1):
+        def there():
+            rows = [s for s in self.rows("sessions") if s["state"] == state]
+            return rows if len(rows) == count else None
+        return wait_until(f"{count} {state} sessions in the records", there)
+
+    def sane(self):
+        with sqlite3.connect(self.db) as db:
+            self.assertEqual(db.execute("PRAGMA integrity_check").fetchall(), [("ok",)])
+            self.assertEqual(db.execute("PRAGMA foreign_key_check").fetchall(), [])
+        db.close()
+
+    def assert_is_of_trace(self, row):
+        """Against what others say of the trace: arthron-trace, and its bytes."""
+        info = call_json("arthron-trace", "info", row["trace"])
+        self.assertEqual(row["id"], info["session"])
+        self.assertEqual(row["steps"], info["steps"])
+        self.assertEqual(row["station"], "room-1")
+        self.assertEqual(row["trainee"], "ada-lovelace")
+        self.assertEqual(row["case"], "arthrosis")
+        self.assertRegex(row["trace_xxh3"], "^[0-9a-f]{16}$")
+
+    def test_a_session_is_there_from_its_begin_through_backup_kill_and_restore(self):
+        server = self.start_room()
+        opened = self.in_state("open")[0]
+        self.assertEqual(opened["id"], self.session()["id"])
+
+        self.steer("stop", "room-1")
+        closed = self.in_state("closed")[0]
+        self.assertEqual(closed["id"], opened["id"])
+        self.assert_is_of_trace(closed)
+        self.assertGreater(closed["end_utc_ns"], closed["start_utc_ns"])
+
+        # A backup and a restore while a session runs: it goes on, and is in the restored records.
+        self.steer("start", "room-1")
+        self.in_state("open")
+        self.wait_for_steps()
+        call("arthron-server", "backup", "--file", self.db, "--out", self.path("backup.db"))
+        self.records("add", "course", "after the backup")
+        restored = call("arthron-server", "restore", self.path("backup.db"), "--file", self.db)
+        self.wait_for_steps()
+        self.assertEqual(self.rows("courses"), [])
+        aside = restored.stdout.split(": ", 1)[1].strip()
+        self.assertIn("after the backup", call("arthron-server", "records", "--file", aside, "list", "courses").stdout)
+        self.steer("stop", "room-1")
+        self.assert_is_of_trace(self.in_state("closed", 2)[1])
+
+        # Killed: the next server takes the session from its trace.
+        self.steer("start", "room-1")
+        self.in_state("open")
+        self.wait_for_steps()
+        server.end(signal.SIGKILL)
+        self.sane()
+        server = self.start_room()
+        lost = self.in_state("interrupted")[0]
+        wait_until("its trace's hash", lambda: self.rows("sessions")[2]["trace_xxh3"])
+        self.assert_is_of_trace(self.rows("sessions")[2])
+        self.assertGreater(self.rows("sessions")[2]["end_utc_ns"], lost["start_utc_ns"])
+        self.assertEqual(server.end(), 0)
+        self.assertEqual([s["state"] for s in self.rows("sessions")],
+                         ["closed", "closed", "interrupted", "closed"])
+        self.sane()
+
+    def test_records_that_are_locked_damaged_or_lost_stop_no_session_and_get_all_of_it(self):
+        with open(self.db, "w") as f:
+            f.write("this is no database" * 100)
+        server = self.start_room()
+        server.wait_for_log("restore BACKUP --file " + self.db)
+        self.steer("stop", "room-1")
+        os.unlink(self.db)
+        server.wait_for_log("takes sessions again")
+        self.assert_is_of_trace(self.in_state("closed")[0])
+
+        lock = sqlite3.connect(self.db, isolation_level=None)
+        lock.execute("BEGIN IMMEDIATE")
+        self.steer("start", "room-1")
+        server.wait_for_log("keeps the records locked")
+        self.wait_for_steps()
+        self.steer("stop", "room-1")
+        self.assertEqual(len(self.rows("sessions")), 1)
+        lock.execute("ROLLBACK")
+        lock.close()
+        self.in_state("closed", 2)
+        self.assertEqual(server.end(), 0)
+        self.sane()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

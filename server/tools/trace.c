@@ -3,6 +3,7 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -13,13 +14,20 @@ static const struct {
 } commands[] = {
     {"info", command_info, "whose session it is, and what happened in it"},
     {"verify", command_verify, "whether the file is whole, or up to where"},
-    {"replay", command_replay, "run the session again and compare every step"},
+    {"replay", command_replay, "run the session again: compare every step, or try other settings"},
+    {"cut", command_cut, "a piece that replays, of another trace"},
     {"export", command_export, "a table with a row for each step"},
     {"score", command_score, "what it is worth: time, paths, smoothness, contacts, resection"},
     {"picture", command_picture, "what was cut, drawn"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])
+
+bool take_seconds(const char *text, double *out_s) {
+    char *end;
+    *out_s = strtod(text, &end);
+    return end != text && !*end && *out_s >= 0 && *out_s < 1e9;
+}
 
 int usage_error(const char *command, const char *format, ...) {
     fprintf(stderr, "arthron-trace %s: ", command);

@@ -13,6 +13,7 @@ enum { EXIT_GOOD = 0, EXIT_FAULT = 1, EXIT_USAGE = 2 };
 int command_info(int argc, char **argv);
 int command_verify(int argc, char **argv);
 int command_replay(int argc, char **argv);
+int command_cut(int argc, char **argv);
 int command_export(int argc, char **argv);
 int command_score(int argc, char **argv);
 int command_picture(int argc, char **argv);
@@ -23,6 +24,9 @@ int take_file(int argc, char **argv, const char **out_file);
 // The scene of the case that the trace names, or of case_dir where that is not NULL.
 enum result load_scene(const struct trace_reader *reader, const char *case_dir,
                        struct scene **out_scene, struct error *err);
+
+// Seconds, 0 or more; false where the text is none.
+bool take_seconds(const char *text, double *out_s);
 
 int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
 int failed(const char *command, const struct error *err); // prints it; EXIT_FAULT

@@ -1,19 +1,46 @@
 #include "base/clock.h"
 #include "trace/replay.h"
 #include "trace_commands.h"
+#include "trace_trial.h"
 
 #include <inttypes.h>
 #include <jansson.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 static const char help[] =
-    "Usage: arthron-trace replay FILE [--case DIR] [--json]\n"
+    "Usage: arthron-trace replay FILE [OPTIONS] [--json]\n"
     "\n"
     "Runs the session again from its recorded inputs and compares every field of every step.\n"
-    "The case is the one that the trace names, or DIR; another case is refused by its hash.\n"
-    "On the same build, libc and CPU level nothing may differ; elsewhere warped poses may by\n"
-    "1e-6 mm, states and events may not. Steps after a gap cannot be compared.\n"
-    "Exits 1 where the session differs, or where not all recorded steps could be compared.\n";
+    "The case is the one that the trace names, or DIR. On the same build, libc and CPU level "
+    "nothing\n"
+    "may differ; elsewhere warped poses may by 1e-6 mm, states and events may not. Steps after a "
+    "gap\n"
+    "cannot be compared.\n"
+    "\n"
+    "  --case DIR       where the case is\n"
+    "  --from S --to S  compare only the steps from S to S seconds after the start\n"
+    "\n"
+    "Exits 1 where the session differs, or where not all recorded steps could be compared.\n"
+    "\n"
+    "The same hands under other settings, instead of a comparison of every field:\n"
+    "\n"
+    "  --case DIR       another case\n"
+    "  --field KIND     gaussian, inverse-distance or smooth\n"
+    "  --avatar MODE    tip, points or rigid\n"
+    "  --strength X     of the warp, 0 to 1\n"
+    "\n"
+    "Prints how far from where it was each instrument is shown, and what was shown, felt and cut\n"
+    "before and now. A cut lands when the recorded one did, or half a second after it was asked "
+    "for.\n"
+    "Exits 1 where the trace could not be read to its end.\n";
+
+struct request {
+    const char *file, *case_dir, *field, *avatar, *strength;
+    double from_s, to_s; // NAN: not asked for
+    bool json;
+};
 
 // A server that was killed leaves a trace without an end: all of it is compared.
 static bool all_compared(const struct replay_report *r) {
@@ -59,48 +86,124 @@ static void print_text(const struct replay_report *r, double real_time) {
     printf("%.0f times as fast as real time\n", real_time);
 }
 
-static int replay(const char *file, const char *case_dir, bool json) {
+static bool avatar_from_name(const char *name, enum avatar_mode *out) {
+    for (int i = 0; i < AVATAR_MODE_COUNT; i++)
+        if (!strcmp(name, avatar_mode_name((enum avatar_mode)i))) {
+            *out = (enum avatar_mode)i;
+            return true;
+        }
+    return false;
+}
+
+// False: a word or number is none. What was not asked for stays.
+static bool take_settings(const struct request *request, struct session_settings *settings) {
+    char *end = "";
+    if (request->strength)
+        settings->field.strength = strtod(request->strength, &end);
+    return (!request->field || field_from_name(request->field, &settings->field.kind)) &&
+           (!request->avatar || avatar_from_name(request->avatar, &settings->avatar)) && !*end &&
+           settings->field.strength >= 0 && settings->field.strength <= 1;
+}
+
+static int64_t time_or(double seconds, int64_t otherwise_ns) {
+    return isnan(seconds) ? otherwise_ns : (int64_t)(seconds * NS_PER_S);
+}
+
+static double real_time(int64_t session_ns, int64_t begin_ns) {
+    return (double)session_ns / (double)(clock_now_ns() - begin_ns);
+}
+
+static int compare(const struct request *request, struct trace_reader *reader,
+                   const struct scene *scene) {
+    struct replay_report report;
+    struct error err;
+    struct replay_span span = {time_or(request->from_s, 0), time_or(request->to_s, INT64_MAX)};
+    int64_t begin_ns = clock_now_ns();
+    if (trace_replay(reader, scene, &span, show_progress, &report, &err) != RESULT_OK)
+        return failed("replay", &err);
+    (request->json ? print_json : print_text)(&report, real_time(report.session_ns, begin_ns));
+    return report.verdict != REPLAY_DIFFERENT && all_compared(&report) ? EXIT_GOOD : EXIT_FAULT;
+}
+
+static int try_out(const struct request *request, struct trace_reader *reader,
+                   const struct scene *scene, const struct session_settings *settings) {
+    struct trial_report report;
+    struct error err;
+    int64_t begin_ns = clock_now_ns();
+    if (trace_trial(reader, scene, settings, show_progress, &report, &err) != RESULT_OK)
+        return failed("replay", &err);
+    (request->json ? trial_print_json : trial_print_text)(&report,
+                                                          real_time(report.session_ns, begin_ns));
+    return report.end == RESULT_CLOSED || report.end == RESULT_MISSING ? EXIT_GOOD : EXIT_FAULT;
+}
+
+static int replay(const struct request *request) {
     struct error err;
     struct trace_reader *reader;
     struct scene *scene = NULL;
-    struct replay_report report;
-    if (trace_reader_create(file, &reader, &err) != RESULT_OK)
+    if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
         return failed("replay", &err);
-    enum result result = load_scene(reader, case_dir, &scene, &err);
-    int64_t begin_ns = clock_now_ns();
-    if (result == RESULT_OK)
-        result = trace_replay(reader, scene, NULL, show_progress, &report, &err);
-    int64_t taken_ns = clock_now_ns() - begin_ns;
+    const struct trace_header *header = trace_reader_header(reader);
+    struct session_settings settings = header->settings;
+    bool other = request->field || request->avatar || request->strength;
+    int code;
+    if (!take_settings(request, &settings))
+        code = usage_error("replay", "no such field, avatar or strength");
+    else if (load_scene(reader, request->case_dir, &scene, &err) != RESULT_OK)
+        code = failed("replay", &err);
+    else if (other || (request->case_dir && scene_case(scene)->hash != header->case_hash))
+        code = try_out(request, reader, scene, &settings);
+    else
+        code = compare(request, reader, scene);
     scene_destroy(&scene);
     trace_reader_destroy(&reader);
-    if (result != RESULT_OK)
-        return failed("replay", &err);
-    (json ? print_json : print_text)(&report, (double)report.session_ns / (double)taken_ns);
-    return report.verdict != REPLAY_DIFFERENT && all_compared(&report) ? EXIT_GOOD : EXIT_FAULT;
+    return code;
+}
+
+static bool take_option(int option, struct request *out) {
+    switch (option) {
+    case 'c':
+        out->case_dir = optarg;
+        return true;
+    case 'f':
+        out->field = optarg;
+        return true;
+    case 'a':
+        out->avatar = optarg;
+        return true;
+    case 's':
+        out->strength = optarg;
+        return true;
+    case 'F':
+        return take_seconds(optarg, &out->from_s);
+    case 'T':
+        return take_seconds(optarg, &out->to_s);
+    case 'j':
+        out->json = true;
+        return true;
+    default:
+        return false;
+    }
 }
 
 int command_replay(int argc, char **argv) {
     static const struct option options[] = {{"case", required_argument, NULL, 'c'},
+                                            {"from", required_argument, NULL, 'F'},
+                                            {"to", required_argument, NULL, 'T'},
+                                            {"field", required_argument, NULL, 'f'},
+                                            {"avatar", required_argument, NULL, 'a'},
+                                            {"strength", required_argument, NULL, 's'},
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    bool json = false;
-    const char *case_dir = NULL;
-    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;)
-        switch (c) {
-        case 'c':
-            case_dir = optarg;
-            break;
-        case 'j':
-            json = true;
-            break;
-        case 'h':
+    struct request request = {.from_s = NAN, .to_s = NAN};
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'h')
             return fputs(help, stdout) < 0;
-        default:
-            return usage_error(argv[0], "unknown option");
-        }
-    const char *file;
-    if (take_file(argc, argv, &file) != EXIT_GOOD)
+        if (!take_option(c, &request))
+            return usage_error(argv[0], "unknown option, or a time that is none");
+    }
+    if (take_file(argc, argv, &request.file) != EXIT_GOOD)
         return EXIT_USAGE;
-    return replay(file, case_dir, json);
+    return replay(&request);
 }

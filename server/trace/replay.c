@@ -10,8 +10,8 @@ struct replay {
     int field_count;
     struct replay_report *report;
     const struct replay_span *span;
-    uint64_t steps; // run
-    int64_t first_ns;
+    uint64_t steps;             // run
+    int64_t start_ns, first_ns; // as the header says; of the first step
 };
 
 const char *replay_verdict_name(enum replay_verdict verdict) {
@@ -71,16 +71,16 @@ static void run_step(struct replay *replay, const struct trace_record *record) {
     if (replay->steps++ == 0)
         replay->first_ns = record->input.time_ns;
     report->session_ns = record->input.time_ns - replay->first_ns;
-    bool asked_for =
-        !span || (report->session_ns >= span->from_ns && report->session_ns <= span->to_ns);
+    int64_t at_ns = record->input.time_ns - replay->start_ns;
+    bool asked_for = !span || (at_ns >= span->from_ns && at_ns <= span->to_ns);
     if (record->type == TRACE_STEP && asked_for)
         compare_outputs(replay, &record->output, &output);
 }
 
 // The rest of the trace need not be read.
 static bool is_behind(const struct replay *replay, const struct trace_record *record) {
-    return replay->span && replay->steps && (record->type == TRACE_STEP) &&
-           record->input.time_ns - replay->first_ns > replay->span->to_ns;
+    return replay->span && record->type == TRACE_STEP &&
+           record->input.time_ns - replay->start_ns > replay->span->to_ns;
 }
 
 static void run_steps(struct replay *replay, struct trace_reader *reader,
@@ -136,7 +136,7 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     memset(out_report, 0, sizeof *out_report);
     out_report->same_events = true;
     compare_machines(header, out_report);
-    struct replay replay = {.report = out_report, .span = span};
+    struct replay replay = {.report = out_report, .span = span, .start_ns = header->start_ns};
     replay.rerun = rerun_create(scene, &header->settings);
     replay.field_count = fields_of(header->version, replay.fields);
     run_steps(&replay, reader, progress);

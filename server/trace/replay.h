@@ -36,7 +36,7 @@ struct replay_report {
     enum replay_verdict verdict;
 };
 
-// Since the first step.
+// Since the start_ns of the header.
 struct replay_span {
     int64_t from_ns, to_ns;
 };

@@ -2,6 +2,7 @@
 #include "test.h"
 
 #include <jansson.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,7 +14,7 @@ static char output[64 << 20]; // a table of a whole session is large
 
 // Runs arthron-trace; `output` gets stdout and stderr. Returns the exit code.
 static int run(const char *arguments) {
-    char line[512];
+    char line[768];
     snprintf(line, sizeof line, "%s %s 2>&1", TRACE_PROGRAM, arguments);
     FILE *program = popen(line, "r");
     assert_non_null(program);
@@ -25,7 +26,7 @@ static int run(const char *arguments) {
 }
 
 static int run_on_trace(const char *command, const char *rest) {
-    char arguments[400];
+    char arguments[512];
     snprintf(arguments, sizeof arguments, "%s %s %s", command, trace_path, rest);
     return run(arguments);
 }
@@ -160,6 +161,92 @@ static void replay_of_a_forged_trace_fails_and_says_where(void **state) {
     json_decref(root);
 }
 
+static void replay_of_a_span_compares_that_and_no_more(void **state) {
+    (void)state;
+    struct trace_header header = honest_header();
+    snprintf(header.case_dir, sizeof header.case_dir, "%s", case_dir);
+    record(&header, 400, lie); // from about 4 s on
+    assert_int_equal(run_on_trace("replay", "--to 3 --json"), 0);
+    json_t *root = output_object();
+    json_int_t steps = number(root, "steps");
+    assert_true(steps > 250 && steps < 350);
+    json_decref(root);
+    assert_int_equal(run_on_trace("replay", "--from 3 --to 5 --json"), 1);
+    root = output_object();
+    assert_int_equal(number(json_object_get(root, "first"), "step"), 400);
+    assert_true(number(root, "steps") > 150 && number(root, "steps") < 250);
+    json_decref(root);
+}
+
+static double real_at(json_t *object, const char *first, const char *second, const char *third) {
+    object = json_object_get(json_object_get(json_object_get(object, first), second), third);
+    assert_true(json_is_real(object));
+    return json_real_value(object);
+}
+
+static void other_settings_are_tried_on_the_same_hands(void **state) {
+    (void)state;
+    record_honestly();
+    struct {
+        const char *option;
+        bool same;
+    } rows[] = {{"--strength 1 --json", true},
+                {"--strength 0 --json", false},
+                {"--field smooth --json", false}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        assert_int_equal(run_on_trace("replay", rows[i].option), 0);
+        json_t *root = output_object();
+        double mean = real_at(root, "instruments", "probe", "mean_mm");
+        double most = real_at(root, "instruments", "probe", "max_mm");
+        json_t *tried = json_object_get(json_object_get(root, "instruments"), "probe");
+        double offset =
+            json_real_value(json_object_get(json_object_get(tried, "tried"), "offset_mean_mm"));
+        assert_int_equal(number(root, "steps"), recorded_steps);
+        assert_true(rows[i].same ? most == 0 : mean > 0 && most > mean);
+        assert_true(i == 1 ? offset < 1e-9 : offset > 0.01);
+        json_t *tissue = json_array_get(json_object_get(root, "resections"), 0);
+        json_t *recorded = json_object_get(tissue, "recorded");
+        if (rows[i].same)
+            assert_true(json_equal(recorded, json_object_get(tissue, "tried")));
+        json_decref(root);
+    }
+    assert_int_equal(run_on_trace("replay", "--field square"), 2);
+    assert_int_equal(run_on_trace("replay", "--strength 2"), 2);
+}
+
+static void a_piece_replays_and_names_what_it_is_of(void **state) {
+    (void)state;
+    char piece[128], arguments[384];
+    record_honestly();
+    snprintf(piece, sizeof piece, "%s.piece", trace_path);
+    snprintf(arguments, sizeof arguments, "--from 3 --to 5 --out %s", piece);
+    assert_int_equal(run_on_trace("cut", arguments), 0);
+    assert_int_equal(run_on_trace("cut", arguments), 1); // it is there
+    snprintf(arguments, sizeof arguments, "replay %s --json", piece);
+    assert_int_equal(run(arguments), 0);
+    json_t *root = output_object();
+    json_int_t steps = number(root, "steps");
+    assert_true(steps > 150 && steps < 250);
+    assert_int_equal(number(root, "different"), 0);
+    json_decref(root);
+    snprintf(arguments, sizeof arguments, "info %s --json", piece);
+    assert_int_equal(run(arguments), 0);
+    root = output_object();
+    assert_int_equal(number(root, "steps"), steps);
+    assert_true(number(root, "past") > 250);
+    assert_int_equal(json_string_length(json_object_get(root, "parent")), 64);
+    json_decref(root);
+    snprintf(arguments, sizeof arguments, "verify %s", piece);
+    assert_int_equal(run(arguments), 0);
+    snprintf(arguments, sizeof arguments, "cut %s --from 4 --out %s.piece", piece, piece);
+    assert_int_equal(run(arguments), 0); // of a piece too
+    snprintf(arguments, sizeof arguments, "replay %s.piece", piece);
+    assert_int_equal(run(arguments), 0);
+    unlink(piece);
+    snprintf(arguments, sizeof arguments, "%s.piece", piece);
+    unlink(arguments);
+}
+
 static size_t count(const char *text, char c) {
     size_t n = 0;
     for (; *text; text++)
@@ -210,13 +297,16 @@ static void wrong_use_exits_2_and_says_why(void **state) {
                                        "verify --fast a",
                                        "replay --case",
                                        "export a",
-                                       "export a --csv - --from soon"};
+                                       "export a --csv - --from soon",
+                                       "cut a",
+                                       "cut a --from 3 --to 2 --out b"};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         assert_int_equal(run(rows[i]), 2);
         assert_true(strlen(output) > 0);
     }
     static const char *const helps[] = {"--help",        "--version",     "info --help",
-                                        "verify --help", "replay --help", "export --help"};
+                                        "verify --help", "replay --help", "export --help",
+                                        "cut --help"};
     for (size_t i = 0; i < sizeof helps / sizeof *helps; i++)
         assert_int_equal(run(helps[i]), 0);
 }
@@ -238,6 +328,9 @@ int main(void) {
         cmocka_unit_test(verify_tells_what_was_changed_and_reads_behind_it),
         cmocka_unit_test(replay_finds_the_case_that_the_trace_names),
         cmocka_unit_test(replay_of_a_forged_trace_fails_and_says_where),
+        cmocka_unit_test(replay_of_a_span_compares_that_and_no_more),
+        cmocka_unit_test(other_settings_are_tried_on_the_same_hands),
+        cmocka_unit_test(a_piece_replays_and_names_what_it_is_of),
         cmocka_unit_test(export_writes_a_row_for_each_step),
         cmocka_unit_test(picture_draws_what_was_cut),
         cmocka_unit_test(wrong_use_exits_2_and_says_why),

@@ -1,0 +1,114 @@
+#include "base/clock.h"
+#include "trace_commands.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: arthron-trace cut FILE [--from S] [--to S] --out OUT\n"
+    "\n"
+    "Writes a piece of a session as a trace of its own: the steps from S to S seconds after its\n"
+    "start. It replays, since the inputs before the piece come with it, without what was answered "
+    "to\n"
+    "them. It names the trace that it is of by its last hash, and nobody signs it: who is to be\n"
+    "believed is the whole trace. Of version 2 nothing can be cut.\n"
+    "\n"
+    "  --from S   where the piece begins: 0\n"
+    "  --to S     and ends: the end\n"
+    "  --out OUT  the file to write; it must not exist\n"
+    "\n"
+    "Exits 1 where the trace could not be read so far (what can be read is written).\n";
+
+struct request {
+    const char *file, *out;
+    double from_s, to_s;
+};
+
+// The hash that the piece names as its parent is the last of the file, so it is read first.
+static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE],
+                             struct error *err) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    enum result result = trace_reader_create(file, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    if (trace_reader_header(reader)->version < TRACE_VERSION)
+        result = fail(err, RESULT_VERSION, "%s: of version %u nothing can be cut", file,
+                      trace_reader_header(reader)->version);
+    while (result == RESULT_OK && trace_read(reader, &record, err) == RESULT_OK)
+        show_progress(trace_reader_offset(reader), 2 * trace_reader_size(reader));
+    memcpy(out_hash, trace_reader_place(reader).hash, TRACE_HASH_SIZE);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+// RESULT_CLOSED at the end of what was asked for.
+static enum result copy(const struct request *request, struct trace_reader *reader,
+                        struct trace_writer *writer, struct error *err) {
+    struct trace_record record;
+    int64_t start_ns = trace_reader_header(reader)->start_ns;
+    enum result result;
+    while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
+        if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
+            double seconds = (double)(record.input.time_ns - start_ns) / (double)NS_PER_S;
+            if (seconds > request->to_s)
+                return RESULT_CLOSED;
+            if (seconds < request->from_s)
+                record.type = TRACE_PAST;
+        }
+        result = trace_append_record(writer, &record, err);
+        if (result != RESULT_OK)
+            return result;
+        show_progress(trace_reader_size(reader) + trace_reader_offset(reader),
+                      2 * trace_reader_size(reader));
+    }
+    return result;
+}
+
+static enum result cut(const struct request *request, struct error *err) {
+    struct trace_reader *reader;
+    struct trace_writer *writer = NULL;
+    uint8_t parent[TRACE_HASH_SIZE];
+    enum result result = last_hash(request->file, parent, err);
+    if (result == RESULT_OK)
+        result = trace_reader_create(request->file, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    struct trace_header header = *trace_reader_header(reader);
+    memcpy(header.parent, parent, sizeof header.parent);
+    result = trace_writer_create(request->out, &header, NULL, &writer, err);
+    if (result == RESULT_OK)
+        result = copy(request, reader, writer, err);
+    trace_writer_destroy(&writer);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+int command_cut(int argc, char **argv) {
+    static const struct option options[] = {{"from", required_argument, NULL, 'F'},
+                                            {"to", required_argument, NULL, 'T'},
+                                            {"out", required_argument, NULL, 'o'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
+    struct request request = {.from_s = 0, .to_s = INFINITY};
+    bool good = true;
+    for (int c; good && (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'h')
+            return fputs(help, stdout) < 0;
+        if (c == 'F')
+            good = take_seconds(optarg, &request.from_s);
+        else if (c == 'T')
+            good = take_seconds(optarg, &request.to_s);
+        else if (c == 'o')
+            request.out = optarg;
+        else
+            good = false;
+    }
+    if (!good || !request.out || request.from_s > request.to_s)
+        return usage_error(argv[0], "--out OUT, and from one time to a later one");
+    if (take_file(argc, argv, &request.file) != EXIT_GOOD)
+        return EXIT_USAGE;
+    struct error err;
+    return cut(&request, &err) == RESULT_CLOSED ? EXIT_GOOD : failed(argv[0], &err);
+}

@@ -1,0 +1,99 @@
+#include "trace/trial.h"
+
+#include <string.h>
+
+static void add_side(const struct instrument_output *o, struct trial_side *side) {
+    if (!o->present)
+        return;
+    side->steps++;
+    side->offset_mm += o->discrepancy.offset_mm; // the sum, until the end
+    side->noticed += discrepancy_is_noticed(&o->discrepancy);
+    side->penetration_mm = fmax(side->penetration_mm, o->penetration_mm);
+}
+
+static void compare_instrument(const struct instrument_output *recorded,
+                               const struct instrument_output *tried,
+                               struct trial_instrument *out) {
+    add_side(recorded, &out->recorded);
+    add_side(tried, &out->tried);
+    if (!recorded->present || !tried->present)
+        return;
+    double mm =
+        vec3_distance(recorded->T_mockup_warped.translation, tried->T_mockup_warped.translation);
+    out->both++;
+    out->mean_mm += mm;
+    out->most_mm = fmax(out->most_mm, mm);
+}
+
+static void take_landed(const struct landed *landed, struct tissue_figures *figures) {
+    if (landed->job)
+        figures[landed->tissue] = landed->figures;
+}
+
+static void compare(const struct session_output *recorded, const struct session_output *tried,
+                    struct trial_report *report) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        compare_instrument(&recorded->instruments[i], &tried->instruments[i],
+                           &report->instruments[i]);
+    for (int i = 0; i < EVENT_COUNT; i++) {
+        report->events_recorded[i] += recorded->events >> i & 1;
+        report->events_tried[i] += tried->events >> i & 1;
+    }
+    take_landed(&recorded->landed, report->recorded);
+}
+
+static void end_side(struct trial_side *side) {
+    double steps = fmax(1, (double)side->steps);
+    side->offset_mm /= steps;
+    side->noticed /= steps;
+}
+
+static void end_means(struct trial_report *report) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        struct trial_instrument *o = &report->instruments[i];
+        end_side(&o->recorded);
+        end_side(&o->tried);
+        o->mean_mm /= fmax(1, (double)o->both);
+    }
+}
+
+static void run(struct trace_reader *reader, struct rerun *rerun,
+                void (*progress)(uint64_t done, uint64_t all), struct trial_report *report) {
+    struct trace_record record;
+    struct session_output output;
+    struct landed landed;
+    int64_t first_ns = 0;
+    bool gap = false;
+    while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
+        gap |= record.type == TRACE_GAP;
+        bool step = record.type == TRACE_STEP || record.type == TRACE_PAST;
+        if (gap)
+            report->left_out += step ? 1 : record.type == TRACE_GAP ? record.missing : 0;
+        if (gap || !step)
+            continue;
+        rerun_step_freely(rerun, &record, &output, &landed);
+        take_landed(&landed, report->tried);
+        take_landed(&output.landed, report->tried);
+        if (record.type == TRACE_STEP)
+            compare(&record.output, &output, report);
+        first_ns = report->steps++ == 0 ? record.input.time_ns : first_ns;
+        report->session_ns = record.input.time_ns - first_ns;
+        if (progress)
+            progress(trace_reader_offset(reader), trace_reader_size(reader));
+    }
+}
+
+enum result trace_trial(struct trace_reader *reader, const struct scene *scene,
+                        const struct session_settings *settings,
+                        void (*progress)(uint64_t done, uint64_t all),
+                        struct trial_report *out_report, struct error *err) {
+    if (trace_reader_header(reader)->version < 3)
+        return fail(err, RESULT_VERSION, "a trace of version 2 has no figures to compare with");
+    memset(out_report, 0, sizeof *out_report);
+    out_report->tissue_count = scene_tissue_count(scene);
+    struct rerun *rerun = rerun_create(scene, settings);
+    run(reader, rerun, progress, out_report);
+    rerun_destroy(&rerun);
+    end_means(out_report);
+    return RESULT_OK;
+}

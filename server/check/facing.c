@@ -76,33 +76,46 @@ static void keep(struct facing_spot *spot, bool had, double had_value, double va
 
 static void take(struct facing_pair *pair, const struct facing_spot *spot) {
     pair->count++;
-    if (spot->closed_mm > FACING_SLACK_MM && spot->closed_mm >= spot->gap_mm) {
+    if (facing_is_filled(spot)) {
         keep(&pair->filling, pair->filled++, pair->filling.closed_mm - pair->filling.gap_mm,
              spot->closed_mm - spot->gap_mm, spot);
     }
-    if (spot->apart_mm > FACING_SLACK_MM && spot->apart_mm > spot->gap_mm) {
+    if (facing_is_strained(spot)) {
         keep(&pair->strain, pair->strained++, pair->strain.apart_mm - pair->strain.gap_mm,
              spot->apart_mm - spot->gap_mm, spot);
     }
+}
+
+// A point of a surface, in the world.
+struct point {
+    vec3 place, normal, delta;
+};
+
+static bool compare_point(const struct warp_scene *scene, const struct point *point, int b,
+                          struct facing_spot *out) {
+    struct closest closest;
+    vec3 way;
+    *out = (struct facing_spot){.place = point->place};
+    if (!faces(scene, b, point->place, point->normal, &closest, &way, &out->gap_mm))
+        return false;
+    vec3 off = vec3_sub(warp_of_contact(scene, b, &closest), point->delta);
+    out->closed_mm = -vec3_dot(way, off);
+    out->apart_mm = vec3_length(off);
+    return true;
 }
 
 static void compare_vertex(const struct compare *c, int a, const struct vertex *v) {
     const struct warp_scene *scene = c->scene;
     const struct warp_surface *s = &scene->surfaces[a];
     pose T = scene->T_world_body[s->body];
-    vec3 x = pose_apply(T, mesh_corner(s->mesh, v->triangle, v->corner)), zero = {0};
-    vec3 normal = quat_rotate(T.rotation, vec3_unit_or(v->normal, zero));
-    vec3 delta = delta_of(scene, a, v), way;
+    vec3 zero = {0};
+    struct point point = {pose_apply(T, mesh_corner(s->mesh, v->triangle, v->corner)),
+                          quat_rotate(T.rotation, vec3_unit_or(v->normal, zero)),
+                          delta_of(scene, a, v)};
     for (int b = 0; b < scene->surface_count; b++) {
-        struct closest closest;
-        struct facing_spot spot = {.place = x};
-        if (b == a || c->skipped >> b & 1 ||
-            !faces(scene, b, x, normal, &closest, &way, &spot.gap_mm))
-            continue;
-        vec3 off = vec3_sub(warp_of_contact(scene, b, &closest), delta);
-        spot.closed_mm = -vec3_dot(way, off);
-        spot.apart_mm = vec3_length(off);
-        take(&c->pairs[a * scene->surface_count + b], &spot);
+        struct facing_spot spot;
+        if (b != a && !(c->skipped >> b & 1) && compare_point(scene, &point, b, &spot))
+            take(&c->pairs[a * scene->surface_count + b], &spot);
     }
 }
 
@@ -145,4 +158,31 @@ void facing_compare(const struct warp_scene *scene, uint32_t skipped, struct fac
             out->count += pair->count > 0;
         }
     free(c.pairs);
+}
+
+bool facing_at(const struct warp_scene *scene, uint32_t skipped, int surface, uint32_t triangle,
+               const double weights[3], struct facing_spot *out_filling,
+               struct facing_spot *out_strain) {
+    const struct warp_surface *s = &scene->surfaces[surface];
+    pose T = scene->T_world_body[s->body];
+    struct closest at = {.triangle = triangle};
+    for (int i = 0; i < 3; i++) {
+        at.weights[i] = weights[i];
+        at.point = vec3_add_scaled(at.point, weights[i], mesh_corner(s->mesh, triangle, i));
+    }
+    struct point point = {pose_apply(T, at.point), {0}, warp_of_contact(scene, surface, &at)};
+    vec3 zero = {0};
+    point.normal = quat_rotate(T.rotation, vec3_unit_or(face_normal(s->mesh, triangle), zero));
+    bool faced = false;
+    for (int b = 0; b < scene->surface_count; b++) {
+        struct facing_spot spot;
+        if (b == surface || skipped >> b & 1 || !compare_point(scene, &point, b, &spot))
+            continue;
+        if (!faced || spot.closed_mm - spot.gap_mm > out_filling->closed_mm - out_filling->gap_mm)
+            *out_filling = spot;
+        if (!faced || spot.apart_mm - spot.gap_mm > out_strain->apart_mm - out_strain->gap_mm)
+            *out_strain = spot;
+        faced = true;
+    }
+    return faced;
 }

@@ -40,3 +40,17 @@ struct facing_figures {
 // leave surface k out. Threads inside; the figures depend on none of it.
 void facing_compare(const struct warp_scene *scene, uint32_t skipped,
                     struct facing_figures *out_figures);
+
+// The same of one point of a surface, given by barycentric weights in a triangle: what it differs
+// most from. False where nothing faces it.
+bool facing_at(const struct warp_scene *scene, uint32_t skipped, int surface, uint32_t triangle,
+               const double weights[3], struct facing_spot *out_filling,
+               struct facing_spot *out_strain);
+
+static inline bool facing_is_filled(const struct facing_spot *spot) {
+    return spot->closed_mm > FACING_SLACK_MM && spot->closed_mm >= spot->gap_mm;
+}
+
+static inline bool facing_is_strained(const struct facing_spot *spot) {
+    return spot->apart_mm > FACING_SLACK_MM && spot->apart_mm > spot->gap_mm;
+}

@@ -1,4 +1,5 @@
 #include "case_knee.h"
+#include "check/section.h"
 #include "check/verdict.h"
 #include "test.h"
 
@@ -199,12 +200,61 @@ static void a_record_that_is_too_large_is_not_read(void **state) {
     assert_int_equal(grade_read(folder, &grade, &err), RESULT_LIMIT);
 }
 
+static const struct section_cell *cell_at(const struct section *s, double right, double up) {
+    int i = (int)lround((right - s->origin[0]) / s->spacing_mm);
+    int k = (int)lround((up - s->origin[1]) / s->spacing_mm);
+    assert_true(i >= 0 && i < s->size[0] && k >= 0 && k < s->size[1]);
+    return &s->cells[i + s->size[0] * k];
+}
+
+// In the joint's frame, whose origin is at (0, -5, 10).
+static void a_section_shows_what_lies_where(void **state) {
+    (void)state;
+    struct knee_case *knee = plain_knee();
+    struct case_group *meniscus = case_group(knee, "meniscus_medial");
+    float *warp = case_group_need_warp(meniscus);
+    for (uint32_t v = 0; v < meniscus->mesh.vertex_count; v++)
+        warp[3 * v + 2] = -0.5;
+    knee->joint.T_femur_joint.rotation = knee->joint.T_tibia_joint.rotation = quat_identity();
+    struct scene *scene;
+    struct error err;
+    assert_int_equal(scene_create(&knee, &scene, &err), RESULT_OK);
+    struct check_settings settings = check_settings_default(true);
+    struct joint_angles straight = {0};
+    struct section s;
+    assert_int_equal(section_make(scene, &settings, &straight, SECTION_CORONAL, 0.5, &s, &err),
+                     RESULT_OK);
+    const struct knee_case *cased = scene_case(scene);
+    assert_int_equal(cell_at(&s, 0, 5)->place, PLACE_SOLID);
+    assert_string_equal(cased->groups[cell_at(&s, 0, 5)->group].name, "femur");
+    assert_string_equal(cased->groups[cell_at(&s, -25, -26)->group].name, "meniscus_medial");
+    assert_string_equal(cased->groups[cell_at(&s, 20, -40)->group].name, "tibia");
+    assert_int_equal(cell_at(&s, -16, -25)->place, PLACE_FREE);
+    assert_false(cell_at(&s, -16, -25)->still);
+    assert_true(cell_at(&s, -16, -25)->gain > 0.01f);
+    assert_true(cell_at(&s, 20, -28)->still);
+    int outlines[2] = {0};
+    for (size_t i = 0; i < s.line_count; i++) {
+        const struct section_line *line = &s.lines[i];
+        bool is_meniscus = !strcmp(cased->groups[line->group].name, "meniscus_medial");
+        assert_true(is_meniscus || !line->is_virtual); // what stays has one outline
+        outlines[line->is_virtual] += is_meniscus;
+        if (is_meniscus)
+            assert_true(fabsf(line->from[1] + 26) <= (line->is_virtual ? 3.6f : 3.1f));
+    }
+    assert_int_equal(outlines[0], outlines[1]);
+    assert_true(outlines[0] >= 8);
+    section_fini(&s);
+    scene_destroy(&scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(the_grade_of_a_check_is_read_back_for_its_case, setup,
                                         teardown),
         cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
         cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),
+        cmocka_unit_test(a_section_shows_what_lies_where),
         cmocka_unit_test(a_case_that_cannot_be_prepared_is_unfit_and_says_why),
         cmocka_unit_test_setup_teardown(a_broken_record_is_refused_and_says_where, setup, teardown),
         cmocka_unit_test_setup_teardown(a_record_that_is_too_large_is_not_read, setup, teardown),

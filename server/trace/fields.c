@@ -9,16 +9,25 @@
 
 struct trace_type {
     size_t size;
+    double (*number)(const void *value);
     void (*print)(const void *value, char *out); // into TRACE_FIELD_TEXT_MAX
 };
 
+#define DEFINE_NUMBER(name, c_type)                                                                \
+    static double number_##name(const void *value) {                                               \
+        c_type v;                                                                                  \
+        memcpy(&v, value, sizeof v);                                                               \
+        return (double)v;                                                                          \
+    }
+
 #define DEFINE_TYPE(name, c_type, format, shown)                                                   \
+    DEFINE_NUMBER(name, c_type)                                                                    \
     static void print_##name(const void *value, char *out) {                                       \
         c_type v;                                                                                  \
         memcpy(&v, value, sizeof v);                                                               \
         snprintf(out, TRACE_FIELD_TEXT_MAX, format, shown);                                        \
     }                                                                                              \
-    static const struct trace_type name##_type = {sizeof(c_type), print_##name}
+    static const struct trace_type name##_type = {sizeof(c_type), number_##name, print_##name}
 
 DEFINE_TYPE(real, double, "%.17g", v);
 DEFINE_TYPE(count, uint64_t, "%" PRIu64, v);
@@ -34,6 +43,8 @@ DEFINE_TYPE(job, enum job_kind, "%s", job_kind_name(v));
 DEFINE_TYPE(mode, enum avatar_mode, "%s", avatar_mode_name(v));
 DEFINE_TYPE(outcome, enum job_outcome, "%s", job_outcome_name(v));
 
+DEFINE_NUMBER(events, uint32_t)
+
 static void print_events(const void *value, char *out) {
     uint32_t events;
     memcpy(&events, value, sizeof events);
@@ -45,7 +56,7 @@ static void print_events(const void *value, char *out) {
                                      used ? "+" : "", event_name(i));
 }
 
-static const struct trace_type events_type = {sizeof(uint32_t), print_events};
+static const struct trace_type events_type = {sizeof(uint32_t), number_events, print_events};
 
 struct member {
     const char *name;
@@ -332,4 +343,18 @@ bool trace_field_equal(const struct trace_field *field, const struct session_out
 void trace_field_text(const struct trace_field *field, const struct session_output *output,
                       char out_text[TRACE_FIELD_TEXT_MAX]) {
     field->type->print(field_at(field, output), out_text);
+}
+
+double trace_field_number(const struct trace_field *field, const struct session_output *output) {
+    return field->type->number(field_at(field, output));
+}
+
+size_t trace_field_size(const struct trace_field *field) {
+    return field->type->size;
+}
+
+uint64_t trace_field_bits(const struct trace_field *field, const struct session_output *output) {
+    uint64_t bits = 0;
+    memcpy(&bits, field_at(field, output), field->type->size);
+    return bits;
 }

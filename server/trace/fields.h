@@ -30,3 +30,10 @@ bool trace_field_equal(const struct trace_field *field, const struct session_out
 // Numbers so that reading them gives the same bits, names for states, validities and events.
 void trace_field_text(const struct trace_field *field, const struct session_output *output,
                       char out_text[TRACE_FIELD_TEXT_MAX]);
+
+// The nearest double; of a state, a validity and the like its number.
+double trace_field_number(const struct trace_field *field, const struct session_output *output);
+
+// The value bit for bit, in the low bytes, and how many those are: 1, 4 or 8.
+uint64_t trace_field_bits(const struct trace_field *field, const struct session_output *output);
+size_t trace_field_size(const struct trace_field *field);

@@ -298,6 +298,7 @@ static void wrong_use_exits_2_and_says_why(void **state) {
                                        "replay --case",
                                        "export a",
                                        "export a --csv - --from soon",
+                                       "export a --csv - --exr b",
                                        "cut a",
                                        "cut a --from 3 --to 2 --out b"};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {

@@ -1,0 +1,8 @@
+// What an image says of the session in words and single numbers (EXR.md).
+#pragma once
+
+#include "export/contents.h"
+#include "export/image.h"
+
+// Into the file's first part.
+void exr_describe(const struct contents *contents, struct image_writer *writer);

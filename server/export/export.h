@@ -1,0 +1,26 @@
+// What others can read, made from the record of a session: a table (CSV), an image (EXR.md) and an
+// animated scene (glTF). The record stays the truth.
+#pragma once
+
+#include "trace/trace.h"
+
+#include <stdio.h>
+
+struct export_request {
+    const char *trace;
+    double from_s, to_s;       // of the session; what lies outside is left out
+    const struct scene *scene; // of the case that it was recorded with; NULL where the kind of
+                               // export says so
+    void (*progress)(uint64_t done, uint64_t all); // or NULL
+};
+
+// All of these: RESULT_OK where the record was whole. RESULT_MISSING, RESULT_CORRUPT and
+// RESULT_FORMAT with the error of trace_read where it was not: all that could be read is written.
+// Anything else, and the file is not there or of no use. A file that is there is replaced.
+
+// A row for each step. Needs no scene.
+enum result export_csv(const struct export_request *request, FILE *out, struct error *err);
+
+// Without a scene the maps of cuts are left out. RESULT_LIMIT where there are more steps than an
+// image has pixels.
+enum result export_exr(const struct export_request *request, const char *path, struct error *err);

@@ -1,0 +1,309 @@
+#include "export/maps.h"
+
+#include "base/check.h"
+#include "export/atlas.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// A job that landed, and what it made of the blends.
+struct landing {
+    uint64_t step;
+    double seconds;
+    enum job_kind kind;
+    bool wanted;      // within the time asked for
+    bool as_recorded; // it gave what the record says that it gave
+    struct job_result *result;
+};
+
+struct maps {
+    const struct scene *scene;
+    int count;
+    struct landing *landings;
+};
+
+// ---- which there are ----------------------------------------------------------------------------
+
+// One map from all jobs that are run: that of the last one that was asked for waits here.
+struct gathering {
+    struct maps *maps;
+    struct operation *operation;
+    struct job_result *pending;
+    enum job_kind kind;
+};
+
+static void keep(struct gathering *g, const struct session_output *output, double seconds,
+                 bool wanted) {
+    struct maps *maps = g->maps;
+    maps->landings = alloc_resize(maps->landings, (size_t)maps->count + 1, sizeof *maps->landings);
+    maps->landings[maps->count++] =
+        (struct landing){.step = output->step,
+                         .seconds = seconds,
+                         .kind = g->kind,
+                         .wanted = wanted,
+                         .as_recorded = g->pending->hash == output->landed.hash,
+                         .result = g->pending};
+    g->pending = NULL;
+}
+
+// A step's job is asked for after the one before has landed.
+static void take_step(struct gathering *g, const struct session_output *output, double seconds,
+                      bool wanted) {
+    const struct landed *landed = &output->landed;
+    bool here = landed->job && g->pending && g->pending->job == landed->job;
+    if (here && g->pending->outcome == JOB_DONE &&
+        operation_match(g->operation, g->pending->tissue))
+        keep(g, output, seconds, wanted);
+    if (!output->job.id)
+        return;
+    job_result_destroy(&g->pending);
+    g->pending = operation_run(g->operation, &output->job);
+    g->kind = output->job.kind;
+}
+
+static enum result gather(struct gathering *g, struct walk *walk, double from_s,
+                          struct error *err) {
+    struct trace_record record;
+    double seconds;
+    while (walk_next(walk, &record, &seconds)) {
+        const struct job *job = &record.output.job;
+        if (job->id && job->tissue >= scene_tissue_count(g->maps->scene))
+            return fail(err, RESULT_FORMAT, "step %llu cuts tissue %d, which the case has not",
+                        (unsigned long long)record.output.step, job->tissue);
+        take_step(g, &record.output, seconds, seconds >= from_s);
+    }
+    return RESULT_OK;
+}
+
+static enum result gather_all(struct maps *maps, struct walk *walk, double from_s,
+                              struct error *err) {
+    uint64_t recorded_with = trace_reader_header(walk->reader)->case_hash;
+    const struct knee_case *knee = scene_case(maps->scene);
+    if (knee->hash != recorded_with)
+        return fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
+                    walk->request->trace, knee->name);
+    struct gathering g = {.maps = maps, .operation = operation_create(maps->scene)};
+    enum result result = gather(&g, walk, from_s, err);
+    operation_destroy(&g.operation);
+    job_result_destroy(&g.pending);
+    return result;
+}
+
+enum result maps_create(struct walk *walk, struct maps **out_maps, struct error *err) {
+    const struct export_request *asked = walk->request;
+    struct export_request request = *asked;
+    struct contents all = {.steps = UINT64_MAX};
+    *out_maps = NULL;
+    request.from_s = -INFINITY;
+    walk->request = &request;
+    enum result result = walk_begin(walk, &all, err);
+    if (result == RESULT_OK) {
+        *out_maps = alloc(1, sizeof **out_maps);
+        (*out_maps)->scene = request.scene;
+        result = gather_all(*out_maps, walk, asked->from_s, err);
+        walk_end(walk);
+    }
+    walk->request = asked;
+    if (result != RESULT_OK)
+        maps_destroy(out_maps);
+    return result;
+}
+
+void maps_destroy(struct maps **handle) {
+    struct maps *maps = *handle;
+    if (!maps)
+        return;
+    for (int i = 0; i < maps->count; i++)
+        job_result_destroy(&maps->landings[i].result);
+    free(maps->landings);
+    free(maps);
+    *handle = NULL;
+}
+
+// ---- what they show -----------------------------------------------------------------------------
+
+static const struct case_group *group_of(const struct maps *maps, int tissue) {
+    return &scene_case(maps->scene)->groups[scene_tissue_group(maps->scene, tissue)];
+}
+
+// A picture of a group: what it shows of each vertex.
+struct view {
+    const struct case_group *group;
+    const double *blends; // of a cut; NULL: the group as it is
+    double (*value)(const struct view *view, int quantity, uint32_t vertex);
+    int quantities;
+    int exact;       // the first so many of them are given bit for bit too
+    bool has_vertex; // and the vertex's number last
+    const struct image_channel *channels;
+    int channel_count;
+};
+
+static double component(const float *vectors, uint32_t vertex, int axis) {
+    return vectors ? (double)vectors[3 * (size_t)vertex + (size_t)axis] : 0;
+}
+
+static double surface_value(const struct view *view, int quantity, uint32_t vertex) {
+    const struct case_group *group = view->group;
+    const float *const vectors[] = {group->mesh.positions, group->warp, group->maxcut};
+    return component(vectors[quantity / 3], vertex, quantity % 3);
+}
+
+// S'' − S
+static double cut_value(const struct view *view, int quantity, uint32_t vertex) {
+    double blend = view->blends[vertex];
+    if (quantity == 0)
+        return blend;
+    return component(view->group->warp, vertex, quantity - 1) +
+           blend * component(view->group->maxcut, vertex, quantity - 1);
+}
+
+static const struct image_channel surface_channels[] = {
+    {"position.x", IMAGE_FLOAT}, {"position.y", IMAGE_FLOAT}, {"position.z", IMAGE_FLOAT},
+    {"warp.x", IMAGE_FLOAT},     {"warp.y", IMAGE_FLOAT},     {"warp.z", IMAGE_FLOAT},
+    {"maxcut.x", IMAGE_FLOAT},   {"maxcut.y", IMAGE_FLOAT},   {"maxcut.z", IMAGE_FLOAT},
+    {"vertex", IMAGE_UINT}};
+
+static const struct image_channel cut_channels[] = {
+    {"blend", IMAGE_FLOAT},          {"blend.low", IMAGE_UINT},
+    {"blend.high", IMAGE_UINT},      {"displacement.x", IMAGE_FLOAT},
+    {"displacement.y", IMAGE_FLOAT}, {"displacement.z", IMAGE_FLOAT}};
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
+
+static const struct view surface_view = {.value = surface_value,
+                                         .quantities = 9,
+                                         .has_vertex = true,
+                                         .channels = surface_channels,
+                                         .channel_count = COUNT(surface_channels)};
+static const struct view cut_view = {.value = cut_value,
+                                     .quantities = 4,
+                                     .exact = 1,
+                                     .channels = cut_channels,
+                                     .channel_count = COUNT(cut_channels)};
+
+static double texel_value(const struct view *view, int quantity, const uint32_t corners[3],
+                          int corner) {
+    double v[3];
+    if (corner != ATLAS_FOURTH)
+        return view->value(view, quantity, corners[corner]);
+    for (int i = 0; i < 3; i++)
+        v[i] = view->value(view, quantity, corners[i]);
+    return v[1] + v[2] - v[0];
+}
+
+static void fill_texel(const struct view *view, const uint32_t corners[3], int corner,
+                       uint32_t *values, uint32_t width) {
+    for (int i = 0; i < view->quantities; i++) {
+        double value = texel_value(view, i, corners, corner);
+        *values = image_float((float)value);
+        values += width;
+        if (i >= view->exact)
+            continue;
+        image_split(image_bits(value), values, values + width);
+        values += 2 * (size_t)width;
+    }
+    if (view->has_vertex)
+        *values = corner == ATLAS_FOURTH ? MESH_NONE : corners[corner];
+}
+
+static void write_view(const struct view *view, struct image_writer *writer) {
+    const struct mesh *mesh = &view->group->mesh;
+    struct atlas atlas = atlas_of(mesh->triangle_count);
+    size_t count = (size_t)view->channel_count * atlas.width;
+    uint32_t *values = alloc(count, sizeof *values);
+    for (uint32_t y = 0; y < atlas.height; y++) {
+        memset(values, 0, count * sizeof *values);
+        for (uint32_t x = 0; x < atlas.width; x++) {
+            int corner;
+            uint32_t triangle = atlas_triangle(&atlas, x, y, &corner);
+            if (triangle != UINT32_MAX)
+                fill_texel(view, mesh->triangles + 3 * (size_t)triangle, corner, values + x,
+                           atlas.width);
+            else if (view->has_vertex)
+                values[(size_t)(view->channel_count - 1) * atlas.width + x] = MESH_NONE;
+        }
+        image_writer_row(writer, values);
+    }
+    free(values);
+}
+
+// ---- all of them --------------------------------------------------------------------------------
+
+static bool tissue_has_maps(const struct maps *maps, int tissue) {
+    for (int i = 0; i < maps->count; i++)
+        if (maps->landings[i].wanted && maps->landings[i].result->tissue == tissue)
+            return true;
+    return false;
+}
+
+static int declare_view(const struct view *view, const char *name, struct image_writer *writer) {
+    struct atlas atlas = atlas_of(view->group->mesh.triangle_count);
+    return image_writer_part(writer, name, atlas.width, atlas.height, view->channels,
+                             view->channel_count);
+}
+
+static void declare_cut(const struct maps *maps, const struct landing *landing,
+                        struct image_writer *writer) {
+    struct view view = cut_view;
+    char name[CASE_NAME_MAX + 32];
+    view.group = group_of(maps, landing->result->tissue);
+    snprintf(name, sizeof name, "%s.job_%llu", view.group->name,
+             (unsigned long long)landing->result->job);
+    int part = declare_view(&view, name, writer);
+    image_writer_text(writer, part, "arthron:group", view.group->name);
+    image_writer_text(writer, part, "arthron:job_kind", job_kind_name(landing->kind));
+    image_writer_number(writer, part, "arthron:job", (double)landing->result->job);
+    image_writer_number(writer, part, "arthron:landed_step", (double)landing->step);
+    image_writer_number(writer, part, "arthron:landed_s", landing->seconds);
+    image_writer_number(writer, part, "arthron:as_recorded", landing->as_recorded);
+}
+
+void maps_declare(const struct maps *maps, struct image_writer *writer) {
+    for (int tissue = 0; tissue < scene_tissue_count(maps->scene); tissue++) {
+        struct view view = surface_view;
+        view.group = group_of(maps, tissue);
+        if (tissue_has_maps(maps, tissue))
+            declare_view(&view, view.group->name, writer);
+    }
+    for (int i = 0; i < maps->count; i++)
+        if (maps->landings[i].wanted)
+            declare_cut(maps, &maps->landings[i], writer);
+}
+
+// Of all tissues, as they were after a landing.
+struct blends {
+    double *of[TISSUES_MAX];
+};
+
+static void apply(const struct job_result *result, struct blends *blends) {
+    for (uint32_t i = 0; i < result->blend_count; i++)
+        blends->of[result->tissue][result->vertices[i]] = result->blends[i];
+}
+
+static void write_cuts(const struct maps *maps, struct blends *blends,
+                       struct image_writer *writer) {
+    for (int i = 0; i < maps->count; i++) {
+        const struct job_result *result = maps->landings[i].result;
+        struct view view = cut_view;
+        view.group = group_of(maps, result->tissue);
+        view.blends = blends->of[result->tissue];
+        apply(result, blends);
+        if (maps->landings[i].wanted)
+            write_view(&view, writer);
+    }
+}
+
+void maps_write(const struct maps *maps, struct image_writer *writer) {
+    struct blends blends = {0};
+    int count = scene_tissue_count(maps->scene);
+    for (int tissue = 0; tissue < count; tissue++) {
+        struct view view = surface_view;
+        view.group = group_of(maps, tissue);
+        blends.of[tissue] = alloc(view.group->mesh.vertex_count, sizeof(double));
+        if (tissue_has_maps(maps, tissue))
+            write_view(&view, writer);
+    }
+    write_cuts(maps, &blends, writer);
+    for (int tissue = 0; tissue < count; tissue++)
+        free(blends.of[tissue]);
+}

@@ -1,0 +1,474 @@
+// A session as an image: read back bit for bit, and by a program that is not ours.
+#include "export/atlas.h"
+#include "export/export.h"
+#include "replay/parts.h"
+#include "replay/recording.h"
+#include "test.h"
+#include "trace/replay.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define WIDTH 1024
+
+static char exr_path[112];
+static struct exr_parts whole, parts; // of the whole session; that a test looks at
+static bool no_oiiotool;
+
+static struct export_request request_of(const struct scene *scene) {
+    return (struct export_request){
+        .trace = trace_path, .from_s = -INFINITY, .to_s = INFINITY, .scene = scene};
+}
+
+static void export_and_read(const struct export_request *request, enum result expected) {
+    struct error err = {""};
+    enum result result = export_exr(request, exr_path, &err);
+    if (result != expected)
+        fail_msg("%d: %s", result, err.text);
+    if (exr_parts_read(exr_path, &parts, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+}
+
+static int make(void **state) {
+    if (make_session(state) != 0)
+        return -1;
+    snprintf(exr_path, sizeof exr_path, "%s.exr", trace_path);
+    struct trace_header header = honest_header();
+    snprintf(header.case_dir, sizeof header.case_dir, "%s", case_dir);
+    snprintf(header.station, sizeof header.station, "bench 3");
+    snprintf(header.trainee, sizeof header.trainee, "Anna Amsel");
+    memset(header.session_id, 0xA7, sizeof header.session_id);
+    record(&header, 0, NULL);
+    struct export_request request = request_of(played.scene);
+    export_and_read(&request, RESULT_OK);
+    whole = parts;
+    return 0;
+}
+
+static int clear(void **state) {
+    exr_parts_fini(&whole);
+    unlink(exr_path);
+    return remove_session(state);
+}
+
+static int take_whole(void **state) {
+    (void)state;
+    parts = whole;
+    return 0;
+}
+
+static int drop(void **state) {
+    (void)state;
+    exr_parts_fini(&parts);
+    return 0;
+}
+
+// ---- what was recorded --------------------------------------------------------------------------
+
+static float float_at(const uint32_t *values, size_t i) {
+    float value;
+    memcpy(&value, &values[i], sizeof value);
+    return value;
+}
+
+static const char *part_of(const struct trace_field *field) {
+    switch (field->owner) {
+    case OWNER_STEP:
+        return "steps";
+    case OWNER_JOB:
+        return "jobs";
+    case OWNER_LANDED:
+        return "landed";
+    default:
+        return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + field->owner));
+    }
+}
+
+static void compare_field(const struct trace_field *field, const struct session_output *output,
+                          uint64_t pixel) {
+    const struct exr_part *part = exr_part(&parts, part_of(field));
+    if (!part) // it was never there
+        return assert_false(trace_field_is_there(field, output) && !field->presence);
+    const uint32_t *value = exr_values(part, field->name, "");
+    const uint32_t *low = exr_values(part, field->name, ".low");
+    const uint32_t *high = exr_values(part, field->name, ".high");
+    size_t size = trace_field_size(field);
+    assert_true(value && !low == (size < 4) && !high == (size < 8));
+    bool there = trace_field_is_there(field, output);
+    uint64_t bits = trace_field_bits(field, output);
+    float number;
+    memcpy(&number, &value[pixel], sizeof number);
+    if (!there)
+        return assert_true(isnan(number) && (!low || !low[pixel]) && (!high || !high[pixel]));
+    float expected = (float)trace_field_number(field, output);
+    if (memcmp(&number, &expected, sizeof number) != 0)
+        fail_msg("%s at %llu: %g, not %g", field->name, (unsigned long long)pixel, (double)number,
+                 (double)expected);
+    if (low)
+        assert_int_equal(low[pixel], (uint32_t)bits);
+    if (high)
+        assert_int_equal(high[pixel], (uint32_t)(bits >> 32));
+    if (size == 1)
+        assert_int_equal(number != 0, bits != 0);
+}
+
+// The two floats together tell the nanosecond.
+static void compare_time(const struct trace_record *record, uint64_t pixel) {
+    const struct exr_part *part = exr_part(&parts, "steps");
+    double seconds = (double)float_at(exr_values(part, "t_seconds", ""), pixel) +
+                     (double)float_at(exr_values(part, "t_seconds", ".rest"), pixel);
+    assert_true(llround(seconds * 1e9) == record->output.time_ns);
+}
+
+static void every_field_of_every_step_comes_back(void **state) {
+    (void)state;
+    struct trace_field fields[TRACE_FIELDS_MAX];
+    int count = trace_fields(fields);
+    struct trace_reader *reader;
+    struct trace_record record;
+    uint64_t steps = 0, jobs = 0, landed = 0;
+    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
+    while (trace_read(reader, &record, NULL) == RESULT_OK) {
+        if (record.type != TRACE_STEP)
+            continue;
+        const struct session_output *output = &record.output;
+        for (int i = 0; i < count; i++) {
+            int owner = fields[i].owner;
+            if ((owner == OWNER_JOB && !output->job.id) ||
+                (owner == OWNER_LANDED && !output->landed.job))
+                continue;
+            uint64_t pixel = owner == OWNER_JOB ? jobs : owner == OWNER_LANDED ? landed : steps;
+            compare_field(&fields[i], output, pixel);
+        }
+        compare_time(&record, steps);
+        steps++;
+        jobs += output->job.id != 0;
+        landed += output->landed.job != 0;
+    }
+    trace_reader_destroy(&reader);
+    assert_int_equal(steps, recorded_steps);
+    assert_true(steps > 2 * WIDTH && jobs > 2 && landed > 2);
+    const struct exr_part *part = exr_part(&parts, "steps");
+    assert_int_equal(part->width, WIDTH);
+    assert_int_equal(part->height, (steps + WIDTH - 1) / WIDTH);
+    assert_int_equal(exr_part(&parts, "jobs")->width, jobs);
+    assert_int_equal(exr_values(part, "step", ".low")[steps - 1], steps);
+    if (steps < (uint64_t)part->width * part->height)
+        assert_int_equal(exr_values(part, "step", ".low")[steps], 0);
+}
+
+// ---- maps of cuts -------------------------------------------------------------------------------
+
+struct blends {
+    double *of[TISSUES_MAX];
+};
+
+static const struct mesh *mesh_of(int tissue) {
+    return &scene_case(played.scene)->groups[scene_tissue_group(played.scene, tissue)].mesh;
+}
+
+static void remember(const struct operation *operation, struct blends *blends) {
+    for (int i = 0; i < scene_tissue_count(played.scene); i++) {
+        size_t size = mesh_of(i)->vertex_count * sizeof(double);
+        free(blends->of[i]);
+        blends->of[i] = malloc(size);
+        memcpy(blends->of[i], match_blends(operation_match(operation, i)), size);
+    }
+}
+
+static void compare_map(const struct landed *landed, const double *blends) {
+    const struct case_group *group =
+        &scene_case(played.scene)->groups[scene_tissue_group(played.scene, landed->tissue)];
+    char name[128];
+    snprintf(name, sizeof name, "%s.job_%llu", group->name, (unsigned long long)landed->job);
+    const struct exr_part *part = exr_part(&parts, name);
+    assert_non_null(part);
+    const uint32_t *vertices = exr_values(exr_part(&parts, group->name), "vertex", "");
+    const uint32_t *low = exr_values(part, "blend", ".low");
+    const uint32_t *high = exr_values(part, "blend", ".high");
+    const uint32_t *up = exr_values(part, "displacement.z", "");
+    uint32_t corners = 0;
+    for (size_t i = 0; i < (size_t)part->width * part->height; i++) {
+        if (vertices[i] == MESH_NONE)
+            continue;
+        uint64_t bits = (uint64_t)high[i] << 32 | low[i];
+        assert_memory_equal(&blends[vertices[i]], &bits, sizeof bits);
+        size_t z = 3 * (size_t)vertices[i] + 2;
+        assert_true(float_at(up, i) == (float)((group->warp ? (double)group->warp[z] : 0) +
+                                               blends[vertices[i]] * (double)group->maxcut[z]));
+        corners++;
+    }
+    assert_int_equal(corners, 3 * group->mesh.triangle_count);
+}
+
+static void maps_have_the_blends_that_a_replay_has(void **state) {
+    (void)state;
+    struct trace_reader *reader;
+    struct trace_record record;
+    struct session_output output;
+    struct blends blends = {0};
+    double largest = 0;
+    int maps = 0;
+    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
+    struct rerun *rerun = rerun_create(played.scene, &trace_reader_header(reader)->settings);
+    while (trace_read(reader, &record, NULL) == RESULT_OK) {
+        if (record.type != TRACE_STEP)
+            continue;
+        rerun_step(rerun, &record, &output);
+        if (output.landed.job && output.landed.outcome == JOB_DONE) {
+            compare_map(&output.landed, blends.of[output.landed.tissue]);
+            maps++;
+            for (uint32_t i = 0; i < mesh_of(output.landed.tissue)->vertex_count; i++)
+                largest = fmax(largest, blends.of[output.landed.tissue][i]);
+        }
+        if (output.job.id)
+            remember(rerun_operation(rerun), &blends);
+    }
+    rerun_destroy(&rerun);
+    trace_reader_destroy(&reader);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        free(blends.of[i]);
+    assert_true(maps > 2 && largest > 0.1); // a bite among them
+}
+
+// A texture of the atlas shows on each triangle what its corners have, linear between them.
+static void bilinear_filtering_of_the_atlas_is_linear_on_triangles(void **state) {
+    (void)state;
+    const char *group = scene_case(played.scene)->groups[scene_tissue_group(played.scene, 0)].name;
+    const struct mesh *mesh = mesh_of(0);
+    const struct exr_part *part = exr_part(&parts, group);
+    struct atlas atlas = atlas_of(mesh->triangle_count);
+    assert_non_null(part);
+    for (uint32_t t = 0; t < mesh->triangle_count; t += 7) {
+        static const double weights[3] = {0.2, 0.5, 0.3};
+        static const char *const names[3] = {"position.x", "position.y", "position.z"};
+        double u = 0, v = 0;
+        vec3 place = {0};
+        for (int k = 0; k < 3; k++) {
+            float uv[2];
+            atlas_uv(&atlas, t, k, uv);
+            u += weights[k] * (double)uv[0];
+            v += weights[k] * (double)uv[1];
+            place = vec3_add(place, vec3_scale(weights[k], mesh_corner(mesh, t, k)));
+        }
+        double x = u * part->width - 0.5, y = v * part->height - 0.5;
+        size_t at = (size_t)floor(y) * part->width + (size_t)floor(x);
+        double fx = x - floor(x), fy = y - floor(y), shown[3];
+        for (int axis = 0; axis < 3; axis++) {
+            const uint32_t *values = exr_values(part, names[axis], "");
+            shown[axis] = (1 - fy) * ((1 - fx) * (double)float_at(values, at) +
+                                      fx * (double)float_at(values, at + 1)) +
+                          fy * ((1 - fx) * (double)float_at(values, at + part->width) +
+                                fx * (double)float_at(values, at + part->width + 1));
+        }
+        assert_near(shown[0], place.x, 1e-3);
+        assert_near(shown[1], place.y, 1e-3);
+        assert_near(shown[2], place.z, 1e-3);
+    }
+}
+
+// ---- parts of a record --------------------------------------------------------------------------
+
+static void a_span_of_time_has_its_steps_and_its_cuts_alone(void **state) {
+    (void)state;
+    struct export_request request = request_of(played.scene);
+    request.from_s = 5;
+    request.to_s = 6.5;
+    export_and_read(&request, RESULT_OK);
+    const struct exr_part *part = exr_part(&parts, "steps");
+    const uint32_t *seconds = exr_values(part, "t_seconds", "");
+    assert_true(part->width > 100 && part->height == 1);
+    for (uint32_t x = 0; x < part->width; x++)
+        assert_true(float_at(seconds, x) >= 5 && float_at(seconds, x) <= 6.5F);
+    request.from_s = request.to_s = 1e6;
+    drop(NULL);
+    export_and_read(&request, RESULT_OK);
+    assert_int_equal(parts.count, 1);
+    assert_true(isnan(float_at(exr_values(exr_part(&parts, "steps"), "t_seconds", ""), 0)));
+}
+
+static void without_a_case_all_but_the_maps_is_there(void **state) {
+    (void)state;
+    struct export_request request = request_of(NULL);
+    export_and_read(&request, RESULT_OK);
+    assert_non_null(exr_part(&parts, "landed"));
+    for (int i = 0; i < parts.count; i++)
+        assert_null(strchr(parts.parts[i].name, '.'));
+}
+
+static void what_a_cut_off_record_has_is_written(void **state) {
+    (void)state;
+    struct stat status;
+    assert_int_equal(stat(trace_path, &status), 0);
+    char cut[112], line[300];
+    snprintf(cut, sizeof cut, "%s.cut", trace_path);
+    snprintf(line, sizeof line, "head -c %lld %s > %s", (long long)status.st_size / 2, trace_path,
+             cut);
+    assert_int_equal(system(line), 0);
+    struct export_request request = request_of(played.scene);
+    request.trace = cut;
+    export_and_read(&request, RESULT_MISSING);
+    unlink(cut);
+    const struct exr_part *part = exr_part(&parts, "steps");
+    assert_true(part->height * WIDTH > recorded_steps / 4);
+    assert_true(part->height * WIDTH < recorded_steps);
+}
+
+static int files_in_folder(void) {
+    char line[300];
+    int count = -1;
+    snprintf(line, sizeof line, "ls -A $(dirname %s) | wc -l", trace_path);
+    FILE *pipe = popen(line, "r");
+    assert_int_equal(fscanf(pipe, "%d", &count), 1);
+    pclose(pipe);
+    return count;
+}
+
+// A limit on a file's size does what a full disk does.
+static void a_full_disk_is_an_error_and_leaves_no_file(void **state) {
+    (void)state;
+    struct export_request request = request_of(played.scene);
+    int before = files_in_folder();
+    fflush(stdout);
+    pid_t child = fork();
+    if (child == 0) {
+        struct error err = {""};
+        signal(SIGXFSZ, SIG_IGN);
+        setrlimit(RLIMIT_FSIZE, &(struct rlimit){200000, 200000});
+        enum result result = export_exr(&request, exr_path, &err);
+        _exit(result == RESULT_IO && strstr(err.text, exr_path) ? 0 : 1);
+    }
+    int status;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    assert_int_equal(files_in_folder(), before);
+    struct error err = {""};
+    assert_int_equal(export_exr(&request, "/nowhere/at/all.exr", &err), RESULT_IO);
+    assert_non_null(strstr(err.text, "/nowhere/at/all.exr"));
+    request.trace = "/nowhere.trace";
+    assert_int_equal(export_exr(&request, exr_path, &err), RESULT_IO);
+}
+
+static void the_program_writes_the_same_file(void **state) {
+    (void)state;
+    char line[800];
+    snprintf(line, sizeof line, "%s export %s --exr %s.2 && cmp %s %s.2; s=$?; rm %s.2; exit $s",
+             TRACE_PROGRAM, trace_path, exr_path, exr_path, exr_path, exr_path);
+    assert_int_equal(system(line), 0);
+    snprintf(line, sizeof line, "%s export %s --case /nowhere --exr %s.2 2>&1 | grep -q /nowhere",
+             TRACE_PROGRAM, trace_path, exr_path);
+    assert_int_equal(system(line), 0); // it has cuts, so it needs the case
+}
+
+// ---- another reader -----------------------------------------------------------------------------
+
+static char said[4 << 20];
+
+static void oiiotool(const char *arguments) {
+    char line[600];
+    snprintf(line, sizeof line, "oiiotool %s 2>&1", arguments);
+    FILE *program = popen(line, "r");
+    size_t used = fread(said, 1, sizeof said - 1, program);
+    said[used] = '\0';
+    if (pclose(program) != 0)
+        fail_msg("oiiotool: %s", said);
+}
+
+static void says(const char *text) {
+    if (!strstr(said, text))
+        fail_msg("\"%s\" is not in: %.4000s", text, said);
+}
+
+// "Pixel (x, y): value value", as oiiotool prints data.
+static const char *pixel_said(uint32_t x, uint32_t y) {
+    char text[64];
+    snprintf(text, sizeof text, "Pixel (%u, %u): ", x, y);
+    says(text);
+    return strstr(said, text) + strlen(text);
+}
+
+// Leaves in `said` what oiiotool finds in a part of the image.
+static void dump(const char *load, const char *rest) {
+    char cut[120], arguments[500];
+    snprintf(cut, sizeof cut, "%s.cut.exr", exr_path);
+    snprintf(arguments, sizeof arguments, "%s %s %s -o %s", load, exr_path, rest, cut);
+    oiiotool(arguments);
+    snprintf(arguments, sizeof arguments, "--native --dumpdata %s", cut);
+    oiiotool(arguments);
+    unlink(cut);
+}
+
+static void oiiotool_reads_the_same(void **state) {
+    (void)state;
+    if (no_oiiotool)
+        skip();
+    dump("", "--subimage probe --ch probe_warped_tz_mm --cut 8x2+500+1");
+    const struct exr_part *part = exr_part(&parts, "probe");
+    const uint32_t *expected = exr_values(part, "probe_warped_tz_mm", "");
+    for (uint32_t i = 0; i < 16; i++) {
+        size_t pixel = (size_t)(1 + i / 8) * part->width + 500 + i % 8;
+        double value = (double)float_at(expected, pixel);
+        assert_near(strtod(pixel_said(i % 8, i / 8), NULL), value, 1e-6 * fabs(value));
+    }
+    // Integers go through its floats: 24 bits of them are left.
+    dump("-i:native=1:ch=time_ns.high,time_ns.low", "--cut 4x1+700+0 -d uint32");
+    part = exr_part(&parts, "steps");
+    for (uint32_t x = 0; x < 4; x++) {
+        unsigned high, low;
+        assert_int_equal(sscanf(pixel_said(x, 0), "%u %u", &high, &low), 2);
+        assert_int_equal(high, exr_values(part, "time_ns", ".high")[700 + x]);
+        assert_near(low, exr_values(part, "time_ns", ".low")[700 + x], 256);
+    }
+}
+
+static void oiiotool_lists_channels_and_what_is_said_of_the_session(void **state) {
+    (void)state;
+    if (no_oiiotool)
+        skip();
+    char arguments[400];
+    snprintf(arguments, sizeof arguments, "--info -v -a %s", exr_path);
+    oiiotool(arguments);
+    static const char *const texts[] = {
+        "arthron:session: \"a7a7a7a7a7a7a7a7a7a7a7a7a7a7a7a7\"",
+        "arthron:case: \"arthrosis\"",
+        "arthron:station: \"bench 3\"",
+        "arthron:names_state: \"0 waiting, 1 running, 2 paused, 3 closed\"",
+        "name: \"steps\"",
+        "name: \"punch\"",
+        "name: \"meniscus_medial.job_",
+        "flexion_deg (float)",
+        "flexion_deg.high (uint), flexion_deg.low (uint)",
+        "compression: \"zips\"",
+    };
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
+        says(texts[i]);
+    assert_null(strstr(said, "Amsel")); // who it was does not leave the record
+}
+
+#define TEST(f) cmocka_unit_test_setup(f, take_whole)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        TEST(every_field_of_every_step_comes_back),
+        TEST(maps_have_the_blends_that_a_replay_has),
+        TEST(bilinear_filtering_of_the_atlas_is_linear_on_triangles),
+        TEST(oiiotool_lists_channels_and_what_is_said_of_the_session),
+        TEST(oiiotool_reads_the_same),
+        cmocka_unit_test(the_program_writes_the_same_file), // before another file takes its place
+        cmocka_unit_test_teardown(a_span_of_time_has_its_steps_and_its_cuts_alone, drop),
+        cmocka_unit_test_teardown(without_a_case_all_but_the_maps_is_there, drop),
+        cmocka_unit_test_teardown(what_a_cut_off_record_has_is_written, drop),
+        cmocka_unit_test(a_full_disk_is_an_error_and_leaves_no_file),
+    };
+    no_oiiotool = system("oiiotool --version > /dev/null 2>&1") != 0;
+    int failures = cmocka_run_group_tests_name("exr", tests, make, clear);
+    if (failures || !no_oiiotool)
+        return failures;
+    fputs("skipped in part: no oiiotool (Debian's openimageio-tools) to read with\n", stderr);
+    return 77;
+}

@@ -6,14 +6,15 @@
 //     |Δ_b − Δ_a| > g              the field has to change by more than a hand moves across it
 //
 // Surfaces that touch or overlap have the gap 0, however deep. What differs by less than
-// FACING_SLACK_MM counts as equal: scanned surfaces touch and overlap by more than that, and
-// equal displacements of them are not compatible to the last digit. Millimetres, the scene's world.
+// FACING_SLACK_MM counts as equal: surfaces of a scan touch and overlap by as much, and what moves
+// all of them alike moves the overlapping ones a little differently. Millimetres, the scene's
+// world.
 #pragma once
 
 #include "warp/warp.h"
 
 #define FACING_GAP_MM 1.0
-#define FACING_SLACK_MM 0.02
+#define FACING_SLACK_MM 0.05
 
 struct facing_spot {
     vec3 place; // on surface a

@@ -248,8 +248,8 @@ static void facing_plates_are_compatible_where_the_gap_stays(void **state) {
         {0.5, 0, {1, -2, 3}, false, false, false},  // equal
         {0.5, -0.7, {0, 0, 0}, false, false, true}, // apart
         {0, 0, {0, 0, 3}, false, false, false},     // touching, equal
-        {0, 0.015, {0, 0, 0}, false, false, false}, // within the slack
-        {0, 0.03, {0, 0, 0}, false, true, true},    // touching, not equal
+        {0, 0.04, {0, 0, 0}, false, false, false},  // within the slack
+        {0, 0.06, {0, 0, 0}, false, true, true},    // touching, not equal
         {0, 0, {0, 0, 0}, true, false, true},       // touching, sliding
         {0.5, 0, {0, 0, 0}, true, false, false},    // sliding at a distance
         {-0.3, 0, {0, 0, 1}, false, false, false},  // overlapping as scanned, equal

@@ -88,8 +88,8 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     live->scene = hub->scenes[card.scene];
     live->session = session_create(live->scene, &hub->config.settings);
     live->operation = operation_create(live->scene);
-    session_record_begin(&header, card.trace, &live->record);
-    recorder_put(hub->recorder, &live->record);
+    session_row_begin(&header, card.trace, &live->row);
+    recorder_put(hub->recorder, &live->row);
     log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
              scene_case(live->scene)->name, card.trace);
     *out_live = live;
@@ -145,16 +145,11 @@ static void log_trace_end(const struct seat *seat, struct trace_status status) {
 
 static void record_end(struct hub *hub, struct live *live, struct trace_status status,
                        bool deserted) {
-    struct store_session *session = &live->record.session;
-    const struct knee_case *knee = scene_case(live->scene);
-    session->state = deserted ? STATE_DESERTED : STATE_CLOSED;
-    session->end_utc_ns = clock_utc_ns();
-    session->steps = status.records;
-    session->missing = status.missing;
-    for (int i = 0; i < scene_tissue_count(live->scene); i++)
-        session_record_figures(&live->record, knee->groups[scene_tissue_group(live->scene, i)].name,
-                               operation_figures(live->operation, i));
-    recorder_put(hub->recorder, &live->record);
+    live->row.state = deserted ? STATE_DESERTED : STATE_CLOSED;
+    live->row.end_utc_ns = clock_utc_ns();
+    live->row.steps = status.records;
+    live->row.missing = status.missing;
+    recorder_put(hub->recorder, &live->row);
 }
 
 // desk_lock held.

@@ -12,14 +12,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 
 #define RETRY_NS NS_PER_S
 #define ACTOR "server"
+#define AT_THE_END_BYTES (64 << 20) // of a trace that is still read when the server ends
 
 struct waiting {
     struct waiting *next;
-    struct session_record record;
+    struct store_session session;
 };
 
 struct recorder {
@@ -38,11 +40,11 @@ struct recorder {
 
 // ---- what waits ---------------------------------------------------------------------------------
 
-void recorder_put(struct recorder *r, const struct session_record *record) {
+void recorder_put(struct recorder *r, const struct store_session *session) {
     if (!r)
         return;
     struct waiting *waiting = alloc(1, sizeof *waiting);
-    waiting->record = *record;
+    waiting->session = *session;
     pthread_mutex_lock(&r->mutex);
     *r->end = waiting;
     r->end = &waiting->next;
@@ -89,21 +91,40 @@ static void tell_success(struct recorder *r) {
     r->failing = false;
 }
 
-static void hash_trace(struct store_session *session) {
-    if (session->end_utc_ns && !session->trace_is_hashed && !session_record_hash(session))
-        log_error("records", "%s: %s: the session is recorded without the hash of its trace",
-                  session->trace, strerror(errno));
-}
-
-static enum result write_record(struct recorder *r, struct session_record *record,
-                                struct error *err) {
+static enum result write_row(struct recorder *r, const struct session_score *score,
+                             struct error *err) {
     struct store *store;
-    hash_trace(&record->session);
     enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
     if (result == RESULT_OK)
-        result =
-            store_put_session(store, &record->session, record->results, record->result_count, err);
+        result = store_put_session(store, &score->session, score->results, score->count, err);
     store_close(&store);
+    if (result == RESULT_INVALID || result == RESULT_REFUSED) {
+        log_error("records", "session %s, trace %s: it cannot be recorded: %s", score->session.id,
+                  score->session.trace, err->text);
+        result = RESULT_OK; // for nothing would change by trying again
+    }
+    return result;
+}
+
+static bool may_read(struct recorder *r, const char *trace) {
+    struct stat status;
+    return !should_stop(r) || (stat(trace, &status) == 0 && status.st_size < AT_THE_END_BYTES);
+}
+
+// What is read from the trace, into the row that is there.
+static enum result write_score(struct recorder *r, const struct store_session *session,
+                               struct error *err) {
+    struct session_score score;
+    if (!session->end_utc_ns || !may_read(r, session->trace))
+        return RESULT_OK;
+    if (session_score_trace(session->trace, r->find, r->user, &score, err) != RESULT_OK) {
+        log_error("records", "%s; the session is recorded without hash and results", err->text);
+        return RESULT_OK;
+    }
+    if (session->state == STATE_DESERTED)
+        score.session.state = STATE_DESERTED;
+    enum result result = write_row(r, &score, err);
+    session_score_fini(&score);
     return result;
 }
 
@@ -112,16 +133,16 @@ static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
         struct error err;
-        enum result result = write_record(r, &first->record, &err);
-        bool never = result == RESULT_INVALID || result == RESULT_REFUSED;
-        if (never)
-            log_error("records", "session %s of %s cannot be recorded: %s",
-                      first->record.session.id, first->record.session.trace, err.text);
-        else if (result != RESULT_OK) {
+        const struct session_score row = {.session = first->session};
+        enum result result = write_row(r, &row, &err);
+        if (result == RESULT_OK) {
+            tell_success(r);
+            result = write_score(r, &first->session, &err);
+        }
+        if (result != RESULT_OK) {
             tell_failure(r, &err);
             return false;
         }
-        tell_success(r);
         drop_first(r);
     }
     return true;
@@ -187,35 +208,37 @@ static enum result find_unrecorded(struct recorder *r, struct paths *paths, stru
     return result;
 }
 
-static bool take_over_trace(struct recorder *r, const char *path, struct session_record *record) {
+// Its header alone is read here, the rest when it is written. Those of this server go another way.
+static bool take_over_trace(struct recorder *r, const char *path) {
+    struct trace_reader *reader;
+    struct store_session session;
     struct error err;
-    enum result result = session_record_from_trace(path, r->find, r->user, record, &err);
-    if (result != RESULT_OK) {
+    if (trace_reader_create(path, &reader, &err) != RESULT_OK) {
         log_warning("records", "not recorded: %s", err.text);
         return false;
     }
-    if (record->session.start_utc_ns >= r->start_utc_ns)
-        return false; // of this server
-    if (!record->session.end_utc_ns)
-        record->session.end_utc_ns = record->session.start_utc_ns;
-    recorder_put(r, record);
+    session_row_begin(trace_reader_header(reader), path, &session);
+    trace_reader_destroy(&reader);
+    if (session.start_utc_ns >= r->start_utc_ns)
+        return false;
+    session.state = STATE_INTERRUPTED; // until its end is found
+    session.end_utc_ns = session.start_utc_ns;
+    recorder_put(r, &session);
     return true;
 }
 
 static bool take_over(struct recorder *r) {
     struct paths paths = {0};
     struct error err;
-    struct session_record *record = alloc(1, sizeof *record);
     enum result result = find_unrecorded(r, &paths, &err);
     size_t taken = 0;
     for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
-        taken += take_over_trace(r, paths.at[i], record);
+        taken += take_over_trace(r, paths.at[i]);
     if (result != RESULT_OK)
         tell_failure(r, &err);
     else if (taken)
-        log_info("records", "%s: %zu sessions taken over from their traces", r->records, taken);
+        log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
     free(paths.at);
-    free(record);
     return result == RESULT_OK;
 }
 

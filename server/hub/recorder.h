@@ -1,12 +1,13 @@
 // The recorder: a thread that writes what becomes of sessions into the records (store), so that
 // neither a step nor the desk waits for a database.
 //
-// What the database does not take (it is locked, damaged, its disk is full) waits in order and is
-// tried again, and the log says so. What is not written when the server ends, by a signal too, is
-// taken from the traces when it starts the next time.
+// When a session has ended, its row is written at once, and then its trace is read: for its hash,
+// and for its metrics. What the database does not take (it is locked, damaged, its disk is full)
+// waits in order and is tried again, and the log says so. What is not written when the server ends,
+// by a signal too, is taken from the traces when it starts the next time.
 #pragma once
 
-#include "hub/session_record.h"
+#include "hub/session_row.h"
 
 struct recorder;
 
@@ -15,9 +16,10 @@ struct recorder;
 struct recorder *recorder_start(const char *records, const char *traces_dir, scene_finder find,
                                 void *user);
 
-// From any thread: copies, and waits for no disk. A session that has ended gets its trace's hash on
-// the way, so its trace must be closed. NULL: no records are kept.
-void recorder_put(struct recorder *recorder, const struct session_record *record);
+// From any thread: copies, and waits for no disk. The trace of a session that has ended must be
+// closed. NULL: no records are kept.
+void recorder_put(struct recorder *recorder, const struct store_session *session);
 
-// Tries once more to write what waits. NULL inside is fine.
+// Tries once more to write what waits; large traces are left to the next start. NULL inside is
+// fine.
 void recorder_stop(struct recorder **recorder);

@@ -23,7 +23,7 @@ struct live {
     struct trace_writer *trace;
     struct operation *operation;
     const struct scene *scene;
-    struct session_record record; // the desk's
+    struct store_session row; // the desk's
 };
 
 // What any thread may know of a seat, under hub.card_lock, which is held for copies only.

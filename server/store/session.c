@@ -85,7 +85,8 @@ static enum result update_session(struct store *store, int64_t id, const struct 
     char hash[17];
     snprintf(hash, sizeof hash, "%016" PRIx64, s->trace_hash);
     return store_do(store,
-                    "UPDATE session SET end_utc_ns = nullif(?, 0), state = ?, steps = ?, "
+                    "UPDATE session SET end_utc_ns = nullif(?, 0), "
+                    "state = iif(state = 'deserted', state, ?), steps = ?, "
                     "missing = ?, trace = ?, trace_xxh3 = ? WHERE id = ?",
                     err, "itiitti", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
                     (int64_t)s->missing, s->trace, s->trace_is_hashed ? hash : NULL, id);

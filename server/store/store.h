@@ -97,7 +97,7 @@ struct store_result {
 };
 
 // Writes what is now known of a session, and results with it: all or nothing. Station, trainee and
-// case are made where they are new. A session that is there keeps what it began with.
+// case are made where they are new. A session that is there keeps what it began with, and stays deserted.
 enum result store_put_session(struct store *store, const struct store_session *session,
                               const struct store_result *results, int count, struct error *err);
 

@@ -1,0 +1,163 @@
+#include "hub/session_row.h"
+
+#include "base/check.h"
+#include "metrics/metrics.h"
+#include "session/scene.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#define HASH_TURN ((size_t)1 << 18)
+
+void session_row_begin(const struct trace_header *header, const char *trace,
+                       struct store_session *out) {
+    *out = (struct store_session){
+        .case_hash = header->case_hash,
+        .start_utc_ns = header->start_utc_ns,
+        .state = STATE_OPEN,
+    };
+    for (int i = 0; i < 16; i++)
+        snprintf(out->id + 2 * i, 3, "%02x", header->session_id[i]);
+    snprintf(out->station, sizeof out->station, "%s", header->station);
+    snprintf(out->trainee, sizeof out->trainee, "%s", header->trainee);
+    snprintf(out->case_name, sizeof out->case_name, "%s", header->case_name);
+    snprintf(out->trace, sizeof out->trace, "%s", trace);
+}
+
+// ---- hash ---------------------------------------------------------------------------------------
+
+static enum result hash_trace(struct store_session *session, struct error *err) {
+    int fd = open(session->trace, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", session->trace, strerror(errno));
+    XXH3_state_t *state = XXH3_createState();
+    uint8_t *turn = alloc(1, HASH_TURN);
+    CHECK(state);
+    XXH3_64bits_reset(state);
+    ssize_t got;
+    while ((got = read(fd, turn, HASH_TURN)) > 0)
+        XXH3_64bits_update(state, turn, (size_t)got);
+    session->trace_hash = XXH3_64bits_digest(state);
+    session->trace_is_hashed = got == 0;
+    XXH3_freeState(state);
+    free(turn);
+    close(fd);
+    return got ? fail(err, RESULT_IO, "%s: %s", session->trace, strerror(errno)) : RESULT_OK;
+}
+
+// ---- results ------------------------------------------------------------------------------------
+
+struct telling {
+    struct session_score *score;
+    const struct scene *scene;
+};
+
+static void name_group(const struct scene *scene, int group, char out[STORE_NAME_MAX]) {
+    if (scene && group < scene_case(scene)->group_count)
+        snprintf(out, STORE_NAME_MAX, "%s", scene_case(scene)->groups[group].name);
+    else
+        snprintf(out, STORE_NAME_MAX, "group-%d", group);
+}
+
+static void name_tissue(const struct scene *scene, int tissue, char out[STORE_NAME_MAX]) {
+    if (scene && tissue < scene_tissue_count(scene))
+        name_group(scene, scene_tissue_group(scene, tissue), out);
+    else
+        snprintf(out, STORE_NAME_MAX, "tissue-%d", tissue);
+}
+
+// "probe", "probe femur from 0.5 mm", "meniscus_medial body.inner"
+static void name_subject(const struct scene *scene, const struct metric_value *v,
+                         char out[STORE_NAME_MAX]) {
+    static const char *const along[] = {"anterior_horn", "body", "posterior_horn"};
+    static const char *const across[] = {"inner", "middle", "outer"};
+    char whole[4 * STORE_NAME_MAX] = "", group[STORE_NAME_MAX] = "", part[STORE_NAME_MAX] = "";
+    enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + v->instrument);
+    if (v->group >= 0)
+        name_group(scene, v->group, group);
+    if (v->tissue >= 0)
+        name_tissue(scene, v->tissue, group);
+    if (v->depth >= 0)
+        snprintf(part, sizeof part, " from %g mm", touch_depth_mm[v->depth]);
+    if (v->along >= 0)
+        snprintf(part, sizeof part, " %s.%s", along[v->along], across[v->across]);
+    snprintf(whole, sizeof whole, "%s%s%.30s%s", v->instrument >= 0 ? channel_name(channel) : "",
+             v->instrument >= 0 && group[0] ? " " : "", group, part);
+    snprintf(out, STORE_NAME_MAX, "%.63s", whole);
+}
+
+static void take_value(void *user, const struct metric_value *v) {
+    const struct telling *telling = user;
+    struct session_score *score = telling->score;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    if (score->count == score->room) {
+        score->room = 2 * score->room + 64;
+        score->results =
+            alloc_resize(score->results, (unsigned long)score->room, sizeof *score->results);
+    }
+    struct store_result *r = &score->results[score->count++];
+    *r = (struct store_result){.version = kind->version, .value = v->value};
+    snprintf(r->metric, sizeof r->metric, "%s", kind->name);
+    snprintf(r->unit, sizeof r->unit, "%s", kind->unit);
+    name_subject(telling->scene, v, r->subject);
+    if (v->below_floor)
+        snprintf(r->details, sizeof r->details, "{\"below_floor\":true}");
+}
+
+// ---- the trace ----------------------------------------------------------------------------------
+
+static void read_steps(struct trace_reader *reader, struct metrics *metrics,
+                       struct store_session *s) {
+    struct trace_record *record = alloc(1, sizeof *record);
+    int64_t last_ns = trace_reader_header(reader)->start_ns;
+    s->state = STATE_INTERRUPTED;
+    while (trace_read(reader, record, NULL) == RESULT_OK) {
+        if (record->type == TRACE_STEP) {
+            metrics_step(metrics, &record->input, &record->output);
+            last_ns = record->input.time_ns;
+            s->steps++;
+        } else if (record->type == TRACE_GAP) {
+            s->missing += record->missing;
+        } else if (record->type == TRACE_END) {
+            s->state = STATE_CLOSED;
+            s->missing = record->missing;
+        }
+    }
+    int64_t lasted_ns = last_ns - trace_reader_header(reader)->start_ns;
+    s->end_utc_ns = s->start_utc_ns + (lasted_ns > 0 ? lasted_ns : 0);
+    free(record);
+}
+
+enum result session_score_trace(const char *trace, scene_finder find, void *user,
+                                struct session_score *out, struct error *err) {
+    struct trace_reader *reader;
+    *out = (struct session_score){0};
+    enum result result = trace_reader_create(trace, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    const struct trace_header *header = trace_reader_header(reader);
+    struct telling telling = {out, find(user, header->case_hash)};
+    struct metrics *metrics = alloc(1, sizeof *metrics);
+    metrics_init(metrics, (struct view_optic){30, 90});
+    session_row_begin(header, trace, &out->session);
+    read_steps(reader, metrics, &out->session);
+    metrics_each(metrics, take_value, &telling);
+    free(metrics);
+    trace_reader_destroy(&reader);
+    result = hash_trace(&out->session, err);
+    if (result != RESULT_OK)
+        session_score_fini(out);
+    return result;
+}
+
+void session_score_fini(struct session_score *score) {
+    free(score->results);
+    score->results = NULL;
+    score->count = score->room = 0;
+}

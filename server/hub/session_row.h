@@ -1,0 +1,28 @@
+// One session as the records (store) keep it.
+#pragma once
+
+#include "session/session.h"
+#include "store/store.h"
+#include "trace/trace.h"
+
+// What is known when a session begins.
+void session_row_begin(const struct trace_header *header, const char *trace,
+                       struct store_session *out);
+
+// The names of a case's groups, or NULL where the case is not known any more.
+typedef const struct scene *(*scene_finder)(void *user, uint64_t case_hash);
+
+struct session_score {
+    struct store_session session;
+    struct store_result *results;
+    int count, room;
+};
+
+// All of a session that has ended, from its trace alone: what its header says, up to which step it
+// went, its metrics (docs/METRICS.md; an optic of 30 degrees that sees 90), and the file's hash. A
+// trace that ends early is of a session that was interrupted, and counts up to its last whole
+// record. It reads the whole file: as long as the disk needs for that, and a second or so for each
+// hour of a session.
+enum result session_score_trace(const char *trace, scene_finder find, void *user,
+                                struct session_score *out, struct error *err);
+void session_score_fini(struct session_score *score);

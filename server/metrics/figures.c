@@ -4,21 +4,24 @@
 #define PATH_LEAST_MM 10.0
 #define ECONOMY_LEAST_MM 50.0
 #define LDLJ_LEAST_MM_S 4.0
-#define LDLJ_LEAST_HZ 10.0
+#define MOTION_LEAST_HZ 20.0
+#define PRESENT_LEAST_HZ 10.0
 #define COVERED_LEAST 0.9
 #define SHARE_LEAST 0.05
+#define CONTACT_LEAST_S 5.0
 #define DEPTH_LEAST_MM 0.2
 #define TIME_LEAST_S 1.0
 
 static const char no_floor[] = "";
-static const char path_floor[] = "10 mm; samples over 90 % of the time present";
-static const char economy_floor[] = "a path of 50 mm; samples over 90 % of the time present";
+static const char present_floor[] = "10 samples/s";
+static const char path_floor[] = "10 mm; 20 samples/s over 90 % of the time present";
+static const char economy_floor[] = "a path of 50 mm; 20 samples/s over 90 % of the time present";
 static const char ldlj_floor[] =
-    "a mean speed of 4 mm/s, 10 samples/s; samples over 90 % of the time present";
+    "a mean speed of 4 mm/s; 20 samples/s over 90 % of the time present";
 
 const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_TIME] = {"time", "s", 1, true, no_floor},
-    [METRIC_PRESENT] = {"present", "s", 1, true, no_floor},
+    [METRIC_PRESENT] = {"present", "s", 1, true, present_floor},
     [METRIC_PATH_HAND] = {"path_hand", "mm", 1, true, path_floor},
     [METRIC_PATH_SEEN] = {"path_seen", "mm", 1, true, path_floor},
     [METRIC_ECONOMY_HAND] = {"economy_hand", "1", 1, true, economy_floor},
@@ -26,15 +29,15 @@ const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_LDLJ_HAND] = {"ldlj_hand", "1", 1, true, ldlj_floor},
     [METRIC_LDLJ_SEEN] = {"ldlj_seen", "1", 1, true, ldlj_floor},
     [METRIC_CONTACTS] = {"contacts", "count", 1, false, no_floor},
-    [METRIC_CONTACT_TIME] = {"contact_time", "s", 1, false, no_floor},
+    [METRIC_CONTACT_TIME] = {"contact_time", "s", 1, true, "5 s"},
     [METRIC_DEPTH_TIME] = {"depth_time", "s", 1, false, no_floor},
-    [METRIC_DEPTH_MAX] = {"depth_max", "mm", 1, false, no_floor},
-    [METRIC_OUT_OF_VIEW] = {"out_of_view", "s", 1, true, "1 s"},
+    [METRIC_DEPTH_MAX] = {"depth_max", "mm", 1, false, "0.2 mm"},
+    [METRIC_OUT_OF_VIEW] = {"out_of_view", "s", 1, true, "1 s; 10 samples/s"},
     [METRIC_OUT_OF_VIEW_SHARE] = {"out_of_view_share", "1", 1, true, "0.05"},
     [METRIC_TRIANGULATIONS] = {"triangulations", "count", 1, false, no_floor},
     [METRIC_TRIANGULATION_FIRST] = {"triangulation_first", "s", 1, false, no_floor},
     [METRIC_TRIANGULATION_MEAN] = {"triangulation_mean", "s", 1, false, no_floor},
-    [METRIC_BIMANUAL] = {"bimanual", "1", 1, true, "0.05, of 1 s of motion"},
+    [METRIC_BIMANUAL] = {"bimanual", "1", 1, true, "0.05, of 1 s of motion; 20 samples/s"},
     [METRIC_NOTICED_TURN] = {"noticed_turn", "1", 1, true, "0.05"},
     [METRIC_NOTICED_TILT] = {"noticed_tilt", "1", 1, true, "0.05"},
     [METRIC_NOTICED_GAIN] = {"noticed_gain", "1", 1, true, "0.05"},
@@ -77,16 +80,29 @@ static double share_of(int64_t part_ns, int64_t all_ns) {
 
 // ---- one instrument -----------------------------------------------------------------------------
 
+static double followed_s(const struct instrument_metrics *one) {
+    return (double)one->hand.jerks / SMOOTH_RATE_HZ;
+}
+
+static bool is_followed(const struct instrument_metrics *one) {
+    double present_s = seconds(one->present_ns);
+    return followed_s(one) >= COVERED_LEAST * present_s &&
+           (double)one->samples >= MOTION_LEAST_HZ * present_s;
+}
+
+static bool is_well_present(const struct instrument_metrics *one) {
+    return (double)one->samples >= PRESENT_LEAST_HZ * seconds(one->present_ns);
+}
+
 static void tell_travel(struct telling *t, const struct instrument_metrics *one, bool seen) {
     const struct travel *travel = seen ? &one->seen : &one->hand;
-    double path = travel_path_mm(travel), moved_s = (double)travel->jerks / SMOOTH_RATE_HZ;
-    bool covered = moved_s >= COVERED_LEAST * seconds(one->present_ns);
-    tell(t, METRIC_PATH_HAND + seen, path, covered && path >= PATH_LEAST_MM);
+    bool followed = is_followed(one);
+    double path = travel_path_mm(travel);
+    tell(t, METRIC_PATH_HAND + seen, path, followed && path >= PATH_LEAST_MM);
     tell(t, METRIC_ECONOMY_HAND + seen, travel_economy(travel),
-         covered && path >= ECONOMY_LEAST_MM);
+         followed && path >= ECONOMY_LEAST_MM);
     tell(t, METRIC_LDLJ_HAND + seen, travel_ldlj(travel),
-         covered && path >= LDLJ_LEAST_MM_S * moved_s &&
-             (double)one->samples >= LDLJ_LEAST_HZ * moved_s);
+         followed && path >= LDLJ_LEAST_MM_S * followed_s(one));
 }
 
 static void tell_touch(struct telling *t, const struct touch *touch) {
@@ -97,7 +113,7 @@ static void tell_touch(struct telling *t, const struct touch *touch) {
             continue;
         tell(t, METRIC_CONTACTS, group->count, true);
         tell(t, METRIC_CONTACT_TIME, seconds(group->touching_ns),
-             group->touching_ns >= TIME_LEAST_S * 1e9);
+             group->touching_ns >= CONTACT_LEAST_S * 1e9);
         for (t->about.depth = 0; t->about.depth < TOUCH_DEPTHS; t->about.depth++)
             tell(t, METRIC_DEPTH_TIME, seconds(group->deep_ns[t->about.depth]), true);
         t->about.depth = -1;
@@ -115,7 +131,7 @@ static void tell_view(struct telling *t, const struct instrument_metrics *one) {
     if (!one->beside_scope_ns)
         return;
     double out_s = seconds(one->out_of_view_ns);
-    tell(t, METRIC_OUT_OF_VIEW, out_s, out_s >= TIME_LEAST_S);
+    tell(t, METRIC_OUT_OF_VIEW, out_s, out_s >= TIME_LEAST_S && is_well_present(one));
     tell_share(t, METRIC_OUT_OF_VIEW_SHARE, one->out_of_view_ns, one->beside_scope_ns);
     tell(t, METRIC_TRIANGULATIONS, one->search.found, true);
     tell(t, METRIC_TRIANGULATION_FIRST, search_first_s(&one->search), true);
@@ -125,7 +141,7 @@ static void tell_view(struct telling *t, const struct instrument_metrics *one) {
 static void tell_instrument(struct telling *t, const struct instrument_metrics *one) {
     if (!one->present_ns)
         return;
-    tell(t, METRIC_PRESENT, seconds(one->present_ns), true);
+    tell(t, METRIC_PRESENT, seconds(one->present_ns), is_well_present(one));
     tell_travel(t, one, false);
     tell_travel(t, one, true);
     tell_touch(t, &one->touch);
@@ -161,14 +177,20 @@ static void tell_tissue(struct telling *t, const struct tissue_figures *f) {
     tell_zones(t, q);
 }
 
+static void tell_hands(struct telling *t) {
+    double share = hands_together(&t->m->hands);
+    bool followed = hands_seconds(&t->m->hands) >= TIME_LEAST_S;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        followed = followed && is_followed(&t->m->instruments[i]);
+    tell(t, METRIC_BIMANUAL, share, followed && share >= SHARE_LEAST);
+}
+
 void metrics_each(const struct metrics *m, void (*each)(void *, const struct metric_value *),
                   void *context) {
     struct metric_value nobody = {METRIC_TIME, -1, -1, -1, -1, -1, -1, NAN, false};
     struct telling t = {each, context, m, nobody};
     tell(&t, METRIC_TIME, seconds(m->running_ns), true);
-    double together = hands_together(&m->hands);
-    tell(&t, METRIC_BIMANUAL, together,
-         together >= SHARE_LEAST && hands_seconds(&m->hands) >= TIME_LEAST_S);
+    tell_hands(&t);
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {
         t.about.instrument = i;
         tell_instrument(&t, &m->instruments[i]);

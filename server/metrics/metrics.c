@@ -126,7 +126,7 @@ static void step_instrument(struct metrics *m, int instrument, const struct sess
     struct standing *standing = &m->standing[instrument];
     const struct instrument_output *o = &output->instruments[instrument];
     stand(m, output, instrument, standing);
-    touch_step(&one->touch, o->present ? o->warp.nearest : -1, o->warp.nearest_mm);
+    touch_step(&one->touch, output->time_ns, o->present ? o->warp.nearest : -1, o->warp.nearest_mm);
     search_step(&one->search, output->time_ns, standing->beside_scope, standing->in_view);
     const struct sample *sample = sample_of(input, instrument);
     if (o->present && sample)

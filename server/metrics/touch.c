@@ -8,13 +8,13 @@ void touch_init(struct touch *t) {
     memset(t, 0, sizeof *t);
 }
 
-void touch_step(struct touch *t, int nearest, double nearest_mm) {
-    if (nearest < 0 || nearest_mm > (t->touching ? TOUCH_ENDS_MM : TOUCH_BEGINS_MM)) {
-        t->touching = false;
-        t->groups_now = 0;
+void touch_step(struct touch *t, int64_t time_ns, int nearest, double nearest_mm) {
+    t->touching = nearest >= 0 && nearest_mm <= (t->touching ? TOUCH_ENDS_MM : TOUCH_BEGINS_MM);
+    if (!t->touching)
         return;
-    }
-    t->touching = true;
+    if (time_ns - t->last_ns > TOUCH_APART_NS)
+        t->groups_now = 0;
+    t->last_ns = time_ns;
     uint32_t bit = 1u << nearest;
     t->groups[nearest].count += !(t->groups_now & bit);
     t->groups_now |= bit;

@@ -103,44 +103,47 @@ static void a_search_ends_when_the_tip_stays_in_view(void **state) {
 
 // ---- touches ------------------------------------------------------------------------------------
 
-static void touch(struct touch *t, int group, double mm, double depth) {
-    touch_step(t, group, mm);
-    touch_pass(t, group, depth, 10 * MS);
+static void touch(struct touch *t, int64_t *time_ns, int group, double mm, double depth) {
+    *time_ns += 50 * MS;
+    touch_step(t, *time_ns, group, mm);
+    touch_pass(t, group, depth, 50 * MS);
 }
 
 static void a_touch_counts_once_for_each_group_that_it_is_of(void **state) {
     (void)state;
     struct touch t;
+    int64_t time_ns = NS_PER_S;
     touch_init(&t);
     const struct {
         int group;
         double mm;
     } steps[] = {
-        {3, 0.5},       {3, 0.19}, {3, 0.3}, {3, 0.1}, // one, however it shakes
-        {2, 0.1},       {3, 0.1},  {2, 0.1},           // along a seam: one of the other
-        {2, 0.41},      {2, 0.3},  {2, 0.1},           // left, and come again
-        {-1, INFINITY}, {3, 0.21}, {3, 0.1},
+        {3, 0.5},  {3, 0.19}, {3, 0.3},       {3, 0.1},                 // however it shakes
+        {2, 0.1},  {3, 0.1},  {2, 0.1},                                 // along a seam
+        {2, 0.41}, {2, 0.3},  {-1, INFINITY}, {3, 0.1},       {2, 0.1}, // left for 150 ms
+        {2, 0.41}, {2, 0.3},  {-1, INFINITY}, {-1, INFINITY}, {3, 0.1}, // for 200
     };
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++)
-        touch(&t, steps[i].group, steps[i].mm, 0);
+        touch(&t, &time_ns, steps[i].group, steps[i].mm, 0);
     assert_int_equal(t.groups[3].count, 2);
-    assert_int_equal(t.groups[2].count, 2);
-    assert_int_equal(t.groups[3].touching_ns, 5 * 10 * MS);
-    assert_int_equal(t.groups[2].touching_ns, 3 * 10 * MS);
+    assert_int_equal(t.groups[2].count, 1);
+    assert_int_equal(t.groups[3].touching_ns, 6 * 50 * MS);
+    assert_int_equal(t.groups[2].touching_ns, 3 * 50 * MS);
     assert_true(t.groups[0].count == 0 && t.groups[0].touching_ns == 0);
 }
 
 static void depths_are_sorted_by_how_deep(void **state) {
     (void)state;
     struct touch t;
+    int64_t time_ns = NS_PER_S;
     touch_init(&t);
     const double depths[] = {0, 0.05, 0.1, 0.3, 0.49, 0.5, 0.99, 1, 7};
     for (size_t i = 0; i < sizeof depths / sizeof *depths; i++)
-        touch(&t, 1, 5, depths[i]); // a shaft, its tip far away
-    touch(&t, -1, INFINITY, 9);
-    assert_int_equal(t.groups[1].deep_ns[0], 3 * 10 * MS);
-    assert_int_equal(t.groups[1].deep_ns[1], 2 * 10 * MS);
-    assert_int_equal(t.groups[1].deep_ns[2], 2 * 10 * MS);
+        touch(&t, &time_ns, 1, 5, depths[i]); // a shaft, its tip far away
+    touch(&t, &time_ns, -1, INFINITY, 9);
+    assert_int_equal(t.groups[1].deep_ns[0], 3 * 50 * MS);
+    assert_int_equal(t.groups[1].deep_ns[1], 2 * 50 * MS);
+    assert_int_equal(t.groups[1].deep_ns[2], 2 * 50 * MS);
     assert_true(t.groups[1].deepest_mm == 7);
     assert_int_equal(t.groups[1].touching_ns, 0);
 }

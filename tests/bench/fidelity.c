@@ -198,41 +198,50 @@ static enum result measure_rest(struct fidelity *f, const struct bench_options *
 }
 
 // What the marks speak of.
+static const struct {
+    const char *name, *text;
+} explanations[] = {
+    {"the field of the marks",
+     "inverse-distance with a skin of 0.1 mm, the default of sessions; smooth with it where a "
+     "hollow "
+     "group is displaced, a meniscus or the femur: all lesions but the cavity"},
+    {"the space",
+     "inside the skin, or the hull of all groups and 10 mm; outside solids; at least 0.5 mm from a "
+     "second surface; where the harmonic displacement is above 1 % of the largest. The harmonic is "
+     "0 "
+     "beyond that hull and 15 mm around what is displaced"},
+    {"rms and gain over harmonic",
+     "on the finer of the two grids; gain: |change of W| over the way between neighbouring nodes, "
+     "the largest over the harmonic's largest"},
+    {"jump_mm",
+     "smooth without skin, on trimmed meniscus and notch osteophyte: what of W's change over 0.01 "
+     "mm "
+     "its derivative at either end does not account for. The whole change is told beside it; even "
+     "the harmonic changes by its gain times 0.01 mm"},
+    {"touch_noise_over_plain",
+     "means over all lesions of this run, of |W - displacement of the point that is touched|"},
+    {"late_error_mm_25mms_20ms",
+     "mean over cavities, exposed and under the meniscus, with the derivative"},
+    {"unit_dependence_mm",
+     "the field of sessions. smooth differs by what its sums are good to, about 1e-4 of the "
+     "displacement: a coordinate that is rounded otherwise gives another tree"},
+    {"folds",
+     "nodes of all recipes in cases/, over flexion at rest and in the keys of torn ligaments, by "
+     "the "
+     "closed derivative: all of them. Beside them, as the check of a case tells them apart: "
+     "against "
+     "the skin, which gives way but not here; in gaps that the displacements fill; with one "
+     "surface "
+     "in reach, off which the field fades within 12 mm, too fast where that is displaced by more "
+     "than 7.2 mm along its normal; and others"},
+    {"rigid_over_tip_penetration", "mean depth of the instrument's points where its shaft touches; "
+                                   "the tip's gap where it touches"},
+    {"seeds", "each lesion twice: the last part of its name"},
+};
+
 static void explain(struct report *report) {
-    report_text(
-        report, "the field of the marks",
-        "inverse-distance with a skin of 0.1 mm, the default of sessions; smooth with it where "
-        "a hollow group is displaced, a meniscus or the femur: all lesions but the exposed "
-        "cavity");
-    report_text(report, "the space",
-                "inside the skin, or the hull of all groups and 10 mm; outside solids; at least "
-                "0.5 mm from a second surface; where the harmonic displacement is above 1 % of the "
-                "largest. The harmonic is 0 beyond that hull and 15 mm around what is displaced");
-    report_text(report, "rms and gain over harmonic",
-                "on the finer of the two grids; gain: |change of W| over the way between "
-                "neighbouring nodes, the largest over the harmonic's largest");
-    report_text(report, "jump_mm",
-                "smooth without skin, where the closest point jumps on hollow groups: what W "
-                "changes by over 0.01 mm beyond what its derivative at either end accounts for. "
-                "The whole change is told beside it: it is at least 0.01 mm times the harmonic's "
-                "gain, which no field can be below");
-    report_text(report, "touch_noise_over_plain",
-                "means over all lesions of this run, of |W(noisy) - displacement of the point "
-                "touched|");
-    report_text(report, "late_error_mm_25mms_20ms",
-                "mean over cavities, exposed and under the meniscus, with the derivative");
-    report_text(report, "unit_dependence_mm",
-                "the field of sessions. smooth differs by what its sums are good to, about 1e-4 of "
-                "the displacement: a coordinate that is rounded otherwise gives another tree");
-    report_text(
-        report, "folds",
-        "nodes of all recipes in cases/, over flexion at rest and in the keys of torn "
-        "ligaments, by the closed derivative: all of them, wherever they are. Beside them, as "
-        "the check of a case does: those against the skin, which gives way but not here; "
-        "those in gaps that the displacements fill; with one surface in reach, off which "
-        "the field fades over 12 mm: where that is displaced by more than 7.2 mm along its "
-        "normal, too fast; and others");
-    report_text(report, "seeds", "each lesion twice: the last part of its name");
+    for (size_t i = 0; i < sizeof explanations / sizeof explanations[0]; i++)
+        report_text(report, explanations[i].name, explanations[i].text);
 }
 
 static void fidelity_fini(struct fidelity *f) {

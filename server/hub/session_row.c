@@ -122,6 +122,8 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
             metrics_step(metrics, &record->input, &record->output);
             last_ns = record->input.time_ns;
             s->steps++;
+        } else if (record->type == TRACE_RESUME) {
+            metrics_interrupt(metrics);
         } else if (record->type == TRACE_GAP) {
             s->missing += record->missing;
         } else if (record->type == TRACE_END) {

@@ -118,6 +118,11 @@ static void follow(struct metrics *m, int instrument, const struct sample *sampl
     follow_seen(one, time_ns, seen);
 }
 
+static void break_motion(struct instrument_metrics *one) {
+    smooth_break(&one->hand_smooth);
+    smooth_break(&one->seen_smooth);
+}
+
 // ---- the step -----------------------------------------------------------------------------------
 
 static void step_instrument(struct metrics *m, int instrument, const struct session_input *input,
@@ -131,10 +136,8 @@ static void step_instrument(struct metrics *m, int instrument, const struct sess
     const struct sample *sample = sample_of(input, instrument);
     if (o->present && sample)
         follow(m, instrument, sample, output);
-    if (output->state != SESSION_RUNNING) {
-        smooth_break(&one->hand_smooth);
-        smooth_break(&one->seen_smooth);
-    }
+    if (output->state != SESSION_RUNNING)
+        break_motion(one);
 }
 
 void metrics_step(struct metrics *m, const struct session_input *input,
@@ -151,4 +154,13 @@ void metrics_step(struct metrics *m, const struct session_input *input,
     m->stepped = true;
     m->time_ns = output->time_ns;
     m->running = output->state == SESSION_RUNNING;
+}
+
+void metrics_interrupt(struct metrics *m) {
+    m->stepped = false;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        struct instrument_metrics *one = &m->instruments[i];
+        break_motion(one);
+        search_step(&one->search, m->time_ns, false, false);
+    }
 }

@@ -51,6 +51,10 @@ void metrics_init(struct metrics *metrics, struct view_optic optic);
 void metrics_step(struct metrics *metrics, const struct session_input *input,
                   const struct session_output *output);
 
+// The server was killed here and started again: what stood does so no longer, and no motion is
+// bridged.
+void metrics_interrupt(struct metrics *metrics);
+
 // ---- the figures
 
 enum metric {

@@ -101,6 +101,8 @@ static void read_steps(struct trace_reader *reader, struct score *s) {
     while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
         if (record.type == TRACE_STEP)
             metrics_step(&s->metrics, &record.input, &record.output);
+        if (record.type == TRACE_RESUME)
+            metrics_interrupt(&s->metrics);
         if (record.type == TRACE_GAP)
             s->missing += record.missing;
         show_progress(trace_reader_offset(reader), trace_reader_size(reader));

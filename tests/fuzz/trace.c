@@ -1,6 +1,7 @@
-// A trace file, its checksums put right: read, and run again on a knee of boxes.
+// A trace file, its checksums put right: read, scored, and run again on a knee of boxes.
 #include "base/check.h"
 #include "fuzz/fuzz.h"
+#include "metrics/metrics.h"
 #include "trace/replay.h"
 #include "unit/case_knee.h"
 #include "unit/trace_mend.h"
@@ -18,9 +19,18 @@ static const struct scene *boxes(void) {
     return scene;
 }
 
+static void look(void *context, const struct metric_value *value) {
+    const struct metric_kind *kind = &metric_kinds[value->metric];
+    CHECK(value->group < CASE_GROUPS_MAX && value->tissue < TISSUES_MAX);
+    CHECK(strcmp(kind->unit, "s") != 0 || !(value->value < 0));
+    ++*(int *)context;
+}
+
 static void read_all(const char *path) {
     static struct trace_record record;
     static struct session_output output;
+    static struct metrics metrics;
+    int figures = 0;
     struct trace_reader *reader;
     struct error err;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK)
@@ -28,6 +38,7 @@ static void read_all(const char *path) {
     struct rerun *rerun = rerun_create(boxes(), &trace_reader_header(reader)->settings);
     int64_t time_ns = 0;
     enum result result;
+    metrics_init(&metrics, (struct view_optic){30, 90});
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
@@ -35,7 +46,11 @@ static void read_all(const char *path) {
         CHECK(record.input.kind != INPUT_FRAME || frame_is_valid(&record.input.frame));
         time_ns = record.input.time_ns;
         rerun_step(rerun, &record, &output);
+        if (record.type == TRACE_STEP)
+            metrics_step(&metrics, &record.input, &record.output);
     }
+    metrics_each(&metrics, look, &figures);
+    CHECK(figures > 0);
     rerun_destroy(&rerun);
     CHECK(trace_read(reader, &record, &err) == result);
     uint64_t left_out;

@@ -11,6 +11,8 @@
 
 #define MS NS_PER_MS
 #define PROBE 0
+#define SHAVER (CHANNEL_SHAVER - CHANNEL_FIRST_INSTRUMENT)
+#define KNIFE (CHANNEL_KNIFE - CHANNEL_FIRST_INSTRUMENT)
 #define SCOPE (CHANNEL_SCOPE - CHANNEL_FIRST_INSTRUMENT)
 
 static const struct view_optic optic = {30, 90};
@@ -255,6 +257,28 @@ static void a_pause_is_never_bridged(void **state) {
     assert_near(figure(&m, about(METRIC_PATH_HAND, PROBE)), 400 - 40 * lost_s, 2);
 }
 
+static void what_was_while_the_server_was_down_counts_for_nothing(void **state) {
+    (void)state;
+    static struct metrics m;
+    static struct moment at;
+    metrics_init(&m, optic);
+    for (int i = 0; i < 200; i++) {
+        int64_t down_ns = i < 100 ? 0 : 120 * MS; // so little that it would be bridged
+        if (i == 100)
+            metrics_interrupt(&m);
+        moment_init(&at, i * 10 * MS + down_ns);
+        put(&at, PROBE, (vec3){i, 0, 0}, (vec3){i, 0, 0});
+        put(&at, SCOPE, (vec3){0}, (vec3){i, 0, i < 40 || i >= 160 ? 200 : -10});
+        take(&m, &at);
+    }
+    assert_near(figure(&m, about(METRIC_TIME, -1)), 2 * 0.99, 1e-9);
+    assert_near(figure(&m, about(METRIC_PRESENT, PROBE)), 2 * 0.99, 1e-9);
+    assert_near(figure(&m, about(METRIC_PATH_HAND, PROBE)), 2 * (99 - 43), 3);
+    assert_near(figure(&m, about(METRIC_TRIANGULATION_FIRST, PROBE)), 0.4, 1e-9);
+    assert_near(figure(&m, about(METRIC_TRIANGULATIONS, PROBE)), 2, 0);
+    assert_near(figure(&m, about(METRIC_TRIANGULATION_MEAN, PROBE)), 0.2, 1e-9);
+}
+
 static void slow_and_short_motion_is_below_its_floor(void **state) {
     (void)state;
     static struct metrics m;
@@ -264,6 +288,10 @@ static void slow_and_short_motion_is_below_its_floor(void **state) {
         moment_init(&at, i * 10 * MS);
         put(&at, PROBE, (vec3){3e-3 * i, 0, 0}, (vec3){30e-3 * i, 0, 0});
         put(&at, SCOPE, (vec3){60e-3 * i, 0, 0}, (vec3){60e-3 * i, 0, 0});
+        for (int k = SHAVER; k <= KNIFE; k++) { // 20 and 17 samples a second
+            put(&at, k, (vec3){0, 60e-3 * i, 0}, (vec3){0, 60e-3 * i, 0});
+            at.input.frame.count -= i % (k == SHAVER ? 5 : 6) != 0;
+        }
         if (i % 100 < 40) // long lost, again and again
             at.output.instruments[SCOPE].present = false;
         take(&m, &at);
@@ -273,6 +301,10 @@ static void slow_and_short_motion_is_below_its_floor(void **state) {
     assert_true(is_below_floor(&m, METRIC_ECONOMY_SEEN, PROBE));
     assert_true(is_below_floor(&m, METRIC_LDLJ_SEEN, PROBE));
     assert_true(is_below_floor(&m, METRIC_PATH_SEEN, SCOPE));
+    assert_false(is_below_floor(&m, METRIC_PATH_SEEN, SHAVER));
+    assert_true(is_below_floor(&m, METRIC_PATH_SEEN, KNIFE));
+    assert_false(is_below_floor(&m, METRIC_PRESENT, KNIFE));
+    assert_true(is_below_floor(&m, METRIC_BIMANUAL, -1));
 }
 
 static void a_lost_or_foreign_sample_moves_nothing(void **state) {
@@ -386,6 +418,7 @@ int main(void) {
         cmocka_unit_test(without_another_nothing_is_said_of_the_view),
         cmocka_unit_test(motion_is_timed_by_its_samples_and_not_by_steps),
         cmocka_unit_test(a_pause_is_never_bridged),
+        cmocka_unit_test(what_was_while_the_server_was_down_counts_for_nothing),
         cmocka_unit_test(slow_and_short_motion_is_below_its_floor),
         cmocka_unit_test(a_lost_or_foreign_sample_moves_nothing),
         cmocka_unit_test(two_hands_count_together),

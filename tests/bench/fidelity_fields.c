@@ -316,7 +316,8 @@ static void measure_late(const struct scene_of_lesion *scene, enum variant varia
 
 void fidelity_fields(const struct scene_of_lesion *scene) {
     struct nodes coarse, fine;
-    double least_mm = scene->fidelity->quick ? 0.5 : 0.25;
+    bool quick = scene->fidelity->quick;
+    double least_mm = quick ? 0.5 : 0.25;
     nodes_init(&coarse, scene->anatomy, 4 * least_mm);
     nodes_init(&fine, scene->anatomy, 2 * least_mm);
     while (fine.count < ENOUGH_NODES && fine.spacing_mm > least_mm) {
@@ -331,7 +332,7 @@ void fidelity_fields(const struct scene_of_lesion *scene) {
         compare_all(scene, &coarse);
     if (fine.count) {
         compare_all(scene, &fine);
-        for (int v = 0; v < VARIANT_COUNT; v++) {
+        for (int v = quick ? VARIANT_INVERSE : 0; v < VARIANT_COUNT; v++) {
             measure_jumps(scene, (enum variant)v, &fine);
             measure_late(scene, (enum variant)v, &fine, 25);
             measure_late(scene, (enum variant)v, &fine, 100);

@@ -135,7 +135,7 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
     struct harmonic_setup setup = {.scene = &stance.warp,
                                    .hollow = s->hollow,
                                    .box = {vec3_sub(box.min, around), vec3_add(box.max, around)},
-                                   .spacing_mm = s->fidelity->quick ? 2 : 1,
+                                   .spacing_mm = s->fidelity->quick ? 2.5 : 1,
                                    .is_within = hull_holds,
                                    .context = &hull};
     harmonic_solve(&setup, &space);

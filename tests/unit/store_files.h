@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// A new folder under /tmp, and "records.db" in it; end removes all of it.
+// A new folder, and "records.db" in it; end removes all of it.
 extern char store_dir[64], store_path[96];
 int store_folder_begin(void **state);
 int store_folder_end(void **state);

@@ -1,0 +1,188 @@
+// Records that older programs made, as text: a new program brings them to its own tables, all rows
+// as they were, and lands at the same tables as if it had made the file.
+#include "test.h"
+#include "unit/store_files.h"
+
+#include <pthread.h>
+#include <sqlite3.h>
+#include <stdio.h>
+#include <string.h>
+
+// Version 1, as its program wrote it. Never changed.
+static const char version_1[] =
+    "PRAGMA application_id = 0x4172746e; PRAGMA user_version = 1;"
+    "CREATE TABLE trainee (  id INTEGER PRIMARY KEY,  name TEXT NOT NULL UNIQUE,"
+    "  full_name TEXT,  created_utc_ns INTEGER NOT NULL,  erased_utc_ns INTEGER) STRICT;"
+    "CREATE TABLE course (  id INTEGER PRIMARY KEY,  name TEXT NOT NULL UNIQUE,"
+    "  created_utc_ns INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE enrolment (  trainee_id INTEGER NOT NULL REFERENCES trainee,"
+    "  course_id INTEGER NOT NULL REFERENCES course,  PRIMARY KEY (trainee_id, course_id)) STRICT;"
+    "CREATE TABLE station (  id INTEGER PRIMARY KEY,  name TEXT NOT NULL UNIQUE) STRICT;"
+    "CREATE TABLE knee_case (  id INTEGER PRIMARY KEY,  name TEXT NOT NULL,  hash TEXT NOT NULL,"
+    "  UNIQUE (name, hash)) STRICT;"
+    "CREATE TABLE session (  id INTEGER PRIMARY KEY,"
+    "  uuid TEXT NOT NULL UNIQUE CHECK (length(uuid) = 32),"
+    "  station_id INTEGER NOT NULL REFERENCES station,  trainee_id INTEGER REFERENCES trainee,"
+    "  case_id INTEGER NOT NULL REFERENCES knee_case,  start_utc_ns INTEGER NOT NULL,"
+    "  end_utc_ns INTEGER,"
+    "  state TEXT NOT NULL CHECK (state IN ('open', 'closed', 'deserted', 'interrupted')),"
+    "  steps INTEGER NOT NULL,  missing INTEGER NOT NULL,  trace TEXT NOT NULL,"
+    "  trace_xxh3 TEXT) STRICT;"
+    "CREATE INDEX session_trainee ON session (trainee_id);"
+    "CREATE INDEX session_trace ON session (trace);"
+    "CREATE TABLE result (  session_id INTEGER NOT NULL REFERENCES session,"
+    "  metric TEXT NOT NULL,  subject TEXT NOT NULL,  version INTEGER NOT NULL,"
+    "  unit TEXT NOT NULL,  value REAL,  details TEXT,"
+    "  PRIMARY KEY (session_id, metric, subject, version)) STRICT;"
+    "INSERT INTO trainee VALUES (7, 'ada', 'Ada Lovelace', 111, NULL), (9, 'erased-1', NULL, 5, 6);"
+    "INSERT INTO course VALUES (1, 'autumn', 222);"
+    "INSERT INTO enrolment VALUES (7, 1);"
+    "INSERT INTO station VALUES (3, 'room-1');"
+    "INSERT INTO knee_case VALUES (4, 'tear-radial', '00000000000000ff');"
+    "INSERT INTO session VALUES (1, '0123456789abcdef0123456789abcdef', 3, 7, 4, 1000, 2000, "
+    "'closed', 12, 1, '/t/1.trace', '1111111111111111'),"
+    "(2, '1123456789abcdef0123456789abcdef', 3, NULL, 4, 3000, NULL, 'open', 0, 0, '/t/2.trace', "
+    "NULL);"
+    "INSERT INTO result VALUES (1, 'over', 'meniscus_medial', 1, 'mm3', 4.5, NULL),"
+    "(1, 'rim', 'meniscus_medial', 1, 'mm', NULL, '{}');";
+
+static const char *const versions[] = {version_1};
+#define OLDER (sizeof versions / sizeof *versions)
+
+static void rows_of_every_version_are_as_they_were(void **state) {
+    (void)state;
+    for (size_t i = 0; i < OLDER; i++) {
+        char name[32];
+        struct store *store;
+        struct error err = {""};
+        snprintf(name, sizeof name, "version-%zu.db", i + 1);
+        assert_true(sql_passes(name, versions[i]));
+        assert_int_equal(store_open(in_folder(name), STORE_THERE, "tester", &store, &err),
+                         RESULT_OK);
+        assert_string_equal(
+            rows_of(store, LIST_TRAINEES, NULL),
+            "name=ada|full_name=Ada Lovelace|created_utc_ns=111|erased_utc_ns=|sessions=1\n"
+            "name=erased-1|full_name=|created_utc_ns=5|erased_utc_ns=6|sessions=0\n");
+        assert_string_equal(rows_of(store, LIST_ENROLMENTS, NULL), "course=autumn|trainee=ada\n");
+        assert_string_equal(
+            rows_of(store, LIST_SESSIONS, NULL),
+            "id=0123456789abcdef0123456789abcdef|station=room-1|trainee=ada|case=tear-radial|"
+            "case_hash=00000000000000ff|start_utc_ns=1000|end_utc_ns=2000|state=closed|steps=12|"
+            "missing=1|trace=/t/1.trace|trace_xxh3=1111111111111111\n"
+            "id=1123456789abcdef0123456789abcdef|station=room-1|trainee=|case=tear-radial|"
+            "case_hash=00000000000000ff|start_utc_ns=3000|end_utc_ns=|state=open|steps=0|missing=0|"
+            "trace=/t/2.trace|trace_xxh3=\n");
+        assert_string_equal(rows_of(store, LIST_RESULTS, NULL),
+                            "session=0123456789abcdef0123456789abcdef|metric=over|"
+                            "subject=meniscus_medial|version=1|unit=mm3|value=4.5|details=\n"
+                            "session=0123456789abcdef0123456789abcdef|metric=rim|"
+                            "subject=meniscus_medial|version=1|unit=mm|value=|details={}\n");
+        assert_int_equal(store_add_account(store, "eve", ROLE_INSTRUCTOR, NULL, NULL, &err),
+                         RESULT_OK);
+        assert_int_equal(row_count(store, LIST_AUDIT), 1);
+        store_close(&store);
+    }
+}
+
+// The tables as SQLite has them, without blanks.
+static void schema_of(const char *name, char *out, size_t size) {
+    sqlite3 *db;
+    sqlite3_stmt *statement;
+    size_t used = 0;
+    assert_int_equal(sqlite3_open(in_folder(name), &db), SQLITE_OK);
+    sqlite3_prepare_v2(db, "SELECT sql FROM sqlite_schema WHERE sql NOT NULL ORDER BY name", -1,
+                       &statement, NULL);
+    while (sqlite3_step(statement) == SQLITE_ROW)
+        for (const char *c = (const char *)sqlite3_column_text(statement, 0); *c; c++)
+            if (*c != ' ' && used + 1 < size)
+                out[used++] = *c;
+    out[used] = '\0';
+    sqlite3_finalize(statement);
+    sqlite3_close(db);
+}
+
+static void every_version_lands_at_the_tables_of_a_new_file(void **state) {
+    (void)state;
+    static char fresh[1 << 14], climbed[1 << 14];
+    struct store *store = open_records();
+    store_close(&store);
+    schema_of("records.db", fresh, sizeof fresh);
+    assert_non_null(strstr(fresh, "CREATETABLEsession"));
+    for (size_t i = 0; i < OLDER; i++) {
+        assert_true(sql_passes("old.db", versions[i]));
+        assert_int_equal(store_open(in_folder("old.db"), STORE_THERE, "tester", &store, NULL),
+                         RESULT_OK);
+        store_close(&store);
+        schema_of("old.db", climbed, sizeof climbed);
+        assert_string_equal(climbed, fresh);
+    }
+}
+
+static void a_step_that_fails_leaves_the_older_version_as_it_was(void **state) {
+    (void)state;
+    struct store *store;
+    struct error err = {""};
+    static char before[1 << 14], after[1 << 14];
+    assert_true(sql_passes("old.db", version_1));
+    assert_true(sql_passes("old.db", "CREATE TABLE audit (in_the_way INTEGER)"));
+    schema_of("old.db", before, sizeof before);
+    assert_int_equal(store_open(in_folder("old.db"), STORE_THERE, "tester", &store, &err),
+                     RESULT_FORMAT);
+    assert_null(store);
+    assert_non_null(strstr(err.text, "old.db"));
+    schema_of("old.db", after, sizeof after);
+    assert_string_equal(after, before);
+    assert_true(sql_passes("old.db", "DROP TABLE audit"));
+    assert_int_equal(store_open(in_folder("old.db"), STORE_THERE, "tester", &store, &err),
+                     RESULT_OK);
+    store_close(&store);
+}
+
+static void *open_old(void *argument) {
+    struct store *store;
+    (void)argument;
+    enum result result = store_open(in_folder("old.db"), STORE_THERE, "tester", &store, NULL);
+    store_close(&store);
+    return result == RESULT_OK ? NULL : "failed";
+}
+
+static void several_programs_may_meet_an_older_file_at_once(void **state) {
+    (void)state;
+    pthread_t threads[4];
+    assert_true(sql_passes("old.db", version_1));
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, open_old, NULL), 0);
+    for (int i = 0; i < 4; i++) {
+        void *failed;
+        pthread_join(threads[i], &failed);
+        assert_null(failed);
+    }
+}
+
+static void a_newer_file_is_refused_and_left_alone(void **state) {
+    (void)state;
+    struct error err = {""};
+    char aside[STORE_TEXT_MAX];
+    struct store *store = open_records();
+    store_close(&store);
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 3"));
+    assert_int_equal(store_open(store_path, STORE_MAKE, "tester", &store, &err), RESULT_VERSION);
+    assert_non_null(strstr(err.text, "version 3, this one knows 2"));
+    assert_int_equal(store_restore(store_path, in_folder("other.db"), "tester", aside, &err),
+                     RESULT_VERSION);
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 2"));
+    store = open_records();
+    store_close(&store);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(f) cmocka_unit_test_setup_teardown(f, store_folder_begin, store_folder_end)
+        TEST(rows_of_every_version_are_as_they_were),
+        TEST(every_version_lands_at_the_tables_of_a_new_file),
+        TEST(a_step_that_fails_leaves_the_older_version_as_it_was),
+        TEST(several_programs_may_meet_an_older_file_at_once),
+        TEST(a_newer_file_is_refused_and_left_alone),
+    };
+    return cmocka_run_group_tests_name("store_versions", tests, NULL, NULL);
+}

@@ -1,8 +1,7 @@
 #include "hub/session_row.h"
 
 #include "base/check.h"
-#include "metrics/metrics.h"
-#include "session/scene.h"
+#include "metrics/subject.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -53,44 +52,12 @@ static enum result hash_trace(struct store_session *session, struct error *err) 
 
 // ---- results ------------------------------------------------------------------------------------
 
+_Static_assert(STORE_NAME_MAX >= SUBJECT_MAX, "what a figure is about fits");
+
 struct telling {
     struct session_score *score;
-    const struct scene *scene;
+    const struct knee_case *knee; // or NULL
 };
-
-static void name_group(const struct scene *scene, int group, char out[STORE_NAME_MAX]) {
-    if (scene && group < scene_case(scene)->group_count)
-        snprintf(out, STORE_NAME_MAX, "%s", scene_case(scene)->groups[group].name);
-    else
-        snprintf(out, STORE_NAME_MAX, "group-%d", group);
-}
-
-static void name_tissue(const struct scene *scene, int tissue, char out[STORE_NAME_MAX]) {
-    if (scene && tissue < scene_tissue_count(scene))
-        name_group(scene, scene_tissue_group(scene, tissue), out);
-    else
-        snprintf(out, STORE_NAME_MAX, "tissue-%d", tissue);
-}
-
-// "probe", "probe femur from 0.5 mm", "meniscus_medial body.inner"
-static void name_subject(const struct scene *scene, const struct metric_value *v,
-                         char out[STORE_NAME_MAX]) {
-    static const char *const along[] = {"anterior_horn", "body", "posterior_horn"};
-    static const char *const across[] = {"inner", "middle", "outer"};
-    char whole[4 * STORE_NAME_MAX] = "", group[STORE_NAME_MAX] = "", part[STORE_NAME_MAX] = "";
-    enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + v->instrument);
-    if (v->group >= 0)
-        name_group(scene, v->group, group);
-    if (v->tissue >= 0)
-        name_tissue(scene, v->tissue, group);
-    if (v->depth >= 0)
-        snprintf(part, sizeof part, " from %g mm", touch_depth_mm[v->depth]);
-    if (v->along >= 0)
-        snprintf(part, sizeof part, " %s.%s", along[v->along], across[v->across]);
-    snprintf(whole, sizeof whole, "%s%s%.30s%s", v->instrument >= 0 ? channel_name(channel) : "",
-             v->instrument >= 0 && group[0] ? " " : "", group, part);
-    snprintf(out, STORE_NAME_MAX, "%.63s", whole);
-}
 
 static void take_value(void *user, const struct metric_value *v) {
     const struct telling *telling = user;
@@ -105,7 +72,7 @@ static void take_value(void *user, const struct metric_value *v) {
     *r = (struct store_result){.version = kind->version, .value = v->value};
     snprintf(r->metric, sizeof r->metric, "%s", kind->name);
     snprintf(r->unit, sizeof r->unit, "%s", kind->unit);
-    name_subject(telling->scene, v, r->subject);
+    subject_text(telling->knee, v, r->subject);
     if (v->below_floor)
         snprintf(r->details, sizeof r->details, "{\"below_floor\":true}");
 }
@@ -144,9 +111,10 @@ enum result session_score_trace(const char *trace, scene_finder find, void *user
     if (result != RESULT_OK)
         return result;
     const struct trace_header *header = trace_reader_header(reader);
-    struct telling telling = {out, find(user, header->case_hash)};
+    const struct scene *scene = find(user, header->case_hash);
+    struct telling telling = {out, scene ? scene_case(scene) : NULL};
     struct metrics *metrics = alloc(1, sizeof *metrics);
-    metrics_init(metrics, (struct view_optic){30, 90});
+    metrics_init(metrics, view_optic_usual());
     session_row_begin(header, trace, &out->session);
     read_steps(reader, metrics, &out->session);
     metrics_each(metrics, take_value, &telling);

@@ -16,6 +16,8 @@ struct view_optic {
     double field_deg; // the cone's whole angle, above 0 and below 180
 };
 
+struct view_optic view_optic_usual(void); // 30 degrees, and a field of 90
+
 bool view_shows(const struct view_optic *optic, pose scope, vec3 tip);
 
 // One instrument's triangulation. A search begins when instrument and scope are both there, or when

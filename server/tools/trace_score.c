@@ -1,11 +1,10 @@
-#include "metrics/metrics.h"
+#include "metrics/subject.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 static const char help[] =
     "Usage: arthron-trace score FILE [--json] [--case DIR] [--optic DEG] [--field DEG]\n"
@@ -34,51 +33,10 @@ struct score {
     struct metrics metrics;
     const struct knee_case *knee; // NULL: groups have no names,
     struct error unnamed;         // and why
-    int tissue_groups[TISSUES_MAX];
     uint64_t missing;
     enum result end;
     struct error why;
 };
-
-// ---- names --------------------------------------------------------------------------------------
-
-#define LABEL_MAX (CASE_NAME_MAX + 16)
-
-// Its name, or its number where the case is not there.
-static void group_text(const struct score *s, int group, char out[LABEL_MAX]) {
-    if (s->knee && group < s->knee->group_count)
-        snprintf(out, LABEL_MAX, "%s", s->knee->groups[group].name);
-    else
-        snprintf(out, LABEL_MAX, "group-%d", group);
-}
-
-static void tissue_text(const struct score *s, int tissue, char out[LABEL_MAX]) {
-    if (s->knee && s->tissue_groups[tissue] >= 0)
-        group_text(s, s->tissue_groups[tissue], out);
-    else
-        snprintf(out, LABEL_MAX, "tissue-%d", tissue);
-}
-
-// "anterior_horn.inner"
-static void zone_text(const struct metric_value *v, char out[LABEL_MAX]) {
-    static const char *const along[] = {"anterior_horn", "body", "posterior_horn"};
-    static const char *const across[] = {"inner", "middle", "outer"};
-    snprintf(out, LABEL_MAX, "%s.%s", along[v->along], across[v->across]);
-}
-
-static const char *instrument_text(const struct metric_value *v) {
-    return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + v->instrument));
-}
-
-// Cuttable groups in the case's order are its tissues.
-static void name_tissues(struct score *s) {
-    int count = 0;
-    for (int t = 0; t < TISSUES_MAX; t++)
-        s->tissue_groups[t] = -1;
-    for (int g = 0; s->knee && g < s->knee->group_count && count < TISSUES_MAX; g++)
-        if (s->knee->groups[g].cuttable)
-            s->tissue_groups[count++] = g;
-}
 
 // ---- reading ------------------------------------------------------------------------------------
 
@@ -117,21 +75,21 @@ struct listing {
 };
 
 static void add_labels(const struct score *s, const struct metric_value *v, json_t *object) {
-    char text[LABEL_MAX];
+    char text[SUBJECT_MAX];
     if (v->instrument >= 0)
-        json_object_set_new(object, "instrument", json_string(instrument_text(v)));
+        json_object_set_new(object, "instrument", json_string(subject_instrument(v)));
     if (v->group >= 0) {
-        group_text(s, v->group, text);
+        subject_group(s->knee, v->group, text);
         json_object_set_new(object, "group", json_string(text));
     }
     if (v->depth >= 0)
         json_object_set_new(object, "from_mm", json_real(touch_depth_mm[v->depth]));
     if (v->tissue >= 0) {
-        tissue_text(s, v->tissue, text);
+        subject_tissue(s->knee, v->tissue, text);
         json_object_set_new(object, "tissue", json_string(text));
     }
     if (v->along >= 0) {
-        zone_text(v, text);
+        subject_zone(v, text);
         json_object_set_new(object, "zone", json_string(text));
     }
 }
@@ -165,21 +123,11 @@ static void print_json(const struct score *s, const struct request *request) {
 static void print_figure(void *context, const struct metric_value *v) {
     const struct score *s = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
-    char group[LABEL_MAX] = "", zone[LABEL_MAX] = "", about[4 * LABEL_MAX], value[48] = "-";
-    if (v->group >= 0)
-        group_text(s, v->group, group);
-    if (v->tissue >= 0)
-        tissue_text(s, v->tissue, group);
-    if (v->along >= 0)
-        zone_text(v, zone);
-    if (v->depth >= 0)
-        snprintf(zone, sizeof zone, "from %g mm", touch_depth_mm[v->depth]);
-    snprintf(about, sizeof about, "%s %s %s", v->instrument >= 0 ? instrument_text(v) : "", group,
-             zone);
+    char about[SUBJECT_MAX], value[48] = "-";
+    subject_text(s->knee, v, about);
     if (isfinite(v->value))
         snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
-    printf("%-20s v%d %12s %-5s %s\n", kind->name, kind->version, value, kind->unit,
-           about + strspn(about, " "));
+    printf("%-20s v%d %12s %-5s %s\n", kind->name, kind->version, value, kind->unit, about);
 }
 
 static void print_text(const struct score *s, const struct request *request) {
@@ -207,7 +155,6 @@ static int score(const struct request *request) {
         return failed("score", &err);
     }
     struct score s = {.knee = knee, .unnamed = err};
-    name_tissues(&s);
     metrics_init(&s.metrics, request->optic);
     read_steps(reader, &s);
     if (request->json)
@@ -230,7 +177,7 @@ int command_score(int argc, char **argv) {
         {"json", no_argument, NULL, 'j'},        {"case", required_argument, NULL, 'c'},
         {"optic", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'},
         {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
-    struct request request = {.optic = {30, 90}};
+    struct request request = {.optic = view_optic_usual()};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

@@ -38,7 +38,7 @@ static void read_all(const char *path) {
     struct rerun *rerun = rerun_create(boxes(), &trace_reader_header(reader)->settings);
     int64_t time_ns = 0;
     enum result result;
-    metrics_init(&metrics, (struct view_optic){30, 90});
+    metrics_init(&metrics, view_optic_usual());
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;

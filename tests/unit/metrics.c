@@ -1,8 +1,7 @@
 // The figures of a session, from steps made by hand: each against what these steps mean.
 
-#include "metrics/metrics.h"
-
 #include "base/clock.h"
+#include "metrics/subject.h"
 #include "random.h"
 #include "test.h"
 
@@ -385,6 +384,42 @@ static void the_last_figures_of_each_tissue_stand(void **state) {
     assert_int_equal(w.count, 0);
 }
 
+// ---- words --------------------------------------------------------------------------------------
+
+static void figures_say_what_they_are_about(void **state) {
+    (void)state;
+    static struct knee_case knee = {
+        .group_count = 3,
+        .groups = {{.name = "femur"},
+                   {.name = "meniscus_medial", .cuttable = true},
+                   {.name = "a_very_long_name_that_somebody_gave_to_the_lateral_meniscus",
+                    .cuttable = true}},
+    };
+    const struct {
+        struct metric_value about;
+        const char *text, *without_case;
+    } rows[] = {
+        {{.instrument = -1, -1, -1, -1, -1, -1}, "", ""},
+        {{.instrument = PROBE, -1, -1, -1, -1, -1}, "probe", "probe"},
+        {{.instrument = SCOPE, 0, -1, -1, -1, -1}, "scope femur", "scope group-0"},
+        {{.instrument = PROBE, 7, 1, -1, -1, -1},
+         "probe group-7 from 0.5 mm",
+         "probe group-7 from 0.5 mm"},
+        {{.instrument = -1, -1, -1, 0, 1, 0}, "meniscus_medial body.inner", "tissue-0 body.inner"},
+        {{.instrument = -1, -1, -1, 1, 2, 2},
+         "a_very_long_name_that_somebody posterior_horn.outer",
+         "tissue-1 posterior_horn.outer"},
+        {{.instrument = -1, -1, -1, 3, -1, -1}, "tissue-3", "tissue-3"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char text[SUBJECT_MAX];
+        subject_text(&knee, &rows[i].about, text);
+        assert_string_equal(text, rows[i].text);
+        subject_text(NULL, &rows[i].about, text);
+        assert_string_equal(text, rows[i].without_case);
+    }
+}
+
 // ---- the table ----------------------------------------------------------------------------------
 
 static void the_document_has_every_metric_as_it_is(void **state) {
@@ -423,6 +458,7 @@ int main(void) {
         cmocka_unit_test(a_lost_or_foreign_sample_moves_nothing),
         cmocka_unit_test(two_hands_count_together),
         cmocka_unit_test(the_last_figures_of_each_tissue_stand),
+        cmocka_unit_test(figures_say_what_they_are_about),
         cmocka_unit_test(the_document_has_every_metric_as_it_is),
     };
     return cmocka_run_group_tests_name("metrics", tests, NULL, NULL);

@@ -150,6 +150,18 @@ static enum result open_doors(struct hub *hub, struct error *err) {
     return console_create(config->socket, &console, &hub->console, err);
 }
 
+// The traces that go on are locked before the recorder looks for those that do not.
+static void begin(struct hub *hub) {
+    pthread_mutex_lock(&hub->desk_lock); // no command ends them meanwhile
+    resume_attach(hub);
+    if (hub->config.records[0])
+        hub->recorder =
+            recorder_start(hub->config.records, hub->config.traces_dir, find_scene, hub);
+    resume_record(hub);
+    pthread_mutex_unlock(&hub->desk_lock);
+    desk_start(hub);
+}
+
 enum result hub_create(const struct hub_config *config, struct hub **out_hub, struct error *err) {
     struct hub *hub = alloc(1, sizeof *hub);
     hub->config = *config;
@@ -166,12 +178,11 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     if (result == RESULT_OK)
         result = start_workers(hub, err);
     if (result == RESULT_OK) {
-        if (hub->config.records[0])
-            hub->recorder =
-                recorder_start(hub->config.records, hub->config.traces_dir, find_scene, hub);
-        desk_start(hub);
+        resume_replay(hub);
         result = open_doors(hub, err);
     }
+    if (result == RESULT_OK)
+        begin(hub);
     if (result != RESULT_OK)
         hub_destroy(&hub);
     *out_hub = hub;
@@ -188,6 +199,7 @@ static void release(struct hub *hub) {
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);
     pthread_cond_destroy(&hub->clerk_wake);
+    resume_release(hub);
     signer_destroy(&hub->signer);
     free(hub->workers);
     free(hub);

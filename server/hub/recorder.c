@@ -213,6 +213,8 @@ static bool take_over_trace(struct recorder *r, const char *path) {
     struct trace_reader *reader;
     struct store_session session;
     struct error err;
+    if (trace_is_written(path)) // its session goes on
+        return false;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK) {
         log_warning("records", "not recorded: %s", err.text);
         return false;

@@ -24,6 +24,12 @@ struct live {
     struct operation *operation;
     const struct scene *scene;
     struct store_session row; // the desk's
+    // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
+    // began anew), and what was cut and has not landed yet, or NULL.
+    bool resumed;
+    enum session_state state;
+    int64_t last_ns, ahead_ns;
+    struct job_result *pending;
 };
 
 // What any thread may know of a seat, under hub.card_lock, which is held for copies only.
@@ -152,6 +158,7 @@ struct hub {
     struct control *control;
     struct console *console;
     struct signer *signer;
+    struct resumed *resumed;     // while the server starts
     struct trace_signer vouches; // with it
     struct recorder *recorder;   // NULL: no records
 
@@ -211,6 +218,12 @@ void desk_release(struct hub *hub); // after the workers: what they retired
 void desk_new_id(uint8_t out_id[16]);
 void desk_call(struct hub *hub); // card_lock held: someone may need a session
 void desk_command(void *hub, const arthron_Command *command, arthron_CommandReply *out_reply);
+
+// resume.c: while the server starts, one after the other
+void resume_replay(struct hub *hub);  // before the doors are open: runs open sessions again
+void resume_attach(struct hub *hub);  // then they go on, in their traces
+void resume_record(struct hub *hub);  // and into the records
+void resume_release(struct hub *hub); // where the server does not come so far
 
 // door.c: what the control thread calls
 struct control_handler door_handler(struct hub *hub);

@@ -130,6 +130,7 @@ static void open_feeds(struct table *table) {
         struct mesh_delta whole;
         struct error err;
         tissue_delta_whole(operation_mesh(live->operation, i), &whole);
+        whole.number = operation_figures(live->operation, i)->mesh_number;
         if (mesh_feed_create(group_name(live, i), &whole, &table->feeds[i], &err) != RESULT_OK)
             drop_feed(table, i, &err);
         mesh_delta_fini(&whole);

@@ -85,10 +85,22 @@ static void step(struct worker *worker, struct seat *seat, struct session_input 
     order_job(worker, seat, output);
 }
 
+// On the session's clock, which is the server's, unless it began before that did.
+static int64_t session_now_ns(const struct seat *seat) {
+    return clock_now_ns() + seat->live->ahead_ns;
+}
+
 static void step_without_frame(struct worker *worker, struct seat *seat, enum input_kind kind) {
-    struct session_input input = {.kind = kind, .time_ns = clock_now_ns()};
+    struct session_input input = {.kind = kind, .time_ns = session_now_ns(seat)};
     struct session_output output;
     step(worker, seat, &input, &output);
+}
+
+static void land(struct worker *worker, struct seat *seat, struct job_result *result,
+                 struct session_output *out) {
+    struct session_input input = {
+        .kind = INPUT_JOB, .time_ns = session_now_ns(seat), .job = result->job, .result = result};
+    advance(worker, seat, &input, out);
 }
 
 // A session that has ended since takes its results with it. The job that a landing step asks for
@@ -100,11 +112,9 @@ static void take_results(struct worker *worker) {
     struct job_result *result;
     while (theatre_take(worker->theatre, &index, &serial, &result)) {
         struct seat *seat = &worker->hub->seats[index];
-        struct session_input input = {
-            .kind = INPUT_JOB, .time_ns = clock_now_ns(), .job = result->job, .result = result};
         struct session_output output = {0};
         if (seat->live && seat->live->serial == serial)
-            advance(worker, seat, &input, &output);
+            land(worker, seat, result, &output);
         theatre_landed(worker->theatre, index, serial, result);
         order_job(worker, seat, &output);
     }
@@ -164,7 +174,7 @@ static bool accept_frame(struct seat *seat, const struct frame *frame) {
     return true;
 }
 
-static void onto_server_clock(struct frame *frame, int64_t offset_ns) {
+static void onto_session_clock(struct frame *frame, int64_t offset_ns) {
     frame->time_ns += offset_ns;
     for (int i = 0; i < frame->count; i++)
         frame->samples[i].time_ns += offset_ns;
@@ -196,9 +206,11 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     if (!accept_frame(seat, frame))
         return;
     const struct knee_case *knee = scene_case(seat->live->scene);
-    struct session_input input = {.kind = INPUT_FRAME, .time_ns = received_ns, .frame = *frame};
+    int64_t ahead_ns = seat->live->ahead_ns;
+    struct session_input input = {
+        .kind = INPUT_FRAME, .time_ns = received_ns + ahead_ns, .frame = *frame};
     struct session_output output;
-    onto_server_clock(&input.frame, seat->clock_offset_ns);
+    onto_session_clock(&input.frame, seat->clock_offset_ns + ahead_ns);
     seat->last_frame_ns = received_ns;
     step(worker, seat, &input, &output);
     watch_drift(worker, seat, &output);
@@ -285,6 +297,17 @@ static void clear_counts(struct seat_counts *counts) {
     atomic_store(&counts->frames_invalid, 0);
 }
 
+// What was cut when the server was killed.
+static void land_pending(struct worker *worker, struct seat *seat) {
+    int index = (int)(seat - worker->hub->seats);
+    struct session_output output;
+    struct job_result *result = seat->live->pending;
+    seat->live->pending = NULL;
+    land(worker, seat, result, &output);
+    theatre_landed(worker->theatre, index, seat->live->serial, result);
+    order_job(worker, seat, &output);
+}
+
 static void attach(struct worker *worker, struct seat *seat, struct live *live) {
     CHECK(!seat->live);
     seat->live = live;
@@ -293,11 +316,13 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     clear_counts(&seat->counts);
     seat->last_frame = 0;
     seat->events = 0;
-    seat->last_step_ns = 0;
+    seat->last_step_ns = live->last_ns;
     seat->last_frame_ns = clock_now_ns();
-    atomic_store(&seat->counts.state, SESSION_WAITING);
+    atomic_store(&seat->counts.state, (int)live->state);
+    if (live->pending)
+        land_pending(worker, seat);
     step_without_frame(worker, seat, INPUT_EMPTY);
-    if (seat->station->start_by_command)
+    if (live->resumed || seat->station->start_by_command)
         announce(worker, seat);
     else
         step_without_frame(worker, seat, INPUT_START);
@@ -362,7 +387,7 @@ static void watch_seat(struct worker *worker, struct seat *seat, int64_t now_ns)
         return;
     if (seat_is_deserted(worker->hub, seat)) {
         step_without_frame(worker, seat, INPUT_STOP);
-    } else if (now_ns - seat->last_step_ns >= EMPTY_STEP_NS &&
+    } else if (now_ns + seat->live->ahead_ns - seat->last_step_ns >= EMPTY_STEP_NS &&
                atomic_load(&seat->counts.state) == SESSION_RUNNING) {
         step_without_frame(worker, seat, INPUT_EMPTY);
     }

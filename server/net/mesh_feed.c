@@ -75,7 +75,7 @@ static void keep(struct mesh_feed *feed, const struct mesh_delta *change, uint64
 enum result mesh_feed_create(const char *group, const struct mesh_delta *whole,
                              struct mesh_feed **out_feed, struct error *err) {
     struct mesh_feed *feed = alloc(1, sizeof *feed);
-    struct mesh_delta first = {.number = 1,
+    struct mesh_delta first = {.number = whole->number ? whole->number : 1,
                                .vertex_count = whole->vertex_count,
                                .vertices = whole->vertices,
                                .made_count = whole->made_count,

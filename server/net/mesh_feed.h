@@ -13,8 +13,9 @@
 
 struct mesh_feed;
 
-// whole: the mesh at the session's start, in vertices and made; it gets number 1. Its other fields
-// are not read. RESULT_INVALID and RESULT_LIMIT say where it is none. The caller destroys the feed.
+// whole: the mesh to begin with, in vertices and made; it gets its number, or 1 where that is 0.
+// Its other fields are not read. RESULT_INVALID and RESULT_LIMIT say where it is none. The caller
+// destroys the feed.
 enum result mesh_feed_create(const char *group, const struct mesh_delta *whole,
                              struct mesh_feed **out_feed, struct error *err);
 void mesh_feed_destroy(struct mesh_feed **feed); // payloads live on; NULL inside is fine

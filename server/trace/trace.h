@@ -73,6 +73,9 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
 bool trace_append(struct trace_writer *writer, const struct session_input *input,
                   const struct session_output *output);
 
+// Whether a writer is at work on the file, in any process.
+bool trace_is_written(const char *path);
+
 struct trace_record;
 
 // A record as it was read, to make a trace of another: a step, a gap, an input alone. Waits for the

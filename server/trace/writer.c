@@ -308,6 +308,15 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
     return RESULT_OK;
 }
 
+bool trace_is_written(const char *path) {
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return false;
+    bool written = !lock(fd);
+    close(fd);
+    return written;
+}
+
 static enum result cut_back(int fd, const char *path, uint64_t offset, struct error *err) {
     if (!lock(fd))
         return fail(err, RESULT_REFUSED, "%s: it is still being written", path);

@@ -1,0 +1,121 @@
+#!/usr/bin/env python3
+"""The server is killed and started again: its sessions go on where they were, in their traces."""
+
+import os
+import signal
+import time
+import unittest
+
+from arthron import House, call, call_json, wait_until
+from resection import BITES
+
+STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
+         "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
+
+
+class Resume(House):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        script = os.path.join(cls.shared.name, "bites.ini")
+        with open(script, "w") as f:
+            f.write(BITES)
+        call("arthron-case", "motion", script, "--case", os.path.join(cls.cases, "healthy"), "--out", cls.motion)
+
+    def setUp(self):
+        super().setUp()
+        self.start_mockup()
+        self.server = self.start_server()
+        self.enrol("room-1")
+
+    def resection(self):
+        return self.steer("show", "room-1")["resections"][0]
+
+    def cuts(self):
+        return self.steer("show", "room-1", code=None)["resections"][0]["cuts"]
+
+    def kill(self):
+        self.server.end(signal.SIGKILL)
+
+    def restart(self):
+        self.server = self.start_server()
+
+    def verify(self, trace, code=0):
+        return call_json("arthron-trace", "verify", trace, "--authority", os.path.join(self.keys, "authority.pem"),
+                         code=code)
+
+    def test_a_killed_server_goes_on_with_what_was_cut(self):
+        station = self.start_station()
+        wait_until("two cuts", lambda: self.cuts() >= 2, 60)
+        self.steer("pause", "room-1")
+        before, session = self.resection(), self.session()
+        time.sleep(0.1)  # five times what a kill may cost
+        self.kill()
+        self.assertEqual(self.verify(session["trace"], code=1)["signature"], "none")
+        self.restart()
+        after, again = self.resection(), self.session()
+        self.assertEqual({key: after[key] for key in STATE}, {key: before[key] for key in STATE})
+        self.assertEqual((again["id"], again["trace"], again["state"]), (session["id"], session["trace"], "paused"))
+        wait_until("the station", lambda: self.session()["connected"], 30)
+        self.steer("start", "room-1")
+        self.wait_for_steps()
+        wait_until("another cut", lambda: self.cuts() > before["cuts"], 60)
+        self.steer("pause", "room-1")
+        there = self.resection()
+        station.end()
+        here = next(m for m in self.summary(station)["meshes"] if m["group"] == there["group"])
+        self.assertEqual((here["number"], here["hash"]), (there["mesh_number"], there["mesh_hash"]))
+        self.server.end()
+        self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+        self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 1)
+        self.assertEqual(self.verify(session["trace"])["signature"], "good")
+
+    def test_killed_amid_cuts_again_and_again_it_goes_on(self):
+        self.start_station()
+        wait_until("a cut", lambda: self.steer("show", "room-1", code=None)["resections"] and self.cuts() >= 1, 60)
+        session = self.session()
+        for times in range(1, 4):
+            self.kill()
+            self.restart()
+            self.assertEqual(self.session()["id"], session["id"])
+            self.wait_for_steps(100)
+        self.server.end()
+        self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+        self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 3)
+        self.assertEqual(len(os.listdir(self.traces)), 1)
+
+    def test_a_session_that_was_closed_or_is_of_long_ago_stays_as_it_is(self):
+        self.start_station()
+        self.wait_for_steps()
+        first = self.session()
+        self.server.end()
+        size = os.path.getsize(first["trace"])
+        self.restart()
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        second = self.session()
+        self.assertNotEqual(second["id"], first["id"])
+        self.assertEqual(os.path.getsize(first["trace"]), size)
+        self.kill()
+        os.utime(second["trace"], (time.time() - 3600, time.time() - 3600))
+        self.restart()
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        self.assertNotIn(self.session()["id"], (first["id"], second["id"]))
+
+    def test_a_trace_that_comes_out_otherwise_is_left_as_it_is(self):
+        self.start_station()
+        self.wait_for_steps()
+        session = self.session()
+        self.kill()
+        with open(session["trace"], "r+b") as f:
+            f.seek(os.path.getsize(session["trace"]) // 2)
+            byte = f.read(1)[0]
+            f.seek(-1, os.SEEK_CUR)
+            f.write(bytes([byte ^ 1]))
+        self.restart()
+        self.server.wait_for_log("cannot go on")
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        self.assertNotEqual(self.session()["id"], session["id"])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

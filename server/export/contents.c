@@ -40,6 +40,7 @@ enum result contents_read(const struct export_request *request, struct contents 
         for (int i = 0; i < INSTRUMENT_COUNT; i++)
             contents->present[i] |= record.output.instruments[i].present;
     }
+    memcpy(contents->hash, trace_reader_place(reader).hash, sizeof contents->hash);
     trace_reader_destroy(&reader);
     return RESULT_OK;
 }

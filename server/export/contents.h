@@ -8,7 +8,8 @@ struct contents {
     struct trace_header header;
     uint64_t steps, jobs, landed; // steps, and those with a job and with one that landed
     bool present[INSTRUMENT_COUNT];
-    enum result end; // RESULT_CLOSED: the record is whole
+    uint8_t hash[TRACE_HASH_SIZE]; // of the last whole record and, through it, of all before
+    enum result end;               // RESULT_CLOSED: the record is whole
     struct error why;
 };
 

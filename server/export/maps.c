@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "export/atlas.h"
+#include "trace/rerun.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -18,13 +19,18 @@ struct landing {
 
 struct maps {
     const struct scene *scene;
+    double *start[TISSUES_MAX]; // blends of each tissue's vertices; NULL: it never gives way
     int count;
     struct landing *landings;
 };
 
+static const struct case_group *group_of(const struct maps *maps, int tissue) {
+    return &scene_case(maps->scene)->groups[scene_tissue_group(maps->scene, tissue)];
+}
+
 // ---- which there are ----------------------------------------------------------------------------
 
-// One map from all jobs that are run: that of the last one that was asked for waits here.
+// Jobs are run as they are asked for; the last one's result waits here until it lands.
 struct gathering {
     struct maps *maps;
     struct operation *operation;
@@ -61,18 +67,61 @@ static void take_step(struct gathering *g, const struct session_output *output, 
     g->kind = output->job.kind;
 }
 
+// The record's own sums say nothing of whether a job can be run.
+static bool can_run(const struct scene *scene, const struct job *job) {
+    if (job->tissue >= scene_tissue_count(scene))
+        return false;
+    for (int i = 0; i < 2 && job->kind == JOB_CUT; i++) {
+        double opening = job->move.opening[i];
+        if (!pose_is_valid(job->move.T_mesh_tip[i]) || !(opening >= 0 && opening <= 1))
+            return false;
+    }
+    return true;
+}
+
 static enum result gather(struct gathering *g, struct walk *walk, double from_s,
                           struct error *err) {
     struct trace_record record;
     double seconds;
     while (walk_next(walk, &record, &seconds)) {
         const struct job *job = &record.output.job;
-        if (job->id && job->tissue >= scene_tissue_count(g->maps->scene))
-            return fail(err, RESULT_FORMAT, "step %llu cuts tissue %d, which the case has not",
-                        (unsigned long long)record.output.step, job->tissue);
+        if (job->id && !can_run(g->maps->scene, job))
+            return fail(err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
+                        (unsigned long long)record.output.step);
         take_step(g, &record.output, seconds, seconds >= from_s);
     }
     return RESULT_OK;
+}
+
+// A piece of a record begins with inputs alone: what they led to must be found again.
+static enum result run_past(struct gathering *g, const char *path, struct error *err) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    struct session_output output;
+    struct session *session;
+    enum result result = trace_reader_create(path, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    struct rerun *rerun = rerun_create(g->maps->scene, &trace_reader_header(reader)->settings);
+    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type == TRACE_PAST) {
+        rerun_step(rerun, &record, &output);
+        g->kind = output.job.id ? output.job.kind : g->kind;
+    }
+    rerun_release(&rerun, &session, &g->operation, &g->pending);
+    session_destroy(&session);
+    trace_reader_destroy(&reader);
+    return RESULT_OK;
+}
+
+static void take_start(const struct gathering *g) {
+    for (int i = 0; i < scene_tissue_count(g->maps->scene); i++) {
+        const struct match *match = operation_match(g->operation, i);
+        uint32_t count = group_of(g->maps, i)->mesh.vertex_count;
+        if (!match)
+            continue;
+        g->maps->start[i] = alloc(count, sizeof(double));
+        memcpy(g->maps->start[i], match_blends(match), count * sizeof(double));
+    }
 }
 
 static enum result gather_all(struct maps *maps, struct walk *walk, double from_s,
@@ -82,8 +131,12 @@ static enum result gather_all(struct maps *maps, struct walk *walk, double from_
     if (knee->hash != recorded_with)
         return fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
                     walk->request->trace, knee->name);
-    struct gathering g = {.maps = maps, .operation = operation_create(maps->scene)};
-    enum result result = gather(&g, walk, from_s, err);
+    struct gathering g = {.maps = maps};
+    enum result result = run_past(&g, walk->request->trace, err);
+    if (result != RESULT_OK)
+        return result;
+    take_start(&g);
+    result = gather(&g, walk, from_s, err);
     operation_destroy(&g.operation);
     job_result_destroy(&g.pending);
     return result;
@@ -115,16 +168,14 @@ void maps_destroy(struct maps **handle) {
         return;
     for (int i = 0; i < maps->count; i++)
         job_result_destroy(&maps->landings[i].result);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        free(maps->start[i]);
     free(maps->landings);
     free(maps);
     *handle = NULL;
 }
 
 // ---- what they show -----------------------------------------------------------------------------
-
-static const struct case_group *group_of(const struct maps *maps, int tissue) {
-    return &scene_case(maps->scene)->groups[scene_tissue_group(maps->scene, tissue)];
-}
 
 // A picture of a group: what it shows of each vertex.
 struct view {
@@ -270,40 +321,38 @@ void maps_declare(const struct maps *maps, struct image_writer *writer) {
             declare_cut(maps, &maps->landings[i], writer);
 }
 
-// Of all tissues, as they were after a landing.
-struct blends {
-    double *of[TISSUES_MAX];
-};
-
-static void apply(const struct job_result *result, struct blends *blends) {
+static void apply(const struct job_result *result, double *blends) {
     for (uint32_t i = 0; i < result->blend_count; i++)
-        blends->of[result->tissue][result->vertices[i]] = result->blends[i];
+        blends[result->vertices[i]] = result->blends[i];
 }
 
-static void write_cuts(const struct maps *maps, struct blends *blends,
+static void write_cuts(const struct maps *maps, double *const blends[TISSUES_MAX],
                        struct image_writer *writer) {
     for (int i = 0; i < maps->count; i++) {
         const struct job_result *result = maps->landings[i].result;
         struct view view = cut_view;
         view.group = group_of(maps, result->tissue);
-        view.blends = blends->of[result->tissue];
-        apply(result, blends);
+        view.blends = blends[result->tissue];
+        apply(result, blends[result->tissue]);
         if (maps->landings[i].wanted)
             write_view(&view, writer);
     }
 }
 
 void maps_write(const struct maps *maps, struct image_writer *writer) {
-    struct blends blends = {0};
+    double *blends[TISSUES_MAX] = {0};
     int count = scene_tissue_count(maps->scene);
     for (int tissue = 0; tissue < count; tissue++) {
         struct view view = surface_view;
         view.group = group_of(maps, tissue);
-        blends.of[tissue] = alloc(view.group->mesh.vertex_count, sizeof(double));
+        size_t vertices = view.group->mesh.vertex_count;
+        blends[tissue] = alloc(vertices, sizeof(double));
+        if (maps->start[tissue])
+            memcpy(blends[tissue], maps->start[tissue], vertices * sizeof(double));
         if (tissue_has_maps(maps, tissue))
             write_view(&view, writer);
     }
-    write_cuts(maps, &blends, writer);
+    write_cuts(maps, blends, writer);
     for (int tissue = 0; tissue < count; tissue++)
-        free(blends.of[tissue]);
+        free(blends[tissue]);
 }

@@ -26,6 +26,24 @@ int hub_find_station(const struct hub_config *config, const char *name) {
     return -1;
 }
 
+static void take_grade(struct hub *hub, int index, const struct case_grade *grade) {
+    const char *name = hub->config.cases[index].name;
+    const char *field = field_name(hub->config.settings.field.kind);
+    if (strcmp(grade->field, field) != 0)
+        log_warning("hub", "case %s was checked with the field %s and is served with %s", name,
+                    grade->field, field);
+    if (grade->grade != GRADE_UNFIT) {
+        log_info("hub", "case %s is %s%s", name, grade_name(grade->grade),
+                 grade->quick ? ", by a quick check" : "");
+        return;
+    }
+    log_warning("hub", "case %s is unfit, %s: %s", name,
+                hub->config.serve_unfit ? "and served all the same" : "no session is on it",
+                grade->reason);
+    if (!hub->config.serve_unfit)
+        fail(&hub->unfit[index], RESULT_REFUSED, "case %s is unfit: %s", name, grade->reason);
+}
+
 // What a check found of the case, if it is of these files.
 static void judge(struct hub *hub, int index) {
     const struct hub_case *entry = &hub->config.cases[index];
@@ -41,17 +59,8 @@ static void judge(struct hub *hub, int index) {
     else if (grade.hash != scene_case(hub->scenes[index])->hash)
         log_warning("hub", "case %s has changed since it was checked: run arthron-case check %s",
                     entry->name, entry->dir);
-    else if (grade.grade != GRADE_UNFIT)
-        log_info("hub", "case %s is %s%s", entry->name, grade_name(grade.grade),
-                 grade.quick ? ", by a quick check" : "");
-    else {
-        log_warning("hub", "case %s is unfit, %s: %s", entry->name,
-                    hub->config.serve_unfit ? "and served all the same" : "no session is on it",
-                    grade.reason);
-        if (!hub->config.serve_unfit)
-            fail(&hub->unfit[index], RESULT_REFUSED, "case %s is unfit: %s", entry->name,
-                 grade.reason);
-    }
+    else
+        take_grade(hub, index, &grade);
 }
 
 static enum result load_scenes(struct hub *hub, struct error *err) {

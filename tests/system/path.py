@@ -193,7 +193,10 @@ class Strangers(House):
         self.assertIn("case bad is unfit", self.steer("case", "room-1", "bad", code=1)["text"])
         self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
         server.end()
-        self.start_server(stations.format("bad"), "unfit = serve")
+        server = self.start_server("[warp]\nfield = smooth\n" + stations.format("bad"), "unfit = serve")
+        self.assertIn("case bad was checked with the field inverse-distance and is served with smooth",
+                      server.log())
+        self.assertIn("case bad is unfit, and served all the same", server.log())
         self.start_station()
         wait_until("connected", lambda: self.session()["connected"])
         self.assertEqual(self.session()["case"], "bad")

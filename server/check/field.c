@@ -206,10 +206,11 @@ static struct node look(struct slab *slab, vec3 y, bool counts) {
         return (struct node){0};
     }
     struct node node = {true, warp.displacement, mat3_norm(warp.gradient)};
-    if (counts && vec3_length(warp.displacement) == 0)
-        slab->figures->still++;
-    else if (counts)
+    bool matters = vec3_length(warp.displacement) > MATTERS || node.norm > MATTERS;
+    if (counts && matters)
         take(slab, y, &warp, node.norm);
+    else if (counts)
+        slab->figures->still++;
     return node;
 }
 
@@ -384,10 +385,10 @@ double field_gain_within(const struct field_figures *figures, double share) {
     double wanted = ceil(share * (double)figures->looked), seen = 0;
     for (int i = 0; i < GAIN_BINS && figures->looked; i++) {
         seen += (double)figures->gains[i];
-        if (seen >= wanted)
+        if (seen >= wanted && i < GAIN_BINS - 1)
             return fmin((i + 1) * GAIN_BIN, figures->gain.value);
     }
-    return 0;
+    return figures->looked ? figures->gain.value : 0;
 }
 
 // ---- touch --------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@
 #define SECOND_GROUP_MM 0.5
 #define JUMP_WAY_MM 0.01
 #define JUMP_MM 0.05
+#define MATTERS 0.01 // mm of W, or mm for each mm
 #define GAIN_BINS 20000
 #define GAIN_BIN 1e-3
 

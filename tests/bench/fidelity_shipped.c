@@ -79,34 +79,28 @@ static bool is_folded(mat3 gradient) {
     return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, gradient)) <= 0;
 }
 
-static void find_nearest(const struct warp_contact *contacts, int count,
-                         const struct warp_contact *out[2]) {
-    out[0] = out[1] = NULL;
-    for (int i = 0; i < count; i++) {
-        const struct warp_contact *c = &contacts[i];
-        if (!out[0] || c->distance < out[0]->distance) {
-            out[1] = out[0];
-            out[0] = c;
-        } else if (!out[1] || c->distance < out[1]->distance) {
-            out[1] = c;
-        }
-    }
+// -1: none.
+static int nearest_but(const struct warp_contact *contacts, int count, int but) {
+    int nearest = -1;
+    for (int i = 0; i < count; i++)
+        if (i != but && (nearest < 0 || contacts[i].distance < contacts[nearest].distance))
+            nearest = i;
+    return nearest;
 }
 
 // As the check of a case tells them apart.
 static void add_fold(struct shipped *s, const struct warp_contact *contacts, int count, vec3 y) {
-    const struct warp_contact *nearest[2];
+    int first = nearest_but(contacts, count, -1), second = nearest_but(contacts, count, first);
     double gap, left;
-    find_nearest(contacts, count, nearest);
     s->folds++;
-    if (!nearest[1]) {
+    if (second < 0) {
         s->fading++;
         return;
     }
-    uint32_t both = 1u << nearest[0]->surface | 1u << nearest[1]->surface;
-    if (both & s->hollow)
+    const struct warp_contact *a = &contacts[first], *b = &contacts[second];
+    if ((1u << a->surface | 1u << b->surface) & s->hollow)
         s->beside_skin++;
-    else if (field_gap(nearest[0], nearest[1], y, &gap, &left))
+    else if (field_gap(a, b, y, &gap, &left))
         s->filled += left <= (1 - FILLED_SHARE) * gap;
 }
 

@@ -4,24 +4,22 @@
 #include <getopt.h>
 #include <stdio.h>
 
-static const char backup_help[] = "Usage: arthron-server backup --file FILE --out BACKUP\n"
-                                  "\n"
-                                  "Copies the records as they are at one moment into a new file, "
-                                  "and checks it. The server may run\n"
-                                  "meanwhile.\n"
-                                  "\n"
-                                  "  -f, --file FILE    the records, as in the server's config\n"
-                                  "  -o, --out BACKUP   a file that is not there yet\n"
-                                  "      --help         show this\n";
+static const char backup_help[] =
+    "Usage: arthron-server backup --file FILE --out BACKUP\n"
+    "\n"
+    "Copies the records as they are at one moment into a new file, and checks it. The server may\n"
+    "run meanwhile.\n"
+    "\n"
+    "  -f, --file FILE    the records, as in the server's config\n"
+    "  -o, --out BACKUP   a file that is not there yet\n"
+    "      --help         show this\n";
 
 static const char restore_help[] =
     "Usage: arthron-server restore BACKUP --file FILE\n"
     "\n"
     "Puts a backup in the place of the records, once it is found whole and of a version that this\n"
-    "program knows. What was there is kept beside it. The server may run meanwhile: its sessions "
-    "go\n"
-    "on, and it writes those that have ended since the backup into it when it starts the next "
-    "time.\n"
+    "program knows. What was there is kept beside it. The server may run meanwhile: its sessions\n"
+    "go on, and it brings back those that began or ended since the backup from their traces.\n"
     "\n"
     "  -f, --file FILE  the records, as in the server's config\n"
     "      --help       show this\n";

@@ -15,7 +15,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#define RETRY_NS NS_PER_S
+#define LIVE_MAX 256
 #define ACTOR "server"
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still read when the server ends
 
@@ -33,22 +33,55 @@ struct recorder {
     pthread_mutex_t mutex; // of all below
     pthread_cond_t wake;
     struct waiting *first, **end;
+    struct store_session live[LIVE_MAX]; // sessions that go on; without a trace: a free place
     bool stop;
     // The thread's own.
     bool took_over, failing;
+    ino_t file; // that was written last; 0: none
 };
 
 // ---- what waits ---------------------------------------------------------------------------------
 
+// The place of a session that goes on, by its trace, or a free one for ""; NULL where there is
+// none.
+static struct store_session *find_live(struct recorder *r, const char *trace) {
+    for (int i = 0; i < LIVE_MAX; i++)
+        if (!strcmp(r->live[i].trace, trace))
+            return &r->live[i];
+    return NULL;
+}
+
+static void note_live(struct recorder *r, const struct store_session *session) {
+    struct store_session *place = find_live(r, session->trace);
+    if (session->state != STATE_OPEN && place)
+        place->trace[0] = '\0';
+    if (session->state == STATE_OPEN && !place && (place = find_live(r, "")))
+        *place = *session;
+}
+
+// With the mutex.
+static void append(struct recorder *r, const struct store_session *session) {
+    struct waiting *waiting = alloc(1, sizeof *waiting);
+    waiting->session = *session;
+    *r->end = waiting;
+    r->end = &waiting->next;
+}
+
 void recorder_put(struct recorder *r, const struct store_session *session) {
     if (!r)
         return;
-    struct waiting *waiting = alloc(1, sizeof *waiting);
-    waiting->session = *session;
     pthread_mutex_lock(&r->mutex);
-    *r->end = waiting;
-    r->end = &waiting->next;
+    note_live(r, session);
+    append(r, session);
     pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+static void put_live_again(struct recorder *r) {
+    pthread_mutex_lock(&r->mutex);
+    for (int i = 0; i < LIVE_MAX; i++)
+        if (r->live[i].trace[0])
+            append(r, &r->live[i]);
     pthread_mutex_unlock(&r->mutex);
 }
 
@@ -89,6 +122,17 @@ static void tell_success(struct recorder *r) {
     if (r->failing)
         log_warning("records", "%s: takes sessions again", r->records);
     r->failing = false;
+}
+
+// A backup was put back, or the file was moved away: what it lacks is in the traces.
+static void notice_exchange(struct recorder *r) {
+    struct stat status;
+    ino_t file = stat(r->records, &status) == 0 ? status.st_ino : 0;
+    if (r->file && file != r->file) {
+        log_warning("records", "%s: it is another file than before", r->records);
+        r->took_over = false;
+    }
+    r->file = file;
 }
 
 static enum result write_row(struct recorder *r, const struct session_score *score,
@@ -194,21 +238,20 @@ static enum result collect(struct recorder *r, struct store *store, DIR *dir, st
 // The records are open only while they are asked, not while traces are read.
 static enum result find_unrecorded(struct recorder *r, struct paths *paths, struct error *err) {
     struct store *store;
+    DIR *dir = opendir(r->traces_dir);
+    if (!dir)
+        return fail(err, RESULT_IO, "%s: %s", r->traces_dir, strerror(errno));
     enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
     if (result == RESULT_OK)
-        result = store_interrupt_open(store, r->start_utc_ns, err);
-    DIR *dir = result == RESULT_OK ? opendir(r->traces_dir) : NULL;
-    if (result == RESULT_OK && !dir)
-        result = fail(err, RESULT_IO, "%s: %s", r->traces_dir, strerror(errno));
-    if (dir) {
+        result = store_interrupt_open(store, r->start_utc_ns, err); // their server has ended
+    if (result == RESULT_OK)
         result = collect(r, store, dir, paths, err);
-        closedir(dir);
-    }
     store_close(&store);
+    closedir(dir);
     return result;
 }
 
-// Its header alone is read here, the rest when it is written. Those of this server go another way.
+// Its header alone is read here, the rest when it is written.
 static bool take_over_trace(struct recorder *r, const char *path) {
     struct trace_reader *reader;
     struct store_session session;
@@ -221,8 +264,6 @@ static bool take_over_trace(struct recorder *r, const char *path) {
     }
     session_row_begin(trace_reader_header(reader), path, &session);
     trace_reader_destroy(&reader);
-    if (session.start_utc_ns >= r->start_utc_ns)
-        return false;
     session.state = STATE_INTERRUPTED; // until its end is found
     session.end_utc_ns = session.start_utc_ns;
     recorder_put(r, &session);
@@ -236,9 +277,11 @@ static bool take_over(struct recorder *r) {
     size_t taken = 0;
     for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
         taken += take_over_trace(r, paths.at[i]);
-    if (result != RESULT_OK)
+    if (result == RESULT_OK)
+        put_live_again(r);
+    else
         tell_failure(r, &err);
-    else if (taken)
+    if (taken)
         log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
     free(paths.at);
     return result == RESULT_OK;
@@ -246,16 +289,24 @@ static bool take_over(struct recorder *r) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
+// For a second at most: then there is something to try again, or to notice.
 static void wait_for_work(struct recorder *r, bool again) {
-    int64_t when_ns = clock_now_ns() + RETRY_NS;
+    int64_t when_ns = clock_now_ns() + NS_PER_S;
     struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
+    int code = 0;
     pthread_mutex_lock(&r->mutex);
-    if (again)
-        while (!r->stop && pthread_cond_timedwait(&r->wake, &r->mutex, &when) != ETIMEDOUT)
-            ;
-    while (!again && !r->stop && !r->first)
-        pthread_cond_wait(&r->wake, &r->mutex);
+    while (!r->stop && (again || !r->first) && code != ETIMEDOUT)
+        code = pthread_cond_timedwait(&r->wake, &r->mutex, &when);
     pthread_mutex_unlock(&r->mutex);
+}
+
+static void tell_what_is_left(struct recorder *r) {
+    size_t left = 0;
+    for (struct waiting *w = first_waiting(r); w; w = w->next)
+        left++;
+    log_error("records",
+              "%s: %zu entries are not written: they are taken from the traces at the next start",
+              r->records, left);
 }
 
 static void *run(void *argument) {
@@ -263,20 +314,14 @@ static void *run(void *argument) {
     struct sched_param none = {0};
     sched_setscheduler(0, SCHED_IDLE, &none);
     while (!should_stop(r)) {
+        notice_exchange(r);
         bool wrote = write_all(r);
         if (!r->took_over)
             r->took_over = wrote && take_over(r);
         wait_for_work(r, !wrote || !r->took_over);
     }
-    size_t left = 0;
     if (!write_all(r))
-        for (struct waiting *w = first_waiting(r); w; w = w->next)
-            left++;
-    if (left)
-        log_error("records",
-                  "%s: %zu entries are not written: they are taken from the traces at the next "
-                  "start",
-                  r->records, left);
+        tell_what_is_left(r);
     return NULL;
 }
 

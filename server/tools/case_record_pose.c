@@ -9,6 +9,7 @@
 #include <time.h>
 
 #define READINGS 20
+#define READINGS_TRIED 40 // one that is held or lost is not counted
 #define READING_MS 50
 #define STILL_DEG 0.5
 #define STILL_MM 0.5
@@ -62,9 +63,6 @@ static enum result read_once(const struct request *request, arthron_JointReading
         return fail(err, RESULT_REFUSED, "%s", reply.text);
     if (!reply.has_joint)
         return fail(err, RESULT_MISSING, "station %s has no session", request->station);
-    if (reply.joint.validity != arthron_Validity_OK)
-        return fail(err, RESULT_REFUSED, "station %s: the joint is %s", request->station,
-                    validity_name((enum validity)reply.joint.validity));
     *out = reply.joint;
     return RESULT_OK;
 }
@@ -117,19 +115,27 @@ static enum result present_pose(const struct knee_case *knee, const struct reque
                                 pose *out_pose, struct error *err) {
     static const struct timespec pause = {0, READING_MS * 1000000L};
     pose poses[READINGS];
-    arthron_JointReading first = {0}, now = {0};
-    for (int i = 0; i < READINGS; i++) {
+    arthron_JointReading now = {0};
+    uint64_t first_step = 0;
+    int count = 0;
+    for (int tried = 0; tried < READINGS_TRIED && count < READINGS; tried++) {
         enum result result = read_once(request, &now, err);
         if (result == RESULT_OK)
             result = check_frames(knee, &now, err);
         if (result != RESULT_OK)
             return result;
-        if (i == 0)
-            first = now;
-        poses[i] = wire_pose_to(&now.pose);
+        if (tried == 0)
+            first_step = now.step;
+        if (now.validity == arthron_Validity_OK)
+            poses[count++] = wire_pose_to(&now.pose);
         nanosleep(&pause, NULL);
     }
-    if (now.step == first.step)
+    if (count < READINGS)
+        return fail(err, RESULT_REFUSED, "station %s: the joint is %s", request->station,
+                    now.validity == arthron_Validity_OK
+                        ? "lost now and then"
+                        : validity_name((enum validity)now.validity));
+    if (now.step == first_step)
         return fail(err, RESULT_REFUSED, "station %s: its session makes no steps",
                     request->station);
     *out_pose = mean_of(poses, READINGS);

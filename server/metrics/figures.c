@@ -3,7 +3,7 @@
 // Above these the tests and the bench `metrics` see a change of under a tenth.
 #define PATH_LEAST_MM 10.0
 #define ECONOMY_LEAST_MM 50.0
-#define LDLJ_LEAST_MM_S 4.0
+#define LDLJ_LEAST_OVER_NOISE 2.3 // noise makes it 9 % more
 #define MOTION_LEAST_HZ 20.0
 #define PRESENT_LEAST_HZ 10.0
 #define COVERED_LEAST 0.9
@@ -17,7 +17,7 @@ static const char present_floor[] = "10 samples/s";
 static const char path_floor[] = "10 mm; 20 samples/s over 90 % of the time present";
 static const char economy_floor[] = "a path of 50 mm; 20 samples/s over 90 % of the time present";
 static const char ldlj_floor[] =
-    "a mean speed of 4 mm/s; 20 samples/s over 90 % of the time present";
+    "600 mm/s3 of jerk at 100 samples/s, more at fewer; 20 samples/s over 90 % of the time present";
 
 const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_TIME] = {"time", "s", 1, true, no_floor},
@@ -80,18 +80,19 @@ static double share_of(int64_t part_ns, int64_t all_ns) {
 
 // ---- one instrument -----------------------------------------------------------------------------
 
-static double followed_s(const struct instrument_metrics *one) {
-    return (double)one->hand.jerks / SMOOTH_RATE_HZ;
-}
-
 static bool is_followed(const struct instrument_metrics *one) {
     double present_s = seconds(one->present_ns);
-    return followed_s(one) >= COVERED_LEAST * present_s &&
+    return (double)one->hand.jerks >= COVERED_LEAST * present_s * SMOOTH_RATE_HZ &&
            (double)one->samples >= MOTION_LEAST_HZ * present_s;
 }
 
 static bool is_well_present(const struct instrument_metrics *one) {
     return (double)one->samples >= PRESENT_LEAST_HZ * seconds(one->present_ns);
+}
+
+static bool is_over_noise(const struct instrument_metrics *one, const struct travel *travel) {
+    double rate_hz = (double)one->samples / seconds(one->present_ns);
+    return travel_jerk(travel) >= LDLJ_LEAST_OVER_NOISE * travel_noise_jerk(rate_hz);
 }
 
 static void tell_travel(struct telling *t, const struct instrument_metrics *one, bool seen) {
@@ -101,8 +102,7 @@ static void tell_travel(struct telling *t, const struct instrument_metrics *one,
     tell(t, METRIC_PATH_HAND + seen, path, followed && path >= PATH_LEAST_MM);
     tell(t, METRIC_ECONOMY_HAND + seen, travel_economy(travel),
          followed && path >= ECONOMY_LEAST_MM);
-    tell(t, METRIC_LDLJ_HAND + seen, travel_ldlj(travel),
-         followed && path >= LDLJ_LEAST_MM_S * followed_s(one));
+    tell(t, METRIC_LDLJ_HAND + seen, travel_ldlj(travel), followed && is_over_noise(one, travel));
 }
 
 static void tell_touch(struct telling *t, const struct touch *touch) {

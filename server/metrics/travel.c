@@ -91,3 +91,11 @@ double travel_ldlj(const struct travel *t) {
     double speed = t->largest_speed;
     return jerk > 0 && speed > 0 ? -log(seconds * seconds * seconds / (speed * speed) * jerk) : NAN;
 }
+
+double travel_jerk(const struct travel *t) {
+    return t->jerks ? sqrt(t->jerk_squared / (double)t->jerks) : 0;
+}
+
+double travel_noise_jerk(double rate_hz) {
+    return 258 * sqrt(100 / rate_hz);
+}

@@ -30,6 +30,7 @@ struct request {
 };
 
 struct score {
+    const struct trace_header *header;
     struct metrics metrics;
     const struct knee_case *knee; // NULL: groups have no names,
     struct error unnamed;         // and why
@@ -107,12 +108,15 @@ static void add_figure(void *context, const struct metric_value *v) {
 
 static void print_json(const struct score *s, const struct request *request) {
     struct listing listing = {s, json_array()};
+    char id[33];
+    for (size_t i = 0; i < sizeof s->header->session_id; i++)
+        snprintf(id + 2 * i, 3, "%02x", s->header->session_id[i]);
     metrics_each(&s->metrics, add_figure, &listing);
-    json_t *root =
-        json_pack("{s:b, s:I, s:s, s:{s:f, s:f}, s:o}", "whole", s->end == RESULT_CLOSED, "missing",
-                  (json_int_t)s->missing, "end", s->end == RESULT_CLOSED ? "" : s->why.text,
-                  "optic", "tilt_deg", request->optic.tilt_deg, "field_deg",
-                  request->optic.field_deg, "metrics", listing.all);
+    json_t *root = json_pack("{s:s, s:b, s:I, s:s, s:{s:f, s:f}, s:o}", "session", id, "whole",
+                             s->end == RESULT_CLOSED, "missing", (json_int_t)s->missing, "end",
+                             s->end == RESULT_CLOSED ? "" : s->why.text, "optic", "tilt_deg",
+                             request->optic.tilt_deg, "field_deg", request->optic.field_deg,
+                             "metrics", listing.all);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(17));
     putchar('\n');
     json_decref(root);
@@ -124,6 +128,8 @@ static void print_figure(void *context, const struct metric_value *v) {
     const struct score *s = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
     char about[SUBJECT_MAX], value[48] = "-";
+    if (v->depth >= 0 && v->value == 0)
+        return; // nearly all are
     subject_text(s->knee, v, about);
     if (isfinite(v->value))
         snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
@@ -154,7 +160,7 @@ static int score(const struct request *request) {
         trace_reader_destroy(&reader);
         return failed("score", &err);
     }
-    struct score s = {.knee = knee, .unnamed = err};
+    struct score s = {.header = trace_reader_header(reader), .knee = knee, .unnamed = err};
     metrics_init(&s.metrics, request->optic);
     read_steps(reader, &s);
     if (request->json)

@@ -97,6 +97,7 @@ static void a_trace_scores_as_its_session_did(void **state) {
     assert_int_equal(score("--json"), 0);
     json_t *root = output_object();
     assert_true(json_is_true(json_object_get(root, "whole")));
+    assert_int_equal(strlen(text_of(root, "session")), 32);
     struct comparison c = {.figures = json_object_get(root, "metrics")};
     metrics_each(&live, compare, &c);
     assert_int_equal(c.at, json_array_size(c.figures));

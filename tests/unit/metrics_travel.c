@@ -332,6 +332,20 @@ static void smoothness_stands_the_noise_of_a_tracker(void **state) {
     assert_near(with_noise(500), clean, 0.1);
 }
 
+static void noise_leaves_the_jerk_that_is_stated(void **state) {
+    (void)state;
+    const double rates[] = {50, 100, 200, 1000};
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        struct random r = {31};
+        struct meter m = fresh();
+        for (int k = 0; k < (int)(300 * rates[i]); k++) {
+            vec3 noise = {random_normal(&r), random_normal(&r), random_normal(&r)};
+            feed(&m, k / rates[i], vec3_scale(0.1, noise));
+        }
+        assert_near(travel_jerk(&m.travel) / travel_noise_jerk(rates[i]), 1, 0.06);
+    }
+}
+
 static void what_never_moved_has_no_smoothness(void **state) {
     (void)state;
     struct meter m = fresh();
@@ -389,6 +403,7 @@ int main(void) {
         cmocka_unit_test(smoothness_has_no_unit),
         cmocka_unit_test(jerk_is_that_of_the_filtered_motion_at_any_rate),
         cmocka_unit_test(smoothness_stands_the_noise_of_a_tracker),
+        cmocka_unit_test(noise_leaves_the_jerk_that_is_stated),
         cmocka_unit_test(what_never_moved_has_no_smoothness),
         cmocka_unit_test(hands_count_as_a_table_would),
     };

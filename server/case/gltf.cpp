@@ -1,31 +1,14 @@
-#include "case/gltf.h"
+#include "case/gltf_parts.hpp"
 
-#include <cstdlib>
 #include <cstring>
-#include <limits>
 #include <set>
-#include <sstream>
 #include <tiny_gltf.h>
 
 namespace {
 
-constexpr double mm_per_m = 1000;
-constexpr const char *other_share_name = "_OTHER_SHARE";
-
-struct refusal {
-    enum result code;
-    std::string text;
-};
-
 float to_mm(float metres) {
-    return (float)((double)metres * mm_per_m);
+    return (float)((double)metres * gltf_mm_per_m);
 }
-
-float to_metres(float mm) {
-    return (float)((double)mm / mm_per_m);
-}
-
-// ---- reading ------------------------------------------------------------------------------------
 
 struct elements {
     const unsigned char *first;
@@ -35,12 +18,12 @@ struct elements {
 const tinygltf::Accessor &find_accessor(const tinygltf::Model &model, int index,
                                         const std::string &what) {
     if (index < 0 || (size_t)index >= model.accessors.size())
-        throw refusal{RESULT_FORMAT, what + ": there is no such accessor"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": there is no such accessor"};
     const tinygltf::Accessor &accessor = model.accessors[index];
     if (accessor.sparse.isSparse)
-        throw refusal{RESULT_REFUSED, what + ": sparse accessors are not read here"};
+        throw gltf_refusal{RESULT_REFUSED, what + ": sparse accessors are not read here"};
     if (accessor.normalized)
-        throw refusal{RESULT_REFUSED, what + ": normalised values are not read here"};
+        throw gltf_refusal{RESULT_REFUSED, what + ": normalised values are not read here"};
     return accessor;
 }
 
@@ -57,38 +40,39 @@ size_t element_size(const tinygltf::Accessor &accessor) {
 void check_view(const tinygltf::Model &model, const tinygltf::BufferView &view,
                 const std::string &what) {
     if (view.buffer != 0 || model.buffers.size() != 1)
-        throw refusal{RESULT_FORMAT, what + ": its view is in a buffer that is not there"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view is in a buffer that is not there"};
     const std::vector<unsigned char> &data = model.buffers[0].data;
     if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset)
-        throw refusal{RESULT_FORMAT, what + ": its view ends after the buffer"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view ends after the buffer"};
     if (view.byteLength < 1)
-        throw refusal{RESULT_FORMAT, what + ": its view has no bytes"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view has no bytes"};
     if (view.byteStride > 252 || view.byteStride > view.byteLength)
-        throw refusal{RESULT_FORMAT,
-                      what + ": stride of " + std::to_string(view.byteStride) + " bytes"};
+        throw gltf_refusal{RESULT_FORMAT,
+                           what + ": stride of " + std::to_string(view.byteStride) + " bytes"};
     if (view.byteStride && view.target == TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER)
-        throw refusal{RESULT_FORMAT, what + ": its view is for indices but has a stride"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view is for indices but has a stride"};
 }
 
 // Every element of the accessor lies within its view, the view within the buffer.
 elements locate(const tinygltf::Model &model, const tinygltf::Accessor &accessor,
                 const std::string &what) {
     if (accessor.bufferView < 0 || (size_t)accessor.bufferView >= model.bufferViews.size())
-        throw refusal{RESULT_FORMAT, what + ": there is no such buffer view"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": there is no such buffer view"};
     const tinygltf::BufferView &view = model.bufferViews[accessor.bufferView];
     check_view(model, view, what);
     size_t element = element_size(accessor);
     size_t stride = view.byteStride ? view.byteStride : element;
     if (stride < element)
-        throw refusal{RESULT_FORMAT, what + ": stride of " + std::to_string(stride) + " bytes"};
+        throw gltf_refusal{RESULT_FORMAT,
+                           what + ": stride of " + std::to_string(stride) + " bytes"};
     if (accessor.count < 1 || accessor.byteOffset > view.byteLength ||
         view.byteLength - accessor.byteOffset < element ||
         accessor.count - 1 > (view.byteLength - accessor.byteOffset - element) / stride)
-        throw refusal{RESULT_FORMAT, what + ": " + std::to_string(accessor.count) +
-                                         " elements do not fit into its view"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": " + std::to_string(accessor.count) +
+                                              " elements do not fit into its view"};
     if (accessor.byteOffset % component_size(accessor) != 0 ||
         view.byteOffset % component_size(accessor) != 0)
-        throw refusal{RESULT_FORMAT, what + ": it does not start where its numbers may"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": it does not start where its numbers may"};
     const std::vector<unsigned char> &data = model.buffers[0].data;
     return {data.data() + view.byteOffset + accessor.byteOffset, stride, accessor.count};
 }
@@ -101,9 +85,9 @@ elements locate_floats(const tinygltf::Model &model, int index, int type, const 
     std::string what = accessor_name(name, index);
     const tinygltf::Accessor &accessor = find_accessor(model, index, what);
     if (accessor.type != type || accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
-        throw refusal{RESULT_REFUSED,
-                      what + (type == TINYGLTF_TYPE_VEC3 ? ": not vectors of three floats"
-                                                         : ": not single floats")};
+        throw gltf_refusal{RESULT_REFUSED,
+                           what + (type == TINYGLTF_TYPE_VEC3 ? ": not vectors of three floats"
+                                                              : ": not single floats")};
     return locate(model, accessor, what);
 }
 
@@ -129,16 +113,17 @@ std::vector<uint32_t> read_indices(const tinygltf::Model &model, int index,
     bool wide = accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
     if (accessor.type != TINYGLTF_TYPE_SCALAR ||
         (!wide && accessor.componentType != TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT))
-        throw refusal{RESULT_REFUSED, what + ": not unsigned integers of 16 or 32 bits"};
+        throw gltf_refusal{RESULT_REFUSED, what + ": not unsigned integers of 16 or 32 bits"};
     elements from = locate(model, accessor, what);
     if (model.bufferViews[accessor.bufferView].byteStride)
-        throw refusal{RESULT_FORMAT, what + ": its view has a stride"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view has a stride"};
     if (from.count % 3 != 0)
-        throw refusal{RESULT_FORMAT,
-                      what + ": " + std::to_string(from.count) + " are not whole triangles"};
+        throw gltf_refusal{RESULT_FORMAT,
+                           what + ": " + std::to_string(from.count) + " are not whole triangles"};
     if (from.count / 3 > triangles_max)
-        throw refusal{RESULT_LIMIT, what + ": " + std::to_string(from.count / 3) +
-                                        " triangles, more than " + std::to_string(triangles_max)};
+        throw gltf_refusal{RESULT_LIMIT, what + ": " + std::to_string(from.count / 3) +
+                                             " triangles, more than " +
+                                             std::to_string(triangles_max)};
     std::vector<uint32_t> values(from.count);
     for (size_t i = 0; i < from.count; i++) {
         uint16_t narrow = 0;
@@ -164,19 +149,19 @@ void read_target(const tinygltf::Model &model, const std::map<std::string, int> 
                                  : name == "maxcut" ? &node.maxcut
                                                     : nullptr;
     if (!values)
-        throw refusal{RESULT_REFUSED,
-                      "morph target \"" + name.substr(0, 80) + "\": neither warp nor maxcut"};
+        throw gltf_refusal{RESULT_REFUSED,
+                           "morph target \"" + name.substr(0, 80) + "\": neither warp nor maxcut"};
     if (!values->empty())
-        throw refusal{RESULT_FORMAT, "morph target " + name + ": there are two"};
+        throw gltf_refusal{RESULT_FORMAT, "morph target " + name + ": there are two"};
     auto position = target.find("POSITION");
     if (position == target.end())
-        throw refusal{RESULT_FORMAT, "morph target " + name + ": no POSITION"};
+        throw gltf_refusal{RESULT_FORMAT, "morph target " + name + ": no POSITION"};
     elements from = locate_vectors(model, position->second, ("morph target " + name).c_str());
     if (from.count != node.view.vertex_count)
-        throw refusal{RESULT_FORMAT, "morph target " + name + " (accessor " +
-                                         std::to_string(position->second) +
-                                         "): " + std::to_string(from.count) + " vectors for " +
-                                         std::to_string(node.view.vertex_count) + " vertices"};
+        throw gltf_refusal{RESULT_FORMAT, "morph target " + name + " (accessor " +
+                                              std::to_string(position->second) +
+                                              "): " + std::to_string(from.count) + " vectors for " +
+                                              std::to_string(node.view.vertex_count) + " vertices"};
     *values = read_vectors(from);
 }
 
@@ -187,7 +172,7 @@ void read_targets(const tinygltf::Model &model, const tinygltf::Mesh &mesh, load
     const tinygltf::Value &names =
         mesh.extras.IsObject() ? mesh.extras.Get("targetNames") : mesh.extras;
     if (!names.IsArray() || names.ArrayLen() != targets.size())
-        throw refusal{RESULT_FORMAT, "extras.targetNames does not name the morph targets"};
+        throw gltf_refusal{RESULT_FORMAT, "extras.targetNames does not name the morph targets"};
     for (size_t i = 0; i < targets.size(); i++) {
         const tinygltf::Value &name = names.Get((int)i);
         read_target(model, targets[i], name.IsString() ? name.Get<std::string>() : "", node);
@@ -195,11 +180,11 @@ void read_targets(const tinygltf::Model &model, const tinygltf::Mesh &mesh, load
 }
 
 void read_other_share(const tinygltf::Model &model, int index, loaded_node &node) {
-    elements from = locate_floats(model, index, TINYGLTF_TYPE_SCALAR, other_share_name);
+    elements from = locate_floats(model, index, TINYGLTF_TYPE_SCALAR, gltf_other_share);
     if (from.count != node.view.vertex_count)
-        throw refusal{RESULT_FORMAT, accessor_name(other_share_name, index) + ": " +
-                                         std::to_string(from.count) + " shares for " +
-                                         std::to_string(node.view.vertex_count) + " vertices"};
+        throw gltf_refusal{RESULT_FORMAT, accessor_name(gltf_other_share, index) + ": " +
+                                              std::to_string(from.count) + " shares for " +
+                                              std::to_string(node.view.vertex_count) + " vertices"};
     node.other_share.resize(from.count);
     for (size_t i = 0; i < from.count; i++)
         memcpy(&node.other_share[i], from.first + i * from.stride, sizeof(float));
@@ -212,20 +197,20 @@ void refuse_transform(const tinygltf::Node &node) {
     };
     if (differs(node.matrix, identity) || differs(node.translation, {0, 0, 0}) ||
         differs(node.rotation, {0, 0, 0, 1}) || differs(node.scale, {1, 1, 1}))
-        throw refusal{RESULT_REFUSED, "the node has a transform; apply it to the mesh"};
+        throw gltf_refusal{RESULT_REFUSED, "the node has a transform; apply it to the mesh"};
 }
 
 const tinygltf::Primitive &only_primitive(const tinygltf::Mesh &mesh) {
     if (mesh.primitives.size() != 1)
-        throw refusal{RESULT_REFUSED,
-                      std::to_string(mesh.primitives.size()) + " primitives where one is needed"};
+        throw gltf_refusal{RESULT_REFUSED, std::to_string(mesh.primitives.size()) +
+                                               " primitives where one is needed"};
     const tinygltf::Primitive &primitive = mesh.primitives[0];
     if (primitive.mode != TINYGLTF_MODE_TRIANGLES)
-        throw refusal{RESULT_REFUSED, "the primitive is not made of triangles"};
+        throw gltf_refusal{RESULT_REFUSED, "the primitive is not made of triangles"};
     if (primitive.indices < 0)
-        throw refusal{RESULT_REFUSED, "the primitive has no indices"};
+        throw gltf_refusal{RESULT_REFUSED, "the primitive has no indices"};
     if (!primitive.attributes.count("POSITION"))
-        throw refusal{RESULT_FORMAT, "the primitive has no POSITION"};
+        throw gltf_refusal{RESULT_FORMAT, "the primitive has no POSITION"};
     return primitive;
 }
 
@@ -233,20 +218,21 @@ void read_node(const tinygltf::Model &model, const tinygltf::Node &from, uint32_
                loaded_node &node) {
     refuse_transform(from);
     if (from.mesh < 0 || (size_t)from.mesh >= model.meshes.size())
-        throw refusal{RESULT_FORMAT, "there is no mesh " + std::to_string(from.mesh)};
+        throw gltf_refusal{RESULT_FORMAT, "there is no mesh " + std::to_string(from.mesh)};
     const tinygltf::Mesh &mesh = model.meshes[from.mesh];
     const tinygltf::Primitive &primitive = only_primitive(mesh);
     node.triangles = read_indices(model, primitive.indices, triangles_max);
     int index = primitive.attributes.at("POSITION");
     elements positions = locate_vectors(model, index, "POSITION");
     if (positions.count > 3 * (uint64_t)triangles_max || positions.count > UINT32_MAX / 3)
-        throw refusal{RESULT_LIMIT, accessor_name("POSITION", index) + ": " +
-                                        std::to_string(positions.count) + " vertices are too many"};
+        throw gltf_refusal{RESULT_LIMIT, accessor_name("POSITION", index) + ": " +
+                                             std::to_string(positions.count) +
+                                             " vertices are too many"};
     node.positions = read_vectors(positions);
     node.view.vertex_count = (uint32_t)positions.count;
     node.view.triangle_count = (uint32_t)(node.triangles.size() / 3);
     read_targets(model, mesh, node);
-    auto share = primitive.attributes.find(other_share_name);
+    auto share = primitive.attributes.find(gltf_other_share);
     if (share != primitive.attributes.end())
         read_other_share(model, share->second, node);
 }
@@ -268,7 +254,8 @@ void load_model(const uint8_t *bytes, size_t size, tinygltf::Model &model) {
     std::string error, warning;
     if (!loader.LoadBinaryFromMemory(&model, &error, &warning, bytes, (unsigned)size) ||
         !error.empty())
-        throw refusal{RESULT_FORMAT, error.empty() ? "not readable as glTF" : first_line(error)};
+        throw gltf_refusal{RESULT_FORMAT,
+                           error.empty() ? "not readable as glTF" : first_line(error)};
 }
 
 // What no mesh uses must be sound too: a file that is broken there was not written with care.
@@ -281,13 +268,13 @@ void check_the_rest(const tinygltf::Model &model) {
         if (accessor.bufferView >= 0)
             locate(model, accessor, what);
         else if (accessor.byteOffset)
-            throw refusal{RESULT_FORMAT, what + ": an offset without a buffer view"};
+            throw gltf_refusal{RESULT_FORMAT, what + ": an offset without a buffer view"};
         if (accessor.normalized && (accessor.componentType == TINYGLTF_COMPONENT_TYPE_FLOAT ||
                                     accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT))
-            throw refusal{RESULT_FORMAT, what + ": such numbers cannot be normalised"};
+            throw gltf_refusal{RESULT_FORMAT, what + ": such numbers cannot be normalised"};
         if (accessor.sparse.isSparse &&
             (accessor.sparse.count < 1 || (size_t)accessor.sparse.count > accessor.count))
-            throw refusal{RESULT_FORMAT, what + ": sparse.count is out of range"};
+            throw gltf_refusal{RESULT_FORMAT, what + ": sparse.count is out of range"};
     }
 }
 
@@ -298,18 +285,18 @@ const std::vector<size_t> nodes_with_mesh(const tinygltf::Model &model, uint32_t
     for (size_t i = 0; i < model.nodes.size(); i++) {
         const tinygltf::Node &node = model.nodes[i];
         if (!node.children.empty())
-            throw refusal{RESULT_REFUSED, "nodes[" + std::to_string(i) + "] has children"};
+            throw gltf_refusal{RESULT_REFUSED, "nodes[" + std::to_string(i) + "] has children"};
         if (node.mesh < 0)
             continue;
         if (!meshes.insert(node.mesh).second)
-            throw refusal{RESULT_REFUSED, "nodes[" + std::to_string(i) + "]: mesh " +
-                                              std::to_string(node.mesh) + " is used twice"};
+            throw gltf_refusal{RESULT_REFUSED, "nodes[" + std::to_string(i) + "]: mesh " +
+                                                   std::to_string(node.mesh) + " is used twice"};
         nodes.push_back(i);
     }
     if (nodes.size() > nodes_max)
-        throw refusal{RESULT_LIMIT, std::to_string(nodes.size()) +
-                                        " nodes with a mesh, more than " +
-                                        std::to_string(nodes_max)};
+        throw gltf_refusal{RESULT_LIMIT, std::to_string(nodes.size()) +
+                                             " nodes with a mesh, more than " +
+                                             std::to_string(nodes_max)};
     return nodes;
 }
 
@@ -328,12 +315,12 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
         loaded_node node{};
         try {
             if (from.name.empty() || from.name.size() >= GLTF_NAME_MAX)
-                throw refusal{RESULT_FORMAT, "its name is empty or too long"};
+                throw gltf_refusal{RESULT_FORMAT, "its name is empty or too long"};
             memcpy(node.view.name, from.name.c_str(), from.name.size() + 1);
             read_node(model, from, limits.triangles, node);
-        } catch (const refusal &why) {
-            throw refusal{why.code, "nodes[" + std::to_string(index) + "] " +
-                                        from.name.substr(0, 80) + ": " + why.text};
+        } catch (const gltf_refusal &why) {
+            throw gltf_refusal{why.code, "nodes[" + std::to_string(index) + "] " +
+                                             from.name.substr(0, 80) + ": " + why.text};
         }
         // Accessors that share bytes must not multiply them; 16-bit indices double theirs.
         size_t used = (node.positions.size() + node.warp.size() + node.maxcut.size() +
@@ -341,7 +328,7 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
                           4 +
                       node.triangles.size() * 2;
         if (used > budget)
-            throw refusal{RESULT_LIMIT, "its accessors use the same bytes again and again"};
+            throw gltf_refusal{RESULT_LIMIT, "its accessors use the same bytes again and again"};
         budget -= used;
         out.nodes.push_back(std::move(node));
     }
@@ -362,7 +349,7 @@ enum result gltf_decode(const uint8_t *bytes, size_t size, const struct gltf_lim
         decode(bytes, size, *limits, *made);
         *out_gltf = made;
         return RESULT_OK;
-    } catch (const refusal &why) {
+    } catch (const gltf_refusal &why) {
         result = fail(err, why.code, "%s", why.text.c_str());
     } catch (const std::exception &why) {
         result = fail(err, RESULT_FORMAT, "not readable as glTF: %s", why.what());
@@ -382,145 +369,4 @@ uint32_t gltf_node_count(const struct gltf *gltf) {
 
 const struct gltf_node *gltf_at(const struct gltf *gltf, uint32_t index) {
     return &gltf->nodes.at(index).view;
-}
-
-// ---- writing ------------------------------------------------------------------------------------
-
-namespace {
-
-int add_view(tinygltf::Model &model, const void *bytes, size_t size, int target) {
-    std::vector<unsigned char> &data = model.buffers[0].data;
-    tinygltf::BufferView view;
-    view.buffer = 0;
-    view.byteOffset = data.size();
-    view.byteLength = size;
-    view.target = target;
-    const unsigned char *first = static_cast<const unsigned char *>(bytes);
-    data.insert(data.end(), first, first + size);
-    model.bufferViews.push_back(view);
-    return (int)model.bufferViews.size() - 1;
-}
-
-int add_accessor(tinygltf::Model &model, tinygltf::Accessor &accessor) {
-    accessor.byteOffset = 0;
-    model.accessors.push_back(accessor);
-    return (int)model.accessors.size() - 1;
-}
-
-int add_vectors(tinygltf::Model &model, const float *mm, size_t count) {
-    std::vector<float> metres(3 * count);
-    tinygltf::Accessor accessor;
-    accessor.minValues.assign(3, std::numeric_limits<double>::infinity());
-    accessor.maxValues.assign(3, -std::numeric_limits<double>::infinity());
-    for (size_t i = 0; i < metres.size(); i++) {
-        metres[i] = to_metres(mm[i]);
-        accessor.minValues[i % 3] = std::min(accessor.minValues[i % 3], (double)metres[i]);
-        accessor.maxValues[i % 3] = std::max(accessor.maxValues[i % 3], (double)metres[i]);
-    }
-    accessor.bufferView = add_view(model, metres.data(), metres.size() * sizeof metres[0],
-                                   TINYGLTF_TARGET_ARRAY_BUFFER);
-    accessor.componentType = TINYGLTF_COMPONENT_TYPE_FLOAT;
-    accessor.type = TINYGLTF_TYPE_VEC3;
-    accessor.count = count;
-    return add_accessor(model, accessor);
-}
-
-int add_shares(tinygltf::Model &model, const float *shares, size_t count) {
-    tinygltf::Accessor accessor;
-    accessor.bufferView =
-        add_view(model, shares, count * sizeof *shares, TINYGLTF_TARGET_ARRAY_BUFFER);
-    accessor.componentType = TINYGLTF_COMPONENT_TYPE_FLOAT;
-    accessor.type = TINYGLTF_TYPE_SCALAR;
-    accessor.count = count;
-    return add_accessor(model, accessor);
-}
-
-int add_indices(tinygltf::Model &model, const uint32_t *indices, size_t count) {
-    tinygltf::Accessor accessor;
-    accessor.bufferView =
-        add_view(model, indices, count * sizeof *indices, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-    accessor.componentType = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
-    accessor.type = TINYGLTF_TYPE_SCALAR;
-    accessor.count = count;
-    return add_accessor(model, accessor);
-}
-
-void add_targets(tinygltf::Model &model, const gltf_node &node, tinygltf::Mesh &mesh) {
-    tinygltf::Value::Array names;
-    auto add = [&](const char *name, const float *values) {
-        if (!values)
-            return;
-        names.push_back(tinygltf::Value(std::string(name)));
-        mesh.primitives[0].targets.push_back(
-            {{"POSITION", add_vectors(model, values, node.vertex_count)}});
-        mesh.weights.push_back(0);
-    };
-    add("warp", node.warp);
-    add("maxcut", node.maxcut);
-    if (!names.empty())
-        mesh.extras = tinygltf::Value(
-            tinygltf::Value::Object{{"targetNames", tinygltf::Value(std::move(names))}});
-}
-
-void add_node(tinygltf::Model &model, const gltf_node &from) {
-    tinygltf::Mesh mesh;
-    mesh.name = from.name;
-    mesh.primitives.resize(1);
-    tinygltf::Primitive &primitive = mesh.primitives[0];
-    primitive.mode = TINYGLTF_MODE_TRIANGLES;
-    primitive.attributes["POSITION"] = add_vectors(model, from.positions, from.vertex_count);
-    primitive.indices = add_indices(model, from.triangles, 3 * (size_t)from.triangle_count);
-    add_targets(model, from, mesh);
-    if (from.other_share)
-        primitive.attributes[other_share_name] =
-            add_shares(model, from.other_share, from.vertex_count);
-    model.meshes.push_back(std::move(mesh));
-    tinygltf::Node node;
-    node.name = from.name;
-    node.mesh = (int)model.meshes.size() - 1;
-    model.nodes.push_back(std::move(node));
-    model.scenes[0].nodes.push_back((int)model.nodes.size() - 1);
-}
-
-std::string encode(const gltf_node *nodes, uint32_t count) {
-    uint64_t total = 0;
-    for (uint32_t i = 0; i < count; i++)
-        total += 12 * ((uint64_t)nodes[i].triangle_count +
-                       nodes[i].vertex_count * (uint64_t)(1 + !!nodes[i].warp + !!nodes[i].maxcut +
-                                                          !!nodes[i].other_share));
-    if (total > UINT32_MAX - (64u << 20))
-        throw refusal{RESULT_LIMIT, "more than 4 GiB"};
-    tinygltf::Model model;
-    model.asset.version = "2.0";
-    model.asset.generator = "Arthron " ARTHRON_VERSION;
-    model.buffers.resize(1);
-    model.buffers[0].data.reserve(total);
-    model.scenes.resize(1);
-    model.defaultScene = 0;
-    for (uint32_t i = 0; i < count; i++)
-        add_node(model, nodes[i]);
-    std::ostringstream stream;
-    tinygltf::TinyGLTF writer;
-    if (!writer.WriteGltfSceneToStream(&model, stream, false, true))
-        throw refusal{RESULT_IO, "could not be made"};
-    return stream.str();
-}
-
-} // namespace
-
-enum result gltf_encode(const struct gltf_node *nodes, uint32_t count, uint8_t **out_bytes,
-                        size_t *out_size, struct error *err) {
-    try {
-        std::string made = encode(nodes, count);
-        *out_bytes = static_cast<uint8_t *>(malloc(made.size()));
-        if (!*out_bytes)
-            return fail(err, RESULT_LIMIT, "%zu bytes are more than the memory", made.size());
-        memcpy(*out_bytes, made.data(), made.size());
-        *out_size = made.size();
-        return RESULT_OK;
-    } catch (const refusal &why) {
-        return fail(err, why.code, "%s", why.text.c_str());
-    } catch (const std::exception &why) {
-        return fail(err, RESULT_LIMIT, "%s", why.what());
-    }
 }

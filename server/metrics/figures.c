@@ -147,7 +147,7 @@ static void tell_instrument(struct telling *t, const struct instrument_metrics *
     tell_touch(t, &one->touch);
     tell_view(t, one);
     for (int i = 0; i < NOTICED_COUNT; i++)
-        tell_share(t, METRIC_NOTICED_TURN + (enum metric)i, one->noticed_ns[i], one->present_ns);
+        tell_share(t, METRIC_NOTICED_TURN + (enum metric)i, one->noticed_ns[i], one->judged_ns);
 }
 
 // ---- one tissue ---------------------------------------------------------------------------------

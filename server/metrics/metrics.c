@@ -32,8 +32,10 @@ static void pass_instrument(struct instrument_metrics *one, const struct standin
         return;
     one->present_ns += passed_ns;
     touch_pass(&one->touch, s->nearest, s->penetration_mm, passed_ns);
+    if (s->judged)
+        one->judged_ns += passed_ns;
     for (int i = 0; i < NOTICED_COUNT; i++)
-        if (s->noticed[i])
+        if (s->judged && s->noticed[i])
             one->noticed_ns[i] += passed_ns;
     if (!s->beside_scope)
         return;
@@ -66,6 +68,7 @@ static void stand(const struct metrics *m, const struct session_output *output, 
     out->present = true;
     out->nearest = o->warp.nearest;
     out->penetration_mm = o->penetration_mm;
+    out->judged = d->gain > 0;
     out->noticed[NOTICED_TURNED] = d->turn_deg > NOTICED_TURN_DEG;
     out->noticed[NOTICED_TILTED] = d->tilt_deg > NOTICED_TURN_DEG;
     out->noticed[NOTICED_GAIN] = d->gain > NOTICED_GAIN_MOST || d->gain_least < NOTICED_GAIN_LEAST;

@@ -23,6 +23,7 @@ struct instrument_metrics {
     struct smooth hand_smooth, seen_smooth;
     struct travel hand, seen;
     struct touch touch;
+    int64_t judged_ns; // present, and the discrepancy known: traces of version 2 have none
     int64_t noticed_ns[NOTICED_COUNT];
     int64_t beside_scope_ns, out_of_view_ns; // present together; and not in the scope's view
     struct search search;
@@ -35,7 +36,7 @@ struct metrics {
     int64_t time_ns;  // at this time,
     bool running;     // the session ran from there on,
     struct standing { // and this stood:
-        bool present, beside_scope, in_view, noticed[NOTICED_COUNT];
+        bool present, beside_scope, in_view, judged, noticed[NOTICED_COUNT];
         int nearest;
         double penetration_mm;
     } standing[INSTRUMENT_COUNT];

@@ -177,6 +177,20 @@ static void what_stands_counts_until_the_next_step_whatever_the_rate(void **stat
     }
 }
 
+static void an_old_trace_tells_nothing_of_the_warp(void **state) {
+    (void)state;
+    static struct metrics m;
+    static struct moment at;
+    metrics_init(&m, optic);
+    for (int i = 0; i < 10; i++) {
+        moment_init(&at, i * 10 * MS);
+        put(&at, PROBE, (vec3){0}, (vec3){0})->discrepancy = (struct discrepancy){0};
+        take(&m, &at);
+    }
+    assert_true(isnan(figure(&m, about(METRIC_NOTICED_GAIN, PROBE))));
+    assert_true(isnan(figure(&m, about(METRIC_NOTICED_ANY, PROBE))));
+}
+
 static void a_hole_in_the_steps_counts_for_little(void **state) {
     (void)state;
     static struct metrics m;
@@ -467,6 +481,7 @@ int main(void) {
         cmocka_unit_test(time_runs_while_the_session_does),
         cmocka_unit_test(a_reset_begins_anew),
         cmocka_unit_test(what_stands_counts_until_the_next_step_whatever_the_rate),
+        cmocka_unit_test(an_old_trace_tells_nothing_of_the_warp),
         cmocka_unit_test(a_hole_in_the_steps_counts_for_little),
         cmocka_unit_test(without_another_nothing_is_said_of_the_view),
         cmocka_unit_test(motion_is_timed_by_its_samples_and_not_by_steps),

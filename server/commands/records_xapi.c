@@ -87,7 +87,8 @@ static json_t *outcome(const json_t *session, const json_t *results, const char 
 static json_t *context(const json_t *session, const char *site, const char *uuid) {
     const char *trace = strrchr(text_of(session, "trace"), '/');
     json_t *evidence = json_pack(
-        "{s:s, s:s?, s:s, s:s, s:O, s:O}", "file", trace ? trace + 1 : text_of(session, "trace"),
+        "{s:s, s:s?, s:s?, s:s, s:s, s:O, s:O}", "file",
+        trace ? trace + 1 : text_of(session, "trace"), "hash", text_of(session, "trace_hash"),
         "xxh3", text_of(session, "trace_xxh3"), "session", text_of(session, "id"), "station",
         text_of(session, "station"), "steps", json_object_get(session, "steps"), "missing",
         json_object_get(session, "missing"));

@@ -12,6 +12,9 @@
 #include <unistd.h>
 #include <xxhash.h>
 
+_Static_assert(sizeof((struct store_session *)0)->trace_hash == 2 * TRACE_HASH_SIZE + 1,
+               "all of it");
+
 #define HASH_TURN ((size_t)1 << 18)
 
 void session_row_begin(const struct trace_header *header, const char *trace,
@@ -42,8 +45,8 @@ static enum result hash_trace(struct store_session *session, struct error *err) 
     ssize_t got;
     while ((got = read(fd, turn, HASH_TURN)) > 0)
         XXH3_64bits_update(state, turn, (size_t)got);
-    session->trace_hash = XXH3_64bits_digest(state);
-    session->trace_is_hashed = got == 0;
+    session->trace_xxh3 = XXH3_64bits_digest(state);
+    session->trace_is_read = got == 0;
     XXH3_freeState(state);
     free(turn);
     close(fd);
@@ -82,7 +85,9 @@ static void take_value(void *user, const struct metric_value *v) {
 static void read_steps(struct trace_reader *reader, struct metrics *metrics,
                        struct store_session *s) {
     struct trace_record *record = alloc(1, sizeof *record);
-    int64_t last_ns = trace_reader_header(reader)->start_ns;
+    // From here on the session's clock and the time of day went together.
+    int64_t begin_ns = trace_reader_header(reader)->start_ns, begin_utc_ns = s->start_utc_ns;
+    int64_t last_ns = begin_ns;
     s->state = STATE_INTERRUPTED;
     while (trace_read(reader, record, NULL) == RESULT_OK) {
         if (record->type == TRACE_STEP) {
@@ -91,6 +96,8 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
             s->steps++;
         } else if (record->type == TRACE_RESUME) {
             metrics_interrupt(metrics);
+            begin_ns = last_ns;
+            begin_utc_ns = record->utc_ns;
         } else if (record->type == TRACE_GAP) {
             s->missing += record->missing;
         } else if (record->type == TRACE_END) {
@@ -98,8 +105,10 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
             s->missing = record->missing;
         }
     }
-    int64_t lasted_ns = last_ns - trace_reader_header(reader)->start_ns;
-    s->end_utc_ns = s->start_utc_ns + (lasted_ns > 0 ? lasted_ns : 0);
+    s->end_utc_ns = begin_utc_ns + (last_ns > begin_ns ? last_ns - begin_ns : 0);
+    struct trace_place place = trace_reader_place(reader);
+    for (int i = 0; i < TRACE_HASH_SIZE; i++)
+        snprintf(s->trace_hash + 2 * i, 3, "%02x", place.hash[i]);
     free(record);
 }
 

@@ -8,7 +8,7 @@
 #define SESSIONS                                                                                   \
     "SELECT s.uuid AS id, station.name AS station, trainee.name AS trainee, "                      \
     "knee_case.name AS \"case\", knee_case.hash AS case_hash, s.start_utc_ns, s.end_utc_ns, "      \
-    "s.state, s.steps, s.missing, s.trace, s.trace_xxh3 FROM session s "                           \
+    "s.state, s.steps, s.missing, s.trace, s.trace_xxh3, s.trace_hash FROM session s "             \
     "JOIN station ON station.id = s.station_id JOIN knee_case ON knee_case.id = s.case_id "        \
     "LEFT JOIN trainee ON trainee.id = s.trainee_id "
 

@@ -77,5 +77,8 @@ static const char accounts_and_audit[] =
     "CREATE TRIGGER audit_is_not_cut BEFORE DELETE ON audit"
     "  BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;";
 
-const char *const schema_steps[] = {sessions_and_results, accounts_and_audit};
+// Of the last record: through the chain of hashes it stands for the whole trace, signature and all.
+static const char hash_of_the_record[] = "ALTER TABLE session ADD COLUMN trace_hash TEXT;";
+
+const char *const schema_steps[] = {sessions_and_results, accounts_and_audit, hash_of_the_record};
 const int schema_version = sizeof schema_steps / sizeof *schema_steps;

@@ -83,13 +83,14 @@ static enum result find_session(struct store *store, const struct store_session 
 static enum result update_session(struct store *store, int64_t id, const struct store_session *s,
                                   struct error *err) {
     char hash[17];
-    snprintf(hash, sizeof hash, "%016" PRIx64, s->trace_hash);
-    return store_do(store,
-                    "UPDATE session SET end_utc_ns = nullif(?, 0), "
-                    "state = iif(state = 'deserted', state, ?), steps = ?, "
-                    "missing = ?, trace = ?, trace_xxh3 = ? WHERE id = ?",
-                    err, "itiitti", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
-                    (int64_t)s->missing, s->trace, s->trace_is_hashed ? hash : NULL, id);
+    snprintf(hash, sizeof hash, "%016" PRIx64, s->trace_xxh3);
+    return store_do(
+        store,
+        "UPDATE session SET end_utc_ns = nullif(?, 0), "
+        "state = iif(state = 'deserted', state, ?), steps = ?, "
+        "missing = ?, trace = ?, trace_xxh3 = ?, trace_hash = nullif(?, '') WHERE id = ?",
+        err, "itiittti", s->end_utc_ns, state_names[s->state], (int64_t)s->steps,
+        (int64_t)s->missing, s->trace, s->trace_is_read ? hash : NULL, s->trace_hash, id);
 }
 
 static enum result put_result(struct store *store, int64_t session_id, const struct store_result *r,

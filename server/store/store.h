@@ -82,8 +82,9 @@ struct store_session {
     uint64_t steps;
     uint64_t missing; // steps that its trace lacks
     char trace[STORE_TEXT_MAX];
-    bool trace_is_hashed;
-    uint64_t trace_hash; // XXH3 of the whole file
+    bool trace_is_read;
+    uint64_t trace_xxh3; // of the whole file, where it was read
+    char trace_hash[65]; // of its last record (trace/FORMAT.md), hexadecimal; empty: none
 };
 
 // One figure of a session. Figures of different versions of a metric stand beside each other.
@@ -97,7 +98,8 @@ struct store_result {
 };
 
 // Writes what is now known of a session, and results with it: all or nothing. Station, trainee and
-// case are made where they are new. A session that is there keeps what it began with, and stays deserted.
+// case are made where they are new. A session that is there keeps what it began with, and stays
+// deserted.
 enum result store_put_session(struct store *store, const struct store_session *session,
                               const struct store_result *results, int count, struct error *err);
 

@@ -122,7 +122,7 @@ static void put_session(struct store *store, int number, const char *name) {
     snprintf(session.trainee, sizeof session.trainee, "%s", name);
     session.state = (enum store_state)any(4);
     session.steps = any(1000);
-    session.trace_is_hashed = any(2);
+    session.trace_is_read = any(2);
     snprintf(result.metric, sizeof result.metric, "metric-%d", metric);
     result.value = any(5) ? any(1000) / 7.0 : NAN;
     assert_int_equal(store_put_session(store, &session, &result, count, &err), RESULT_OK);
@@ -131,7 +131,7 @@ static void put_session(struct store *store, int number, const char *name) {
     if (model.sessions[number].state != STATE_DESERTED)
         model.sessions[number].state = session.state;
     model.sessions[number].steps = session.steps;
-    model.sessions[number].hashed = session.trace_is_hashed;
+    model.sessions[number].hashed = session.trace_is_read;
     if (count) {
         model.sessions[number].has_result[metric] = true;
         model.sessions[number].results[metric] = result.value;
@@ -206,7 +206,8 @@ static void sessions_are_told(struct store *store) {
     for (int i = 0; i < model.session_count; i++) {
         int n = model.order[i], person = model.sessions[n].person;
         expect("id=%032x|station=room-1|trainee=%s|case=tear-radial|case_hash=000000001234abcd|"
-               "state=%s|steps=%" PRIu64 "|missing=0|trace=/traces/%d.trace|trace_xxh3=%s\n",
+               "state=%s|steps=%" PRIu64 "|missing=0|trace=/traces/%d.trace|trace_xxh3=%s|"
+               "trace_hash=\n",
                (unsigned)n, person < 0 ? "" : model.people[person].name,
                states[model.sessions[n].state], model.sessions[n].steps, n,
                model.sessions[n].hashed ? "0000000000000000" : "");

@@ -55,6 +55,11 @@ class Records(House):
         self.assertEqual(row["trainee"], "ada-lovelace")
         self.assertEqual(row["case"], "arthrosis")
         self.assertRegex(row["trace_xxh3"], "^[0-9a-f]{16}$")
+        with open(row["trace"], "rb") as f:
+            record = f.read()
+        if row["state"] == "closed":
+            self.assertEqual(row["trace_hash"], record[-32:].hex())
+        self.assertRegex(row["trace_hash"], "^[0-9a-f]{64}$")
         score = json.loads(call("arthron-trace", "score", row["trace"], "--json", code=None).stdout)
         shown = json.loads(self.records("show", "session", row["id"], "--json").stdout)["results"]
         self.assertCountEqual([(r["metric"], r["version"], r["unit"], r["value"]) for r in shown],
@@ -67,6 +72,7 @@ class Records(House):
 
         self.steer("stop", "room-1")
         closed = self.in_state("closed")[0]
+        self.assertEqual(set(closed), set(opened))
         self.assertEqual(closed["id"], opened["id"])
         self.assert_is_of_trace(closed)
         self.assertGreater(closed["end_utc_ns"], closed["start_utc_ns"])
@@ -102,10 +108,13 @@ class Records(House):
         server.end(signal.SIGKILL)
         self.sane()
         os.utime(self.in_state("open")[0]["trace"], (0, 0))
+        # A piece of a trace is no session.
+        call("arthron-trace", "cut", closed["trace"], "--to", "0.2", "--out", os.path.join(self.traces, "piece.trace"))
         server = self.start_room()
         lost = self.in_state("interrupted")[0]
         self.assert_is_of_trace(lost)
         self.assertGreater(lost["end_utc_ns"], lost["start_utc_ns"])
+        self.assertIn(closed, self.rows("sessions"))
         self.assertEqual(server.end(), 0)
         self.assertEqual(sorted(s["state"] for s in self.rows("sessions")), 4 * ["closed"] + ["interrupted"])
         self.sane()

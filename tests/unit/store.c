@@ -26,8 +26,9 @@ static void close_session(struct store_session *s) {
     s->state = STATE_CLOSED;
     s->end_utc_ns = s->start_utc_ns + 90000000000LL;
     s->steps = 18000;
-    s->trace_is_hashed = true;
-    s->trace_hash = 0xfeedface;
+    s->trace_is_read = true;
+    s->trace_xxh3 = 0xfeedface;
+    memset(s->trace_hash, 'a', 64);
 }
 
 // ---- rows ---------------------------------------------------------------------------------------
@@ -40,7 +41,7 @@ static void a_session_is_kept_from_its_begin_to_its_end(void **state) {
     assert_ok(store_put_session(store, &session, NULL, 0, &err));
     assert_non_null(strstr(rows_of(store, LIST_SESSIONS, NULL),
                            "|start_utc_ns=1001000000000|end_utc_ns=|state=open|steps=0|missing=0|"
-                           "trace=/traces/1.trace|trace_xxh3=\n"));
+                           "trace=/traces/1.trace|trace_xxh3=|trace_hash=\n"));
     assert_ok(store_trace_is_done(store, session.trace, &done, &err));
     assert_false(done);
     close_session(&session);
@@ -49,7 +50,8 @@ static void a_session_is_kept_from_its_begin_to_its_end(void **state) {
                         "id=00000000000000000000000000000001|station=room-1|trainee=ada|"
                         "case=tear-radial|case_hash=000000001234abcd|start_utc_ns=1001000000000|"
                         "end_utc_ns=1091000000000|state=closed|steps=18000|missing=0|"
-                        "trace=/traces/1.trace|trace_xxh3=00000000feedface\n");
+                        "trace=/traces/1.trace|trace_xxh3=00000000feedface|trace_hash="
+                        "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\n");
     assert_string_equal(
         rows_of(store, LIST_RESULTS, session.id),
         "session=00000000000000000000000000000001|metric=resection.over|subject=meniscus_medial|"

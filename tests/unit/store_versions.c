@@ -7,6 +7,7 @@
 #include <sqlite3.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 // Version 1, as its program wrote it. Never changed.
 static const char version_1[] =
@@ -46,8 +47,30 @@ static const char version_1[] =
     "INSERT INTO result VALUES (1, 'over', 'meniscus_medial', 1, 'mm3', 4.5, NULL),"
     "(1, 'rim', 'meniscus_medial', 1, 'mm', NULL, '{}');";
 
-static const char *const versions[] = {version_1};
+// Version 2: what it had beside that.
+static const char version_2[] =
+    "PRAGMA user_version = 2;"
+    "CREATE TABLE account (  id INTEGER PRIMARY KEY,  name TEXT NOT NULL UNIQUE,"
+    "  role TEXT NOT NULL CHECK (role IN ('technician', 'instructor', 'trainee')),"
+    "  password TEXT CHECK (password LIKE '$argon2%'),  trainee_id INTEGER REFERENCES trainee,"
+    "  created_utc_ns INTEGER NOT NULL) STRICT;"
+    "CREATE INDEX account_trainee ON account (trainee_id);"
+    "CREATE TABLE audit (  id INTEGER PRIMARY KEY AUTOINCREMENT,  utc_ns INTEGER NOT NULL,"
+    "  actor TEXT NOT NULL,  action TEXT NOT NULL,  subject TEXT NOT NULL) STRICT;"
+    "CREATE TRIGGER audit_is_not_changed BEFORE UPDATE ON audit"
+    "  BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;"
+    "CREATE TRIGGER audit_is_not_cut BEFORE DELETE ON audit"
+    "  BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;"
+    "INSERT INTO account VALUES (5, 'ada', 'trainee', '$argon2id$x', 7, 12);";
+
+// Each older version, and what is only in those from it on.
+static const char *const versions[][2] = {{version_1, ""}, {version_1, version_2}};
 #define OLDER (sizeof versions / sizeof *versions)
+
+static void make_version(const char *name, size_t older) {
+    assert_true(sql_passes(name, versions[older][0]));
+    assert_true(sql_passes(name, versions[older][1]));
+}
 
 static void rows_of_every_version_are_as_they_were(void **state) {
     (void)state;
@@ -56,7 +79,7 @@ static void rows_of_every_version_are_as_they_were(void **state) {
         struct store *store;
         struct error err = {""};
         snprintf(name, sizeof name, "version-%zu.db", i + 1);
-        assert_true(sql_passes(name, versions[i]));
+        make_version(name, i);
         assert_int_equal(store_open(in_folder(name), STORE_THERE, "tester", &store, &err),
                          RESULT_OK);
         assert_string_equal(
@@ -68,10 +91,10 @@ static void rows_of_every_version_are_as_they_were(void **state) {
             rows_of(store, LIST_SESSIONS, NULL),
             "id=0123456789abcdef0123456789abcdef|station=room-1|trainee=ada|case=tear-radial|"
             "case_hash=00000000000000ff|start_utc_ns=1000|end_utc_ns=2000|state=closed|steps=12|"
-            "missing=1|trace=/t/1.trace|trace_xxh3=1111111111111111\n"
+            "missing=1|trace=/t/1.trace|trace_xxh3=1111111111111111|trace_hash=\n"
             "id=1123456789abcdef0123456789abcdef|station=room-1|trainee=|case=tear-radial|"
             "case_hash=00000000000000ff|start_utc_ns=3000|end_utc_ns=|state=open|steps=0|missing=0|"
-            "trace=/t/2.trace|trace_xxh3=\n");
+            "trace=/t/2.trace|trace_xxh3=|trace_hash=\n");
         assert_string_equal(rows_of(store, LIST_RESULTS, NULL),
                             "session=0123456789abcdef0123456789abcdef|metric=over|"
                             "subject=meniscus_medial|version=1|unit=mm3|value=4.5|details=\n"
@@ -80,6 +103,7 @@ static void rows_of_every_version_are_as_they_were(void **state) {
         assert_int_equal(store_add_account(store, "eve", ROLE_INSTRUCTOR, NULL, NULL, &err),
                          RESULT_OK);
         assert_int_equal(row_count(store, LIST_AUDIT), 1);
+        assert_int_equal(row_count(store, LIST_ACCOUNTS), i ? 2 : 1);
         store_close(&store);
     }
 }
@@ -109,7 +133,8 @@ static void every_version_lands_at_the_tables_of_a_new_file(void **state) {
     schema_of("records.db", fresh, sizeof fresh);
     assert_non_null(strstr(fresh, "CREATETABLEsession"));
     for (size_t i = 0; i < OLDER; i++) {
-        assert_true(sql_passes("old.db", versions[i]));
+        unlink(in_folder("old.db"));
+        make_version("old.db", i);
         assert_int_equal(store_open(in_folder("old.db"), STORE_THERE, "tester", &store, NULL),
                          RESULT_OK);
         store_close(&store);
@@ -165,12 +190,12 @@ static void a_newer_file_is_refused_and_left_alone(void **state) {
     char aside[STORE_TEXT_MAX];
     struct store *store = open_records();
     store_close(&store);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 3"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 4"));
     assert_int_equal(store_open(store_path, STORE_MAKE, "tester", &store, &err), RESULT_VERSION);
-    assert_non_null(strstr(err.text, "version 3, this one knows 2"));
+    assert_non_null(strstr(err.text, "version 4, this one knows 3"));
     assert_int_equal(store_restore(store_path, in_folder("other.db"), "tester", aside, &err),
                      RESULT_VERSION);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 2"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 3"));
     store = open_records();
     store_close(&store);
 }

@@ -153,7 +153,9 @@ static void measure_depth(const struct fit_point *p, vec3 displacement, struct a
     for (int k = 0; k < p->count; k++) {
         const struct warp_contact *c = &p->contacts[k];
         double rise = vec3_dot(c->normal, vec3_sub(displacement, c->delta));
-        out->penetration_mm = fmax(out->penetration_mm, -rise - fmax(c->distance - p->radius, 0));
+        double deep = -rise - fmax(c->distance - p->radius, 0);
+        if (deep > out->penetration_mm) // fmax may say 0 or -0, as the compiler likes
+            out->penetration_mm = deep;
     }
 }
 

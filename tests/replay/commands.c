@@ -144,6 +144,26 @@ static void replay_finds_the_case_that_the_trace_names(void **state) {
     assert_int_equal(run_on_trace("replay", option), 0);
 }
 
+// Without the optimizer, and with other code of the mathematics library.
+static void other_builds_and_processors_give_the_same(void **state) {
+    (void)state;
+    char line[512];
+    record_honestly();
+    snprintf(line, sizeof line, "%s %s %s 2>&1", UNOPTIMIZED, trace_path, case_dir);
+    assert_int_equal(system(line), 0);
+    setenv("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX2,-FMA,-FMA4", 1);
+    int code = run_on_trace("replay", "--json");
+    unsetenv("GLIBC_TUNABLES");
+    json_t *root = output_object();
+    assert_int_equal(code, 0);
+    assert_true(json_is_false(json_object_get(root, "same_cpu")));
+    assert_true(json_is_true(json_object_get(root, "same_events")));
+    assert_true(json_real_value(json_object_get(root, "largest_mm")) <= 1e-6);
+    const char *verdict = json_string_value(json_object_get(root, "verdict"));
+    assert_true(!strcmp(verdict, "identical") || !strcmp(verdict, "equivalent"));
+    json_decref(root);
+}
+
 static void lie(struct session_output *out) {
     out->joint.flexion_deg += 1;
 }
@@ -328,6 +348,7 @@ int main(void) {
         cmocka_unit_test(verify_tells_up_to_where_a_file_is_whole),
         cmocka_unit_test(verify_tells_what_was_changed_and_reads_behind_it),
         cmocka_unit_test(replay_finds_the_case_that_the_trace_names),
+        cmocka_unit_test(other_builds_and_processors_give_the_same),
         cmocka_unit_test(replay_of_a_forged_trace_fails_and_says_where),
         cmocka_unit_test(replay_of_a_span_compares_that_and_no_more),
         cmocka_unit_test(other_settings_are_tried_on_the_same_hands),

@@ -1,10 +1,12 @@
 #include "trace/replay.h"
 
+#include "base/check.h"
 #include "replay/recording.h"
 #include "test.h"
 #include "trace/record.h"
 #include "unit/trace_mend.h"
 
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +37,31 @@ static void a_recorded_session_replays_without_a_difference(void **state) {
     assert_true(report.same_build && report.same_libc && report.same_cpu && report.same_events);
     assert_true(report.session_ns > 0);
     assert_int_equal(report.left_out, 0);
+}
+
+static void *replay_beside(void *report) {
+    struct replay_report *r = report;
+    CHECK(replay(played.scene, r) == RESULT_OK);
+    return NULL;
+}
+
+// Whatever runs beside it on the same scene.
+static void sessions_side_by_side_replay_without_a_difference(void **state) {
+    (void)state;
+    static const int rows[] = {1, 2, 4};
+    struct replay_report reports[4];
+    pthread_t threads[4];
+    struct trace_header header = honest_header();
+    record(&header, 0, NULL);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        for (int k = 0; k < rows[i]; k++)
+            pthread_create(&threads[k], NULL, replay_beside, &reports[k]);
+        for (int k = 0; k < rows[i]; k++) {
+            pthread_join(threads[k], NULL);
+            assert_int_equal(reports[k].steps, recorded_steps);
+            assert_int_equal(reports[k].verdict, REPLAY_IDENTICAL);
+        }
+    }
 }
 
 // The session that is recorded must be worth replaying.
@@ -205,6 +232,7 @@ static void steps_after_a_gap_are_left_out_and_counted(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_recorded_session_replays_without_a_difference),
+        cmocka_unit_test(sessions_side_by_side_replay_without_a_difference),
         cmocka_unit_test(the_session_that_is_replayed_has_displacement_contact_loss_and_cuts),
         cmocka_unit_test(another_field_setting_is_found),
         cmocka_unit_test(the_first_difference_is_named),

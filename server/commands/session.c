@@ -86,7 +86,7 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack("{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-                     "s:I, s:o}",
+                     "s:I, s:o, s:s}",
                      "station", info->station, "id", id, "case", info->case_name, "state",
                      state_name(info), "connected", info->connected, "start_utc_s",
                      (double)info->start_utc_ns / 1e9, "steps", (json_int_t)info->steps,
@@ -95,7 +95,7 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
                      "frames_invalid", (json_int_t)info->frames_invalid, "rtt_us", info->rtt_p50_us,
                      "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace,
                      "calibration", calibration_to_json(info), "touches", (json_int_t)info->touches,
-                     "drift_mm", drift_to_json(info));
+                     "drift_mm", drift_to_json(info), "case_grade", info->case_grade);
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {
@@ -146,6 +146,8 @@ static void print_table(const arthron_CommandReply *reply) {
         printf("%-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
                info->case_name, state_name(info), info->connected ? "connected" : "away",
                info->steps, info->frames_lost, info->trace);
+        if (strncmp(info->case_grade, "fit", 3) != 0)
+            printf("  %s: its case is %s\n", info->station, info->case_grade);
         if (info->calibration_problem[0])
             printf("  %s: %s\n", info->station, info->calibration_problem);
         if (info->touches)

@@ -29,6 +29,7 @@ int hub_find_station(const struct hub_config *config, const char *name) {
 static void take_grade(struct hub *hub, int index, const struct case_grade *grade) {
     const char *name = hub->config.cases[index].name;
     const char *field = field_name(hub->config.settings.field.kind);
+    hub->grades[index] = grade_name(grade->grade);
     if (strcmp(grade->field, field) != 0)
         log_warning("hub", "case %s was checked with the field %s and is served with %s", name,
                     grade->field, field);
@@ -50,6 +51,7 @@ static void judge(struct hub *hub, int index) {
     struct case_grade grade;
     struct error err;
     enum result result = grade_read(entry->dir, &grade, &err);
+    hub->grades[index] = "not checked";
     if (result == RESULT_MISSING)
         log_warning("hub", "case %s is not checked: run arthron-case check %s", entry->name,
                     entry->dir);

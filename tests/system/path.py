@@ -192,6 +192,7 @@ class Strangers(House):
         self.assertIn("case bad is unfit: femur: faces too much", station.out() + station.log())
         self.assertIn("case bad is unfit", self.steer("case", "room-1", "bad", code=1)["text"])
         self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
+        self.assertEqual(self.session()["case_grade"], "not checked")
         server.end()
         server = self.start_server("[warp]\nfield = smooth\n" + stations.format("bad"), "unfit = serve")
         self.assertIn("case bad was checked with the field inverse-distance and is served with smooth",
@@ -200,6 +201,7 @@ class Strangers(House):
         self.start_station()
         wait_until("connected", lambda: self.session()["connected"])
         self.assertEqual(self.session()["case"], "bad")
+        self.assertEqual(self.session()["case_grade"], "unfit")
 
     def test_of_two_stations_with_one_name_the_second_is_refused(self):
         self.start_mockup()

@@ -85,17 +85,18 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
     char id[33];
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
-    return json_pack("{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-                     "s:I, s:o, s:s}",
-                     "station", info->station, "id", id, "case", info->case_name, "state",
-                     state_name(info), "connected", info->connected, "start_utc_s",
-                     (double)info->start_utc_ns / 1e9, "steps", (json_int_t)info->steps,
-                     "frames_lost", (json_int_t)info->frames_lost, "frames_old",
-                     (json_int_t)info->frames_old, "frames_early", (json_int_t)info->frames_early,
-                     "frames_invalid", (json_int_t)info->frames_invalid, "rtt_us", info->rtt_p50_us,
-                     "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace,
-                     "calibration", calibration_to_json(info), "touches", (json_int_t)info->touches,
-                     "drift_mm", drift_to_json(info), "case_grade", info->case_grade);
+    return json_pack(
+        "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
+        "s:I, s:o, s:s, s:I, s:b}",
+        "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
+        "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
+        (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_old",
+        (json_int_t)info->frames_old, "frames_early", (json_int_t)info->frames_early,
+        "frames_invalid", (json_int_t)info->frames_invalid, "rtt_us", info->rtt_p50_us,
+        "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace, "calibration",
+        calibration_to_json(info), "touches", (json_int_t)info->touches, "drift_mm",
+        drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
+        (json_int_t)info->trace_missing, "trace_failing", info->trace_failing);
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {
@@ -150,6 +151,11 @@ static void print_table(const arthron_CommandReply *reply) {
             printf("  %s: its case is %s\n", info->station, info->case_grade);
         if (info->calibration_problem[0])
             printf("  %s: %s\n", info->station, info->calibration_problem);
+        if (info->trace_missing)
+            printf("  %s: its trace is incomplete, %" PRIu64 " steps are missing\n", info->station,
+                   info->trace_missing);
+        if (info->trace_failing)
+            printf("  %s: the disk does not take its trace\n", info->station);
         if (info->touches)
             printf("  %s: %" PRIu64 " touches, %.2f mm beside the surface\n", info->station,
                    info->touches, info->drift_mm);

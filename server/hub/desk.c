@@ -236,14 +236,25 @@ static void warn_of_drift(const struct hub *hub, struct seat *seat) {
     seat->drift_warned = told && drift_mm > hub->config.calibration_mm;
 }
 
+// Once for each session.
+static void warn_of_trace(struct seat *seat) {
+    bool incomplete = atomic_load(&seat->counts.trace_missing) > 0;
+    if (incomplete && !seat->trace_warned)
+        log_error("hub", "station %s: its trace is incomplete, the disk is too slow or full",
+                  seat->station->name);
+    seat->trace_warned = incomplete;
+}
+
 static void *clerk(void *argument) {
     struct hub *hub = argument;
     while (!clerk_should_stop(hub)) {
         pthread_mutex_lock(&hub->desk_lock);
         put_in_order(hub);
         pthread_mutex_unlock(&hub->desk_lock);
-        for (int i = 0; i < hub->config.station_count; i++)
+        for (int i = 0; i < hub->config.station_count; i++) {
             warn_of_drift(hub, &hub->seats[i]);
+            warn_of_trace(&hub->seats[i]);
+        }
         wait_for_work(hub);
     }
     return NULL;
@@ -310,6 +321,8 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->frames_early = atomic_load(&counts->frames_early);
     out->frames_invalid = atomic_load(&counts->frames_invalid);
     out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
+    out->trace_missing = atomic_load(&counts->trace_missing);
+    out->trace_failing = atomic_load(&counts->trace_failing);
     out->touches = atomic_load(&counts->touches);
     out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
     out->has_calibration = card.calibrated;

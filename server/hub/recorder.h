@@ -12,7 +12,8 @@
 struct recorder;
 
 // Takes over the sessions whose traces lie in traces_dir and whose end is not in the records, and
-// then waits for more; again where the file is another one (a backup was put back). find: from the recorder's thread.
+// then waits for more; again where the file is another one (a backup was put back). find: from the
+// recorder's thread.
 struct recorder *recorder_start(const char *records, const char *traces_dir, scene_finder find,
                                 void *user);
 

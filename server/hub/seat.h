@@ -59,8 +59,10 @@ struct seat_counts {
     atomic_uint_fast64_t frames_invalid; // values out of range: dropped
     atomic_int state; // enum session_state; from the wish for a session until its end not closed
     atomic_int_fast64_t rtt_ns, clock_uncertainty_ns;
-    atomic_uint_fast64_t touches; // of this session
-    atomic_int_fast64_t drift_nm; // of the instrument that is farthest off
+    atomic_uint_fast64_t touches;       // of this session
+    atomic_int_fast64_t drift_nm;       // of the instrument that is farthest off
+    atomic_uint_fast64_t trace_missing; // as of trace_status
+    atomic_bool trace_failing;
 };
 
 // The joint at a session's last step.
@@ -92,6 +94,7 @@ struct seat {
     int64_t last_step_ns, last_frame_ns;
     struct drift drift[INSTRUMENT_COUNT];
     bool drift_warned; // the clerk's
+    bool trace_warned; // too
 };
 
 // To a worker.

@@ -380,11 +380,18 @@ static void take_notes(struct worker *worker) {
 
 // ---- time ---------------------------------------------------------------------------------------
 
+static void publish_trace(struct seat *seat) {
+    struct trace_status status = trace_writer_status(seat->live->trace);
+    atomic_store_explicit(&seat->counts.trace_missing, status.missing, memory_order_relaxed);
+    atomic_store_explicit(&seat->counts.trace_failing, status.failing, memory_order_relaxed);
+}
+
 static void watch_seat(struct worker *worker, struct seat *seat, int64_t now_ns) {
     if (seat->connected && datagram_epoch_is_old(worker->endpoint, seat->udp_connection, now_ns))
         send_keys(worker, seat);
     if (!seat->live)
         return;
+    publish_trace(seat);
     if (seat_is_deserted(worker->hub, seat)) {
         step_without_frame(worker, seat, INPUT_STOP);
     } else if (now_ns + seat->live->ahead_ns - seat->last_step_ns >= EMPTY_STEP_NS &&

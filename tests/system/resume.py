@@ -2,6 +2,7 @@
 """The server is killed and started again: its sessions go on where they were, in their traces."""
 
 import os
+import resource
 import signal
 import time
 import unittest
@@ -83,6 +84,24 @@ class Resume(House):
         self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
         self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 3)
         self.assertEqual(len(os.listdir(self.traces)), 1)
+
+    def test_a_full_disk_stops_no_pose_and_is_told(self):
+        self.start_station()
+        self.wait_for_steps()
+        trace = self.session()["trace"]
+        self.assertFalse(self.session()["trace_failing"])
+        pid, hard = self.server.process.pid, resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (os.path.getsize(trace) + 1000, hard))
+        wait_until("the disk's failing", lambda: self.session()["trace_failing"])
+        self.wait_for_steps(200)
+        self.assertIn("does not take its trace", call("arthron-server", "session", "--socket", self.socket, "list").stdout)
+        self.assertEqual(self.verify(trace, code=1)["signature"], "none")
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard, hard))
+        wait_until("the disk again", lambda: not self.session()["trace_failing"])
+        self.assertEqual(self.session()["trace_missing"], 0)
+        self.server.end()
+        self.assertEqual(self.verify(trace)["signature"], "good")
+        self.assertEqual(call_json("arthron-trace", "replay", trace)["verdict"], "identical")
 
     def test_a_session_that_was_closed_or_is_of_long_ago_stays_as_it_is(self):
         self.start_station()

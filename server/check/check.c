@@ -91,6 +91,35 @@ static uint32_t skin_bit(const struct knee_case *knee) {
     return bits;
 }
 
+static void include(struct box *box, vec3 p) {
+    box->min = (vec3){fmin(box->min.x, p.x), fmin(box->min.y, p.y), fmin(box->min.z, p.z)};
+    box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
+}
+
+// Nothing can be reached beyond: of the skin, or of the planes, which are close to their hull.
+static struct box bounds(const struct scene *scene, const struct scene_stance *stance) {
+    const struct knee_case *knee = scene_case(scene);
+    struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+    double around = NEAR_JOINT_MM + 2 * PLANES_OFF_MM;
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *group = &knee->groups[i];
+        for (uint32_t v = 0; !strcmp(group->name, "skin") && v < group->mesh.vertex_count; v++)
+            include(&box,
+                    pose_apply(stance->T_femur_body[group->body], mesh_vertex(&group->mesh, v)));
+    }
+    for (int i = 0; i < 8 && !has_skin(knee); i++) {
+        vec3 corner = {i & 1 ? around : -around, i & 2 ? around : -around,
+                       i & 4 ? around : -around};
+        include(&box, vec3_add(inspect_joint_centre(knee), corner));
+    }
+    return box;
+}
+
+static struct box common(struct box a, struct box b) {
+    return (struct box){{fmax(a.min.x, b.min.x), fmax(a.min.y, b.min.y), fmax(a.min.z, b.min.z)},
+                        {fmin(a.max.x, b.max.x), fmin(a.max.y, b.max.y), fmin(a.max.z, b.max.z)}};
+}
+
 static enum result walk(const struct check *check, const struct scene *scene,
                         const struct scene_stance *stance, const struct moved *moved,
                         struct check_pose *at, struct error *err) {
@@ -102,7 +131,7 @@ static enum result walk(const struct check *check, const struct scene *scene,
         .surfaces = roles,
         .planes = planes,
         .plane_count = check_planes(scene, stance, planes),
-        .box = moved_box(moved),
+        .box = common(moved_box(moved), bounds(scene, stance)),
         .spacing_mm = check->settings.spacing_mm,
     };
     struct space space;

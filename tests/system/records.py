@@ -23,13 +23,13 @@ class Records(House):
         return json.loads(self.records("list", what, "--json").stdout)
 
     def start_room(self):
-        server = self.start_server(STATION, "records = records.db")
+        server = self.start_server(STATION, "records = records.db\nwait_s = 2")
         if not os.path.exists(self.path("keys-room-1")):
             self.start_mockup()
             self.enrol("room-1")
-            self.start_station()
+            self.station = self.start_station()
         wait_until("a running session", lambda: self.session()["state"] == "running")
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         return server
 
     def in_state(self, state, count=1):
@@ -81,16 +81,16 @@ class Records(House):
         # What began or ended since the backup comes back.
         self.steer("start", "room-1")
         self.in_state("open")
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         call("arthron-server", "backup", "--file", self.db, "--out", self.path("backup.db"))
         self.steer("stop", "room-1")
         self.in_state("closed", 2)
         self.steer("start", "room-1")
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         going_on = self.session()["id"]
         self.records("add", "course", "after the backup")
         restored = call("arthron-server", "restore", self.path("backup.db"), "--file", self.db)
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         self.assertEqual(self.session()["id"], going_on)
         self.assertEqual(self.rows("courses"), [])
         self.in_state("closed", 2)
@@ -104,7 +104,7 @@ class Records(House):
         # Killed, and for longer than a session waits: the next server takes it from its trace.
         self.steer("start", "room-1")
         self.in_state("open")
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         server.end(signal.SIGKILL)
         self.sane()
         os.utime(self.in_state("open")[0]["trace"], (0, 0))
@@ -133,12 +133,18 @@ class Records(House):
         lock.execute("BEGIN IMMEDIATE")
         self.steer("start", "room-1")
         server.wait_for_log("keeps the records locked")
-        self.wait_for_steps()
+        self.wait_for_steps(20)
         self.steer("stop", "room-1")
         self.assertEqual(len(self.rows("sessions")), 1)
         lock.execute("ROLLBACK")
         lock.close()
         self.in_state("closed", 2)
+
+        # Who goes for good leaves a session that says so.
+        self.steer("start", "room-1")
+        self.in_state("open")
+        self.station.end()
+        self.assert_is_of_trace(self.in_state("deserted")[0])
         self.assertEqual(server.end(), 0)
         self.sane()
 

@@ -234,14 +234,15 @@ static double change_within(struct slab *slab, vec3 *a, vec3 *b, vec3 at_a, vec3
     return vec3_distance(at_a, at_b);
 }
 
-// Of the surfaces within reach of both, the one whose Δ changes most.
-static int jumping(struct slab *slab, vec3 a, vec3 b) {
+// Of the surfaces within reach of both, the one whose Δ changes most; -1 where none does by half of
+// the jump, which is then a steep place and nothing else.
+static int jumping(struct slab *slab, vec3 a, vec3 b, double jump) {
     struct warp_contact before[WARP_SURFACES_MAX];
     warp_at(slab, a);
     int count = slab->count, found = -1;
     memcpy(before, slab->contacts, (size_t)count * sizeof *before);
     warp_at(slab, b);
-    double most = 0;
+    double most = 0.5 * jump;
     for (int i = 0; i < count; i++)
         for (int k = 0; k < slab->count; k++) {
             double change = vec3_distance(before[i].delta, slab->contacts[k].delta);
@@ -261,14 +262,12 @@ static void compare(struct slab *slab, vec3 y, const struct node *node, vec3 oth
         return;
     vec3 a = other_y, b = y;
     double jump = change_within(slab, &a, &b, other->displacement, node->displacement);
-    if (jump <= JUMP_MM)
-        return;
+    int surface = jump > JUMP_MM ? jumping(slab, a, b, jump) : -1;
     struct field_figures *f = slab->figures;
-    if (f->jumped++ && jump <= f->jump.value)
+    if (surface < 0 || (f->jumped++ && jump <= f->jump.value))
         return;
-    int surface = jumping(slab, a, b);
     f->jump = spot_of(slab, b, jump);
-    if (surface >= 0 && surface != f->jump.nearest[0]) {
+    if (surface != f->jump.nearest[0]) {
         f->jump.nearest[1] = f->jump.nearest[0];
         f->jump.nearest[0] = surface;
     }

@@ -56,10 +56,10 @@ struct field_figures {
 };
 
 // By |∇W| (largest singular value): change of warp for each millimetre of hand. A jump: W changes
-// by more than JUMP_MM over JUMP_WAY_MM, found by halving the way between neighbours that differ by
-// more than both gradients explain. yielding: bit k: surface k gives way, as skin does; a place is
-// against it where it is one of the two nearest. Figures are added to those that are there. Threads
-// inside; the figures depend on none of it.
+// by more than JUMP_MM over JUMP_WAY_MM, and a surface's Δ by half of that or more, found by
+// halving the way between neighbours that differ by more than both gradients explain. yielding: bit
+// k: surface k gives way, as skin does; a place is against it where it is one of the two nearest.
+// Figures are added to those that are there. Threads inside; the figures depend on none of it.
 void field_walk(const struct warp_scene *scene, const struct field *field,
                 const struct moved *moved, uint32_t yielding, const struct space *space,
                 struct field_figures *figures);

@@ -2,20 +2,10 @@
 
 #include "base/check.h"
 #include "export/atlas.h"
-#include "trace/rerun.h"
+#include "export/landings.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-// A job that landed, and what it made of the blends.
-struct landing {
-    uint64_t step;
-    double seconds;
-    enum job_kind kind;
-    bool wanted;      // within the time asked for
-    bool as_recorded; // it gave what the record says that it gave
-    struct job_result *result;
-};
 
 struct maps {
     const struct scene *scene;
@@ -30,135 +20,35 @@ static const struct case_group *group_of(const struct maps *maps, int tissue) {
 
 // ---- which there are ----------------------------------------------------------------------------
 
-// Jobs are run as they are asked for; the last one's result waits here until it lands.
-struct gathering {
-    struct maps *maps;
-    struct operation *operation;
-    struct job_result *pending;
-    enum job_kind kind;
-};
-
-static void keep(struct gathering *g, const struct session_output *output, double seconds,
-                 bool wanted) {
-    struct maps *maps = g->maps;
-    maps->landings = alloc_resize(maps->landings, (size_t)maps->count + 1, sizeof *maps->landings);
-    maps->landings[maps->count++] =
-        (struct landing){.step = output->step,
-                         .seconds = seconds,
-                         .kind = g->kind,
-                         .wanted = wanted,
-                         .as_recorded = g->pending->hash == output->landed.hash,
-                         .result = g->pending};
-    g->pending = NULL;
-}
-
-// A step's job is asked for after the one before has landed.
-static void take_step(struct gathering *g, const struct session_output *output, double seconds,
-                      bool wanted) {
-    const struct landed *landed = &output->landed;
-    bool here = landed->job && g->pending && g->pending->job == landed->job;
-    if (here && g->pending->outcome == JOB_DONE &&
-        operation_match(g->operation, g->pending->tissue))
-        keep(g, output, seconds, wanted);
-    if (!output->job.id)
-        return;
-    job_result_destroy(&g->pending);
-    g->pending = operation_run(g->operation, &output->job);
-    g->kind = output->job.kind;
-}
-
-// The record's own sums say nothing of whether a job can be run.
-static bool can_run(const struct scene *scene, const struct job *job) {
-    if (job->tissue >= scene_tissue_count(scene))
-        return false;
-    for (int i = 0; i < 2 && job->kind == JOB_CUT; i++) {
-        double opening = job->move.opening[i];
-        if (!pose_is_valid(job->move.T_mesh_tip[i]) || !(opening >= 0 && opening <= 1))
-            return false;
-    }
-    return true;
-}
-
-static enum result gather(struct gathering *g, struct walk *walk, double from_s,
-                          struct error *err) {
-    struct trace_record record;
-    double seconds;
-    while (walk_next(walk, &record, &seconds)) {
-        const struct job *job = &record.output.job;
-        if (job->id && !can_run(g->maps->scene, job))
-            return fail(err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
-                        (unsigned long long)record.output.step);
-        take_step(g, &record.output, seconds, seconds >= from_s);
-    }
-    return RESULT_OK;
-}
-
-// A piece of a record begins with inputs alone: what they led to must be found again.
-static enum result run_past(struct gathering *g, const char *path, struct error *err) {
-    struct trace_reader *reader;
-    struct trace_record record;
-    struct session_output output;
-    struct session *session;
-    enum result result = trace_reader_create(path, &reader, err);
-    if (result != RESULT_OK)
-        return result;
-    struct rerun *rerun = rerun_create(g->maps->scene, &trace_reader_header(reader)->settings);
-    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type == TRACE_PAST) {
-        rerun_step(rerun, &record, &output);
-        g->kind = output.job.id ? output.job.kind : g->kind;
-    }
-    rerun_release(&rerun, &session, &g->operation, &g->pending);
-    session_destroy(&session);
-    trace_reader_destroy(&reader);
-    return RESULT_OK;
-}
-
-static void take_start(const struct gathering *g) {
-    for (int i = 0; i < scene_tissue_count(g->maps->scene); i++) {
-        const struct match *match = operation_match(g->operation, i);
-        uint32_t count = group_of(g->maps, i)->mesh.vertex_count;
+static void take_start(void *context, const struct operation *operation) {
+    struct maps *maps = context;
+    for (int i = 0; i < scene_tissue_count(maps->scene); i++) {
+        const struct match *match = operation_match(operation, i);
+        uint32_t count = group_of(maps, i)->mesh.vertex_count;
         if (!match)
             continue;
-        g->maps->start[i] = alloc(count, sizeof(double));
-        memcpy(g->maps->start[i], match_blends(match), count * sizeof(double));
+        maps->start[i] = alloc(count, sizeof(double));
+        memcpy(maps->start[i], match_blends(match), count * sizeof(double));
     }
 }
 
-static enum result gather_all(struct maps *maps, struct walk *walk, double from_s,
-                              struct error *err) {
-    uint64_t recorded_with = trace_reader_header(walk->reader)->case_hash;
-    const struct knee_case *knee = scene_case(maps->scene);
-    if (knee->hash != recorded_with)
-        return fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
-                    walk->request->trace, knee->name);
-    struct gathering g = {.maps = maps};
-    enum result result = run_past(&g, walk->request->trace, err);
-    if (result != RESULT_OK)
-        return result;
-    take_start(&g);
-    result = gather(&g, walk, from_s, err);
-    operation_destroy(&g.operation);
-    job_result_destroy(&g.pending);
-    return result;
+static void keep(void *context, struct landing *landing, const struct operation *operation) {
+    struct maps *maps = context;
+    if (!operation_match(operation, landing->result->tissue))
+        return;
+    maps->landings = alloc_resize(maps->landings, (size_t)maps->count + 1, sizeof *maps->landings);
+    maps->landings[maps->count++] = *landing;
+    landing->result = NULL;
 }
 
 enum result maps_create(struct walk *walk, struct maps **out_maps, struct error *err) {
-    const struct export_request *asked = walk->request;
-    struct export_request request = *asked;
-    struct contents all = {.steps = UINT64_MAX};
-    *out_maps = NULL;
-    request.from_s = -INFINITY;
-    walk->request = &request;
-    enum result result = walk_begin(walk, &all, err);
-    if (result == RESULT_OK) {
-        *out_maps = alloc(1, sizeof **out_maps);
-        (*out_maps)->scene = request.scene;
-        result = gather_all(*out_maps, walk, asked->from_s, err);
-        walk_end(walk);
-    }
-    walk->request = asked;
+    struct maps *maps = alloc(1, sizeof *maps);
+    struct landing_watcher watcher = {.context = maps, .start = take_start, .landed = keep};
+    maps->scene = walk->request->scene;
+    enum result result = landings_run(walk, &watcher, err);
     if (result != RESULT_OK)
-        maps_destroy(out_maps);
+        maps_destroy(&maps);
+    *out_maps = maps;
     return result;
 }
 

@@ -1,0 +1,119 @@
+#include "export/landings.h"
+
+#include "base/check.h"
+#include "trace/rerun.h"
+
+// Jobs are run as they are asked for; the last one's result waits here until it lands.
+struct gathering {
+    const struct landing_watcher *watcher;
+    struct operation *operation;
+    struct job_result *pending;
+    enum job_kind kind;
+};
+
+static void land(struct gathering *g, const struct session_output *output, double seconds,
+                 bool wanted) {
+    struct landing landing = {.step = output->step,
+                              .seconds = seconds,
+                              .kind = g->kind,
+                              .wanted = wanted,
+                              .as_recorded = g->pending->hash == output->landed.hash,
+                              .result = g->pending};
+    g->watcher->landed(g->watcher->context, &landing, g->operation);
+    g->pending = landing.result;
+}
+
+// A step's job is asked for after the one before has landed.
+static void take_step(struct gathering *g, const struct session_output *output, double seconds,
+                      bool wanted) {
+    const struct landed *landed = &output->landed;
+    bool here = landed->job && g->pending && g->pending->job == landed->job;
+    if (here && g->pending->outcome == JOB_DONE)
+        land(g, output, seconds, wanted);
+    if (!output->job.id)
+        return;
+    job_result_destroy(&g->pending);
+    g->pending = operation_run(g->operation, &output->job);
+    g->kind = output->job.kind;
+}
+
+// The record's own sums say nothing of whether a job can be run.
+static bool can_run(const struct scene *scene, const struct job *job) {
+    if (job->tissue >= scene_tissue_count(scene))
+        return false;
+    for (int i = 0; i < 2 && job->kind == JOB_CUT; i++) {
+        double opening = job->move.opening[i];
+        if (!pose_is_valid(job->move.T_mesh_tip[i]) || !(opening >= 0 && opening <= 1))
+            return false;
+    }
+    return true;
+}
+
+static enum result gather(struct gathering *g, struct walk *walk, double from_s,
+                          struct error *err) {
+    struct trace_record record;
+    double seconds;
+    while (walk_next(walk, &record, &seconds)) {
+        const struct job *job = &record.output.job;
+        if (job->id && !can_run(walk->request->scene, job))
+            return fail(err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
+                        (unsigned long long)record.output.step);
+        take_step(g, &record.output, seconds, seconds >= from_s);
+    }
+    return RESULT_OK;
+}
+
+// A piece of a record begins with inputs alone: what they led to must be found again.
+static enum result run_past(struct gathering *g, const struct export_request *request,
+                            struct error *err) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    struct session_output output;
+    struct session *session;
+    enum result result = trace_reader_create(request->trace, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    struct rerun *rerun = rerun_create(request->scene, &trace_reader_header(reader)->settings);
+    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type == TRACE_PAST) {
+        rerun_step(rerun, &record, &output);
+        g->kind = output.job.id ? output.job.kind : g->kind;
+    }
+    rerun_release(&rerun, &session, &g->operation, &g->pending);
+    session_destroy(&session);
+    trace_reader_destroy(&reader);
+    return RESULT_OK;
+}
+
+static enum result gather_all(struct walk *walk, const struct landing_watcher *watcher,
+                              double from_s, struct error *err) {
+    const struct export_request *request = walk->request;
+    const struct knee_case *knee = scene_case(request->scene);
+    struct gathering g = {.watcher = watcher};
+    if (knee->hash != trace_reader_header(walk->reader)->case_hash)
+        return fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
+                    request->trace, knee->name);
+    enum result result = run_past(&g, request, err);
+    if (result != RESULT_OK)
+        return result;
+    watcher->start(watcher->context, g.operation);
+    result = gather(&g, walk, from_s, err);
+    operation_destroy(&g.operation);
+    job_result_destroy(&g.pending);
+    return result;
+}
+
+enum result landings_run(struct walk *walk, const struct landing_watcher *watcher,
+                         struct error *err) {
+    const struct export_request *asked = walk->request;
+    struct export_request request = *asked;
+    struct contents all = {.steps = UINT64_MAX};
+    request.from_s = -INFINITY;
+    walk->request = &request;
+    enum result result = walk_begin(walk, &all, err);
+    if (result == RESULT_OK) {
+        result = gather_all(walk, watcher, asked->from_s, err);
+        walk_end(walk);
+    }
+    walk->request = asked;
+    return result;
+}

@@ -51,6 +51,11 @@ enum result contents_end(const struct contents *contents, struct error *err) {
     return fail(err, contents->end, "%s", contents->why.text);
 }
 
+void bytes_text(const uint8_t *bytes, size_t count, char *out_text) {
+    for (size_t i = 0; i < count; i++)
+        snprintf(out_text + 2 * i, 3, "%02x", bytes[i]);
+}
+
 static bool ever_there(const struct trace_field *field, const struct contents *contents) {
     switch (field->owner) {
     case OWNER_STEP:

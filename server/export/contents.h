@@ -24,6 +24,9 @@ enum result contents_end(const struct contents *contents, struct error *err);
 int contents_fields(const struct contents *contents,
                     struct trace_field out_fields[TRACE_FIELDS_MAX]);
 
+// Two digits for each byte; out_text holds them and a zero.
+void bytes_text(const uint8_t *bytes, size_t count, char *out_text);
+
 // From the first to the last step that is exported, as often as wanted: what is appended meanwhile
 // is not seen.
 struct walk {

@@ -62,17 +62,10 @@ static void describe_names(struct image_writer *writer) {
                       "frame of their group");
 }
 
-static void describe_bytes(struct image_writer *writer, const char *attribute, const uint8_t *bytes,
-                           size_t count) {
-    char text[2 * TRACE_HASH_SIZE + 1];
-    for (size_t i = 0; i < count; i++)
-        snprintf(text + 2 * i, 3, "%02x", bytes[i]);
-    image_writer_text(writer, 0, attribute, text);
-}
-
 static void describe_session(const struct trace_header *h, struct image_writer *writer) {
     char text[TEXT_MAX];
-    describe_bytes(writer, "arthron:session", h->session_id, sizeof h->session_id);
+    bytes_text(h->session_id, sizeof h->session_id, text);
+    image_writer_text(writer, 0, "arthron:session", text);
     image_writer_text(writer, 0, "arthron:station", h->station);
     image_writer_text(writer, 0, "arthron:case", h->case_name);
     snprintf(text, sizeof text, "%016" PRIx64, h->case_hash);
@@ -104,9 +97,11 @@ static void describe_settings(const struct session_settings *s, struct image_wri
 }
 
 void exr_describe(const struct contents *contents, struct image_writer *writer) {
+    char hash[2 * TRACE_HASH_SIZE + 1];
     image_writer_text(writer, 0, "arthron:program", "arthron-trace " ARTHRON_VERSION);
     describe_session(&contents->header, writer);
-    describe_bytes(writer, "arthron:trace_hash", contents->hash, sizeof contents->hash);
+    bytes_text(contents->hash, sizeof contents->hash, hash);
+    image_writer_text(writer, 0, "arthron:trace_hash", hash);
     describe_settings(&contents->header.settings, writer);
     describe_names(writer);
     image_writer_number(writer, 0, "arthron:whole", contents->end == RESULT_CLOSED);

@@ -24,3 +24,8 @@ enum result export_csv(const struct export_request *request, FILE *out, struct e
 // Without a scene the maps of cuts are left out. RESULT_LIMIT where there are more steps than an
 // image has pixels.
 enum result export_exr(const struct export_request *request, const char *path, struct error *err);
+
+// What was seen and, beside it, the mock-up as an animated scene (GLTF.md). Needs the scene.
+// RESULT_REFUSED where that is of another case, RESULT_LIMIT where the file would be too large,
+// RESULT_MISSING also where there is no step in the time asked for.
+enum result export_gltf(const struct export_request *request, const char *path, struct error *err);

@@ -16,7 +16,7 @@ static const struct {
     {"verify", command_verify, "whether the file is whole, or up to where"},
     {"replay", command_replay, "run the session again: compare every step, or try other settings"},
     {"cut", command_cut, "a piece that replays, of another trace"},
-    {"export", command_export, "the steps as a table or as an image"},
+    {"export", command_export, "the steps as a table, an image or an animated scene"},
     {"score", command_score, "what it is worth: time, paths, smoothness, contacts, resection"},
     {"picture", command_picture, "what was cut, drawn"},
 };

@@ -7,7 +7,8 @@
 #include <string.h>
 
 static const char help[] =
-    "Usage: arthron-trace export FILE --csv OUT | --exr OUT [--from S] [--to S] [--case DIR]\n"
+    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT [--from S]\n"
+    "                                 [--to S] [--case DIR]\n"
     "\n"
     "Writes what others can read. --csv: a table with a row for each step: time since the "
     "session's\n"
@@ -21,17 +22,21 @@ static const char help[] =
     "landed_tissue those that are cuttable.\n"
     "--exr: the same as an image of many channels with every bit of them, and what each cut made\n"
     "of the touch as maps over the meniscus (server/export/EXR.md).\n"
+    "--gltf: an animated scene for Blender and others (server/export/GLTF.md): the knee, the\n"
+    "instruments and the tissue as they were seen, and beside them the mock-up as it was.\n"
     "\n"
     "  --csv OUT   the file to write; - for stdout\n"
     "  --exr OUT   the file to write\n"
+    "  --gltf OUT  the file to write, GLB\n"
     "  --from S    leave out what was before S seconds\n"
     "  --to S      and after S seconds\n"
-    "  --case DIR  the case, where it is not where the trace says; only cuts need it\n"
+    "  --case DIR  the case, where it is not where the trace says; a table needs none, an\n"
+    "              image one only for cuts\n"
     "\n"
     "Exits 1 where the trace is not whole (what can be read is written).\n";
 
 struct request {
-    const char *csv, *exr, *case_dir;
+    const char *csv, *exr, *gltf, *case_dir;
     struct export_request export;
 };
 
@@ -51,7 +56,7 @@ static int write_csv(struct request *request) {
     return result == RESULT_OK ? EXIT_GOOD : failed("export", &err);
 }
 
-// Only where something was cut.
+// An image needs it only where something was cut.
 static enum result load_needed(struct request *request, struct scene **out_scene,
                                struct error *err) {
     struct trace_reader *reader;
@@ -61,19 +66,20 @@ static enum result load_needed(struct request *request, struct scene **out_scene
     if (result != RESULT_OK)
         return result;
     survey_read(reader, &survey);
-    if (survey.jobs)
+    if (survey.jobs || request->gltf)
         result = load_scene(reader, request->case_dir, out_scene, err);
     trace_reader_destroy(&reader);
     request->export.scene = *out_scene;
     return result;
 }
 
-static int write_exr(struct request *request) {
+static int write_with_case(struct request *request) {
     struct error err;
     struct scene *scene;
     enum result result = load_needed(request, &scene, &err);
     if (result == RESULT_OK)
-        result = export_exr(&request->export, request->exr, &err);
+        result = request->gltf ? export_gltf(&request->export, request->gltf, &err)
+                               : export_exr(&request->export, request->exr, &err);
     if (scene)
         scene_destroy(&scene);
     return result == RESULT_OK ? EXIT_GOOD : failed("export", &err);
@@ -93,6 +99,9 @@ static bool parse_option(int option, struct request *request) {
     case 'e':
         request->exr = optarg;
         return true;
+    case 'g':
+        request->gltf = optarg;
+        return true;
     case 'k':
         request->case_dir = optarg;
         return true;
@@ -104,13 +113,11 @@ static bool parse_option(int option, struct request *request) {
 }
 
 int command_export(int argc, char **argv) {
-    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
-                                            {"exr", required_argument, NULL, 'e'},
-                                            {"from", required_argument, NULL, 'f'},
-                                            {"to", required_argument, NULL, 't'},
-                                            {"case", required_argument, NULL, 'k'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
+    static const struct option options[] = {
+        {"csv", required_argument, NULL, 'c'},  {"exr", required_argument, NULL, 'e'},
+        {"gltf", required_argument, NULL, 'g'}, {"from", required_argument, NULL, 'f'},
+        {"to", required_argument, NULL, 't'},   {"case", required_argument, NULL, 'k'},
+        {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
     struct request request = {
         .export = {.from_s = -INFINITY, .to_s = INFINITY, .progress = show_progress}};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -121,7 +128,7 @@ int command_export(int argc, char **argv) {
     }
     if (take_file(argc, argv, &request.export.trace) != EXIT_GOOD)
         return EXIT_USAGE;
-    if (!request.csv == !request.exr)
-        return usage_error(argv[0], "one of --csv OUT and --exr OUT is needed");
-    return request.csv ? write_csv(&request) : write_exr(&request);
+    if (!!request.csv + !!request.exr + !!request.gltf != 1)
+        return usage_error(argv[0], "one of --csv OUT, --exr OUT and --gltf OUT is needed");
+    return request.csv ? write_csv(&request) : write_with_case(&request);
 }

@@ -1,0 +1,336 @@
+#include "base/check.h"
+#include "export/atlas.h"
+#include "export/landings.h"
+#include "export/model.h"
+#include "export/tracks.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define SHAFT_MM 130.0
+#define CONE_MM 4.0
+#define RADIUS_MM 1.5 // of a shaft whose settings say nothing else
+#define AROUND 12
+#define BESIDE_MM 250.0 // the mock-up, so that both knees are seen
+
+enum material {
+    MATERIAL_BONE,
+    MATERIAL_MENISCUS,
+    MATERIAL_LIGAMENT,
+    MATERIAL_SKIN,
+    MATERIAL_STEEL,
+    MATERIAL_COUNT
+};
+
+// A cut mesh, shown from one landing to the next.
+struct state {
+    int node;
+    double on_s, off_s;
+};
+
+struct film {
+    struct walk walk;
+    struct contents contents;
+    struct tracks tracks;
+    struct model *model;
+    int times; // the instants
+    int materials[MATERIAL_COUNT];
+    int nodes[TRACK_COUNT];
+    struct mesh before[TISSUES_MAX]; // as it was before the first step
+    int state_count;
+    struct state *states;
+    int newest[TISSUES_MAX]; // state of each tissue
+};
+
+// ---- what there is ------------------------------------------------------------------------------
+
+static void make_materials(struct film *film) {
+    static const struct {
+        const char *name;
+        float rgba[4];
+    } looks[MATERIAL_COUNT] = {
+        [MATERIAL_BONE] = {"bone", {0.94F, 0.89F, 0.77F, 1}},
+        [MATERIAL_MENISCUS] = {"meniscus", {0.66F, 0.77F, 0.84F, 1}},
+        [MATERIAL_LIGAMENT] = {"ligament", {0.85F, 0.90F, 0.91F, 1}},
+        [MATERIAL_SKIN] = {"skin", {0.86F, 0.70F, 0.64F, 0.15F}},
+        [MATERIAL_STEEL] = {"instrument", {0.45F, 0.47F, 0.50F, 1}},
+    };
+    for (int i = 0; i < MATERIAL_COUNT; i++)
+        film->materials[i] = model_material(film->model, looks[i].name, looks[i].rgba);
+}
+
+static int material_of(const struct film *film, const struct case_group *group) {
+    if (!strcmp(group->name, "skin"))
+        return film->materials[MATERIAL_SKIN];
+    if (group->cuttable || !strncmp(group->name, "meniscus", 8))
+        return film->materials[MATERIAL_MENISCUS];
+    return film->materials[group->bridges ? MATERIAL_LIGAMENT : MATERIAL_BONE];
+}
+
+// z is up in the mock-up's frame, y in glTF.
+static int make_root(struct film *film, const char *name, double x_mm) {
+    int node = model_node(film->model, name, MODEL_NONE, MODEL_NONE);
+    double half = sqrt(0.5);
+    model_place(film->model, node, (pose){{half, -half, 0, 0}, {x_mm, 0, 0}});
+    return node;
+}
+
+// A shaft along z that ends in a cone at the tip.
+static void make_instrument(double radius, struct mesh *mesh) {
+    mesh_init(mesh, 2 * AROUND + 2, 4 * AROUND);
+    uint32_t tip = 2 * AROUND, end = tip + 1, *t = mesh->triangles;
+    for (uint32_t i = 0; i < AROUND; i++) {
+        double angle = 2 * M_PI * i / AROUND, x = radius * cos(angle), y = radius * sin(angle);
+        uint32_t next = (i + 1) % AROUND;
+        mesh_set_vertex(mesh, i, (vec3){x, y, -CONE_MM});
+        mesh_set_vertex(mesh, AROUND + i, (vec3){x, y, -SHAFT_MM});
+        const uint32_t corners[12] = {i,          next, tip, AROUND + i,    AROUND + next, next,
+                                      AROUND + i, next, i,   AROUND + next, AROUND + i,    end};
+        memcpy(t + 12 * i, corners, sizeof corners);
+    }
+    mesh_set_vertex(mesh, tip, (vec3){0, 0, 0});
+    mesh_set_vertex(mesh, end, (vec3){0, 0, -SHAFT_MM});
+}
+
+static double radius_of(const struct instrument_body *body) {
+    double radius = RADIUS_MM;
+    for (int i = 0; i < body->point_count; i++)
+        radius = fmax(radius, body->points[i].radius_mm);
+    return radius;
+}
+
+static void add_instrument(struct film *film, int i, int seen, int mockup) {
+    const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
+    char in_hand[32];
+    struct mesh shape;
+    snprintf(in_hand, sizeof in_hand, "mockup_%s", name);
+    make_instrument(radius_of(&film->contents.header.settings.bodies[i]), &shape);
+    int made = model_mesh(film->model, name, &shape, film->materials[MATERIAL_STEEL]);
+    mesh_fini(&shape);
+    film->nodes[TRACK_WARPED + i] = model_node(film->model, name, seen, made);
+    film->nodes[TRACK_HAND + i] = model_node(film->model, in_hand, mockup, made);
+}
+
+static void add_virtual_group(struct film *film, const struct case_group *group) {
+    struct mesh mesh;
+    case_group_virtual(group, &mesh);
+    int made = model_mesh(film->model, group->name, &mesh, material_of(film, group));
+    mesh_fini(&mesh);
+    model_node(film->model, group->name, film->nodes[TRACK_VIRTUAL + (int)group->body], made);
+}
+
+static void add_physical_group(struct film *film, const struct case_group *group) {
+    const struct mesh *mesh = &group->mesh;
+    struct atlas atlas = atlas_of(mesh->triangle_count);
+    float *uv = alloc(6 * (size_t)mesh->triangle_count, sizeof *uv);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        for (uint32_t corner = 0; corner < 3; corner++)
+            atlas_uv(&atlas, t, (int)corner, uv + 6 * (size_t)t + 2 * corner);
+    int material = material_of(film, group), made;
+    char name[CASE_NAME_MAX + 16];
+    snprintf(name, sizeof name, "mockup_%s", group->name);
+    if (group->cuttable)
+        made = model_textured_mesh(film->model, name, mesh, uv, material);
+    else
+        made = model_mesh(film->model, name, mesh, material);
+    free(uv);
+    model_node(film->model, name, film->nodes[TRACK_PHYSICAL + (int)group->body], made);
+}
+
+static void build(struct film *film) {
+    const struct knee_case *knee = scene_case(film->walk.request->scene);
+    make_materials(film);
+    int seen = make_root(film, "seen", 0);
+    int mockup = make_root(film, "mockup", -BESIDE_MM);
+    for (int i = 0; i < BODY_COUNT; i++) {
+        char name[32];
+        const char *body = body_name((enum body)i);
+        snprintf(name, sizeof name, "bone_%s", body);
+        film->nodes[TRACK_VIRTUAL + i] = model_node(film->model, name, seen, MODEL_NONE);
+        snprintf(name, sizeof name, "mockup_bone_%s", body);
+        film->nodes[TRACK_PHYSICAL + i] = model_node(film->model, name, mockup, MODEL_NONE);
+    }
+    for (int i = 0; i < knee->group_count; i++) {
+        add_physical_group(film, &knee->groups[i]);
+        if (!knee->groups[i].cuttable)
+            add_virtual_group(film, &knee->groups[i]);
+    }
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (film->contents.present[i])
+            add_instrument(film, i, seen, mockup);
+}
+
+// ---- tissue that is cut -------------------------------------------------------------------------
+
+static void add_state(struct film *film, int tissue, const struct mesh *mesh, double on_s) {
+    const struct scene *scene = film->walk.request->scene;
+    const struct case_group *group = &scene_case(scene)->groups[scene_tissue_group(scene, tissue)];
+    char name[CASE_NAME_MAX + 24];
+    snprintf(name, sizeof name, on_s > 0 ? "%s.%d" : "%s", group->name, film->state_count);
+    int made = model_mesh(film->model, name, mesh, film->materials[MATERIAL_MENISCUS]);
+    film->states = alloc_resize(film->states, (size_t)film->state_count + 1, sizeof *film->states);
+    film->states[film->state_count] = (struct state){
+        .node = model_node(film->model, name, film->nodes[TRACK_VIRTUAL + (int)group->body], made),
+        .on_s = on_s,
+        .off_s = INFINITY};
+    film->newest[tissue] = film->state_count++;
+}
+
+static void take_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
+    mesh_fini(out_mesh);
+    cut_mesh_flatten(operation_mesh(operation, tissue), out_mesh, NULL, NULL);
+}
+
+static void take_start(void *context, const struct operation *operation) {
+    struct film *film = context;
+    for (int i = 0; i < scene_tissue_count(film->walk.request->scene); i++)
+        take_mesh(operation, i, &film->before[i]);
+}
+
+static void take_landing(void *context, struct landing *landing,
+                         const struct operation *operation) {
+    struct film *film = context;
+    int tissue = landing->result->tissue;
+    double seconds = landing->seconds - film->tracks.first_s;
+    if (!landing->wanted || seconds <= 0)
+        return take_mesh(operation, tissue, &film->before[tissue]);
+    if (film->newest[tissue] < 0)
+        add_state(film, tissue, &film->before[tissue], 0);
+    struct mesh mesh = {0};
+    take_mesh(operation, tissue, &mesh);
+    film->states[film->newest[tissue]].off_s = seconds;
+    add_state(film, tissue, &mesh, seconds);
+    mesh_fini(&mesh);
+}
+
+static enum result add_tissues(struct film *film, struct error *err) {
+    struct landing_watcher watcher = {film, take_start, take_landing};
+    int count = scene_tissue_count(film->walk.request->scene);
+    for (int i = 0; i < count; i++)
+        film->newest[i] = -1;
+    enum result result = landings_run(&film->walk, &watcher, err);
+    for (int i = 0; i < count && result == RESULT_OK; i++)
+        if (film->newest[i] < 0)
+            add_state(film, i, &film->before[i], 0);
+    for (int i = 0; i < count; i++)
+        mesh_fini(&film->before[i]);
+    return result;
+}
+
+// ---- what moves and changes ---------------------------------------------------------------------
+
+static void show_state(struct film *film, const struct state *state) {
+    float seconds[3] = {0};
+    bool shown[3] = {state->on_s == 0};
+    uint32_t count = 1;
+    if (state->on_s == 0 && state->off_s == INFINITY)
+        return;
+    if ((float)state->on_s > 0) {
+        seconds[count] = (float)state->on_s;
+        shown[count++] = true;
+    }
+    if (state->off_s < INFINITY && (float)state->off_s > seconds[count - 1])
+        seconds[count++] = (float)state->off_s;
+    model_show(film->model, state->node, model_times(film->model, seconds, count), shown, count);
+}
+
+static bool stands_still(const pose *poses, uint32_t count) {
+    for (uint32_t i = 1; i < count; i++)
+        if (memcmp(&poses[i], &poses[0], sizeof poses[0]) != 0)
+            return false;
+    return true;
+}
+
+// Only where it changes: instants of its own.
+static void show_track(struct film *film, int node, const bool *shown) {
+    const struct tracks *t = &film->tracks;
+    float *seconds = alloc(t->count, sizeof *seconds);
+    bool *kept = alloc(t->count, sizeof *kept);
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < t->count; i++) {
+        if (count && kept[count - 1] == shown[i])
+            continue;
+        seconds[count] = t->seconds[i];
+        kept[count++] = shown[i];
+    }
+    model_show(film->model, node, model_times(film->model, seconds, count), kept, count);
+    free(seconds);
+    free(kept);
+}
+
+static void animate(struct film *film) {
+    const struct tracks *t = &film->tracks;
+    film->times = model_times(film->model, t->seconds, t->count);
+    for (int i = 0; i < TRACK_COUNT; i++) {
+        if (!t->poses[i])
+            continue;
+        model_place(film->model, film->nodes[i], t->poses[i][0]);
+        if (!stands_still(t->poses[i], t->count))
+            model_move(film->model, film->nodes[i], film->times, t->poses[i], t->count);
+        if (t->shown[i])
+            show_track(film, film->nodes[i], t->shown[i]);
+    }
+    for (int i = 0; i < film->state_count; i++)
+        show_state(film, &film->states[i]);
+}
+
+static void describe(struct film *film) {
+    const struct trace_header *h = &film->contents.header;
+    char text[2 * TRACE_HASH_SIZE + 1];
+    bytes_text(h->session_id, sizeof h->session_id, text);
+    model_note(film->model, "session", text);
+    model_note(film->model, "case", h->case_name);
+    bytes_text(film->contents.hash, sizeof film->contents.hash, text);
+    model_note(film->model, "trace_hash", text);
+    snprintf(text, sizeof text, "%.9f", film->tracks.first_s);
+    model_note(film->model, "start_s", text);
+}
+
+// ---- the file -----------------------------------------------------------------------------------
+
+static enum result write_file(const char *path, const void *bytes, size_t size, struct error *err) {
+    FILE *file = fopen(path, "we");
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    bool written = fwrite(bytes, 1, size, file) == size;
+    if (fclose(file) == 0 && written)
+        return RESULT_OK;
+    fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    unlink(path);
+    return RESULT_IO;
+}
+
+static enum result make(struct film *film, const char *path, struct error *err) {
+    uint8_t *bytes = NULL;
+    size_t size;
+    enum result result = tracks_create(&film->walk, &film->contents, &film->tracks, err);
+    if (result != RESULT_OK)
+        return result;
+    build(film);
+    result = add_tissues(film, err);
+    if (result == RESULT_OK) {
+        animate(film);
+        describe(film);
+        result = model_encode(film->model, &bytes, &size, err);
+    }
+    if (result == RESULT_OK)
+        result = write_file(path, bytes, size, err);
+    free(bytes);
+    tracks_fini(&film->tracks);
+    return result;
+}
+
+enum result export_gltf(const struct export_request *request, const char *path, struct error *err) {
+    CHECK(request->scene);
+    struct film film = {.walk = {.request = request, .passes = 2}};
+    enum result result = contents_read(request, &film.contents, err);
+    if (result != RESULT_OK)
+        return result;
+    film.model = model_create();
+    result = make(&film, path, err);
+    model_destroy(&film.model);
+    free(film.states);
+    return result == RESULT_OK ? contents_end(&film.contents, err) : result;
+}

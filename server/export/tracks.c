@@ -1,0 +1,86 @@
+#include "export/tracks.h"
+
+#include "base/check.h"
+
+#include <stdlib.h>
+
+static void make_room(struct tracks *t) {
+    if (t->count < t->room)
+        return;
+    t->room = t->room ? 2 * t->room : 1024;
+    t->seconds = alloc_resize(t->seconds, t->room, sizeof *t->seconds);
+    for (int i = 0; i < TRACK_COUNT; i++) {
+        if (t->poses[i])
+            t->poses[i] = alloc_resize(t->poses[i], t->room, sizeof(pose));
+        if (t->shown[i])
+            t->shown[i] = alloc_resize(t->shown[i], t->room, sizeof(bool));
+    }
+}
+
+static void take_instrument(struct tracks *t, int i, const struct instrument_output *from) {
+    pose last = {.rotation = quat_identity()};
+    for (int track = TRACK_WARPED + i; track < TRACK_COUNT; track += INSTRUMENT_COUNT) {
+        if (!t->poses[track])
+            continue;
+        pose here = track < TRACK_HAND ? from->T_mockup_warped : from->T_mockup_tip;
+        t->shown[track][t->count] = from->present;
+        t->poses[track][t->count] = from->present ? here
+                                    : t->count    ? t->poses[track][t->count - 1]
+                                                  : last;
+    }
+}
+
+static void take_key(struct tracks *t, const struct session_output *output, float seconds) {
+    make_room(t);
+    t->seconds[t->count] = seconds;
+    for (int i = 0; i < BODY_COUNT; i++) {
+        t->poses[TRACK_VIRTUAL + i][t->count] = output->T_mockup_virtual[i];
+        t->poses[TRACK_PHYSICAL + i][t->count] = output->T_mockup_body[i];
+    }
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        take_instrument(t, i, &output->instruments[i]);
+    t->count++;
+}
+
+// The first room, so that those that there are can be told from others.
+static void begin(struct tracks *t, const struct contents *contents) {
+    *t = (struct tracks){0};
+    for (int i = 0; i < TRACK_COUNT; i++) {
+        bool instrument = i >= TRACK_WARPED;
+        if (instrument && !contents->present[(i - TRACK_WARPED) % INSTRUMENT_COUNT])
+            continue;
+        t->poses[i] = alloc(1, sizeof(pose));
+        t->shown[i] = instrument ? alloc(1, sizeof(bool)) : NULL;
+    }
+}
+
+enum result tracks_create(struct walk *walk, const struct contents *contents, struct tracks *t,
+                          struct error *err) {
+    struct trace_record record;
+    double seconds;
+    begin(t, contents);
+    enum result result = walk_begin(walk, contents, err);
+    while (result == RESULT_OK && walk_next(walk, &record, &seconds)) {
+        if (t->count == 0)
+            t->first_s = seconds;
+        float since = (float)(seconds - t->first_s);
+        if (t->count == 0 || (double)since >= (double)t->seconds[t->count - 1] + TRACK_KEY_S)
+            take_key(t, &record.output, since);
+    }
+    if (result == RESULT_OK)
+        walk_end(walk);
+    if (result == RESULT_OK && t->count == 0)
+        result = fail(err, RESULT_MISSING, "%s has no step in that time", walk->request->trace);
+    if (result != RESULT_OK)
+        tracks_fini(t);
+    return result;
+}
+
+void tracks_fini(struct tracks *t) {
+    free(t->seconds);
+    for (int i = 0; i < TRACK_COUNT; i++) {
+        free(t->poses[i]);
+        free(t->shown[i]);
+    }
+    *t = (struct tracks){0};
+}

@@ -108,6 +108,7 @@ static void report_base(struct measuring *m, const char *name) {
 static void measure(struct measuring *m, const struct hands_at_work *hands) {
     hands_play(hands, AS_IT_IS, 0, &m->base);
     report_base(m, hands->name);
+    report_figure(m->report, m->base.step_ns, "ns", "%s/step", hands->name);
     for (enum worse worse = AS_IT_IS + 1; worse < WORSE_COUNT; worse++) {
         struct changes here = {0};
         char prefix[96];
@@ -199,6 +200,7 @@ enum result bench_metrics(const struct bench_options *options, struct report *re
         double largest = 0;
         for (int i = 0; i < METRIC_COUNT; i++)
             largest = fmax(largest, m->above.largest[i]);
+        report_figure(report, sizeof(struct metrics), "bytes", "memory");
         report_changes(report, "change", &m->above);
         report_changes(report, "change_below_floor", &m->below);
         report_changes(report, "change_of_others", &m->counted);

@@ -145,6 +145,7 @@ void hands_play(const struct hands_at_work *hands, enum worse worse, uint64_t se
     struct sample newest[CHANNEL_COUNT] = {0};
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, view_optic_usual());
+    int64_t taken_ns = 0;
     for (int i = -1; i < hands->row_count; i++) {
         struct session_input input = {.kind = i < 0 ? INPUT_START : INPUT_FRAME,
                                       .time_ns = NS_PER_S};
@@ -157,8 +158,11 @@ void hands_play(const struct hands_at_work *hands, enum worse worse, uint64_t se
             session_step(session, &input, &output);
         else
             step_without_scene(&input, newest, &output);
+        int64_t begin_ns = clock_now_ns();
         metrics_step(metrics, &input, &output);
+        taken_ns += clock_now_ns() - begin_ns;
     }
+    out->step_ns = (double)taken_ns / (hands->row_count + 1);
     out->count = 0;
     metrics_each(metrics, keep, out);
     if (session)

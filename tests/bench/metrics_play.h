@@ -37,6 +37,7 @@ enum worse {
 #define FIGURES_MAX 1024
 
 struct figures {
+    double step_ns; // of metrics_step, in the mean, with the clock's own time
     int count;
     struct metric_value values[FIGURES_MAX];
 };

@@ -110,6 +110,8 @@ static void follow_mean(const struct fit *fit, struct avatar *out) {
     double sum = 0, by_heard;
     for (int i = 0; i < fit->count; i++) {
         const struct fit_point *p = &fit->points[i];
+        if (!p->count) // nor has it a warp
+            continue;
         double weight = loudness(fit, p, &slope, &by_heard);
         mean = vec3_add_scaled(mean, weight, p->warp.displacement);
         sum += weight;

@@ -86,6 +86,32 @@ static void the_session_that_is_replayed_has_displacement_contact_loss_and_cuts(
                                  EVENT_RELEASE | EVENT_CUT);
 }
 
+// Leaves numbers that are none where the next step has its variables.
+static void poison_stack(void) {
+    volatile uint8_t junk[1 << 16];
+    for (size_t i = 0; i < sizeof junk; i++)
+        junk[i] = 0xff;
+}
+
+static void assert_finite(void *context, const struct session_input *input,
+                          const struct session_output *output) {
+    (void)context, (void)input;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        vec3 tip = output->instruments[i].T_mockup_warped.translation;
+        assert_true(isfinite(tip.x) && isfinite(tip.y) && isfinite(tip.z));
+    }
+    poison_stack();
+}
+
+static void no_step_hangs_on_what_lies_in_memory(void **state) {
+    (void)state;
+    for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
+        struct session_settings settings = session_settings_default();
+        settings.avatar = (enum avatar_mode)mode;
+        played_run(&played, &settings, 1000, assert_finite, NULL);
+    }
+}
+
 static void another_field_setting_is_found(void **state) {
     (void)state;
     struct trace_header header = honest_header();
@@ -234,6 +260,7 @@ int main(void) {
         cmocka_unit_test(a_recorded_session_replays_without_a_difference),
         cmocka_unit_test(sessions_side_by_side_replay_without_a_difference),
         cmocka_unit_test(the_session_that_is_replayed_has_displacement_contact_loss_and_cuts),
+        cmocka_unit_test(no_step_hangs_on_what_lies_in_memory),
         cmocka_unit_test(another_field_setting_is_found),
         cmocka_unit_test(the_first_difference_is_named),
         cmocka_unit_test(another_machine_may_differ_by_its_mathematics_and_no_more),

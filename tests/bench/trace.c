@@ -3,6 +3,7 @@
 #include "samples.h"
 #include "scene/played.h"
 #include "trace/replay.h"
+#include "trace_export.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -90,6 +91,8 @@ static enum result bench_own_session(const char *folder, struct report *report,
     result = record(&played, path, report, err);
     if (result == RESULT_OK)
         result = replay_on(path, played.scene, "palpation", report, differences_sum, err);
+    if (result == RESULT_OK)
+        result = bench_export(path, played.scene, report, err);
     played_fini(&played);
     unlink(path);
     static const char *const files[] = {"case.json", "anatomy.glb"};

@@ -2,9 +2,8 @@
 #include "export/atlas.h"
 #include "export/export.h"
 #include "replay/bites.h"
-#include "replay/parts.h"
+#include "replay/roundtrip.h"
 #include "test.h"
-#include "trace/replay.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -62,172 +61,50 @@ static int drop(void **state) {
     return 0;
 }
 
-// ---- what was recorded --------------------------------------------------------------------------
-
 static float float_at(const uint32_t *values, size_t i) {
     float value;
     memcpy(&value, &values[i], sizeof value);
     return value;
 }
 
-static const char *part_of(const struct trace_field *field) {
-    switch (field->owner) {
-    case OWNER_STEP:
-        return "steps";
-    case OWNER_JOB:
-        return "jobs";
-    case OWNER_LANDED:
-        return "landed";
-    default:
-        return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + field->owner));
-    }
-}
-
-static void compare_field(const struct trace_field *field, const struct session_output *output,
-                          uint64_t pixel) {
-    const struct exr_part *part = exr_part(&parts, part_of(field));
-    if (!part) // it was never there
-        return assert_false(trace_field_is_there(field, output) && !field->presence);
-    const uint32_t *value = exr_values(part, field->name, "");
-    const uint32_t *low = exr_values(part, field->name, ".low");
-    const uint32_t *high = exr_values(part, field->name, ".high");
-    size_t size = trace_field_size(field);
-    assert_true(value && !low == (size < 4) && !high == (size < 8));
-    bool there = trace_field_is_there(field, output);
-    uint64_t bits = trace_field_bits(field, output);
-    float number;
-    memcpy(&number, &value[pixel], sizeof number);
-    if (!there)
-        return assert_true(isnan(number) && (!low || !low[pixel]) && (!high || !high[pixel]));
-    float expected = (float)trace_field_number(field, output);
-    if (memcmp(&number, &expected, sizeof number) != 0)
-        fail_msg("%s at %llu: %g, not %g", field->name, (unsigned long long)pixel, (double)number,
-                 (double)expected);
-    if (low)
-        assert_int_equal(low[pixel], (uint32_t)bits);
-    if (high)
-        assert_int_equal(high[pixel], (uint32_t)(bits >> 32));
-    if (size == 1)
-        assert_int_equal(number != 0, bits != 0);
-}
-
-// The two floats together tell the nanosecond.
-static void compare_time(const struct trace_record *record, uint64_t pixel) {
-    const struct exr_part *part = exr_part(&parts, "steps");
-    double seconds = (double)float_at(exr_values(part, "t_seconds", ""), pixel) +
-                     (double)float_at(exr_values(part, "t_seconds", ".rest"), pixel);
-    assert_true(llround(seconds * 1e9) == record->output.time_ns);
-}
-
 static void every_field_of_every_step_comes_back(void **state) {
     (void)state;
-    struct trace_field fields[TRACE_FIELDS_MAX];
-    int count = trace_fields(fields);
-    struct trace_reader *reader;
-    struct trace_record record;
-    uint64_t steps = 0, jobs = 0, landed = 0;
-    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
-    while (trace_read(reader, &record, NULL) == RESULT_OK) {
-        if (record.type != TRACE_STEP)
-            continue;
-        const struct session_output *output = &record.output;
-        for (int i = 0; i < count; i++) {
-            int owner = fields[i].owner;
-            if ((owner == OWNER_JOB && !output->job.id) ||
-                (owner == OWNER_LANDED && !output->landed.job))
-                continue;
-            uint64_t pixel = owner == OWNER_JOB ? jobs : owner == OWNER_LANDED ? landed : steps;
-            compare_field(&fields[i], output, pixel);
-        }
-        compare_time(&record, steps);
-        steps++;
-        jobs += output->job.id != 0;
-        landed += output->landed.job != 0;
-    }
-    trace_reader_destroy(&reader);
-    assert_int_equal(steps, recorded_steps);
-    assert_true(steps > WIDTH && jobs > 2 && landed > 2);
+    struct roundtrip trip = {0};
+    roundtrip_fields(&parts, trace_path, &trip);
+    assert_int_equal(trip.differences, 0);
+    assert_int_equal(trip.steps, recorded_steps);
+    assert_true(trip.steps > WIDTH && trip.jobs > 2 && trip.landed > 2);
     const struct exr_part *part = exr_part(&parts, "steps");
     assert_int_equal(part->width, WIDTH);
-    assert_int_equal(part->height, (steps + WIDTH - 1) / WIDTH);
-    assert_int_equal(exr_part(&parts, "jobs")->width, jobs);
-    assert_int_equal(exr_values(part, "step", ".low")[steps - 1], steps);
-    if (steps < (uint64_t)part->width * part->height)
-        assert_int_equal(exr_values(part, "step", ".low")[steps], 0);
+    assert_int_equal(part->height, (trip.steps + WIDTH - 1) / WIDTH);
+    assert_int_equal(exr_part(&parts, "jobs")->width, trip.jobs);
+    assert_int_equal(exr_values(part, "step", ".low")[trip.steps - 1], trip.steps);
+    if (trip.steps < (uint64_t)part->width * part->height)
+        assert_int_equal(exr_values(part, "step", ".low")[trip.steps], 0);
 }
 
-// ---- maps of cuts -------------------------------------------------------------------------------
-
-struct blends {
-    double *of[TISSUES_MAX];
-};
-
-static const struct mesh *mesh_of(int tissue) {
-    return &scene_case(played.scene)->groups[scene_tissue_group(played.scene, tissue)].mesh;
-}
-
-static void remember(const struct operation *operation, struct blends *blends) {
-    for (int i = 0; i < scene_tissue_count(played.scene); i++) {
-        size_t size = mesh_of(i)->vertex_count * sizeof(double);
-        free(blends->of[i]);
-        blends->of[i] = malloc(size);
-        memcpy(blends->of[i], match_blends(operation_match(operation, i)), size);
+static void two_floats_together_tell_the_nanosecond(void **state) {
+    (void)state;
+    const struct exr_part *part = exr_part(&parts, "steps");
+    for (uint64_t i = 0; i < recorded_steps; i++) {
+        double seconds = (double)float_at(exr_values(part, "t_seconds", ""), i) +
+                         (double)float_at(exr_values(part, "t_seconds", ".rest"), i);
+        uint64_t time_ns = (uint64_t)exr_values(part, "time_ns", ".high")[i] << 32 |
+                           exr_values(part, "time_ns", ".low")[i];
+        assert_int_equal(llround(seconds * 1e9), time_ns); // the session starts at 0
     }
-}
-
-static void compare_map(const struct landed *landed, const double *blends) {
-    const struct case_group *group =
-        &scene_case(played.scene)->groups[scene_tissue_group(played.scene, landed->tissue)];
-    char name[128];
-    snprintf(name, sizeof name, "%s.job_%llu", group->name, (unsigned long long)landed->job);
-    const struct exr_part *part = exr_part(&parts, name);
-    assert_non_null(part);
-    const uint32_t *vertices = exr_values(exr_part(&parts, group->name), "vertex", "");
-    const uint32_t *low = exr_values(part, "blend", ".low");
-    const uint32_t *high = exr_values(part, "blend", ".high");
-    const uint32_t *up = exr_values(part, "displacement.z", "");
-    uint32_t corners = 0;
-    for (size_t i = 0; i < (size_t)part->width * part->height; i++) {
-        if (vertices[i] == MESH_NONE)
-            continue;
-        uint64_t bits = (uint64_t)high[i] << 32 | low[i];
-        assert_memory_equal(&blends[vertices[i]], &bits, sizeof bits);
-        size_t z = 3 * (size_t)vertices[i] + 2;
-        assert_true(float_at(up, i) == (float)((group->warp ? (double)group->warp[z] : 0) +
-                                               blends[vertices[i]] * (double)group->maxcut[z]));
-        corners++;
-    }
-    assert_int_equal(corners, 3 * group->mesh.triangle_count);
 }
 
 static void maps_have_the_blends_that_a_replay_has(void **state) {
     (void)state;
-    struct trace_reader *reader;
-    struct trace_record record;
-    struct session_output output;
-    struct blends blends = {0};
-    double largest = 0;
-    int maps = 0;
-    assert_int_equal(trace_reader_create(trace_path, &reader, NULL), RESULT_OK);
-    struct rerun *rerun = rerun_create(played.scene, &trace_reader_header(reader)->settings);
-    while (trace_read(reader, &record, NULL) == RESULT_OK) {
-        if (record.type != TRACE_STEP)
-            continue;
-        rerun_step(rerun, &record, &output);
-        if (output.landed.job && output.landed.outcome == JOB_DONE) {
-            compare_map(&output.landed, blends.of[output.landed.tissue]);
-            maps++;
-            for (uint32_t i = 0; i < mesh_of(output.landed.tissue)->vertex_count; i++)
-                largest = fmax(largest, blends.of[output.landed.tissue][i]);
-        }
-        if (output.job.id)
-            remember(rerun_operation(rerun), &blends);
-    }
-    rerun_destroy(&rerun);
-    trace_reader_destroy(&reader);
-    for (int i = 0; i < TISSUES_MAX; i++)
-        free(blends.of[i]);
-    assert_true(maps > 2 && largest > 0.1); // a bite among them
+    struct roundtrip trip = {0};
+    roundtrip_maps(&parts, trace_path, played.scene, &trip);
+    assert_int_equal(trip.differences, 0);
+    assert_true(trip.maps > 4 && trip.largest_blend > 0.1);
+}
+
+static const struct mesh *mesh_of(int tissue) {
+    return &scene_case(played.scene)->groups[scene_tissue_group(played.scene, tissue)].mesh;
 }
 
 // A texture of the atlas shows on each triangle what its corners have, linear between them.
@@ -509,6 +386,7 @@ static void oiiotool_lists_channels_and_what_is_said_of_the_session(void **state
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(every_field_of_every_step_comes_back),
+        TEST(two_floats_together_tell_the_nanosecond),
         TEST(maps_have_the_blends_that_a_replay_has),
         TEST(bilinear_filtering_of_the_atlas_is_linear_on_triangles),
         TEST(oiiotool_lists_channels_and_what_is_said_of_the_session),

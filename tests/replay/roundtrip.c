@@ -1,0 +1,187 @@
+#include "replay/roundtrip.h"
+
+#include "base/check.h"
+#include "trace/fields.h"
+#include "trace/rerun.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void expect(struct roundtrip *r, bool same) {
+    r->values++;
+    r->differences += !same;
+}
+
+// ---- steps --------------------------------------------------------------------------------------
+
+static const char *part_of(const struct trace_field *field) {
+    switch (field->owner) {
+    case OWNER_STEP:
+        return "steps";
+    case OWNER_JOB:
+        return "jobs";
+    case OWNER_LANDED:
+        return "landed";
+    default:
+        return channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + field->owner));
+    }
+}
+
+// A field and where its values are.
+struct column {
+    struct trace_field field;
+    bool has_part;
+    size_t size;
+    const uint32_t *value, *low, *high;
+};
+
+static void find_column(const struct exr_parts *parts, struct column *column) {
+    const struct exr_part *part = exr_part(parts, part_of(&column->field));
+    column->size = trace_field_size(&column->field);
+    column->has_part = part;
+    if (!part)
+        return;
+    column->value = exr_values(part, column->field.name, "");
+    column->low = exr_values(part, column->field.name, ".low");
+    column->high = exr_values(part, column->field.name, ".high");
+}
+
+static bool same_value(const struct column *column, const struct session_output *output,
+                       uint64_t pixel) {
+    const struct trace_field *field = &column->field;
+    bool there = trace_field_is_there(field, output);
+    if (!column->has_part) // an instrument that never came
+        return !there || field->presence;
+    if (!column->value || !column->low != (column->size < 4) || !column->high != (column->size < 8))
+        return false;
+    uint64_t bits = there ? trace_field_bits(field, output) : 0;
+    float expected = there ? (float)trace_field_number(field, output) : NAN, value;
+    memcpy(&value, &column->value[pixel], sizeof value);
+    bool same = isnan(expected) ? isnan(value) : memcmp(&value, &expected, sizeof value) == 0;
+    same &= !column->low || column->low[pixel] == (uint32_t)bits;
+    return same && (!column->high || column->high[pixel] == (uint32_t)(bits >> 32));
+}
+
+static void compare_step(const struct column *columns, int count,
+                         const struct session_output *output, struct roundtrip *r) {
+    for (int i = 0; i < count; i++) {
+        int owner = columns[i].field.owner;
+        if ((owner == OWNER_JOB && !output->job.id) ||
+            (owner == OWNER_LANDED && !output->landed.job))
+            continue;
+        uint64_t pixel = owner == OWNER_JOB      ? r->jobs
+                         : owner == OWNER_LANDED ? r->landed
+                                                 : r->steps;
+        expect(r, same_value(&columns[i], output, pixel));
+    }
+    r->steps++;
+    r->jobs += output->job.id != 0;
+    r->landed += output->landed.job != 0;
+}
+
+void roundtrip_fields(const struct exr_parts *parts, const char *trace, struct roundtrip *r) {
+    static struct trace_field fields[TRACE_FIELDS_MAX];
+    static struct column columns[TRACE_FIELDS_MAX];
+    struct trace_reader *reader;
+    struct trace_record record;
+    int count = trace_fields(fields);
+    for (int i = 0; i < count; i++) {
+        columns[i] = (struct column){.field = fields[i]};
+        find_column(parts, &columns[i]);
+    }
+    CHECK(trace_reader_create(trace, &reader, NULL) == RESULT_OK);
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        if (record.type == TRACE_STEP)
+            compare_step(columns, count, &record.output, r);
+    trace_reader_destroy(&reader);
+}
+
+// ---- maps ---------------------------------------------------------------------------------------
+
+// After the last job that was asked for.
+struct blends {
+    double *of[TISSUES_MAX];
+};
+
+static const struct case_group *group_of(const struct scene *scene, int tissue) {
+    return &scene_case(scene)->groups[scene_tissue_group(scene, tissue)];
+}
+
+static void remember(const struct operation *operation, const struct scene *scene,
+                     struct blends *blends) {
+    for (int i = 0; i < scene_tissue_count(scene); i++) {
+        size_t count = group_of(scene, i)->mesh.vertex_count;
+        const struct match *match = operation_match(operation, i);
+        if (!match)
+            continue;
+        blends->of[i] = alloc_resize(blends->of[i], count, sizeof(double));
+        memcpy(blends->of[i], match_blends(match), count * sizeof(double));
+    }
+}
+
+static double component(const float *vectors, uint32_t vertex, size_t axis) {
+    return vectors ? (double)vectors[3 * (size_t)vertex + axis] : 0;
+}
+
+static void compare_texel(const struct exr_part *part, const struct case_group *group, size_t texel,
+                          uint32_t vertex, double blend, struct roundtrip *r) {
+    static const char *const axes[3] = {".x", ".y", ".z"};
+    uint64_t bits;
+    memcpy(&bits, &blend, sizeof bits);
+    expect(r, exr_values(part, "blend", ".low")[texel] == (uint32_t)bits &&
+                  exr_values(part, "blend", ".high")[texel] == (uint32_t)(bits >> 32));
+    for (size_t axis = 0; axis < 3; axis++) {
+        float expected = (float)(component(group->warp, vertex, axis) +
+                                 blend * component(group->maxcut, vertex, axis));
+        const uint32_t *values = exr_values(part, "displacement", axes[axis]);
+        expect(r, memcmp(&values[texel], &expected, sizeof expected) == 0);
+    }
+    r->largest_blend = fmax(r->largest_blend, blend);
+}
+
+static void compare_map(const struct exr_parts *parts, const struct case_group *group, uint64_t job,
+                        const double *blends, struct roundtrip *r) {
+    char name[128];
+    snprintf(name, sizeof name, "%s.job_%llu", group->name, (unsigned long long)job);
+    const struct exr_part *part = exr_part(parts, name), *surface = exr_part(parts, group->name);
+    uint32_t corners = 0;
+    r->maps++;
+    expect(r, part && surface);
+    if (!part || !surface)
+        return;
+    const uint32_t *vertices = exr_values(surface, "vertex", "");
+    for (size_t i = 0; i < (size_t)part->width * part->height; i++) {
+        if (vertices[i] == MESH_NONE)
+            continue;
+        compare_texel(part, group, i, vertices[i], blends[vertices[i]], r);
+        corners++;
+    }
+    expect(r, corners == 3 * group->mesh.triangle_count);
+}
+
+void roundtrip_maps(const struct exr_parts *parts, const char *trace, const struct scene *scene,
+                    struct roundtrip *r) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    struct session_output output;
+    struct blends blends = {0};
+    CHECK(trace_reader_create(trace, &reader, NULL) == RESULT_OK);
+    struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
+    while (trace_read(reader, &record, NULL) == RESULT_OK) {
+        if (record.type != TRACE_STEP)
+            continue;
+        rerun_step(rerun, &record, &output);
+        const struct landed *landed = &output.landed;
+        if (landed->job && landed->outcome == JOB_DONE && blends.of[landed->tissue])
+            compare_map(parts, group_of(scene, landed->tissue), landed->job,
+                        blends.of[landed->tissue], r);
+        if (output.job.id)
+            remember(rerun_operation(rerun), scene, &blends);
+    }
+    rerun_destroy(&rerun);
+    trace_reader_destroy(&reader);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        free(blends.of[i]);
+}

@@ -11,7 +11,7 @@ static double value_at(const struct recipe_series *series, int key) {
 
 struct bones {
     const struct knee_case *knee;
-    struct solid femur, tibia;
+    struct solid femur, tibia, menisci[2];
 };
 
 static pose held(const struct bones *bones, const struct joint_hold *hold) {
@@ -28,7 +28,10 @@ static struct case_key key_of(const struct bones *bones, const struct recipe_lig
     hold.valgus_deg += value_at(&l->extra_valgus_deg, key);
     hold.internal_deg += value_at(&l->extra_internal_deg, key);
     hold.drawer_mm += value_at(&l->extra_drawer_mm, key);
-    return (struct case_key){.physical = physical, .target = held(bones, &hold)};
+    pose target = held(bones, &hold);
+    for (int i = 0; i < 2; i++)
+        target = motion_clear(bones->knee, bones->femur.mesh, &bones->menisci[i], physical, target);
+    return (struct case_key){.physical = physical, .target = target};
 }
 
 static void add_ligament(struct knee_case *knee, const struct bones *bones,
@@ -49,9 +52,15 @@ enum result generate_keys(struct knee_case *knee, const struct recipe *recipe, s
     enum result result = solid_init(&bones.femur, &case_group(knee, "femur")->mesh, err);
     if (result == RESULT_OK)
         result = solid_init(&bones.tibia, &case_group(knee, "tibia")->mesh, err);
+    if (result == RESULT_OK)
+        result = solid_init(&bones.menisci[0], &case_group(knee, "meniscus_medial")->mesh, err);
+    if (result == RESULT_OK)
+        result = solid_init(&bones.menisci[1], &case_group(knee, "meniscus_lateral")->mesh, err);
     for (int i = 0; i < recipe->ligament_count && result == RESULT_OK; i++)
         add_ligament(knee, &bones, &recipe->ligaments[i]);
     solid_fini(&bones.femur);
     solid_fini(&bones.tibia);
+    solid_fini(&bones.menisci[0]);
+    solid_fini(&bones.menisci[1]);
     return result;
 }

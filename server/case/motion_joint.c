@@ -91,3 +91,11 @@ struct joint_angles motion_joint(const struct knee_case *knee, const struct soli
         return closed;
     return joint_from_pose(&knee->joint, T);
 }
+
+pose motion_clear(const struct knee_case *knee, const struct mesh *femur, const struct solid *group,
+                  pose from, pose to) {
+    vec3 centre = knee->joint.T_femur_joint.translation;
+    double before = gap_near(femur, group, from, centre, near_joint);
+    double after = gap_near(femur, group, to, centre, near_joint);
+    return after < before ? with_gap(knee, femur, group, to, centre, near_joint, before) : to;
+}

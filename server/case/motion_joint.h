@@ -18,3 +18,8 @@ struct joint_hold {
 // translations are 0.
 struct joint_angles motion_joint(const struct knee_case *knee, const struct solid *femur,
                                  const struct solid *tibia, const struct joint_hold *hold);
+
+// `to`, and away from the femur along the tibia's axis as far as it takes for a group of the tibia
+// to come no nearer to it than in `from`: T_femur_tibia all.
+pose motion_clear(const struct knee_case *knee, const struct mesh *femur, const struct solid *group,
+                  pose from, pose to);

@@ -23,7 +23,7 @@ bool field_from_name(const char *name, enum field_kind *out_kind) {
 
 struct field field_default(enum field_kind kind) {
     return (struct field){
-        .kind = kind, .unit_mm = 10, .radius_mm = 12, .background_per_mm = 0.05, .strength = 1};
+        .kind = kind, .unit_mm = 10, .radius_mm = 15, .background_per_mm = 1.0 / 15, .strength = 1};
 }
 
 void warp_memory_init(struct warp_memory *memory) {

@@ -43,7 +43,9 @@ struct field {
     double strength;          // 0 no warp .. 1 the whole: scales every Δ
 };
 
-struct field field_default(enum field_kind kind); // 10 mm; R = 12 mm, ω_0 = 0.05/mm, s = 0, 1
+// 10 mm; R = 15 mm, ω_0 = 1/R, s = 0, 1. Off a surface that is alone the warp then fades evenly,
+// and space does not fold before that is displaced by R.
+struct field field_default(enum field_kind kind);
 
 struct warp_surface {
     const struct mesh *mesh;

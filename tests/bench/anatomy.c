@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#define REACH_MM 12.0
+#define REACH_MM 15.0
 #define MOVED_MM 1e-3
 
 enum result anatomy_init(struct anatomy *out, struct knee_case **knee, struct error *err) {

@@ -36,7 +36,7 @@ double anatomy_largest(const struct warp_scene *scene, struct box *out_box);
 // within ANATOMY_CLEAR_MM. hollow: as above.
 bool anatomy_reaches(const struct warp_scene *scene, uint32_t hollow, vec3 y);
 
-// From y to the nearest solid within 12 mm, negative inside it; INFINITY where there is none.
+// From y to the nearest solid within 15 mm, negative inside it; INFINITY where there is none.
 // Instruments pass through what is hollow.
 double anatomy_gap(const struct warp_scene *scene, uint32_t hollow, vec3 y);
 

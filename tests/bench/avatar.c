@@ -156,7 +156,7 @@ struct avatar_touch bench_avatar_touch(const struct bench_options *options, stru
     struct bench b = {0};
     struct avatar_touch touch = {0};
     prepare(&b);
-    touch_knee(&b, options->quick ? 150 : 1500, report, &touch);
+    touch_knee(&b, options->quick ? 500 : 1500, report, &touch);
     bodies_fini(&b.virtual);
     bodies_fini(&b.knee);
     return touch;

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define AROUND_JOINT_MM 40.0 // corners of a box, at which two poses are compared
-#define RADIUS_MM 12.0       // of the field: nothing moves farther from what is displaced
+#define RADIUS_MM 15.0       // of the field: nothing moves farther from what is displaced
 
 struct shipped {
     struct fidelity *fidelity;

@@ -232,8 +232,9 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
         bodies_smooth(&bodies);
         struct warp_scene scene = {bodies.surfaces, bodies.count, B, NULL};
         double us = measure_size(&scene, sizes[i].name, options->quick ? 4000 : 40000, report);
-        report_figure(report, surfaces_in_reach(&bodies, 12), "surfaces",
-                      "%s/near/within 12 mm of the tip, of %d", sizes[i].name, bodies.count);
+        report_figure(report, surfaces_in_reach(&bodies, field_default(FIELD_SMOOTH).radius_mm),
+                      "surfaces", "%s/near/within reach of the tip, of %d", sizes[i].name,
+                      bodies.count);
         if (!strcmp(sizes[i].name, "20k"))
             report_mark(report, "warp_tip_us_20k", us, "us", 6, BETTER_LOW);
         int points = (options->quick ? 40000 : 400000) / (sizes[i].n * sizes[i].n) + 4;

@@ -216,7 +216,7 @@ static double cost_of(const struct warp_scene *scene, const struct avatar_body *
         for (int k = 0; k < count; k++) {
             const struct warp_contact *c = &contacts[k];
             double radius = body->points[i].radius_mm, g = c->distance - radius;
-            double weight = 1 / (fmax(g, 0) + 0.05) - 1 / (12 - radius + 0.05);
+            double weight = 1 / (fmax(g, 0) + 0.05) - 1 / (field.radius_mm - radius + 0.05);
             vec3 off = vec3_sub(delta, vec3_scale(H, warp.displacement));
             double along = vec3_dot(c->normal, vec3_sub(delta, vec3_scale(H, c->delta)));
             double row = fmin(along + fmax(g - 0.02, 0), 0);

@@ -177,9 +177,9 @@ static void jumps_of_the_closest_point_are_told_and_measured(void **state) {
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
     struct space space = whole((struct box){{-1.7, -4, -4}, {1.7, 4, 4}}, 0.5);
     struct field_figures *f = walk(&scene, &field, 0, &space);
-    double weight = 1.0 / 2 - 1.0 / 12;
+    double weight = 1.0 / 2 - 1 / field.radius_mm;
     assert_true(f->jumped > 100);
-    assert_near(f->jump.value, 2 * weight / (weight + 0.05), 0.02);
+    assert_near(f->jump.value, 2 * weight / (weight + field.background_per_mm), 0.02);
     assert_near(f->jump.place.x, 0, 0.5);
     assert_int_equal(f->jump.nearest[0], 0);
     free(f);

@@ -57,16 +57,18 @@ static double between_walls(double gap, double skin, double z, struct warp *out)
 
 static void between_walls_the_warp_is_that_of_the_thinned_distances(void **state) {
     (void)state;
-    const double gaps[] = {0.05, 0.3, 1, 3, 20}, skin = 0.1;
+    const struct field field = field_default(FIELD_INVERSE_DISTANCE);
+    const double R = field.radius_mm, w0 = field.background_per_mm;
+    const double gaps[] = {0.05, 0.3, 1, 3, 20}, skin = 0.1, reach = R + 1.5 * skin;
     for (int g = 0; g < 5; g++)
         for (int i = 1; i < 200; i++) {
             double d1 = gaps[g] * i / 200, d2 = gaps[g] - d1;
-            bool in_reach[2] = {d1 <= 12.15, d2 <= 12.15};
+            bool in_reach[2] = {d1 <= reach, d2 <= reach};
             double gap = in_reach[0] && in_reach[1] ? gaps[g] : INFINITY;
             double e1 = effective(d1, skin, gap), e2 = effective(d2, skin, gap);
-            double w1 = in_reach[0] ? fmax(0, 1 / e1 - 1 / 12.0) : 0;
-            double w2 = in_reach[1] ? fmax(0, 1 / e2 - 1 / 12.0) : 0;
-            double expected = e1 <= 1e-6 ? 3 : e2 <= 1e-6 ? 0 : 3 * w1 / (w1 + w2 + 0.05);
+            double w1 = in_reach[0] ? fmax(0, 1 / e1 - 1 / R) : 0;
+            double w2 = in_reach[1] ? fmax(0, 1 / e2 - 1 / R) : 0;
+            double expected = e1 <= 1e-6 ? 3 : e2 <= 1e-6 ? 0 : 3 * w1 / (w1 + w2 + w0);
             struct warp warp;
             assert_near(between_walls(gaps[g], skin, d1 - gaps[g] / 2, &warp), expected, 1e-5);
         }
@@ -121,9 +123,10 @@ static void the_gradient_with_a_skin_agrees_with_central_differences(void **stat
 static void beyond_the_radius_and_the_skin_there_is_no_warp(void **state) {
     (void)state;
     struct warp warp;
-    assert_near(between_walls(40, 0.1, -20 + 12.15 - 1e-9, &warp), 0, 1e-8);
-    assert_near(between_walls(40, 0.1, -20 + 12.15 + 1e-9, &warp), 0, 0);
-    assert_true(between_walls(40, 0.1, -20 + 12.1, &warp) > 1e-3);
+    double edge = -20 + field_default(FIELD_INVERSE_DISTANCE).radius_mm + 1.5 * 0.1;
+    assert_near(between_walls(40, 0.1, edge - 1e-9, &warp), 0, 1e-8);
+    assert_near(between_walls(40, 0.1, edge + 1e-9, &warp), 0, 0);
+    assert_true(between_walls(40, 0.1, edge - 0.05, &warp) > 1e-3);
 }
 
 int main(void) {

@@ -26,7 +26,7 @@ static void its_fields_come_back_and_those_it_has_not_are_the_defaults(void **st
     assert_int_equal(header->settings.avatar, AVATAR_TIP);
     assert_int_equal(header->settings.adaptive, ADAPTIVE_HINGE);
     assert_memory_equal(header->settings.bodies, defaults.bodies, sizeof defaults.bodies);
-    assert_true(header->settings.field.radius_mm == defaults.field.radius_mm);
+    assert_true(header->settings.field.radius_mm == 12);
     assert_true(header->settings.field.strength == 1);
     struct trace_record record;
     assert_int_equal(trace_read(reader, &record, NULL), RESULT_OK);

@@ -1,0 +1,9 @@
+// What the figures of a check mean for its case. For this room only.
+#pragma once
+
+#include "check/check.h"
+
+// Adds to the findings that are there.
+void findings_gather(struct check *check, const struct knee_case *knee);
+
+void findings_grade(struct check *check); // by all of its findings

@@ -165,8 +165,6 @@ static enum result write_score(struct recorder *r, const struct store_session *s
         log_error("records", "%s; the session is recorded without hash and results", err->text);
         return RESULT_OK;
     }
-    if (session->state == STATE_DESERTED)
-        score.session.state = STATE_DESERTED;
     enum result result = write_row(r, &score, err);
     session_score_fini(&score);
     return result;

@@ -45,6 +45,6 @@ enum result export_csv(const struct export_request *request, FILE *out, struct e
         print_row(&table, &record.output, seconds);
     walk_end(&walk);
     if (ferror(out) || fflush(out) != 0)
-        return fail(err, RESULT_IO, "%s", strerror(errno));
+        return fail(err, RESULT_IO, "the table: %s", strerror(errno));
     return contents_end(&contents, err);
 }

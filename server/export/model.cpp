@@ -1,5 +1,6 @@
 #include "export/model.h"
 
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -105,10 +106,11 @@ void add_channel(model &m, int node, const char *path, int input, int output,
     animation.channels.push_back(channel);
 }
 
-// glTF's order is x, y, z, w.
+// glTF's order is x, y, z, w, and it wants the length 1 to the last bits of a float.
 void push_rotation(std::vector<float> &out, quat q, double sign) {
+    double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
     for (double value : {q.x, q.y, q.z, q.w})
-        out.push_back((float)(sign * value));
+        out.push_back((float)(sign * value / length));
 }
 
 double dot(quat a, quat b) {

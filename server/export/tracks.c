@@ -17,25 +17,28 @@ static void make_room(struct tracks *t) {
     }
 }
 
-static void take_instrument(struct tracks *t, int i, const struct instrument_output *from) {
+// What is not known now stays where it was; a record may hold what no reader of scenes takes.
+static void take_pose(struct tracks *t, int track, pose here, bool known) {
     pose last = {.rotation = quat_identity()};
-    for (int track = TRACK_WARPED + i; track < TRACK_COUNT; track += INSTRUMENT_COUNT) {
-        if (!t->poses[track])
-            continue;
-        pose here = track < TRACK_HAND ? from->T_mockup_warped : from->T_mockup_tip;
-        t->shown[track][t->count] = from->present;
-        t->poses[track][t->count] = from->present ? here
-                                    : t->count    ? t->poses[track][t->count - 1]
-                                                  : last;
-    }
+    if (t->count)
+        last = t->poses[track][t->count - 1];
+    t->poses[track][t->count] = known && pose_is_valid(here) ? here : last;
+}
+
+static void take_instrument(struct tracks *t, int i, const struct instrument_output *from) {
+    if (!t->poses[TRACK_WARPED + i])
+        return;
+    t->shown[TRACK_WARPED + i][t->count] = t->shown[TRACK_HAND + i][t->count] = from->present;
+    take_pose(t, TRACK_WARPED + i, from->T_mockup_warped, from->present);
+    take_pose(t, TRACK_HAND + i, from->T_mockup_tip, from->present);
 }
 
 static void take_key(struct tracks *t, const struct session_output *output, float seconds) {
     make_room(t);
     t->seconds[t->count] = seconds;
     for (int i = 0; i < BODY_COUNT; i++) {
-        t->poses[TRACK_VIRTUAL + i][t->count] = output->T_mockup_virtual[i];
-        t->poses[TRACK_PHYSICAL + i][t->count] = output->T_mockup_body[i];
+        take_pose(t, TRACK_VIRTUAL + i, output->T_mockup_virtual[i], true);
+        take_pose(t, TRACK_PHYSICAL + i, output->T_mockup_body[i], true);
     }
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         take_instrument(t, i, &output->instruments[i]);

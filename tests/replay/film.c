@@ -249,6 +249,35 @@ static void signs_of_rotations_turn_nothing(void **state) {
     compare_with_record("probe", true, CHANNEL_PROBE);
 }
 
+static void break_pose(struct session_output *output) {
+    struct instrument_output *probe =
+        &output->instruments[CHANNEL_PROBE - CHANNEL_FIRST_INSTRUMENT];
+    if (output->step % 16 < 8)
+        probe->T_mockup_warped.translation.x = NAN;
+    output->T_mockup_virtual[BODY_TIBIA].rotation.w *= output->step % 16 < 8 ? 3 : 1;
+}
+
+// glTF knows no numbers that are none, and no rotation that stretches.
+static void poses_that_are_none_are_left_out(void **state) {
+    (void)state;
+    struct trace_header header = bites_header();
+    struct export_request request = request_of(played.scene);
+    struct error err = {""};
+    struct values times, values;
+    close_film();
+    record(&header, 1, break_pose);
+    assert_int_equal(export_gltf(&request, film_path, &err), RESULT_OK);
+    open_film();
+    assert_true(curve_of(node_named("probe"), "translation", &times, &values));
+    for (size_t i = 0; i < values.count; i++)
+        assert_true(isfinite(value_at(&values, i, 0)));
+    assert_true(curve_of(node_named("bone_tibia"), "rotation", &times, &values));
+    for (size_t i = 0; i < values.count; i++)
+        assert_near(hypot(hypot(value_at(&values, i, 0), value_at(&values, i, 1)),
+                          hypot(value_at(&values, i, 2), value_at(&values, i, 3))),
+                    1, 1e-6);
+}
+
 static double scale_at(size_t node, double seconds) {
     struct values times, scales;
     if (!curve_of(node, "scale", &times, &scales))
@@ -353,6 +382,7 @@ int main(void) {
         cmocka_unit_test(instruments_move_as_recorded),
         cmocka_unit_test(tissue_is_seen_as_it_was_cut_and_only_one_of_it),
         cmocka_unit_test(a_span_begins_at_0_with_what_was_cut_before),
+        cmocka_unit_test(poses_that_are_none_are_left_out),
         cmocka_unit_test(signs_of_rotations_turn_nothing),
         cmocka_unit_test(the_program_finds_the_case_that_the_trace_names),
     };

@@ -145,17 +145,38 @@ static void bilinear_filtering_of_the_atlas_is_linear_on_triangles(void **state)
 
 // ---- parts of a record --------------------------------------------------------------------------
 
+static int maps_in(const struct exr_parts *of) {
+    int count = 0;
+    for (int i = 0; i < of->count; i++)
+        count += strstr(of->parts[i].name, ".job_") != NULL;
+    return count;
+}
+
+static int landed_between(double from_s, double to_s) {
+    const struct exr_part *landed = exr_part(&whole, "landed");
+    int count = 0;
+    for (uint32_t x = 0; x < landed->width; x++) {
+        double seconds = (double)float_at(exr_values(landed, "t_seconds", ""), x);
+        count += float_at(exr_values(landed, "landed_outcome", ""), x) == JOB_DONE &&
+                 seconds >= from_s && seconds <= to_s;
+    }
+    return count;
+}
+
 static void a_span_of_time_has_its_steps_and_its_cuts_alone(void **state) {
     (void)state;
     struct export_request request = request_of(played.scene);
     request.from_s = 5;
-    request.to_s = 6.5;
+    request.to_s = 8;
     export_and_read(&request, RESULT_OK);
     const struct exr_part *part = exr_part(&parts, "steps");
     const uint32_t *seconds = exr_values(part, "t_seconds", "");
     assert_true(part->width > 100 && part->height == 1);
     for (uint32_t x = 0; x < part->width; x++)
-        assert_true(float_at(seconds, x) >= 5 && float_at(seconds, x) <= 6.5F);
+        assert_true(float_at(seconds, x) >= 5 && float_at(seconds, x) <= 8);
+    assert_int_equal(maps_in(&parts), landed_between(5, 8));
+    assert_in_range(maps_in(&parts), 1, maps_in(&whole) - 1);
+    assert_int_equal(maps_in(&whole), landed_between(0, 1e6));
     request.from_s = request.to_s = 1e6;
     drop(NULL);
     export_and_read(&request, RESULT_OK);

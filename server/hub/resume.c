@@ -96,7 +96,6 @@ static void make_live(struct resumed *r, struct rerun **rerun) {
     struct live *live = alloc(1, sizeof *live);
     int64_t now_ns = clock_now_ns();
     live->scene = r->hub->scenes[r->scene];
-    live->resumed = true;
     live->state = r->state;
     live->last_ns = r->place.time_ns;
     live->ahead_ns = live->last_ns > now_ns ? live->last_ns - now_ns : 0;

@@ -26,7 +26,6 @@ struct live {
     struct store_session row; // the desk's
     // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
     // began anew), and what was cut and has not landed yet, or NULL.
-    bool resumed;
     enum session_state state;
     int64_t last_ns, ahead_ns;
     struct job_result *pending;

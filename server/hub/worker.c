@@ -322,10 +322,11 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     if (live->pending)
         land_pending(worker, seat);
     step_without_frame(worker, seat, INPUT_EMPTY);
-    if (live->resumed || seat->station->start_by_command)
-        announce(worker, seat);
-    else
+    // One that was cut off before it had started has its start still to come.
+    if (live->state == SESSION_WAITING && !seat->station->start_by_command)
         step_without_frame(worker, seat, INPUT_START);
+    else
+        announce(worker, seat);
 }
 
 static bool is_of_peer(const struct seat *seat, const struct note *note) {

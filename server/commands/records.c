@@ -42,7 +42,7 @@ static const char help[] =
     "      --csv DIR, --xapi FILE   where to export to\n"
     "      --site URL       the address under which your accounts and cases are named in xAPI\n"
     "                       (https://HOST/arthron)\n"
-    "      --json           print JSON\n"
+    "      --json           print JSON, with hashes and times in ns\n"
     "      --help           show this\n";
 
 struct request {

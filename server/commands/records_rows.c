@@ -43,9 +43,17 @@ void rows_time(int64_t utc_ns, char out_text[32]) {
 
 // ---- table --------------------------------------------------------------------------------------
 
+static bool ends_in(const char *column, const char *end) {
+    size_t length = strlen(column), of_end = strlen(end);
+    return length >= of_end && !strcmp(column + length - of_end, end);
+}
+
 static bool is_time(const char *column) {
-    size_t length = strlen(column);
-    return length > 7 && !strcmp(column + length - 7, "_utc_ns");
+    return ends_in(column, "utc_ns");
+}
+
+static bool is_shown(const char *column) {
+    return !ends_in(column, "hash") && !ends_in(column, "xxh3");
 }
 
 static void cell_text(const char *column, const json_t *value, char *out, size_t size) {
@@ -78,6 +86,8 @@ static void print_row(const json_t *rows, json_t *row, bool names) {
     const char *column;
     json_t *value;
     json_object_foreach(row, column, value) {
+        if (!is_shown(column))
+            continue;
         cell_text(column, value, text, sizeof text);
         printf("%-*s  ", column_width(rows, column), names ? column : text);
     }

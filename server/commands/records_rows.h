@@ -9,7 +9,8 @@
 // A store_taker whose user is a json_t array: adds an object for each row.
 void rows_take(void *array, const struct store_cell *cells, int count);
 
-// A table with the columns' names above; times (columns that end in _utc_ns) to the second.
+// A table with the columns' names above; times (columns that end in utc_ns) to the second, and
+// without hashes, which no person reads.
 void rows_print(const json_t *rows);
 
 // "2026-11-21T08:30:00.123Z"

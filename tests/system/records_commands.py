@@ -76,6 +76,8 @@ class Commands(unittest.TestCase):
         table = self.run_records("list", "sessions").stdout.splitlines()
         self.assertEqual(len(table), 5)
         self.assertIn("2001-09-09T01:46:40Z", table[1])
+        self.assertNotIn("feedface", table[1])
+        self.assertRegex(self.run_records("list", "audit").stdout.splitlines()[1], r"^\d{4}-\d\d-\d\dT")
 
     def test_accounts_take_encoded_passwords_only(self):
         def add(name, password, code):

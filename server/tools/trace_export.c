@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 static const char help[] =
     "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT [--from S]\n"
@@ -112,6 +113,12 @@ static bool parse_option(int option, struct request *request) {
     }
 }
 
+static bool same_file(const char *a, const char *b) {
+    struct stat of_a, of_b;
+    return stat(a, &of_a) == 0 && stat(b, &of_b) == 0 && of_a.st_dev == of_b.st_dev &&
+           of_a.st_ino == of_b.st_ino;
+}
+
 int command_export(int argc, char **argv) {
     static const struct option options[] = {
         {"csv", required_argument, NULL, 'c'},  {"exr", required_argument, NULL, 'e'},
@@ -130,5 +137,8 @@ int command_export(int argc, char **argv) {
         return EXIT_USAGE;
     if (!!request.csv + !!request.exr + !!request.gltf != 1)
         return usage_error(argv[0], "one of --csv OUT, --exr OUT and --gltf OUT is needed");
+    const char *out = request.csv ? request.csv : request.exr ? request.exr : request.gltf;
+    if (same_file(request.export.trace, out))
+        return usage_error(argv[0], "%s is the trace itself", out);
     return request.csv ? write_csv(&request) : write_with_case(&request);
 }

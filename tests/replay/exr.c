@@ -312,6 +312,21 @@ static void the_program_writes_the_same_file(void **state) {
     assert_int_equal(system(line), 0); // it has cuts, so it needs the case
 }
 
+static void the_record_itself_is_never_written_over(void **state) {
+    (void)state;
+    static const char *const kinds[] = {"csv", "exr", "gltf"};
+    struct stat before, after;
+    assert_int_equal(stat(trace_path, &before), 0);
+    for (int i = 0; i < 3; i++) {
+        char line[500];
+        snprintf(line, sizeof line, "%s export %s --%s %s 2>/dev/null; test $? = 2", TRACE_PROGRAM,
+                 trace_path, kinds[i], trace_path);
+        assert_int_equal(system(line), 0);
+    }
+    assert_int_equal(stat(trace_path, &after), 0);
+    assert_true(before.st_size == after.st_size && before.st_ino == after.st_ino);
+}
+
 // ---- another reader -----------------------------------------------------------------------------
 
 static char said[4 << 20];
@@ -412,6 +427,7 @@ int main(void) {
         TEST(bilinear_filtering_of_the_atlas_is_linear_on_triangles),
         TEST(oiiotool_lists_channels_and_what_is_said_of_the_session),
         TEST(oiiotool_reads_the_same),
+        cmocka_unit_test(the_record_itself_is_never_written_over),
         cmocka_unit_test(the_program_writes_the_same_file), // before another file takes its place
         cmocka_unit_test_teardown(a_span_of_time_has_its_steps_and_its_cuts_alone, drop),
         cmocka_unit_test_teardown(without_a_case_all_but_the_maps_is_there, drop),

@@ -112,20 +112,18 @@ enum result record_save(const char *dir, const struct record *record, struct err
 
 enum result record_rest(struct knee_case *knee, pose T_femur_tibia, struct error *err) {
     double flexion = flexion_of(knee, T_femur_tibia);
-    int at = 0;
+    int kept = 0, at = 0;
     for (int i = 0; i < knee->rest_count; i++) {
-        if (flexion_between(knee, knee->rest[i], T_femur_tibia) < RECORD_SAME_DEG) {
-            knee->rest[i] = T_femur_tibia;
-            return RESULT_OK;
-        }
+        if (flexion_between(knee, knee->rest[i], T_femur_tibia) < RECORD_SAME_DEG)
+            continue;
         at += flexion_of(knee, knee->rest[i]) < flexion;
+        knee->rest[kept++] = knee->rest[i];
     }
-    if (knee->rest_count == CASE_KEYS_MAX)
+    if (kept == CASE_KEYS_MAX)
         return fail(err, RESULT_LIMIT, "more than %d poses at rest", CASE_KEYS_MAX);
-    memmove(&knee->rest[at + 1], &knee->rest[at],
-            (size_t)(knee->rest_count - at) * sizeof *knee->rest);
+    memmove(&knee->rest[at + 1], &knee->rest[at], (size_t)(kept - at) * sizeof *knee->rest);
     knee->rest[at] = T_femur_tibia;
-    knee->rest_count++;
+    knee->rest_count = kept + 1;
     return RESULT_OK;
 }
 
@@ -183,10 +181,29 @@ static enum result torn_index(struct knee_case *knee, const char *ligament, int 
     return RESULT_OK;
 }
 
+// Two keys of a ligament so near would be refused: of those at this pose the nearest stays.
+static int keep_nearest_key(struct knee_case *knee, const char *ligament, pose physical) {
+    int nearest = nearest_key(knee, ligament, physical, RECORD_SAME_DEG), kept = 0, found = -1;
+    if (nearest < 0)
+        return -1;
+    int torn = knee->keys[nearest].ligament;
+    for (int i = 0; i < knee->key_count; i++) {
+        struct case_key key = knee->keys[i];
+        if (i == nearest)
+            found = kept;
+        else if (key.ligament == torn &&
+                 flexion_between(knee, key.physical, physical) < RECORD_SAME_DEG)
+            continue;
+        knee->keys[kept++] = key;
+    }
+    knee->key_count = kept;
+    return found;
+}
+
 // The index of the ligament's key at this pose, of a new one where there is none.
 static enum result key_at(struct knee_case *knee, const char *ligament, pose physical, int *out_key,
                           struct error *err) {
-    *out_key = nearest_key(knee, ligament, physical, RECORD_SAME_DEG);
+    *out_key = keep_nearest_key(knee, ligament, physical);
     if (*out_key >= 0)
         return RESULT_OK;
     if (knee->key_count == CASE_KEYS_MAX)

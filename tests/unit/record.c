@@ -124,6 +124,35 @@ static void the_rest_path_rises_in_flexion(void **state) {
     assert_near(valgus_of(knee->rest[2]), 0.4, 1e-9);
 }
 
+// Closer than a degree no two are taken (warp/adaptive.h): a case that had them could not be
+// served.
+static void what_is_recorded_between_two_replaces_both(void **state) {
+    (void)state;
+    static const double flexions[] = {10, 11.5, 30, 10.8};
+    for (int i = 0; i < 4; i++)
+        assert_ok(record_rest(knee, at(flexions[i], 0.1 * i), &err));
+    assert_int_equal(knee->rest_count, 2);
+    assert_near(flexion_of(knee->rest[0]), 10.8, 1e-9);
+    assert_near(flexion_of(knee->rest[1]), 30, 1e-9);
+    for (int i = 0; i < 4; i++) {
+        physical("lcl", flexions[i], -4);
+        target("lcl", flexions[i], -9);
+        physical("mcl", flexions[i], 5);
+        target("mcl", flexions[i], 15);
+    }
+    assert_int_equal(knee->key_count, 4);
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < i; k++)
+            if (knee->keys[i].ligament == knee->keys[k].ligament)
+                assert_true(fabs(flexion_of(knee->keys[i].physical) -
+                                 flexion_of(knee->keys[k].physical)) > 1);
+    physical("mcl", 11, 6);
+    int key = target("mcl", 11, 16); // and says where the key is now
+    assert_near(flexion_of(knee->keys[key].physical), 11, 1e-9);
+    assert_near(valgus_of(knee->keys[key].target), 16, 1e-9);
+    assert_ok(case_validate(knee, &err));
+}
+
 static void more_than_a_case_holds_is_refused(void **state) {
     (void)state;
     int key;
@@ -211,6 +240,7 @@ int main(void) {
         row(a_target_without_its_pose_is_refused_and_nothing_changes),
         row(what_is_recorded_again_replaces_what_was_there),
         row(the_rest_path_rises_in_flexion),
+        row(what_is_recorded_between_two_replaces_both),
         row(more_than_a_case_holds_is_refused),
         row(what_waits_comes_back_and_its_file_goes_with_the_last),
         row(a_file_at_fault_is_refused_by_name_and_key),

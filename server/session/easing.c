@@ -27,7 +27,7 @@ struct easing *easing_create(const struct scene *scene, int tissue, const struct
     e->pending = alloc(count, sizeof *e->pending);
     e->is_pending = alloc(count, sizeof *e->is_pending);
     easing_restore(e);
-    if (field->kind == FIELD_SMOOTH)
+    if (field->kind == FIELD_SMOOTH && !group->bridges)
         e->mean = surface_mean_create(scene->trees[index], e->displacement);
     return e;
 }

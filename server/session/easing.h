@@ -13,7 +13,8 @@ void easing_destroy(struct easing **easing); // NULL inside is fine
 
 // 3 * vertex_count: S'' − S as far as it has come; stays where it is.
 const float *easing_displacement(const struct easing *easing);
-// Of these, kept up with them; NULL where the field is not smooth.
+// Of these, kept up with them; NULL where the field is not smooth, or the group bridges two bones:
+// a mean knows of one.
 const struct surface_mean *easing_mean(const struct easing *easing);
 
 void easing_restore(struct easing *easing); // at once to the static displacements

@@ -19,8 +19,11 @@
 
 static enum result name_beside(const char *path, const char *more, char *out, size_t size,
                                struct error *err) {
-    if (snprintf(out, size, "%s%s", path, more) >= (int)size)
+    size_t length = strlen(path), beside = strlen(more) + 1;
+    if (length + beside > size)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
+    memcpy(out, path, length);
+    memcpy(out + length, more, beside);
     return RESULT_OK;
 }
 

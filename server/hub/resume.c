@@ -103,6 +103,23 @@ static void make_live(struct resumed *r, struct rerun **rerun) {
     r->live = live;
 }
 
+static enum result read_to_end(struct trace_reader *reader, struct error *err) {
+    struct trace_record record;
+    enum result result;
+    while ((result = trace_read(reader, &record, err)) == RESULT_OK)
+        ;
+    return result;
+}
+
+// A session that was closed needs no case here: it does not go on.
+static enum result refuse(const struct resumed *r, struct trace_reader *reader, struct error *err) {
+    if (read_to_end(reader, err) == RESULT_CLOSED)
+        return RESULT_CLOSED;
+    if (r->header.version != TRACE_VERSION)
+        return fail(err, RESULT_REFUSED, "%s: it is of version %d", r->path, r->header.version);
+    return fail(err, RESULT_REFUSED, "%s: this server has not its case", r->path);
+}
+
 static enum result replay(struct resumed *r, struct error *err) {
     struct trace_reader *reader;
     enum result result = trace_reader_create(r->path, &reader, err);
@@ -111,8 +128,9 @@ static enum result replay(struct resumed *r, struct error *err) {
     r->header = *trace_reader_header(reader);
     r->scene = scene_of(r->hub, r->header.case_hash);
     if (r->scene < 0 || r->header.version != TRACE_VERSION) {
+        result = refuse(r, reader, err);
         trace_reader_destroy(&reader);
-        return fail(err, RESULT_REFUSED, "%s: this server has not its case", r->path);
+        return result;
     }
     struct rerun *rerun = rerun_create(r->hub->scenes[r->scene], &r->header.settings);
     result = run_again(r, reader, rerun, err);

@@ -120,6 +120,21 @@ class Resume(House):
         wait_until("a session", lambda: self.session()["steps"] > 0, 30)
         self.assertNotIn(self.session()["id"], (first["id"], second["id"]))
 
+    def test_a_closed_session_on_a_case_that_is_gone_is_no_error(self):
+        self.start_station()
+        self.wait_for_steps()
+        first = self.session()
+        self.server.end()
+        config = self.server_config("[station room-1]\ncase = healthy")
+        with open(config) as f:
+            without = f.read().replace(f"[case arthrosis]\ndir = {self.cases}/arthrosis\n", "")
+        self.server = self.start("server", "arthron-server", "run", "--config", self.write("server.ini", without))
+        self.server.wait_for_log("ready")
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        self.assertEqual(self.session()["case"], "healthy")
+        self.assertNotEqual(self.session()["id"], first["id"])
+        self.assertNotIn("cannot go on", self.server.log())
+
     def test_a_trace_that_comes_out_otherwise_is_left_as_it_is(self):
         self.start_station()
         self.wait_for_steps()

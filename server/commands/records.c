@@ -76,8 +76,12 @@ static void print_json(json_t *json) {
 static int list(struct store *store, const struct request *r) {
     enum store_list which;
     struct error err;
-    if (r->count != 2 || !store_list_from_name(r->words[1], &which))
+    if (r->count != 2)
         return USAGE;
+    if (!store_list_from_name(r->words[1], &which)) {
+        fprintf(stderr, "arthron-server records: there is no list '%s'\n", r->words[1]);
+        return USAGE;
+    }
     json_t *rows = json_array();
     enum result result = store_rows(store, which, NULL, rows_take, rows, &err);
     if (result == RESULT_OK && r->json)

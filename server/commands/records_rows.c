@@ -70,9 +70,14 @@ static void cell_text(const char *column, const json_t *value, char *out, size_t
     }
 }
 
+// Times are not shown in ns: start_utc_ns is headed start_utc.
+static int heading_length(const char *column) {
+    return (int)(strlen(column) - (is_time(column) ? strlen("_ns") : 0));
+}
+
 static int column_width(const json_t *rows, const char *column) {
     char text[STORE_TEXT_MAX];
-    int width = (int)strlen(column);
+    int width = heading_length(column);
     for (size_t i = 0; i < json_array_size(rows); i++) {
         cell_text(column, json_object_get(json_array_get(rows, i), column), text, sizeof text);
         int length = (int)strlen(text);
@@ -88,8 +93,11 @@ static void print_row(const json_t *rows, json_t *row, bool names) {
     json_object_foreach(row, column, value) {
         if (!is_shown(column))
             continue;
-        cell_text(column, value, text, sizeof text);
-        printf("%-*s  ", column_width(rows, column), names ? column : text);
+        if (names)
+            snprintf(text, sizeof text, "%.*s", heading_length(column), column);
+        else
+            cell_text(column, value, text, sizeof text);
+        printf("%-*s  ", column_width(rows, column), text);
     }
     putchar('\n');
 }

@@ -75,6 +75,7 @@ class Commands(unittest.TestCase):
         self.assertEqual(self.json("list", "cases")[0]["sessions"], 4)
         table = self.run_records("list", "sessions").stdout.splitlines()
         self.assertEqual(len(table), 5)
+        self.assertRegex(table[0], "start_utc +end_utc +state")
         self.assertIn("2001-09-09T01:46:40Z", table[1])
         self.assertNotIn("feedface", table[1])
         self.assertRegex(self.run_records("list", "audit").stdout.splitlines()[1], r"^\d{4}-\d\d-\d\dT")
@@ -99,6 +100,7 @@ class Commands(unittest.TestCase):
         self.assertEqual([a["subject"] for a in audit], ["trainee 1", "course 1", "trainee 1", "account 1", "account 2"])
 
     def test_what_cannot_be_done_says_why(self):
+        self.assertIn("no list 'pupils'", self.run_records("list", "pupils", code=2).stderr)
         for words, says in ((("show", "trainee", "nobody"), "no trainee 'nobody'"),
                             (("enrol", "ada", "spring"), "no course 'spring'"),
                             (("erase", "nobody"), "no trainee 'nobody'"),

@@ -142,10 +142,12 @@ static void follow_fit(const struct fit *fit, struct avatar *out) {
     }
 }
 
+// fmax may say 0 or -0, as the compiler likes; here and below.
 static double reach_of(const struct avatar_body *body) {
     double reach = 0;
     for (int i = 0; body->mode != AVATAR_TIP && i < body->point_count; i++)
-        reach = fmax(reach, -body->points[i].at.z);
+        if (-body->points[i].at.z > reach)
+            reach = -body->points[i].at.z;
     return reach;
 }
 
@@ -156,7 +158,7 @@ static void measure_depth(const struct fit_point *p, vec3 displacement, struct a
         const struct warp_contact *c = &p->contacts[k];
         double rise = vec3_dot(c->normal, vec3_sub(displacement, c->delta));
         double deep = -rise - fmax(c->distance - p->radius, 0);
-        if (deep > out->penetration_mm) // fmax may say 0 or -0, as the compiler likes
+        if (deep > out->penetration_mm)
             out->penetration_mm = deep;
     }
 }

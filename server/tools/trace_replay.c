@@ -96,13 +96,18 @@ static bool avatar_from_name(const char *name, enum avatar_mode *out) {
 }
 
 // False: a word or number is none. What was not asked for stays.
-static bool take_settings(const struct request *request, struct session_settings *settings) {
+// What is wrong with them, or NULL.
+static const char *take_settings(const struct request *request, struct session_settings *settings) {
     char *end = "";
     if (request->strength)
         settings->field.strength = strtod(request->strength, &end);
-    return (!request->field || field_from_name(request->field, &settings->field.kind)) &&
-           (!request->avatar || avatar_from_name(request->avatar, &settings->avatar)) && !*end &&
-           settings->field.strength >= 0 && settings->field.strength <= 1;
+    if (request->field && !field_from_name(request->field, &settings->field.kind))
+        return "--field is gaussian, inverse-distance or smooth";
+    if (request->avatar && !avatar_from_name(request->avatar, &settings->avatar))
+        return "--avatar is tip, points or rigid";
+    if (*end || !(settings->field.strength >= 0 && settings->field.strength <= 1))
+        return "--strength is 0 to 1";
+    return NULL;
 }
 
 static int64_t time_or(double seconds, int64_t otherwise_ns) {
@@ -147,8 +152,9 @@ static int replay(const struct request *request) {
     struct session_settings settings = header->settings;
     bool other = request->field || request->avatar || request->strength;
     int code;
-    if (!take_settings(request, &settings))
-        code = usage_error("replay", "no such field, avatar or strength");
+    const char *wrong = take_settings(request, &settings);
+    if (wrong)
+        code = usage_error("replay", "%s", wrong);
     else if (load_scene(reader, request->case_dir, &scene, &err) != RESULT_OK)
         code = failed("replay", &err);
     else if (other || (request->case_dir && scene_case(scene)->hash != header->case_hash))

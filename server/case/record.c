@@ -217,6 +217,20 @@ static enum result key_at(struct knee_case *knee, const char *ligament, pose phy
     return RESULT_OK;
 }
 
+// At the joint, where a translation means something.
+static enum result check_goes_on(const struct knee_case *knee, pose physical, pose target,
+                                 struct error *err) {
+    vec3 centre = knee->joint.T_tibia_joint.translation;
+    double turned = DEG_PER_RAD * quat_angle(physical.rotation, target.rotation);
+    double moved = vec3_distance(pose_apply(physical, centre), pose_apply(target, centre));
+    if (turned >= RECORD_ON_DEG || moved >= RECORD_ON_MM)
+        return RESULT_OK;
+    return fail(err, RESULT_INVALID,
+                "the joint is only %.1f degrees and %.1f mm on from its physical pose: take the "
+                "ligament off and push on",
+                turned, moved);
+}
+
 enum result record_target(struct knee_case *knee, struct record *record, const char *ligament,
                           pose T_femur_tibia, int *out_key, struct error *err) {
     int at = nearest_waiting(knee, record, ligament, T_femur_tibia, RECORD_PAIR_DEG);
@@ -227,11 +241,15 @@ enum result record_target(struct knee_case *knee, struct record *record, const c
                         "%.80s has no physical pose within %g degrees of %.1f degrees of flexion: "
                         "record that first",
                         ligament, RECORD_PAIR_DEG, flexion_of(knee, T_femur_tibia));
-        knee->keys[*out_key].target = T_femur_tibia;
-        return RESULT_OK;
+        enum result result = check_goes_on(knee, knee->keys[*out_key].physical, T_femur_tibia, err);
+        if (result == RESULT_OK)
+            knee->keys[*out_key].target = T_femur_tibia;
+        return result;
     }
     pose physical = record->waiting[at].physical;
-    enum result result = key_at(knee, ligament, physical, out_key, err);
+    enum result result = check_goes_on(knee, physical, T_femur_tibia, err);
+    if (result == RESULT_OK)
+        result = key_at(knee, ligament, physical, out_key, err);
     if (result != RESULT_OK)
         return result;
     knee->keys[*out_key].physical = physical;

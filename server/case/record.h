@@ -12,6 +12,9 @@
 #define RECORD_SAME_DEG 1.0 // of flexion: what is recorded as near as this replaces what was there
 #define RECORD_PAIR_DEG 5.0 // a target belongs to a physical pose as near as this
 
+#define RECORD_ON_DEG 1.0 // a target goes on from it by so much or more, or
+#define RECORD_ON_MM 1.0
+
 struct record {
     int count;
     struct {
@@ -32,6 +35,7 @@ enum result record_rest(struct knee_case *knee, pose T_femur_tibia, struct error
 enum result record_physical(const struct knee_case *knee, struct record *record,
                             const char *ligament, pose T_femur_tibia, struct error *err);
 // Completes the nearest of the ligament's waiting poses to a key, or else gives the nearest of its
-// keys another target; RESULT_MISSING where there is neither. *out_key: its index.
+// keys another target; RESULT_MISSING where there is neither, RESULT_INVALID where the joint has
+// not gone on from it. *out_key: its index.
 enum result record_target(struct knee_case *knee, struct record *record, const char *ligament,
                           pose T_femur_tibia, int *out_key, struct error *err);

@@ -87,6 +87,8 @@ static void a_target_without_its_pose_is_refused_and_nothing_changes(void **stat
     physical("mcl", 30, 5);
     assert_int_equal(record_target(knee, &record, "mcl", at(35.5, 15), &key, &err), RESULT_MISSING);
     assert_non_null(strstr(err.text, "mcl has no physical pose within 5 degrees of 35.5"));
+    assert_int_equal(record_target(knee, &record, "mcl", at(30, 5.5), &key, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "push on"));
     assert_int_equal(record_target(knee, &record, "acl", at(30, 15), &key, &err), RESULT_MISSING);
     assert_int_equal(record.count, 1);
     assert_int_equal(knee->torn_count, 0);

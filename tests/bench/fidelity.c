@@ -233,7 +233,7 @@ static const struct {
      "the skin, which gives way but not here; in gaps that the displacements fill; with one "
      "surface "
      "in reach, off which the field fades within 15 mm, too fast where that is displaced by more "
-     "than 7.2 mm along its normal; and others"},
+     "than 15 mm along its normal; and others"},
     {"rigid_over_tip_penetration", "mean depth of the instrument's points where its shaft touches; "
                                    "the tip's gap where it touches"},
     {"seeds", "each lesion twice: the last part of its name"},

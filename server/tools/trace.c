@@ -19,6 +19,7 @@ static const struct {
     {"export", command_export, "the steps as a table, an image or an animated scene"},
     {"score", command_score, "what it is worth: time, paths, smoothness, contacts, resection"},
     {"picture", command_picture, "what was cut, drawn"},
+    {"report", command_report, "all of it on one page: paths, warp, joint, resection, figures"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])
@@ -63,6 +64,20 @@ enum result load_scene(const struct trace_reader *reader, const char *case_dir,
     if (result != RESULT_OK)
         case_destroy(&knee);
     return result;
+}
+
+struct knee_case *recorded_case(const struct trace_header *header, const char *case_dir,
+                                struct error *err) {
+    struct case_limits limits = case_limits_default();
+    const char *dir = case_dir ? case_dir : header->case_dir;
+    struct knee_case *knee;
+    if (case_load(dir, &limits, &knee, err) != RESULT_OK)
+        return NULL;
+    if (knee->hash == header->case_hash)
+        return knee;
+    fail(err, RESULT_INVALID, "%s: not the case of this trace", dir);
+    case_destroy(&knee);
+    return NULL;
 }
 
 void show_progress(uint64_t done, uint64_t all) {

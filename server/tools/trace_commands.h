@@ -17,6 +17,7 @@ int command_cut(int argc, char **argv);
 int command_export(int argc, char **argv);
 int command_score(int argc, char **argv);
 int command_picture(int argc, char **argv);
+int command_report(int argc, char **argv);
 
 // Takes one argument that is no option, FILE. EXIT_GOOD, or EXIT_USAGE after a line on stderr.
 int take_file(int argc, char **argv, const char **out_file);
@@ -24,6 +25,11 @@ int take_file(int argc, char **argv, const char **out_file);
 // The scene of the case that the trace names, or of case_dir where that is not NULL.
 enum result load_scene(const struct trace_reader *reader, const char *case_dir,
                        struct scene **out_scene, struct error *err);
+
+// The case that was recorded, in case_dir where that is not NULL, for the names of its groups. NULL
+// and why where it is not there or is another one: its names would be wrong.
+struct knee_case *recorded_case(const struct trace_header *header, const char *case_dir,
+                                struct error *err);
 
 // Seconds, 0 or more; false where the text is none.
 bool take_seconds(const char *text, double *out_s);

@@ -41,20 +41,6 @@ struct score {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-// The case that was recorded, or NULL: figures need none, and another one's names would be wrong.
-static struct knee_case *case_of(const struct trace_header *header, const char *dir,
-                                 struct error *err) {
-    struct case_limits limits = case_limits_default();
-    struct knee_case *knee;
-    if (case_load(dir ? dir : header->case_dir, &limits, &knee, err) != RESULT_OK)
-        return NULL;
-    if (knee->hash == header->case_hash)
-        return knee;
-    fail(err, RESULT_INVALID, "%s: not the case of this trace", dir ? dir : header->case_dir);
-    case_destroy(&knee);
-    return NULL;
-}
-
 static void read_steps(struct trace_reader *reader, struct score *s) {
     struct trace_record record;
     while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
@@ -155,7 +141,7 @@ static int score(const struct request *request) {
     struct error err = {""};
     if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
         return failed("score", &err);
-    struct knee_case *knee = case_of(trace_reader_header(reader), request->case_dir, &err);
+    struct knee_case *knee = recorded_case(trace_reader_header(reader), request->case_dir, &err);
     if (!knee && request->case_dir) {
         trace_reader_destroy(&reader);
         return failed("score", &err);

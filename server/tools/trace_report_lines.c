@@ -1,0 +1,108 @@
+#include "trace_report_lines.h"
+
+#include "base/clock.h"
+#include "trace_commands.h"
+
+#include <math.h>
+
+#define JUST_BEFORE 1e-12 // of the whole, a few nanoseconds of an hour
+
+struct moment {
+    double order; // 0 to 1
+    double s;     // since the first step
+};
+
+static void lines_init(struct report_lines *lines) {
+    lines->joint_joined = false;
+    thin_init(&lines->flexion);
+    thin_init(&lines->varus);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        lines->tips[i].joined = false;
+        for (int k = 0; k < TIP_LINE_COUNT; k++)
+            thin_init(&lines->tips[i].lines[k]);
+    }
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        lines->volume_mm3[i] = NAN;
+        thin_init(&lines->volume[i]);
+    }
+}
+
+static void add_tip(struct tip_lines *tip, struct moment at, const struct session_output *output,
+                    const struct instrument_output *o) {
+    struct thin *lines = tip->lines;
+    vec3 hand = pose_apply_inverse(output->T_mockup_body[BODY_FEMUR], o->T_mockup_tip.translation);
+    vec3 seen =
+        pose_apply_inverse(output->T_mockup_virtual[BODY_FEMUR], o->T_mockup_warped.translation);
+    thin_add(&lines[TIP_CORONAL_HAND], at.order, hand.x, hand.z);
+    thin_add(&lines[TIP_CORONAL_SEEN], at.order, seen.x, seen.z);
+    thin_add(&lines[TIP_SAGITTAL_HAND], at.order, hand.y, hand.z);
+    thin_add(&lines[TIP_SAGITTAL_SEEN], at.order, seen.y, seen.z);
+    thin_add(&lines[TIP_OFFSET], at.order, at.s, o->discrepancy.offset_mm);
+    thin_add(&lines[TIP_GAIN], at.order, at.s, o->discrepancy.gain);
+    thin_add(&lines[TIP_GAIN_LEAST], at.order, at.s, o->discrepancy.gain_least);
+    thin_add(&lines[TIP_TURN], at.order, at.s, o->discrepancy.turn_deg);
+    thin_add(&lines[TIP_TILT], at.order, at.s, o->discrepancy.tilt_deg);
+}
+
+static void break_tip(struct tip_lines *tip, double order) {
+    for (int i = 0; tip->joined && i < TIP_LINE_COUNT; i++)
+        thin_break(&tip->lines[i], order);
+    tip->joined = false;
+}
+
+static void add_joint(struct report_lines *lines, struct moment at,
+                      const struct session_output *output) {
+    bool known = output->joint_validity != VALIDITY_LOST;
+    if (known) {
+        thin_add(&lines->flexion, at.order, at.s, output->joint.flexion_deg);
+        thin_add(&lines->varus, at.order, at.s, output->joint.varus_deg);
+    } else if (lines->joint_joined) {
+        thin_break(&lines->flexion, at.order);
+        thin_break(&lines->varus, at.order);
+    }
+    lines->joint_joined = known;
+}
+
+// A staircase: the volume stays until the next job lands.
+static void add_volume(struct report_lines *lines, struct moment at, const struct landed *landed) {
+    double *last = &lines->volume_mm3[landed->tissue];
+    if (!isnan(*last))
+        thin_add(&lines->volume[landed->tissue], at.order - JUST_BEFORE, at.s, *last);
+    *last = landed->figures.volume_mm3;
+    thin_add(&lines->volume[landed->tissue], at.order, at.s, *last);
+}
+
+static void add_step(struct report_lines *lines, struct moment at,
+                     const struct session_output *output) {
+    add_joint(lines, at, output);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        if (output->instruments[i].present) {
+            add_tip(&lines->tips[i], at, output, &output->instruments[i]);
+            lines->tips[i].joined = true;
+        } else {
+            break_tip(&lines->tips[i], at.order);
+        }
+    }
+    if (output->landed.job)
+        add_volume(lines, at, &output->landed);
+}
+
+void report_lines_read(struct trace_reader *reader, const struct survey *survey,
+                       struct report_lines *lines, struct metrics *metrics) {
+    struct trace_record record;
+    double all_s = fmax(survey_seconds(survey), 1e-9);
+    lines_init(lines);
+    while (trace_read(reader, &record, NULL) == RESULT_OK) {
+        if (record.type == TRACE_STEP) {
+            double s = (double)(record.output.time_ns - survey->first_ns) / (double)NS_PER_S;
+            metrics_step(metrics, &record.input, &record.output);
+            add_step(lines, (struct moment){s / all_s, s}, &record.output);
+        }
+        if (record.type == TRACE_RESUME)
+            metrics_interrupt(metrics);
+        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
+    }
+    for (int i = 0; i < TISSUES_MAX; i++)
+        if (!isnan(lines->volume_mm3[i]))
+            thin_add(&lines->volume[i], 1, survey_seconds(survey), lines->volume_mm3[i]);
+}

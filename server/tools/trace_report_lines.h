@@ -1,0 +1,36 @@
+// What a report draws of a trace.
+#pragma once
+
+#include "metrics/metrics.h"
+#include "trace_survey.h"
+#include "trace_thin.h"
+
+// Of the tip, in the femur's frame, millimetres: of the mock-up as measured, and of the virtual
+// femur as seen. Coronal: x and z. Sagittal: y and z.
+enum tip_line {
+    TIP_CORONAL_HAND,
+    TIP_CORONAL_SEEN,
+    TIP_SAGITTAL_HAND,
+    TIP_SAGITTAL_SEEN,
+    TIP_OFFSET, // this and all below over seconds
+    TIP_GAIN,
+    TIP_GAIN_LEAST,
+    TIP_TURN,
+    TIP_TILT,
+    TIP_LINE_COUNT
+};
+
+struct report_lines {
+    struct tip_lines {
+        bool joined; // present at the step before
+        struct thin lines[TIP_LINE_COUNT];
+    } tips[INSTRUMENT_COUNT];
+    bool joint_joined;
+    struct thin flexion, varus;
+    struct thin volume[TISSUES_MAX]; // after each job, mm³
+    double volume_mm3[TISSUES_MAX];  // the last; NaN: no job landed
+};
+
+// Reads the steps from the reader's place on, whose survey is known; `metrics` were begun.
+void report_lines_read(struct trace_reader *reader, const struct survey *survey,
+                       struct report_lines *out_lines, struct metrics *metrics);

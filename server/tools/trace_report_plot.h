@@ -1,0 +1,11 @@
+// The plots of a session's report, each a figure of a page.
+#pragma once
+
+#include "trace_report_lines.h"
+
+#include <stdio.h>
+
+// Its path in two projections, the offset, the gain and the turn, with what may be noticed shaded.
+void report_plot_tip(FILE *file, const struct tip_lines *tip);
+void report_plot_joint(FILE *file, const struct report_lines *lines);
+void report_plot_volume(FILE *file, const char *title, const struct thin *volume);

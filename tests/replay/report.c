@@ -1,0 +1,181 @@
+// arthron-trace report: the page that it writes of a recorded session.
+
+#include "replay/recording.h"
+#include "test.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static char said[1 << 16], page_path[128];
+static char *page;
+
+static int run(const char *file, const char *options) {
+    char line[768];
+    snprintf(page_path, sizeof page_path, "%s.html", trace_path);
+    snprintf(line, sizeof line, "%s report %s %s 2>&1", TRACE_PROGRAM, file, options);
+    FILE *program = popen(line, "r");
+    assert_non_null(program);
+    said[fread(said, 1, sizeof said - 1, program)] = '\0';
+    int status = pclose(program);
+    assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+// `page` gets what was written. Returns the exit code.
+static int report(void) {
+    char out[160];
+    size_t size;
+    snprintf(out, sizeof out, "--out %s.html", trace_path);
+    int code = run(trace_path, out);
+    FILE *copy = open_memstream(&page, &size), *file = fopen(page_path, "r");
+    assert_non_null(file);
+    for (int c; (c = fgetc(file)) != EOF;)
+        fputc(c, copy);
+    fclose(file);
+    fclose(copy);
+    unlink(page_path);
+    return code;
+}
+
+static void record_with(const char *trainee) {
+    struct trace_header header = honest_header();
+    snprintf(header.case_dir, sizeof header.case_dir, "%s", case_dir);
+    snprintf(header.station, sizeof header.station, "bench 3");
+    snprintf(header.trainee, sizeof header.trainee, "%s", trainee);
+    record(&header, 0, NULL);
+}
+
+static void assert_has(const char *text) {
+    if (!strstr(page, text))
+        fail_msg("no '%s' in the page", text);
+}
+
+static int count_of(const char *what) {
+    int count = 0;
+    for (const char *at = page; (at = strstr(at, what)); at++)
+        count++;
+    return count;
+}
+
+// By somebody else's parser, each drawing of the page.
+static void assert_drawings_are_xml(void) {
+    FILE *parser =
+        popen("python3 -c 'import re, sys, xml.etree.ElementTree as tree\n"
+              "drawn = re.findall(\"<figure>(.*?)<figcaption>\", sys.stdin.read(), re.S)\n"
+              "assert len(drawn) >= 7\n"
+              "for text in drawn: tree.fromstring(text)'",
+              "w");
+    assert_non_null(parser);
+    fputs(page, parser);
+    assert_int_equal(pclose(parser), 0);
+}
+
+static void a_session_becomes_a_page_of_its_own(void **state) {
+    (void)state;
+    static const char *const wanted[] = {"bench 3",
+                                         "<h2>Summary</h2>",
+                                         "<h2>Instruments</h2>",
+                                         "<h3>probe</h3>",
+                                         "Path, coronal",
+                                         "Path, sagittal",
+                                         "Offset of the tip",
+                                         "<h2>Joint</h2>",
+                                         "Flexion",
+                                         "Varus",
+                                         "<h2>Resection</h2>",
+                                         "<h2>Figures</h2>",
+                                         "path_hand",
+                                         ">whole<",
+                                         "plot-band"};
+    record_with("Ada");
+    assert_int_equal(report(), 0);
+    for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
+        assert_has(wanted[i]);
+    assert_drawings_are_xml();
+    assert_int_equal(count_of("href="), 0);
+    assert_int_equal(count_of("src="), 0);
+    assert_int_equal(count_of("<script"), 0);
+    free(page);
+}
+
+// The figures are those of score: each line's name and value stand side by side in a row.
+static void its_figures_are_those_of_score(void **state) {
+    (void)state;
+    char line[512], name[64], version[16], value[48], row[256];
+    int count = 0;
+    record_with("Ada");
+    assert_int_equal(report(), 0);
+    snprintf(line, sizeof line, "%s score %s", TRACE_PROGRAM, trace_path);
+    FILE *program = popen(line, "r");
+    assert_non_null(program);
+    while (fgets(line, sizeof line, program)) {
+        if (sscanf(line, "%63s %15s %47s", name, version, value) != 3 || version[0] != 'v')
+            continue;
+        snprintf(row, sizeof row, "<td>%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>", name,
+                 version + 1, value);
+        assert_has(row);
+        count++;
+    }
+    assert_int_equal(pclose(program), 0);
+    assert_true(count > 10);
+    free(page);
+}
+
+static void texts_of_the_trace_are_escaped(void **state) {
+    (void)state;
+    record_with("<b>Eve</b> & \"co\"");
+    assert_int_equal(report(), 0);
+    assert_has("&lt;b&gt;Eve&lt;/b&gt; &amp; &quot;co&quot;");
+    assert_int_equal(count_of("<b>"), 0);
+    free(page);
+    record_with("\xff\xfe");
+    assert_int_equal(report(), 0);
+    assert_has("not UTF-8");
+    assert_int_equal(count_of("\xff"), 0);
+    free(page);
+}
+
+static void a_trace_that_lost_its_end_gives_a_page_that_says_so(void **state) {
+    (void)state;
+    struct stat status;
+    record_with("Ada");
+    assert_int_equal(stat(trace_path, &status), 0);
+    assert_int_equal(truncate(trace_path, status.st_size / 2), 0);
+    assert_int_equal(report(), 1);
+    assert_has("not whole");
+    assert_has("<h3>probe</h3>");
+    assert_drawings_are_xml();
+    free(page);
+}
+
+static void what_cannot_be_is_refused_by_name(void **state) {
+    (void)state;
+    char options[160];
+    record_with("Ada");
+    assert_int_equal(run("/nowhere.trace", "--out /tmp/never.html"), 1);
+    assert_non_null(strstr(said, "/nowhere.trace"));
+    assert_int_equal(run(trace_path, "--out /nowhere/x.html"), 1);
+    assert_non_null(strstr(said, "/nowhere/x.html"));
+    snprintf(options, sizeof options, "--case /nowhere --out %s.html", trace_path);
+    assert_int_equal(run(trace_path, options), 1);
+    assert_non_null(strstr(said, "/nowhere"));
+    assert_int_equal(access(page_path, F_OK), -1);
+    assert_int_equal(run(trace_path, ""), 2);
+    assert_int_equal(run("--help", ""), 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_session_becomes_a_page_of_its_own),
+        cmocka_unit_test(its_figures_are_those_of_score),
+        cmocka_unit_test(texts_of_the_trace_are_escaped),
+        cmocka_unit_test(a_trace_that_lost_its_end_gives_a_page_that_says_so),
+        cmocka_unit_test(what_cannot_be_is_refused_by_name),
+    };
+    return cmocka_run_group_tests_name("trace_report", tests, make_session, remove_session);
+}

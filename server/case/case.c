@@ -213,6 +213,9 @@ static enum result check_displacement(const struct case_group *group, const char
 static enum result check_bridge(const struct case_group *group, struct error *err) {
     if (!group->bridges)
         return RESULT_OK;
+    if (group->cuttable)
+        return fail(err, RESULT_INVALID, "group %s bridges two bones, so it cannot be cuttable",
+                    group->name);
     if (group->other_body == group->body)
         return fail(err, RESULT_INVALID, "group %s bridges from its body %s to the same",
                     group->name, body_name(group->body));

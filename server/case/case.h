@@ -52,7 +52,7 @@ struct case_group {
     enum body other_body;
     float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
                         // (case/bridge.h); else NULL
-    bool cuttable;      // must be one closed, manifold, oriented part
+    bool cuttable;      // must be one closed, manifold, oriented part that bridges nothing
     struct mesh mesh;   // all parts, joined
     float *warp;        // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
     float *maxcut;      // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL

@@ -163,13 +163,11 @@ static enum result open_doors(struct hub *hub, struct error *err) {
 
 // The traces that go on are locked before the recorder looks for those that do not.
 static void begin(struct hub *hub) {
-    pthread_mutex_lock(&hub->desk_lock); // no command ends them meanwhile
     resume_attach(hub);
     if (hub->config.records[0])
         hub->recorder =
             recorder_start(hub->config.records, hub->config.traces_dir, find_scene, hub);
     resume_record(hub);
-    pthread_mutex_unlock(&hub->desk_lock);
     desk_start(hub);
 }
 
@@ -190,10 +188,12 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
         result = start_workers(hub, err);
     if (result == RESULT_OK) {
         resume_replay(hub);
+        pthread_mutex_lock(&hub->desk_lock); // no command ends them before they have begun
         result = open_doors(hub, err);
+        if (result == RESULT_OK)
+            begin(hub);
+        pthread_mutex_unlock(&hub->desk_lock);
     }
-    if (result == RESULT_OK)
-        begin(hub);
     if (result != RESULT_OK)
         hub_destroy(&hub);
     *out_hub = hub;

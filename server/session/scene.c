@@ -77,17 +77,20 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
 
 // ---- ligaments ----------------------------------------------------------------------------------
 
-static enum result add_ligaments(struct scene *scene, enum adaptive_kind kind, struct error *err) {
-    const struct knee_case *knee = scene->knee;
+enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind,
+                           struct adaptive **out_adaptive, struct error *err) {
     struct adaptive_key keys[CASE_KEYS_MAX];
     for (int i = 0; i < knee->key_count; i++)
         keys[i] = (struct adaptive_key){knee->keys[i].ligament, knee->keys[i].physical,
                                         knee->keys[i].target};
     struct adaptive_setup setup = {kind,       knee->joint,     knee->rest_count,
                                    knee->rest, knee->key_count, keys};
-    enum result result = adaptive_create(&setup, &scene->adaptive[kind], err);
+    *out_adaptive = NULL;
+    enum result result = adaptive_create(&setup, out_adaptive, err);
     if (result == RESULT_OK && kind == ADAPTIVE_HINGE)
-        result = adaptive_check(scene->adaptive[kind], err);
+        result = adaptive_check(*out_adaptive, err);
+    if (result != RESULT_OK)
+        adaptive_destroy(out_adaptive);
     return result;
 }
 
@@ -153,7 +156,8 @@ enum result scene_create(struct knee_case **knee, struct scene **out_scene, stru
         }
     }
     for (int kind = 0; kind < ADAPTIVE_COUNT; kind++) {
-        enum result result = add_ligaments(scene, (enum adaptive_kind)kind, err);
+        enum result result =
+            scene_adaptive(*knee, (enum adaptive_kind)kind, &scene->adaptive[kind], err);
         if (result != RESULT_OK) {
             scene->knee = NULL;
             scene_destroy(&scene);

@@ -23,6 +23,11 @@ const struct knee_case *scene_case(const struct scene *scene);
 int scene_tissue_count(const struct scene *scene);
 int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
+// The adaptive warp of a case's torn ligaments, which the caller destroys. RESULT_INVALID, naming the
+// key, where one is not met.
+enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind,
+                           struct adaptive **out_adaptive, struct error *err);
+
 // The case as the kernels see it at one pose of the joint, before any cut, the femur at the
 // identity: for checks and benches. Must not move in memory.
 struct scene_stance {

@@ -2,6 +2,7 @@
 #include "case_commands.h"
 #include "case_keys.h"
 #include "net/console.h"
+#include "session/session.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -168,10 +169,20 @@ static enum result take_pose(struct knee_case *knee, const struct request *reque
     return result;
 }
 
+// A server does not start with a case whose keys no warp can meet.
+static enum result try_keys(const struct knee_case *knee, struct error *err) {
+    struct adaptive *adaptive;
+    enum result result = scene_adaptive(knee, ADAPTIVE_HINGE, &adaptive, err);
+    adaptive_destroy(&adaptive);
+    return result == RESULT_OK ? result : fail_in(err, result, "nothing is saved: ");
+}
+
 static enum result save(struct knee_case *knee, const struct request *request,
                         const struct record *record, struct error *err) {
     enum result result = RESULT_OK;
     if (request->role != ROLE_PHYSICAL)
+        result = try_keys(knee, err);
+    if (result == RESULT_OK && request->role != ROLE_PHYSICAL)
         result = case_save(knee, request->dir, err);
     if (result == RESULT_OK)
         result = record_save(request->dir, record, err);

@@ -372,6 +372,9 @@ static void share_over_one(struct knee_case *knee) {
 static void bridge_to_itself(struct knee_case *knee) {
     case_group(knee, "lcl")->other_body = BODY_TIBIA;
 }
+static void bridge_to_be_cut(struct knee_case *k) {
+    case_group(k, "lcl")->cuttable = true;
+}
 
 static void stretched_rest(struct knee_case *knee) {
     knee->rest[1].rotation.w = 2;
@@ -428,6 +431,7 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         {share_of_nothing, RESULT_INVALID, "group lcl: other_share of vertex 3"},
         {share_over_one, RESULT_INVALID, "group lcl: other_share of vertex 7"},
         {bridge_to_itself, RESULT_INVALID, "group lcl bridges from its body tibia to the same"},
+        {bridge_to_be_cut, RESULT_INVALID, "group lcl bridges two bones"},
         {stretched_rest, RESULT_INVALID, "rest[1]"},
         {key_of_nothing, RESULT_INVALID, "key 2: there is no torn ligament 2"},
         {key_before_all, RESULT_INVALID, "key 0: there is no torn ligament -1"},

@@ -61,7 +61,7 @@ struct session_settings {
     double ease_mm_s;
 };
 
-// Inverse-distance with a skin of 0.03 mm, hinge, tip, 100 ms, 0.2, 2 mm/s; straight instruments
+// Inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s; straight instruments
 // with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
 

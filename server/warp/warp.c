@@ -6,6 +6,7 @@
 #include <string.h>
 
 #define TOUCH_MM 1e-6
+#define GAP_OVER_SKIN 26
 
 const char *field_name(enum field_kind kind) {
     static const char *const names[FIELD_COUNT] = {"gaussian", "inverse-distance", "smooth"};
@@ -240,10 +241,10 @@ struct distance {
     vec3 gradient;
 };
 
-// The skin s that a gap g leaves: s (u − u²/4), u = g/(8 s), and s itself from u = 2 on.
+// The skin s that a gap g leaves: s (u − u²/4), u = g/(26 s), and s itself from u = 2 on.
 static double skin_in(double s, double gap, double *out_by_gap) {
-    double u = fmin(gap / (8 * s), 2);
-    *out_by_gap = (1 - 0.5 * u) / 8;
+    double u = fmin(gap / (GAP_OVER_SKIN * s), 2);
+    *out_by_gap = (1 - 0.5 * u) / GAP_OVER_SKIN;
     return s * (u - 0.25 * u * u);
 }
 

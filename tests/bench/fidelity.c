@@ -17,9 +17,9 @@ static const struct {
     [VARIANT_GAUSSIAN_CM] = {"gaussian, cm", FIELD_GAUSSIAN, 10, 0},
     [VARIANT_GAUSSIAN_MM] = {"gaussian, mm", FIELD_GAUSSIAN, 1, 0},
     [VARIANT_INVERSE] = {"inverse-distance", FIELD_INVERSE_DISTANCE, 1, 0},
-    [VARIANT_INVERSE_SKIN] = {"inverse-distance, skin 0.03 mm", FIELD_INVERSE_DISTANCE, 1, 0.03},
+    [VARIANT_INVERSE_SKIN] = {"inverse-distance, skin 0.1 mm", FIELD_INVERSE_DISTANCE, 1, 0.1},
     [VARIANT_SMOOTH] = {"smooth", FIELD_SMOOTH, 1, 0},
-    [VARIANT_SMOOTH_SKIN] = {"smooth, skin 0.03 mm", FIELD_SMOOTH, 1, 0.03},
+    [VARIANT_SMOOTH_SKIN] = {"smooth, skin 0.1 mm", FIELD_SMOOTH, 1, 0.1},
 };
 
 const char *variant_name(enum variant variant) {
@@ -202,7 +202,7 @@ static const struct {
     const char *name, *text;
 } explanations[] = {
     {"the field of the marks",
-     "inverse-distance with a skin of 0.03 mm, the default of sessions; smooth with it where a "
+     "inverse-distance with a skin of 0.1 mm, the default of sessions; smooth with it where a "
      "hollow "
      "group is displaced, a meniscus or the femur: all lesions but the cavity"},
     {"the space",

@@ -102,7 +102,7 @@ enum result fidelity_instruments(const struct scene_of_lesion *scene, struct err
     struct random r = {scene->seed};
     struct seen *seen = alloc(1, sizeof *seen);
     enum result result = seen_init(seen, a, err);
-    int tries = scene->fidelity->quick ? TRIES / 8 : TRIES;
+    int tries = scene->fidelity->quick ? TRIES / 20 : TRIES;
     for (int i = 0; result == RESULT_OK && i < tries && a->knee->portal_count; i++) {
         vec3 tip, normal;
         bool touches = i % 2;

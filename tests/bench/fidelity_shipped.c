@@ -150,7 +150,7 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
 static void walk(struct shipped *s) {
     for (int flexion = 0; flexion <= 90; flexion += s->fidelity->quick ? 60 : 30)
         look_for_folds(s, &(struct joint_angles){.flexion_deg = flexion});
-    for (int i = 0; i < s->knee->key_count; i += s->fidelity->quick ? 2 : 1) {
+    for (int i = 0; i < s->knee->key_count; i += s->fidelity->quick ? 3 : 1) {
         struct joint_angles angles = angles_of(s->knee, s->knee->keys[i].physical);
         look_for_folds(s, &angles);
     }

@@ -131,7 +131,7 @@ void fidelity_touch(const struct scene_of_lesion *scene) {
     for (size_t f = 0; f < FLEXION_COUNT; f++) {
         anatomy_flex(scene->anatomy, flexions_deg[f]);
         for (int i = 0; i < scene->anatomy->scene.surface_count; i++)
-            touch_group(scene, i, scene->fidelity->quick ? 8 : 2, errors);
+            touch_group(scene, i, scene->fidelity->quick ? 16 : 2, errors);
     }
     anatomy_flex(scene->anatomy, 0);
     report_figure(scene->fidelity->report, (double)errors[0].noisy.count, "points", "%s/touched",

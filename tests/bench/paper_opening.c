@@ -176,7 +176,7 @@ static void touch_plateau(const struct touch *touch, struct samples *out_off_mm)
     const struct mesh *mesh = touch->surfaces[BODY_TIBIA].mesh;
     struct warp_scene scene = {touch->surfaces, BODY_COUNT, touch->T_world_body, touch->correction};
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
-    field.skin_mm = 0.03;
+    field.skin_mm = 0.1;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = pose_apply(touch->T_world_body[BODY_TIBIA], mesh_vertex(mesh, v));
         struct warp warp;

@@ -38,8 +38,8 @@ static const struct variant {
     {"warped, gaussian in cm (the paper's)", "gaussian", "gaussian, cm", FIELD_GAUSSIAN, 0,
      PLOT_ORANGE, PLOT_SOLID},
     {"warped, inverse distance (the default)", "inverse distance", "inverse-distance",
-     FIELD_INVERSE_DISTANCE, 0.03, PLOT_BLUE, PLOT_SOLID},
-    {"warped, smooth", "smooth", "smooth", FIELD_SMOOTH, 0.03, PLOT_PURPLE, PLOT_DASHED},
+     FIELD_INVERSE_DISTANCE, 0.1, PLOT_BLUE, PLOT_SOLID},
+    {"warped, smooth", "smooth", "smooth", FIELD_SMOOTH, 0.1, PLOT_PURPLE, PLOT_DASHED},
 };
 
 #define VARIANT_COUNT (sizeof variants / sizeof variants[0])

@@ -10,7 +10,7 @@ static struct field with_skin(double skin_mm) {
 
 // What the header says of φ, and of the skin that a gap leaves, once more.
 static double effective(double d, double skin, double gap) {
-    double u = gap / (8 * skin);
+    double u = gap / (26 * skin);
     double s = u < 2 ? skin * (u - u * u / 4) : skin;
     return d <= s ? 0 : d <= 2 * s ? (d - s) * (d - s) / (2 * s) : d - 1.5 * s;
 }
@@ -22,12 +22,12 @@ static void within_the_skin_noise_makes_no_error(void **state) {
     world_create(&w, &r, true);
     struct field field = with_skin(0.1);
     int touched = 0;
-    for (int i = 0; i < 1000; i++) {
+    for (int i = 0; i < 2000; i++) {
         world_place(&w, &r, i % 2);
         int surface = i % w.scene.surface_count;
         vec3 on = world_point_on(&w, surface, &r);
         vec3 y = vec3_add_scaled(on, random_between(&r, 0, 0.0999), random_direction(&r));
-        if (world_clearance(&w, surface, y) < 1.6)
+        if (world_clearance(&w, surface, y) < 5.2)
             continue;
         struct closest c = world_contact(&w.scene, surface, y);
         struct warp warp = world_warp(&w.scene, &field, y);
@@ -111,7 +111,7 @@ static void the_gradient_with_a_skin_agrees_with_central_differences(void **stat
         vec3 slope = vec3_scale(0.5 / h, vec3_sub(ahead, behind));
         agree += vec3_distance(slope, mat3_apply(warp.gradient, axis)) <
                  1e-4 * (1 + mat3_norm(warp.gradient));
-        thinned += world_clearance(&w, warp.nearest, y) + warp.nearest_mm < 16 * field.skin_mm;
+        thinned += world_clearance(&w, warp.nearest, y) + warp.nearest_mm < 52 * field.skin_mm;
         count++;
     }
     print_message("%d of %d agree, %d in gaps\n", agree, count, thinned);

@@ -19,7 +19,8 @@ static void mend(struct chain *chain, unsigned version, uint8_t *data, size_t ch
 
 void trace_mend(uint8_t *data, size_t size) {
     struct chain chain;
-    struct reader r = {data, size, 8, false};
+    struct reader r = {data, size, 0, false};
+    read_bytes(&r, 8); // the magic, where there is so much
     unsigned version = read_u16(&r);
     size_t at = 0, checked = HEADER_PREFIX + (size_t)read_u32(&r);
     chain_init(&chain);

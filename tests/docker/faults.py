@@ -21,11 +21,11 @@ def empty(row):
 
 
 def seen(row):
-    return framed(row) and row["probe_validity"] == row["joint_validity"] == "ok"
+    return framed(row) and row.get("probe_validity") == row["joint_validity"] == "ok"
 
 
 def lost(row):
-    return row["probe_validity"] in ("", "lost")
+    return row.get("probe_validity", "") in ("", "lost")
 
 
 def place(row):

@@ -135,6 +135,7 @@ static struct hub_station *station_entry(struct hub_config *c, const char *name)
     if (c->station_count == HUB_STATIONS_MAX ||
         !setting_text(name, c->stations[c->station_count].name, sizeof c->stations[0].name))
         return NULL;
+    c->stations[c->station_count].optic = view_optic_usual();
     return &c->stations[c->station_count++];
 }
 
@@ -158,6 +159,10 @@ static bool take_station_key(struct reading *r, const char *name, const char *ke
         return setting_text(value, station->case_name, sizeof station->case_name);
     if (!strcmp(key, "trainee"))
         return setting_text(value, station->trainee, sizeof station->trainee);
+    if (!strcmp(key, "optic_deg"))
+        return number_double(value, 0, 90, &station->optic.tilt_deg);
+    if (!strcmp(key, "optic_view_deg"))
+        return number_double(value, 1, 179, &station->optic.field_deg);
     if (!strncmp(key, "contact.", 8))
         return take_contact_key(station, key + 8, value);
     if (strcmp(key, "start") || (strcmp(value, "auto") && strcmp(value, "command")))

@@ -77,6 +77,8 @@ static void describe_session(const struct trace_header *h, struct image_writer *
     image_writer_text(writer, 0, "arthron:start", text);
     snprintf(text, sizeof text, "%" PRId64, h->start_ns);
     image_writer_text(writer, 0, "arthron:start_time_ns", text);
+    image_writer_number(writer, 0, "arthron:optic_tilt_deg", h->optic.tilt_deg);
+    image_writer_number(writer, 0, "arthron:optic_field_deg", h->optic.field_deg);
     image_writer_text(writer, 0, "arthron:build", h->build);
     image_writer_text(writer, 0, "arthron:libc", h->libc);
     image_writer_text(writer, 0, "arthron:cpu", h->cpu);

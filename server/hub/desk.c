@@ -37,6 +37,7 @@ static void fill_header(const struct hub *hub, const struct seat *seat, const st
         .start_utc_ns = card->start_utc_ns,
         .start_ns = clock_now_ns(),
         .settings = hub->config.settings,
+        .optic = seat->station->optic,
     };
     memcpy(out->session_id, card->session_id, sizeof out->session_id);
     snprintf(out->station, sizeof out->station, "%s", seat->station->name);

@@ -8,6 +8,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "session/optic.h"
 #include "session/session.h"
 
 #define HUB_STATIONS_MAX 64
@@ -24,7 +25,8 @@ struct hub_station {
     char name[HUB_NAME_MAX];      // as in the station's certificate
     char case_name[HUB_NAME_MAX]; // one of the hub's cases
     char trainee[HUB_NAME_MAX];
-    bool start_by_command; // else a session runs as soon as its station is there
+    struct view_optic optic; // of its scope
+    bool start_by_command;   // else a session runs as soon as its station is there
     // Buttons of each instrument's handle that are down while its tip touches; 0: none.
     uint32_t contact_buttons[INSTRUMENT_COUNT];
 };

@@ -123,7 +123,7 @@ enum result session_score_trace(const char *trace, scene_finder find, void *user
     const struct scene *scene = find(user, header->case_hash);
     struct telling telling = {out, scene ? scene_case(scene) : NULL};
     struct metrics *metrics = alloc(1, sizeof *metrics);
-    metrics_init(metrics, view_optic_usual());
+    metrics_init(metrics, header->optic);
     session_row_begin(header, trace, &out->session);
     read_steps(reader, metrics, &out->session);
     metrics_each(metrics, take_value, &telling);

@@ -19,7 +19,7 @@ struct session_score {
 };
 
 // All of a session that has ended, from its trace alone: what its header says, up to which step it
-// went, its metrics (docs/METRICS.md; an optic of 30 degrees that sees 90), and the file's hash. A
+// went, its metrics (docs/METRICS.md), and the file's hash. A
 // trace that ends early is of a session that was interrupted, and counts up to its last whole
 // record. It reads the whole file: as long as the disk needs for that, and some 2 us a step.
 enum result session_score_trace(const char *trace, scene_finder find, void *user,

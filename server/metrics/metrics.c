@@ -7,8 +7,7 @@
 #define SCOPE (CHANNEL_SCOPE - CHANNEL_FIRST_INSTRUMENT)
 
 void metrics_init(struct metrics *m, struct view_optic optic) {
-    CHECK(optic.tilt_deg >= 0 && optic.tilt_deg <= 90);
-    CHECK(optic.field_deg > 0 && optic.field_deg < 180);
+    CHECK(view_optic_is_valid(&optic));
     memset(m, 0, sizeof *m);
     m->optic = optic;
     hands_init(&m->hands);

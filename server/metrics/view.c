@@ -2,10 +2,6 @@
 
 #include <string.h>
 
-struct view_optic view_optic_usual(void) {
-    return (struct view_optic){.tilt_deg = 30, .field_deg = 90};
-}
-
 bool view_shows(const struct view_optic *optic, pose scope, vec3 tip) {
     double tilt = optic->tilt_deg * RAD_PER_DEG;
     vec3 axis = quat_rotate(scope.rotation, (vec3){0, sin(tilt), cos(tilt)});

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/pose.h"
+#include "session/optic.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -10,13 +11,6 @@
 #define VIEW_REACH_MM 50.0
 #define VIEW_FOUND_NS 500000000LL // in view for so long: found
 #define VIEW_LOST_NS 1000000000LL // out of view for so long: to be found again
-
-struct view_optic {
-    double tilt_deg;  // 0 to 90; 30 or 70 is usual
-    double field_deg; // the cone's whole angle, above 0 and below 180
-};
-
-struct view_optic view_optic_usual(void); // 30 degrees, and a field of 90
 
 bool view_shows(const struct view_optic *optic, pose scope, vec3 tip);
 

@@ -33,7 +33,7 @@ static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE]
     enum result result = trace_reader_create(file, &reader, err);
     if (result != RESULT_OK)
         return result;
-    if (trace_reader_header(reader)->version < TRACE_VERSION)
+    if (trace_reader_header(reader)->version < 3)
         result = fail(err, RESULT_VERSION, "%s: of version %u nothing can be cut", file,
                       trace_reader_header(reader)->version);
     while (result == RESULT_OK && trace_read(reader, &record, err) == RESULT_OK)

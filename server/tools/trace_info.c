@@ -48,6 +48,10 @@ static json_t *settings_object(const struct session_settings *s) {
                      "ease_mm_s", s->ease_mm_s);
 }
 
+static json_t *optic_object(const struct view_optic *optic) {
+    return json_pack("{s:f, s:f}", "tilt_deg", optic->tilt_deg, "field_deg", optic->field_deg);
+}
+
 static json_t *events_object(const struct survey *s) {
     json_t *events = json_object();
     for (int i = 0; i < EVENT_COUNT; i++)
@@ -122,6 +126,7 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     char parent[2 * TRACE_HASH_SIZE + 1];
     hex_text(h->parent, sizeof h->parent, parent);
     json_object_set_new(root, "parent", has_parent(h) ? json_string(parent) : json_null());
+    json_object_set_new(root, "optic", optic_object(&h->optic));
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
@@ -150,6 +155,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     printf("warp        %s, strength %g, ligaments %s, instruments %s\n",
            field_name(h->settings.field.kind), h->settings.field.strength,
            adaptive_name(h->settings.adaptive), avatar_mode_name(h->settings.avatar));
+    printf("optic       %g degrees, field %g degrees\n", h->optic.tilt_deg, h->optic.field_deg);
     printf("recorded by build %s, %s, %s\n", h->build, h->libc, h->cpu);
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",

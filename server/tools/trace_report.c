@@ -237,7 +237,7 @@ static enum result read_all(struct trace_reader *reader, const struct request *r
     enum result result = trace_reader_create(request->file, &again, err);
     if (result != RESULT_OK)
         return result;
-    metrics_init(&page->metrics, view_optic_usual());
+    metrics_init(&page->metrics, page->header->optic);
     report_lines_read(again, &page->survey, &page->lines, &page->metrics);
     trace_reader_destroy(&again);
     return RESULT_OK;

@@ -3,6 +3,7 @@
 
 #include <inttypes.h>
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -17,8 +18,8 @@ static const char help[] =
     "brackets (below_floor) is so small that noise may have made a tenth of it.\n"
     "\n"
     "  --case DIR    the case, for the names of its groups; else that of the trace, else numbers\n"
-    "  --optic DEG   how the scope's optic is tilted, 0 to 90; 30 if left out, 70 is usual too\n"
-    "  --field DEG   the whole angle that it sees, 1 to 179; 90 if left out\n"
+    "  --optic DEG   how the scope's optic is tilted, 0 to 90, instead of what the trace says\n"
+    "  --field DEG   the whole angle that it sees, 1 to 179, instead of what the trace says\n"
     "  --json        one object of JSON\n"
     "\n"
     "Exits 1 where the trace is not whole or steps are missing (what can be read is scored).\n";
@@ -26,7 +27,7 @@ static const char help[] =
 struct request {
     const char *file, *case_dir;
     bool json;
-    struct view_optic optic;
+    double tilt_deg, field_deg; // NAN: as the trace says
 };
 
 struct score {
@@ -92,7 +93,7 @@ static void add_figure(void *context, const struct metric_value *v) {
     json_array_append_new(listing->all, object);
 }
 
-static void print_json(const struct score *s, const struct request *request) {
+static void print_json(const struct score *s) {
     struct listing listing = {s, json_array()};
     char id[33];
     for (size_t i = 0; i < sizeof s->header->session_id; i++)
@@ -101,7 +102,7 @@ static void print_json(const struct score *s, const struct request *request) {
     json_t *root = json_pack("{s:s, s:b, s:I, s:s, s:{s:f, s:f}, s:o}", "session", id, "whole",
                              s->end == RESULT_CLOSED, "missing", (json_int_t)s->missing, "end",
                              s->end == RESULT_CLOSED ? "" : s->why.text, "optic", "tilt_deg",
-                             request->optic.tilt_deg, "field_deg", request->optic.field_deg,
+                             s->metrics.optic.tilt_deg, "field_deg", s->metrics.optic.field_deg,
                              "metrics", listing.all);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(17));
     putchar('\n');
@@ -122,11 +123,11 @@ static void print_figure(void *context, const struct metric_value *v) {
     printf("%-20s v%d %12s %-5s %s\n", kind->name, kind->version, value, kind->unit, about);
 }
 
-static void print_text(const struct score *s, const struct request *request) {
+static void print_text(const struct score *s) {
     if (!s->knee)
         printf("groups have no names: %s\n", s->unnamed.text);
-    printf("optic %g degrees, field %g degrees\n", request->optic.tilt_deg,
-           request->optic.field_deg);
+    printf("optic %g degrees, field %g degrees\n", s->metrics.optic.tilt_deg,
+           s->metrics.optic.field_deg);
     metrics_each(&s->metrics, print_figure, (void *)s);
     if (s->missing)
         printf("missing     %" PRIu64 " steps\n", s->missing);
@@ -135,6 +136,16 @@ static void print_text(const struct score *s, const struct request *request) {
 }
 
 // ---- the command --------------------------------------------------------------------------------
+
+static struct view_optic optic_of(const struct request *request,
+                                  const struct trace_header *header) {
+    struct view_optic optic = header->optic;
+    if (!isnan(request->tilt_deg))
+        optic.tilt_deg = request->tilt_deg;
+    if (!isnan(request->field_deg))
+        optic.field_deg = request->field_deg;
+    return optic;
+}
 
 static int score(const struct request *request) {
     struct trace_reader *reader;
@@ -147,12 +158,12 @@ static int score(const struct request *request) {
         return failed("score", &err);
     }
     struct score s = {.header = trace_reader_header(reader), .knee = knee, .unnamed = err};
-    metrics_init(&s.metrics, request->optic);
+    metrics_init(&s.metrics, optic_of(request, s.header));
     read_steps(reader, &s);
     if (request->json)
-        print_json(&s, request);
+        print_json(&s);
     else
-        print_text(&s, request);
+        print_text(&s);
     trace_reader_destroy(&reader);
     case_destroy(&knee);
     return s.end == RESULT_CLOSED && !s.missing ? EXIT_GOOD : EXIT_FAULT;
@@ -169,7 +180,7 @@ int command_score(int argc, char **argv) {
         {"json", no_argument, NULL, 'j'},        {"case", required_argument, NULL, 'c'},
         {"optic", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'},
         {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
-    struct request request = {.optic = view_optic_usual()};
+    struct request request = {.tilt_deg = NAN, .field_deg = NAN};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;
@@ -179,9 +190,9 @@ int command_score(int argc, char **argv) {
             request.case_dir = optarg;
         else if (c != 'o' && c != 'f')
             return usage_error(argv[0], "unknown option");
-        else if (c == 'o' && !parse_degrees(optarg, 0, 90, &request.optic.tilt_deg))
+        else if (c == 'o' && !parse_degrees(optarg, 0, 90, &request.tilt_deg))
             return usage_error(argv[0], "'%s': --optic takes 0 to 90 degrees", optarg);
-        else if (c == 'f' && !parse_degrees(optarg, 1, 179, &request.optic.field_deg))
+        else if (c == 'f' && !parse_degrees(optarg, 1, 179, &request.field_deg))
             return usage_error(argv[0], "'%s': --field takes 1 to 179 degrees", optarg);
     }
     if (take_file(argc, argv, &request.file) != EXIT_GOOD)

@@ -94,6 +94,8 @@ size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t 
     write_i64(&w, h->start_utc_ns);
     write_i64(&w, h->start_ns);
     write_settings(&w, &h->settings);
+    write_f64(&w, h->optic.tilt_deg);
+    write_f64(&w, h->optic.field_deg);
     write_text(&w, h->build);
     write_text(&w, h->libc);
     write_text(&w, h->cpu);
@@ -158,12 +160,18 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     h->start_utc_ns = read_i64(&r);
     h->start_ns = read_i64(&r);
     read_settings(&r, version, &h->settings);
+    h->optic = view_optic_usual();
+    if (version >= 4) {
+        h->optic.tilt_deg = read_f64(&r);
+        h->optic.field_deg = read_f64(&r);
+    }
     read_text(&r, h->build, sizeof h->build);
     read_text(&r, h->libc, sizeof h->libc);
     read_text(&r, h->cpu, sizeof h->cpu);
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
-    if (!settings_are_valid(&h->settings) || !time_is_sane(h->start_ns))
+    if (!settings_are_valid(&h->settings) || !view_optic_is_valid(&h->optic) ||
+        !time_is_sane(h->start_ns))
         return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
     return RESULT_OK;
 }

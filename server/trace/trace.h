@@ -7,9 +7,10 @@
 #pragma once
 
 #include "base/result.h"
+#include "session/optic.h"
 #include "session/session.h"
 
-#define TRACE_VERSION 3
+#define TRACE_VERSION 4
 #define TRACE_OLDEST_VERSION 2 // that is still read
 
 #define TRACE_HASH_SIZE 32
@@ -28,6 +29,7 @@ struct trace_header {
     int64_t start_utc_ns;
     int64_t start_ns; // the server's monotonic clock at that moment
     struct session_settings settings;
+    struct view_optic optic;
     char build[64]; // SHA-1 of the compiled rooms whose code makes a step
     char libc[64];  // where its mathematics came from
     char cpu[64];   // CPU level, as glibc names it

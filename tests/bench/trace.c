@@ -132,6 +132,7 @@ static enum result record(const struct played *played, const struct session_sett
     struct trace_header header = {
         .case_hash = scene_case(played->scene)->hash,
         .settings = *settings,
+        .optic = view_optic_usual(),
     };
     trace_header_set_machine(&header);
     enum result result = trace_writer_create(path, &header, NULL, &r->writer, err);

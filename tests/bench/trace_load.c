@@ -30,7 +30,8 @@ static void name_trace(const char *folder, int station, char *out, size_t size) 
 static enum result open_load(const char *folder, struct load *load, struct error *err) {
     for (int i = 0; i < STATIONS; i++) {
         char path[128];
-        struct trace_header header = {.settings = session_settings_default()};
+        struct trace_header header = {.settings = session_settings_default(),
+                                      .optic = view_optic_usual()};
         name_trace(folder, i, path, sizeof path);
         enum result result = trace_writer_create(path, &header, NULL, &load->writers[i], err);
         if (result != RESULT_OK)

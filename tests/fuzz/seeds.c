@@ -222,6 +222,7 @@ static void meshes(void) {
 static struct trace_writer *begin_trace(const char *file) {
     struct trace_header header = {.station = "bench", .trainee = "Zoë", .case_name = "boxes"};
     header.settings = session_settings_default();
+    header.optic = view_optic_usual();
     struct trace_writer *writer;
     CHECK(trace_writer_create(file, &header, NULL, &writer, NULL) == RESULT_OK);
     return writer;

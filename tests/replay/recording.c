@@ -44,6 +44,7 @@ struct trace_header honest_header(void) {
         .case_name = "arthrosis",
         .case_hash = scene_case(played.scene)->hash,
         .settings = session_settings_default(),
+        .optic = view_optic_usual(),
     };
     trace_header_set_machine(&header);
     return header;

@@ -31,8 +31,11 @@ static int score(const char *options) {
     return run(arguments);
 }
 
+static const struct view_optic recorded_optic = {70, 85};
+
 static void record_on(const char *dir) {
     struct trace_header header = honest_header();
+    header.optic = recorded_optic;
     snprintf(header.case_dir, sizeof header.case_dir, "%s", dir);
     record(&header, 0, NULL);
 }
@@ -92,7 +95,7 @@ static void a_trace_scores_as_its_session_did(void **state) {
     static struct metrics live;
     struct session_settings settings = session_settings_default();
     record_on(case_dir);
-    metrics_init(&live, view_optic_usual());
+    metrics_init(&live, recorded_optic);
     played_run(&played, &settings, played.motion.row_count, live_step, &live);
     assert_int_equal(score("--json"), 0);
     json_t *root = output_object();
@@ -145,6 +148,23 @@ static void what_is_left_of_a_trace_is_scored(void **state) {
     json_decref(root);
 }
 
+static void assert_optic(const char *options, double tilt_deg, double field_deg) {
+    assert_int_equal(score(options), 0);
+    json_t *root = output_object();
+    json_t *optic = json_object_get(root, "optic");
+    assert_true(json_real_value(json_object_get(optic, "tilt_deg")) == tilt_deg);
+    assert_true(json_real_value(json_object_get(optic, "field_deg")) == field_deg);
+    json_decref(root);
+}
+
+static void the_optic_is_the_recorded_one_unless_another_is_asked_for(void **state) {
+    (void)state;
+    record_on(case_dir);
+    assert_optic("--json", recorded_optic.tilt_deg, recorded_optic.field_deg);
+    assert_optic("--json --optic 30", 30, recorded_optic.field_deg);
+    assert_optic("--json --field 90", recorded_optic.tilt_deg, 90);
+}
+
 static void wrong_use_exits_2(void **state) {
     (void)state;
     static const char *const rows[] = {"",          "a b",          "a --optic 91", "a --field 0",
@@ -164,6 +184,7 @@ int main(void) {
         cmocka_unit_test(without_its_case_groups_have_numbers),
         cmocka_unit_test(another_case_lends_no_names),
         cmocka_unit_test(what_is_left_of_a_trace_is_scored),
+        cmocka_unit_test(the_optic_is_the_recorded_one_unless_another_is_asked_for),
         cmocka_unit_test(wrong_use_exits_2),
     };
     return cmocka_run_group_tests_name("score", tests, make_session, remove_session);

@@ -255,12 +255,12 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
         uint8_t value;
         enum result expected;
     } rows[] = {
-        {0, 'X', RESULT_FORMAT},  // magic
-        {8, 4, RESULT_VERSION},   // a newer version
-        {8, 1, RESULT_VERSION},   // one that is too old
-        {12, 1, RESULT_LIMIT},    // larger than we accept
-        {14, 1, RESULT_CORRUPT},  // a byte of the session's id
-        {62, 99, RESULT_CORRUPT}, // length of a text
+        {0, 'X', RESULT_FORMAT},                // magic
+        {8, TRACE_VERSION + 1, RESULT_VERSION}, // a newer version
+        {8, 1, RESULT_VERSION},                 // one that is too old
+        {12, 1, RESULT_LIMIT},                  // larger than we accept
+        {14, 1, RESULT_CORRUPT},                // a byte of the session's id
+        {62, 99, RESULT_CORRUPT},               // length of a text
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         uint8_t before = data[rows[i].at];
@@ -275,6 +275,25 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
     trace_mend(data, size);
     write_copy(data, size);
     assert_int_equal(trace_reader_create(copy_path, &reader, NULL), RESULT_FORMAT);
+    free(data);
+}
+
+static void an_optic_that_none_is_is_refused(void **state) {
+    (void)state;
+    static const double bad[] = {-1, 0, 180, NAN, INFINITY};
+    uint8_t *data;
+    struct trace_reader *reader;
+    write_trace(1);
+    size_t size = slurp(&data);
+    double field_deg = some_header().optic.field_deg;
+    uint8_t *at = memmem(data, size, &field_deg, sizeof field_deg);
+    assert_non_null(at);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        memcpy(at, &bad[i], sizeof bad[i]);
+        trace_mend(data, size);
+        write_copy(data, size);
+        assert_int_equal(trace_reader_create(copy_path, &reader, NULL), RESULT_FORMAT);
+    }
     free(data);
 }
 
@@ -313,6 +332,7 @@ int main(void) {
         cmocka_unit_test(one_damaged_record_leaves_all_others_readable),
         cmocka_unit_test(a_time_that_no_session_takes_is_refused),
         cmocka_unit_test(a_header_that_is_not_ours_is_refused),
+        cmocka_unit_test(an_optic_that_none_is_is_refused),
         cmocka_unit_test(every_byte_of_an_output_belongs_to_a_field),
     };
     return cmocka_run_group_tests_name("trace", tests, make_folder, remove_folder);

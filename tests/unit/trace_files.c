@@ -212,6 +212,7 @@ struct trace_header some_header(void) {
                      .hold_ns = 100000000,
                      .ease_share = 0.25,
                      .ease_mm_s = 1.5},
+        .optic = {70, 85.5},
     };
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         h.settings.bodies[i] = (struct instrument_body){2, {{{0, 0, 0}, 0}, {{1, -3, i}, 0.5}}};

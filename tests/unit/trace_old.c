@@ -1,4 +1,4 @@
-// Traces of version 2, as that version wrote them: of a knee of boxes, and of made up steps.
+// Traces of older versions, as those wrote them: of a knee of boxes, and of made up steps.
 #include "test.h"
 #include "trace/replay.h"
 #include "unit/case_knee.h"
@@ -28,6 +28,7 @@ static void its_fields_come_back_and_those_it_has_not_are_the_defaults(void **st
     assert_memory_equal(header->settings.bodies, defaults.bodies, sizeof defaults.bodies);
     assert_true(header->settings.field.radius_mm == 12);
     assert_true(header->settings.field.strength == 1);
+    assert_true(header->optic.tilt_deg == 30 && header->optic.field_deg == 90);
     struct trace_record record;
     assert_int_equal(trace_read(reader, &record, NULL), RESULT_OK);
     assert_int_equal(trace_read(reader, &record, NULL), RESULT_OK);
@@ -48,9 +49,23 @@ static void its_fields_come_back_and_those_it_has_not_are_the_defaults(void **st
     trace_reader_destroy(&reader);
 }
 
-static void it_replays_in_all_that_it_has(void **state) {
+static void version_3_knows_no_optic(void **state) {
     (void)state;
-    struct trace_reader *reader = open_old("version2-cut.trace");
+    struct trace_reader *reader = open_old("version3-steps.trace");
+    const struct trace_header *header = trace_reader_header(reader);
+    assert_int_equal(header->version, 3);
+    assert_string_equal(header->trainee, "Zoë");
+    assert_true(header->optic.tilt_deg == 30 && header->optic.field_deg == 90);
+    struct trace_record record;
+    int steps = 0;
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        steps += record.type == TRACE_STEP;
+    assert_int_equal(steps, 3);
+    trace_reader_destroy(&reader);
+}
+
+static void assert_replays(const char *name) {
+    struct trace_reader *reader = open_old(name);
     struct knee_case *knee = box_knee();
     struct scene *scene;
     struct replay_report report;
@@ -59,17 +74,24 @@ static void it_replays_in_all_that_it_has(void **state) {
     assert_int_equal(report.end, RESULT_CLOSED);
     assert_int_equal(report.steps, 8);
     if (report.different)
-        fail_msg("step %d: %s was %s, now %s", (int)report.first.step, report.first.field,
+        fail_msg("%s, step %d: %s was %s, now %s", name, (int)report.first.step, report.first.field,
                  report.first.recorded, report.first.replayed);
     assert_false(report.same_build);
     scene_destroy(&scene);
     trace_reader_destroy(&reader);
 }
 
+static void they_replay_in_all_that_they_have(void **state) {
+    (void)state;
+    assert_replays("version2-cut.trace");
+    assert_replays("version3-cut.trace");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(its_fields_come_back_and_those_it_has_not_are_the_defaults),
-        cmocka_unit_test(it_replays_in_all_that_it_has),
+        cmocka_unit_test(version_3_knows_no_optic),
+        cmocka_unit_test(they_replay_in_all_that_they_have),
     };
     return cmocka_run_group_tests_name("trace_old", tests, NULL, NULL);
 }

@@ -17,6 +17,7 @@
 #define WIRE_ENROL_SUBPROTOCOL "arthron-enrol.1"
 #define WIRE_CONSOLE_SUBPROTOCOL "arthron-console.1"
 #define WIRE_VIEW_SUBPROTOCOL "arthron-view.1"
+#define WIRE_LIVE_SUBPROTOCOL "arthron-live.1"
 
 #define WIRE_DEVICES_MAX 16 // in Hello, and so in a sample's index
 
@@ -26,6 +27,7 @@
 #define WIRE_DATAGRAM_MAX 1452
 #define WIRE_VIEW_MAX 2048
 #define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
+#define WIRE_PAGE_MAX 4096
 
 #define WIRE_CHUNK_DATA 32768     // in each piece of a mesh but the last
 #define WIRE_MESH_MAX (64u << 20) // in all of them together

@@ -66,20 +66,6 @@ enum result load_scene(const struct trace_reader *reader, const char *case_dir,
     return result;
 }
 
-struct knee_case *recorded_case(const struct trace_header *header, const char *case_dir,
-                                struct error *err) {
-    struct case_limits limits = case_limits_default();
-    const char *dir = case_dir ? case_dir : header->case_dir;
-    struct knee_case *knee;
-    if (case_load(dir, &limits, &knee, err) != RESULT_OK)
-        return NULL;
-    if (knee->hash == header->case_hash)
-        return knee;
-    fail(err, RESULT_INVALID, "%s: not the case of this trace", dir);
-    case_destroy(&knee);
-    return NULL;
-}
-
 void show_progress(uint64_t done, uint64_t all) {
     static int64_t shown_ns;
     static bool begun;

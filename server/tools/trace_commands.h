@@ -26,11 +26,6 @@ int take_file(int argc, char **argv, const char **out_file);
 enum result load_scene(const struct trace_reader *reader, const char *case_dir,
                        struct scene **out_scene, struct error *err);
 
-// The case that was recorded, in case_dir where that is not NULL, for the names of its groups. NULL
-// and why where it is not there or is another one: its names would be wrong.
-struct knee_case *recorded_case(const struct trace_header *header, const char *case_dir,
-                                struct error *err);
-
 // Seconds, 0 or more; false where the text is none.
 bool take_seconds(const char *text, double *out_s);
 

@@ -1,6 +1,6 @@
 #include "export/export.h"
 #include "trace_commands.h"
-#include "trace_survey.h"
+#include "review/survey.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -66,7 +66,7 @@ static enum result load_needed(struct request *request, struct scene **out_scene
     enum result result = trace_reader_create(request->export.trace, &reader, err);
     if (result != RESULT_OK)
         return result;
-    survey_read(reader, &survey);
+    survey_read(reader, show_progress, &survey);
     if (survey.jobs || request->gltf)
         result = load_scene(reader, request->case_dir, out_scene, err);
     trace_reader_destroy(&reader);

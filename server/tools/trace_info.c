@@ -1,6 +1,6 @@
 #include "base/clock.h"
 #include "trace_commands.h"
-#include "trace_survey.h"
+#include "review/survey.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -208,7 +208,7 @@ int command_info(int argc, char **argv) {
     if (trace_reader_create(file, &reader, &err) != RESULT_OK)
         return failed(argv[0], &err);
     struct survey survey;
-    survey_read(reader, &survey);
+    survey_read(reader, show_progress, &survey);
     (json ? print_json : print_text)(trace_reader_header(reader), &survey);
     trace_reader_destroy(&reader);
     return EXIT_GOOD;

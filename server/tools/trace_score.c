@@ -1,4 +1,5 @@
 #include "metrics/subject.h"
+#include "review/page.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
@@ -152,7 +153,7 @@ static int score(const struct request *request) {
     struct error err = {""};
     if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
         return failed("score", &err);
-    struct knee_case *knee = recorded_case(trace_reader_header(reader), request->case_dir, &err);
+    struct knee_case *knee = review_case(trace_reader_header(reader), request->case_dir, &err);
     if (!knee && request->case_dir) {
         trace_reader_destroy(&reader);
         return failed("score", &err);

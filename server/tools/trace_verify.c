@@ -1,5 +1,5 @@
 #include "trace_commands.h"
-#include "trace_survey.h"
+#include "review/survey.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -134,7 +134,7 @@ static int verify(const char *file, const char *authority, bool json) {
     static struct verdict v;
     if (trace_reader_create(file, &reader, &err) != RESULT_OK)
         return failed("verify", &err);
-    survey_read(reader, &v.survey);
+    survey_read(reader, show_progress, &v.survey);
     read_behind(reader, &v);
     ask_seal(reader, authority, &v);
     trace_reader_destroy(&reader);

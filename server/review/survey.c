@@ -1,7 +1,6 @@
-#include "trace_survey.h"
+#include "review/survey.h"
 
 #include "base/clock.h"
-#include "trace_commands.h"
 
 #include <string.h>
 
@@ -49,7 +48,7 @@ static void count_output(const struct session_output *output, struct survey *s) 
     }
 }
 
-void survey_read(struct trace_reader *reader, struct survey *s) {
+void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *s) {
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
@@ -66,7 +65,8 @@ void survey_read(struct trace_reader *reader, struct survey *s) {
         }
         s->past += record.type == TRACE_PAST;
         s->resumes += record.type == TRACE_RESUME;
-        show_progress(trace_reader_offset(reader), s->file_bytes);
+        if (progress)
+            progress(trace_reader_offset(reader), s->file_bytes);
     }
     s->whole_bytes = trace_reader_offset(reader);
     if (s->file_bytes < s->whole_bytes) // it grew: the session goes on

@@ -1,4 +1,4 @@
-#include "trace_thin.h"
+#include "review/thin.h"
 
 #include <math.h>
 #include <stdbool.h>

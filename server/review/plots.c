@@ -1,4 +1,4 @@
-#include "trace_report_plot.h"
+#include "review/plots.h"
 
 #include "base/check.h"
 #include "report/html.h"

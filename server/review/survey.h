@@ -28,7 +28,10 @@ struct survey {
     struct error why; // where it is not
 };
 
-// Reads all that can be read.
-void survey_read(struct trace_reader *reader, struct survey *out_survey);
+// Is told the bytes read and the bytes in all, now and then.
+typedef void (*survey_progress)(uint64_t done, uint64_t all);
+
+// Reads all that can be read. progress: or NULL.
+void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *out_survey);
 
 double survey_seconds(const struct survey *survey);

@@ -1,7 +1,6 @@
-#include "trace_report_lines.h"
+#include "review/lines.h"
 
 #include "base/clock.h"
-#include "trace_commands.h"
 
 #include <math.h>
 
@@ -88,7 +87,8 @@ static void add_step(struct report_lines *lines, struct moment at,
 }
 
 void report_lines_read(struct trace_reader *reader, const struct survey *survey,
-                       struct report_lines *lines, struct metrics *metrics) {
+                       survey_progress progress, struct report_lines *lines,
+                       struct metrics *metrics) {
     struct trace_record record;
     double all_s = fmax(survey_seconds(survey), 1e-9);
     lines_init(lines);
@@ -100,7 +100,8 @@ void report_lines_read(struct trace_reader *reader, const struct survey *survey,
         }
         if (record.type == TRACE_RESUME)
             metrics_interrupt(metrics);
-        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
+        if (progress)
+            progress(trace_reader_offset(reader), trace_reader_size(reader));
     }
     for (int i = 0; i < TISSUES_MAX; i++)
         if (!isnan(lines->volume_mm3[i]))

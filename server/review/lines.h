@@ -2,8 +2,8 @@
 #pragma once
 
 #include "metrics/metrics.h"
-#include "trace_survey.h"
-#include "trace_thin.h"
+#include "review/survey.h"
+#include "review/thin.h"
 
 // Of the tip, in the femur's frame, millimetres: of the mock-up as measured, and of the virtual
 // femur as seen. Coronal: x and z. Sagittal: y and z.
@@ -32,5 +32,7 @@ struct report_lines {
 };
 
 // Reads the steps from the reader's place on, whose survey is known; `metrics` were begun.
+// progress: or NULL.
 void report_lines_read(struct trace_reader *reader, const struct survey *survey,
-                       struct report_lines *out_lines, struct metrics *metrics);
+                       survey_progress progress, struct report_lines *out_lines,
+                       struct metrics *metrics);

@@ -1,7 +1,7 @@
 // The plots of a session's report, each a figure of a page.
 #pragma once
 
-#include "trace_report_lines.h"
+#include "review/lines.h"
 
 #include <stdio.h>
 

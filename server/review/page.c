@@ -1,0 +1,281 @@
+#include "review/page.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "metrics/subject.h"
+#include "report/html.h"
+#include "review/plots.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+struct page {
+    FILE *file;
+    const struct trace_header *header;
+    const struct knee_case *knee; // NULL: groups have no names
+    struct survey survey;
+    struct metrics metrics;
+    struct report_lines lines;
+    char seal[TRACE_SIGNED_BY_MAX + sizeof((struct error){0}).text];
+};
+
+// ---- words --------------------------------------------------------------------------------------
+
+// Texts come from a file: what is no UTF-8 cannot be shown.
+static const char *shown(const char *text) {
+    json_t *value = json_string(text);
+    json_decref(value);
+    return value ? text : "(not UTF-8)";
+}
+
+static void write_row(FILE *file, const char *name, const char *text) {
+    fprintf(file, "<tr><th>%s</th><td>", name);
+    html_text(file, text);
+    fputs("</td></tr>\n", file);
+}
+
+__attribute__((format(printf, 3, 4))) static void write_fact(FILE *file, const char *name,
+                                                             const char *format, ...) {
+    char text[1024];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    write_row(file, name, text);
+}
+
+static void write_origin(const struct page *page) {
+    const struct trace_header *h = page->header;
+    char id[33], start[32];
+    time_t seconds = (time_t)(h->start_utc_ns / NS_PER_S);
+    struct tm utc;
+    for (size_t i = 0; i < sizeof h->session_id; i++)
+        snprintf(id + 2 * i, 3, "%02x", h->session_id[i]);
+    strftime(start, sizeof start, "%Y-%m-%d %H:%M:%S UTC", gmtime_r(&seconds, &utc));
+    write_row(page->file, "session", id);
+    write_row(page->file, "station", shown(h->station));
+    write_row(page->file, "trainee", shown(h->trainee));
+    write_row(page->file, "case", shown(h->case_name));
+    write_row(page->file, "start", start);
+}
+
+static void write_summary(const struct page *page) {
+    const struct survey *s = &page->survey;
+    const struct session_settings *settings = &page->header->settings;
+    fputs("<h2>Summary</h2>\n<table>\n", page->file);
+    write_origin(page);
+    write_fact(page->file, "length", "%.2f s", survey_seconds(s));
+    write_row(page->file, "state", session_state_name(s->state));
+    write_fact(page->file, "steps", "%" PRIu64 ", %" PRIu64 " missing", s->steps, s->missing);
+    if (s->resumes)
+        write_fact(page->file, "resumed", "%" PRIu64 " times after its server was killed",
+                   s->resumes);
+    write_fact(page->file, "warp", "%s, strength %g, ligaments %s, instruments %s",
+               field_name(settings->field.kind), settings->field.strength,
+               adaptive_name(settings->adaptive), avatar_mode_name(settings->avatar));
+    write_row(page->file, "record",
+              s->end == RESULT_CLOSED ? "whole" : "not whole: this page ends where it does");
+    if (s->end != RESULT_CLOSED)
+        write_row(page->file, "why", shown(s->why.text));
+    write_row(page->file, "signature", shown(page->seal));
+    fputs("</table>\n", page->file);
+}
+
+// ---- sections -----------------------------------------------------------------------------------
+
+static void write_instruments(const struct page *page) {
+    fputs("<h2>Instruments</h2>\n<p>Long lines are thinned; no peak is lost. The femur's frame: x "
+          "to the right, y anterior, z proximal.</p>\n",
+          page->file);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        if (!page->survey.present[i])
+            continue;
+        fprintf(page->file, "<h3>%s</h3>\n<div class=\"row\">\n",
+                channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i)));
+        report_plot_tip(page->file, &page->lines.tips[i]);
+        fputs("</div>\n", page->file);
+    }
+}
+
+static void write_joint(const struct page *page) {
+    fputs("<h2>Joint</h2>\n<div class=\"row\">\n", page->file);
+    report_plot_joint(page->file, &page->lines);
+    fputs("</div>\n", page->file);
+}
+
+// ---- resection ----------------------------------------------------------------------------------
+
+static bool is_resected(const struct page *page, int tissue) {
+    const struct tissue_figures *f = &page->survey.tissues[tissue];
+    return f->mesh_number || f->refused;
+}
+
+static void write_resection_row(const struct page *page, int tissue) {
+    const struct tissue_figures *f = &page->survey.tissues[tissue];
+    const double figures[] = {
+        f->volume_mm3,       f->removed_mm3,       f->pieces_mm3, f->quality.planned_mm3,
+        f->quality.over_mm3, f->quality.under_mm3, f->left_mm3,   f->quality.rim_mm,
+        f->quality.step_mm};
+    char name[SUBJECT_MAX];
+    subject_tissue(page->knee, tissue, name);
+    fputs("<tr><td>", page->file);
+    html_text(page->file, name);
+    fprintf(page->file,
+            "</td><td class=\"n\">%" PRIu32 "</td><td class=\"n\">%" PRIu32
+            "</td><td class=\"n\">%" PRIu32 "</td>",
+            f->cuts, f->refused, f->pieces);
+    for (size_t i = 0; i < sizeof figures / sizeof figures[0]; i++)
+        fprintf(page->file, "<td class=\"n\">%.2f</td>",
+                fabs(figures[i]) < 0.005 ? 0 : figures[i]); // never -0.00
+    fputs("</tr>\n", page->file);
+}
+
+static void write_volume(const struct page *page, int tissue) {
+    char title[SUBJECT_MAX + 16], name[SUBJECT_MAX];
+    subject_tissue(page->knee, tissue, name);
+    snprintf(title, sizeof title, "Volume of %s", name);
+    report_plot_volume(page->file, title, &page->lines.volume[tissue]);
+}
+
+static void write_resection(const struct page *page) {
+    static const char *const heads[] = {"cuts",        "refused",     "pieces",  "left, mm³",
+                                        "by blades",   "in pieces",   "planned", "over the plan",
+                                        "short of it", "not matched", "rim, mm", "step, mm"};
+    bool any = false;
+    for (int i = 0; i < TISSUES_MAX; i++)
+        any = any || is_resected(page, i);
+    fputs("<h2>Resection</h2>\n", page->file);
+    if (!any) {
+        fputs("<p>Nothing was cut.</p>\n", page->file);
+        return;
+    }
+    fputs("<table>\n<tr><th>tissue</th>", page->file);
+    for (size_t i = 0; i < sizeof heads / sizeof heads[0]; i++)
+        fprintf(page->file, "<th class=\"n\">%s</th>", heads[i]);
+    fputs("</tr>\n", page->file);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        if (is_resected(page, i))
+            write_resection_row(page, i);
+    fputs("</table>\n<div class=\"row\">\n", page->file);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        if (!isnan(page->lines.volume_mm3[i]))
+            write_volume(page, i);
+    fputs("</div>\n", page->file);
+}
+
+// ---- figures ------------------------------------------------------------------------------------
+
+static void write_figure(void *context, const struct metric_value *v) {
+    const struct page *page = context;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    char about[SUBJECT_MAX], value[48] = "-";
+    if (v->depth >= 0 && v->value == 0)
+        return; // nearly all are
+    subject_text(page->knee, v, about);
+    if (isfinite(v->value))
+        snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
+    fprintf(page->file,
+            "<tr><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td>%s</td><td>",
+            kind->name, kind->version, value, kind->unit);
+    html_text(page->file, about);
+    fputs("</td></tr>\n", page->file);
+}
+
+static void write_figures(const struct page *page) {
+    fprintf(
+        page->file,
+        "<h2>Figures</h2>\n<p>As of arthron-trace score, with an optic of %g degrees and a field "
+        "of %g. In brackets: so small that noise may have made a tenth of it.</p>\n"
+        "<table>\n<tr><th>figure</th><th class=\"n\">version</th><th class=\"n\">value</th>"
+        "<th>unit</th><th>of</th></tr>\n",
+        page->metrics.optic.tilt_deg, page->metrics.optic.field_deg);
+    metrics_each(&page->metrics, write_figure, (void *)page);
+    fputs("</table>\n", page->file);
+}
+
+// ---- the page -----------------------------------------------------------------------------------
+
+static void describe_seal(const struct trace_reader *reader, struct page *page) {
+    struct trace_seal seal;
+    struct error why;
+    char by[TRACE_SIGNED_BY_MAX];
+    if (!trace_reader_seal(reader, &seal))
+        snprintf(page->seal, sizeof page->seal, "none");
+    else if (trace_seal_check(&seal, NULL, page->header->start_utc_ns, by, &why) == RESULT_OK)
+        snprintf(page->seal, sizeof page->seal, "of %s; no authority was asked", by);
+    else
+        snprintf(page->seal, sizeof page->seal, "bad: %s", why.text);
+}
+
+static enum result read_all(struct trace_reader *reader, const struct review_source *source,
+                            struct page *page, struct error *err) {
+    struct trace_reader *again;
+    survey_read(reader, source->progress, &page->survey);
+    describe_seal(reader, page);
+    enum result result = trace_reader_create(source->trace, &again, err);
+    if (result != RESULT_OK)
+        return result;
+    metrics_init(&page->metrics, page->header->optic);
+    report_lines_read(again, &page->survey, source->progress, &page->lines, &page->metrics);
+    trace_reader_destroy(&again);
+    return RESULT_OK;
+}
+
+static void write_page(struct page *page) {
+    html_begin(page->file, "Session report");
+    write_summary(page);
+    write_instruments(page);
+    write_joint(page);
+    write_resection(page);
+    write_figures(page);
+    html_end(page->file);
+}
+
+static enum result review(struct trace_reader *reader, const struct review_source *source,
+                          FILE *file, bool *out_whole, struct error *err) {
+    struct page *page = alloc(1, sizeof *page);
+    page->file = file;
+    page->header = trace_reader_header(reader);
+    struct knee_case *knee = review_case(page->header, source->case_dir, err);
+    page->knee = knee;
+    enum result result = knee || !source->case_dir ? RESULT_OK : RESULT_INVALID;
+    if (result == RESULT_OK)
+        result = read_all(reader, source, page, err);
+    if (result == RESULT_OK)
+        write_page(page);
+    *out_whole = page->survey.end == RESULT_CLOSED && !page->survey.missing;
+    case_destroy(&knee);
+    free(page);
+    return result;
+}
+
+enum result review_write_page(const struct review_source *source, FILE *file, bool *out_whole,
+                              struct error *err) {
+    struct trace_reader *reader;
+    *out_whole = false;
+    enum result result = trace_reader_create(source->trace, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    result = review(reader, source, file, out_whole, err);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+struct knee_case *review_case(const struct trace_header *header, const char *case_dir,
+                              struct error *err) {
+    struct case_limits limits = case_limits_default();
+    const char *dir = case_dir ? case_dir : header->case_dir;
+    struct knee_case *knee;
+    if (case_load(dir, &limits, &knee, err) != RESULT_OK)
+        return NULL;
+    if (knee->hash == header->case_hash)
+        return knee;
+    fail(err, RESULT_INVALID, "%s: not the case of this trace", dir);
+    case_destroy(&knee);
+    return NULL;
+}

@@ -1,0 +1,26 @@
+// What is said of a session afterwards: a page that stands alone (docs/METRICS.md has its figures).
+#pragma once
+
+#include "review/survey.h"
+
+#include <stdio.h>
+
+struct review_source {
+    const char *trace;
+    const char *case_dir;     // for the names of groups; NULL: the one that the trace names
+    survey_progress progress; // or NULL
+};
+
+// Whose session it is, the paths of the instruments' tips as measured and as seen, the warp and
+// what may have been noticed of it, the joint, the resection, the figures. Reads the whole trace
+// twice: some seconds for an hour. Of a trace that is not whole, what can be read. After an error
+// nothing was written; an error of the file itself is the caller's to find.
+//
+// out_whole: the trace ends as it should, and no step is missing.
+enum result review_write_page(const struct review_source *source, FILE *file, bool *out_whole,
+                              struct error *err);
+
+// The case that was recorded, in case_dir where that is not NULL, for the names of its groups. NULL
+// and why where it is not there or is another one: its names would be wrong.
+struct knee_case *review_case(const struct trace_header *header, const char *case_dir,
+                              struct error *err);

@@ -3,13 +3,13 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "case/generate.h"
+#include "folder.h"
 #include "hub/hub.h"
 #include "link/link.h"
 #include "net/authority.h"
 #include "samples.h"
 
 #include <arpa/inet.h>
-#include <ftw.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -194,7 +194,7 @@ static enum result bench_feel(const struct bench_options *options, struct report
 // ---- what poses beside it cost ------------------------------------------------------------------
 
 struct house {
-    char dir[64], keys[128], case_dir[128], station_keys[128];
+    char dir[FOLDER_MAX], keys[128], case_dir[128], station_keys[128];
     struct hub_config config;
     struct hub *hub;
     struct link *link;
@@ -212,11 +212,6 @@ static int free_port(void) {
     CHECK(bound);
     close(fd);
     return ntohs(address.sin_port);
-}
-
-static int remove_one(const char *path, const struct stat *status, int type, struct FTW *walk) {
-    (void)status, (void)type, (void)walk;
-    return remove(path);
 }
 
 static enum result save_case(struct house *h, struct error *err) {
@@ -259,9 +254,7 @@ static enum result enrol(struct house *h, struct error *err) {
 
 static enum result open_house(struct house *h, struct error *err) {
     const char *host = "127.0.0.1";
-    snprintf(h->dir, sizeof h->dir, "/tmp/arthron-bench-XXXXXX");
-    bool made = mkdtemp(h->dir) != NULL;
-    CHECK(made);
+    folder_make(h->dir);
     snprintf(h->keys, sizeof h->keys, "%s/keys", h->dir);
     snprintf(h->case_dir, sizeof h->case_dir, "%s/case", h->dir);
     snprintf(h->station_keys, sizeof h->station_keys, "%s/station", h->dir);
@@ -289,7 +282,7 @@ static void close_house(struct house *h) {
         link_destroy(&h->link);
     if (h->hub)
         hub_destroy(&h->hub);
-    nftw(h->dir, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+    folder_remove(h->dir);
 }
 
 static void sleep_until(int64_t time_ns) {

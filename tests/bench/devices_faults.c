@@ -1,13 +1,13 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "devices.h"
+#include "folder.h"
 #include "scene/played.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 // What is asked of each line; NULL: it has no such fault, or (a handle's, which a hand may move in
 // any way and whose reports have neither number nor time) none that anyone could tell.
@@ -285,20 +285,14 @@ static enum result run_script(const bool chosen[LINES], const struct scene *scen
 enum result bench_faults(const bool chosen[LINES], bool quick, struct report *report,
                          struct error *err) {
     const struct times times = quick ? (struct times){0.5, 1.8} : (struct times){1, 4};
-    static const char *const files[] = {"case.json", "anatomy.glb"};
-    char folder[] = "/tmp/arthron-bench-XXXXXX", file[64];
+    char folder[FOLDER_MAX];
     struct played played;
-    if (!mkdtemp(folder))
-        return fail(err, RESULT_IO, "%s cannot be made", folder);
+    folder_make(folder);
     enum result result = played_init(CASES, "healthy", folder, &played, err);
     if (result == RESULT_OK) {
         result = run_script(chosen, played.scene, &times, report, err);
         played_fini(&played);
     }
-    for (int i = 0; i < 2; i++) {
-        snprintf(file, sizeof file, "%s/%s", folder, files[i]);
-        unlink(file);
-    }
-    rmdir(folder);
+    folder_remove(folder);
     return result;
 }

@@ -4,11 +4,10 @@
 #include "case/generate.h"
 #include "case/import.h"
 #include "fidelity.h"
+#include "folder.h"
 
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 
 #define POINTS 2000
 #define AROUND_MM 10.0
@@ -108,11 +107,10 @@ static double compare(struct fidelity *f, const struct anatomy made[UNITS]) {
 }
 
 static enum result make_all(struct anatomy made[UNITS], struct error *err) {
-    char dir[] = "/tmp/arthron-units-XXXXXX", path[256];
+    char dir[FOLDER_MAX];
     struct recipe recipe;
     struct knee_case *knee;
-    if (!mkdtemp(dir))
-        return fail(err, RESULT_IO, "%s: cannot be made", dir);
+    folder_make(dir);
     enum result result = recipe_load(CASES "/healthy", &recipe, err);
     if (result == RESULT_OK)
         result = generate_knee(&recipe, &knee, err);
@@ -120,12 +118,7 @@ static enum result make_all(struct anatomy made[UNITS], struct error *err) {
         result = make(knee, units[u].mm, dir, &made[u], err);
     if (result == RESULT_OK)
         case_destroy(&knee);
-    static const char *const files[] = {"case.json", "anatomy.glb"};
-    for (int i = 0; i < 2; i++) {
-        snprintf(path, sizeof path, "%s/%s", dir, files[i]);
-        remove(path);
-    }
-    rmdir(dir);
+    folder_remove(dir);
     return result;
 }
 

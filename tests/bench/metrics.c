@@ -1,11 +1,11 @@
 #include "bench.h"
+#include "folder.h"
 #include "metrics_play.h"
 #include "scene/played.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 static const char *const worse_names[WORSE_COUNT] = {
     [AS_IT_IS] = "", [WORSE_NOISE] = "noise", [WORSE_RATE] = "rate", [WORSE_DROPPED] = "dropped"};
@@ -177,16 +177,10 @@ static enum result measure_motions(struct measuring *m, const char *dir, struct 
 }
 
 static enum result measure_all(struct measuring *m, struct error *err) {
-    char folder[] = "/tmp/arthron-bench-XXXXXX", file[64];
-    if (!mkdtemp(folder))
-        return fail(err, RESULT_IO, "cannot make a folder below /tmp");
+    char folder[FOLDER_MAX];
+    folder_make(folder);
     enum result result = measure_motions(m, folder, err);
-    static const char *const files[] = {"case.json", "anatomy.glb"};
-    for (int i = 0; i < 2; i++) {
-        snprintf(file, sizeof file, "%s/%s", folder, files[i]);
-        unlink(file);
-    }
-    rmdir(folder);
+    folder_remove(folder);
     return result == RESULT_OK ? measure_recordings(m, err) : result;
 }
 

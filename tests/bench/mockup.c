@@ -6,7 +6,6 @@
 #include <limits.h>
 #include <signal.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -52,7 +51,7 @@ static enum result program_beside_us(char *out, size_t size, struct error *err) 
 }
 
 static void run_program(const struct mockup *m, const char *program, double rate_hz, int out_fd) {
-    char rate[32], faults[96];
+    char rate[32], faults[128];
     snprintf(rate, sizeof rate, "%g", rate_hz);
     path_in(m, "faults.ini", faults, sizeof faults);
     dup2(out_fd, STDOUT_FILENO);
@@ -93,10 +92,9 @@ static enum result spawn(struct mockup *m, double rate_hz, struct error *err) {
 }
 
 enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, struct error *err) {
-    char path[96];
-    *m = (struct mockup){.folder = "/tmp/arthron-bench-XXXXXX"};
-    if (!mkdtemp(m->folder))
-        return fail(err, RESULT_IO, "%s: %s", m->folder, strerror(errno));
+    char path[128];
+    *m = (struct mockup){0};
+    folder_make(m->folder);
     snprintf(m->hid, sizeof m->hid, "%s", strrchr(m->folder, '/') + 1);
     path_in(m, "motion.csv", m->motion, sizeof m->motion);
     path_in(m, "line", m->serial, sizeof m->serial);
@@ -112,17 +110,11 @@ enum result mockup_start(const char *faults, double rate_hz, struct mockup *m, s
 }
 
 void mockup_end(struct mockup *m) {
-    static const char *const names[] = {"motion.csv", "faults.ini", "line"};
-    char path[96];
     if (m->pid > 0) {
         kill(m->pid, SIGTERM);
         waitpid(m->pid, NULL, 0);
     }
-    for (int i = 0; i < 3; i++) {
-        path_in(m, names[i], path, sizeof path);
-        unlink(path);
-    }
-    rmdir(m->folder);
+    folder_remove(m->folder);
 }
 
 const char *mockup_without_hid(void) {

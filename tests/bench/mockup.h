@@ -4,6 +4,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "folder.h"
 
 #include <stdint.h>
 #include <sys/types.h>
@@ -17,7 +18,7 @@
 struct mockup {
     pid_t pid;
     int64_t start_ns; // when it was ready: its time 0
-    char folder[64], motion[96], serial[96];
+    char folder[FOLDER_MAX], motion[128], serial[128];
     char modbus_tcp[64], tracker[64]; // host:port
     char hid[64];                     // serial number
 };

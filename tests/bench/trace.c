@@ -1,6 +1,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "bench.h"
+#include "folder.h"
 #include "samples.h"
 #include "scene/played.h"
 #include "trace/replay.h"
@@ -10,7 +11,6 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -153,16 +153,6 @@ static void report_appending(struct recording *r, struct report *report) {
     samples_fini(&r->append_ns);
 }
 
-static void remove_case(const char *case_dir) {
-    static const char *const files[] = {"case.json", "anatomy.glb"};
-    for (int i = 0; i < 2; i++) {
-        char file[96];
-        snprintf(file, sizeof file, "%s/%s", case_dir, files[i]);
-        unlink(file);
-    }
-    rmdir(case_dir);
-}
-
 // Sessions with cuts, in turn with each field and each kind of avatar.
 static const char *const recipes[] = {"arthrosis",         "tear-radial",    "torn-mcl",
                                       "healthy",           "tear-flap",      "tear-horizontal",
@@ -174,7 +164,7 @@ static const char *const recipes[] = {"arthrosis",         "tear-radial",    "to
 static enum result bench_session(const char *folder, size_t index, bool quick,
                                  struct recording *recording, struct report *report,
                                  struct sums *sums, struct error *err) {
-    char case_dir[64], path[64];
+    char case_dir[128], path[128];
     struct played played;
     struct session_settings settings = session_settings_default();
     settings.field.kind = (enum field_kind)((index + 1) % FIELD_COUNT);
@@ -193,7 +183,7 @@ static enum result bench_session(const char *folder, size_t index, bool quick,
         result = bench_export(path, played.scene, report, err);
     played_fini(&played);
     unlink(path);
-    remove_case(case_dir);
+    folder_remove(case_dir);
     return result;
 }
 
@@ -236,14 +226,13 @@ enum result bench_trace(const struct bench_options *options, struct report *repo
                         struct error *err) {
     struct sums sums = {.slowest = INFINITY};
     enum result result = RESULT_OK;
-    char folder[] = "/tmp/arthron-bench-XXXXXX";
+    char folder[FOLDER_MAX];
     for (int i = 0; result == RESULT_OK && i < options->input_count; i++)
         result = bench_file(options->inputs[i], report, &sums, err);
     if (!options->input_count) {
-        if (!mkdtemp(folder))
-            return fail(err, RESULT_IO, "cannot make a folder below /tmp");
+        folder_make(folder);
         result = bench_own_sessions(folder, options->quick, report, &sums, err);
-        rmdir(folder);
+        folder_remove(folder);
     }
     if (result != RESULT_OK)
         return result;

@@ -60,7 +60,7 @@ struct row {
 
 static struct row *rows;
 static size_t row_count;
-static char folder[256];
+static char folder[FOLDER_MAX];
 
 static struct verdict read_in_child(const uint8_t *bytes, size_t size) {
     struct verdict verdict = {0};
@@ -240,7 +240,7 @@ int main(int argc, char **argv) {
         printf("skipped: no shared data (ARTHRON_DATA)\n");
         return 77;
     }
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     write_manifest();
     judge_all();
     bool json = argc > 1 && strcmp(argv[1], "--json") == 0;
@@ -249,7 +249,7 @@ int main(int argc, char **argv) {
     else
         print_sums();
     int failed = json ? 0 : cmocka_run_group_tests_name("gltf_corpus", tests, NULL, NULL);
-    remove_folder(folder);
+    folder_remove(folder);
     free(rows);
     return failed;
 }

@@ -1,32 +1,22 @@
 #include "fuzz/fuzz.h"
 
 #include "base/check.h"
+#include "folder.h"
 
-#include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-static char folder[256];
+static char folder[FOLDER_MAX];
 
-static void remove_folder(void) {
-    DIR *directory = opendir(folder);
-    if (!directory)
-        return;
-    for (const struct dirent *entry; (entry = readdir(directory));)
-        if (entry->d_type == DT_REG)
-            unlinkat(dirfd(directory), entry->d_name, 0);
-    closedir(directory);
-    rmdir(folder);
+static void remove_own_folder(void) {
+    folder_remove(folder);
 }
 
 const char *fuzz_folder(void) {
     if (!*folder) {
-        const char *parent = getenv("TMPDIR");
-        snprintf(folder, sizeof folder, "%s/arthron-fuzz-XXXXXX", parent ? parent : "/dev/shm");
-        CHECK(mkdtemp(folder));
-        atexit(remove_folder);
+        folder_make_in_memory(folder);
+        atexit(remove_own_folder);
     }
     return folder;
 }

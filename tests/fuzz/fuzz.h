@@ -7,8 +7,8 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-// A folder of this process in $TMPDIR or, where that is not set, in memory (/dev/shm). It goes with
-// the process unless that is killed.
+// A folder of this process, in memory where it can be. It goes with the process unless that is
+// killed.
 const char *fuzz_folder(void);
 
 // Writes a whole file in that folder and returns its path, which is good until the next call.

@@ -13,7 +13,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 static const char *root;
 
@@ -167,11 +166,11 @@ static void take_out_line(char *text, const char *key) {
 }
 
 static void cases(void) {
-    char folder[256];
+    char folder[FOLDER_MAX];
     struct knee_case *knee = box_knee();
     struct error err;
     size_t size;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     CHECK(case_save(knee, folder, &err) == RESULT_OK);
     char *manifest = read_file(folder, "case.json", NULL);
     char *anatomy = read_file(folder, "anatomy.glb", &size);
@@ -182,7 +181,7 @@ static void cases(void) {
     seed("case", "boxes", manifest, first + size);
     free(manifest);
     free(anatomy);
-    remove_folder(folder);
+    folder_remove(folder);
     case_destroy(&knee);
 }
 
@@ -234,7 +233,7 @@ static void seed_trace(const char *name, const char *folder, struct trace_writer
     char *bytes = read_file(folder, "a.trace", &size);
     seed("trace", name, bytes, size);
     free(bytes);
-    remove_folder(folder);
+    folder_remove(folder);
 }
 
 static struct session_input shaver_input(uint64_t number) {
@@ -250,7 +249,7 @@ static struct session_input shaver_input(uint64_t number) {
 
 // A burr that cuts, and the tissue made whole again.
 static void a_cut_trace(void) {
-    char folder[256], file[300];
+    char folder[FOLDER_MAX], file[300];
     struct knee_case *knee = box_knee();
     struct scene *scene;
     struct session_output output;
@@ -259,7 +258,7 @@ static void a_cut_trace(void) {
     struct session *session = session_create(scene, &settings);
     struct operation *operation = operation_create(scene);
     struct job_result *result = NULL;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
     struct trace_writer *writer = begin_trace(file);
     static const enum input_kind kinds[] = {INPUT_START, INPUT_FRAME, INPUT_FRAME, INPUT_JOB,
@@ -289,8 +288,8 @@ static void a_cut_trace(void) {
 static void traces(void) {
     static struct session_input input;
     static struct session_output output;
-    char folder[256], file[300];
-    make_folder(folder, sizeof folder);
+    char folder[FOLDER_MAX], file[300];
+    folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);
     struct trace_writer *writer = begin_trace(file);
     for (uint64_t step = 1; step <= 3; step++) {

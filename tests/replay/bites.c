@@ -17,7 +17,7 @@ static const char bites[] = "[motion]\nrate_hz = 100\nspeed_mm_s = 90\njoint_spe
 
 static enum result plan_bites(struct error *err) {
     struct motion_script script;
-    char path[112];
+    char path[FOLDER_MAX + 32];
     snprintf(path, sizeof path, "%s.ini", trace_path);
     FILE *file = fopen(path, "we");
     fputs(bites, file);

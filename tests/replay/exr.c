@@ -15,7 +15,7 @@
 
 #define WIDTH 1024
 
-static char exr_path[112];
+static char exr_path[FOLDER_MAX + 32];
 static struct exr_parts whole, parts; // of the whole session; that a test looks at
 static bool no_oiiotool;
 
@@ -197,7 +197,7 @@ static void what_a_cut_off_record_has_is_written(void **state) {
     (void)state;
     struct stat status;
     assert_int_equal(stat(trace_path, &status), 0);
-    char cut[112], line[300];
+    char cut[FOLDER_MAX + 32], line[500];
     snprintf(cut, sizeof cut, "%s.cut", trace_path);
     snprintf(line, sizeof line, "head -c %lld %s > %s", (long long)status.st_size / 2, trace_path,
              cut);
@@ -212,7 +212,7 @@ static void what_a_cut_off_record_has_is_written(void **state) {
 }
 
 static void compare_piece(double from_s, double to_s) {
-    char piece[112], line[500];
+    char piece[FOLDER_MAX + 32], line[500];
     snprintf(piece, sizeof piece, "%s.piece", trace_path);
     snprintf(line, sizeof line, "%s cut %s --from %f --to %f --out %s", TRACE_PROGRAM, trace_path,
              from_s, to_s, piece);
@@ -356,7 +356,7 @@ static const char *pixel_said(uint32_t x, uint32_t y) {
 
 // Leaves in `said` what oiiotool finds in a part of the image.
 static void dump(const char *load, const char *rest) {
-    char cut[120], arguments[500];
+    char cut[FOLDER_MAX + 48], arguments[500];
     snprintf(cut, sizeof cut, "%s.cut.exr", exr_path);
     snprintf(arguments, sizeof arguments, "%s %s %s -o %s", load, exr_path, rest, cut);
     oiiotool(arguments);
@@ -369,7 +369,7 @@ static void oiiotool_reads_the_same(void **state) {
     (void)state;
     if (no_oiiotool)
         skip();
-    char cut[112];
+    char cut[FOLDER_MAX + 32];
     const struct exr_part *part = exr_part(&parts, "probe");
     const uint32_t *expected = exr_values(part, "probe_warped_tz_mm", "");
     unsigned first = 0;

@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static char film_path[112];
+static char film_path[FOLDER_MAX + 32];
 static json_t *film; // the file's text
 static uint8_t *file_bytes;
 static const uint8_t *data; // and its numbers

@@ -3,19 +3,16 @@
 #include "test.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <time.h>
 #include <unistd.h>
 
 struct played played;
-char case_dir[96], trace_path[96];
-static char folder[64];
+char case_dir[FOLDER_MAX + 16], trace_path[FOLDER_MAX + 16];
+static char folder[FOLDER_MAX];
 
 int make_session(void **state) {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/arthron-replay-XXXXXX");
-    if (!mkdtemp(folder))
-        return -1;
+    folder_make(folder);
     snprintf(case_dir, sizeof case_dir, "%s/case", folder);
     snprintf(trace_path, sizeof trace_path, "%s/a.trace", folder);
     struct error err = {""};
@@ -28,15 +25,9 @@ int make_session(void **state) {
 
 int remove_session(void **state) {
     (void)state;
-    char file[128];
     played_fini(&played);
-    unlink(trace_path);
-    snprintf(file, sizeof file, "%s/case.json", case_dir);
-    unlink(file);
-    snprintf(file, sizeof file, "%s/anatomy.glb", case_dir);
-    unlink(file);
-    rmdir(case_dir);
-    return rmdir(folder);
+    folder_remove(folder);
+    return 0;
 }
 
 struct trace_header honest_header(void) {

@@ -1,12 +1,12 @@
 // A played session on the arthrosis case, recorded in a folder of the test's own.
 #pragma once
 
+#include "folder.h"
 #include "scene/played.h"
 #include "trace/trace.h"
 
-
 extern struct played played;
-extern char case_dir[96], trace_path[96];
+extern char case_dir[FOLDER_MAX + 16], trace_path[FOLDER_MAX + 16];
 extern uint64_t recorded_steps; // of the last session
 
 int make_session(void **state);

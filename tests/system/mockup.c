@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "device/runner.h"
 #include "device/socket.h"
+#include "folder.h"
 #include "test.h"
 
 #include <signal.h>
@@ -16,7 +17,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-static char folder[] = "/tmp/arthron-mockup-XXXXXX";
+static char folder[FOLDER_MAX];
 
 // ---- the program --------------------------------------------------------------------------------
 
@@ -518,8 +519,7 @@ static void a_file_of_faults_is_checked(void **state) {
 
 static int prepare(void **state) {
     (void)state;
-    if (!mkdtemp(folder))
-        return -1;
+    folder_make(folder);
     write_motion();
     write_glitch();
     return 0;
@@ -527,11 +527,8 @@ static int prepare(void **state) {
 
 static int clean_up(void **state) {
     (void)state;
-    unlink(in_folder("motion.csv"));
-    unlink(in_folder("glitch.csv"));
-    unlink(in_folder("faults.ini"));
-    unlink(in_folder("line"));
-    return rmdir(folder);
+    folder_remove(folder);
+    return 0;
 }
 
 int main(void) {

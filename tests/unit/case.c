@@ -20,17 +20,17 @@ static struct error err;
             fail_msg("%s: %s", #call, err.text);                                                   \
     } while (0)
 
-static char folder[256];
+static char folder[FOLDER_MAX];
 
 static int make(void **state) {
     (void)state;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     return 0;
 }
 
 static int clear(void **state) {
     (void)state;
-    remove_folder(folder);
+    folder_remove(folder);
     return 0;
 }
 
@@ -484,8 +484,7 @@ static void a_folder_is_made_with_its_parents(void **state) {
     assert_ok(case_load(deep, NULL, &again, &err));
     case_destroy(&again);
     case_destroy(&knee);
-    remove_folder(deep);
-    remove_folder(parent);
+    folder_remove(parent);
 }
 
 static void a_title_is_cut_between_characters(void **state) {
@@ -591,7 +590,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_lesion_comes_back_and_counts_in_the_hash, make, clear),
         cmocka_unit_test_setup_teardown(a_region_takes_32_parts_and_no_more, make, clear),
         cmocka_unit_test(a_part_added_later_gets_no_displacement),
-        cmocka_unit_test(a_part_added_to_a_bridge_later_stays_with_its_body),
+        cmocka_unit_test_setup_teardown(a_part_added_to_a_bridge_later_stays_with_its_body, make,
+                                        clear),
         cmocka_unit_test(parts_are_refused_by_name_number_and_mesh),
         cmocka_unit_test(the_patella_follows_its_keys_and_stays_past_them),
         cmocka_unit_test_setup_teardown(what_no_case_may_be_is_refused_by_name_and_not_saved, make,

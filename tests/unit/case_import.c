@@ -9,17 +9,17 @@
 #include <string.h>
 
 static struct error err;
-static char folder[256];
+static char folder[FOLDER_MAX];
 
 static int make(void **state) {
     (void)state;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     return 0;
 }
 
 static int clear(void **state) {
     (void)state;
-    remove_folder(folder);
+    folder_remove(folder);
     return 0;
 }
 

@@ -2,12 +2,9 @@
 
 #include "base/check.h"
 
-#include <dirent.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 void box_mesh(vec3 centre, vec3 half, struct mesh *out_mesh) {
     static const uint32_t triangles[36] = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
@@ -90,23 +87,6 @@ struct knee_case *box_knee(void) {
     knee->joint.T_femur_joint = (pose){quat_from_axis_angle((vec3){0, 0, 1}, 0.02), {0, -5, 10}};
     knee->joint.T_tibia_joint = knee->joint.T_femur_joint;
     return knee;
-}
-
-void make_folder(char *out_path, size_t size) {
-    const char *base = getenv("TMPDIR");
-    int length = snprintf(out_path, size, "%s/arthron-test-XXXXXX", base ? base : "/tmp");
-    CHECK(length > 0 && (size_t)length < size && mkdtemp(out_path));
-}
-
-void remove_folder(const char *path) {
-    DIR *dir = opendir(path);
-    if (!dir)
-        return;
-    for (struct dirent *entry; (entry = readdir(dir));)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            unlinkat(dirfd(dir), entry->d_name, 0);
-    closedir(dir);
-    rmdir(path);
 }
 
 void write_file(const char *dir, const char *name, const void *bytes, size_t size) {

@@ -1,7 +1,8 @@
-// A knee of boxes, and a folder of its own for a test's files.
+// A knee of boxes, and files of tests.
 #pragma once
 
 #include "case/case.h"
+#include "folder.h"
 
 // Right knee "boxes": tibia (parts bone and cartilage, with a warp), femur, patella,
 // meniscus_medial (cuttable, with a maxcut, a tear of one part and a plan of two), lcl (bridges to
@@ -11,11 +12,6 @@ struct knee_case *box_knee(void);
 
 // A closed box with 8 vertices and 12 triangles facing outwards.
 void box_mesh(vec3 centre, vec3 half, struct mesh *out_mesh);
-
-// A new empty folder below $TMPDIR or /tmp.
-void make_folder(char *out_path, size_t size);
-// The folder and the files in it; nothing where it is gone.
-void remove_folder(const char *path);
 
 void write_file(const char *dir, const char *name, const void *bytes, size_t size);
 // The caller frees it; *out_size may be NULL; a zero byte follows the bytes.

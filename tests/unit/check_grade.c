@@ -7,17 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-static char folder[256];
+static char folder[FOLDER_MAX];
 
 static int setup(void **state) {
     (void)state;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     return 0;
 }
 
 static int teardown(void **state) {
     (void)state;
-    remove_folder(folder);
+    folder_remove(folder);
     return 0;
 }
 

@@ -5,11 +5,11 @@
 #include "device/recording.h"
 #include "device/runner.h"
 #include "device/slot.h"
+#include "folder.h"
 #include "random.h"
 #include "test.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -192,7 +192,7 @@ static void a_slow_source_is_not_called_silent_between_its_samples(void **state)
 
 // ---- recordings ---------------------------------------------------------------------------------
 
-static char folder[] = "/tmp/arthron-device-XXXXXX";
+static char folder[FOLDER_MAX];
 
 static const char *written(const char *name, const char *text) {
     static char path[128];
@@ -521,19 +521,14 @@ static void a_recording_that_does_not_loop_ends_lost(void **state) {
 
 static int make_folder(void **state) {
     (void)state;
-    return mkdtemp(folder) ? 0 : -1;
+    folder_make(folder);
+    return 0;
 }
 
 static int remove_folder(void **state) {
     (void)state;
-    static const char *const names[] = {"bad.csv",    "long.csv",  "wide.csv",
-                                        "motion.csv", "still.csv", "short.csv"};
-    for (int i = 0; i < 6; i++) {
-        char path[128];
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        unlink(path);
-    }
-    return rmdir(folder);
+    folder_remove(folder);
+    return 0;
 }
 
 int main(void) {

@@ -1,5 +1,6 @@
 #include "case/generate.h"
 
+#include "folder.h"
 #include "mesh/query.h"
 #include "mesh/topology.h"
 #include "test.h"
@@ -8,7 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 static const struct recipe standard = {.name = "test",
                                        .title = "Test",
@@ -316,11 +316,6 @@ static void every_parameter_at_its_bounds_gives_a_sound_knee(void **state) {
     }
 }
 
-static void make_folder(char folder[64]) {
-    strcpy(folder, "/tmp/arthron-generate-XXXXXX");
-    assert_non_null(mkdtemp(folder));
-}
-
 static char *read_all(const char *folder, const char *name, size_t *out_size) {
     char path[128];
     snprintf(path, sizeof path, "%s/%s", folder, name);
@@ -335,10 +330,10 @@ static char *read_all(const char *folder, const char *name, size_t *out_size) {
 
 static void the_same_recipe_gives_the_same_bytes(void **state) {
     (void)state;
-    char folders[2][64];
+    char folders[2][FOLDER_MAX];
     struct error err;
     for (int i = 0; i < 2; i++) {
-        make_folder(folders[i]);
+        folder_make(folders[i]);
         struct knee_case *knee = generate(&standard);
         if (case_save(knee, folders[i], &err) != RESULT_OK)
             fail_msg("%s", err.text);
@@ -354,8 +349,8 @@ static void the_same_recipe_gives_the_same_bytes(void **state) {
         free(a);
         free(b);
     }
-    rmdir(folders[0]);
-    rmdir(folders[1]);
+    folder_remove(folders[0]);
+    folder_remove(folders[1]);
 }
 
 // ---- cavities -----------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 #include "case/generate.h"
 #include "case/motion_joint.h"
 #include "case/solid.h"
+#include "folder.h"
 #include "mesh/query.h"
 #include "random.h"
 #include "test.h"
@@ -11,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 static struct knee_case *knee; // healthy, right
 
@@ -46,14 +46,15 @@ static int destroy_knee(void **state) {
 
 static enum result load_text(const char *text, struct motion_script *out_script,
                              struct error *err) {
-    char path[] = "/tmp/arthron-motion-XXXXXX";
-    int descriptor = mkstemp(path);
-    assert_true(descriptor >= 0);
-    FILE *file = fdopen(descriptor, "w");
+    char folder[FOLDER_MAX], path[128];
+    folder_make(folder);
+    snprintf(path, sizeof path, "%s/motion.ini", folder);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
     fputs(text, file);
     fclose(file);
     enum result result = motion_script_load(path, out_script, err);
-    remove(path);
+    folder_remove(folder);
     return result;
 }
 

@@ -1,23 +1,24 @@
 // Recipe files, good and at fault.
 #include "case/generate.h"
+#include "folder.h"
 #include "test.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+#include <sys/stat.h>
 
 static enum result load_text(const char *text, struct recipe *out_recipe, struct error *err) {
-    char folder[] = "/tmp/arthron-recipe-XXXXXX", path[128];
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/recipe.ini", folder);
+    char folder[FOLDER_MAX], dir[128], path[160];
+    folder_make(folder);
+    snprintf(dir, sizeof dir, "%s/of-text", folder);
+    assert_int_equal(mkdir(dir, 0777), 0);
+    snprintf(path, sizeof path, "%s/recipe.ini", dir);
     FILE *file = fopen(path, "w");
     assert_non_null(file);
     fputs(text, file);
     fclose(file);
-    enum result result = recipe_load(folder, out_recipe, err);
-    remove(path);
-    rmdir(folder);
+    enum result result = recipe_load(dir, out_recipe, err);
+    folder_remove(folder);
     return result;
 }
 
@@ -66,7 +67,7 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_int_equal(pcl->valgus_deg.count, 0);
     assert_string_equal(recipe.ligaments[1].name, "mcl");
     assert_near(recipe.ligaments[1].extra_valgus_deg.values[0], 10, 0);
-    assert_int_equal(strncmp(recipe.name, "arthron-recipe-", 15), 0);
+    assert_string_equal(recipe.name, "of-text");
 }
 
 static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {

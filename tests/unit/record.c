@@ -9,13 +9,13 @@
 #include <unistd.h>
 
 static struct error err;
-static char folder[256];
+static char folder[FOLDER_MAX];
 static struct knee_case *knee;
 static struct record record;
 
 static int make(void **state) {
     (void)state;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     knee = box_knee();
     knee->rest_count = knee->torn_count = knee->key_count = 0;
     record = (struct record){0};
@@ -25,7 +25,7 @@ static int make(void **state) {
 static int clear(void **state) {
     (void)state;
     case_destroy(&knee);
-    remove_folder(folder);
+    folder_remove(folder);
     return 0;
 }
 

@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "folder.h"
 #include "mesh/topology.h"
 #include "report/lines.h"
 #include "report/normals.h"
@@ -387,9 +388,9 @@ static void a_png_holds_every_pixel(void **state) {
 
 static void a_file_holds_the_png_or_the_error_names_it(void **state) {
     (void)state;
-    char dir[] = "/tmp/arthron-test-XXXXXX", path[64];
+    char dir[FOLDER_MAX], path[128];
     struct error err;
-    assert_non_null(mkdtemp(dir));
+    folder_make(dir);
     snprintf(path, sizeof path, "%s/picture.png", dir);
     struct picture picture = noise(64, 48);
     uint8_t *bytes, back[65536];
@@ -401,8 +402,7 @@ static void a_file_holds_the_png_or_the_error_names_it(void **state) {
     assert_int_equal(fread(back, 1, sizeof back, file), size);
     assert_memory_equal(back, bytes, size);
     fclose(file);
-    remove(path);
-    remove(dir);
+    folder_remove(dir);
     assert_int_equal(picture_write(&picture, path, &err), RESULT_MISSING);
     assert_non_null(strstr(err.text, path));
     assert_int_equal(picture_write(&picture, "/tmp", &err), RESULT_IO);

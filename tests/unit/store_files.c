@@ -7,28 +7,20 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-char store_dir[64], store_path[96];
-
-static int remove_entry(const char *path, const struct stat *status, int type, struct FTW *walk) {
-    (void)status, (void)type, (void)walk;
-    return remove(path);
-}
+char store_dir[FOLDER_MAX], store_path[FOLDER_MAX + 16];
 
 int store_folder_begin(void **state) {
     (void)state;
-    bool has_memory = access("/dev/shm", W_OK) == 0; // a disk would be waited for at every row
-    snprintf(store_dir, sizeof store_dir, "%s/arthron-store-XXXXXX",
-             has_memory ? "/dev/shm" : "/tmp");
-    assert_non_null(mkdtemp(store_dir));
+    folder_make_in_memory(store_dir); // a disk would be waited for at every row
     snprintf(store_path, sizeof store_path, "%s/records.db", store_dir);
     return 0;
 }
 
 int store_folder_end(void **state) {
     (void)state;
-    return nftw(store_dir, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+    folder_remove(store_dir);
+    return 0;
 }
 
 const char *in_folder(const char *name) {

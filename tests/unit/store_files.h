@@ -1,13 +1,14 @@
 // A folder of records for the tests of store, and what they put in and get out.
 #pragma once
 
+#include "folder.h"
 #include "store/store.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 
 // A new folder, and "records.db" in it; end removes all of it.
-extern char store_dir[64], store_path[96];
+extern char store_dir[FOLDER_MAX], store_path[FOLDER_MAX + 16];
 int store_folder_begin(void **state);
 int store_folder_end(void **state);
 

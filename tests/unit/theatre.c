@@ -7,15 +7,13 @@
 #include "trace/replay.h"
 #include "unit/case_knee.h"
 
-#include <ftw.h>
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #define FRAMES 400
 #define BURST 40
 
-static char dir[200];
+static char dir[FOLDER_MAX];
 
 // ---- a hub --------------------------------------------------------------------------------------
 
@@ -24,7 +22,7 @@ static int make_house(void **state) {
     static const char *const hosts[] = {"localhost"};
     char folder[256];
     struct knee_case *knee = box_knee();
-    make_folder(dir, sizeof dir);
+    folder_make(dir);
     snprintf(folder, sizeof folder, "%s/keys", dir);
     enum result made = authority_init(folder, hosts, 1, NULL);
     snprintf(folder, sizeof folder, "%s/case", dir);
@@ -33,14 +31,10 @@ static int make_house(void **state) {
     return made == RESULT_OK && saved == RESULT_OK ? 0 : -1;
 }
 
-static int remove_entry(const char *path, const struct stat *status, int type, struct FTW *ftw) {
-    (void)status, (void)type, (void)ftw;
-    return remove(path);
-}
-
 static int remove_house(void **state) {
     (void)state;
-    return nftw(dir, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+    folder_remove(dir);
+    return 0;
 }
 
 static struct hub *open_hub(void) {

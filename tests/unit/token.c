@@ -1,20 +1,19 @@
 // The secret that viewers must know.
 #include "view/token.h"
 
+#include "folder.h"
 #include "test.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-static char dir[64], path[96];
+static char dir[FOLDER_MAX], path[FOLDER_MAX + 16];
 
 static int begin(void **state) {
     (void)state;
-    strcpy(dir, "/tmp/arthron-token-XXXXXX");
-    assert_non_null(mkdtemp(dir));
+    folder_make(dir);
     snprintf(path, sizeof path, "%s/token", dir);
     return 0;
 }

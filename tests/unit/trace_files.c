@@ -5,18 +5,15 @@
 #include "trace/fields.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-char path[96], copy_path[96];
-static char folder[64];
+char path[FOLDER_MAX + 16], copy_path[FOLDER_MAX + 16];
+static char folder[FOLDER_MAX];
 
 int make_folder(void **state) {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/arthron-trace-XXXXXX");
-    if (!mkdtemp(folder))
-        return -1;
+    folder_make(folder);
     snprintf(path, sizeof path, "%s/a.trace", folder);
     snprintf(copy_path, sizeof copy_path, "%s/b.trace", folder);
     return 0;

@@ -1,9 +1,11 @@
 // What the tests of traces share: a session of random steps, and files that hold it.
 #pragma once
 
+#include "folder.h"
 #include "trace/trace.h"
 
-extern char path[96], copy_path[96]; // two files in a folder of the test's own
+extern char path[FOLDER_MAX + 16],
+    copy_path[FOLDER_MAX + 16]; // two files in a folder of the test's own
 
 int make_folder(void **state);
 int remove_folder(void **state);

@@ -1,3 +1,4 @@
+#include "folder.h"
 #include "net/authority.h"
 #include "net/signer.h"
 #include "test.h"
@@ -5,21 +6,20 @@
 #include "unit/trace_mend.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-static char keys[2][64], authority[2][160]; // ours, and one that we do not know
+static char keys[2][FOLDER_MAX], authority[2][256]; // ours, and one that we do not know
 static struct signer *signers[2];
 static struct trace_signer vouches[2];
 
 static int make_keys(void **state) {
     const char *hosts[] = {"localhost"};
     for (int i = 0; i < 2; i++) {
-        snprintf(keys[i], sizeof keys[i], "/tmp/arthron-seal-XXXXXX");
-        if (!mkdtemp(keys[i]) || rmdir(keys[i]) ||
-            authority_init(keys[i], hosts, 1, NULL) != RESULT_OK ||
+        folder_make(keys[i]);
+        folder_remove(keys[i]); // the authority makes it
+        if (authority_init(keys[i], hosts, 1, NULL) != RESULT_OK ||
             signer_create(keys[i], &signers[i], NULL) != RESULT_OK)
             return -1;
         snprintf(authority[i], sizeof authority[i], "%s/authority.pem", keys[i]);
@@ -31,17 +31,9 @@ static int make_keys(void **state) {
 }
 
 static int remove_keys(void **state) {
-    static const char *const files[] = {"authority.key", "authority.pem", "server.key",
-                                        "server.pem",    "codes",         "issued",
-                                        "revoked",       "lock"};
     for (int i = 0; i < 2; i++) {
         signer_destroy(&signers[i]);
-        for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
-            char file[192];
-            snprintf(file, sizeof file, "%s/%s", keys[i], files[k]);
-            unlink(file);
-        }
-        rmdir(keys[i]);
+        folder_remove(keys[i]);
     }
     return remove_folder(state);
 }

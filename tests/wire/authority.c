@@ -3,6 +3,7 @@
 #include "net/authority.h"
 
 #include "base/clock.h"
+#include "folder.h"
 #include "net/authority_files.h"
 #include "net/authority_revocations.h"
 #include "test.h"
@@ -21,7 +22,7 @@
 
 // ---- folders and files --------------------------------------------------------------------------
 
-static char dir[64]; // a fresh authority for each test
+static char dir[FOLDER_MAX]; // a fresh authority for each test
 
 static void path_in(const char *name, char out[128]) {
     snprintf(out, 128, "%s/%s", dir, name);
@@ -30,9 +31,7 @@ static void path_in(const char *name, char out[128]) {
 static int make_authority(void **state) {
     (void)state;
     static const char *const hosts[] = {"localhost", "127.0.0.1", "::1"};
-    strcpy(dir, "/tmp/arthron-authority-XXXXXX");
-    if (!mkdtemp(dir))
-        return -1;
+    folder_make(dir);
     return authority_init(dir, hosts, 3, NULL) == RESULT_OK ? 0 : -1;
 }
 

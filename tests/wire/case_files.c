@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static char folder[256];
+static char folder[FOLDER_MAX];
 static char *glb; // of a sound case, as the JSON chunk's text and the BIN chunk
 static size_t glb_size;
 static char *manifest;
@@ -19,7 +19,7 @@ static struct error err;
 
 static int make(void **state) {
     (void)state;
-    make_folder(folder, sizeof folder);
+    folder_make(folder);
     struct knee_case *knee = box_knee();
     if (case_save(knee, folder, &err) != RESULT_OK)
         return -1;
@@ -38,7 +38,7 @@ static int make(void **state) {
 
 static int clear(void **state) {
     (void)state;
-    remove_folder(folder);
+    folder_remove(folder);
     free(glb);
     free(manifest);
     return 0;

@@ -1,6 +1,7 @@
 // The server's local socket, both ends.
 #include "net/console.h"
 
+#include "folder.h"
 #include "test.h"
 
 #include <pthread.h>
@@ -12,8 +13,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-static char dir[] = "/tmp/arthron-test-XXXXXX";
-static char path[64];
+static char dir[FOLDER_MAX], path[FOLDER_MAX + 8];
 static arthron_Command last;
 
 static void on_command(void *user, const arthron_Command *command, arthron_CommandReply *reply) {
@@ -170,7 +170,8 @@ static void a_path_too_long_for_a_socket_is_refused_at_both_ends(void **state) {
 
 static int make_dir(void **state) {
     (void)state;
-    snprintf(path, sizeof path, "%s/socket", mkdtemp(dir));
+    folder_make(dir);
+    snprintf(path, sizeof path, "%s/socket", dir);
     return 0;
 }
 

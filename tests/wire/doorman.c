@@ -5,9 +5,7 @@
 #include "net/authority.h"
 #include "test.h"
 
-#include <ftw.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -109,8 +107,7 @@ void doorman_stop(struct doorman *d) {
 void doorman_open(struct doorman *d) {
     const char *hosts[] = {"localhost", "127.0.0.1"};
     struct error err;
-    strcpy(d->dir, "/tmp/arthron-test-XXXXXX");
-    assert_non_null(mkdtemp(d->dir));
+    folder_make(d->dir);
     snprintf(d->keys, sizeof d->keys, "%s/keys", d->dir);
     pthread_mutex_init(&d->lock, NULL);
     if (authority_init(d->keys, d->only_host ? &d->only_host : hosts, d->only_host ? 1 : 2, &err) !=
@@ -119,16 +116,11 @@ void doorman_open(struct doorman *d) {
     doorman_start(d);
 }
 
-static int remove_one(const char *path, const struct stat *status, int kind, struct FTW *where) {
-    (void)status, (void)kind, (void)where;
-    return remove(path);
-}
-
 void doorman_close(struct doorman *d) {
     if (d->control)
         doorman_stop(d);
     pthread_mutex_destroy(&d->lock);
-    nftw(d->dir, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+    folder_remove(d->dir);
 }
 
 void doorman_enrol(struct doorman *d, const char *station, char out_keys_dir[128]) {

@@ -3,14 +3,15 @@
 // frame.
 #pragma once
 
+#include "folder.h"
 #include "net/control.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
 
 struct doorman {
-    char dir[64];  // temporary; dir/keys is the authority's
-    char keys[80]; // folder of the authority
+    char dir[FOLDER_MAX];       // temporary; dir/keys is the authority's
+    char keys[FOLDER_MAX + 16]; // folder of the authority
     struct control *control;
     int port; // the same after doorman_restart
     int64_t hello_timeout_ns;

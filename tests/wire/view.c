@@ -3,6 +3,7 @@
 #include "view/view.h"
 
 #include "base/clock.h"
+#include "folder.h"
 #include "test.h"
 #include "view/token.h"
 #include "wire/websocket.h"
@@ -12,20 +13,18 @@
 #include <poll.h>
 #include <pthread.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-static char dir[64];
+static char dir[FOLDER_MAX];
 static struct view_config config;
 static struct view *view;
 static char token[TOKEN_LENGTH + 1];
 
 static int begin(void **state) {
     (void)state;
-    strcpy(dir, "/tmp/arthron-view-XXXXXX");
-    assert_non_null(mkdtemp(dir));
+    folder_make(dir);
     config = (struct view_config){.origin_count = 2,
                                   .origins = {"http://localhost:8080", "https://school.example"}};
     snprintf(config.token_path, sizeof config.token_path, "%s/token", dir);
@@ -37,8 +36,7 @@ static int begin(void **state) {
 static int end(void **state) {
     (void)state;
     view_destroy(&view);
-    unlink(config.token_path);
-    rmdir(dir);
+    folder_remove(dir);
     return 0;
 }
 

@@ -49,6 +49,15 @@ struct match *match_create(const struct match_surface *surface) {
     return match;
 }
 
+struct match *match_copy(const struct match *match) {
+    struct match *copy = match_create(match->surface);
+    uint32_t count = match->surface->vertex_count;
+    memcpy(copy->blends, match->blends, count * sizeof *copy->blends);
+    memcpy(copy->positions, match->positions, count * sizeof *copy->positions);
+    copy->volume = match->volume;
+    return copy;
+}
+
 void match_destroy(struct match **match) {
     if (!*match)
         return;

@@ -29,6 +29,7 @@ double match_surface_least(const struct match_surface *surface);  // inside S'_m
 struct match;
 
 struct match *match_create(const struct match_surface *surface);
+struct match *match_copy(const struct match *match); // of the same surface, equal to the bit
 void match_destroy(struct match **match);
 const double *match_blends(const struct match *match);         // s, one for each vertex
 double match_volume(const struct match *match);                // inside S'', summed anew

@@ -44,6 +44,7 @@ const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_NOTICED_ANY] = {"noticed_any", "1", 1, true, "0.05"},
     [METRIC_CUTS] = {"cuts", "count", 1, false, no_floor},
     [METRIC_CUTS_REFUSED] = {"cuts_refused", "count", 1, false, no_floor},
+    [METRIC_CUTS_UNDONE] = {"cuts_undone", "count", 1, false, no_floor},
     [METRIC_REMOVED] = {"removed", "mm3", 1, false, no_floor},
     [METRIC_PLANNED] = {"planned", "mm3", 1, false, no_floor},
     [METRIC_OVER] = {"over", "mm3", 1, false, no_floor},
@@ -163,10 +164,11 @@ static void tell_zones(struct telling *t, const struct quality_report *q) {
     t->about.along = t->about.across = -1;
 }
 
-static void tell_tissue(struct telling *t, const struct tissue_figures *f) {
+static void tell_tissue(struct telling *t, const struct tissue_figures *f, uint32_t undone) {
     const struct quality_report *q = &f->quality;
     tell(t, METRIC_CUTS, f->cuts, true);
     tell(t, METRIC_CUTS_REFUSED, f->refused, true);
+    tell(t, METRIC_CUTS_UNDONE, undone, true);
     tell(t, METRIC_REMOVED, q->removed_mm3, true);
     tell(t, METRIC_PLANNED, q->planned_mm3, true);
     tell(t, METRIC_OVER, q->over_mm3, true);
@@ -199,6 +201,6 @@ void metrics_each(const struct metrics *m, void (*each)(void *, const struct met
     for (int i = 0; i < TISSUES_MAX; i++) {
         t.about.tissue = i;
         if (m->resected[i])
-            tell_tissue(&t, &m->tissues[i]);
+            tell_tissue(&t, &m->tissues[i], m->undone[i]);
     }
 }

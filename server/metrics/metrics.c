@@ -152,6 +152,7 @@ void metrics_step(struct metrics *m, const struct session_input *input,
     if (output->landed.job) {
         m->tissues[output->landed.tissue] = output->landed.figures;
         m->resected[output->landed.tissue] = true;
+        m->undone[output->landed.tissue] += (output->events & EVENT_UNDONE) != 0;
     }
     m->stepped = true;
     m->time_ns = output->time_ns;

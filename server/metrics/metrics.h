@@ -44,6 +44,7 @@ struct metrics {
     struct hands hands;
     bool resected[TISSUES_MAX]; // some job landed
     struct tissue_figures tissues[TISSUES_MAX];
+    uint32_t undone[TISSUES_MAX]; // cuts that were set back
 };
 
 void metrics_init(struct metrics *metrics, struct view_optic optic);
@@ -83,6 +84,7 @@ enum metric {
     METRIC_NOTICED_ANY,
     METRIC_CUTS,
     METRIC_CUTS_REFUSED,
+    METRIC_CUTS_UNDONE,
     METRIC_REMOVED,
     METRIC_PLANNED,
     METRIC_OVER,

@@ -28,6 +28,19 @@ struct quality *quality_create(const struct quality_plan *plan) {
     return quality;
 }
 
+struct quality *quality_copy(const struct quality *quality) {
+    struct quality *copy = quality_create(quality->plan);
+    const struct lattice *lattice = &quality->plan->lattice;
+    size_t columns = (size_t)lattice_column_count(lattice);
+    memcpy(copy->taken, quality->taken, lattice->sample_count * sizeof *copy->taken);
+    memcpy(copy->left, quality->left, columns * sizeof *copy->left);
+    memcpy(copy->removed, quality->removed, sizeof copy->removed);
+    copy->over = quality->over;
+    copy->planned = quality->planned;
+    copy->damaged = quality->damaged;
+    return copy;
+}
+
 void quality_destroy(struct quality **quality) {
     if (*quality) {
         free((*quality)->taken);

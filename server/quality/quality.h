@@ -4,7 +4,7 @@
 // it is planned to go, may go at all (outside S'_max), or is damaged; cuts take samples. Zones
 // follow the meniscus in plan, a C about the centre of the circle that fits it best: horns and body
 // are thirds of its arc, and there are thirds from the inner margin to the rim. Millimetres, in the
-// mesh's frame. Only create allocates.
+// mesh's frame. Only create and copy allocate.
 #pragma once
 
 #include "mesh/convex.h"
@@ -47,6 +47,7 @@ void quality_add_triangle(const struct quality_plan *plan, const vec3 corners[3]
 struct quality;
 
 struct quality *quality_create(const struct quality_plan *plan);
+struct quality *quality_copy(const struct quality *quality); // of the same plan
 void quality_destroy(struct quality **quality);
 
 void quality_take_parts(struct quality *quality, const struct convex *parts, int count);

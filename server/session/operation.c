@@ -11,22 +11,47 @@
 #define PROBES_MAX 32 // points of a cut's surface whose distance to the warped surface is measured
 #define NEAR_MM 4.0
 
-struct tissue {
-    const struct scene_tissue *scene;
-    const struct case_group *group;
+// A state is kept whenever so many cuts have been made since the last one; the newest few stay.
+#define KEEP_EVERY 32
+#define KEPT_MAX 2
+
+// Tissue as far as it is cut.
+struct resected {
     struct cut_mesh *mesh;
     struct match *match; // NULL where the group has no S'_max
     struct quality *quality;
     struct tissue_figures figures;
 };
 
+// A cut that changed the tissue.
+struct past_cut {
+    uint64_t number; // counts all cuts of the operation
+    struct blade_move move;
+    struct tissue_figures before;
+};
+
+struct kept {
+    uint32_t cuts; // that were made by then; 0: nothing is kept
+    struct resected state;
+};
+
+struct tissue {
+    const struct scene_tissue *scene;
+    const struct case_group *group;
+    struct resected now;
+    struct past_cut *cuts; // since it was whole
+    uint32_t cut_count, cut_room;
+    struct kept kept[KEPT_MAX]; // the newest first
+};
+
 struct operation {
     int count;
+    uint64_t cuts; // so many were made, undone ones too
     struct tissue tissues[TISSUES_MAX];
 };
 
 const char *job_kind_name(enum job_kind kind) {
-    static const char *const names[JOB_KIND_COUNT] = {"none", "cut", "restore"};
+    static const char *const names[JOB_KIND_COUNT] = {"none", "cut", "restore", "undo"};
     return (unsigned)kind < JOB_KIND_COUNT ? names[kind] : "unknown";
 }
 
@@ -47,22 +72,48 @@ void job_result_destroy(struct job_result **result) {
 
 // ---- whole tissue -------------------------------------------------------------------------------
 
-static void make_whole(struct tissue *t, uint32_t mesh_number) {
-    t->mesh = cut_mesh_copy(t->scene->mesh);
-    t->match = t->scene->match ? match_create(t->scene->match) : NULL;
-    t->quality = quality_create(t->scene->plan);
-    t->figures = (struct tissue_figures){
-        .mesh_number = mesh_number,
-        .volume_mm3 = cut_mesh_volume(t->mesh),
-        .warped_mm3 = t->match ? match_volume(t->match) : 0,
+static struct resected whole(const struct tissue *t, uint32_t mesh_number) {
+    struct resected r = {
+        .mesh = cut_mesh_copy(t->scene->mesh),
+        .match = t->scene->match ? match_create(t->scene->match) : NULL,
+        .quality = quality_create(t->scene->plan),
     };
-    quality_report(t->quality, &t->figures.quality);
+    r.figures = (struct tissue_figures){
+        .mesh_number = mesh_number,
+        .volume_mm3 = cut_mesh_volume(r.mesh),
+        .warped_mm3 = r.match ? match_volume(r.match) : 0,
+    };
+    quality_report(r.quality, &r.figures.quality);
+    return r;
 }
 
-static void release(struct tissue *t) {
-    cut_mesh_destroy(&t->mesh);
-    match_destroy(&t->match);
-    quality_destroy(&t->quality);
+static struct resected copy_of(const struct resected *r) {
+    return (struct resected){
+        .mesh = cut_mesh_copy(r->mesh),
+        .match = r->match ? match_copy(r->match) : NULL,
+        .quality = quality_copy(r->quality),
+        .figures = r->figures,
+    };
+}
+
+static void release(struct resected *r) {
+    cut_mesh_destroy(&r->mesh);
+    match_destroy(&r->match);
+    quality_destroy(&r->quality);
+}
+
+static void drop(struct kept *kept) {
+    if (kept->cuts)
+        release(&kept->state);
+    kept->cuts = 0;
+}
+
+static void forget_cuts(struct tissue *t) {
+    for (int i = 0; i < KEPT_MAX; i++)
+        drop(&t->kept[i]);
+    free(t->cuts);
+    t->cuts = NULL;
+    t->cut_count = t->cut_room = 0;
 }
 
 struct operation *operation_create(const struct scene *scene) {
@@ -72,7 +123,7 @@ struct operation *operation_create(const struct scene *scene) {
         struct tissue *t = &operation->tissues[i];
         t->scene = &scene->tissues[i];
         t->group = &scene->knee->groups[t->scene->group];
-        make_whole(t, 1);
+        t->now = whole(t, 1);
     }
     return operation;
 }
@@ -80,8 +131,10 @@ struct operation *operation_create(const struct scene *scene) {
 void operation_destroy(struct operation **operation) {
     if (!*operation)
         return;
-    for (int i = 0; i < (*operation)->count; i++)
-        release(&(*operation)->tissues[i]);
+    for (int i = 0; i < (*operation)->count; i++) {
+        release(&(*operation)->tissues[i].now);
+        forget_cuts(&(*operation)->tissues[i]);
+    }
     free(*operation);
     *operation = NULL;
 }
@@ -97,9 +150,11 @@ static void make_room(struct job_result *result, uint32_t count) {
 }
 
 static void restore(struct tissue *t, struct job_result *result) {
-    release(t);
-    make_whole(t, t->figures.mesh_number + 1);
-    if (!t->match)
+    uint32_t number = t->now.figures.mesh_number + 1;
+    release(&t->now);
+    forget_cuts(t);
+    t->now = whole(t, number);
+    if (!t->now.match)
         return;
     make_room(result, t->group->mesh.vertex_count);
     for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
@@ -111,22 +166,22 @@ static void restore(struct tissue *t, struct job_result *result) {
 // What the tissue's own volume lost, S'' is to lose too.
 static void match_cut(struct tissue *t, const struct cut_change *change,
                       struct job_result *result) {
-    double gone = t->figures.removed_mm3 + t->figures.pieces_mm3;
-    t->figures.left_mm3 = gone;
-    if (!t->match)
+    double gone = t->now.figures.removed_mm3 + t->now.figures.pieces_mm3;
+    t->now.figures.left_mm3 = gone;
+    if (!t->now.match)
         return;
     struct brush *brushes = alloc((size_t)change->patch_count + 1, sizeof *brushes);
     for (int i = 0; i < change->patch_count; i++)
         brushes[i] = (struct brush){change->patches[i].centroid, change->patches[i].extent};
     struct match_report report;
-    match_to_volume(t->match, brushes, change->patch_count,
+    match_to_volume(t->now.match, brushes, change->patch_count,
                     match_surface_volume(t->scene->match) - gone, &report);
     free(brushes);
-    t->figures.warped_mm3 = report.volume_mm3;
-    t->figures.left_mm3 = report.left_mm3;
+    t->now.figures.warped_mm3 = report.volume_mm3;
+    t->now.figures.left_mm3 = report.left_mm3;
     make_room(result, report.changed_count);
     for (uint32_t i = 0; i < report.changed_count; i++)
-        take_blend(result, report.changed[i], match_blends(t->match)[report.changed[i]]);
+        take_blend(result, report.changed[i], match_blends(t->now.match)[report.changed[i]]);
 }
 
 // Whether a triangle may come within reach of the cut's new surface: false only where it does not.
@@ -149,7 +204,7 @@ static void near_triangles(const struct tissue *t, const struct cut_change *chan
     const struct mesh *mesh = &t->group->mesh;
     mesh_init(out_mesh, mesh->vertex_count, mesh->triangle_count);
     for (uint32_t i = 0; i < mesh->vertex_count; i++)
-        mesh_set_vertex(out_mesh, i, match_vertex(t->match, i));
+        mesh_set_vertex(out_mesh, i, match_vertex(t->now.match, i));
     out_mesh->triangle_count = 0;
     for (uint32_t i = 0; i < mesh->triangle_count; i++) {
         const uint32_t *corners = mesh->triangles + 3 * (size_t)i;
@@ -170,7 +225,7 @@ static double distance_within(const struct tissue *t, const struct cut_change *c
         double nearest = INFINITY;
         for (uint32_t k = 0; k < warped.triangle_count; k++) {
             struct closest closest;
-            closest_on_triangle(&warped, k, cut_mesh_vertex(t->mesh, change->vertices[i]),
+            closest_on_triangle(&warped, k, cut_mesh_vertex(t->now.mesh, change->vertices[i]),
                                 &closest);
             nearest = fmin(nearest, closest.distance);
         }
@@ -188,7 +243,7 @@ static double distance_to_warped(const struct tissue *t, const struct cut_change
 }
 
 static void count_cut(struct tissue *t, const struct cut_change *change) {
-    struct tissue_figures *f = &t->figures;
+    struct tissue_figures *f = &t->now.figures;
     f->mesh_number++;
     f->cuts++;
     f->volume_mm3 = change->volume_mm3;
@@ -198,7 +253,8 @@ static void count_cut(struct tissue *t, const struct cut_change *change) {
     f->pieces += (uint32_t)change->piece_count;
 }
 
-static void cut(struct tissue *t, const struct blade_move *move, struct job_result *result) {
+// What undoing makes again: all but the figures of the resection.
+static void take_out(struct tissue *t, const struct blade_move *move, struct job_result *result) {
     static const enum job_outcome outcomes[] = {
         [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
@@ -206,19 +262,107 @@ static void cut(struct tissue *t, const struct blade_move *move, struct job_resu
     int count = blade_parts(move, parts);
     result->outcome = JOB_NOTHING;
     if (count)
-        result->outcome = outcomes[cut_apply(t->mesh, parts, count, change, &result->why)];
-    if (result->outcome == JOB_REFUSED)
-        t->figures.refused++;
+        result->outcome = outcomes[cut_apply(t->now.mesh, parts, count, change, &result->why)];
     if (result->outcome == JOB_DONE) {
         count_cut(t, change);
         match_cut(t, change, result);
-        quality_take_parts(t->quality, parts, count);
+        quality_take_parts(t->now.quality, parts, count);
         for (int i = 0; i < change->piece_count; i++)
-            quality_take_piece(t->quality, &change->pieces[i].mesh);
-        quality_report(t->quality, &t->figures.quality);
-        t->figures.distance_mm = t->match ? distance_to_warped(t, change) : 0;
+            quality_take_piece(t->now.quality, &change->pieces[i].mesh);
     }
     free(parts);
+}
+
+static void note_cut(struct tissue *t, const struct past_cut *cut) {
+    if (t->cut_count == t->cut_room) {
+        t->cut_room = 2 * t->cut_room + 64;
+        t->cuts = alloc_resize(t->cuts, t->cut_room, sizeof *t->cuts);
+    }
+    t->cuts[t->cut_count++] = *cut;
+}
+
+// After so many cuts.
+static void keep(struct tissue *t, uint32_t cuts) {
+    if (cuts % KEEP_EVERY || cuts <= t->kept[0].cuts)
+        return;
+    drop(&t->kept[KEPT_MAX - 1]);
+    memmove(t->kept + 1, t->kept, (KEPT_MAX - 1) * sizeof *t->kept);
+    t->kept[0] = (struct kept){cuts, copy_of(&t->now)};
+}
+
+static void cut(struct operation *operation, struct tissue *t, const struct blade_move *move,
+                struct job_result *result) {
+    struct past_cut past = {operation->cuts + 1, *move, t->now.figures};
+    take_out(t, move, result);
+    if (result->outcome == JOB_REFUSED)
+        t->now.figures.refused++;
+    if (result->outcome != JOB_DONE)
+        return;
+    quality_report(t->now.quality, &t->now.figures.quality);
+    t->now.figures.distance_mm = t->now.match ? distance_to_warped(t, &result->change) : 0;
+    operation->cuts++;
+    note_cut(t, &past);
+    keep(t, t->cut_count);
+}
+
+// ---- undoing ------------------------------------------------------------------------------------
+
+// NULL where none was.
+static struct tissue *tissue_cut_last(struct operation *operation) {
+    struct tissue *last = NULL;
+    uint64_t number = 0;
+    for (int i = 0; i < operation->count; i++) {
+        struct tissue *t = &operation->tissues[i];
+        if (!t->cut_count || t->cuts[t->cut_count - 1].number < number)
+            continue;
+        last = t;
+        number = t->cuts[t->cut_count - 1].number;
+    }
+    return last;
+}
+
+// The tissue as it was after all cuts that are left, but for its figures.
+static void make_again(struct tissue *t) {
+    while (t->kept[0].cuts > t->cut_count) {
+        drop(&t->kept[0]);
+        memmove(t->kept, t->kept + 1, (KEPT_MAX - 1) * sizeof *t->kept);
+        t->kept[KEPT_MAX - 1] = (struct kept){0};
+    }
+    uint32_t made = t->kept[0].cuts;
+    t->now = made ? copy_of(&t->kept[0].state) : whole(t, 1);
+    while (made < t->cut_count) {
+        struct job_result *again = alloc(1, sizeof *again);
+        take_out(t, &t->cuts[made++].move, again);
+        CHECK(again->outcome == JOB_DONE);
+        keep(t, made);
+        job_result_destroy(&again);
+    }
+}
+
+static void tell_blends(const struct match *before, const struct tissue *t,
+                        struct job_result *result) {
+    if (!before)
+        return;
+    make_room(result, t->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
+        if (match_blends(t->now.match)[i] != match_blends(before)[i])
+            take_blend(result, i, match_blends(t->now.match)[i]);
+}
+
+static void undo(struct operation *operation, struct job_result *result) {
+    struct tissue *t = tissue_cut_last(operation);
+    if (!t) {
+        result->outcome = JOB_NOTHING;
+        return;
+    }
+    struct resected before = t->now;
+    result->tissue = (int)(t - operation->tissues);
+    struct tissue_figures figures = t->cuts[--t->cut_count].before;
+    figures.mesh_number = before.figures.mesh_number + 1;
+    make_again(t);
+    t->now.figures = figures;
+    tell_blends(before.match, t, result);
+    release(&before);
 }
 
 // ---- jobs ---------------------------------------------------------------------------------------
@@ -245,27 +389,30 @@ static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *re
 
 struct job_result *operation_run(struct operation *operation, const struct job *job) {
     CHECK(job->tissue >= 0 && job->tissue < operation->count);
-    struct tissue *t = &operation->tissues[job->tissue];
     struct job_result *result = alloc(1, sizeof *result);
     result->job = job->id;
+    result->kind = job->kind;
     result->tissue = job->tissue;
-    if (job->kind == JOB_RESTORE)
-        restore(t, result);
+    if (job->kind == JOB_UNDO)
+        undo(operation, result);
+    else if (job->kind == JOB_RESTORE)
+        restore(&operation->tissues[job->tissue], result);
     else
-        cut(t, &job->move, result);
-    result->figures = t->figures;
-    result->hash = hash_of(t->mesh, result);
+        cut(operation, &operation->tissues[job->tissue], &job->move, result);
+    const struct tissue *t = &operation->tissues[result->tissue];
+    result->figures = t->now.figures;
+    result->hash = hash_of(t->now.mesh, result);
     return result;
 }
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue) {
-    return operation->tissues[tissue].mesh;
+    return operation->tissues[tissue].now.mesh;
 }
 
 const struct match *operation_match(const struct operation *operation, int tissue) {
-    return operation->tissues[tissue].match;
+    return operation->tissues[tissue].now.match;
 }
 
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {
-    return &operation->tissues[tissue].figures;
+    return &operation->tissues[tissue].now.figures;
 }

@@ -17,30 +17,32 @@ enum job_kind {
     JOB_NONE,
     JOB_CUT,
     JOB_RESTORE, // the tissue as it was at the start
+    JOB_UNDO,    // the tissue that was cut last as it was before
     JOB_KIND_COUNT
 };
 
-const char *job_kind_name(enum job_kind kind); // "none", "cut", "restore"
+const char *job_kind_name(enum job_kind kind); // "none", "cut", "restore", "undo"
 
 struct job {
     uint64_t id; // counts up from 1 in each session
     enum job_kind kind;
-    int tissue;             // index among the case's cuttable groups
+    int tissue;             // index among the case's cuttable groups; JOB_UNDO: any
     struct blade_move move; // JOB_CUT: in the frame of the tissue's virtual mesh
 };
 
 enum job_outcome {
     JOB_DONE,
-    JOB_NOTHING, // the blade took nothing
+    JOB_NOTHING, // the blade took nothing; no cut is there to be undone
     JOB_REFUSED, // the cut cannot be made: nothing changed
     JOB_OUTCOME_COUNT
 };
 
 const char *job_outcome_name(enum job_outcome outcome);
 
-// What is known of one tissue after its last job. Volumes in mm³.
+// What is known of one tissue after its last job: after JOB_UNDO what was known before the cut, but
+// for mesh_number. Volumes in mm³.
 struct tissue_figures {
-    uint32_t mesh_number;   // 1 at the start; each change makes the next, restoring is one
+    uint32_t mesh_number;   // 1 at the start; each change makes the next, also restoring, undoing
     uint32_t cuts, refused; // since it was whole
     uint32_t pieces;        // that came off
     double volume_mm3;      // of the cut mesh
@@ -54,13 +56,14 @@ struct tissue_figures {
 
 struct job_result {
     uint64_t job;
+    enum job_kind kind;
     enum job_outcome outcome;
-    int tissue;
+    int tissue; // of JOB_UNDO that whose cut it was
     struct tissue_figures figures;
     uint32_t blend_count; // vertices of the physical surface whose blend changed
     uint32_t *vertices;   // ascending
     double *blends;
-    struct cut_change change; // empty where the outcome is not JOB_DONE, or it was restored
+    struct cut_change change; // empty where the outcome is not JOB_DONE, or it was no cut
     uint64_t hash;            // of blends, and of vertices and triangles that changed
     struct error why;         // JOB_REFUSED
 };
@@ -74,6 +77,11 @@ struct operation *operation_create(const struct scene *scene);
 void operation_destroy(struct operation **operation); // NULL inside is fine
 
 // Takes milliseconds and allocates. The caller destroys the result.
+//
+// Cuts are undone from the last one backwards, whichever tissue each was of, until all tissue is as
+// it was at the start or when it was last restored. A tissue's state before a cut is found by
+// making the cuts before it again, from the nearest state that was kept: at most 32 of them for
+// each of the last 32 cuts, and that is kept up while one goes on backwards.
 struct job_result *operation_run(struct operation *operation, const struct job *job);
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);

@@ -39,6 +39,7 @@ struct session {
     enum job_kind job_out; // given to the caller, and not yet landed; JOB_NONE: no job is
     bool to_restore[TISSUES_MAX];
     bool touched[TISSUES_MAX]; // by a job since it was last whole
+    uint32_t to_undo;          // cuts
 };
 
 static void forget(struct session *s) {
@@ -102,6 +103,7 @@ static enum session_state next_state(enum session_state state, enum input_kind k
 
 // The warp is whole at once; the caller's operation has to be told by a job for each tissue.
 static void restore_tissues(struct session *s) {
+    s->to_undo = 0;
     for (int t = 0; t < s->scene->tissue_count; t++) {
         s->to_restore[t] |= s->touched[t];
         s->touched[t] = false;
@@ -113,6 +115,8 @@ static void restore_tissues(struct session *s) {
 static uint32_t change_state(struct session *s, enum input_kind kind) {
     enum session_state before = s->state;
     s->state = next_state(before, kind);
+    if (kind == INPUT_UNDO && s->scene->tissue_count)
+        s->to_undo++;
     if (kind == INPUT_RESET && before != SESSION_CLOSED) {
         forget(s);
         restore_tissues(s);
@@ -175,6 +179,8 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
         easing_aim(s->easings[result->tissue], result);
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;
+    if (result->outcome == JOB_DONE && kind == JOB_UNDO)
+        return EVENT_UNDONE;
     return (kind == JOB_CUT && result->outcome == JOB_DONE ? EVENT_CUT : 0) |
            (result->change.piece_count ? EVENT_PIECE : 0);
 }
@@ -436,12 +442,21 @@ static bool restoring_is_due(struct session *s, struct job *out_job) {
     return false;
 }
 
+// It takes back the last cut that changed something: what is on its way lands before.
+static bool undoing_is_due(struct session *s, struct job *out_job) {
+    if (!s->to_undo || s->job_out != JOB_NONE)
+        return false;
+    s->to_undo--;
+    *out_job = (struct job){.kind = JOB_UNDO};
+    return true;
+}
+
 // At most one job is on its way, so that results land in the order of the cuts.
 static void ask_for_job(struct session *s, struct session_output *out) {
     struct job *job = &out->job;
     if (s->state == SESSION_CLOSED)
         return;
-    bool due = restoring_is_due(s, job);
+    bool due = restoring_is_due(s, job) || undoing_is_due(s, job);
     if (s->state != SESSION_RUNNING)
         memset(&s->cutting, 0, sizeof s->cutting);
     else if (cutting_step(&s->cutting, s->scene, out, !due && s->job_out == JOB_NONE, job))

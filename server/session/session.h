@@ -23,8 +23,8 @@ const struct knee_case *scene_case(const struct scene *scene);
 int scene_tissue_count(const struct scene *scene);
 int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
-// The adaptive warp of a case's torn ligaments, which the caller destroys. RESULT_INVALID, naming the
-// key, where one is not met.
+// The adaptive warp of a case's torn ligaments, which the caller destroys. RESULT_INVALID, naming
+// the key, where one is not met.
 enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind,
                            struct adaptive **out_adaptive, struct error *err);
 
@@ -84,6 +84,7 @@ enum input_kind {
     INPUT_STOP,
     INPUT_RESET, // as a new session: metrics and memory at their start, tissue whole, then running
     INPUT_JOB,   // a job of this session is done
+    INPUT_UNDO,  // the last cut is to be undone: a job is asked for when none is on its way
     INPUT_KIND_COUNT
 };
 
@@ -123,10 +124,11 @@ enum event {
     EVENT_RELEASE = 1 << 4, // and left it by more than 0.4 mm
     EVENT_CUT = 1 << 5,     // a cut changed the tissue: it has landed
     EVENT_PIECE = 1 << 6,   // and a piece came off
-    EVENT_REFUSED = 1 << 7  // a cut was refused
+    EVENT_REFUSED = 1 << 7, // a cut was refused
+    EVENT_UNDONE = 1 << 8   // a cut was undone: its tissue is as it was before, this has landed
 };
 
-#define EVENT_COUNT 8
+#define EVENT_COUNT 9
 
 const char *event_name(int bit); // 0 "state", 1 "device_lost", ...
 

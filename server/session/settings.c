@@ -46,12 +46,13 @@ const char *session_state_name(enum session_state state) {
 
 const char *input_kind_name(enum input_kind kind) {
     static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
-                                                        "stop",  "reset", "job"};
+                                                        "stop",  "reset", "job",   "undo"};
     return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
 }
 
 const char *event_name(int bit) {
-    static const char *const names[EVENT_COUNT] = {
-        "state", "device_lost", "device_back", "contact", "release", "cut", "piece", "refused"};
+    static const char *const names[EVENT_COUNT] = {"state",   "device_lost", "device_back",
+                                                   "contact", "release",     "cut",
+                                                   "piece",   "refused",     "undone"};
     return bit >= 0 && bit < EVENT_COUNT ? names[bit] : "unknown";
 }

@@ -238,8 +238,8 @@ static bool read_job(struct reader *r, struct job *out) {
             out->move.opening[i] = read_f64(r);
         }
     }
-    return (out->kind == JOB_CUT || out->kind == JOB_RESTORE) && out->tissue < TISSUES_MAX &&
-           (unsigned)out->move.kind < BLADE_COUNT;
+    return out->kind > JOB_NONE && (unsigned)out->kind < JOB_KIND_COUNT &&
+           out->tissue < TISSUES_MAX && (unsigned)out->move.kind < BLADE_COUNT;
 }
 
 static void read_zones(struct reader *r, struct zone_volumes *out) {

@@ -83,7 +83,7 @@ static void the_session_that_is_replayed_has_displacement_contact_loss_and_cuts(
     assert_true(largest > 0.5);
     assert_true(cuts >= 3);
     assert_int_equal(events, EVENT_STATE | EVENT_DEVICE_LOST | EVENT_DEVICE_BACK | EVENT_CONTACT |
-                                 EVENT_RELEASE | EVENT_CUT);
+                                 EVENT_RELEASE | EVENT_CUT | EVENT_UNDONE);
 }
 
 // Leaves numbers that are none where the next step has its variables.

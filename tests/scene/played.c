@@ -84,6 +84,8 @@ static enum input_kind kind_at(size_t row) {
         return INPUT_START;
     case 300:
         return INPUT_EMPTY;
+    case 380:
+        return INPUT_UNDO;
     case 400:
         return INPUT_RESET;
     default:

@@ -17,8 +17,8 @@ enum result played_init(const char *cases, const char *recipe, const char *dir,
 void played_fini(struct played *played);
 
 // Runs the session: started, a frame for each of the first `rows` rows of the motion, now and then
-// paused, reset, without frames or with a lost sample, stopped at the end. Its jobs are run and
-// land a few rows later. `each` gets every step.
+// paused, set back, reset, without frames or with a lost sample, stopped at the end. Its jobs are
+// run and land a few rows later. `each` gets every step.
 void played_run(const struct played *played, const struct session_settings *settings, size_t rows,
                 void (*each)(void *context, const struct session_input *input,
                              const struct session_output *output),

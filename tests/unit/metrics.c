@@ -416,6 +416,29 @@ static void the_last_figures_of_each_tissue_stand(void **state) {
     assert_int_equal(w.count, 0);
 }
 
+static void undone_cuts_count_and_what_they_took_does_not(void **state) {
+    (void)state;
+    static struct metrics m;
+    static struct moment at;
+    metrics_init(&m, optic);
+    static const double removed_mm3[] = {5, 9, 5, 0};
+    for (int i = 0; i < 4; i++) {
+        struct tissue_figures f = {.cuts = i < 2 ? 1 + (uint32_t)i : 3 - (uint32_t)i};
+        f.quality.removed_mm3 = removed_mm3[i];
+        moment_init(&at, i * 100 * MS);
+        at.output.landed = (struct landed){.job = 1 + (uint64_t)i, .figures = f};
+        at.output.events = i < 2 ? EVENT_CUT : EVENT_UNDONE;
+        take(&m, &at);
+    }
+    struct metric_value like = about(METRIC_CUTS_UNDONE, -1);
+    like.tissue = 0;
+    assert_true(figure(&m, like) == 2);
+    like.metric = METRIC_CUTS;
+    assert_true(figure(&m, like) == 0);
+    like.metric = METRIC_REMOVED;
+    assert_true(figure(&m, like) == 0);
+}
+
 // ---- words --------------------------------------------------------------------------------------
 
 static void figures_say_what_they_are_about(void **state) {
@@ -492,6 +515,7 @@ int main(void) {
         cmocka_unit_test(a_lost_or_foreign_sample_moves_nothing),
         cmocka_unit_test(two_hands_count_together),
         cmocka_unit_test(the_last_figures_of_each_tissue_stand),
+        cmocka_unit_test(undone_cuts_count_and_what_they_took_does_not),
         cmocka_unit_test(figures_say_what_they_are_about),
         cmocka_unit_test(the_document_has_every_metric_as_it_is),
     };

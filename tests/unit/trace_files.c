@@ -139,7 +139,7 @@ static void random_job(struct random *r, struct job *out) {
     if (random_bits(r) % 2)
         return;
     out->id = 1 + random_bits(r) % 100;
-    out->kind = random_bits(r) % 2 ? JOB_CUT : JOB_RESTORE;
+    out->kind = JOB_CUT + (enum job_kind)(random_bits(r) % (JOB_KIND_COUNT - JOB_CUT));
     out->tissue = (int)(random_bits(r) % TISSUES_MAX);
     if (out->kind != JOB_CUT)
         return;

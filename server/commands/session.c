@@ -19,7 +19,7 @@ static const char help[] =
     "Speaks to a running server through its local socket.\n"
     "\n"
     "  list    all stations with their sessions; lost: frames that did not come\n"
-    "  show    the session of one station, where its joint is, and what was cut in it\n"
+    "  show    the session of one station: where its joint is, what was cut in it, its metrics\n"
     "  start   starts a waiting or paused session; a new one where the last has ended\n"
     "  pause   freezes it until start\n"
     "  stop    ends it and closes its trace\n"
@@ -120,7 +120,15 @@ static json_t *joint_to_json(const arthron_JointReading *reading) {
                      "T_femur_tibia", p->x, p->y, p->z, p->qw, p->qx, p->qy, p->qz);
 }
 
-static void print_json(const arthron_CommandReply *reply) {
+static json_t *metric_to_json(const arthron_Metric *m) {
+    return json_pack("{s:s, s:s, s:s, s:I, s:o, s:b}", "name", m->name, "subject", m->subject,
+                     "unit", m->unit, "version", (json_int_t)m->version, "value",
+                     isfinite(m->value) ? json_real(m->value) : json_null(), "below_floor",
+                     m->below_floor);
+}
+
+// shown: NULL but of one station.
+static void print_json(const arthron_CommandReply *reply, const arthron_Metrics *shown) {
     json_t *sessions = json_array();
     for (pb_size_t i = 0; i < reply->sessions_count; i++)
         json_array_append_new(sessions, info_to_json(&reply->sessions[i]));
@@ -130,6 +138,10 @@ static void print_json(const arthron_CommandReply *reply) {
     for (pb_size_t i = 0; i < reply->resections_count; i++)
         json_array_append_new(resections, resection_to_json(&reply->resections[i]));
     json_object_set_new(whole, "resections", resections);
+    json_t *metrics = json_array();
+    for (pb_size_t i = 0; shown && i < shown->metrics_count; i++)
+        json_array_append_new(metrics, metric_to_json(&shown->metrics[i]));
+    json_object_set_new(whole, "metrics", metrics);
     if (reply->has_joint)
         json_object_set_new(whole, "joint", joint_to_json(&reply->joint));
     if (reply->has_refused)
@@ -195,21 +207,39 @@ static void print_joint(const arthron_JointReading *reading) {
            j->internal_deg, j->shift_mm, j->drawer_mm, j->distraction_mm);
 }
 
+static void print_metric(const arthron_Metric *m) {
+    char value[48] = "-";
+    if (isfinite(m->value))
+        snprintf(value, sizeof value, m->below_floor ? "(%.4g)" : "%.4g", m->value);
+    printf("%-20s v%u %12s %-5s %s\n", m->name, m->version, value, m->unit, m->subject);
+}
+
+static void print_text(const arthron_CommandReply *reply, const arthron_Metrics *shown) {
+    if (reply->sessions_count)
+        print_table(reply);
+    if (reply->has_joint)
+        print_joint(&reply->joint);
+    for (pb_size_t i = 0; i < reply->resections_count; i++)
+        print_resection(&reply->resections[i]);
+    for (pb_size_t i = 0; shown && i < shown->metrics_count; i++)
+        print_metric(&shown->metrics[i]);
+}
+
 static int call(const char *socket, const arthron_Command *command, bool json) {
     static arthron_CommandReply reply;
+    static arthron_Metrics metrics;
     struct error err;
-    if (console_call(socket, command, &reply, &err) != RESULT_OK) {
+    bool shows = false;
+    enum result result = console_call(socket, command, &reply, &err);
+    if (result == RESULT_OK && reply.ok && command->kind == arthron_Command_Kind_SHOW) {
+        shows = true;
+        result = console_ask_metrics(socket, command->station, &metrics, &err);
+    }
+    if (result != RESULT_OK) {
         fprintf(stderr, "arthron-server session: %s\n", err.text);
         return 1;
     }
-    if (json)
-        print_json(&reply);
-    else if (reply.sessions_count)
-        print_table(&reply);
-    if (reply.has_joint && !json)
-        print_joint(&reply.joint);
-    for (pb_size_t i = 0; i < reply.resections_count && !json; i++)
-        print_resection(&reply.resections[i]);
+    (json ? print_json : print_text)(&reply, shows ? &metrics : NULL);
     if (!reply.ok)
         fprintf(stderr, "arthron-server session: %s\n", reply.text);
     return reply.ok ? 0 : 1;

@@ -90,6 +90,9 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     live->session = session_create(live->scene, &hub->config.settings);
     live->operation = operation_create(live->scene);
     session_row_begin(&header, card.trace, &live->row);
+    memcpy(live->tally.session_id, header.session_id, sizeof live->tally.session_id);
+    live->tally.scene = live->scene;
+    metrics_init(&live->tally.metrics, header.optic);
     recorder_put(hub->recorder, &live->row);
     log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
              scene_case(live->scene)->name, card.trace);
@@ -495,7 +498,8 @@ static const char *command_name(arthron_Command_Kind kind) {
     return names[kind];
 }
 
-void desk_command(void *user, const arthron_Command *command, arthron_CommandReply *reply) {
+void desk_command(void *user, const char *actor, const arthron_Command *command,
+                  arthron_CommandReply *reply) {
     struct hub *hub = user;
     memset(reply, 0, sizeof *reply);
     if (command->kind == arthron_Command_Kind_LIST) {
@@ -515,6 +519,27 @@ void desk_command(void *user, const arthron_Command *command, arthron_CommandRep
     put_in_order(hub);
     command_station(hub, command, index, reply);
     pthread_mutex_unlock(&hub->desk_lock);
-    log_info("hub", "station %s: %s: %s", command->station, command_name(command->kind),
-             reply->ok ? "done" : reply->text);
+    log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
+             actor, reply->ok ? "done" : reply->text);
+}
+
+// ---- metrics ------------------------------------------------------------------------------------
+
+bool desk_metrics(void *user, const char *station, arthron_Metrics *out) {
+    struct hub *hub = user;
+    int index = hub_find_station(&hub->config, station);
+    out->metrics_count = 0;
+    if (index < 0)
+        return false;
+    struct seat *seat = &hub->seats[index];
+    struct tally *tally = alloc(1, sizeof *tally);
+    pthread_mutex_lock(&hub->card_lock);
+    newest_take(seat->tallies, &seat->tally);
+    *tally = seat->tally;
+    bool is_its = !memcmp(tally->session_id, seat->card.session_id, sizeof tally->session_id);
+    pthread_mutex_unlock(&hub->card_lock);
+    if (is_its && tally->scene)
+        reply_metrics(&tally->metrics, scene_case(tally->scene), out);
+    free(tally);
+    return true;
 }

@@ -88,6 +88,7 @@ static enum result place_seats(struct hub *hub, struct error *err) {
         const struct hub_station *station = &hub->config.stations[i];
         hub->seats[i].station = station;
         hub->seats[i].glances = newest_create(sizeof(struct glance));
+        hub->seats[i].tallies = newest_create(sizeof(struct tally));
         atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
         hub->seats[i].card.scene = hub_find_case(&hub->config, station->case_name);
         if (hub->seats[i].card.scene < 0)
@@ -157,7 +158,7 @@ static enum result open_doors(struct hub *hub, struct error *err) {
     enum result result = control_create(&control, &handler, &hub->control, err);
     if (result != RESULT_OK)
         return result;
-    struct console_handler console = {hub, desk_command};
+    struct console_handler console = {hub, desk_command, desk_metrics};
     return console_create(config->socket, &console, &hub->console, err);
 }
 
@@ -205,8 +206,10 @@ static void release(struct hub *hub) {
         worker_release(&hub->workers[i]);
     for (int i = 0; i < hub->config.case_count; i++)
         scene_destroy(&hub->scenes[i]);
-    for (int i = 0; i < hub->config.station_count; i++)
+    for (int i = 0; i < hub->config.station_count; i++) {
         newest_destroy(&hub->seats[i].glances);
+        newest_destroy(&hub->seats[i].tallies);
+    }
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);
     pthread_cond_destroy(&hub->clerk_wake);

@@ -1,5 +1,7 @@
 #include "hub/reply.h"
 
+#include "metrics/subject.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -93,4 +95,33 @@ void reply_resection(const struct tissue_figures *f, const char *group, uint64_t
     take_zones(&f->quality.whole, out->whole_zone_mm3);
     take_zones(&f->quality.removed, out->removed_zone_mm3);
     take_zones(&f->quality.budget, out->budget_zone_mm3);
+}
+
+_Static_assert(sizeof((arthron_Metric *)0)->subject >= SUBJECT_MAX, "what a figure is about fits");
+
+#define METRICS_MAX (sizeof((arthron_Metrics *)0)->metrics / sizeof(arthron_Metric))
+
+struct telling {
+    const struct knee_case *knee;
+    arthron_Metrics *out;
+};
+
+static void take_metric(void *context, const struct metric_value *v) {
+    const struct telling *t = context;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    if (t->out->metrics_count == METRICS_MAX || (v->depth >= 0 && v->value == 0))
+        return;
+    arthron_Metric *m = &t->out->metrics[t->out->metrics_count++];
+    *m = (arthron_Metric){
+        .version = (uint32_t)kind->version, .value = v->value, .below_floor = v->below_floor};
+    snprintf(m->name, sizeof m->name, "%s", kind->name);
+    snprintf(m->unit, sizeof m->unit, "%s", kind->unit);
+    subject_text(t->knee, v, m->subject);
+}
+
+void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
+                   arthron_Metrics *out) {
+    struct telling telling = {knee, out};
+    out->metrics_count = 0;
+    metrics_each(metrics, take_metric, &telling);
 }

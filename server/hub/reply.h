@@ -1,6 +1,7 @@
 // What a session, its outputs and a job's outcome say to its station.
 #pragma once
 
+#include "metrics/metrics.h"
 #include "session/session.h"
 #include "wire/wire.h"
 
@@ -17,3 +18,8 @@ void reply_session(enum session_state state, const struct knee_case *knee,
 // mesh_hash: of the mesh as stations follow it.
 void reply_resection(const struct tissue_figures *figures, const char *group, uint64_t mesh_hash,
                      arthron_Resection *out_resection);
+
+// What a session is worth so far, without the depths at which it never was; knee: for the names.
+// What is more than the message holds is left out.
+void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
+                   arthron_Metrics *out_metrics);

@@ -24,6 +24,7 @@ struct resumed {
     struct trace_place place; // where it goes on
     enum session_state state;
     int scene;
+    struct metrics metrics;
     struct live *live; // without its trace; NULL: not resumed
 };
 
@@ -80,14 +81,19 @@ static enum result run_again(struct resumed *r, struct trace_reader *reader, str
     while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
         if (record.type == TRACE_GAP)
             return fail(err, RESULT_REFUSED, "%s: steps are missing in it", r->path);
+        if (record.type == TRACE_RESUME)
+            metrics_interrupt(&r->metrics);
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         rerun_step(rerun, &record, &output);
         if (record.type == TRACE_STEP && record.output.hash != output.hash)
             return fail(err, RESULT_REFUSED, "%s: step %llu comes out otherwise than it was",
                         r->path, (unsigned long long)output.step);
+        if (record.type == TRACE_STEP)
+            metrics_step(&r->metrics, &record.input, &output);
         r->state = output.state;
     }
+    metrics_interrupt(&r->metrics); // where it goes on there will be a record of that
     r->place = trace_reader_place(reader);
     return result;
 }
@@ -97,6 +103,9 @@ static void make_live(struct resumed *r, struct rerun **rerun) {
     int64_t now_ns = clock_now_ns();
     live->scene = r->hub->scenes[r->scene];
     live->state = r->state;
+    memcpy(live->tally.session_id, r->header.session_id, sizeof live->tally.session_id);
+    live->tally.scene = live->scene;
+    live->tally.metrics = r->metrics;
     live->last_ns = r->place.time_ns;
     live->ahead_ns = live->last_ns > now_ns ? live->last_ns - now_ns : 0;
     rerun_release(rerun, &live->session, &live->operation, &live->pending);
@@ -132,6 +141,7 @@ static enum result replay(struct resumed *r, struct error *err) {
         trace_reader_destroy(&reader);
         return result;
     }
+    metrics_init(&r->metrics, r->header.optic);
     struct rerun *rerun = rerun_create(r->hub->scenes[r->scene], &r->header.settings);
     result = run_again(r, reader, rerun, err);
     if (result == RESULT_MISSING)

@@ -6,6 +6,7 @@
 #include "hub/calibration.h"
 #include "hub/hub.h"
 #include "hub/recorder.h"
+#include "metrics/metrics.h"
 #include "net/console.h"
 #include "net/control.h"
 #include "net/datagram.h"
@@ -14,6 +15,13 @@
 
 #include <pthread.h>
 #include <stdatomic.h>
+
+// What a session is worth so far, and which it is.
+struct tally {
+    uint8_t session_id[16];
+    const struct scene *scene;
+    struct metrics metrics;
+};
 
 // A session with its trace. The desk makes and releases it; in between session and trace are one
 // worker's alone, the operation its theatre's.
@@ -24,6 +32,7 @@ struct live {
     struct operation *operation;
     const struct scene *scene;
     struct store_session row; // the desk's
+    struct tally tally;       // the worker's
     // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
     // began anew), and what was cut and has not landed yet, or NULL.
     enum session_state state;
@@ -80,6 +89,8 @@ struct seat {
     struct seat_counts counts;
     struct newest *glances; // of struct glance, from the worker to the desk
     struct glance glance;   // the last one taken, under hub.card_lock
+    struct newest *tallies; // of struct tally, the same way
+    struct tally tally;
 
     struct live *live; // NULL: no session
     bool connected;
@@ -91,6 +102,7 @@ struct seat {
     arthron_Reply reply; // to last_frame
     uint32_t events;     // of all steps since
     int64_t last_step_ns, last_frame_ns;
+    int64_t tally_ns; // of the session's clock, when it was last left
     struct drift drift[INSTRUMENT_COUNT];
     bool drift_warned; // the clerk's
     bool trace_warned; // too
@@ -220,7 +232,11 @@ void desk_stop(struct hub *hub);    // before the workers
 void desk_release(struct hub *hub); // after the workers: what they retired
 void desk_new_id(uint8_t out_id[16]);
 void desk_call(struct hub *hub); // card_lock held: someone may need a session
-void desk_command(void *hub, const arthron_Command *command, arthron_CommandReply *out_reply);
+// actor: who asks for it, as the records are to call them.
+void desk_command(void *hub, const char *actor, const arthron_Command *command,
+                  arthron_CommandReply *out_reply);
+// Of the session that the station has, or had last. False where there is no such station.
+bool desk_metrics(void *hub, const char *station, arthron_Metrics *out_metrics);
 
 // resume.c: while the server starts, one after the other
 void resume_replay(struct hub *hub);  // before the doors are open: runs open sessions again

@@ -5,7 +5,9 @@
 #include <errno.h>
 #include <libwebsockets.h>
 #include <pthread.h>
+#include <pwd.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -14,6 +16,7 @@
 #include <unistd.h>
 
 #define CALLERS_MAX 32
+#define ACTOR_MAX 64
 #define CALL_PATIENCE_US (10 * LWS_USEC_PER_SEC)
 
 // One message in each direction, and libwebsockets' room before what goes out.
@@ -59,18 +62,51 @@ struct console {
     arthron_Console asked, answer;
 };
 
-static int answer_command(struct console *console, struct exchange *x, struct lws *socket) {
+// The user of the process at the other end, or its number.
+static void name_caller(struct lws *socket, char out[ACTOR_MAX]) {
+    struct ucred caller;
+    socklen_t size = sizeof caller;
+    struct passwd entry, *found = NULL;
+    char texts[1024];
+    CHECK(getsockopt(lws_get_socket_fd(socket), SOL_SOCKET, SO_PEERCRED, &caller, &size) == 0);
+    if (getpwuid_r(caller.uid, &entry, texts, sizeof texts, &found) == 0 && found)
+        snprintf(out, ACTOR_MAX, "%s", found->pw_name);
+    else
+        snprintf(out, ACTOR_MAX, "user %u", (unsigned)caller.uid);
+}
+
+static void answer_command(struct console *console, struct lws *socket) {
+    char actor[ACTOR_MAX];
+    name_caller(socket, actor);
+    console->handler.on_command(console->handler.user, actor, &console->asked.message.command,
+                                &console->answer.message.command_reply);
+}
+
+static void answer_metrics_ask(struct console *console) {
+    const char *station = console->asked.message.metrics_ask.station;
+    console->answer.which_message = arthron_Console_metrics_tag;
+    if (console->handler.on_metrics(console->handler.user, station,
+                                    &console->answer.message.metrics))
+        return;
+    console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
+    snprintf(console->answer.message.command_reply.text,
+             sizeof console->answer.message.command_reply.text, "there is no station %s", station);
+}
+
+static int answer(struct console *console, struct exchange *x, struct lws *socket) {
     struct error err;
     size_t size = x->in_size;
     x->in_size = 0;
     if (wire_decode_console(x->in, size, &console->asked, &err) != RESULT_OK)
         return -1;
     console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
-    arthron_CommandReply *reply = &console->answer.message.command_reply;
     if (console->asked.which_message == arthron_Console_command_tag)
-        console->handler.on_command(console->handler.user, &console->asked.message.command, reply);
+        answer_command(console, socket);
+    else if (console->asked.which_message == arthron_Console_metrics_ask_tag)
+        answer_metrics_ask(console);
     else
-        strcpy(reply->text, "this server does not know that message");
+        strcpy(console->answer.message.command_reply.text,
+               "this server does not know that message");
     enum result result = wire_encode_console(&console->answer, x->out, sizeof x->out, &x->out_size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
     lws_callback_on_writable(socket);
@@ -82,7 +118,7 @@ static int hear(struct console *console, struct exchange *x, struct lws *socket,
     bool whole;
     if (x->out_size || !collect(x, socket, bytes, size, &whole))
         return -1;
-    return whole ? answer_command(console, x, socket) : 0;
+    return whole ? answer(console, x, socket) : 0;
 }
 
 static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
@@ -194,8 +230,8 @@ void console_destroy(struct console **console) {
 struct call {
     const char *path;
     struct exchange exchange;
-    arthron_CommandReply *reply;
-    arthron_Console answer;
+    pb_size_t wanted; // which message answers
+    arthron_Console asked, answer;
     lws_sorted_usec_list_t patience;
     bool connected, done;
     enum result result;
@@ -214,14 +250,14 @@ static void finish(struct call *call, enum result result, const char *text) {
 static void read_reply(struct call *call) {
     struct exchange *x = &call->exchange;
     struct error err;
-    if (wire_decode_console(x->in, x->in_size, &call->answer, &err) != RESULT_OK) {
+    if (wire_decode_console(x->in, x->in_size, &call->answer, &err) != RESULT_OK)
         finish(call, RESULT_FORMAT, err.text);
-    } else if (call->answer.which_message != arthron_Console_command_reply_tag) {
-        finish(call, RESULT_FORMAT, "the server's answer is no reply to a command");
-    } else {
-        *call->reply = call->answer.message.command_reply;
+    else if (call->answer.which_message == call->wanted)
         finish(call, RESULT_OK, NULL);
-    }
+    else if (call->answer.which_message == arthron_Console_command_reply_tag)
+        finish(call, RESULT_REFUSED, call->answer.message.command_reply.text);
+    else
+        finish(call, RESULT_FORMAT, "the server's answer is to something else");
 }
 
 static int hear_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
@@ -295,22 +331,43 @@ static void make_call(struct call *call) {
     lws_context_destroy(context);
 }
 
-enum result console_call(const char *socket_path, const arthron_Command *command,
-                         arthron_CommandReply *out_reply, struct error *err) {
+// `call` is all zero but for what is asked and wanted.
+static enum result ask(const char *socket_path, struct call *call, struct error *err) {
     enum result result = check_length(socket_path, err);
     if (result != RESULT_OK)
         return result;
-    struct call *call = alloc(1, sizeof *call);
     call->path = socket_path;
-    call->reply = out_reply;
     call->err = err;
-    call->answer = (arthron_Console){.which_message = arthron_Console_command_tag,
-                                     .message.command = *command};
-    result = wire_encode_console(&call->answer, call->exchange.out, sizeof call->exchange.out,
+    result = wire_encode_console(&call->asked, call->exchange.out, sizeof call->exchange.out,
                                  &call->exchange.out_size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
     make_call(call);
-    result = call->result;
+    return call->result;
+}
+
+enum result console_call(const char *socket_path, const arthron_Command *command,
+                         arthron_CommandReply *out_reply, struct error *err) {
+    struct call *call = alloc(1, sizeof *call);
+    call->asked.which_message = arthron_Console_command_tag;
+    call->asked.message.command = *command;
+    call->wanted = arthron_Console_command_reply_tag;
+    enum result result = ask(socket_path, call, err);
+    if (result == RESULT_OK)
+        *out_reply = call->answer.message.command_reply;
+    free(call);
+    return result;
+}
+
+enum result console_ask_metrics(const char *socket_path, const char *station,
+                                arthron_Metrics *out_metrics, struct error *err) {
+    struct call *call = alloc(1, sizeof *call);
+    call->asked.which_message = arthron_Console_metrics_ask_tag;
+    snprintf(call->asked.message.metrics_ask.station,
+             sizeof call->asked.message.metrics_ask.station, "%s", station);
+    call->wanted = arthron_Console_metrics_tag;
+    enum result result = ask(socket_path, call, err);
+    if (result == RESULT_OK)
+        *out_metrics = call->answer.message.metrics;
     free(call);
     return result;
 }

@@ -8,8 +8,11 @@ struct console;
 
 struct console_handler {
     void *user;
-    // Out of the console's own thread; may take its time. Fills *out_reply.
-    void (*on_command)(void *user, const arthron_Command *command, arthron_CommandReply *out_reply);
+    // Out of the console's own thread; may take their time. actor: the system's user who asks.
+    void (*on_command)(void *user, const char *actor, const arthron_Command *command,
+                       arthron_CommandReply *out_reply);
+    // False where there is no such station.
+    bool (*on_metrics)(void *user, const char *station, arthron_Metrics *out_metrics);
 };
 
 // Makes the socket (mode 0600) and starts the thread. A stale socket file is replaced; one that
@@ -21,3 +24,7 @@ void console_destroy(struct console **console);
 // The other end: one command to a running server. RESULT_MISSING: no server at that path.
 enum result console_call(const char *socket_path, const arthron_Command *command,
                          arthron_CommandReply *out_reply, struct error *err);
+
+// What a station's session is worth so far. RESULT_REFUSED where the server has no such station.
+enum result console_ask_metrics(const char *socket_path, const char *station,
+                                arthron_Metrics *out_metrics, struct error *err);

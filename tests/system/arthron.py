@@ -215,5 +215,23 @@ tool.punch = punch
         start = self.session(name)["steps"]
         wait_until(f"{more} more steps", lambda: self.session(name)["steps"] >= start + more)
 
+    def metrics(self, name="room-1"):
+        """As the running server has them."""
+        return {(m["name"], m["subject"], m["version"]): (m["value"], m["unit"], m["below_floor"])
+                for m in self.steer("show", name)["metrics"]}
+
+    def assert_metrics_are_those_of(self, trace, metrics):
+        """Bit for bit what score makes of the trace."""
+        scored = {}
+        for m in call_json("arthron-trace", "score", trace)["metrics"]:
+            if "from_mm" in m and m["value"] == 0:
+                continue
+            about = [m.get("instrument"), m.get("group") or m.get("tissue"), m.get("zone")]
+            if "from_mm" in m:
+                about.append(f"from {m['from_mm']:g} mm")
+            scored[m["name"], " ".join(word for word in about if word), m["version"]] = (
+                m["value"], m["unit"], m["below_floor"])
+        self.assertEqual(metrics, scored)
+
     def summary(self, station):
         return json.loads(station.out().splitlines()[-1])

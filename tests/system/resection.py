@@ -73,7 +73,12 @@ class Resection(House):
         self.assertEqual(self.resection("meniscus_lateral")["cuts"], 0)
         trace = self.session()["trace"]
         self.assert_same_mesh(station)
+        self.steer("stop", "room-1")
+        metrics = self.metrics()
+        self.assertGreater(metrics["path_seen", "punch", 1][0], 10)
+        self.assertEqual(metrics["cuts", "meniscus_medial", 1][0], r["cuts"])
         self.server.end()
+        self.assert_metrics_are_those_of(trace, metrics)
         replay = call_json("arthron-trace", "replay", trace)
         self.assertEqual(replay["verdict"], "identical")
         info = call_json("arthron-trace", "info", trace)

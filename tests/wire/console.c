@@ -5,6 +5,7 @@
 #include "test.h"
 
 #include <pthread.h>
+#include <pwd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,9 +17,13 @@
 static char dir[FOLDER_MAX], path[FOLDER_MAX + 8];
 static arthron_Command last;
 
-static void on_command(void *user, const arthron_Command *command, arthron_CommandReply *reply) {
+static char last_actor[64];
+
+static void on_command(void *user, const char *actor, const arthron_Command *command,
+                       arthron_CommandReply *reply) {
     (void)user;
     last = *command;
+    snprintf(last_actor, sizeof last_actor, "%s", actor);
     reply->ok = command->kind != arthron_Command_Kind_STOP;
     snprintf(reply->text, sizeof reply->text, "about %s", command->station);
     reply->sessions_count = sizeof reply->sessions / sizeof *reply->sessions;
@@ -28,7 +33,20 @@ static void on_command(void *user, const arthron_Command *command, arthron_Comma
     }
 }
 
-static const struct console_handler handler = {.on_command = on_command};
+static bool on_metrics(void *user, const char *station, arthron_Metrics *out) {
+    (void)user;
+    out->metrics_count = sizeof out->metrics / sizeof *out->metrics;
+    for (pb_size_t i = 0; i < out->metrics_count; i++) {
+        arthron_Metric *m = &out->metrics[i];
+        *m = (arthron_Metric){.version = UINT32_MAX, .value = i, .below_floor = true};
+        memset(m->name, 'n', sizeof m->name - 1);
+        memset(m->subject, 's', sizeof m->subject - 1);
+        memset(m->unit, 'u', sizeof m->unit - 1);
+    }
+    return !strcmp(station, "anna");
+}
+
+static const struct console_handler handler = {.on_command = on_command, .on_metrics = on_metrics};
 
 static struct console *open_console(void) {
     struct console *console;
@@ -72,6 +90,33 @@ static void the_longest_reply_arrives_whole(void **state) {
         assert_int_equal(reply.sessions[i].steps, i);
         assert_int_equal(strlen(reply.sessions[i].trace), 255);
     }
+    console_destroy(&console);
+}
+
+static void the_most_metrics_arrive_whole(void **state) {
+    (void)state;
+    static arthron_Metrics metrics;
+    struct error err;
+    struct console *console = open_console();
+    assert_int_equal(console_ask_metrics(path, "anna", &metrics, &err), RESULT_OK);
+    assert_int_equal(metrics.metrics_count, sizeof metrics.metrics / sizeof *metrics.metrics);
+    for (pb_size_t i = 0; i < metrics.metrics_count; i++) {
+        assert_true(metrics.metrics[i].value == i);
+        assert_int_equal(strlen(metrics.metrics[i].subject), 63);
+    }
+    assert_int_equal(console_ask_metrics(path, "otto", &metrics, &err), RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "otto"));
+    console_destroy(&console);
+}
+
+static void who_asks_is_known(void **state) {
+    (void)state;
+    static arthron_CommandReply reply;
+    struct console *console = open_console();
+    const struct passwd *user = getpwuid(getuid());
+    assert_non_null(user);
+    assert_int_equal(call(arthron_Command_Kind_CASE, &reply, NULL), RESULT_OK);
+    assert_string_equal(last_actor, user->pw_name);
     console_destroy(&console);
 }
 
@@ -185,6 +230,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_command_is_answered),
         cmocka_unit_test(the_longest_reply_arrives_whole),
+        cmocka_unit_test(the_most_metrics_arrive_whole),
+        cmocka_unit_test(who_asks_is_known),
         cmocka_unit_test(callers_at_the_same_time_are_all_answered),
         cmocka_unit_test(the_socket_is_for_its_owner_alone),
         cmocka_unit_test(a_second_server_is_refused),

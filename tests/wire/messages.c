@@ -274,6 +274,17 @@ static void fill_console(int which, arthron_Console *out) {
         out->message.command = (arthron_Command){arthron_Command_Kind_CASE, "station-1", "healthy"};
         return;
     }
+    if (which == arthron_Console_metrics_ask_tag) {
+        strcpy(out->message.metrics_ask.station, "station-1");
+        return;
+    }
+    if (which == arthron_Console_metrics_tag) {
+        out->message.metrics.metrics_count = 2;
+        out->message.metrics.metrics[0] = (arthron_Metric){"time", "", "s", 1, 12.5, false};
+        out->message.metrics.metrics[1] =
+            (arthron_Metric){"path_seen", "probe", "mm", 2, INFINITY, true};
+        return;
+    }
     arthron_CommandReply *reply = &out->message.command_reply;
     strcpy(reply->text, "no such station");
     reply->sessions_count = 3;
@@ -291,7 +302,7 @@ static void fill_console(int which, arthron_Console *out) {
                                           .pose = {0.6, 0.8, 0, 0, 1, 2, 3}};
 }
 
-#define VALID_MAX 20
+#define VALID_MAX 24
 
 static int all_valid(struct valid out[VALID_MAX]) {
     int count = 0;
@@ -307,7 +318,7 @@ static int all_valid(struct valid out[VALID_MAX]) {
     out[count++] = encoded(KIND_FRAME, &control->message.frame);
     free(control);
     arthron_Console *console = malloc(sizeof *console);
-    for (int which = 1; which <= 2; which++) {
+    for (int which = 1; which <= arthron_Console_metrics_tag; which++) {
         fill_console(which, console);
         out[count++] = encoded(KIND_CONSOLE, console);
     }

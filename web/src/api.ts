@@ -1,0 +1,66 @@
+// Requests to /api/v1, and what it answers.
+
+export type Role = "instructor" | "technician" | "trainee";
+
+export interface Account {
+  name: string;
+  role: Role;
+  trainee?: string;
+}
+
+/** What the server answered where it did not do it; `code` is for programs, the message for people. */
+export class ApiError extends Error {
+  constructor(readonly status: number, readonly code: string, text: string, readonly retryAfterS: number) {
+    super(text);
+  }
+}
+
+/** No answer at all. */
+export class Unreachable extends Error {}
+
+type Query = Record<string, string | number | undefined>;
+
+export class Api {
+  /** Called where the server no longer knows who this is. */
+  onSignedOut: () => void = () => {};
+
+  get<T>(path: string, query: Query = {}): Promise<T> {
+    const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== "");
+    const search = given.length ? `?${new URLSearchParams(given.map(([key, value]) => [key, String(value)]))}` : "";
+    return this.ask<T>("GET", path + search);
+  }
+
+  post<T>(path: string, body: object = {}): Promise<T> {
+    return this.ask<T>("POST", path, body);
+  }
+
+  patch<T>(path: string, body: object): Promise<T> {
+    return this.ask<T>("PATCH", path, body);
+  }
+
+  delete(path: string): Promise<void> {
+    return this.ask<void>("DELETE", path);
+  }
+
+  private async ask<T>(method: string, path: string, body?: object): Promise<T> {
+    let response: Response;
+    try {
+      response = await fetch(`/api/v1${path}`, {
+        method,
+        cache: "no-store",
+        headers: body ? { "content-type": "application/json" } : {},
+        ...(body ? { body: JSON.stringify(body) } : {}),
+      });
+    } catch {
+      throw new Unreachable();
+    }
+    const answer: unknown = response.status === 204 ? undefined : await response.json().catch(() => undefined);
+    if (response.ok) return answer as T;
+    const error = (answer as { error?: { code?: string; text?: string } } | undefined)?.error;
+    if (response.status === 401 && path !== "/sign-in" && path !== "/me") this.onSignedOut();
+    throw new ApiError(response.status, error?.code ?? "", error?.text ?? "", Number(response.headers.get("retry-after")) || 0);
+  }
+}
+
+/** A part of a path. */
+export const part = encodeURIComponent;

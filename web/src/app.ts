@@ -1,0 +1,17 @@
+// What every view is given.
+import type { Account, Api } from "./api";
+import type { Feed } from "./live";
+import type { Route } from "./router";
+
+export interface App {
+  readonly api: Api;
+  readonly feed: Feed;
+  account: Account | undefined; // undefined: nobody is signed in
+  signedIn(account: Account): void;
+  signOut(): Promise<void>;
+  /** The page's title, and the name of the view for who cannot see it. */
+  title(text: string): void;
+}
+
+/** Draws itself into the empty `root`; what it returns is called when another view takes its place. */
+export type View = (root: HTMLElement, route: Route, app: App) => () => void;

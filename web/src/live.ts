@@ -1,0 +1,285 @@
+// The WebSocket /live: what the server says, batch by batch, and what the page says to it.
+// Messages: shared/wire/arthron.proto, section "live"; when: shared/wire/PROTOCOL.md.
+import { create, fromBinary, toBinary, type MessageInitShape } from "@bufbuild/protobuf";
+import {
+  LiveBatchSchema, PageSchema, WatchSchema, Watch_What,
+  type CommandReply, type CommandSchema, type Live, type Moment, type Page, type Place, type Watch,
+} from "wire";
+
+export const SUBPROTOCOL = "arthron-live.1";
+export const QUIET_MS = 3000; // from here on what is shown is called old
+
+const RETRY_LEAST_MS = 500;
+const RETRY_MOST_MS = 8000;
+const REPLY_MS = 10_000;
+
+export type Kind = NonNullable<Live["message"]["case"]>;
+export type ValueOf<K extends Kind> = Extract<Live["message"], { case: K }>["value"];
+export type WatchInit = MessageInitShape<typeof WatchSchema>;
+export type CommandInit = MessageInitShape<typeof CommandSchema>;
+
+/** Connection to the server; times as of World.now. */
+export type Link =
+  | { state: "idle" } // nothing is watched
+  | { state: "connecting" }
+  | { state: "open" }
+  | { state: "broken"; since: number; retryAt: number };
+
+/** What is known of a station, or of the recorded session, that Place.seat and Moment.seat name. */
+export interface Seat {
+  readonly seat: number;
+  place?: Place;
+  placeAt: number; // World.now of its arrival
+  moment?: Moment;
+  momentAt: number;
+}
+
+/** All that is of the browser, so that tests can stand in for it. */
+export interface World {
+  open(): WebSocket;
+  now(): number; // ms, monotonic
+  afterDraw(then: () => void): void; // once, when the next frame is on the screen
+  later(ms: number, then: () => void): () => void; // returns what takes it back
+  mayRetry(): Promise<boolean>; // false: signed out, give up
+  random(): number;
+}
+
+interface Asked {
+  resolve(reply: CommandReply): void;
+  reject(error: Error): void;
+  cancel(): void;
+}
+
+/** No answer to a command: it was not sent, or nobody can say what became of it. */
+export class NoAnswer extends Error {
+  constructor(readonly sent: boolean) {
+    super(sent ? "no answer" : "not connected");
+  }
+}
+
+export class Feed {
+  /** By seat; kept while the connection is broken, so that a view can show what was last known. */
+  readonly seats = new Map<number, Seat>();
+  link: Link = { state: "idle" };
+  batches = 0; // on this connection
+  lastBatchAt = 0;
+
+  private socket: WebSocket | undefined;
+  private watched: Watch | undefined;
+  private asked: Asked[] = [];
+  private failures = 0;
+  private drawPending = false;
+  private cancelRetry: (() => void) | undefined;
+  private readonly listeners = new Map<string, Set<(value: never) => void>>();
+
+  constructor(private readonly world: World) {}
+
+  /** Called for each message of that kind, in the order in which they came. Returns what ends it. */
+  on<K extends Kind>(kind: K, listener: (value: ValueOf<K>) => void): () => void {
+    return this.listen(kind, listener);
+  }
+
+  /** Called after each change of `link`. */
+  onLink(listener: (link: Link) => void): () => void {
+    return this.listen("link", listener);
+  }
+
+  /** Takes the place of what was watched before, and is asked for again after a reconnect. */
+  watch(what: WatchInit): void {
+    this.watched = create(WatchSchema, what);
+    this.seats.clear();
+    if (this.link.state === "open") this.sendWatch();
+    else if (this.link.state === "idle") this.connect();
+  }
+
+  /** Closes the connection: nothing is watched any more. */
+  unwatch(): void {
+    this.watched = undefined;
+    this.cancelRetry?.();
+    this.cancelRetry = undefined;
+    this.seats.clear();
+    this.drop();
+    this.setLink({ state: "idle" });
+  }
+
+  /** False where it could not be sent. */
+  send(message: Page["message"]): boolean {
+    if (this.link.state !== "open" || !this.socket) return false;
+    this.socket.send(toBinary(PageSchema, create(PageSchema, { message })));
+    return true;
+  }
+
+  /** The server's answer; rejects with NoAnswer where there is none. */
+  command(command: CommandInit): Promise<CommandReply> {
+    const page = create(PageSchema, { message: { case: "command", value: command } });
+    return new Promise((resolve, reject) => {
+      if (!this.send(page.message)) {
+        reject(new NoAnswer(false));
+        return;
+      }
+      // One that comes too late is still the answer to this one: it keeps its place.
+      const cancel = this.world.later(REPLY_MS, () => reject(new NoAnswer(true)));
+      this.asked.push({ resolve, reject, cancel });
+    });
+  }
+
+  /** How long the server has said nothing, in ms; 0 where nothing is expected. */
+  quietMs(): number {
+    if (this.link.state === "idle") return 0;
+    return this.lastBatchAt ? this.world.now() - this.lastBatchAt : 0;
+  }
+
+  /** How long ago the seat was heard of, in ms. */
+  ageMs(seat: Seat): number {
+    return this.world.now() - Math.max(seat.placeAt, seat.momentAt);
+  }
+
+  now(): number {
+    return this.world.now();
+  }
+
+  private listen<V>(kind: string, listener: (value: V) => void): () => void {
+    const all = this.listeners.get(kind) ?? new Set();
+    this.listeners.set(kind, all);
+    all.add(listener as (value: never) => void);
+    return () => all.delete(listener as (value: never) => void);
+  }
+
+  private tell(kind: string, value: unknown): void {
+    for (const listener of this.listeners.get(kind) ?? []) listener(value as never);
+  }
+
+  private setLink(link: Link): void {
+    this.link = link;
+    this.tell("link", link);
+  }
+
+  private connect(): void {
+    this.setLink({ state: "connecting" });
+    const socket = this.world.open();
+    this.socket = socket;
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.batches = 0;
+      this.lastBatchAt = this.world.now();
+      this.setLink({ state: "open" });
+      this.sendWatch();
+    };
+    socket.onmessage = (event: MessageEvent) => this.take(socket, event.data);
+    socket.onclose = () => this.broke(socket);
+  }
+
+  private sendWatch(): void {
+    if (this.watched) this.send({ case: "watch", value: this.watched });
+  }
+
+  private take(socket: WebSocket, data: unknown): void {
+    if (socket !== this.socket) return;
+    let items: Live[];
+    try {
+      if (!(data instanceof ArrayBuffer)) throw new Error("not binary");
+      items = fromBinary(LiveBatchSchema, new Uint8Array(data)).items;
+    } catch {
+      socket.close(); // not ours to guess at: start anew
+      this.broke(socket);
+      return;
+    }
+    this.failures = 0;
+    this.batches++;
+    this.lastBatchAt = this.world.now();
+    for (const item of items) this.takeItem(item);
+    this.sayDrawn(socket);
+  }
+
+  private takeItem({ message }: Live): void {
+    if (message.case === undefined) return; // of a newer server
+    if (message.case === "place") this.keepPlace(message.value);
+    if (message.case === "moment") this.keepMoment(message.value);
+    if (message.case === "commandReply") this.answer(message.value);
+    this.tell(message.case, message.value);
+  }
+
+  private seat(seat: number): Seat {
+    let found = this.seats.get(seat);
+    if (!found) this.seats.set(seat, (found = { seat, placeAt: 0, momentAt: 0 }));
+    return found;
+  }
+
+  private keepPlace(place: Place): void {
+    if (place.gone) {
+      this.seats.delete(place.seat);
+      return;
+    }
+    const seat = this.seat(place.seat);
+    seat.place = place;
+    seat.placeAt = this.world.now();
+  }
+
+  private keepMoment(moment: Moment): void {
+    const seat = this.seat(moment.seat);
+    seat.moment = moment;
+    seat.momentAt = this.world.now();
+  }
+
+  private answer(reply: CommandReply): void {
+    const first = this.asked.shift();
+    first?.cancel();
+    first?.resolve(reply);
+  }
+
+  // The newest batch at the time of drawing: a page that is slow says so less often.
+  private sayDrawn(socket: WebSocket): void {
+    if (this.drawPending) return;
+    this.drawPending = true;
+    this.world.afterDraw(() => {
+      this.drawPending = false;
+      if (socket === this.socket) this.send({ case: "drawn", value: { $typeName: "arthron.Drawn", batches: BigInt(this.batches) } });
+      else if (this.socket && this.batches) this.sayDrawn(this.socket);
+    });
+  }
+
+  private drop(): void {
+    const socket = this.socket;
+    this.socket = undefined;
+    socket?.close();
+    for (const asked of this.asked) {
+      asked.cancel();
+      asked.reject(new NoAnswer(true));
+    }
+    this.asked = [];
+  }
+
+  private broke(socket: WebSocket): void {
+    if (socket !== this.socket) return;
+    this.drop();
+    const wait = Math.min(RETRY_MOST_MS, RETRY_LEAST_MS * 2 ** this.failures) * (0.75 + 0.5 * this.world.random());
+    this.failures++;
+    this.setLink({ state: "broken", since: this.lastBatchAt || this.world.now(), retryAt: this.world.now() + wait });
+    this.cancelRetry = this.world.later(wait, () => void this.retry());
+  }
+
+  private async retry(): Promise<void> {
+    this.cancelRetry = undefined;
+    const may = await this.world.mayRetry().catch(() => true);
+    if (this.link.state !== "broken" || this.cancelRetry) return;
+    if (may) this.connect();
+    else this.unwatch();
+  }
+}
+
+/** The world as it is. */
+export function browserWorld(mayRetry: () => Promise<boolean>): World {
+  return {
+    open: () => new WebSocket(`wss://${location.host}/live`, SUBPROTOCOL),
+    now: () => performance.now(),
+    afterDraw: (then) => void requestAnimationFrame(() => setTimeout(then)),
+    later: (ms, then) => {
+      const timer = setTimeout(then, ms);
+      return () => clearTimeout(timer);
+    },
+    mayRetry,
+    random: Math.random,
+  };
+}
+
+export { Watch_What };

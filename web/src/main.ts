@@ -1,0 +1,139 @@
+// Where the page begins: who is signed in, which view is shown, and the frame around it.
+import { Api, type Account, type Role } from "./api";
+import type { App, View } from "./app";
+import { browserWorld, Feed } from "./live";
+import { parseRoute, type Route } from "./router";
+import { frame } from "./shell";
+import { text } from "./text";
+import { broken, empty, h, loading } from "./ui";
+
+interface Page {
+  load(): Promise<View>;
+  roles?: Role[]; // who may see it; absent: everybody, signed in or not
+  bare?: boolean; // without the frame
+}
+
+// Each view is loaded when it is first shown.
+const PAGES: Record<string, Page> = {
+  "sign-in": { load: async () => (await import("./views/signin")).signIn, bare: true },
+  first: { load: async () => (await import("./views/signin")).first, bare: true },
+};
+
+const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");
+
+const api = new Api();
+const feed = new Feed(browserWorld(async () => (await whoAmI()) !== null));
+let wanted = ""; // where to go after signing in
+let leave: () => void = () => {};
+let turn = 0; // of what is shown: a view that loads slower than a person clicks is not shown
+
+const app: App = {
+  api,
+  feed,
+  account: undefined,
+  signedIn(account) {
+    app.account = account;
+    const to = wanted || home(account);
+    wanted = "";
+    if (location.hash === to) void show();
+    else location.hash = to;
+  },
+  async signOut() {
+    await api.post("/sign-out");
+    signedOut("");
+  },
+  title(title) {
+    document.title = `${title} · ${text.product}`;
+    document.getElementById("said")!.textContent = title;
+  },
+};
+
+// null: nobody.
+async function whoAmI(): Promise<Account | null> {
+  try {
+    return (await api.get<{ account: Account }>("/me")).account;
+  } catch (error) {
+    if ((error as { status?: number }).status === 401) return null;
+    throw error;
+  }
+}
+
+function signedOut(then: string): void {
+  app.account = undefined;
+  wanted = then;
+  feed.unwatch();
+  if (parseRoute(location.hash).name !== "sign-in") location.hash = "#/sign-in";
+  else void show();
+}
+
+// What stands in the way of a route: another place to go to, or nothing.
+function detour(route: Route, page: Page | undefined): string | undefined {
+  if (!app.account) {
+    if (page && !page.roles) return undefined;
+    wanted = route.name ? location.hash : "";
+    return "#/sign-in";
+  }
+  return route.name === "" || (page && !page.roles) ? home(app.account) : undefined;
+}
+
+async function show(): Promise<void> {
+  const mine = ++turn;
+  const route = parseRoute(location.hash);
+  const page = PAGES[route.name];
+  const to = detour(route, page);
+  if (to !== undefined) {
+    location.replace(to);
+    return;
+  }
+  leave();
+  leave = () => {};
+  const root = h("div", { class: `view ${route.name}` }, loading());
+  const unframe = page?.bare ? bare(root) : frame(root, route, app);
+  leave = unframe;
+  const view = await chosen(page);
+  if (mine !== turn) return;
+  root.replaceChildren();
+  const end = view(root, route, app);
+  leave = () => {
+    end();
+    unframe();
+  };
+  if (document.activeElement === document.body || !document.activeElement?.isConnected) document.getElementById("content")?.focus();
+}
+
+async function chosen(page: Page | undefined): Promise<View> {
+  if (!page) return told(empty(text.notFound.title, text.notFound.hint));
+  if (page.roles && !page.roles.includes(app.account!.role)) return told(empty(text.notAllowed.title, text.notAllowed.hint));
+  try {
+    return await page.load();
+  } catch {
+    return told(broken(text.viewBroken.title, text.viewBroken.hint, () => location.reload()));
+  }
+}
+
+const told = (state: HTMLElement): View => (root) => {
+  root.append(state);
+  return () => {};
+};
+
+function bare(root: HTMLElement): () => void {
+  const content = h("main", { id: "content", class: "bare", tabindex: -1 }, root);
+  document.getElementById("app")!.replaceChildren(content);
+  return () => {};
+}
+
+async function begin(): Promise<void> {
+  const page = h("div", { id: "app" }, loading());
+  document.body.append(page, h("div", { id: "toasts", role: "status" }), h("div", { id: "said", class: "unseen", "aria-live": "polite" }));
+  try {
+    app.account = (await whoAmI()) ?? undefined;
+  } catch {
+    page.replaceChildren(broken(text.errors.unreachable, "", () => location.reload()));
+    return;
+  }
+  api.onSignedOut = () => signedOut(location.hash);
+  window.addEventListener("hashchange", () => void show());
+  await show();
+}
+
+void begin();

@@ -1,0 +1,92 @@
+// The frame around the views: skip link, navigation, the state of the connection, the account.
+import type { App } from "./app";
+import { QUIET_MS } from "./live";
+import type { Route } from "./router";
+import { text } from "./text";
+import { setTheme, theme, type Theme } from "./theme";
+import { button, everySecond, explain, h, icon, setText, toast } from "./ui";
+
+interface Entry {
+  name: string; // of the route
+  href: string;
+  label: string;
+  also: string[]; // routes that belong to it
+  staff: boolean; // not for trainees
+}
+
+const ENTRIES: Entry[] = [
+  { name: "wall", href: "#/wall", label: text.views.wall, also: ["station", "scope"], staff: true },
+  { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], staff: false },
+  { name: "admin", href: "#/admin/stations", label: text.views.admin, also: [], staff: true },
+];
+
+/** Puts the view's root into the frame, which is kept from view to view. Returns its clean-up. */
+export function frame(root: HTMLElement, route: Route, app: App): () => void {
+  const page = document.getElementById("app")!;
+  const account = app.account!;
+  let content = page.querySelector<HTMLElement>("main.framed");
+  if (!content || page.dataset.account !== account.name) {
+    content = h("main", { id: "content", class: "framed", tabindex: -1 });
+    page.dataset.account = account.name;
+    page.replaceChildren(header(app), content);
+  }
+  for (const link of page.querySelectorAll<HTMLAnchorElement>("nav.main a")) {
+    const here = link.dataset.name === route.name || link.dataset.also!.split(" ").includes(route.name);
+    if (here) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  content.replaceChildren(root);
+  const sign = page.querySelector<HTMLElement>(".link-sign")!;
+  return everySecond(() => showLink(sign, app));
+}
+
+function header(app: App): HTMLElement {
+  const staff = app.account!.role !== "trainee";
+  const links = ENTRIES.filter((entry) => staff || !entry.staff).map((entry) =>
+    h("a", { href: entry.href, data: { name: entry.name, also: entry.also.join(" ") } }, entry.label));
+  const skip = h("a", { href: "#content", class: "skip", on: { click: (event: Event) => {
+    event.preventDefault(); // the hash is the route's
+    document.getElementById("content")?.focus();
+  } } }, text.skip);
+  return h("header", { class: "top" }, skip,
+    h("a", { class: "brand", href: "#/" }, mark(), h("span", {}, text.product)),
+    h("nav", { class: "main", "aria-label": text.navigation }, ...links),
+    h("div", { class: "link-sign", role: "status" }, h("span", { class: "dot", "aria-hidden": "true" }), h("span", { class: "link-text" })),
+    accountMenu(app));
+}
+
+/** The product's sign. */
+export function mark(): HTMLElement {
+  return h("span", { class: "mark", "aria-hidden": "true" }, icon("mark"));
+}
+
+function showLink(sign: HTMLElement, { feed }: App): void {
+  const link = feed.link;
+  let state: string = link.state;
+  let words = "";
+  if (link.state === "connecting") words = text.link.connecting;
+  if (link.state === "broken") words = `${text.link.broken(feed.now() - link.since)}. ${text.link.retry(link.retryAt - feed.now())}`;
+  if (link.state === "open") {
+    const quiet = feed.quietMs();
+    if (quiet >= QUIET_MS) state = "quiet";
+    words = quiet >= QUIET_MS ? text.link.quiet(quiet) : text.link.open;
+  }
+  sign.dataset.state = state;
+  setText(sign.querySelector(".link-text")!, words);
+}
+
+function accountMenu(app: App): HTMLElement {
+  const account = app.account!;
+  const choices = (["system", "light", "dark"] as Theme[]).map((kind) => {
+    const input = h("input", { type: "radio", name: "theme", value: kind, on: { change: () => setTheme(kind) } });
+    input.checked = theme() === kind;
+    return h("label", {}, input, h("span", {}, text.account[kind as "system" | "light" | "dark"]));
+  });
+  const menu = h("div", { id: "account-menu", class: "menu", popover: "auto" },
+    h("p", { class: "menu-name" }, account.name), h("p", { class: "menu-role" }, text.roles[account.role] ?? account.role),
+    h("fieldset", { class: "choices" }, h("legend", {}, text.account.theme), h("div", {}, ...choices)),
+    button(text.account.signOut, () => void app.signOut().catch((error) => toast(explain(error), "fault")), { class: "wide" }));
+  const opener = h("button", { type: "button", class: "button quiet", popovertarget: menu.id, "aria-label": text.account.menu(account.name) },
+    icon("person"), h("span", { class: "account-name" }, account.name), icon("down"));
+  return h("div", { class: "account" }, opener, menu);
+}

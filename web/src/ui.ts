@@ -1,0 +1,269 @@
+// Small helpers over the DOM. No style attributes: the pages' policy forbids them; use classes, or
+// element.style for what is computed.
+import { ApiError, Unreachable } from "./api";
+import { NoAnswer } from "./live";
+import { text } from "./text";
+
+export type Child = Node | string | undefined | null | false;
+type Listener = (event: never) => void;
+export interface Props {
+  class?: string;
+  on?: { [event: string]: Listener };
+  data?: Record<string, string>;
+  [attribute: string]: unknown; // true: without a value; false, undefined: not there
+}
+
+/** An element with attributes, listeners and children. */
+export function h<K extends keyof HTMLElementTagNameMap>(tag: K, props: Props = {}, ...children: Child[]): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(props)) {
+    if (name === "on") for (const [event, listener] of Object.entries(props.on!)) element.addEventListener(event, listener as EventListener);
+    else if (name === "data") Object.assign(element.dataset, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== undefined) element.setAttribute(name, String(value));
+  }
+  add(element, ...children);
+  return element;
+}
+
+export function add(parent: Element, ...children: Child[]): void {
+  for (const child of children) if (child !== undefined && child !== null && child !== false) parent.append(child);
+}
+
+/** Replaces all children. */
+export function fill(parent: Element, ...children: Child[]): void {
+  parent.replaceChildren();
+  add(parent, ...children);
+}
+
+/** Sets a text only where it is another: nothing is laid out again for what stays the same. */
+export function setText(element: Element, value: string): void {
+  if (element.textContent !== value) element.textContent = value;
+}
+
+export function setClass(element: Element, name: string, on: boolean): void {
+  if (element.classList.contains(name) !== on) element.classList.toggle(name, on);
+}
+
+// ---- icons: 16 x 16, drawn with strokes in the colour of the text ---------------------------------
+
+const ICONS = {
+  mark: "M5 1v4a3 3 0 0 0-1.200 2.300A2.200 2.200 0 0 0 8 8.400a2.200 2.200 0 0 0 4.200-1.100A3 3 0 0 0 11 5V1M3.500 11.300h9M5.200 11.500V15M10.800 11.500V15",
+  now: "M8 1.500 15 14.500H1ZM8 6v4M8 12.200v.1",
+  act: "M8 1.500 14.500 8 8 14.500 1.500 8ZM8 5v3.500M8 10.700v.1",
+  look: "M8 2a6 6 0 1 0 0 12A6 6 0 0 0 8 2ZM8 5.500v.1M8 8v3",
+  quiet: "M2.500 8.500 6 12l7.500-8",
+  running: "M4.500 2.500v11l9-5.500Z",
+  paused: "M5 3v10M11 3v10",
+  waiting: "M8 2a6 6 0 1 0 0 12A6 6 0 0 0 8 2ZM8 4.500V8l2.500 1.500",
+  closed: "M3.500 3.500h9v9h-9Z",
+  gone: "M2 2l12 12M3 6.500a7 7 0 0 1 2.200-1.400M13 6.500a7 7 0 0 0-5-2M5.500 9.500A4 4 0 0 1 7 8.700M8 12.500v.1",
+  plus: "M8 3v10M3 8h10",
+  close: "M3.500 3.500l9 9M12.500 3.500l-9 9",
+  person: "M8 2a3 3 0 1 0 0 6 3 3 0 0 0 0-6ZM2.500 14.500c.5-3 2.700-4.500 5.500-4.500s5 1.500 5.500 4.500",
+  down: "M3.500 6 8 10.500 12.500 6",
+  open: "M6 3.500 10.500 8 6 12.500",
+  file: "M8 2v8M4.500 7 8 10.500 11.500 7M2.500 13.500h11",
+  copy: "M5.500 5.500h8v8h-8ZM10.500 5.500v-3h-8v8h3",
+} as const;
+export type IconName = keyof typeof ICONS;
+
+export function icon(name: IconName): SVGSVGElement {
+  const space = "http://www.w3.org/2000/svg";
+  const svg = document.createElementNS(space, "svg");
+  svg.setAttribute("viewBox", "0 0 16 16");
+  svg.setAttribute("class", "icon");
+  svg.setAttribute("aria-hidden", "true");
+  const path = document.createElementNS(space, "path");
+  path.setAttribute("d", ICONS[name]);
+  svg.append(path);
+  return svg;
+}
+
+// ---- time ------------------------------------------------------------------------------------------
+
+/** Now and then once a second, until the returned function is called. */
+export function everySecond(what: () => void): () => void {
+  what();
+  const timer = setInterval(what, 1000);
+  return () => clearInterval(timer);
+}
+
+// ---- form parts ------------------------------------------------------------------------------------
+
+export interface ButtonProps extends Props {
+  kind?: "primary" | "plain" | "danger" | "quiet";
+  icon?: IconName;
+}
+
+export function button(label: string, click: (event: MouseEvent) => void, { kind = "plain", icon: glyph, ...props }: ButtonProps = {}): HTMLButtonElement {
+  return h("button", { type: "button", ...props, class: `button ${kind} ${props.class ?? ""}`, on: { click } }, glyph && icon(glyph), label);
+}
+
+let fields = 0;
+
+/** A label over its input, with a line for a hint or for what is wrong that is there from the start. */
+export function field(label: string, input: HTMLInputElement | HTMLSelectElement | HTMLTextAreaElement, hint = ""): HTMLElement {
+  input.id = `field-${++fields}`;
+  const line = h("p", { class: "hint", id: `${input.id}-hint` }, hint);
+  input.setAttribute("aria-describedby", line.id);
+  return h("div", { class: "field" }, h("label", { for: input.id }, label), input, line);
+}
+
+/** What is wrong with an input, for eyes and readers; "" for nothing. */
+export function setFault(input: HTMLElement, fault: string, hint = ""): void {
+  input.setAttribute("aria-invalid", String(fault !== ""));
+  const line = document.getElementById(`${input.id}-hint`);
+  if (!line) return;
+  setText(line, fault || hint);
+  setClass(line, "fault", fault !== "");
+}
+
+export function select(options: [value: string, label: string][], chosen = "", props: Props = {}): HTMLSelectElement {
+  const element = h("select", props, ...options.map(([value, label]) => h("option", { value }, label)));
+  element.value = chosen;
+  return element;
+}
+
+// ---- states of a whole panel -----------------------------------------------------------------------
+
+export function loading(what: string = text.loading): HTMLElement {
+  return h("div", { class: "state loading", role: "status" }, h("span", { class: "spinner", "aria-hidden": "true" }), what);
+}
+
+export function empty(title: string, hint = "", ...actions: Child[]): HTMLElement {
+  return h("div", { class: "state empty" }, h("p", { class: "state-title" }, title), hint && h("p", {}, hint), ...actions);
+}
+
+export function broken(title: string, hint: string, again?: () => void): HTMLElement {
+  return h("div", { class: "state broken", role: "alert" }, icon("act"), h("p", { class: "state-title" }, title), h("p", {}, hint),
+    again && button(text.tryAgain, again));
+}
+
+// ---- dialogs ---------------------------------------------------------------------------------------
+
+export interface Dialog {
+  element: HTMLDialogElement;
+  close(): void;
+}
+
+/** A modal dialog: the browser keeps the focus inside, Escape closes, the focus goes back after. */
+export function dialog(title: string, body: Child[], actions: Child[] = [], closed: () => void = () => {}): Dialog {
+  const before = document.activeElement;
+  const close = h("button", { type: "button", class: "button quiet icon-only", "aria-label": text.close, on: { click: () => element.close() } }, icon("close"));
+  const heading = h("h2", { id: `dialog-${++fields}` }, title);
+  const element = h("dialog", { class: "dialog", "aria-labelledby": heading.id },
+    h("header", {}, heading, close), h("div", { class: "dialog-body" }, ...body), actions.length > 0 && h("footer", {}, ...actions));
+  element.addEventListener("close", () => {
+    element.remove();
+    if (before instanceof HTMLElement && before.isConnected) before.focus();
+    closed();
+  });
+  element.addEventListener("click", (event) => {
+    if (event.target === element) element.close(); // the backdrop
+  });
+  document.body.append(element);
+  element.showModal();
+  return { element, close: () => element.close() };
+}
+
+/** Asks before what cannot be taken back; `then` may fail, which the dialog shows. */
+export function confirm(title: string, hint: string, label: string, then: () => Promise<void>): void {
+  const fault = h("p", { class: "fault", role: "alert" });
+  const go = button(label, () => void run(), { kind: "danger" });
+  const shown = dialog(title, [h("p", {}, hint), fault], [button(text.cancel, () => shown.close()), go]);
+  const run = async (): Promise<void> => {
+    go.disabled = true;
+    try {
+      await then();
+      shown.close();
+    } catch (error) {
+      setText(fault, explain(error));
+      go.disabled = false;
+    }
+  };
+  shown.element.querySelector<HTMLButtonElement>("footer button")?.focus();
+}
+
+/** A form in a dialog. `save` may fail: what it says is shown, and the form stays. */
+export function formDialog(title: string, parts: Child[], label: string, save: () => Promise<void>): Dialog {
+  const fault = h("p", { class: "fault", role: "alert" });
+  const go = h("button", { type: "submit", class: "button primary" }, label);
+  const form = h("form", { class: "form", novalidate: true, on: { submit: (event: Event) => void run(event) } },
+    ...parts, fault, h("div", { class: "form-actions" }, button(text.cancel, () => shown.close()), go));
+  const shown = dialog(title, [form]);
+  form.querySelector<HTMLElement>("input, select, textarea")?.focus();
+  const run = async (event: Event): Promise<void> => {
+    event.preventDefault();
+    setText(fault, "");
+    go.disabled = true;
+    try {
+      await save();
+      shown.close();
+    } catch (error) {
+      setText(fault, explain(error));
+    }
+    go.disabled = false;
+  };
+  return shown;
+}
+
+/** A short word at the edge, read aloud; goes by itself. */
+export function toast(message: string, kind: "done" | "fault" = "done"): void {
+  const region = document.getElementById("toasts");
+  const element = h("div", { class: `toast ${kind}` }, icon(kind === "done" ? "quiet" : "act"), h("span", {}, message));
+  region?.append(element);
+  setTimeout(() => element.remove(), kind === "done" ? 4000 : 8000);
+}
+
+/** What to tell a person about an error. */
+export function explain(error: unknown): string {
+  if (error instanceof Unreachable) return text.errors.unreachable;
+  if (error instanceof NoAnswer) return error.sent ? text.errors.noAnswer : text.errors.notSent;
+  if (error instanceof ApiError) return text.errors.codes[error.code]?.(error.retryAfterS) ?? (error.message || text.errors.status(error.status));
+  return error instanceof Error ? error.message : String(error);
+}
+
+// ---- keyboard --------------------------------------------------------------------------------------
+
+/** Arrow keys, Home and End walk over the items that `all` gives; only one of them is a tab stop. */
+export function roving(container: HTMLElement, all: () => HTMLElement[]): void {
+  container.addEventListener("keydown", (event) => {
+    const items = all();
+    const at = items.indexOf(document.activeElement as HTMLElement);
+    if (at < 0) return;
+    const to = target(event.key, at, items);
+    if (to === undefined) return;
+    event.preventDefault();
+    items[to]!.focus();
+  });
+  container.addEventListener("focusin", (event) => {
+    const items = all();
+    if (!items.includes(event.target as HTMLElement)) return;
+    for (const item of items) item.tabIndex = item === event.target ? 0 : -1;
+  });
+}
+
+function target(key: string, at: number, items: HTMLElement[]): number | undefined {
+  if (key === "Home") return 0;
+  if (key === "End") return items.length - 1;
+  if (key === "ArrowRight") return Math.min(at + 1, items.length - 1);
+  if (key === "ArrowLeft") return Math.max(at - 1, 0);
+  if (key === "ArrowDown" || key === "ArrowUp") return nextRow(at, items, key === "ArrowDown" ? 1 : -1);
+  return undefined;
+}
+
+// The item in the next row whose middle is nearest.
+function nextRow(at: number, items: HTMLElement[], way: number): number {
+  const from = items[at]!.getBoundingClientRect();
+  let best = at;
+  let least = Infinity;
+  items.forEach((item, i) => {
+    const box = item.getBoundingClientRect();
+    const rows = (box.top - from.top) * way;
+    if (rows < 1) return;
+    const far = rows * 1000 + Math.abs(box.left - from.left);
+    if (far < least) [least, best] = [far, i];
+  });
+  return best;
+}

@@ -93,7 +93,7 @@ static void leave(struct hub *hub) {
 static const arthron_CommandReply *command(struct hub *hub, arthron_Command_Kind kind) {
     static arthron_CommandReply reply;
     arthron_Command command = {.kind = kind, .station = "room-1", .case_name = "boxes1"};
-    desk_command(hub, &command, &reply);
+    desk_command(hub, "otto", &command, &reply);
     assert_true(reply.ok);
     return &reply;
 }

@@ -1,0 +1,555 @@
+// The meshes that are cut, as the server sends them (PROTOCOL.md, Meshes): payloads decoded, changes
+// made, and what to answer. Millimetres, in the frame of the group's body.
+//
+// The hash of the whole mesh is checked after every change, which costs what was changed: it tells
+// wrong bytes and wrong changes alike. The payload's own hash says nothing more over TLS, and is not
+// looked at.
+
+const IDS_MAX = 1 << 20;
+const PIECES_MAX = 64;
+const REACH_MM = 10000;
+const PAYLOAD_MAX = 64 << 20;
+const CHUNK = 32768;
+
+// What came was no change of the mesh. `missing`: its base is another number than the mesh has, which is as before.
+export class MeshError extends Error {
+  constructor(text: string, readonly missing = false) {
+    super(text);
+  }
+}
+
+// ---- XXH3-64 of 16 and 20 bytes -------------------------------------------------------------------
+
+const MASK = 0xffffffffffffffffn;
+const FLIP_LOW = 0x1f67b3b7a4a44072n ^ 0x78e5c0cc4ee679cbn; // secret, bytes 24 to 39
+const FLIP_HIGH = 0x2172ffcc7dd05a82n ^ 0x8e2443f7744608b8n; // secret, bytes 40 to 55
+const SECRET_0 = 0xbe4ba423396cfeb8n;
+const SECRET_8 = 0x1cad21f72c81017cn;
+const SECRET_16 = 0xdb979083e96dd4den;
+const SECRET_24 = 0x1f67b3b7a4a44072n;
+const PRIME = 0x9e3779b185ebca87n;
+
+function fold(a: bigint, b: bigint): bigint {
+  const product = a * b;
+  return (product & MASK) ^ (product >> 64n);
+}
+
+function avalanche(h: bigint): bigint {
+  h &= MASK;
+  h ^= h >> 37n;
+  h = (h * 0x165667919e3779f9n) & MASK;
+  return h ^ (h >> 32n);
+}
+
+const record = new DataView(new ArrayBuffer(20));
+const swapped = new DataView(new ArrayBuffer(8));
+
+function hash16(): bigint {
+  const low = record.getBigUint64(0, true) ^ FLIP_LOW;
+  const high = record.getBigUint64(8, true) ^ FLIP_HIGH;
+  swapped.setBigUint64(0, low, true);
+  return avalanche(16n + swapped.getBigUint64(0) + high + fold(low, high));
+}
+
+function hash20(): bigint {
+  const first = fold(record.getBigUint64(0, true) ^ SECRET_0, record.getBigUint64(8, true) ^ SECRET_8);
+  const last = fold(record.getBigUint64(4, true) ^ SECRET_16, record.getBigUint64(12, true) ^ SECRET_24);
+  return avalanche(20n * PRIME + first + last);
+}
+
+// ---- bytes ----------------------------------------------------------------------------------------
+
+class Reader {
+  private at = 0;
+  private readonly view: DataView;
+
+  constructor(private readonly bytes: Uint8Array) {
+    this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  }
+
+  get done(): boolean {
+    return this.at === this.bytes.length;
+  }
+
+  private take(size: number): number {
+    const from = this.at;
+    if (size > this.bytes.length - from) throw new MeshError("it ends too early");
+    this.at += size;
+    return from;
+  }
+
+  varint(): number {
+    let value = 0;
+    for (let shift = 0; shift < 35; shift += 7) {
+      const byte = this.bytes[this.take(1)]!;
+      if (shift === 28 && byte > 15) break;
+      value |= (byte & 0x7f) << shift;
+      if (byte < 0x80) return value >>> 0;
+    }
+    throw new MeshError("a number beyond 32 bits");
+  }
+
+  // Of things of at least `least` bytes each.
+  count(least: number): number {
+    const count = this.varint();
+    if (count * least > this.bytes.length - this.at) throw new MeshError(`${count} things do not fit`);
+    return count;
+  }
+
+  diff(before: number): number {
+    const zigzag = this.varint();
+    return (before + ((zigzag >>> 1) ^ -(zigzag & 1))) >>> 0;
+  }
+
+  coordinate(): number {
+    const value = this.view.getFloat32(this.take(4), true);
+    if (!(Math.abs(value) <= REACH_MM)) throw new MeshError(`a coordinate of ${value}`);
+    return value;
+  }
+
+  f32(): number {
+    return this.view.getFloat32(this.take(4), true);
+  }
+
+  u64(): bigint {
+    return this.view.getBigUint64(this.take(8), true);
+  }
+}
+
+// A part that came off; it is not in the mesh.
+export interface Piece {
+  volume: number; // mm³
+  centroid: [number, number, number];
+  positions: Float32Array;
+  triangles: Uint32Array;
+}
+
+interface Delta {
+  base: number;
+  number: number;
+  freed: Uint32Array;
+  vertexIds: Uint32Array;
+  positions: Float32Array;
+  madeIds: Uint32Array;
+  corners: Uint32Array;
+  labels: Uint32Array;
+  pieces: Piece[];
+  hash: bigint;
+}
+
+// `before`: -1 before the first.
+function id(before: number, gap: number): number {
+  const next = before + 1 + gap;
+  if (next >= IDS_MAX) throw new MeshError(`id ${next} is not below ${IDS_MAX}`);
+  return next;
+}
+
+function readFreed(r: Reader, delta: Delta): void {
+  const freed = (delta.freed = new Uint32Array(r.count(1)));
+  for (let i = 0, last = -1; i < freed.length; i++) freed[i] = last = id(last, r.varint());
+}
+
+function readVertices(r: Reader, delta: Delta): void {
+  const count = r.count(13);
+  delta.vertexIds = new Uint32Array(count);
+  delta.positions = new Float32Array(3 * count);
+  for (let i = 0, last = -1; i < count; i++) {
+    delta.vertexIds[i] = last = id(last, r.varint());
+    for (let k = 0; k < 3; k++) delta.positions[3 * i + k] = r.coordinate();
+  }
+}
+
+function readMade(r: Reader, delta: Delta): void {
+  const count = r.count(4);
+  delta.madeIds = new Uint32Array(count);
+  delta.labels = new Uint32Array(count);
+  delta.corners = new Uint32Array(3 * count);
+  for (let i = 0, last = -1, label = 0, corner = 0; i < count; i++) {
+    const head = r.varint();
+    delta.madeIds[i] = last = id(last, head >>> 1);
+    if (head & 1) label = r.diff(label);
+    delta.labels[i] = label;
+    for (let k = 0; k < 3; k++) {
+      delta.corners[3 * i + k] = corner = r.diff(corner);
+      if (corner >= IDS_MAX) throw new MeshError(`corner ${corner} is not below ${IDS_MAX}`);
+    }
+    checkDistinct(delta.corners, i);
+  }
+}
+
+function checkDistinct(corners: Uint32Array, triangle: number): void {
+  const [a, b, c] = corners.subarray(3 * triangle, 3 * triangle + 3);
+  if (a === b || b === c || c === a) throw new MeshError(`corners ${a}, ${b}, ${c} are not distinct`);
+}
+
+function readPieces(r: Reader, delta: Delta): void {
+  const count = r.count(18);
+  if (count > PIECES_MAX) throw new MeshError(`${count} pieces`);
+  for (let i = 0; i < count; i++) {
+    const piece: Piece = {
+      volume: r.f32(),
+      centroid: [r.coordinate(), r.coordinate(), r.coordinate()],
+      positions: new Float32Array(0),
+      triangles: new Uint32Array(0),
+    };
+    piece.positions = new Float32Array(3 * r.count(12));
+    for (let k = 0; k < piece.positions.length; k++) piece.positions[k] = r.coordinate();
+    piece.triangles = new Uint32Array(3 * r.count(3));
+    for (let k = 0, corner = 0; k < piece.triangles.length; k++) {
+      piece.triangles[k] = corner = r.diff(corner);
+      if (3 * corner >= piece.positions.length) throw new MeshError(`a piece has no vertex ${corner}`);
+    }
+    delta.pieces.push(piece);
+  }
+}
+
+function readDelta(r: Reader): Delta {
+  const base = r.varint();
+  const delta: Delta = {
+    base,
+    number: base + r.varint() + 1,
+    freed: new Uint32Array(0),
+    vertexIds: new Uint32Array(0),
+    positions: new Float32Array(0),
+    madeIds: new Uint32Array(0),
+    corners: new Uint32Array(0),
+    labels: new Uint32Array(0),
+    pieces: [],
+    hash: 0n,
+  };
+  if (delta.number > 0xffffffff) throw new MeshError("its number is not above its base");
+  readFreed(r, delta);
+  readVertices(r, delta);
+  readMade(r, delta);
+  readPieces(r, delta);
+  delta.hash = r.u64();
+  return delta;
+}
+
+// ---- a mesh that is kept by changes ----------------------------------------------------------------
+
+type Numbers = Float32Array | Uint32Array;
+
+function grown<T extends Numbers>(items: T, count: number): T {
+  if (items.length >= count) return items;
+  const larger = new (items.constructor as { new (n: number): T })(Math.max(count, Math.ceil(1.25 * items.length)));
+  larger.set(items as never);
+  return larger;
+}
+
+export class Tissue {
+  number = 0; // 0: nothing yet
+  hash = 0n;
+  vertexCount = 0; // living
+  triangleCount = 0;
+  vertexBound = 0; // above every id, of the living and the dead
+  triangleBound = 0;
+  positions = new Float32Array(0);
+  corners = new Uint32Array(0); // of a dead triangle three times 0
+  labels = new Uint32Array(0); // number of the cut that made the surface; 0: the original one
+  pieces: Piece[] = []; // that came off with the last payload
+  private uses = new Uint32Array(0);
+
+  clear(): void {
+    this.number = this.vertexCount = this.triangleCount = this.vertexBound = this.triangleBound = 0;
+    this.hash = 0n;
+    this.positions = new Float32Array(0);
+    this.corners = new Uint32Array(0);
+    this.labels = new Uint32Array(0);
+    this.uses = new Uint32Array(0);
+    this.pieces = [];
+  }
+
+  clone(): Tissue {
+    const copy = Object.assign(new Tissue(), this);
+    copy.positions = this.positions.slice();
+    copy.corners = this.corners.slice();
+    copy.labels = this.labels.slice();
+    copy.uses = this.uses.slice();
+    return copy;
+  }
+
+  lives(triangle: number): boolean {
+    return this.corners[3 * triangle] !== this.corners[3 * triangle + 1];
+  }
+
+  // Makes a payload's changes. Where that fails with a MeshError nothing is left, but where it is `missing`.
+  apply(payload: Uint8Array): void {
+    const reader = new Reader(payload);
+    const pieces: Piece[] = [];
+    try {
+      while (!reader.done) {
+        const delta = readDelta(reader);
+        this.change(delta);
+        if (this.hash !== delta.hash) throw new MeshError("the mesh's hash is not the one told");
+        pieces.push(...delta.pieces);
+      }
+    } catch (error) {
+      if (!(error instanceof MeshError && error.missing)) this.clear();
+      throw error;
+    }
+    this.pieces = pieces;
+  }
+
+  private change(delta: Delta): void {
+    if (delta.base && delta.base !== this.number)
+      throw new MeshError(`it changes number ${delta.base}, and number ${this.number} is here`, true);
+    if (!delta.base) this.clear();
+    this.checkCorners(delta);
+    for (const triangle of delta.freed) {
+      if (triangle >= this.triangleBound || !this.lives(triangle))
+        throw new MeshError(`it frees triangle ${triangle}, which is not alive`);
+      this.drop(triangle);
+    }
+    this.makeRoom(delta);
+    for (const triangle of delta.madeIds) if (this.lives(triangle)) this.drop(triangle);
+    this.addVertices(delta);
+    for (let i = 0; i < delta.madeIds.length; i++) this.put(delta, i);
+    for (const vertex of delta.vertexIds)
+      if (!this.uses[vertex]) throw new MeshError(`new vertex ${vertex} has no triangle`);
+    this.number = delta.number;
+  }
+
+  // Before anything is freed: a vertex may lose all its triangles and get others.
+  private checkCorners(delta: Delta): void {
+    const fresh = new Set(delta.vertexIds);
+    for (const corner of delta.corners)
+      if (!this.uses[corner] && !fresh.has(corner)) throw new MeshError(`corner ${corner} is not alive`);
+  }
+
+  private makeRoom(delta: Delta): void {
+    const vertices = Math.max(this.vertexBound, (delta.vertexIds.at(-1) ?? -1) + 1);
+    const triangles = Math.max(this.triangleBound, (delta.madeIds.at(-1) ?? -1) + 1);
+    this.positions = grown(this.positions, 3 * vertices);
+    this.uses = grown(this.uses, vertices);
+    this.corners = grown(this.corners, 3 * triangles);
+    this.labels = grown(this.labels, triangles);
+    this.vertexBound = vertices;
+    this.triangleBound = triangles;
+  }
+
+  private addVertices(delta: Delta): void {
+    delta.vertexIds.forEach((vertex, i) => {
+      if (this.uses[vertex]) throw new MeshError(`new vertex ${vertex} has the id of a living one`);
+      this.positions.set(delta.positions.subarray(3 * i, 3 * i + 3), 3 * vertex);
+    });
+  }
+
+  private put(delta: Delta, i: number): void {
+    const triangle = delta.madeIds[i]!;
+    this.labels[triangle] = delta.labels[i]!;
+    for (let k = 0; k < 3; k++) {
+      const corner = (this.corners[3 * triangle + k] = delta.corners[3 * i + k]!);
+      if (this.uses[corner]!++ === 0) {
+        this.vertexCount++;
+        this.add(this.vertexHash(corner));
+      }
+    }
+    this.triangleCount++;
+    this.add(this.triangleHash(triangle));
+  }
+
+  private drop(triangle: number): void {
+    this.add(-this.triangleHash(triangle));
+    this.triangleCount--;
+    for (let k = 0; k < 3; k++) {
+      const corner = this.corners[3 * triangle + k]!;
+      if (--this.uses[corner]! === 0) {
+        this.vertexCount--;
+        this.add(-this.vertexHash(corner));
+      }
+    }
+    this.corners.fill(0, 3 * triangle, 3 * triangle + 3);
+  }
+
+  private add(hash: bigint): void {
+    this.hash = (this.hash + hash) & MASK;
+  }
+
+  private vertexHash(vertex: number): bigint {
+    record.setUint32(0, vertex, true);
+    for (let k = 0; k < 3; k++) record.setFloat32(4 + 4 * k, this.positions[3 * vertex + k]!, true);
+    return hash16();
+  }
+
+  private triangleHash(triangle: number): bigint {
+    record.setUint32(0, triangle, true);
+    for (let k = 0; k < 3; k++) record.setUint32(4 + 4 * k, this.corners[3 * triangle + k]!, true);
+    record.setUint32(16, this.labels[triangle]!, true);
+    return hash20();
+  }
+}
+
+// ---- following a server's meshes --------------------------------------------------------------------
+
+export interface Chunk {
+  group: string;
+  base: number;
+  number: number;
+  size: number;
+  hash: bigint;
+  index: number;
+  data: Uint8Array;
+}
+
+export interface Have {
+  group: string;
+  number: number;
+  hash: bigint;
+}
+
+export type Answer = { ack: Have } | { ask: Have[] };
+
+interface Coming {
+  base: number;
+  number: number;
+  hash: bigint;
+  bytes: Uint8Array;
+  index: number; // of the chunk that is next
+  used: number;
+}
+
+interface Followed {
+  tissue: Tissue;
+  coming: Coming | null;
+  failures: number; // one behind the other
+}
+
+const FAILURES_MAX = 4;
+
+// The meshes of one session. `onPayload` gets each payload that was made, as it came.
+export class Meshes {
+  private readonly groups = new Map<string, Followed>();
+  onPayload: (group: string, tissue: Tissue, payload: Uint8Array) => void = () => {};
+
+  // Of another case: all meshes are void.
+  clear(): void {
+    this.groups.clear();
+  }
+
+  tissue(group: string): Tissue | undefined {
+    const followed = this.groups.get(group);
+    return followed?.tissue.number ? followed.tissue : undefined;
+  }
+
+  ask(): { ask: Have[] } {
+    const ask: Have[] = [];
+    for (const [group, { tissue }] of this.groups) if (tissue.number) ask.push(have(group, tissue));
+    return { ask };
+  }
+
+  // The session opens: groups that were given up are followed again.
+  open(): { ask: Have[] } {
+    for (const followed of this.groups.values()) {
+      followed.failures = 0;
+      followed.coming = null;
+    }
+    return this.ask();
+  }
+
+  // What to answer; null: nothing yet.
+  chunk(chunk: Chunk): Answer | null {
+    const followed = this.followed(chunk.group);
+    if (followed.failures >= FAILURES_MAX) return null;
+    if (chunk.index === 0) this.begin(followed, chunk);
+    const coming = followed.coming;
+    if (!coming) return null;
+    if (!fits(coming, chunk)) return this.failed(followed);
+    coming.bytes.set(chunk.data, coming.used);
+    coming.used += chunk.data.length;
+    coming.index++;
+    if (coming.used < coming.bytes.length) return null;
+    followed.coming = null;
+    return this.made(chunk.group, followed, coming);
+  }
+
+  private begin(followed: Followed, chunk: Chunk): void {
+    const size = chunk.size <= PAYLOAD_MAX ? chunk.size : 0;
+    followed.coming = {
+      base: chunk.base,
+      number: chunk.number,
+      hash: chunk.hash,
+      bytes: new Uint8Array(size),
+      index: 0,
+      used: 0,
+    };
+  }
+
+  private made(group: string, followed: Followed, coming: Coming): Answer {
+    const { tissue } = followed;
+    if (coming.number <= tissue.number && coming.base) return { ack: have(group, tissue) };
+    try {
+      tissue.apply(coming.bytes);
+    } catch (error) {
+      if (!(error instanceof MeshError)) throw error;
+      return this.failed(followed);
+    }
+    followed.failures = 0;
+    this.onPayload(group, tissue, coming.bytes);
+    return { ack: have(group, tissue) };
+  }
+
+  private failed(followed: Followed): Answer | null {
+    followed.coming = null;
+    return ++followed.failures < FAILURES_MAX ? this.ask() : null;
+  }
+
+  private followed(group: string): Followed {
+    let followed = this.groups.get(group);
+    if (!followed) this.groups.set(group, (followed = { tissue: new Tissue(), coming: null, failures: 0 }));
+    return followed;
+  }
+}
+
+function have(group: string, tissue: Tissue): Have {
+  return { group, number: tissue.number, hash: tissue.hash };
+}
+
+function fits(coming: Coming, chunk: Chunk): boolean {
+  const wanted = Math.min(CHUNK, coming.bytes.length - coming.used);
+  return chunk.index === coming.index && chunk.number === coming.number && chunk.hash === coming.hash &&
+    chunk.size === coming.bytes.length && chunk.data.length === wanted && wanted > 0;
+}
+
+// ---- meshes of a recorded session -------------------------------------------------------------------
+
+const KEPT_EVERY = 16;
+
+interface Landing {
+  time: number; // s
+  payload: Uint8Array;
+  before: Tissue | null; // kept of every 16th
+}
+
+// The mesh of one group at any time of a session.
+export class MeshHistory {
+  private readonly landings: Landing[] = [];
+  private made = 0; // landings that `tissue` has had
+  private tissue = new Tissue();
+
+  push(time: number, payload: Uint8Array): void {
+    this.landings.push({ time, payload, before: null });
+  }
+
+  // The mesh as it was then, good until the next call; undefined before the first.
+  at(time: number): Tissue | undefined {
+    let wanted = this.made;
+    while (wanted < this.landings.length && this.landings[wanted]!.time <= time) wanted++;
+    while (wanted > 0 && this.landings[wanted - 1]!.time > time) wanted--;
+    if (wanted < this.made) this.rewind(wanted);
+    while (this.made < wanted) this.step();
+    return this.tissue.number ? this.tissue : undefined;
+  }
+
+  private rewind(wanted: number): void {
+    while (this.made > 0 && (this.made > wanted || !this.landings[this.made]?.before)) this.made--;
+    this.tissue = this.landings[this.made]?.before?.clone() ?? new Tissue();
+  }
+
+  private step(): void {
+    const landing = this.landings[this.made]!;
+    if (this.made % KEPT_EVERY === 0) landing.before ??= this.tissue.clone();
+    this.tissue.apply(landing.payload);
+    this.made++;
+  }
+}

@@ -1,0 +1,168 @@
+// Payloads that the C code made (tests/wire/mesh_file.c), with what it says of the mesh after each.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { MeshError, MeshHistory, Meshes, Tissue, type Answer, type Chunk } from "../src/mesh";
+
+interface Step {
+  number: number;
+  hash: bigint;
+  vertices: number;
+  triangles: number;
+  payload: Uint8Array;
+}
+
+function steps(): Step[] {
+  const bytes = readFileSync("test/meshes.bin");
+  const found: Step[] = [];
+  for (let at = 0; at < bytes.length; ) {
+    const size = bytes.readUInt32LE(at + 20);
+    found.push({
+      number: bytes.readUInt32LE(at),
+      hash: bytes.readBigUInt64LE(at + 4),
+      vertices: bytes.readUInt32LE(at + 12),
+      triangles: bytes.readUInt32LE(at + 16),
+      payload: bytes.subarray(at + 24, at + 24 + size),
+    });
+    at += 24 + size;
+  }
+  return found;
+}
+
+function check(tissue: Tissue | undefined, step: Step): void {
+  assert.ok(tissue);
+  assert.equal(tissue.number, step.number);
+  assert.equal(tissue.hash, step.hash);
+  assert.equal(tissue.vertexCount, step.vertices);
+  assert.equal(tissue.triangleCount, step.triangles);
+  let alive = 0;
+  const used = new Set<number>();
+  for (let t = 0; t < tissue.triangleBound; t++)
+    if (tissue.lives(t)) {
+      alive++;
+      for (let k = 0; k < 3; k++) used.add(tissue.corners[3 * t + k]!);
+    }
+  assert.equal(alive, step.triangles);
+  assert.equal(used.size, step.vertices);
+}
+
+test("a mesh follows the changes that C made", () => {
+  const tissue = new Tissue();
+  for (const step of steps()) {
+    tissue.apply(step.payload);
+    check(tissue, step);
+  }
+  assert.equal(steps().length, 12);
+});
+
+test("a change of another mesh is missing its base and changes nothing", () => {
+  const tissue = new Tissue();
+  const [first, second, third] = steps();
+  tissue.apply(first!.payload);
+  assert.throws(() => tissue.apply(third!.payload), (error) => error instanceof MeshError && error.missing);
+  check(tissue, first!);
+  tissue.apply(second!.payload);
+  check(tissue, second!);
+});
+
+test("no byte can be wrong, and none left out, without a word", () => {
+  const [first, second] = steps();
+  const before = new Tissue();
+  before.apply(first!.payload);
+  const refused = (payload: Uint8Array, what: string): void => {
+    const tissue = before.clone();
+    try {
+      tissue.apply(payload);
+    } catch (error) {
+      assert.ok(error instanceof MeshError, `${what}: ${error}`);
+      if (!error.missing) assert.equal(tissue.number, 0);
+      return;
+    }
+    // The shapes of pieces are not in the hash: they are for the eye.
+    assert.equal(tissue.hash, second!.hash, what);
+    assert.equal(tissue.triangleCount, second!.triangles, what);
+  };
+  for (let at = 0; at < second!.payload.length; at++)
+    for (const bit of [1, 16, 128]) {
+      const payload = second!.payload.slice();
+      payload[at]! ^= bit;
+      refused(payload, `byte ${at} ^ ${bit}`);
+    }
+  for (let size = 1; size < second!.payload.length; size++)
+    assert.throws(() => before.clone().apply(second!.payload.subarray(0, size)), MeshError, `${size} bytes`);
+});
+
+function chunks(step: Step, base: number, part = 32768): Chunk[] {
+  const all: Chunk[] = [];
+  for (let index = 0; index * part < step.payload.length; index++)
+    all.push({
+      group: "meniscus_medial",
+      base,
+      number: step.number,
+      size: step.payload.length,
+      hash: 1n,
+      index,
+      data: step.payload.subarray(index * part, (index + 1) * part),
+    });
+  return all;
+}
+
+function acked(answer: Answer | null): number {
+  assert.ok(answer && "ack" in answer, "no mesh was made");
+  return answer.ack.number;
+}
+
+test("what follows a server says what it has, and asks again where something is wrong", () => {
+  const [first, second, third] = steps();
+  const meshes = new Meshes();
+  assert.deepEqual(meshes.ask(), { ask: [] });
+  assert.equal(acked(meshes.chunk(chunks(first!, 0)[0]!)), first!.number);
+  assert.deepEqual(meshes.ask().ask, [{ group: "meniscus_medial", number: first!.number, hash: first!.hash }]);
+
+  const wrongBase = meshes.chunk({ ...chunks(third!, second!.number)[0]! });
+  assert.deepEqual(wrongBase, meshes.ask());
+  assert.equal(meshes.tissue("meniscus_medial")?.number, first!.number);
+
+  assert.deepEqual(meshes.chunk({ ...chunks(second!, first!.number)[0]!, size: second!.payload.length + 1 }), meshes.ask());
+  assert.equal(meshes.chunk({ ...chunks(second!, first!.number)[0]!, index: 1 }), null); // before a chunk 0: nothing
+
+  assert.equal(acked(meshes.chunk(chunks(second!, first!.number)[0]!)), second!.number);
+  assert.equal(acked(meshes.chunk(chunks(second!, first!.number)[0]!)), second!.number); // passed already
+  check(meshes.tissue("meniscus_medial"), second!);
+});
+
+test("after the fourth failure in a row a group is given up until the session opens again", () => {
+  const [first, second] = steps();
+  const meshes = new Meshes();
+  meshes.chunk(chunks(first!, 0)[0]!);
+  const bad = { ...chunks(second!, first!.number)[0]!, size: 5 };
+  for (let i = 0; i < 3; i++) assert.ok(meshes.chunk(bad));
+  assert.equal(meshes.chunk(bad), null);
+  assert.equal(meshes.chunk(chunks(second!, first!.number)[0]!), null);
+  assert.equal(meshes.open().ask.length, 1);
+  assert.equal(acked(meshes.chunk(chunks(second!, first!.number)[0]!)), second!.number);
+});
+
+test("a payload comes together from its chunks", () => {
+  const whole = new Uint8Array(70000).fill(255);
+  const step = { ...steps()[0]!, payload: whole };
+  const meshes = new Meshes();
+  const parts = chunks(step, 0);
+  assert.deepEqual(parts.map((part) => part.data.length), [32768, 32768, 4464]);
+  assert.equal(meshes.chunk(parts[0]!), null);
+  assert.equal(meshes.chunk(parts[1]!), null);
+  assert.deepEqual(meshes.chunk(parts[2]!), { ask: [] }); // no change of a mesh
+  meshes.chunk(parts[0]!);
+  assert.deepEqual(meshes.chunk(parts[2]!), { ask: [] }); // out of order
+});
+
+test("the mesh of a recorded session is there at any time, in any order", () => {
+  const history = new MeshHistory();
+  const all = steps();
+  // The same session over and over, so that more meshes are kept than one.
+  for (let round = 0; round < 4; round++) all.forEach((step, i) => history.push(100 * round + i, step.payload));
+  assert.equal(history.at(-1), undefined);
+  for (const at of [0, 5.5, 311, 304, 103, 0, 207, 99, 311])
+    check(history.at(at), all[Math.min(11, Math.floor(at % 100))]!);
+  assert.equal(history.at(-1), undefined);
+});

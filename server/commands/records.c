@@ -23,8 +23,8 @@ static const char help[] =
     "\n"
     "Reads and keeps the records, beside a running server too.\n"
     "\n"
-    "  list      trainees, courses, enrolments, stations, cases, sessions, results, accounts or\n"
-    "            audit\n"
+    "  list      trainees, courses, enrolments, stations, cases, sessions, results, accounts,\n"
+    "            tokens or audit\n"
     "  show      one of them: a trainee with the sessions, a course with its trainees, a session\n"
     "            with its results\n"
     "  add       a trainee (as in [station] trainee = NAME of the server's config), a course, an\n"
@@ -131,7 +131,8 @@ static int show(struct store *store, const struct request *r) {
     if (r->count != 3)
         return USAGE;
     snprintf(plural, sizeof plural, "%ss", r->words[1]);
-    if (!store_list_from_name(plural, &which) || which == LIST_RESULTS || which == LIST_ENROLMENTS)
+    if (!store_list_from_name(plural, &which) || which == LIST_RESULTS ||
+        which == LIST_ENROLMENTS || which == LIST_TOKENS)
         return USAGE;
     json_t *rows = json_array(), *shown = json_object();
     json_object_set(shown, r->words[1], rows);

@@ -245,6 +245,11 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
     return result;
 }
 
+void store_set_actor(struct store *store, const char *actor) {
+    free(store->actor);
+    store->actor = alloc_text(actor);
+}
+
 void store_close(struct store **store) {
     struct store *s = *store;
     if (!s)
@@ -351,6 +356,14 @@ enum result store_begin(struct store *store, struct error *err) {
     return store_run(store, "BEGIN IMMEDIATE", err);
 }
 
+enum result store_find_named(struct store *store, const char *sql, const char *what,
+                             const char *name, int64_t *out_id, struct error *err) {
+    enum result result = store_find(store, sql, out_id, err, "t", name);
+    if (result == RESULT_MISSING)
+        fail(err, result, "%s: there is no %s '%.*s'", store->path, what, STORE_NAME_MAX, name);
+    return result;
+}
+
 enum result store_end(struct store *store, enum result result, struct error *err) {
     if (result == RESULT_OK)
         result = store_run(store, "COMMIT", err);
@@ -363,6 +376,11 @@ enum result store_audit(struct store *store, const char *action, const char *kin
                         struct error *err) {
     char subject[STORE_NAME_MAX];
     snprintf(subject, sizeof subject, id ? "%s %lld" : "%s", kind, (long long)id);
+    return store_note(store, action, subject, err);
+}
+
+enum result store_note(struct store *store, const char *action, const char *subject,
+                       struct error *err) {
     return store_do(store, "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)",
                     err, "ittt", clock_utc_ns(), store->actor, action, subject);
 }

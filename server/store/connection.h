@@ -49,12 +49,23 @@ enum result store_do(struct store *store, const char *sql, struct error *err, co
 enum result store_find(struct store *store, const char *sql, int64_t *out, struct error *err,
                        const char *kinds, ...);
 
+// Gives the rows of a prepared statement to the taker, and resets it.
+enum result store_give(struct store *store, sqlite3_stmt *statement, store_taker take, void *user,
+                       struct error *err);
+
 // Ends what "BEGIN IMMEDIATE" began: all of it where `result` is RESULT_OK, else none. Returns
 // `result`, or why it could not end.
 enum result store_end(struct store *store, enum result result, struct error *err);
 enum result store_begin(struct store *store, struct error *err);
 
+// The number of what has this name: RESULT_MISSING names the records, what it is and its name.
+enum result store_find_named(struct store *store, const char *sql, const char *what,
+                             const char *name, int64_t *out_id, struct error *err);
+
 // A line of the audit log about "kind id"; without personal data (a trainee by number), for it is
 // never changed. id 0: there is but one.
 enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,
                         struct error *err);
+
+// Encoded by argon2, as store_add_account says.
+enum result store_check_password(const char *password, struct error *err);

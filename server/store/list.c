@@ -48,6 +48,11 @@ static const struct {
                        "a.password IS NOT NULL AS can_log_in, a.created_utc_ns FROM account a "
                        "LEFT JOIN trainee ON trainee.id = a.trainee_id "
                        "WHERE ?1 IS NULL OR a.name = ?1 ORDER BY a.id"},
+    [LIST_TOKENS] = {"tokens", "SELECT k.id, k.kind, a.name AS account, t.name AS trainee, k.name, "
+                               "k.created_utc_ns, k.until_utc_ns, k.used_utc_ns FROM token k "
+                               "LEFT JOIN account a ON a.id = k.account_id "
+                               "LEFT JOIN trainee t ON t.id = k.trainee_id "
+                               "WHERE ?1 IS NULL OR ?1 IN (a.name, t.name) ORDER BY k.id"},
     [LIST_AUDIT] = {"audit", "SELECT utc_ns, actor, action, subject FROM audit "
                              "WHERE ?1 IS NULL OR subject = ?1 ORDER BY id"},
 };
@@ -94,13 +99,10 @@ static int read_row(sqlite3_stmt *statement, struct store_cell cells[COLUMNS_MAX
     return count;
 }
 
-static enum result read_all(struct store *store, const char *sql, const char *key, store_taker take,
-                            void *user, struct error *err) {
+enum result store_give(struct store *store, sqlite3_stmt *statement, store_taker take, void *user,
+                       struct error *err) {
     struct store_cell cells[COLUMNS_MAX];
-    sqlite3_stmt *statement;
-    enum result result = store_prepare(store, sql, &statement, err, "t", key);
-    if (result != RESULT_OK)
-        return result;
+    enum result result = RESULT_OK;
     int code;
     while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
         int count = read_row(statement, cells);
@@ -110,6 +112,13 @@ static enum result read_all(struct store *store, const char *sql, const char *ke
         result = store_failed(store, code, err);
     sqlite3_reset(statement);
     return result;
+}
+
+static enum result read_all(struct store *store, const char *sql, const char *key, store_taker take,
+                            void *user, struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(store, sql, &statement, err, "t", key);
+    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
 }
 
 enum result store_rows(struct store *store, enum store_list list, const char *key, store_taker take,
@@ -136,4 +145,62 @@ enum result store_sessions_of(struct store *store, const char *trainee, store_ta
                               void *user, struct error *err) {
     return read_all(store, SESSIONS "WHERE trainee.name = ?1 ORDER BY s.id", trainee, take, user,
                     err);
+}
+
+enum result store_find_sessions(struct store *store, const struct store_filter *filter,
+                                store_taker take, void *user, struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(
+        store,
+        SESSIONS
+        "WHERE (?1 IS NULL OR trainee.name = ?1) AND (?2 IS NULL OR s.trainee_id IN "
+        "(SELECT trainee_id FROM enrolment WHERE course_id = "
+        "(SELECT id FROM course WHERE name = ?2))) AND (?3 IS NULL OR knee_case.name = ?3) AND "
+        "(?4 IS NULL OR (s.start_utc_ns, s.id) < "
+        "(SELECT start_utc_ns, id FROM session WHERE uuid = ?4)) "
+        "ORDER BY s.start_utc_ns DESC, s.id DESC LIMIT ?5",
+        &statement, err, "tttti", filter->trainee, filter->course, filter->case_name,
+        filter->before, (int64_t)filter->limit);
+    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+}
+
+enum result store_last_audit(struct store *store, int limit, store_taker take, void *user,
+                             struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(
+        store, "SELECT utc_ns, actor, action, subject FROM audit ORDER BY id DESC LIMIT ?",
+        &statement, err, "i", (int64_t)limit);
+    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+}
+
+enum result store_figures_on(struct store *store, const char *case_name, const char *course,
+                             store_taker take, void *user, struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(
+        store,
+        "SELECT r.metric, r.subject, r.version, r.unit, r.value FROM result r "
+        "JOIN session s ON s.id = r.session_id JOIN knee_case c ON c.id = s.case_id "
+        "WHERE c.name = ?1 AND s.state = 'closed' AND r.value IS NOT NULL AND "
+        "(?2 IS NULL OR s.trainee_id IN (SELECT trainee_id FROM enrolment WHERE course_id = "
+        "(SELECT id FROM course WHERE name = ?2))) "
+        "ORDER BY r.metric, r.subject, r.version, r.unit, r.value",
+        &statement, err, "tt", case_name, course);
+    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+}
+
+enum result store_trainees_in(struct store *store, const char *course, store_taker take, void *user,
+                              struct error *err) {
+    return read_all(store,
+                    "SELECT t.name, t.full_name FROM trainee t JOIN enrolment e ON "
+                    "e.trainee_id = t.id JOIN course c ON c.id = e.course_id WHERE c.name = ?1 "
+                    "ORDER BY t.name",
+                    course, take, user, err);
+}
+
+enum result store_courses_of(struct store *store, const char *trainee, store_taker take, void *user,
+                             struct error *err) {
+    return read_all(store,
+                    "SELECT c.name FROM course c JOIN enrolment e ON e.course_id = c.id "
+                    "JOIN trainee t ON t.id = e.trainee_id WHERE t.name = ?1 ORDER BY c.name",
+                    trainee, take, user, err);
 }

@@ -24,17 +24,10 @@ bool store_role_from_name(const char *name, enum store_role *out_role) {
     return false;
 }
 
-static enum result find_named(struct store *store, const char *sql, const char *what,
-                              const char *name, int64_t *out_id, struct error *err) {
-    enum result result = store_find(store, sql, out_id, err, "t", name);
-    if (result == RESULT_MISSING)
-        fail(err, result, "%s: there is no %s '%.*s'", store->path, what, STORE_NAME_MAX, name);
-    return result;
-}
-
 static enum result find_trainee(struct store *store, const char *name, int64_t *out_id,
                                 struct error *err) {
-    return find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", name, out_id, err);
+    return store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", name, out_id,
+                            err);
 }
 
 // RESULT_OK where nothing has that name.
@@ -94,8 +87,8 @@ enum result store_enrol(struct store *store, const char *trainee, const char *co
         return result;
     result = find_trainee(store, trainee, &trainee_id, err);
     if (result == RESULT_OK)
-        result = find_named(store, "SELECT id FROM course WHERE name = ?", "course", course,
-                            &course_id, err);
+        result = store_find_named(store, "SELECT id FROM course WHERE name = ?", "course", course,
+                                  &course_id, err);
     if (result == RESULT_OK)
         result =
             store_do(store, "INSERT OR IGNORE INTO enrolment (trainee_id, course_id) VALUES (?, ?)",
@@ -105,14 +98,17 @@ enum result store_enrol(struct store *store, const char *trainee, const char *co
     return store_end(store, result, err);
 }
 
-static enum result check_account(const char *name, const char *password, struct error *err) {
-    enum result result = text_check(name, "account's name", STORE_NAME_MAX, err);
-    if (result == RESULT_OK && password)
-        result = text_check(password, "account's password", STORE_TEXT_MAX, err);
-    if (result == RESULT_OK && password && strncmp(password, "$argon2", 7) != 0)
+enum result store_check_password(const char *password, struct error *err) {
+    enum result result = text_check(password, "account's password", STORE_TEXT_MAX, err);
+    if (result == RESULT_OK && strncmp(password, "$argon2", 7) != 0)
         result = fail(err, RESULT_INVALID,
                       "the account's password is not encoded by argon2 ($argon2id$v=19$...)");
     return result;
+}
+
+static enum result check_account(const char *name, const char *password, struct error *err) {
+    enum result result = text_check(name, "account's name", STORE_NAME_MAX, err);
+    return result == RESULT_OK && password ? store_check_password(password, err) : result;
 }
 
 enum result store_add_account(struct store *store, const char *name, enum store_role role,
@@ -149,6 +145,11 @@ static enum result erase_rows(struct store *store, int64_t id, const char *pseud
                               struct error *err) {
     enum result result =
         store_do(store, "DELETE FROM enrolment WHERE trainee_id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_do(store,
+                          "DELETE FROM token WHERE trainee_id = ?1 OR account_id IN "
+                          "(SELECT id FROM account WHERE trainee_id = ?1)",
+                          err, "i", id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM account WHERE trainee_id = ?", err, "i", id);
     if (result == RESULT_OK)

@@ -80,5 +80,23 @@ static const char accounts_and_audit[] =
 // Of the last record: through the chain of hashes it stands for the whole trace, signature and all.
 static const char hash_of_the_record[] = "ALTER TABLE session ADD COLUMN trace_hash TEXT;";
 
-const char *const schema_steps[] = {sessions_and_results, accounts_and_audit, hash_of_the_record};
+// Who is signed in, and by what: the hash of a cookie, of a program's token, or of a trainee's
+// code.
+static const char tokens[] = "CREATE TABLE token ("
+                             "  id INTEGER PRIMARY KEY AUTOINCREMENT,"
+                             "  kind TEXT NOT NULL CHECK (kind IN ('cookie', 'token', 'code')),"
+                             "  hash TEXT NOT NULL UNIQUE CHECK (length(hash) = 64),"
+                             "  account_id INTEGER REFERENCES account,"
+                             "  trainee_id INTEGER REFERENCES trainee,"
+                             "  name TEXT,"
+                             "  created_utc_ns INTEGER NOT NULL,"
+                             "  until_utc_ns INTEGER NOT NULL,"
+                             "  used_utc_ns INTEGER,"
+                             "  CHECK ((account_id IS NULL) <> (trainee_id IS NULL))"
+                             ") STRICT;"
+                             "CREATE INDEX token_account ON token (account_id);"
+                             "CREATE INDEX token_trainee ON token (trainee_id);";
+
+const char *const schema_steps[] = {sessions_and_results, accounts_and_audit, hash_of_the_record,
+                                    tokens};
 const int schema_version = sizeof schema_steps / sizeof *schema_steps;

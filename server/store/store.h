@@ -34,6 +34,14 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
                        struct store **out_store, struct error *err);
 void store_close(struct store **store); // NULL inside is fine
 
+// From now on somebody else does it; copied.
+void store_set_actor(struct store *store, const char *actor);
+
+// A line of the audit log about what is not in the records: subject "station room-1". No personal
+// data, for the line is never changed.
+enum result store_note(struct store *store, const char *action, const char *subject,
+                       struct error *err);
+
 // ---- people and courses -------------------------------------------------------------------------
 
 // full_name may be NULL. RESULT_REFUSED where the name is taken.
@@ -55,11 +63,69 @@ bool store_role_from_name(const char *name, enum store_role *out_role);
 enum result store_add_account(struct store *store, const char *name, enum store_role role,
                               const char *password, const char *trainee, struct error *err);
 
+// Of an instructor who can sign in one stays, else RESULT_REFUSED. Both end all that the account is
+// signed in by; so does a new password.
+enum result store_remove_account(struct store *store, const char *name, struct error *err);
+enum result store_set_role(struct store *store, const char *name, enum store_role role,
+                           struct error *err);
+enum result store_set_password(struct store *store, const char *name, const char *password,
+                               struct error *err);
+
 // Takes away who the trainee was: name and full name give way to a pseudonym (written to
-// out_pseudonym), their courses and accounts go, and nothing of them stays in the file. Their
-// sessions and results stay. RESULT_MISSING where there is none of that name.
+// out_pseudonym), their courses, accounts and tokens go, and nothing of them stays in the file.
+// Their sessions and results stay. RESULT_MISSING where there is none of that name.
 enum result store_erase_trainee(struct store *store, const char *name,
                                 char out_pseudonym[STORE_NAME_MAX], struct error *err);
+
+// ---- who comes in -------------------------------------------------------------------------------
+
+#define STORE_HASH_MAX 65 // a SHA-256 in hexadecimal digits
+
+enum store_token_kind {
+    TOKEN_COOKIE, // of a browser: ends 12 h after it was last used
+    TOKEN_BEARER, // of a program: ends after a year
+    TOKEN_CODE,   // signs a trainee in, any number of times, for 12 h
+    TOKEN_COUNT
+};
+
+// Who has signed in, or would with the right password.
+struct store_visitor {
+    char name[STORE_NAME_MAX]; // of the account; of the trainee where a code was enough
+    enum store_role role;
+    char trainee[STORE_NAME_MAX];  // whose sessions are theirs; empty: nobody's
+    char actor[STORE_NAME_MAX];    // for the audit log: a trainee by number, staff by name
+    char password[STORE_TEXT_MAX]; // as it was put, empty: cannot sign in; of store_find_account
+    bool by_account;               // and not by a trainee's code
+    int64_t token;                 // its number; of store_find_token
+};
+
+enum result store_find_account(struct store *store, const char *name,
+                               struct store_visitor *out_visitor, struct error *err);
+
+// Who has this cookie or token, whose use is noted every few minutes. RESULT_MISSING where it is
+// nobody's, or has ended.
+enum result store_find_token(struct store *store, const char *hash,
+                             struct store_visitor *out_visitor, struct error *err);
+// The trainee of a code, as a visitor without account.
+enum result store_find_code(struct store *store, const char *hash,
+                            struct store_visitor *out_visitor, struct error *err);
+
+// Keeps a new one of a visitor who was found above; of a code that of the trainee of that name.
+// name: what its owner calls it, or NULL. The hash is of what is never kept itself. Of cookies the
+// oldest of more than 32 go, a new code voids the one before, more than 32 tokens are refused
+// (RESULT_LIMIT). *out_until_utc_ns: when it ends.
+enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
+                            const struct store_visitor *owner, const char *name, int64_t *out_id,
+                            int64_t *out_until_utc_ns, struct error *err);
+enum result store_add_code(struct store *store, const char *trainee, const char *hash,
+                           int64_t *out_until_utc_ns, struct error *err);
+
+// RESULT_MISSING where it is not this visitor's.
+enum result store_remove_token(struct store *store, const struct store_visitor *owner, int64_t id,
+                               struct error *err);
+
+// Whether there is an instructor who can sign in.
+enum result store_has_instructor(struct store *store, bool *out_has, struct error *err);
 
 // ---- sessions -----------------------------------------------------------------------------------
 
@@ -121,6 +187,7 @@ enum store_list {
     LIST_SESSIONS,
     LIST_RESULTS, // of a session
     LIST_ACCOUNTS,
+    LIST_TOKENS, // of an account or trainee; without hashes
     LIST_AUDIT,
     LIST_COUNT
 };
@@ -152,6 +219,33 @@ enum result store_columns(struct store *store, enum store_list list, store_taker
 // The sessions of one trainee, as LIST_SESSIONS.
 enum result store_sessions_of(struct store *store, const char *trainee, store_taker take,
                               void *user, struct error *err);
+
+// Which sessions; NULL: any.
+struct store_filter {
+    const char *trainee, *course, *case_name; // course: of its trainees
+    const char *before;                       // only those that began before this session
+    int limit;
+};
+
+// Newest first, as LIST_SESSIONS.
+enum result store_find_sessions(struct store *store, const struct store_filter *filter,
+                                store_taker take, void *user, struct error *err);
+
+// The last rows of the audit log, newest first, as LIST_AUDIT.
+enum result store_last_audit(struct store *store, int limit, store_taker take, void *user,
+                             struct error *err);
+
+// The figures of all sessions on a case that were closed as they should, of the trainees of a
+// course (NULL: of all): metric, subject, version, unit and value, in this order and rising,
+// without a name. Those that have no value are left out.
+enum result store_figures_on(struct store *store, const char *case_name, const char *course,
+                             store_taker take, void *user, struct error *err);
+
+// name and full_name of a course's trainees; name of a trainee's courses.
+enum result store_trainees_in(struct store *store, const char *course, store_taker take, void *user,
+                              struct error *err);
+enum result store_courses_of(struct store *store, const char *trainee, store_taker take, void *user,
+                             struct error *err);
 
 // ---- the whole file -----------------------------------------------------------------------------
 

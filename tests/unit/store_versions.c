@@ -63,13 +63,18 @@ static const char version_2[] =
     "  BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;"
     "INSERT INTO account VALUES (5, 'ada', 'trainee', '$argon2id$x', 7, 12);";
 
+// Version 3: a column more.
+static const char version_3[] =
+    "PRAGMA user_version = 3; ALTER TABLE session ADD COLUMN trace_hash TEXT;";
+
 // Each older version, and what is only in those from it on.
-static const char *const versions[][2] = {{version_1, ""}, {version_1, version_2}};
+static const char *const versions[][3] = {
+    {version_1, "", ""}, {version_1, version_2, ""}, {version_1, version_2, version_3}};
 #define OLDER (sizeof versions / sizeof *versions)
 
 static void make_version(const char *name, size_t older) {
-    assert_true(sql_passes(name, versions[older][0]));
-    assert_true(sql_passes(name, versions[older][1]));
+    for (int i = 0; i < 3; i++)
+        assert_true(sql_passes(name, versions[older][i]));
 }
 
 static void rows_of_every_version_are_as_they_were(void **state) {
@@ -190,12 +195,12 @@ static void a_newer_file_is_refused_and_left_alone(void **state) {
     char aside[STORE_TEXT_MAX];
     struct store *store = open_records();
     store_close(&store);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 4"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 5"));
     assert_int_equal(store_open(store_path, STORE_MAKE, "tester", &store, &err), RESULT_VERSION);
-    assert_non_null(strstr(err.text, "version 4, this one knows 3"));
+    assert_non_null(strstr(err.text, "version 5, this one knows 4"));
     assert_int_equal(store_restore(store_path, in_folder("other.db"), "tester", aside, &err),
                      RESULT_VERSION);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 3"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 4"));
     store = open_records();
     store_close(&store);
 }

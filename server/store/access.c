@@ -1,0 +1,326 @@
+#include "base/check.h"
+#include "base/clock.h"
+#include "store/connection.h"
+#include "store/text.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define HOUR_NS (3600 * NS_PER_S)
+#define COOKIE_NS (12 * HOUR_NS)
+#define BEARER_NS (365 * 24 * HOUR_NS)
+#define CODE_NS (12 * HOUR_NS)
+#define NOTED_NS (300 * NS_PER_S) // a use after that long is written down
+#define OWN_MAX 32
+
+static const char *const kind_names[TOKEN_COUNT] = {"cookie", "token", "code"};
+static const int64_t lives_ns[TOKEN_COUNT] = {COOKIE_NS, BEARER_NS, CODE_NS};
+
+// ---- who ----------------------------------------------------------------------------------------
+
+static void take_text(sqlite3_stmt *statement, int column, char *out, size_t size) {
+    const char *text = (const char *)sqlite3_column_text(statement, column);
+    snprintf(out, size, "%s", text ? text : "");
+}
+
+// What the columns of VISITOR are.
+enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, KIND, USED };
+
+#define VISITOR "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
+
+static void take_visitor(sqlite3_stmt *statement, struct store_visitor *out) {
+    *out = (struct store_visitor){.role = ROLE_TRAINEE};
+    out->by_account = sqlite3_column_type(statement, ACCOUNT_ID) != SQLITE_NULL;
+    take_text(statement, out->by_account ? ACCOUNT : TRAINEE, out->name, sizeof out->name);
+    take_text(statement, TRAINEE, out->trainee, sizeof out->trainee);
+    take_text(statement, PASSWORD, out->password, sizeof out->password);
+    if (out->by_account)
+        store_role_from_name((const char *)sqlite3_column_text(statement, ROLE), &out->role);
+    long long account = sqlite3_column_int64(statement, ACCOUNT_ID);
+    long long trainee = sqlite3_column_int64(statement, TRAINEE_ID);
+    if (out->role != ROLE_TRAINEE)
+        snprintf(out->actor, sizeof out->actor, "%s", out->name);
+    else if (trainee)
+        snprintf(out->actor, sizeof out->actor, "trainee %lld", trainee);
+    else
+        snprintf(out->actor, sizeof out->actor, "account %lld", account);
+}
+
+// The first row of a statement whose columns are VISITOR's.
+static enum result find_visitor(struct store *store, sqlite3_stmt *statement,
+                                struct store_visitor *out, struct error *err) {
+    int code = sqlite3_step(statement);
+    enum result result = RESULT_OK;
+    if (code == SQLITE_ROW)
+        take_visitor(statement, out);
+    else if (code == SQLITE_DONE)
+        result = fail(err, RESULT_MISSING, "%s: there is none such", store->path);
+    else
+        result = store_failed(store, code, err);
+    return result;
+}
+
+enum result store_find_account(struct store *store, const char *name, struct store_visitor *out,
+                               struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result = store_prepare(store,
+                                       VISITOR " FROM account a LEFT JOIN trainee t ON "
+                                               "t.id = a.trainee_id WHERE a.name = ?",
+                                       &statement, err, "t", name);
+    if (result != RESULT_OK)
+        return result;
+    result = find_visitor(store, statement, out, err);
+    sqlite3_reset(statement);
+    return result;
+}
+
+// ---- tokens -------------------------------------------------------------------------------------
+
+static enum result note_use(struct store *store, const struct store_visitor *visitor,
+                            bool is_cookie, int64_t now_ns, struct error *err) {
+    return store_do(store,
+                    "UPDATE token SET used_utc_ns = ?1, "
+                    "until_utc_ns = iif(?2, ?1 + ?3, until_utc_ns) WHERE id = ?4",
+                    err, "iiii", now_ns, (int64_t)is_cookie, (int64_t)COOKIE_NS, visitor->token);
+}
+
+enum result store_find_token(struct store *store, const char *hash, struct store_visitor *out,
+                             struct error *err) {
+    sqlite3_stmt *statement;
+    int64_t now_ns = clock_utc_ns(), used_ns = 0;
+    bool is_cookie = false;
+    enum result result =
+        store_prepare(store,
+                      VISITOR ", k.id, k.kind, k.used_utc_ns FROM token k "
+                              "LEFT JOIN account a ON a.id = k.account_id LEFT JOIN trainee t ON "
+                              "t.id = coalesce(k.trainee_id, a.trainee_id) "
+                              "WHERE k.hash = ? AND k.until_utc_ns > ? AND k.kind <> 'code'",
+                      &statement, err, "ti", hash, now_ns);
+    if (result != RESULT_OK)
+        return result;
+    result = find_visitor(store, statement, out, err);
+    if (result == RESULT_OK) {
+        out->token = sqlite3_column_int64(statement, TOKEN);
+        is_cookie = !strcmp((const char *)sqlite3_column_text(statement, KIND), "cookie");
+        used_ns = sqlite3_column_int64(statement, USED);
+    }
+    sqlite3_reset(statement);
+    if (result == RESULT_OK && now_ns - used_ns > NOTED_NS)
+        result = note_use(store, out, is_cookie, now_ns, err);
+    return result;
+}
+
+enum result store_find_code(struct store *store, const char *hash, struct store_visitor *out,
+                            struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result =
+        store_prepare(store,
+                      "SELECT NULL, NULL, NULL, NULL, t.id, t.name FROM token k JOIN trainee t ON "
+                      "t.id = k.trainee_id WHERE k.hash = ? AND k.until_utc_ns > ? AND "
+                      "k.kind = 'code'",
+                      &statement, err, "ti", hash, clock_utc_ns());
+    if (result != RESULT_OK)
+        return result;
+    result = find_visitor(store, statement, out, err);
+    sqlite3_reset(statement);
+    return result;
+}
+
+// What has ended goes, and of what its owner has, all but the newest `keep`.
+static enum result make_room(struct store *store, enum store_token_kind kind, int64_t account,
+                             int64_t trainee, int keep, int64_t now_ns, struct error *err) {
+    enum result result =
+        store_do(store, "DELETE FROM token WHERE until_utc_ns <= ?", err, "i", now_ns);
+    if (result == RESULT_OK)
+        result = store_do(store,
+                          "DELETE FROM token WHERE id IN (SELECT id FROM token WHERE kind = ? AND "
+                          "ifnull(account_id, 0) = ? AND ifnull(trainee_id, 0) = ? "
+                          "ORDER BY id DESC LIMIT -1 OFFSET ?)",
+                          err, "tiii", kind_names[kind], account, trainee, (int64_t)keep);
+    return result;
+}
+
+static enum result check_room(struct store *store, int64_t account, int64_t trainee,
+                              struct error *err) {
+    int64_t count = 0;
+    enum result result = store_find(store,
+                                    "SELECT count(*) FROM token WHERE kind = 'token' AND "
+                                    "ifnull(account_id, 0) = ? AND ifnull(trainee_id, 0) = ?",
+                                    &count, err, "ii", account, trainee);
+    if (result == RESULT_OK && count >= OWN_MAX)
+        return fail(err, RESULT_LIMIT, "there are %d tokens already: delete one", OWN_MAX);
+    return result;
+}
+
+// account or trainee is 0. Inside a transaction.
+static enum result insert_token(struct store *store, enum store_token_kind kind, const char *hash,
+                                int64_t account, int64_t trainee, const char *name,
+                                int64_t *out_until_ns, struct error *err) {
+    int64_t now_ns = clock_utc_ns();
+    *out_until_ns = now_ns + lives_ns[kind];
+    int keep = kind == TOKEN_COOKIE ? OWN_MAX - 1 : kind == TOKEN_CODE ? 0 : OWN_MAX;
+    enum result result = make_room(store, kind, account, trainee, keep, now_ns, err);
+    if (result == RESULT_OK && kind == TOKEN_BEARER)
+        result = check_room(store, account, trainee, err);
+    if (result == RESULT_OK)
+        result = store_do(store,
+                          "INSERT INTO token (kind, hash, account_id, trainee_id, name, "
+                          "created_utc_ns, until_utc_ns) "
+                          "VALUES (?, ?, nullif(?, 0), nullif(?, 0), ?, ?, ?)",
+                          err, "ttiitii", kind_names[kind], hash, account, trainee, name, now_ns,
+                          *out_until_ns);
+    return result;
+}
+
+static enum result find_owner(struct store *store, const struct store_visitor *owner,
+                              int64_t *out_account, int64_t *out_trainee, struct error *err) {
+    *out_account = *out_trainee = 0;
+    if (owner->by_account)
+        return store_find_named(store, "SELECT id FROM account WHERE name = ?", "account",
+                                owner->name, out_account, err);
+    return store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", owner->name,
+                            out_trainee, err);
+}
+
+enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
+                            const struct store_visitor *owner, const char *name, int64_t *out_id,
+                            int64_t *out_until_utc_ns, struct error *err) {
+    int64_t account, trainee;
+    CHECK(kind == TOKEN_COOKIE || kind == TOKEN_BEARER);
+    enum result result = name ? text_check(name, "token's name", STORE_NAME_MAX, err) : RESULT_OK;
+    if (result == RESULT_OK)
+        result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_owner(store, owner, &account, &trainee, err);
+    if (result == RESULT_OK)
+        result = insert_token(store, kind, hash, account, trainee, name, out_until_utc_ns, err);
+    *out_id = sqlite3_last_insert_rowid(store->db);
+    if (result == RESULT_OK)
+        result = store_audit(store, kind == TOKEN_COOKIE ? "sign in" : "add",
+                             kind == TOKEN_COOKIE ? "cookie" : "token", *out_id, err);
+    return store_end(store, result, err);
+}
+
+enum result store_add_code(struct store *store, const char *trainee, const char *hash,
+                           int64_t *out_until_utc_ns, struct error *err) {
+    int64_t id;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result =
+        store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
+                         "trainee", trainee, &id, err);
+    if (result == RESULT_OK)
+        result = insert_token(store, TOKEN_CODE, hash, 0, id, NULL, out_until_utc_ns, err);
+    if (result == RESULT_OK)
+        result = store_audit(store, "code", "trainee", id, err);
+    return store_end(store, result, err);
+}
+
+enum result store_remove_token(struct store *store, const struct store_visitor *owner, int64_t id,
+                               struct error *err) {
+    int64_t account, trainee, found;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_owner(store, owner, &account, &trainee, err);
+    if (result == RESULT_OK)
+        result = store_find(store,
+                            "SELECT id FROM token WHERE id = ? AND ifnull(account_id, 0) = ? AND "
+                            "ifnull(trainee_id, 0) = ? AND kind <> 'code'",
+                            &found, err, "iii", id, account, trainee);
+    if (result == RESULT_MISSING)
+        fail(err, result, "there is no token %lld of %s", (long long)id, owner->name);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM token WHERE id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_audit(store, "end", "token", id, err);
+    return store_end(store, result, err);
+}
+
+// ---- accounts -----------------------------------------------------------------------------------
+
+static const char instructors[] = "SELECT count(*) FROM account WHERE role = 'instructor' AND "
+                                  "password IS NOT NULL";
+
+enum result store_has_instructor(struct store *store, bool *out_has, struct error *err) {
+    int64_t count = 0;
+    enum result result = store_find(store, instructors, &count, err, "");
+    *out_has = count > 0;
+    return result;
+}
+
+static enum result end_tokens(struct store *store, int64_t account, struct error *err) {
+    return store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", account);
+}
+
+// Inside a transaction, after a change. `had`: there was one before it.
+static enum result keep_an_instructor(struct store *store, bool had, struct error *err) {
+    bool has;
+    enum result result = store_has_instructor(store, &has, err);
+    if (result == RESULT_OK && had && !has)
+        return fail(err, RESULT_REFUSED, "this is the last instructor who can sign in");
+    return result;
+}
+
+// Begins a transaction in which the account is found, with nobody signed in to it any more.
+static enum result begin_change(struct store *store, const char *name, int64_t *out_id,
+                                bool *out_had, struct error *err) {
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_has_instructor(store, out_had, err);
+    if (result == RESULT_OK)
+        result = store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name,
+                                  out_id, err);
+    if (result == RESULT_OK)
+        result = end_tokens(store, *out_id, err);
+    return result == RESULT_OK ? result : store_end(store, result, err);
+}
+
+static enum result end_change(struct store *store, enum result result, const char *action,
+                              int64_t id, bool had, struct error *err) {
+    if (result == RESULT_OK)
+        result = keep_an_instructor(store, had, err);
+    if (result == RESULT_OK)
+        result = store_audit(store, action, "account", id, err);
+    return store_end(store, result, err);
+}
+
+enum result store_remove_account(struct store *store, const char *name, struct error *err) {
+    int64_t id;
+    bool had;
+    enum result result = begin_change(store, name, &id, &had, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_do(store, "DELETE FROM account WHERE id = ?", err, "i", id);
+    return end_change(store, result, "remove", id, had, err);
+}
+
+enum result store_set_role(struct store *store, const char *name, enum store_role role,
+                           struct error *err) {
+    int64_t id;
+    bool had;
+    CHECK((unsigned)role < ROLE_COUNT);
+    enum result result = begin_change(store, name, &id, &had, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_do(store, "UPDATE account SET role = ? WHERE id = ?", err, "ti",
+                      store_role_name(role), id);
+    return end_change(store, result, store_role_name(role), id, had, err);
+}
+
+enum result store_set_password(struct store *store, const char *name, const char *password,
+                               struct error *err) {
+    int64_t id;
+    bool had;
+    enum result result = store_check_password(password, err);
+    if (result == RESULT_OK)
+        result = begin_change(store, name, &id, &had, err);
+    if (result != RESULT_OK)
+        return result;
+    result =
+        store_do(store, "UPDATE account SET password = ? WHERE id = ?", err, "ti", password, id);
+    return end_change(store, result, "password", id, had, err);
+}

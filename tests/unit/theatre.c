@@ -51,6 +51,7 @@ static struct hub *open_hub(void) {
         snprintf(config.cases[i].name, sizeof config.cases[i].name, "boxes%d", i);
         snprintf(config.cases[i].dir, sizeof config.cases[i].dir, "%s/case", dir);
     }
+    config.stations[0].optic = view_optic_usual();
     snprintf(config.stations[0].name, sizeof config.stations[0].name, "room-1");
     snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes0");
     if (hub_create(&config, &hub, &err) != RESULT_OK)

@@ -49,24 +49,24 @@ int add_vectors(tinygltf::Model &model, const float *mm, size_t count) {
     return add_accessor(model, accessor);
 }
 
-int add_shares(tinygltf::Model &model, const float *shares, size_t count) {
+template <typename Number>
+int add_numbers(tinygltf::Model &model, const Number *values, size_t count, int type, int target) {
     tinygltf::Accessor accessor;
-    accessor.bufferView =
-        add_view(model, shares, count * sizeof *shares, TINYGLTF_TARGET_ARRAY_BUFFER);
-    accessor.componentType = TINYGLTF_COMPONENT_TYPE_FLOAT;
+    accessor.bufferView = add_view(model, values, count * sizeof *values, target);
+    accessor.componentType = type;
     accessor.type = TINYGLTF_TYPE_SCALAR;
     accessor.count = count;
     return add_accessor(model, accessor);
 }
 
+int add_shares(tinygltf::Model &model, const float *shares, size_t count) {
+    return add_numbers(model, shares, count, TINYGLTF_COMPONENT_TYPE_FLOAT,
+                       TINYGLTF_TARGET_ARRAY_BUFFER);
+}
+
 int add_indices(tinygltf::Model &model, const uint32_t *indices, size_t count) {
-    tinygltf::Accessor accessor;
-    accessor.bufferView =
-        add_view(model, indices, count * sizeof *indices, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-    accessor.componentType = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
-    accessor.type = TINYGLTF_TYPE_SCALAR;
-    accessor.count = count;
-    return add_accessor(model, accessor);
+    return add_numbers(model, indices, count, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT,
+                       TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
 }
 
 void add_targets(tinygltf::Model &model, const gltf_node &node, tinygltf::Mesh &mesh) {

@@ -2,7 +2,7 @@
 #include "session/easing.h"
 
 #include "base/check.h"
-#include "case/generate.h"
+#include "generated.h"
 #include "random.h"
 #include "test.h"
 
@@ -13,15 +13,10 @@ static const struct case_group *meniscus;
 
 static int make_scene(void **state) {
     (void)state;
-    struct recipe recipe;
-    struct knee_case *knee;
-    struct error err = {""};
-    if (recipe_load(CASES "/healthy", &recipe, &err) != RESULT_OK ||
-        generate_knee(&recipe, &knee, &err) != RESULT_OK ||
-        scene_create(&knee, &scene, &err) != RESULT_OK) {
-        print_error("%s\n", err.text);
-        return -1;
-    }
+    struct error err;
+    struct knee_case *knee = generated_knee(CASES "/healthy");
+    if (scene_create(&knee, &scene, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
     meniscus = &scene->knee->groups[scene->tissues[0].group];
     return 0;
 }

@@ -1,7 +1,7 @@
 // What a session shows: static warp and torn ligaments composed on the surfaces, instruments as
 // rigid bodies, and what of it a cut meets.
 #include "base/clock.h"
-#include "case/generate.h"
+#include "generated.h"
 #include "random.h"
 #include "session/scene.h"
 #include "test.h"
@@ -33,19 +33,11 @@ static void tear_ligament(struct knee_case *knee) {
 
 static int make_scene(void **state) {
     (void)state;
-    struct recipe recipe;
-    struct knee_case *knee;
-    struct error err = {""};
-    if (recipe_load(CASES "/tear-arthrosis", &recipe, &err) != RESULT_OK ||
-        generate_knee(&recipe, &knee, &err) != RESULT_OK) {
-        print_error("%s\n", err.text);
-        return -1;
-    }
+    struct error err;
+    struct knee_case *knee = generated_knee(CASES "/tear-arthrosis");
     tear_ligament(knee);
-    if (scene_create(&knee, &scene, &err) != RESULT_OK) {
-        print_error("%s\n", err.text);
-        return -1;
-    }
+    if (scene_create(&knee, &scene, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
     tibia = case_group(scene->knee, "tibia");
     meniscus = case_group(scene->knee, "meniscus_medial");
     return 0;
@@ -292,11 +284,8 @@ static void a_cut_is_made_on_the_virtual_tibia(void **state) {
 
 static void a_key_that_is_not_met_is_refused(void **state) {
     (void)state;
-    struct recipe recipe;
-    struct knee_case *knee;
+    struct knee_case *knee = generated_knee(CASES "/healthy");
     struct error err = {""};
-    assert_int_equal(recipe_load(CASES "/healthy", &recipe, &err), RESULT_OK);
-    assert_int_equal(generate_knee(&recipe, &knee, &err), RESULT_OK);
     tear_ligament(knee);
     knee->keys[1].physical = opened(knee, 45, 0); // nothing is put to the test
     struct scene *refused = NULL;

@@ -1,3 +1,4 @@
+#include "replay/program.h"
 #include "replay/recording.h"
 #include "test.h"
 
@@ -7,22 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 static char output[64 << 20]; // a table of a whole session is large
 
 // Runs arthron-trace; `output` gets stdout and stderr. Returns the exit code.
 static int run(const char *arguments) {
-    char line[768];
-    snprintf(line, sizeof line, "%s %s 2>&1", TRACE_PROGRAM, arguments);
-    FILE *program = popen(line, "r");
-    assert_non_null(program);
-    size_t used = fread(output, 1, sizeof output - 1, program);
-    output[used] = '\0';
-    int status = pclose(program);
-    assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
+    return run_program(TRACE_PROGRAM, arguments, output, sizeof output);
 }
 
 static int run_on_trace(const char *command, const char *rest) {

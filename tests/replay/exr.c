@@ -2,6 +2,7 @@
 #include "export/atlas.h"
 #include "export/export.h"
 #include "replay/bites.h"
+#include "replay/program.h"
 #include "replay/roundtrip.h"
 #include "test.h"
 
@@ -332,12 +333,7 @@ static void the_record_itself_is_never_written_over(void **state) {
 static char said[4 << 20];
 
 static void oiiotool(const char *arguments) {
-    char line[600];
-    snprintf(line, sizeof line, "oiiotool %s 2>&1", arguments);
-    FILE *program = popen(line, "r");
-    size_t used = fread(said, 1, sizeof said - 1, program);
-    said[used] = '\0';
-    if (pclose(program) != 0)
+    if (run_program("oiiotool", arguments, said, sizeof said) != 0)
         fail_msg("oiiotool: %s", said);
 }
 

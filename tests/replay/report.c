@@ -1,5 +1,6 @@
 // arthron-trace report: the page that it writes of a recorded session.
 
+#include "replay/program.h"
 #include "replay/recording.h"
 #include "test.h"
 
@@ -8,22 +9,16 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 static char said[1 << 16], page_path[128];
 static char *page;
 
 static int run(const char *file, const char *options) {
-    char line[768];
+    char arguments[512];
     snprintf(page_path, sizeof page_path, "%s.html", trace_path);
-    snprintf(line, sizeof line, "%s report %s %s 2>&1", TRACE_PROGRAM, file, options);
-    FILE *program = popen(line, "r");
-    assert_non_null(program);
-    said[fread(said, 1, sizeof said - 1, program)] = '\0';
-    int status = pclose(program);
-    assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
+    snprintf(arguments, sizeof arguments, "%s %s", file, options);
+    return run_program(TRACE_PROGRAM " report", arguments, said, sizeof said);
 }
 
 // `page` gets what was written. Returns the exit code.

@@ -1,6 +1,7 @@
 // arthron-trace score beside the same figures made while the session ran.
 
 #include "metrics/metrics.h"
+#include "replay/program.h"
 #include "replay/recording.h"
 #include "test.h"
 
@@ -8,21 +9,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 static char output[1 << 20];
 
 static int run(const char *arguments) {
-    char line[512];
-    snprintf(line, sizeof line, "%s score %s 2>&1", TRACE_PROGRAM, arguments);
-    FILE *program = popen(line, "r");
-    assert_non_null(program);
-    size_t used = fread(output, 1, sizeof output - 1, program);
-    output[used] = '\0';
-    int status = pclose(program);
-    assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
+    return run_program(TRACE_PROGRAM " score", arguments, output, sizeof output);
 }
 
 static int score(const char *options) {

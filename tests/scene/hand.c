@@ -1,7 +1,6 @@
 #include "scene/hand.h"
 
-#include "case/generate.h"
-#include "test.h"
+#include "generated.h"
 
 struct scene *scene;
 const struct case_group *meniscus;
@@ -23,15 +22,10 @@ uint32_t most_moved(const struct case_group *group) {
 
 int hand_make_scene(void **state) {
     (void)state;
-    struct recipe recipe;
-    struct knee_case *knee;
-    struct error err = {""};
-    if (recipe_load(CASES "/healthy", &recipe, &err) != RESULT_OK ||
-        generate_knee(&recipe, &knee, &err) != RESULT_OK ||
-        scene_create(&knee, &scene, &err) != RESULT_OK) {
-        print_error("%s\n", err.text);
-        return -1;
-    }
+    struct error err;
+    struct knee_case *knee = generated_knee(CASES "/healthy");
+    if (scene_create(&knee, &scene, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
     meniscus = &scene_case(scene)->groups[scene_tissue_group(scene, 0)];
     uint32_t vertex = most_moved(meniscus);
     const float *to = meniscus->maxcut + 3 * (size_t)vertex;

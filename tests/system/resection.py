@@ -23,7 +23,9 @@ withdraw = punch
 """
 
 
-class Resection(House):
+class Bites(House):
+    """A house whose mock-up plays a punch that bites."""
+
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
@@ -38,6 +40,8 @@ class Resection(House):
         self.server = self.start_server()
         self.enrol("room-1")
 
+
+class Resection(Bites):
     def resection(self, group="meniscus_medial"):
         return next(r for r in self.steer("show", "room-1")["resections"] if r["group"] == group)
 

@@ -7,28 +7,14 @@ import signal
 import time
 import unittest
 
-from arthron import House, call, call_json, wait_until
-from resection import BITES
+from arthron import call, call_json, wait_until
+from resection import Bites
 
 STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
          "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
 
 
-class Resume(House):
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        script = os.path.join(cls.shared.name, "bites.ini")
-        with open(script, "w") as f:
-            f.write(BITES)
-        call("arthron-case", "motion", script, "--case", os.path.join(cls.cases, "healthy"), "--out", cls.motion)
-
-    def setUp(self):
-        super().setUp()
-        self.start_mockup()
-        self.server = self.start_server()
-        self.enrol("room-1")
-
+class Resume(Bites):
     def resection(self):
         return self.steer("show", "room-1")["resections"][0]
 

@@ -1,7 +1,7 @@
 #include "scene/lesions.h"
 
 #include "base/check.h"
-#include "case/generate.h"
+#include "generated.h"
 #include "test.h"
 
 #include <stdlib.h>
@@ -11,9 +11,8 @@ static struct knee_case *knee;
 
 static int make_knee(void **state) {
     (void)state;
-    struct recipe recipe;
-    struct error err;
-    return recipe_load(CASES "/healthy", &recipe, &err) || generate_knee(&recipe, &knee, &err);
+    knee = generated_knee(CASES "/healthy");
+    return 0;
 }
 
 static int destroy_knee(void **state) {

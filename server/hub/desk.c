@@ -89,6 +89,8 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     live->scene = hub->scenes[card.scene];
     live->session = session_create(live->scene, &hub->config.settings);
     live->operation = operation_create(live->scene);
+    moments_begin(&live->moments, live->serial, header.start_ns);
+    seat_introduce(hub, (int)(seat - hub->seats), live, &header);
     session_row_begin(&header, card.trace, &live->row);
     memcpy(live->tally.session_id, header.session_id, sizeof live->tally.session_id);
     live->tally.scene = live->scene;
@@ -337,22 +339,22 @@ static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
 }
 
-static void show_joint(struct hub *hub, struct seat *seat, arthron_CommandReply *reply) {
-    pthread_mutex_lock(&hub->card_lock);
-    newest_take(seat->glances, &seat->glance);
-    struct glance glance = seat->glance;
-    pthread_mutex_unlock(&hub->card_lock);
-    reply->has_joint = seat_has_session(seat) && glance.step > 0;
+static void show_joint(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct moment moment;
+    seat_moment(hub, index, &moment);
+    reply->has_joint = seat_has_session(&hub->seats[index]) && moment.step > 0;
     if (!reply->has_joint)
         return;
+    const pose *bodies = moment.T_mockup_body;
+    pose T_femur_tibia = pose_compose(pose_inverse(bodies[BODY_FEMUR]), bodies[BODY_TIBIA]);
     reply->joint = (arthron_JointReading){
-        .step = glance.step,
-        .time_ns = glance.time_ns,
-        .validity = (arthron_Validity)glance.validity,
+        .step = moment.step,
+        .time_ns = moment.time_ns,
+        .validity = (arthron_Validity)moment.joint_validity,
         .has_joint = true,
-        .joint = wire_joint_from(&glance.joint),
+        .joint = wire_joint_from(&moment.joint),
         .has_pose = true,
-        .pose = wire_pose_from(glance.T_femur_tibia),
+        .pose = wire_pose_from(T_femur_tibia),
     };
 }
 
@@ -369,7 +371,7 @@ static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
         reply_resection(&card.tissues[i],
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
                         card.mesh_hashes[i], &reply->resections[i]);
-    show_joint(hub, seat, reply);
+    show_joint(hub, index, reply);
     reply->ok = true;
 }
 

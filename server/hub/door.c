@@ -79,9 +79,11 @@ static void leave_seat(struct hub *hub, int index) {
 }
 
 // card_lock held.
-static void keep_calibration(struct card *card, const arthron_Hello *hello) {
+static void keep_hello(struct card *card, const arthron_Hello *hello) {
     card->calibrated = hello->has_calibration;
     card->calibration = hello->calibration;
+    card->device_count = hello->devices_count;
+    memcpy(card->devices, hello->devices, sizeof card->devices);
 }
 
 static void warn_of_calibration(const struct hub *hub, const arthron_Hello *hello) {
@@ -129,7 +131,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     bool rival = card->connected && card->connection != hello->connection;
     if (!rival) {
         take_seat(hub, index, peer, hello->connection, welcome);
-        keep_calibration(card, hello);
+        keep_hello(card, hello);
     }
     pthread_mutex_unlock(&hub->card_lock);
     if (rival)

@@ -87,8 +87,8 @@ static enum result place_seats(struct hub *hub, struct error *err) {
     for (int i = 0; i < hub->config.station_count; i++) {
         const struct hub_station *station = &hub->config.stations[i];
         hub->seats[i].station = station;
-        hub->seats[i].glances = newest_create(sizeof(struct glance));
         hub->seats[i].tallies = newest_create(sizeof(struct tally));
+        hub->seats[i].moment_news = newest_create(sizeof(struct moment));
         atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
         hub->seats[i].card.scene = hub_find_case(&hub->config, station->case_name);
         if (hub->seats[i].card.scene < 0)
@@ -207,7 +207,7 @@ static void release(struct hub *hub) {
     for (int i = 0; i < hub->config.case_count; i++)
         scene_destroy(&hub->scenes[i]);
     for (int i = 0; i < hub->config.station_count; i++) {
-        newest_destroy(&hub->seats[i].glances);
+        newest_destroy(&hub->seats[i].moment_news);
         newest_destroy(&hub->seats[i].tallies);
     }
     pthread_mutex_destroy(&hub->card_lock);

@@ -25,6 +25,7 @@ struct resumed {
     enum session_state state;
     int scene;
     struct metrics metrics;
+    struct moments moments;
     struct live *live; // without its trace; NULL: not resumed
 };
 
@@ -91,6 +92,7 @@ static enum result run_again(struct resumed *r, struct trace_reader *reader, str
                         r->path, (unsigned long long)output.step);
         if (record.type == TRACE_STEP)
             metrics_step(&r->metrics, &record.input, &output);
+        moments_step(&r->moments, &output);
         r->state = output.state;
     }
     metrics_interrupt(&r->metrics); // where it goes on there will be a record of that
@@ -106,6 +108,7 @@ static void make_live(struct resumed *r, struct rerun **rerun) {
     memcpy(live->tally.session_id, r->header.session_id, sizeof live->tally.session_id);
     live->tally.scene = live->scene;
     live->tally.metrics = r->metrics;
+    live->moments = r->moments;
     live->last_ns = r->place.time_ns;
     live->ahead_ns = live->last_ns > now_ns ? live->last_ns - now_ns : 0;
     rerun_release(rerun, &live->session, &live->operation, &live->pending);
@@ -142,6 +145,7 @@ static enum result replay(struct resumed *r, struct error *err) {
         return result;
     }
     metrics_init(&r->metrics, r->header.optic);
+    moments_begin(&r->moments, 0, r->header.start_ns);
     struct rerun *rerun = rerun_create(r->hub->scenes[r->scene], &r->header.settings);
     result = run_again(r, reader, rerun, err);
     if (result == RESULT_MISSING)
@@ -233,7 +237,8 @@ static void attach(struct resumed *r) {
         release(r);
         return;
     }
-    live->serial = ++hub->sessions_made;
+    live->serial = live->moments.now.session = ++hub->sessions_made;
+    seat_introduce(hub, r->seat, live, &r->header);
     session_row_begin(&r->header, r->path, &live->row);
     struct note note = {.kind = NOTE_ATTACH, .seat = r->seat, .live = live};
     struct worker *worker = seat_worker(hub, r->seat);

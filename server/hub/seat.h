@@ -4,7 +4,9 @@
 #include "base/newest.h"
 #include "base/ring.h"
 #include "hub/calibration.h"
+#include "hub/devices.h"
 #include "hub/hub.h"
+#include "hub/moment.h"
 #include "hub/recorder.h"
 #include "metrics/metrics.h"
 #include "net/console.h"
@@ -23,6 +25,16 @@ struct tally {
     struct metrics metrics;
 };
 
+// What stays the same in a session, for those who look on.
+struct about {
+    uint64_t session; // struct live's serial; 0: there was none yet
+    uint8_t id[16];
+    char trainee[HUB_NAME_MAX];
+    int scene; // index into hub.scenes
+    int64_t start_utc_ns;
+    double strength; // of its warp
+};
+
 // A session with its trace. The desk makes and releases it; in between session and trace are one
 // worker's alone, the operation its theatre's.
 struct live {
@@ -33,6 +45,7 @@ struct live {
     const struct scene *scene;
     struct store_session row; // the desk's
     struct tally tally;       // the worker's
+    struct moments moments;   // too
     // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
     // began anew), and what was cut and has not landed yet, or NULL.
     enum session_state state;
@@ -54,6 +67,10 @@ struct card {
     int scene;        // index into hub.scenes
     struct tissue_figures tissues[TISSUES_MAX]; // of the session, as its last jobs left them
     uint64_t mesh_hashes[TISSUES_MAX];          // as its stations follow them
+    uint64_t figures_of;                        // the session that both are of
+    struct about about;                         // of the last session
+    int device_count;
+    arthron_Device devices[WIRE_DEVICES_MAX]; // as Hello told them
     int64_t start_utc_ns;
     char trace[HUB_PATH_MAX];
 };
@@ -71,15 +88,8 @@ struct seat_counts {
     atomic_int_fast64_t drift_nm;       // of the instrument that is farthest off
     atomic_uint_fast64_t trace_missing; // as of trace_status
     atomic_bool trace_failing;
-};
-
-// The joint at a session's last step.
-struct glance {
-    uint64_t step; // 0: none yet
-    int64_t time_ns;
-    enum validity validity;
-    struct joint_angles joint;
-    pose T_femur_tibia; // of the mock-up
+    struct device_counts devices[WIRE_DEVICES_MAX];
+    atomic_int_fast64_t warp_nm; // at any tip, the largest since it was last taken
 };
 
 // A configured station: its card for all, the rest for its worker alone.
@@ -87,9 +97,9 @@ struct seat {
     const struct hub_station *station;
     struct card card;
     struct seat_counts counts;
-    struct newest *glances; // of struct glance, from the worker to the desk
-    struct glance glance;   // the last one taken, under hub.card_lock
-    struct newest *tallies; // of struct tally, the same way
+    struct newest *moment_news; // of struct moment, from the worker
+    struct moment moment;       // the last one taken, under hub.card_lock
+    struct newest *tallies;     // of struct tally, the same way
     struct tally tally;
 
     struct live *live; // NULL: no session
@@ -103,6 +113,7 @@ struct seat {
     uint32_t events;     // of all steps since
     int64_t last_step_ns, last_frame_ns;
     int64_t tally_ns; // of the session's clock, when it was last left
+    struct device_watch device_watch;
     struct drift drift[INSTRUMENT_COUNT];
     bool drift_warned; // the clerk's
     bool trace_warned; // too
@@ -196,6 +207,14 @@ static inline struct worker *seat_worker(struct hub *hub, int seat) {
 // hub.c: an index, -1 where there is none of that name
 int hub_find_case(const struct hub_config *config, const char *name);
 int hub_find_station(const struct hub_config *config, const char *name);
+
+// seat.c: any thread but the worker's; card_lock not held
+
+// The newest moment of the seat's last session; step 0: there was none yet.
+void seat_moment(struct hub *hub, int seat, struct moment *out_moment);
+// A session begins, or goes on: what it is about goes on the card.
+void seat_introduce(struct hub *hub, int seat, const struct live *live,
+                    const struct trace_header *header);
 
 // worker.c
 enum result worker_start(struct hub *hub, int index, struct error *err);

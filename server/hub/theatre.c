@@ -112,6 +112,8 @@ static void publish_figures(struct theatre *theatre, int seat) {
     struct card *card = &theatre->hub->seats[seat].card;
     pthread_mutex_lock(&theatre->hub->card_lock);
     bool is_of_card = theatre->hub->scenes[card->scene] == table->live->scene;
+    if (is_of_card)
+        card->figures_of = table->live->serial;
     for (int i = 0; is_of_card && i < scene_tissue_count(table->live->scene); i++) {
         card->tissues[i] = *operation_figures(table->live->operation, i);
         card->mesh_hashes[i] = mesh_hash(table, i);

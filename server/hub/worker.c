@@ -44,16 +44,17 @@ static void announce(struct worker *worker, const struct seat *seat) {
     control_send(worker->hub->control, seat->peer, &message);
 }
 
-static void leave_glance(const struct seat *seat, const struct session_output *output) {
-    const pose *bodies = output->T_mockup_body;
-    struct glance glance = {
-        .step = output->step,
-        .time_ns = output->time_ns,
-        .validity = output->joint_validity,
-        .joint = output->joint,
-        .T_femur_tibia = pose_compose(pose_inverse(bodies[BODY_FEMUR]), bodies[BODY_TIBIA]),
-    };
-    newest_put(seat->glances, &glance);
+// For those who look on.
+static void show(struct seat *seat, const struct session_output *output) {
+    double warp_mm = 0;
+    struct moments *moments = &seat->live->moments;
+    moments_step(moments, output);
+    newest_put(seat->moment_news, &moments->now);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        warp_mm = fmax(warp_mm, moments->now.instruments[i].warp_mm);
+    int64_t warp_nm = (int64_t)(warp_mm * 1e6);
+    if (warp_nm > atomic_load_explicit(&seat->counts.warp_nm, memory_order_relaxed))
+        atomic_store_explicit(&seat->counts.warp_nm, warp_nm, memory_order_relaxed);
 }
 
 // Now and then, and whenever the session begins, rests or ends.
@@ -72,9 +73,9 @@ static void advance(struct worker *worker, struct seat *seat, struct session_inp
     session_step(seat->live->session, input, output);
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
-    leave_glance(seat, output);
     metrics_step(&seat->live->tally.metrics, input, output);
     leave_tally(seat, output);
+    show(seat, output);
     seat->events |= output->events;
     if (output->events & EVENT_STATE) {
         atomic_store(&seat->counts.state, (int)output->state);
@@ -216,6 +217,7 @@ static void take_frame(struct worker *worker, struct seat *seat, enum path path,
     }
     if (!accept_frame(seat, frame))
         return;
+    devices_step(&seat->device_watch, frame, seat->counts.devices);
     const struct knee_case *knee = scene_case(seat->live->scene);
     int64_t ahead_ns = seat->live->ahead_ns;
     struct session_input input = {
@@ -290,6 +292,7 @@ static void station_joined(struct worker *worker, struct seat *seat, struct cont
     seat->last_frame = 0;
     seat->reply.frame_number = 0;
     seat->last_frame_ns = clock_now_ns();
+    devices_begin(&seat->device_watch, seat->counts.devices);
     seat->udp_connection = random_connection();
     send_keys(worker, seat);
 }

@@ -1,0 +1,26 @@
+// How a station's devices do, from the frames that come: counted by the worker, read by anybody.
+#pragma once
+
+#include "base/sample.h"
+#include "wire/wire.h"
+
+#include <stdatomic.h>
+
+// Since the station's connection.
+struct device_counts {
+    atomic_uint_fast64_t samples;  // new ones: frames that had a newer measurement of it
+    atomic_uint_fast64_t dropouts; // times that a sample of it went from ok to held
+    atomic_bool lost;              // all of its samples are lost
+};
+
+// The worker's: what the frame before had.
+struct device_watch {
+    int64_t newest_ns[WIRE_DEVICES_MAX];
+    enum validity validity[CHANNEL_COUNT][SAMPLE_KIND_COUNT]; // ok at first
+};
+
+void devices_begin(struct device_watch *watch, struct device_counts counts[WIRE_DEVICES_MAX]);
+
+// frame: a valid one, on the station's clock.
+void devices_step(struct device_watch *watch, const struct frame *frame,
+                  struct device_counts counts[WIRE_DEVICES_MAX]);

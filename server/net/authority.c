@@ -18,6 +18,7 @@
 #include <unistd.h>
 
 #define CODE_LIFE_S (15 * 60)
+#define DAY_S INT64_C(86400)
 #define HOSTS_MAX 16
 #define HOST_NAME_MAX_LENGTH 253
 #define STATION_NAME_MAX_LENGTH 63
@@ -416,5 +417,26 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
     records_release(&issued);
     records_release(&revoked);
     close(lock);
+    return result;
+}
+
+// ---- state --------------------------------------------------------------------------------------
+
+enum result authority_station_until(const char *dir, const char *station, int64_t *out_utc_s,
+                                    struct error *err) {
+    struct records issued = {0}, revoked = {0};
+    *out_utc_s = 0;
+    enum result result = records_read(dir, "issued", &issued, err);
+    if (result == RESULT_OK)
+        result = records_read(dir, "revoked", &revoked, err);
+    for (int i = 0; result == RESULT_OK && i < issued.count; i++) {
+        const struct record *record = &issued.items[i];
+        int64_t until_s = record->utc_s + CERTIFICATE_DAYS * DAY_S;
+        if (!strcmp(record->station, station) && until_s > now_s() && until_s > *out_utc_s &&
+            !contains(&revoked, record->key))
+            *out_utc_s = until_s;
+    }
+    records_release(&issued);
+    records_release(&revoked);
     return result;
 }

@@ -41,3 +41,7 @@ enum result authority_enrol(const char *dir, const char *code, const uint8_t *re
 // From now on no certificate or code issued so far to this station is accepted. RESULT_MISSING: no
 // certificate was ever issued to that name.
 enum result authority_revoke(const char *dir, const char *station, struct error *err);
+
+// Until when a station of this name has a certificate that is accepted; 0: it has none.
+enum result authority_station_until(const char *dir, const char *station, int64_t *out_utc_s,
+                                    struct error *err);

@@ -64,7 +64,7 @@ X509 *certificate_make(enum certificate_use use, const char *common_name,
     CHECK(certificate);
     X509_set_version(certificate, X509_VERSION_3);
     set_serial(certificate);
-    long days = use == CERTIFICATE_AUTHORITY ? 10 * 365 : 2 * 365;
+    long days = use == CERTIFICATE_AUTHORITY ? CERTIFICATE_AUTHORITY_DAYS : CERTIFICATE_DAYS;
     X509_gmtime_adj(X509_getm_notBefore(certificate), -CLOCKS_DIFFER_S);
     X509_gmtime_adj(X509_getm_notAfter(certificate), days * DAY_S);
     set_subject(certificate, common_name);

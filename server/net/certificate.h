@@ -7,10 +7,13 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#define CERTIFICATE_AUTHORITY_DAYS (10 * 365)
+#define CERTIFICATE_DAYS (2 * 365) // of the others
+
 enum certificate_use {
-    CERTIFICATE_AUTHORITY, // CA:TRUE, 10 years
-    CERTIFICATE_SERVER,    // serverAuth, 2 years
-    CERTIFICATE_STATION    // clientAuth, 2 years
+    CERTIFICATE_AUTHORITY, // CA:TRUE
+    CERTIFICATE_SERVER,    // serverAuth
+    CERTIFICATE_STATION    // clientAuth
 };
 
 struct issuer {

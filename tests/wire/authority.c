@@ -584,6 +584,31 @@ static void a_station_that_never_was_cannot_be_revoked(void **state) {
     assert_non_null(strstr(err.text, "nobody"));
 }
 
+static int64_t until_of(const char *station) {
+    int64_t until_s = -1;
+    assert_int_equal(authority_station_until(dir, station, &until_s, NULL), RESULT_OK);
+    return until_s;
+}
+
+static void a_station_is_known_until_its_certificate_ends_or_is_revoked(void **state) {
+    (void)state;
+    assert_int_equal(until_of("station-1"), 0);
+    X509 *certificate = enrol_station("station-1");
+    time_t told = (time_t)until_of("station-1");
+    int days, seconds;
+    ASN1_TIME *until = ASN1_TIME_set(NULL, told);
+    assert_int_equal(ASN1_TIME_diff(&days, &seconds, X509_get0_notAfter(certificate), until), 1);
+    assert_int_equal(days, 0);
+    assert_in_range(abs(seconds), 0, 5);
+    ASN1_TIME_free(until);
+    X509_free(certificate);
+    assert_int_equal(until_of("station-2"), 0);
+    assert_int_equal(authority_revoke(dir, "station-1", NULL), RESULT_OK);
+    assert_int_equal(until_of("station-1"), 0);
+    X509_free(enrol_station("station-1"));
+    assert_true(until_of("station-1") > 0);
+}
+
 static void a_broken_record_of_revocations_revokes_all(void **state) {
     (void)state;
     static const char *const broken[] = {"A1 12 a\nA2 12", "A1\n", "A1 x a\n", "A1 12 a b\n"};
@@ -664,6 +689,7 @@ int main(void) {
         with_authority(revoking_a_station_ends_all_its_certificates_and_no_others),
         with_authority(revoking_voids_an_open_code_too),
         with_authority(a_station_that_never_was_cannot_be_revoked),
+        with_authority(a_station_is_known_until_its_certificate_ends_or_is_revoked),
         with_authority(a_broken_record_of_revocations_revokes_all),
         with_authority(a_record_is_read_again_only_after_a_change),
         with_authority(of_a_thousand_revoked_each_is_found_and_no_other),

@@ -13,7 +13,7 @@
 static const char help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
     "       arthron-server session --socket PATH show STATION [--json]\n"
-    "       arthron-server session --socket PATH start|pause|stop|reset STATION [--json]\n"
+    "       arthron-server session --socket PATH start|pause|stop|reset|undo STATION [--json]\n"
     "       arthron-server session --socket PATH case STATION CASE [--json]\n"
     "\n"
     "Speaks to a running server through its local socket.\n"
@@ -24,6 +24,8 @@ static const char help[] =
     "  pause   freezes it until start\n"
     "  stop    ends it and closes its trace\n"
     "  reset   starts it afresh in the same trace\n"
+    "  undo    sets it back before its last cut, which may be a part of a bite; again: one "
+    "farther\n"
     "  case    ends it and opens one on another case of the server's config\n"
     "\n"
     "  -S, --socket PATH  the server's socket, as in its config\n"
@@ -38,7 +40,7 @@ static const struct {
     {"list", arthron_Command_Kind_LIST, 0},   {"start", arthron_Command_Kind_START, 1},
     {"pause", arthron_Command_Kind_PAUSE, 1}, {"stop", arthron_Command_Kind_STOP, 1},
     {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
-    {"show", arthron_Command_Kind_SHOW, 1},
+    {"show", arthron_Command_Kind_SHOW, 1},   {"undo", arthron_Command_Kind_UNDO, 1},
 };
 
 static const char *state_name(const arthron_SessionInfo *info) {

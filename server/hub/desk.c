@@ -16,6 +16,7 @@
 
 #define CLERK_ROUND_MS 100
 #define STATE_WAIT_MS 500
+#define UNDO_WAIT_MS 60000
 #define RETRY_NS (3 * NS_PER_S)
 
 // ---- opening and closing ------------------------------------------------------------------------
@@ -397,6 +398,34 @@ static void give_input(struct hub *hub, int index, enum input_kind kind,
         reply->ok = true;
 }
 
+static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct seat *seat = &hub->seats[index];
+    struct worker *worker = seat_worker(hub, index);
+    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
+    atomic_store(&seat->counts.undo, UNDO_ASKED);
+    reply->ok = worker_tell(worker, worker->from_desk, &note);
+    if (!reply->ok)
+        refuse(reply, "station %s: its worker is too busy", seat->station->name);
+}
+
+// Without the desk's lock: no other station waits for a theatre.
+static void wait_for_undo(struct seat *seat, arthron_CommandReply *reply) {
+    const struct timespec pause = {0, 5 * NS_PER_MS};
+    int outcome = UNDO_ASKED;
+    for (int waited = 0; outcome == UNDO_ASKED && waited < UNDO_WAIT_MS; waited += 5) {
+        bool lives = seat_has_session(seat);
+        outcome = atomic_load(&seat->counts.undo);
+        if (!lives)
+            break;
+        nanosleep(&pause, NULL);
+    }
+    if (outcome == JOB_NOTHING)
+        refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+    else if (outcome == UNDO_ASKED)
+        refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
+               seat->station->name, UNDO_WAIT_MS / 1000);
+}
+
 static bool is_connected(struct hub *hub, int index) {
     pthread_mutex_lock(&hub->card_lock);
     bool connected = hub->seats[index].card.connected;
@@ -463,8 +492,12 @@ static void command_station(struct hub *hub, const arthron_Command *command, int
         give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
     } else if (command->kind == arthron_Command_Kind_STOP) {
         stop(hub, index, reply);
+    } else if (command->kind == arthron_Command_Kind_UNDO) {
+        ask_for_undo(hub, index, reply);
     } else {
         give_input(hub, index, INPUT_RESET, SESSION_RUNNING, reply);
+        int asked = UNDO_ASKED; // what was asked for before will not be
+        atomic_compare_exchange_strong(&hub->seats[index].counts.undo, &asked, JOB_NOTHING);
     }
     list_seat(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
@@ -496,7 +529,7 @@ static void list_all(struct hub *hub, arthron_CommandReply *reply) {
 
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
-        "list", "start", "pause", "stop", "case", "reset", "show"};
+        "list", "start", "pause", "stop", "case", "reset", "show", "undo"};
     return names[kind];
 }
 
@@ -521,6 +554,8 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
     put_in_order(hub);
     command_station(hub, command, index, reply);
     pthread_mutex_unlock(&hub->desk_lock);
+    if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
+        wait_for_undo(&hub->seats[index], reply);
     log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
              actor, reply->ok ? "done" : reply->text);
 }

@@ -90,7 +90,10 @@ struct seat_counts {
     atomic_bool trace_failing;
     struct device_counts devices[WIRE_DEVICES_MAX];
     atomic_int_fast64_t warp_nm; // at any tip, the largest since it was last taken
+    atomic_int undo; // enum job_outcome of the last one, from its theatre; UNDO_ASKED until then
 };
+
+#define UNDO_ASKED (-1)
 
 // A configured station: its card for all, the rest for its worker alone.
 struct seat {

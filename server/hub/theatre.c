@@ -213,6 +213,9 @@ static void take_order(struct theatre *theatre, struct order *order) {
     case ORDER_LANDED:
         if (table->live && table->live->serial == order->serial)
             publish(theatre, order);
+        if (order->result->kind == JOB_UNDO)
+            atomic_store(&theatre->hub->seats[order->seat].counts.undo,
+                         (int)order->result->outcome);
         job_result_destroy(&order->result);
         break;
     case ORDER_CLOSE:

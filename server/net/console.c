@@ -17,7 +17,8 @@
 
 #define CALLERS_MAX 32
 #define ACTOR_MAX 64
-#define CALL_PATIENCE_US (10 * LWS_USEC_PER_SEC)
+#define CALL_PATIENCE_S 10
+#define LONG_PATIENCE_S 600 // of what runs a session's cuts or all of it again
 
 // One message in each direction, and libwebsockets' room before what goes out.
 struct exchange {
@@ -234,6 +235,7 @@ struct call {
     arthron_Console asked, answer;
     lws_sorted_usec_list_t patience;
     bool connected, done;
+    int patience_s;
     enum result result;
     struct error *err;
 };
@@ -294,8 +296,10 @@ static int on_server(struct lws *socket, enum lws_callback_reasons reason, void 
 }
 
 static void lose_patience(lws_sorted_usec_list_t *patience) {
-    finish(lws_container_of(patience, struct call, patience), RESULT_TIMEOUT,
-           "no answer within 10 s");
+    struct call *call = lws_container_of(patience, struct call, patience);
+    char text[48];
+    snprintf(text, sizeof text, "no answer within %d s", call->patience_s);
+    finish(call, RESULT_TIMEOUT, text);
 }
 
 static void make_call(struct call *call) {
@@ -323,12 +327,19 @@ static void make_call(struct call *call) {
         .path = "/",
         .protocol = WIRE_CONSOLE_SUBPROTOCOL,
     };
-    lws_sul_schedule(context, 0, &call->patience, lose_patience, CALL_PATIENCE_US);
+    lws_sul_schedule(context, 0, &call->patience, lose_patience,
+                     call->patience_s * LWS_USEC_PER_SEC);
     if (!lws_client_connect_via_info(&to))
         finish(call, RESULT_MISSING, "no server answers there");
     while (!call->done)
         lws_service(context, 0);
     lws_context_destroy(context);
+}
+
+static int patience_of(const arthron_Console *asked) {
+    bool undoes = asked->which_message == arthron_Console_command_tag &&
+                  asked->message.command.kind == arthron_Command_Kind_UNDO;
+    return undoes ? LONG_PATIENCE_S : CALL_PATIENCE_S;
 }
 
 // `call` is all zero but for what is asked and wanted.
@@ -338,6 +349,7 @@ static enum result ask(const char *socket_path, struct call *call, struct error 
         return result;
     call->path = socket_path;
     call->err = err;
+    call->patience_s = patience_of(&call->asked);
     result = wire_encode_console(&call->asked, call->exchange.out, sizeof call->exchange.out,
                                  &call->exchange.out_size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX

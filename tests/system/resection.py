@@ -1,68 +1,14 @@
 #!/usr/bin/env python3
 """A punch bites in the mock-up: the server cuts, the station's mesh follows, the trace replays."""
 
-import os
 import signal
 import unittest
 
-from arthron import House, call, call_json, wait_until
-
-BITES = """
-[motion]
-rate_hz = 100
-speed_mm_s = 120
-joint_speed_deg_s = 60
-tremor_mm = 0.05
-seed = 1
-[steps]
-flex = 20
-approach = punch anterolateral
-bite = punch meniscus_medial
-bite = punch meniscus_medial
-withdraw = punch
-"""
-
-
-class Bites(House):
-    """A house whose mock-up plays a punch that bites."""
-
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        script = os.path.join(cls.shared.name, "bites.ini")
-        with open(script, "w") as f:
-            f.write(BITES)
-        call("arthron-case", "motion", script, "--case", os.path.join(cls.cases, "healthy"), "--out", cls.motion)
-
-    def setUp(self):
-        super().setUp()
-        self.start_mockup()
-        self.server = self.start_server()
-        self.enrol("room-1")
+from arthron import call_json, wait_until
+from bites import Bites
 
 
 class Resection(Bites):
-    def resection(self, group="meniscus_medial"):
-        return next(r for r in self.steer("show", "room-1")["resections"] if r["group"] == group)
-
-    def whole(self):
-        resection = self.resection()
-        return resection["mesh_number"] == 1 and resection
-
-    def wait_for_cuts(self, count=2):
-        wait_until(f"{count} cuts", lambda: self.resection()["cuts"] >= count, 60)
-
-    def mesh_at(self, station):
-        """What the station has of the medial meniscus, as it says at its end."""
-        station.end()
-        return next(m for m in self.summary(station)["meshes"] if m["group"] == "meniscus_medial")
-
-    def assert_same_mesh(self, station):
-        """Nothing is cut while the session rests, so both sides can be asked one after the other."""
-        there = self.resection()
-        here = self.mesh_at(station)
-        self.assertEqual((here["number"], here["hash"]), (there["mesh_number"], there["mesh_hash"]))
-
     def test_the_meniscus_is_cut_and_the_record_replays(self):
         station = self.start_station()
         self.wait_for_cuts(3)

@@ -8,16 +8,13 @@ import time
 import unittest
 
 from arthron import call, call_json, wait_until
-from resection import Bites
+from bites import Bites
 
 STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volume_mm3", "warped_mm3", "left_mm3",
          "distance_mm", "over_mm3", "under_mm3", "rim_mm", "removed_zone_mm3")
 
 
 class Resume(Bites):
-    def resection(self):
-        return self.steer("show", "room-1")["resections"][0]
-
     def cuts(self):
         return self.steer("show", "room-1", code=None)["resections"][0]["cuts"]
 

@@ -78,6 +78,12 @@ static void range_of(const struct space *s, int axis, double low, double high, i
     out[1] = (int)fmax(fmin(floor((high - origin) / s->spacing_mm), last), -1);
 }
 
+// Held at the ends of its range: surfaces may lie on each other many times.
+static int8_t add_held(int a, int b) {
+    int sum = a + b;
+    return (int8_t)(sum < INT8_MIN ? INT8_MIN : sum > INT8_MAX ? INT8_MAX : sum);
+}
+
 static void meet(const struct space *s, const struct lines *lines, const struct facet *f, int i,
                  int k) {
     double u = component(s->origin, lines->u) + s->spacing_mm * i;
@@ -89,7 +95,8 @@ static void meet(const struct space *s, const struct lines *lines, const struct 
     double at = (height_of(f, lines->axis, u, v) - component(s->origin, lines->axis));
     int step = (int)fmin(fmax(ceil(at / s->spacing_mm), 0), s->size[lines->axis]);
     size_t line = (size_t)i + (size_t)s->size[lines->u] * (size_t)k;
-    lines->sides[line * ((size_t)s->size[lines->axis] + 1) + (size_t)step] += (int8_t)side;
+    int8_t *met = &lines->sides[line * ((size_t)s->size[lines->axis] + 1) + (size_t)step];
+    *met = add_held(*met, side);
 }
 
 static struct lines lines_meet(const struct space *s, int axis, const struct mesh *mesh, pose T) {
@@ -129,7 +136,7 @@ static void count_windings(const struct space *s, const struct lines *lines, int
         int winding = 0;
         for (int step = 0; step < steps; step++) {
             winding -= sides[step];
-            votes[node_on(s, lines, line, step)] = (int8_t)winding;
+            votes[node_on(s, lines, line, step)] = add_held(winding, 0);
         }
     }
 }

@@ -66,6 +66,28 @@ static void solids_skin_and_outside_agree_with_solid_angles(void **state) {
     bodies_fini(&bodies);
 }
 
+static void a_solid_of_many_shells_is_solid(void **state) {
+    (void)state;
+    static const double growth_mm[] = {0, 0.04}; // all in one place; each around the one before
+    struct space_surface roles[1] = {{SPACE_SOLID, false}};
+    for (int n = 0; n < 2; n++) {
+        struct bodies bodies = {0};
+        struct mesh shells, shell;
+        shape_sphere(&shells, 4, 4);
+        for (int i = 1; i < 200; i++) {
+            shape_sphere(&shell, 4 + growth_mm[n] * i, 4);
+            shape_append(&shells, &shell);
+            mesh_fini(&shell);
+        }
+        bodies_add(&bodies, &shells, NULL, 0);
+        struct space space = space_of(&bodies, still, roles, 15, 0.7);
+        assert_int_equal(place_at(&space, (vec3){0, 0, 0}), PLACE_SOLID);
+        assert_int_equal(place_at(&space, (vec3){14, 0, 0}), PLACE_FREE);
+        space_fini(&space);
+        bodies_fini(&bodies);
+    }
+}
+
 // Without the cap above z = 6 of a radius of 10.
 static void an_open_surface_has_its_inside_nearly_everywhere(void **state) {
     (void)state;
@@ -143,6 +165,7 @@ static void planes_end_the_space_and_too_many_nodes_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(solids_skin_and_outside_agree_with_solid_angles),
+        cmocka_unit_test(a_solid_of_many_shells_is_solid),
         cmocka_unit_test(an_open_surface_has_its_inside_nearly_everywhere),
         cmocka_unit_test(what_solids_shut_in_is_a_pocket),
         cmocka_unit_test(planes_end_the_space_and_too_many_nodes_are_refused),

@@ -18,8 +18,11 @@
 void inspection_note(struct inspection *inspection, enum finding_level level, const char *where,
                      const char *format, ...) {
     inspection->faults += level == FINDING_FAULT;
-    if (inspection->count == FINDINGS_MAX)
+    inspection->warnings += level == FINDING_WARNING;
+    if (inspection->count == FINDINGS_MAX) {
+        inspection->left_out++;
         return;
+    }
     struct finding *finding = &inspection->findings[inspection->count++];
     finding->level = level;
     snprintf(finding->where, sizeof finding->where, "%s", where);

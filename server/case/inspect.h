@@ -14,8 +14,9 @@ struct finding {
 #define FINDINGS_MAX 256
 
 struct inspection {
-    int count; // what goes beyond FINDINGS_MAX is dropped; faults are counted all the same
-    int faults;
+    int count;
+    int left_out;         // beyond FINDINGS_MAX
+    int faults, warnings; // of all, those left out too
     struct finding findings[FINDINGS_MAX];
 };
 

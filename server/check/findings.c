@@ -204,10 +204,9 @@ static void find_left_out(struct check *check) {
 }
 
 void findings_grade(struct check *check) {
-    check->grade = check->findings.faults ? GRADE_UNFIT : GRADE_FIT;
-    for (int i = 0; i < check->findings.count && check->grade == GRADE_FIT; i++)
-        if (check->findings.findings[i].level == FINDING_WARNING)
-            check->grade = GRADE_WARNINGS;
+    check->grade = check->findings.faults     ? GRADE_UNFIT
+                   : check->findings.warnings ? GRADE_WARNINGS
+                                              : GRADE_FIT;
 }
 
 void findings_gather(struct check *check, const struct knee_case *knee) {

@@ -178,6 +178,7 @@ static json_t *whole(const struct check *check, int64_t utc_s) {
     set(root, "faults", json_integer(check->findings.faults));
     set(root, "settings", settings(&check->settings));
     set(root, "findings", findings(&check->findings));
+    set(root, "findings_left_out", json_integer(check->findings.left_out));
     set(root, "field", field(check->field));
     json_t *poses = json_array(), *openings = json_array();
     for (int i = 0; i < check->pose_count; i++)

@@ -46,6 +46,8 @@ static void print_text(const char *dir, const struct check *check) {
         const struct finding *finding = &check->findings.findings[i];
         printf("%s: %s: %s\n", levels[finding->level], finding->where, finding->text);
     }
+    if (check->findings.left_out)
+        printf("and %d more\n", check->findings.left_out);
     printf("%s: %s\n", dir, grade_name(check->grade));
 }
 

@@ -38,6 +38,8 @@ static void write_findings(FILE *file, const struct inspection *inspection) {
             if ((int)inspection->findings[i].level == level)
                 write_row(file, &inspection->findings[i]);
     fputs("</table>\n", file);
+    if (inspection->left_out)
+        fprintf(file, "<p>And %d more.</p>\n", inspection->left_out);
 }
 
 static void write_grade(const struct page *page) {

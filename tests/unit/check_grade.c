@@ -1,4 +1,5 @@
 #include "case_knee.h"
+#include "check/findings.h"
 #include "check/section.h"
 #include "check/verdict.h"
 #include "test.h"
@@ -116,6 +117,22 @@ static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
     assert_true(check->rest_mm < 1e-6);
     scene_destroy(&scene);
     check_destroy(&check);
+}
+
+static void findings_for_which_there_is_no_room_count_all_the_same(void **state) {
+    (void)state;
+    static struct check check;
+    for (int i = 0; i < FINDINGS_MAX; i++)
+        inspection_note(&check.findings, FINDING_NOTE, "tibia", "%d", i);
+    findings_grade(&check);
+    assert_int_equal(check.grade, GRADE_FIT);
+    for (int i = 1; i <= 3; i++) {
+        inspection_note(&check.findings, i < 3 ? FINDING_WARNING : FINDING_FAULT, "femur", "more");
+        findings_grade(&check);
+        assert_int_equal(check.findings.count, FINDINGS_MAX);
+        assert_int_equal(check.findings.left_out, i);
+        assert_int_equal(check.grade, i < 3 ? GRADE_WARNINGS : GRADE_UNFIT);
+    }
 }
 
 static void a_case_that_cannot_be_prepared_is_unfit_and_says_why(void **state) {
@@ -255,6 +272,7 @@ int main(void) {
         cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
         cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),
         cmocka_unit_test(a_section_shows_what_lies_where),
+        cmocka_unit_test(findings_for_which_there_is_no_room_count_all_the_same),
         cmocka_unit_test(a_case_that_cannot_be_prepared_is_unfit_and_says_why),
         cmocka_unit_test_setup_teardown(a_broken_record_is_refused_and_says_where, setup, teardown),
         cmocka_unit_test_setup_teardown(a_record_that_is_too_large_is_not_read, setup, teardown),

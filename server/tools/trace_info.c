@@ -1,6 +1,6 @@
 #include "base/clock.h"
-#include "trace_commands.h"
 #include "review/survey.h"
+#include "trace_commands.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -13,6 +13,12 @@ static const char help[] =
     "\n"
     "Prints whose session it is, when and with which case, settings and machine it was recorded,\n"
     "and what happened: steps, events, instruments, the largest displacement.\n"
+    "\n"
+    "Of each instrument, how the shown tip moves beside the hand's: offset, what lies between\n"
+    "them; gain, its way over the hand's, least and most (negative: the warped space folds\n"
+    "there); turned, the angle between the two ways (180 degrees in a fold); tilted, the shaft's.\n"
+    "What is past the thresholds of people in a headset might be noticed.\n"
+    "\n"
     "Exits 1 where the file cannot be read at all; verify tells whether it is whole.\n";
 
 static void hex_text(const uint8_t *bytes, size_t size, char *out) {

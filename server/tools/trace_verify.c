@@ -1,5 +1,5 @@
-#include "trace_commands.h"
 #include "review/survey.h"
+#include "trace_commands.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -118,8 +118,8 @@ static void print_text(const struct verdict *v, bool asked) {
     if (v->steps_behind)
         printf("%" PRIu64 " steps behind that are as they were written\n", v->steps_behind);
     print_seal(v, asked);
-    printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps, %" PRIu64
-           " samples lost at the station\n",
+    printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps; in %" PRIu64
+           " samples the station told that a device was silent\n",
            s->steps, s->missing, s->gaps, s->lost_samples);
 }
 

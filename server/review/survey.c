@@ -48,6 +48,16 @@ static void count_output(const struct session_output *output, struct survey *s) 
     }
 }
 
+// A remark's time is that at which it was made.
+static void take_remark(const struct remark *remark, struct survey *s) {
+    struct remark *kept = &s->remarks[remark->number - 1];
+    int64_t time_ns = kept->number ? kept->time_ns : remark->time_ns;
+    *kept = *remark;
+    kept->time_ns = time_ns;
+    if (remark->number > s->remark_count)
+        s->remark_count = remark->number;
+}
+
 void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *s) {
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);
@@ -65,6 +75,8 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
         }
         s->past += record.type == TRACE_PAST;
         s->resumes += record.type == TRACE_RESUME;
+        if (record.type == TRACE_REMARK)
+            take_remark(&record.remark, s);
         if (progress)
             progress(trace_reader_offset(reader), s->file_bytes);
     }

@@ -19,10 +19,12 @@ struct survey {
     } noticing[INSTRUMENT_COUNT];
     double share[ADAPTIVE_LIGAMENTS_MAX]; // the largest given of each torn ligament's extra motion
     int torn_count;
-    int64_t first_ns, last_ns; // time of the first and last step
-    enum session_state state;  // after the last step
-    double largest_mm;         // displacement of any instrument
-    uint64_t whole_bytes;      // up to the end of the last whole record
+    int64_t first_ns, last_ns;          // time of the first and last step
+    enum session_state state;           // after the last step
+    double largest_mm;                  // displacement of any instrument
+    uint32_t remark_count;              // the highest number
+    struct remark remarks[REMARKS_MAX]; // by number - 1, as they were in the end; number 0: none
+    uint64_t whole_bytes;               // up to the end of the last whole record
     uint64_t file_bytes;
     enum result end;  // RESULT_CLOSED: the file is whole
     struct error why; // where it is not

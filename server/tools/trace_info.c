@@ -111,6 +111,28 @@ static json_t *resections_array(const struct survey *s) {
     return all;
 }
 
+static double remark_seconds(const struct survey *s, const struct remark *r) {
+    return (double)(r->time_ns - s->first_ns) / (double)NS_PER_S;
+}
+
+static json_t *remarks_array(const struct survey *s) {
+    json_t *all = json_array();
+    for (uint32_t i = 0; i < s->remark_count; i++) {
+        const struct remark *r = &s->remarks[i];
+        if (!r->number)
+            continue;
+        json_t *marker = json_null();
+        if (r->has_marker)
+            marker = json_pack("{s:s, s:[f, f, f]}", "body", body_name(r->body), "point_mm",
+                               r->point.x, r->point.y, r->point.z);
+        json_array_append_new(
+            all, json_pack("{s:i, s:f, s:o, s:o, s:o, s:b}", "number", (int)r->number, "second",
+                           remark_seconds(s, r), "author", text_or_null(r->author), "text",
+                           text_or_null(r->text), "marker", marker, "withdrawn", r->withdrawn));
+    }
+    return all;
+}
+
 static void print_json(const struct trace_header *h, const struct survey *s) {
     char id[33], start[32], hash[17];
     hex_text(h->session_id, sizeof h->session_id, id);
@@ -135,6 +157,7 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_object_set_new(root, "optic", optic_object(&h->optic));
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
+    json_object_set_new(root, "remarks", remarks_array(s));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -148,6 +171,14 @@ static void print_instrument(enum channel channel, uint64_t present, const struc
         channel_name(channel), present, percent * (double)n->any, percent * (double)n->turn,
         percent * (double)n->tilt, percent * (double)n->gain, n->worst.offset_mm, n->worst.turn_deg,
         n->worst.gain_least, n->worst.gain);
+}
+
+static void print_remark(const struct survey *s, const struct remark *r) {
+    printf("remark %-4u %.1f s, %s: %s", r->number, remark_seconds(s, r), r->author, r->text);
+    if (r->has_marker)
+        printf(" [touch %.1f %.1f %.1f of the %s]", r->point.x, r->point.y, r->point.z,
+               body_name(r->body));
+    puts(r->withdrawn ? " (withdrawn)" : "");
 }
 
 static void print_text(const struct trace_header *h, const struct survey *s) {
@@ -190,6 +221,9 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
                 i, f->cuts, f->removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
                 f->quality.under_mm3, f->quality.rim_mm, f->left_mm3, f->refused);
     }
+    for (uint32_t i = 0; i < s->remark_count; i++)
+        if (s->remarks[i].number)
+            print_remark(s, &s->remarks[i]);
     printf("displaced   by up to %.3f mm\n", s->largest_mm);
     if (s->end != RESULT_CLOSED)
         printf("not whole   %s\n", s->why.text);

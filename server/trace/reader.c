@@ -129,6 +129,7 @@ static enum result follow(struct trace_reader *r, const struct trace_record *rec
         place->missing += record->missing;
         return RESULT_OK;
     case TRACE_RESUME:
+    case TRACE_REMARK:
         return RESULT_OK;
     default:
         if (!r->damaged && (record->records != place->records || record->missing != place->missing))

@@ -361,6 +361,19 @@ size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out) {
     return end_record(&w, chain);
 }
 
+size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_REMARK, out);
+    write_u32(&w, remark->number);
+    write_i64(&w, remark->time_ns);
+    write_text(&w, remark->author);
+    write_text(&w, remark->text);
+    write_u8(&w, remark->withdrawn);
+    write_u8(&w, remark->has_marker);
+    write_u8(&w, (uint8_t)remark->body);
+    write_vec3(&w, remark->point);
+    return end_record(&w, chain);
+}
+
 static void write_block(struct writer *w, const uint8_t *data, size_t size) {
     write_u16(w, (uint16_t)size);
     write_bytes(w, data, size);
@@ -375,6 +388,10 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
     return end_record(&w, chain);
 }
 
+static unsigned last_type(unsigned version) {
+    return version >= 4 ? TRACE_REMARK : version == 3 ? TRACE_RESUME : TRACE_END;
+}
+
 enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
                                  struct error *err) {
     struct reader r = {prefix, RECORD_PREFIX, 0, false};
@@ -383,7 +400,7 @@ enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t
     if (size > RECORD_PAYLOAD_MAX)
         return fail(err, RESULT_FORMAT, "a record claims %u bytes, more than %d", size,
                     RECORD_PAYLOAD_MAX);
-    if (type < TRACE_STEP || type > (version >= 3 ? TRACE_RESUME : TRACE_END))
+    if (type < TRACE_STEP || type > last_type(version))
         return fail(err, RESULT_FORMAT, "a record has the unknown type %u", type);
     *out_rest = size + checksum_size(version);
     return RESULT_OK;
@@ -406,6 +423,19 @@ static bool read_end(struct reader *r, unsigned version, struct trace_end *out) 
             read_block(r, out->signature, &out->signature_size, sizeof out->signature));
 }
 
+static bool read_remark(struct reader *r, struct remark *out) {
+    out->number = read_u32(r);
+    out->time_ns = read_i64(r);
+    read_text(r, out->author, sizeof out->author);
+    read_text(r, out->text, sizeof out->text);
+    unsigned withdrawn = read_u8(r), has_marker = read_u8(r);
+    out->withdrawn = withdrawn;
+    out->has_marker = has_marker;
+    out->body = read_u8(r);
+    out->point = read_vec3(r);
+    return withdrawn <= 1 && has_marker <= 1 && time_is_sane(out->time_ns) && remark_is_valid(out);
+}
+
 static bool read_payload(struct reader *r, unsigned version, struct trace_record *out,
                          struct trace_end *out_end) {
     out->type = read_u8(r);
@@ -421,6 +451,8 @@ static bool read_payload(struct reader *r, unsigned version, struct trace_record
     case TRACE_RESUME:
         out->utc_ns = read_i64(r);
         return true;
+    case TRACE_REMARK:
+        return read_remark(r, &out->remark);
     default:
         return read_end(r, version, out_end);
     }

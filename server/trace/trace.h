@@ -9,6 +9,7 @@
 #include "base/result.h"
 #include "session/optic.h"
 #include "session/session.h"
+#include "trace/remark.h"
 
 #define TRACE_VERSION 4
 #define TRACE_OLDEST_VERSION 2 // that is still read
@@ -75,13 +76,17 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
 bool trace_append(struct trace_writer *writer, const struct session_input *input,
                   const struct session_output *output);
 
+// What was said at this place; valid, and by the thread that appends. False where the buffer is
+// full: it is not in the trace then.
+bool trace_append_remark(struct trace_writer *writer, const struct remark *remark);
+
 // Whether a writer is at work on the file, in any process.
 bool trace_is_written(const char *path);
 
 struct trace_record;
 
-// A record as it was read, to make a trace of another: a step, a gap, an input alone. Waits for the
-// disk, so not for a worker. RESULT_IO where the disk takes no more.
+// A record as it was read, to make a trace of another: a step, a gap, an input alone, a remark.
+// Waits for the disk, so not for a worker. RESULT_IO where the disk takes no more.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
 
@@ -107,8 +112,9 @@ enum trace_record_type {
     TRACE_STEP = 1,
     TRACE_GAP = 2,
     TRACE_END = 3,
-    TRACE_PAST = 4,  // a step's input without its output: what led to where a piece begins
-    TRACE_RESUME = 5 // here the server was started again
+    TRACE_PAST = 4,   // a step's input without its output: what led to where a piece begins
+    TRACE_RESUME = 5, // here the server was started again
+    TRACE_REMARK = 6  // nothing that the session learnt
 };
 
 struct trace_record {
@@ -118,9 +124,10 @@ struct trace_record {
     struct session_input input;   // TRACE_STEP, TRACE_PAST; without a result
     bool job_done;                // INPUT_JOB: that it had a result
     struct session_output output; // TRACE_STEP
-    uint64_t missing; // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
-    uint64_t records; // TRACE_END: steps recorded
-    int64_t utc_ns;   // TRACE_RESUME: when
+    uint64_t missing;     // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
+    uint64_t records;     // TRACE_END: steps recorded
+    int64_t utc_ns;       // TRACE_RESUME: when
+    struct remark remark; // TRACE_REMARK
 };
 
 // How far a trace was read.

@@ -89,6 +89,17 @@ bool trace_append(struct trace_writer *w, const struct session_input *input,
     return false;
 }
 
+// A gap before it stays where it is: steps are missing behind the last one, whatever was said.
+bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
+    uint8_t data[RECORD_MAX], before[TRACE_HASH_SIZE];
+    CHECK(remark_is_valid(remark));
+    memcpy(before, w->chain.value, sizeof before);
+    if (put(w, data, record_encode_remark(remark, &w->chain, data)))
+        return true;
+    memcpy(w->chain.value, before, sizeof before);
+    return false;
+}
+
 static enum result wait_for_room(struct trace_writer *w, struct error *err) {
     while (BUFFER_SIZE - waiting_bytes(w) < 2 * RECORD_MAX) {
         if (atomic_load(&w->failing))
@@ -109,6 +120,8 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
         taken = append(w, &record->input, record->job_done, &record->output);
     if (record->type == TRACE_PAST)
         taken = put(w, data, record_encode_past(&record->input, record->job_done, &w->chain, data));
+    if (record->type == TRACE_REMARK)
+        taken = trace_append_remark(w, &record->remark);
     if (record->type == TRACE_GAP) {
         w->gap += record->missing;
         count(&w->missing, record->missing);

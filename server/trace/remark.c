@@ -1,0 +1,16 @@
+#include "trace/remark.h"
+
+#include <math.h>
+#include <string.h>
+
+#define REACH_MM 10000
+
+static bool is_near(vec3 p) {
+    return fabs(p.x) <= REACH_MM && fabs(p.y) <= REACH_MM && fabs(p.z) <= REACH_MM;
+}
+
+bool remark_is_valid(const struct remark *r) {
+    return r->number >= 1 && r->number <= REMARKS_MAX && memchr(r->text, 0, sizeof r->text) &&
+           memchr(r->author, 0, sizeof r->author) && (unsigned)r->body < BODY_COUNT &&
+           is_near(r->point) && (r->has_marker || r->withdrawn || r->text[0]);
+}

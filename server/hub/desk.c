@@ -93,10 +93,9 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     moments_begin(&live->moments, live->serial, header.start_ns);
     seat_introduce(hub, (int)(seat - hub->seats), live, &header);
     session_row_begin(&header, card.trace, &live->row);
-    memcpy(live->tally.session_id, header.session_id, sizeof live->tally.session_id);
-    live->tally.scene = live->scene;
-    metrics_init(&live->tally.metrics, header.optic);
+    tally_begin(&header, live->scene, &live->tally);
     recorder_put(hub->recorder, &live->row);
+    deed_of_server(hub, seat, "open", header.session_id);
     log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
              scene_case(live->scene)->name, card.trace);
     *out_live = live;
@@ -167,6 +166,8 @@ static void release_retired(struct hub *hub, struct worker *worker) {
         if (retired.deserted)
             log_warning("hub", "station %s: no frame for %d s, its session ends",
                         seat->station->name, hub->config.wait_s);
+        if (retired.deserted)
+            deed_of_server(hub, seat, "end", retired.live->tally.session_id);
         struct trace_status status = trace_writer_status(retired.live->trace);
         log_trace_end(seat, status);
         trace_writer_destroy(&retired.live->trace);
@@ -553,30 +554,11 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
     pthread_mutex_lock(&hub->desk_lock);
     put_in_order(hub);
     command_station(hub, command, index, reply);
+    if (reply->ok)
+        deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
     pthread_mutex_unlock(&hub->desk_lock);
     if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
         wait_for_undo(&hub->seats[index], reply);
     log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
              actor, reply->ok ? "done" : reply->text);
-}
-
-// ---- metrics ------------------------------------------------------------------------------------
-
-bool desk_metrics(void *user, const char *station, arthron_Metrics *out) {
-    struct hub *hub = user;
-    int index = hub_find_station(&hub->config, station);
-    out->metrics_count = 0;
-    if (index < 0)
-        return false;
-    struct seat *seat = &hub->seats[index];
-    struct tally *tally = alloc(1, sizeof *tally);
-    pthread_mutex_lock(&hub->card_lock);
-    newest_take(seat->tallies, &seat->tally);
-    *tally = seat->tally;
-    bool is_its = !memcmp(tally->session_id, seat->card.session_id, sizeof tally->session_id);
-    pthread_mutex_unlock(&hub->card_lock);
-    if (is_its && tally->scene)
-        reply_metrics(&tally->metrics, scene_case(tally->scene), out);
-    free(tally);
-    return true;
 }

@@ -21,7 +21,11 @@
 
 struct waiting {
     struct waiting *next;
-    struct store_session session;
+    bool is_deed;
+    union {
+        struct store_session session;
+        struct store_deed deed;
+    };
 };
 
 struct recorder {
@@ -60,9 +64,9 @@ static void note_live(struct recorder *r, const struct store_session *session) {
 }
 
 // With the mutex.
-static void append(struct recorder *r, const struct store_session *session) {
+static void append(struct recorder *r, const struct waiting *from) {
     struct waiting *waiting = alloc(1, sizeof *waiting);
-    waiting->session = *session;
+    *waiting = *from;
     *r->end = waiting;
     r->end = &waiting->next;
 }
@@ -72,7 +76,22 @@ void recorder_put(struct recorder *r, const struct store_session *session) {
         return;
     pthread_mutex_lock(&r->mutex);
     note_live(r, session);
-    append(r, session);
+    append(r, &(struct waiting){.session = *session});
+    pthread_cond_signal(&r->wake);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+void recorder_note(struct recorder *r, const char *actor, const char *action, const char *subject) {
+    struct waiting waiting = {.is_deed = true};
+    struct store_deed *deed = &waiting.deed;
+    if (!r)
+        return;
+    deed->utc_ns = clock_utc_ns();
+    snprintf(deed->actor, sizeof deed->actor, "%s", *actor ? actor : ACTOR);
+    snprintf(deed->action, sizeof deed->action, "%s", action);
+    snprintf(deed->subject, sizeof deed->subject, "%s", subject);
+    pthread_mutex_lock(&r->mutex);
+    append(r, &waiting);
     pthread_cond_signal(&r->wake);
     pthread_mutex_unlock(&r->mutex);
 }
@@ -81,7 +100,7 @@ static void put_live_again(struct recorder *r) {
     pthread_mutex_lock(&r->mutex);
     for (int i = 0; i < LIVE_MAX; i++)
         if (r->live[i].trace[0])
-            append(r, &r->live[i]);
+            append(r, &(struct waiting){.session = r->live[i]});
     pthread_mutex_unlock(&r->mutex);
 }
 
@@ -150,6 +169,22 @@ static enum result write_row(struct recorder *r, const struct session_score *sco
     return result;
 }
 
+static enum result write_deed(struct recorder *r, const struct store_deed *deed,
+                              struct error *err) {
+    struct store *store;
+    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
+    if (result == RESULT_OK)
+        result = store_put_deed(store, deed, err);
+    store_close(&store);
+    if (result == RESULT_INVALID) {
+        log_error("records", "%s: it cannot be in the audit log: %s", deed->action, err->text);
+        result = RESULT_OK;
+    }
+    if (result == RESULT_OK)
+        tell_success(r);
+    return result;
+}
+
 static bool may_read(struct recorder *r, const char *trace) {
     struct stat status;
     return !should_stop(r) || (stat(trace, &status) == 0 && status.st_size < AT_THE_END_BYTES);
@@ -170,17 +205,23 @@ static enum result write_score(struct recorder *r, const struct store_session *s
     return result;
 }
 
+static enum result write_session(struct recorder *r, const struct store_session *session,
+                                 struct error *err) {
+    const struct session_score row = {.session = *session};
+    enum result result = write_row(r, &row, err);
+    if (result != RESULT_OK)
+        return result;
+    tell_success(r);
+    return write_score(r, session, err);
+}
+
 // False where the rest has to wait.
 static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
         struct error err;
-        const struct session_score row = {.session = first->session};
-        enum result result = write_row(r, &row, &err);
-        if (result == RESULT_OK) {
-            tell_success(r);
-            result = write_score(r, &first->session, &err);
-        }
+        enum result result = first->is_deed ? write_deed(r, &first->deed, &err)
+                                            : write_session(r, &first->session, &err);
         if (result != RESULT_OK) {
             tell_failure(r, &err);
             return false;
@@ -307,9 +348,10 @@ static void tell_what_is_left(struct recorder *r) {
     size_t left = 0;
     for (struct waiting *w = first_waiting(r); w; w = w->next)
         left++;
-    log_error("records",
-              "%s: %zu entries are not written: they are taken from the traces at the next start",
-              r->records, left);
+    log_error(
+        "records",
+        "%s: %zu entries are not written: sessions are taken from the traces at the next start",
+        r->records, left);
 }
 
 static void *run(void *argument) {

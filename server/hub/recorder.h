@@ -21,6 +21,11 @@ struct recorder *recorder_start(const char *records, const char *traces_dir, sce
 // closed. NULL: no records are kept.
 void recorder_put(struct recorder *recorder, const struct store_session *session);
 
+// The same for the audit log: now, by `actor` (empty: by the server itself). What is too long is
+// cut.
+void recorder_note(struct recorder *recorder, const char *actor, const char *action,
+                   const char *subject);
+
 // Tries once more to write what waits; large traces are left to the next start. NULL inside is
 // fine.
 void recorder_stop(struct recorder **recorder);

@@ -105,8 +105,7 @@ static void make_live(struct resumed *r, struct rerun **rerun) {
     int64_t now_ns = clock_now_ns();
     live->scene = r->hub->scenes[r->scene];
     live->state = r->state;
-    memcpy(live->tally.session_id, r->header.session_id, sizeof live->tally.session_id);
-    live->tally.scene = live->scene;
+    tally_begin(&r->header, live->scene, &live->tally);
     live->tally.metrics = r->metrics;
     live->moments = r->moments;
     live->last_ns = r->place.time_ns;

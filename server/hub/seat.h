@@ -257,8 +257,19 @@ void desk_call(struct hub *hub); // card_lock held: someone may need a session
 // actor: who asks for it, as the records are to call them.
 void desk_command(void *hub, const char *actor, const arthron_Command *command,
                   arthron_CommandReply *out_reply);
+
+// tally.c
+void tally_begin(const struct trace_header *header, const struct scene *scene,
+                 struct tally *out_tally);
 // Of the session that the station has, or had last. False where there is no such station.
 bool desk_metrics(void *hub, const char *station, arthron_Metrics *out_metrics);
+
+// deeds.c
+void deed_of_server(struct hub *hub, const struct seat *seat, const char *action,
+                    const uint8_t session_id[16]);
+// info: as the command left the session.
+void deed_of_command(struct hub *hub, const char *actor, const char *action,
+                     const arthron_Command *command, const arthron_SessionInfo *info);
 
 // resume.c: while the server starts, one after the other
 void resume_replay(struct hub *hub);  // before the doors are open: runs open sessions again

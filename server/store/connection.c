@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "store/schema.h"
+#include "store/text.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -372,6 +373,21 @@ enum result store_end(struct store *store, enum result result, struct error *err
     return result;
 }
 
+static const char add_to_audit[] =
+    "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)";
+
+enum result store_put_deed(struct store *store, const struct store_deed *deed, struct error *err) {
+    enum result result = text_check(deed->actor, "actor", sizeof deed->actor, err);
+    if (result == RESULT_OK)
+        result = text_check(deed->action, "action", sizeof deed->action, err);
+    if (result == RESULT_OK)
+        result = text_check(deed->subject, "action's subject", sizeof deed->subject, err);
+    if (result == RESULT_OK)
+        result = store_do(store, add_to_audit, err, "ittt", deed->utc_ns, deed->actor, deed->action,
+                          deed->subject);
+    return result;
+}
+
 enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,
                         struct error *err) {
     char subject[STORE_NAME_MAX];
@@ -381,6 +397,6 @@ enum result store_audit(struct store *store, const char *action, const char *kin
 
 enum result store_note(struct store *store, const char *action, const char *subject,
                        struct error *err) {
-    return store_do(store, "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)",
-                    err, "ittt", clock_utc_ns(), store->actor, action, subject);
+    return store_do(store, add_to_audit, err, "ittt", clock_utc_ns(), store->actor, action,
+                    subject);
 }

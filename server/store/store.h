@@ -176,6 +176,19 @@ enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, str
 enum result store_trace_is_done(struct store *store, const char *trace, bool *out_done,
                                 struct error *err);
 
+// ---- audit --------------------------------------------------------------------------------------
+
+// What somebody did to something that is not in these tables, without personal data in `action` and
+// `subject`: the log is never changed.
+struct store_deed {
+    int64_t utc_ns;
+    char actor[STORE_NAME_MAX];
+    char action[STORE_NAME_MAX];
+    char subject[STORE_TEXT_MAX];
+};
+
+enum result store_put_deed(struct store *store, const struct store_deed *deed, struct error *err);
+
 // ---- reading ------------------------------------------------------------------------------------
 
 enum store_list {

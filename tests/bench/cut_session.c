@@ -241,6 +241,7 @@ static void fill_config(struct house *h) {
     snprintf(c->cases[0].name, sizeof c->cases[0].name, "healthy");
     snprintf(c->cases[0].dir, sizeof c->cases[0].dir, "%s", h->case_dir);
     c->stations[0].optic = view_optic_usual();
+    c->stations[0].optic = view_optic_usual();
     snprintf(c->stations[0].name, sizeof c->stations[0].name, STATION);
     snprintf(c->stations[0].case_name, sizeof c->stations[0].case_name, "healthy");
 }

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pwd
 import signal
 import sqlite3
 import unittest
@@ -147,6 +148,28 @@ class Records(House):
         self.assert_is_of_trace(self.in_state("deserted")[0])
         self.assertEqual(server.end(), 0)
         self.sane()
+
+        # Who did what is there from the moment on at which there were records again.
+        user = pwd.getpwuid(os.getuid()).pw_name
+        first, second, third = (f"station room-1 session {row['id']}" for row in self.rows("sessions"))
+        self.assertEqual([(a["actor"], a["action"], a["subject"]) for a in self.rows("audit")], [
+            ("server", "open", first), (user, "stop", first),
+            ("server", "open", second), (user, "start", second), (user, "stop", second),
+            ("server", "open", third), (user, "start", third), ("server", "end", third)])
+
+    def test_a_changed_case_is_in_the_audit_log_and_a_refused_command_is_not(self):
+        self.start_room()
+        self.steer("case", "room-1", "healthy")
+        session = self.session()["id"]
+        self.steer("pause", "room-1")
+        self.steer("case", "room-1", "none", code=1)
+        self.steer("stop", "room-1")
+        self.steer("pause", "room-1", code=1)
+        self.in_state("closed", 2)
+        said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-3:])
+        of_it = f"session {session}"
+        self.assertEqual(said, [("case", f"station room-1 case healthy {of_it}"),
+                                ("pause", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
 
 
 if __name__ == "__main__":

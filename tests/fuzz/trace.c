@@ -1,23 +1,13 @@
 // A trace file, its checksums put right: read, scored, and run again on a knee of boxes.
 #include "base/check.h"
+#include "fuzz/boxes.h"
 #include "fuzz/fuzz.h"
 #include "metrics/metrics.h"
 #include "trace/replay.h"
-#include "unit/case_knee.h"
 #include "unit/trace_mend.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-static const struct scene *boxes(void) {
-    static struct scene *scene;
-    struct knee_case *knee;
-    if (!scene) {
-        knee = box_knee();
-        CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
-    }
-    return scene;
-}
 
 static void look(void *context, const struct metric_value *value) {
     const struct metric_kind *kind = &metric_kinds[value->metric];

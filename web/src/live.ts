@@ -270,7 +270,7 @@ export class Feed {
 /** The world as it is. */
 export function browserWorld(mayRetry: () => Promise<boolean>): World {
   return {
-    open: () => new WebSocket(`wss://${location.host}/live`, SUBPROTOCOL),
+    open: () => new WebSocket(new URL("/live", location.href.replace(/^http/, "ws")), SUBPROTOCOL),
     now: () => performance.now(),
     afterDraw: (then) => void requestAnimationFrame(() => setTimeout(then)),
     later: (ms, then) => {

@@ -13,10 +13,13 @@ interface Page {
   bare?: boolean; // without the frame
 }
 
+const STAFF: Role[] = ["instructor", "technician"];
+
 // Each view is loaded when it is first shown.
 const PAGES: Record<string, Page> = {
   "sign-in": { load: async () => (await import("./views/signin")).signIn, bare: true },
   first: { load: async () => (await import("./views/signin")).first, bare: true },
+  wall: { load: async () => (await import("./views/wall")).wall, roles: STAFF },
 };
 
 const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");

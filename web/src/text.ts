@@ -93,4 +93,29 @@ export const text = {
     short: "At least 10 characters.",
     needName: "Enter a name.",
   },
+
+  wall: {
+    stations: "Stations",
+    waiting: "Waiting for the stations …",
+    unreachable: "The server does not answer",
+    unreachableHint: "The wall comes back by itself as soon as it does.",
+    nobody: "No trainee",
+    summary: (n: { running: number; paused: number; waiting: number; gone: number }) =>
+      `${n.running} running · ${n.paused} paused · ${n.waiting} waiting · ${n.gone} not connected`,
+    standings: { waiting: "Waiting", running: "Running", paused: "Paused", closed: "Closed", gone: "Not connected" },
+    urgencies: ["", "Look", "Act", "Now"],
+    attention: "Attention",
+    allQuiet: "Nothing needs you",
+    noData: "No data from the server",
+    oldFor: (ms: number) => `No data for ${format.ago(ms)}`,
+    roundTrip: "Round trip", loss: "Frames lost", clock: "Clock",
+    rate: "Slowest device", dropouts: "Dropouts", lost: "Devices lost",
+    cuts: "Cuts", removed: "Removed", displacement: "Discrepancy",
+    dropoutsUnit: "gaps",
+    cutsUnit: (n: number) => (n === 1 ? "cut" : "cuts"),
+    key: "On a small card",
+    keys: ["Cuts", "", "Discrepancy", "Round trip", "Loss", "Clock (ms)", "Rate", "Gaps", "Lost/all"],
+    spoken: (station: string, trainee: string, caseName: string, standing: string, warning: string) =>
+      [station, trainee, caseName, standing, warning].filter((part) => part !== "").join(", "),
+  },
 };

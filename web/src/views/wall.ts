@@ -1,0 +1,235 @@
+// #/wall: all stations at a glance.
+import { Watch_What } from "wire";
+import type { View } from "../app";
+import { QUIET_MS, type Seat } from "../live";
+import { routeTo } from "../router";
+import { format, text } from "../text";
+import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
+import { MiniScene } from "./wall_scene";
+import {
+  arrange, byUrgency, compareNames, quietFor, runningSeconds, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf, type Warning,
+} from "./wall_model";
+
+const RATE_HZ = 10;
+
+interface Card {
+  item: HTMLElement;
+  link: HTMLAnchorElement;
+  scene: HTMLElement; // where the picture goes
+  update(seat: Seat, now: number): void;
+}
+
+export const wall: View = (root, _route, app) => {
+  app.title(text.views.wall);
+  const { feed } = app;
+  const cards = new Map<number, Card>();
+  const list = h("ul", { class: "cards", "aria-label": text.wall.stations });
+  const grid = h("div", { class: "wall-grid" }, list);
+  const summary = h("p", { class: "wall-summary number" });
+  const rail = attentionRail();
+  const state = h("div", { class: "wall-state" }, loading());
+  root.append(h("section", { class: "wall-main" },
+    h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), summary), h("div", { class: "wall-area" }, grid, state)), rail.element);
+  const picture = new MiniScene(grid);
+  roving(list, () => [...list.querySelectorAll<HTMLElement>("a.card")]);
+
+  const ordered = (): Seat[] => [...feed.seats.values()].filter((seat) => seat.place).sort((a, b) => compareNames(stationOf(a), stationOf(b)));
+
+  const place = (): void => {
+    const seats = ordered();
+    for (const [seat, card] of cards) {
+      if (feed.seats.has(seat)) continue;
+      card.item.remove();
+      cards.delete(seat);
+    }
+    seats.forEach((seat, at) => {
+      let card = cards.get(seat.seat);
+      if (!card) cards.set(seat.seat, (card = makeCard()));
+      if (list.children[at] !== card.item) list.insertBefore(card.item, list.children[at] ?? null);
+    });
+    const links = list.querySelectorAll<HTMLElement>("a.card");
+    if (links.length && !list.querySelector('a.card[tabindex="0"]')) links.forEach((link, at) => (link.tabIndex = at ? -1 : 0));
+    fit();
+  };
+
+  const fit = (): void => {
+    const layout = arrange(cards.size, grid.clientWidth, grid.clientHeight);
+    list.dataset.density = layout.density;
+    list.style.setProperty("--columns", String(layout.columns));
+  };
+
+  const update = (): void => {
+    const now = feed.now();
+    const seats = ordered();
+    if (seats.length !== cards.size || seats.some((seat) => !cards.has(seat.seat))) place();
+    for (const seat of seats) cards.get(seat.seat)!.update(seat, now);
+    setText(summary, text.wall.summary(count(seats)));
+    rail.show(byUrgency(seats.map((seat) => warningOf(seat, now)).filter((warning) => warning !== undefined)), feed.link.state !== "idle");
+    showState(state, seats.length, feed.link.state === "broken");
+    setClass(root, "old", feed.quietMs() >= QUIET_MS);
+  };
+
+  let pending = false;
+  const soon = (): void => {
+    if (pending) return;
+    pending = true;
+    requestAnimationFrame(() => {
+      pending = false;
+      if (root.isConnected) update();
+    });
+  };
+  const size = new ResizeObserver(fit);
+  size.observe(grid);
+  let frame = requestAnimationFrame(function draw() {
+    frame = requestAnimationFrame(draw);
+    picture.draw([...cards].map(([seat, card]) => ({ seat: feed.seats.get(seat), slot: card.scene })));
+  });
+  const ends = [feed.on("place", soon), feed.onLink(soon), everySecond(soon), () => size.disconnect(), () => cancelAnimationFrame(frame), () => picture.end()];
+  feed.watch({ what: Watch_What.WALL, rateHz: RATE_HZ });
+  return () => {
+    for (const end of ends) end();
+    feed.unwatch();
+  };
+};
+
+function count(seats: Seat[]): Record<"running" | "paused" | "waiting" | "gone", number> {
+  const sum = { running: 0, paused: 0, waiting: 0, gone: 0 };
+  for (const seat of seats) {
+    const kind = standing(seat.place);
+    sum[kind === "closed" ? "waiting" : kind]++;
+  }
+  return sum;
+}
+
+function showState(state: HTMLElement, stations: number, isBroken: boolean): void {
+  state.hidden = stations > 0;
+  const kind = isBroken ? "broken" : "";
+  if (stations > 0 || state.dataset.kind === kind) return;
+  state.dataset.kind = kind;
+  fill(state, isBroken ? empty(text.wall.unreachable, text.wall.unreachableHint) : loading(text.wall.waiting));
+}
+
+// ---- a card -----------------------------------------------------------------------------------------
+
+interface Value {
+  element: HTMLElement;
+  set(value: string, unit?: string): void;
+}
+
+function value(label: string, kind = ""): Value {
+  const figure = h("span", { class: "figure" });
+  const unit = h("span", { class: "unit" });
+  const element = h("div", { class: `value ${kind}`, title: label }, h("dt", {}, label), h("dd", {}, figure, unit));
+  return {
+    element,
+    set(words, of = "") {
+      setText(figure, words);
+      setText(unit, words === format.none ? "" : of);
+    },
+  };
+}
+
+function makeCard(): Card {
+  const t = text.wall;
+  const sign = h("span", { class: "sign" });
+  const name = h("span", { class: "name" });
+  const time = h("span", { class: "time number" });
+  const scene = h("div", { class: "mini" });
+  const age = h("span", { class: "age" });
+  const who = h("span", { class: "who" });
+  const what = h("span", { class: "what" });
+  const values = {
+    roundTrip: value(t.roundTrip), loss: value(t.loss), clock: value(t.clock, "tight"),
+    rate: value(t.rate), dropouts: value(t.dropouts), lost: value(t.lost),
+    cuts: value(t.cuts, "over"), removed: value(t.removed, "removed"), displacement: value(t.displacement, "over right"),
+  };
+  const warning = h("span", { class: "warning" });
+  const link = h("a", { class: "card", tabindex: -1 },
+    h("div", { class: "card-head" }, sign, name, time),
+    h("div", { class: "card-scene" }, scene, age),
+    h("div", { class: "card-who" }, who, what),
+    h("dl", { class: "values" }, ...Object.values(values).map((one) => one.element)),
+    warning);
+  const item = h("li", {}, link);
+
+  const update = (seat: Seat, now: number): void => {
+    const place = seat.place!;
+    const info = place.info;
+    const kind = standing(place);
+    const quiet = quietFor(seat, now);
+    const warned = warningOf(seat, now);
+    link.href = routeTo("station", [stationOf(seat)]);
+    link.dataset.standing = kind;
+    link.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
+    setClass(link, "old", quiet !== undefined);
+    setSign(sign, kind);
+    setText(name, stationOf(seat));
+    const seconds = runningSeconds(seat, Date.now());
+    setText(time, kind === "gone" || seconds === undefined ? "" : format.clock(seconds));
+    setText(age, quiet !== undefined ? t.oldFor(quiet) : kind === "gone" ? t.standings.gone : "");
+    setText(who, place.trainee || t.nobody);
+    setClass(who, "quiet-text", !place.trainee);
+    setText(what, info?.caseName ?? "");
+    const devices = sumOfDevices(place.devices);
+    const there = kind !== "gone";
+    values.roundTrip.set(there ? format.number((info?.rttP50Us ?? NaN) / 1000, 1) : format.none, "ms");
+    values.loss.set(there ? format.number(place.lossShare * 100, 1) : format.none, "%");
+    values.clock.set(there ? `±${format.number((info?.clockUncertaintyUs ?? NaN) / 1000, 1)}` : format.none, "ms");
+    values.rate.set(there ? format.number(devices.slowestHz) : format.none, "Hz");
+    values.dropouts.set(there ? format.number(devices.dropouts) : format.none, t.dropoutsUnit);
+    values.lost.set(there ? `${devices.lost}/${devices.count}` : format.none);
+    setClass(values.lost.element, "bad", there && devices.lost > 0);
+    values.cuts.set(format.number(place.cuts), t.cutsUnit(place.cuts));
+    values.removed.set(format.number(place.removedMm3), "mm³");
+    values.displacement.set(there ? format.number(place.warpMm, 1) : format.none, "mm");
+    showWarning(warning, warned);
+    link.setAttribute("aria-label", t.spoken(stationOf(seat), place.trainee || t.nobody, info?.caseName ?? "", t.standings[kind], warned ? `${t.urgencies[warned.urgency]}: ${warned.words}` : ""));
+  };
+  return { item, link, scene, update };
+}
+
+function setSign(sign: HTMLElement, kind: ReturnType<typeof standing>): void {
+  if (sign.dataset.kind === kind) return;
+  sign.dataset.kind = kind;
+  sign.title = text.wall.standings[kind];
+  fill(sign, icon(kind));
+}
+
+function showWarning(element: HTMLElement, warning: Warning | undefined): void {
+  const key = warning ? `${warning.urgency} ${warning.words}` : "";
+  if (element.dataset.key === key) return;
+  element.dataset.key = key;
+  if (!warning) fill(element);
+  else fill(element, icon(URGENCY_NAMES[warning.urgency] as IconName), h("b", {}, text.wall.urgencies[warning.urgency]), h("span", { class: "words" }, warning.words));
+  element.title = warning?.words ?? "";
+}
+
+// ---- what needs somebody ----------------------------------------------------------------------------
+
+function attentionRail(): { element: HTMLElement; show(warnings: Warning[], known: boolean): void } {
+  const list = h("ol", { class: "attention-list" });
+  const total = h("span", { class: "badge number" });
+  const element = h("aside", { class: "attention", "aria-label": text.wall.attention },
+    h("h2", {}, text.wall.attention, total), list,
+    h("section", { class: "key" }, h("h3", {}, text.wall.key), h("ol", {}, ...text.wall.keys.map((one) => h("li", {}, one)))));
+  let shown = "";
+  return {
+    element,
+    show(warnings, known) {
+      const key = JSON.stringify([warnings, known]);
+      if (key === shown) return;
+      shown = key;
+      setText(total, String(warnings.length));
+      const focused = (document.activeElement as HTMLElement | null)?.dataset.station;
+      fill(list, ...warnings.map(entry), warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
+      if (focused !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(focused)}"]`)?.focus();
+    },
+  };
+}
+
+function entry(warning: Warning): HTMLElement {
+  const kind = URGENCY_NAMES[warning.urgency];
+  return h("li", {}, h("a", { class: `alarm ${kind}`, href: routeTo("station", [warning.station]), data: { station: warning.station } },
+    icon(kind as IconName), h("span", { class: "alarm-head" }, h("b", {}, warning.station), h("span", {}, text.wall.urgencies[warning.urgency])),
+    h("span", { class: "alarm-words" }, warning.words)));
+}

@@ -1,0 +1,94 @@
+// What the wall shows of a station, and in which order: no DOM.
+import { SessionState, type DeviceRate, type Place } from "wire";
+import { QUIET_MS, type Seat } from "../live";
+import { text } from "../text";
+
+export type Urgency = 0 | 1 | 2 | 3; // none, look, act, now
+export const URGENCY_NAMES = ["quiet", "look", "act", "now"] as const;
+
+export type Standing = "waiting" | "running" | "paused" | "closed" | "gone"; // gone: no station there
+
+export function standing(place: Place | undefined): Standing {
+  const info = place?.info;
+  if (!info || !info.connected) return "gone";
+  if (info.state === SessionState.RUNNING) return "running";
+  if (info.state === SessionState.PAUSED) return "paused";
+  return info.state === SessionState.CLOSED ? "closed" : "waiting";
+}
+
+export const stationOf = (seat: Seat): string => seat.place?.info?.station ?? "";
+
+/** Since when its session runs, in seconds; undefined where there is none. */
+export function runningSeconds(seat: Seat, utcMs: number): number | undefined {
+  if (seat.moment) return Number(seat.moment.timeNs) / 1e9;
+  const start = seat.place?.info?.startUtcNs ?? 0n;
+  return start > 0n ? Math.max(0, utcMs / 1000 - Number(start) / 1e9) : undefined;
+}
+
+export interface Devices {
+  count: number;
+  lost: number;
+  slowestHz: number | undefined; // of those that are not lost
+  dropouts: number;
+}
+
+export function sumOfDevices(devices: DeviceRate[]): Devices {
+  const there = devices.filter((device) => !device.lost);
+  return {
+    count: devices.length,
+    lost: devices.length - there.length,
+    slowestHz: there.length ? Math.min(...there.map((device) => device.rateHz)) : undefined,
+    dropouts: devices.reduce((sum, device) => sum + device.dropouts, 0),
+  };
+}
+
+/** A warning of a station: the server's, or that nothing is heard of it any more. */
+export interface Warning {
+  seat: number;
+  station: string;
+  urgency: Urgency;
+  words: string;
+}
+
+/** A seat is old where the server has said nothing of it for longer than it ever should. */
+export function quietFor(seat: Seat, now: number): number | undefined {
+  const age = now - Math.max(seat.placeAt, seat.momentAt);
+  return age >= QUIET_MS ? age : undefined;
+}
+
+export function warningOf(seat: Seat, now: number): Warning | undefined {
+  const station = stationOf(seat);
+  if (quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
+  const place = seat.place;
+  if (!place || !place.urgency) return undefined;
+  return { seat: seat.seat, station, urgency: Math.min(3, place.urgency) as Urgency, words: place.warning };
+}
+
+/** The most urgent first; of equal ones by the station's name, so that nothing jumps about. */
+export function byUrgency(warnings: Warning[]): Warning[] {
+  return [...warnings].sort((a, b) => b.urgency - a.urgency || compareNames(a.station, b.station));
+}
+
+export const compareNames = (a: string, b: string): number => a.localeCompare(b, "en", { numeric: true });
+
+// ---- how many cards in a row -----------------------------------------------------------------------
+
+export type Density = "large" | "medium" | "small";
+export interface Layout {
+  density: Density;
+  columns: number;
+}
+
+const GAP = 8;
+const LEAST: [Density, number, number][] = [["large", 300, 280], ["medium", 212, 206], ["small", 148, 146]];
+
+/** The largest cards with which `count` of them fit into width x height px; the smallest where none do. */
+export function arrange(count: number, width: number, height: number): Layout {
+  for (const [density, leastWidth, leastHeight] of LEAST) {
+    const columns = Math.max(1, Math.floor((width + GAP) / (leastWidth + GAP)));
+    const rows = Math.max(1, Math.floor((height + GAP) / (leastHeight + GAP)));
+    if (columns * rows < count) continue;
+    return { density, columns: Math.min(columns, Math.max(2, Math.ceil(count / rows))) };
+  }
+  return { density: "small", columns: Math.max(1, Math.floor((width + GAP) / (LEAST[2]![1] + GAP))) };
+}

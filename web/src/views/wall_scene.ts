@@ -1,0 +1,276 @@
+// Small pictures of all knees at once: one canvas over the cards, a scissor rectangle for each. Plain
+// WebGL, so that the wall needs no 3-D library.
+import { Validity, type ShortPose } from "wire";
+import { part } from "../api";
+import type { Seat } from "../live";
+import { onTheme, themeColour } from "../theme";
+import { h } from "../ui";
+import { kneeParts, type CaseFile, type Part } from "./wall_knee";
+
+const VERTEX = `#version 300 es
+uniform mat4 projection, model;
+in vec3 position;
+out vec3 seen;
+void main() {
+  vec4 at = model * vec4(position, 1.0);
+  seen = at.xyz;
+  gl_Position = projection * at;
+}`;
+// Flat faces from the derivatives: the model has no normals.
+const FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec3 colour;
+in vec3 seen;
+out vec4 pixel;
+void main() {
+  vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
+  float light = 0.42 + 0.40 * max(dot(normal, normalize(vec3(-0.4, 0.7, 0.8))), 0.0) + 0.22 * max(normal.z, 0.0);
+  pixel = vec4(colour * light, 1.0);
+}`;
+
+const FIELD = Math.tan((11 * Math.PI) / 180); // half the angle of view
+const REACH_MM = 62; // seen above and below the middle
+const FAR_MM = REACH_MM / FIELD;
+const MIDDLE = [0, 6, -16];
+const SHAFT_MM = 110;
+const SHAFT_RADIUS_MM = 1.7;
+
+interface Slot {
+  seat: Seat | undefined;
+  slot: HTMLElement;
+}
+
+interface Buffers {
+  array: WebGLVertexArrayObject;
+  count: number;
+}
+
+interface Drawn extends Buffers {
+  body: number;
+  soft: boolean;
+}
+
+type Matrix = Float32Array; // 4 x 4, column by column
+
+export class MiniScene {
+  private readonly canvas = h("canvas", { class: "wall-canvas", "aria-hidden": "true" });
+  private gl: WebGL2RenderingContext | null = null;
+  private program: WebGLProgram | undefined;
+  private shaft: Buffers | undefined;
+  private readonly parts = new Map<string, Part[] | "asked" | "missing">(); // by case
+  private readonly knees = new Map<string, Drawn[]>();
+  private readonly colours = new Map<string, number[]>();
+  private readonly ends: (() => void)[];
+  private drawn = "";
+
+  constructor(grid: HTMLElement) {
+    grid.after(this.canvas);
+    const theme = (): void => {
+      this.colours.clear();
+      this.drawn = "";
+    };
+    this.canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.gl = null;
+    });
+    this.canvas.addEventListener("webglcontextrestored", () => this.begin());
+    this.ends = [onTheme(theme)];
+    this.begin();
+  }
+
+  end(): void {
+    for (const end of this.ends) end();
+    this.gl?.getExtension("WEBGL_lose_context")?.loseContext();
+    this.canvas.remove();
+  }
+
+  /** Draws what is new; costs nothing where nothing moved. */
+  draw(slots: Slot[]): void {
+    const gl = this.gl;
+    const area = this.canvas.getBoundingClientRect();
+    if (!gl || area.width < 1) return;
+    const boxes = slots.map(({ seat, slot }) => ({ seat, box: slot.getBoundingClientRect() }));
+    const key = boxes.map(({ seat, box }) => `${seat?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
+    if (key === this.drawn) return;
+    this.drawn = key;
+    const scale = Math.min(2, devicePixelRatio);
+    this.size(Math.round(area.width * scale), Math.round(area.height * scale));
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.useProgram(this.program!);
+    for (const { seat, box } of boxes) {
+      if (!seat?.place || box.bottom < area.top || box.top > area.bottom || box.height < 1) continue;
+      const rectangle = [(box.left - area.left) * scale, (area.bottom - box.bottom) * scale, box.width * scale, box.height * scale].map(Math.round);
+      gl.viewport(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
+      gl.scissor(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
+      this.drawSeat(gl, seat, box.width / box.height);
+    }
+  }
+
+  private drawSeat(gl: WebGL2RenderingContext, seat: Seat, aspect: number): void {
+    const moment = seat.moment;
+    const knee = this.knee(seat);
+    if (!moment || !knee) return;
+    gl.uniformMatrix4fv(this.where("projection"), false, projection(aspect));
+    for (const one of knee) {
+      const body = moment.bodies.find(({ body }) => (body as number) === one.body);
+      const pose = body?.virtualPose ?? body?.pose;
+      if (pose) this.drawPart(one, pose, this.colour(one.soft ? "--look" : "--bone"));
+    }
+    for (const instrument of moment.instruments) {
+      const pose = instrument.warped ?? instrument.tip;
+      if (!pose || instrument.validity === Validity.LOST) continue;
+      this.drawPart(this.shaft!, pose, this.colour(instrument.validity === Validity.HELD ? "--text-quiet" : "--accent"));
+    }
+  }
+
+  private drawPart(buffers: Buffers, pose: ShortPose, colour: number[]): void {
+    const gl = this.gl!;
+    gl.uniformMatrix4fv(this.where("model"), false, times(VIEW, matrixOf(pose)));
+    gl.uniform3fv(this.where("colour"), colour);
+    gl.bindVertexArray(buffers.array);
+    gl.drawElements(gl.TRIANGLES, buffers.count, gl.UNSIGNED_SHORT, 0);
+  }
+
+  // ---- cases ---------------------------------------------------------------------------------------
+
+  private knee(seat: Seat): Drawn[] | undefined {
+    const name = seat.place?.info?.caseName;
+    if (!name) return undefined;
+    const found = this.knees.get(name);
+    if (found) return found;
+    const parts = this.parts.get(name);
+    if (parts === undefined) void this.load(name);
+    if (!Array.isArray(parts)) return undefined;
+    const made = parts.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
+    this.knees.set(name, made);
+    return made;
+  }
+
+  private async load(name: string): Promise<void> {
+    this.parts.set(name, "asked");
+    try {
+      const [file, glb] = await Promise.all([fetch(`/api/v1/cases/${part(name)}/case.json`), fetch(`/api/v1/cases/${part(name)}/anatomy.glb`)]);
+      if (!file.ok || !glb.ok) throw new Error(`${name}: ${file.status} ${glb.status}`);
+      this.parts.set(name, kneeParts((await file.json()) as CaseFile, await glb.arrayBuffer()));
+      this.drawn = "";
+    } catch {
+      this.parts.set(name, "missing"); // the card is whole without its picture
+    }
+  }
+
+  // ---- WebGL ---------------------------------------------------------------------------------------
+
+  private begin(): void {
+    const gl = (this.gl = this.canvas.getContext("webgl2", { alpha: true, antialias: true, powerPreference: "low-power" }));
+    if (!gl) return;
+    this.knees.clear();
+    this.drawn = "";
+    const program = (this.program = gl.createProgram()!);
+    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]] as const) {
+      const shader = gl.createShader(kind)!;
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.bindAttribLocation(program, 0, "position");
+    gl.linkProgram(program);
+    gl.enable(gl.DEPTH_TEST);
+    this.places.clear();
+    const { positions, triangles } = shaft();
+    this.shaft = this.upload(positions, triangles);
+  }
+
+  private readonly places = new Map<string, WebGLUniformLocation | null>();
+
+  private where(name: string): WebGLUniformLocation | null {
+    if (!this.places.has(name)) this.places.set(name, this.gl!.getUniformLocation(this.program!, name));
+    return this.places.get(name)!;
+  }
+
+  private size(width: number, height: number): void {
+    if (this.canvas.width !== width) this.canvas.width = width;
+    if (this.canvas.height !== height) this.canvas.height = height;
+  }
+
+  private upload(positions: Float32Array, triangles: Uint16Array): Buffers {
+    const gl = this.gl!;
+    const array = gl.createVertexArray()!;
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, positions, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    return { array, count: triangles.length };
+  }
+
+  private colour(token: string): number[] {
+    let found = this.colours.get(token);
+    if (!found) this.colours.set(token, (found = (themeColour(token).match(/[\d.]+/g) ?? []).slice(0, 3).map((c) => Number(c) / 255)));
+    return found;
+  }
+}
+
+// ---- matrices -----------------------------------------------------------------------------------------
+
+// From the right and the front, a little from above: flexion and the joint's gap are both seen.
+const VIEW = lookFrom([0.8, 0.62, 0.22]);
+
+function lookFrom(direction: number[]): Matrix {
+  const unit = (v: number[]): number[] => v.map((c) => c / Math.hypot(...v));
+  const cross = (a: number[], b: number[]): number[] => [a[1]! * b[2]! - a[2]! * b[1]!, a[2]! * b[0]! - a[0]! * b[2]!, a[0]! * b[1]! - a[1]! * b[0]!];
+  const dot = (a: number[], b: number[]): number => a[0]! * b[0]! + a[1]! * b[1]! + a[2]! * b[2]!;
+  const back = unit(direction);
+  const right = unit(cross([0, 0, 1], back));
+  const up = cross(back, right);
+  const rows = [right, up, back];
+  return Float32Array.from([
+    ...[0, 1, 2].flatMap((column) => [...rows.map((row) => row[column]!), 0]),
+    -dot(right, MIDDLE), -dot(up, MIDDLE), -dot(back, MIDDLE) - FAR_MM, 1,
+  ]);
+}
+
+function projection(aspect: number): Matrix {
+  const near = FAR_MM / 4;
+  const far = FAR_MM * 2;
+  const scale = 1 / FIELD;
+  const fit = Math.min(1, aspect); // narrow slots show as much from side to side as from top to bottom
+  return Float32Array.from([(scale * fit) / aspect, 0, 0, 0, 0, scale * fit, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
+}
+
+/** T_a_b as a matrix; anything but a whole pose is the identity. */
+function matrixOf({ q, t }: ShortPose): Matrix {
+  const [w, x, y, z] = q.length === 4 ? (q as [number, number, number, number]) : [1, 0, 0, 0];
+  return Float32Array.from([
+    1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 0,
+    2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x), 0,
+    2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y), 0,
+    t[0] ?? 0, t[1] ?? 0, t[2] ?? 0, 1,
+  ]);
+}
+
+function times(a: Matrix, b: Matrix): Matrix {
+  const out = new Float32Array(16);
+  for (let column = 0; column < 4; column++)
+    for (let row = 0; row < 4; row++)
+      for (let k = 0; k < 4; k++) out[4 * column + row]! += a[4 * k + row]! * b[4 * column + k]!;
+  return out;
+}
+
+/** Six-sided, from the tip at the origin back along -z. */
+function shaft(): { positions: Float32Array; triangles: Uint16Array } {
+  const positions = [0, 0, 0];
+  const triangles: number[] = [];
+  for (let i = 0; i < 6; i++) {
+    const [c, s] = [Math.cos((i * Math.PI) / 3) * SHAFT_RADIUS_MM, Math.sin((i * Math.PI) / 3) * SHAFT_RADIUS_MM];
+    positions.push(c, s, -3, c, s, -SHAFT_MM);
+    const [a, b] = [1 + 2 * i, 1 + 2 * ((i + 1) % 6)];
+    triangles.push(0, a, b, a, a + 1, b, b, a + 1, b + 1);
+  }
+  return { positions: Float32Array.from(positions), triangles: Uint16Array.from(triangles) };
+}

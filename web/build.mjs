@@ -32,16 +32,17 @@ function generate(folder) {
     `--es_out=${folder}`, "-I", wire, "arthron.proto");
 }
 
-// So that sources can say `from "wire"` wherever the build folder is.
-function check(out) {
+// So that sources can say `from "wire"` wherever the build folder is. Pages know nothing of node.
+function check(out, folder, types) {
   const config = {
     extends: join(web, "tsconfig.json"),
     compilerOptions: {
       baseUrl: web,
       typeRoots: [join(web, "node_modules/@types")],
+      types,
       paths: { wire: [join(out, "wire/arthron_pb.ts")] },
     },
-    include: [join(web, "src/**/*.ts"), join(web, "test/**/*.ts")],
+    include: [join(web, folder, "**/*.ts")],
   };
   writeFileSync(join(out, "tsconfig.json"), JSON.stringify(config));
   run(join(bin, "tsc"), "--project", join(out, "tsconfig.json"));
@@ -155,8 +156,9 @@ rmSync(join(out, "node_modules"), { force: true });
 symlinkSync(join(web, "node_modules"), join(out, "node_modules")); // for what is generated there
 generate(join(out, "wire"));
 if (tests) {
+  check(out, "test", ["node"]);
   await bundleTests(out);
 } else {
-  check(out);
+  check(out, "src", []);
   table(out, await bundlePages(out));
 }

@@ -475,7 +475,7 @@ export class Meshes {
     };
   }
 
-  private made(group: string, followed: Followed, coming: Coming): Answer {
+  private made(group: string, followed: Followed, coming: Coming): Answer | null {
     const { tissue } = followed;
     if (coming.number <= tissue.number && coming.base) return { ack: have(group, tissue) };
     try {

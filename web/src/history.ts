@@ -1,0 +1,188 @@
+// The moments of a session, packed: 680 bytes each, so that an hour of them fits in a page. One
+// moment is a row of floats; times are seconds since the session's start.
+import type { InstrumentMoment, Moment, ShortPose, View } from "wire";
+
+export const INSTRUMENTS = 5; // probe, punch, shaver, knife, scope
+export const FIRST_INSTRUMENT = 4; // as a Channel
+export const BODIES = 3;
+const POSE = 7; // w, x, y, z; x, y, z
+
+// Places in a row.
+export const STATE = 0;
+export const JOINT_VALIDITY = 1;
+export const FLEXION = 2;
+export const VARUS = 3;
+export const INTERNAL = 4;
+const SHIFT = 5;
+const DRAWER = 6;
+const DISTRACTION = 7;
+const FIRST_BODY = 8;
+const FIRST_TOOL = FIRST_BODY + 2 * POSE * BODIES;
+
+// Places in an instrument's part of it.
+export const SEEN = 0; // 1 + Validity; 0: never seen
+export const TIP = 1;
+export const WARPED = TIP + POSE;
+export const NEAREST = WARPED + POSE;
+export const PENETRATION = NEAREST + 1;
+export const WARP = NEAREST + 2;
+export const GAIN = NEAREST + 3;
+export const GAIN_LEAST = NEAREST + 4;
+export const SPEED = NEAREST + 5;
+export const OPENING = NEAREST + 6;
+export const BUTTONS = NEAREST + 7;
+export const HAS_WARPED = NEAREST + 8;
+const TOOL_WIDTH = NEAREST + 9;
+
+export const WIDTH = FIRST_TOOL + TOOL_WIDTH * INSTRUMENTS;
+
+export type Row = Float32Array;
+
+/** T_mockup_body at a place of a row; `virtual`: T_mockup_virtual. */
+export function bodyAt(body: number, virtual: boolean): number {
+  return FIRST_BODY + POSE * (2 * body + (virtual ? 1 : 0));
+}
+
+/** Where an instrument's part of a row begins; `instrument` from 0, the probe. */
+export function toolAt(instrument: number): number {
+  return FIRST_TOOL + TOOL_WIDTH * instrument;
+}
+
+export function newRow(): Row {
+  const row = new Float32Array(WIDTH);
+  for (let body = 0; body < BODIES; body++) row[bodyAt(body, false)] = row[bodyAt(body, true)] = 1;
+  return row;
+}
+
+function putPose(row: Row, at: number, pose: ShortPose | undefined): boolean {
+  if (pose?.q.length !== 4 || pose.t.length !== 3) return false;
+  for (let k = 0; k < 4; k++) row[at + k] = pose.q[k]!;
+  for (let k = 0; k < 3; k++) row[at + 4 + k] = pose.t[k]!;
+  return true;
+}
+
+function putTool(row: Row, tool: InstrumentMoment): void {
+  const at = toolAt(tool.channel - FIRST_INSTRUMENT);
+  if (!putPose(row, at + TIP, tool.tip)) return;
+  row[at + SEEN] = 1 + tool.validity;
+  row[at + HAS_WARPED] = putPose(row, at + WARPED, tool.warped) ? 1 : 0;
+  row[at + NEAREST] = tool.nearestMm;
+  row[at + PENETRATION] = tool.penetrationMm;
+  row[at + WARP] = tool.warpMm;
+  row[at + GAIN] = tool.gain;
+  row[at + GAIN_LEAST] = tool.gainLeast;
+  row[at + SPEED] = tool.speedMmS;
+  row[at + OPENING] = tool.opening;
+  row[at + BUTTONS] = tool.buttons;
+}
+
+/** A moment as a row. Bodies and instruments that it does not name stay as the row has them. */
+export function pack(moment: Moment, row: Row): void {
+  row[STATE] = moment.state;
+  row[JOINT_VALIDITY] = moment.jointValidity;
+  const joint = moment.joint;
+  row[FLEXION] = joint?.flexionDeg ?? NaN;
+  row[VARUS] = joint?.varusDeg ?? NaN;
+  row[INTERNAL] = joint?.internalDeg ?? NaN;
+  row[SHIFT] = joint?.shiftMm ?? NaN;
+  row[DRAWER] = joint?.drawerMm ?? NaN;
+  row[DISTRACTION] = joint?.distractionMm ?? NaN;
+  for (const { body, pose, virtualPose } of moment.bodies) {
+    if (body < BODIES && putPose(row, bodyAt(body, false), pose)) putPose(row, bodyAt(body, true), virtualPose ?? pose);
+  }
+  for (const tool of moment.instruments) {
+    const instrument = tool.channel - FIRST_INSTRUMENT;
+    if (instrument >= 0 && instrument < INSTRUMENTS) putTool(row, tool);
+  }
+}
+
+const LOST = 2;
+
+/** What a station shows on its own PC, as a row: only poses and handles change. */
+export function packView(view: View, row: Row): void {
+  row[STATE] = view.state;
+  const put = (at: number, p: { qw: number; qx: number; qy: number; qz: number; x: number; y: number; z: number } | undefined): boolean => {
+    if (!p) return false;
+    row.set([p.qw, p.qx, p.qy, p.qz, p.x, p.y, p.z], at);
+    return true;
+  };
+  for (const { body, pose, virtualPose } of view.bodies)
+    if (body < BODIES && put(bodyAt(body, false), pose)) put(bodyAt(body, true), virtualPose ?? pose);
+  for (const tool of view.instruments) {
+    const instrument = tool.channel - FIRST_INSTRUMENT;
+    if (instrument < 0 || instrument >= INSTRUMENTS) continue;
+    const at = toolAt(instrument);
+    const shown = tool.warpValidity !== LOST && put(at + WARPED, tool.warped);
+    row[at + HAS_WARPED] = shown ? 1 : 0;
+    if (tool.validity === LOST || !put(at + TIP, tool.tip)) row[at + SEEN] = Math.min(row[at + SEEN]!, 1) * (1 + LOST);
+    else row[at + SEEN] = 1 + tool.validity;
+    row[at + OPENING] = tool.handle?.opening ?? row[at + OPENING]!;
+    row[at + BUTTONS] = tool.handle?.buttons ?? row[at + BUTTONS]!;
+  }
+}
+
+const CHUNK_ROWS = 512;
+
+export class History {
+  count = 0;
+  private times = new Float64Array(CHUNK_ROWS);
+  private readonly chunks: Float32Array[] = [];
+  private readonly last = newRow();
+
+  clear(): void {
+    this.count = 0;
+    this.chunks.length = 0;
+    this.last.set(newRow());
+  }
+
+  /** False where the moment is not after the last one. */
+  append(moment: Moment): boolean {
+    const time = Number(moment.timeNs) * 1e-9;
+    if (this.count && time <= this.times[this.count - 1]!) return false;
+    pack(moment, this.last);
+    if (this.count === this.times.length) {
+      const larger = new Float64Array(2 * this.count);
+      larger.set(this.times);
+      this.times = larger;
+    }
+    if (this.count % CHUNK_ROWS === 0) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
+    this.times[this.count] = time;
+    this.chunks.at(-1)!.set(this.last, (this.count % CHUNK_ROWS) * WIDTH);
+    this.count++;
+    return true;
+  }
+
+  time(index: number): number {
+    return this.times[index] ?? NaN;
+  }
+
+  get start(): number {
+    return this.count ? this.times[0]! : 0;
+  }
+
+  get end(): number {
+    return this.count ? this.times[this.count - 1]! : 0;
+  }
+
+  /** The last moment at or before that time; -1: there is none. */
+  indexAt(time: number): number {
+    let low = 0;
+    let high = this.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.times[middle]! <= time) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  }
+
+  value(index: number, place: number): number {
+    return this.chunks[Math.floor(index / CHUNK_ROWS)]?.[(index % CHUNK_ROWS) * WIDTH + place] ?? NaN;
+  }
+
+  /** Copies a row; `index` must be one. */
+  read(index: number, row: Row): void {
+    const at = (index % CHUNK_ROWS) * WIDTH;
+    row.set(this.chunks[Math.floor(index / CHUNK_ROWS)]!.subarray(at, at + WIDTH));
+  }
+}

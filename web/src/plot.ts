@@ -1,0 +1,385 @@
+// Plots of values over the time of a session, one below the other, with a common cursor. They are one
+// canvas; what the cursor reads stands beside it as text. A column of pixels shows the least and the
+// greatest value that fall into it, so that no peak is lost.
+import { format } from "./text";
+import { h, setText } from "./ui";
+
+export interface Trace {
+  label: string;
+  colour: string; // a custom property, as "--plot-1"
+}
+
+export interface PlotRow {
+  label: string;
+  unit: string;
+  digits: number;
+  traces: Trace[];
+  least: number; // what the axis shows at least
+  most: number;
+  step?: boolean; // a value stays until the next one
+  lines?: number[]; // thresholds
+}
+
+/** One row's values: times rise. */
+export interface Values {
+  count(row: number, trace: number): number;
+  time(row: number, trace: number, index: number): number;
+  value(row: number, trace: number, index: number): number;
+}
+
+export interface Sign {
+  time: number;
+  colour: string;
+  label: string;
+}
+
+export interface PlotTexts {
+  name: string; // of the whole, for who cannot see it
+  help: string;
+}
+
+const LABEL = 150; // px, left of the plots
+const AXIS = 20; // below
+const TOP = 14; // for signs
+
+/** The last index whose time is at or before `time`; -1: none. */
+export function lastBefore(count: number, timeOf: (index: number) => number, time: number): number {
+  let low = 0;
+  let high = count;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (timeOf(middle) <= time) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+/** A step between ticks that is 1, 2 or 5 times a power of ten, so that there are at most `most`. */
+export function niceStep(range: number, most: number): number {
+  const rough = range / Math.max(1, most);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  return [1, 2, 5, 10].map((n) => n * power).find((step) => step >= rough * 0.999) ?? 10 * power;
+}
+
+/** Steps of a clock: 1, 2, 5, 10, 15, 30 s, 1, 2, 5, 10 min. */
+export function clockStep(range: number, most: number): number {
+  return [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600].find((step) => range / step <= most) ?? 7200;
+}
+
+export class Plots {
+  readonly element: HTMLElement;
+  from = 0; // s
+  to = 60;
+  onCursor: (time: number | undefined) => void = () => {};
+  onPick: (time: number) => void = () => {}; // a click or Enter
+
+  private readonly canvas = h("canvas", { "aria-hidden": "true" });
+  private readonly readings: HTMLElement[][];
+  private readonly surface: CanvasRenderingContext2D;
+  private readonly resize: ResizeObserver;
+  private cursor: number | undefined;
+  private here: number | undefined; // what is shown elsewhere: a line of its own
+  private signs: Sign[] = [];
+  private wide = 0;
+  private high = 0;
+  private pending = 0;
+  private readonly colours = new Map<string, string>();
+  private painted: string | undefined; // the theme that `colours` are of
+
+  constructor(private readonly rows: PlotRow[], private readonly values: Values, words: PlotTexts) {
+    this.readings = rows.map(({ traces }) => traces.map(() => h("output", { class: "plot-reading" })));
+    const labels = rows.map((row, i) =>
+      h("div", { class: "plot-label" }, h("span", { class: "plot-name" }, row.label, row.unit && h("small", {}, ` ${row.unit}`)),
+        h("span", { class: "plot-values" }, ...row.traces.map((trace, k) => this.reading(row, trace, this.readings[i]![k]!)))));
+    this.element = h("div", { class: "plots", tabindex: 0, role: "slider", "aria-label": words.name, title: words.help,
+      on: { keydown: (event: KeyboardEvent) => this.key(event) } },
+      this.canvas, h("div", { class: "plot-labels" }, ...labels));
+    this.surface = this.canvas.getContext("2d")!;
+    this.canvas.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event.offsetX)));
+    this.canvas.addEventListener("pointerleave", () => this.setCursor(undefined));
+    this.canvas.addEventListener("pointerdown", (event) => {
+      const time = this.timeAt(event.offsetX);
+      if (time !== undefined) this.onPick(time);
+    });
+    this.resize = new ResizeObserver(() => this.measure());
+    this.resize.observe(this.element);
+    this.theme.addEventListener("change", this.repaint);
+  }
+
+  private readonly theme = matchMedia("(prefers-color-scheme: dark)");
+  private readonly repaint = (): void => {
+    this.colours.clear();
+    this.draw();
+  };
+
+  close(): void {
+    this.resize.disconnect();
+    this.theme.removeEventListener("change", this.repaint);
+    cancelAnimationFrame(this.pending);
+  }
+
+  setSigns(signs: Sign[]): void {
+    this.signs = signs;
+    this.draw();
+  }
+
+  setWindow(from: number, to: number): void {
+    this.from = from;
+    this.to = Math.max(to, from + 0.5);
+    this.draw();
+  }
+
+  /** The moment that the rest of the page shows; undefined: the newest. */
+  setHere(time: number | undefined): void {
+    this.here = time;
+    this.draw();
+  }
+
+  setCursor(time: number | undefined): void {
+    if (time === this.cursor) return;
+    this.cursor = time;
+    this.onCursor(time);
+    this.draw();
+  }
+
+  /** Once for all changes until the next frame. */
+  draw(): void {
+    this.pending ||= requestAnimationFrame(() => {
+      this.pending = 0;
+      this.paint();
+    });
+  }
+
+  private reading(row: PlotRow, trace: Trace, output: HTMLElement): HTMLElement {
+    const key = h("i", { class: "plot-key", "aria-hidden": "true" });
+    key.style.background = `var(${trace.colour})`;
+    return h("span", { class: "plot-value" }, row.traces.length > 1 && key, row.traces.length > 1 && h("span", { class: "plot-trace" }, trace.label), output);
+  }
+
+  private key(event: KeyboardEvent): void {
+    const time = this.cursor ?? this.here ?? this.to;
+    const step = (event.shiftKey ? 10 : 1) * (this.to - this.from) / 100;
+    const to: Record<string, number | undefined> = {
+      ArrowLeft: time - step, ArrowRight: time + step, PageDown: time - 10 * step, PageUp: time + 10 * step, Home: this.from, End: this.to, Escape: undefined,
+    };
+    if (event.key === "Enter") this.onPick(time);
+    else if (event.key in to) {
+      const wanted = to[event.key];
+      this.setCursor(wanted === undefined ? undefined : Math.min(Math.max(wanted, this.from), this.to));
+    } else return;
+    event.preventDefault();
+  }
+
+  private timeAt(x: number): number | undefined {
+    if (x < LABEL) return undefined;
+    return this.from + ((x - LABEL) / (this.wide - LABEL - 8)) * (this.to - this.from);
+  }
+
+  private x(time: number): number {
+    return LABEL + ((time - this.from) / (this.to - this.from)) * (this.wide - LABEL - 8);
+  }
+
+  private measure(): void {
+    const wide = this.element.clientWidth;
+    const high = this.element.clientHeight;
+    if (wide === this.wide && high === this.high) return;
+    this.wide = wide;
+    this.high = high;
+    const scale = Math.min(devicePixelRatio, 2);
+    this.canvas.width = Math.round(wide * scale);
+    this.canvas.height = Math.round(high * scale);
+    this.surface.setTransform(scale, 0, 0, scale, 0, 0);
+    this.draw();
+  }
+
+  private colour(name: string): string {
+    let found = this.colours.get(name);
+    if (!found) this.colours.set(name, (found = getComputedStyle(this.element).getPropertyValue(name).trim() || "#888"));
+    return found;
+  }
+
+  private paint(): void {
+    const { surface } = this;
+    this.read();
+    if (this.wide <= LABEL + 20 || this.high <= 0) return;
+    if (document.documentElement.dataset.theme !== this.painted) this.colours.clear();
+    this.painted = document.documentElement.dataset.theme;
+    surface.clearRect(0, 0, this.wide, this.high);
+    surface.font = "11px system-ui, sans-serif";
+    const each = (this.high - TOP - AXIS) / this.rows.length;
+    this.paintTimes();
+    this.rows.forEach((_, i) => this.paintRow(i, TOP + i * each, each));
+    this.paintSigns();
+    this.paintCursor();
+  }
+
+  private paintTimes(): void {
+    const { surface } = this;
+    const step = clockStep(this.to - this.from, Math.max(2, (this.wide - LABEL) / 80));
+    surface.fillStyle = this.colour("--text-quiet");
+    surface.strokeStyle = this.colour("--line");
+    surface.lineWidth = 1;
+    surface.textAlign = "center";
+    surface.textBaseline = "alphabetic";
+    surface.beginPath();
+    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) {
+      const x = Math.round(this.x(n * step)) + 0.5;
+      surface.moveTo(x, TOP);
+      surface.lineTo(x, this.high - AXIS);
+      surface.fillText(step < 1 ? format.number(n * step, 1) : format.clock(n * step), x, this.high - 6);
+    }
+    surface.stroke();
+  }
+
+  private paintRow(i: number, top: number, high: number): void {
+    const row = this.rows[i]!;
+    const { surface } = this;
+    const [least, most] = this.range(i);
+    const y = (value: number): number => top + high - 5 - ((value - least) / (most - least)) * (high - 10);
+    surface.strokeStyle = this.colour("--line");
+    surface.beginPath();
+    surface.moveTo(0, Math.round(top) + 0.5);
+    surface.lineTo(this.wide, Math.round(top) + 0.5);
+    surface.stroke();
+    surface.strokeStyle = this.colour("--line-strong");
+    surface.setLineDash([2, 3]);
+    surface.beginPath();
+    for (const line of row.lines ?? [])
+      if (line >= least && line <= most) {
+        surface.moveTo(LABEL, Math.round(y(line)) + 0.5);
+        surface.lineTo(this.wide - 8, Math.round(y(line)) + 0.5);
+      }
+    surface.stroke();
+    surface.setLineDash([]);
+    this.paintScale(least, most, y, high);
+    row.traces.forEach((trace, k) => this.paintTrace(i, k, this.colour(trace.colour), y));
+  }
+
+  private paintScale(least: number, most: number, y: (value: number) => number, high: number): void {
+    const { surface } = this;
+    const step = niceStep(most - least, Math.max(1, Math.floor(high / 22)));
+    surface.fillStyle = this.colour("--text-quiet");
+    surface.textAlign = "right";
+    surface.textBaseline = "middle";
+    const digits = Math.max(0, Math.min(3, -Math.floor(Math.log10(step) + 1e-9)));
+    for (let n = Math.ceil(least / step); n * step <= most + 1e-9; n++) surface.fillText(format.number(n * step, digits), LABEL - 6, y(n * step));
+  }
+
+  // The values in the window, and what the axis shows at least.
+  private range(i: number): [number, number] {
+    const row = this.rows[i]!;
+    let { least, most } = row;
+    row.traces.forEach((_, k) => {
+      const timeOf = (index: number): number => this.values.time(i, k, index);
+      const count = this.values.count(i, k);
+      for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count && timeOf(index) <= this.to; index++) {
+        const value = this.values.value(i, k, index);
+        if (value < least) least = value;
+        if (value > most) most = value;
+      }
+    });
+    const step = niceStep(most - least, 4);
+    return [Math.floor(least / step + 1e-6) * step, Math.ceil(most / step - 1e-6) * step];
+  }
+
+  private paintTrace(i: number, k: number, colour: string, y: (value: number) => number): void {
+    const { surface } = this;
+    const count = this.values.count(i, k);
+    const timeOf = (index: number): number => this.values.time(i, k, index);
+    const step = this.rows[i]!.step === true;
+    surface.strokeStyle = colour;
+    surface.lineWidth = 1.5;
+    surface.lineJoin = "round";
+    surface.beginPath();
+    let column = -1;
+    let low = 0;
+    let top = 0;
+    let last = NaN; // the value before
+    const flush = (): void => {
+      if (column < 0) return;
+      surface.lineTo(column, y(low));
+      if (top !== low) surface.lineTo(column, y(top));
+    };
+    for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count; index++) {
+      const time = timeOf(index);
+      const value = this.values.value(i, k, index);
+      const x = Math.round(this.x(Math.max(time, this.from)));
+      if (Number.isNaN(value)) {
+        flush();
+        column = -1;
+      } else if (x !== column) {
+        flush();
+        if (column < 0) surface.moveTo(x, y(value));
+        else if (step) surface.lineTo(x, y(last));
+        column = x;
+        low = top = value;
+      } else {
+        low = Math.min(low, value);
+        top = Math.max(top, value);
+      }
+      last = value;
+      if (time > this.to) break;
+    }
+    flush();
+    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(this.to), y(last));
+    surface.save();
+    surface.clip(this.inside());
+    surface.stroke();
+    surface.restore();
+  }
+
+  private inside(): Path2D {
+    const path = new Path2D();
+    path.rect(LABEL, 0, this.wide - LABEL - 8, this.high);
+    return path;
+  }
+
+  private paintSigns(): void {
+    const { surface } = this;
+    for (const { time, colour } of this.signs) {
+      if (time < this.from || time > this.to) continue;
+      const x = Math.round(this.x(time)) + 0.5;
+      surface.fillStyle = this.colour(colour);
+      surface.beginPath();
+      surface.moveTo(x - 4, 3);
+      surface.lineTo(x + 4, 3);
+      surface.lineTo(x, 11);
+      surface.fill();
+    }
+  }
+
+  private paintCursor(): void {
+    this.paintLine(this.here, "--accent", 2);
+    this.paintLine(this.cursor, "--text", 1);
+  }
+
+  private paintLine(time: number | undefined, colour: string, width: number): void {
+    if (time === undefined || time < this.from || time > this.to) return;
+    const { surface } = this;
+    const x = Math.round(this.x(time)) + 0.5;
+    surface.strokeStyle = this.colour(colour);
+    surface.lineWidth = width;
+    surface.beginPath();
+    surface.moveTo(x, TOP - 2);
+    surface.lineTo(x, this.high - AXIS);
+    surface.stroke();
+  }
+
+  // What the cursor, or the moment that is shown, reads.
+  private read(): void {
+    const time = this.cursor ?? this.here ?? Infinity;
+    this.rows.forEach((row, i) => row.traces.forEach((_, k) => {
+      const index = lastBefore(this.values.count(i, k), (at) => this.values.time(i, k, at), time);
+      setText(this.readings[i]![k]!, format.number(index < 0 ? undefined : this.values.value(i, k, index), row.digits));
+    }));
+    const shown = Math.min(time, this.to);
+    this.element.setAttribute("aria-valuemin", this.from.toFixed(1));
+    this.element.setAttribute("aria-valuemax", this.to.toFixed(1));
+    this.element.setAttribute("aria-valuenow", shown.toFixed(1));
+    this.element.setAttribute("aria-valuetext", `${format.clock(shown)}: ${this.spoken()}`);
+  }
+
+  private spoken(): string {
+    return this.rows.map((row, i) => `${row.label} ${this.readings[i]!.map((output) => output.textContent).join(", ")} ${row.unit}`).join("; ");
+  }
+}

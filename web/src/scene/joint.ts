@@ -1,0 +1,364 @@
+// The joint in three dimensions: bones, menisci and ligaments as the patient has them, the mock-up's as a
+// ghost, instruments as measured and as shown, their trails, the marker, colour maps. Millimetres, in the
+// mock-up's frame: x to the patient's right, y anterior, z proximal.
+import {
+  BufferAttribute, BufferGeometry, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshBasicMaterial, Object3D, Quaternion,
+  RingGeometry, SphereGeometry, Vector3,
+} from "three";
+import {
+  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, NEAREST, OPENING, PENETRATION, SEEN, SPEED, TIP, toolAt, WARPED,
+  type History, type Row,
+} from "../history";
+import type { Tissue } from "../mesh";
+import type { Knee } from "./anatomy";
+import { MAPS, scaledTo, type ColourMap, type MapName } from "./colours";
+import { shapeOf, type Shape } from "./instruments";
+import { steelMaterial } from "./materials";
+import { Surface } from "./surface";
+
+export interface Show {
+  ghost: boolean;
+  raw: boolean;
+  trails: boolean;
+  femur: boolean;
+  patella: boolean;
+  ligaments: boolean;
+  skin: boolean;
+  seeThrough: boolean; // bones
+  map: MapName;
+}
+
+export const USUAL_SHOW: Show = {
+  ghost: false, raw: true, trails: true, femur: true, patella: true, ligaments: true, skin: false, seeThrough: false, map: "none",
+};
+
+export interface Marker {
+  body: number;
+  point: { x: number; y: number; z: number };
+}
+
+export const TOOL_COLOURS = [0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x7a8794]; // Okabe and Ito
+export const SCOPE = 4;
+
+const LOST = 2;
+const TRAIL_S = 8;
+const TRAIL_POINTS = 400;
+const MARKER = 0x00a8ff;
+const PAINT_MS = 250;
+const MOVED_MM = 0.05; // of a body: displacements are measured anew
+
+interface Tool {
+  shown: Shape;
+  raw: Shape;
+  trails: [shown: Line, raw: Line];
+}
+
+const position = new Vector3();
+const rotation = new Quaternion();
+const one = new Vector3(1, 1, 1);
+const scratch = new Matrix4();
+
+export function poseMatrix(row: Row, at: number, out: Matrix4): Matrix4 {
+  rotation.set(row[at + 1]!, row[at + 2]!, row[at + 3]!, row[at]!).normalize();
+  return out.compose(position.set(row[at + 4]!, row[at + 5]!, row[at + 6]!), rotation, one);
+}
+
+function place(node: Object3D, row: Row, at: number): void {
+  poseMatrix(row, at, node.matrix);
+  node.matrixWorldNeedsUpdate = true;
+}
+
+function fixed(): Group {
+  const group = new Group();
+  group.matrixAutoUpdate = false;
+  return group;
+}
+
+export class Joint {
+  readonly root = new Group();
+  readonly surfaces: Surface[];
+  map: ColourMap | undefined; // as it is scaled now
+  onMap: () => void = () => {};
+
+  private readonly bodies = Array.from({ length: BODIES }, () => ({ physical: fixed(), virtual: fixed() }));
+  private readonly tools: (Tool | undefined)[] = Array.from({ length: INSTRUMENTS });
+  private readonly marker: Group;
+  private show: Show = { ...USUAL_SHOW };
+  private stale = new Set<Surface>(); // to be painted anew
+  private paintedAt = 0;
+  private readonly displacedAt = Array.from({ length: 2 * BODIES }, () => new Matrix4());
+
+  constructor(readonly knee: Knee, private readonly wet = false) {
+    this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, wet));
+    for (const { physical, virtual } of this.bodies) this.root.add(physical, virtual);
+    for (const surface of this.surfaces) this.bodies[surface.group.body]!.virtual.add(surface.shown);
+    this.marker = markerShape();
+    this.setShow(this.show);
+  }
+
+  dispose(): void {
+    for (const surface of this.surfaces) surface.dispose();
+    this.root.traverse((node) => {
+      const { geometry, material } = node as Partial<Mesh>;
+      geometry?.dispose();
+      if (material && !Array.isArray(material)) material.dispose();
+    });
+  }
+
+  setShow(show: Show): void {
+    const repaint = show.map !== this.show.map;
+    this.show = { ...show };
+    for (const surface of this.surfaces) {
+      const { name } = surface.group;
+      const bone = ["femur", "tibia", "patella"].includes(name);
+      const meniscus = surface.group.cuttable || name.startsWith("meniscus");
+      surface.shown.visible = name === "femur" ? show.femur : name === "patella" ? show.patella : name === "skin" ? show.skin
+        : bone || meniscus || show.ligaments;
+      surface.showGhost(show.ghost && surface.shown.visible && name !== "skin", this.bodies[surface.group.body]!.physical);
+      if (!bone) continue;
+      const { material } = surface.shown;
+      material.transparent = show.seeThrough;
+      material.opacity = show.seeThrough ? 0.28 : 1;
+      material.depthWrite = !show.seeThrough;
+      surface.shown.renderOrder = show.seeThrough ? 1 : 0;
+    }
+    for (const tool of this.tools) if (tool) for (const trail of tool.trails) trail.visible = show.trails;
+    if (!repaint) return;
+    this.displacedAt[0]!.elements[0] = NaN; // never displaced before
+    for (const surface of this.surfaces) this.stale.add(surface);
+    this.paintedAt = 0;
+    this.map = show.map === "none" ? undefined : MAPS[show.map];
+    if (show.map === "gain" || show.map === "contact") this.forget();
+    this.onMap();
+  }
+
+  /** What was measured along the path so far is gone. */
+  forget(): void {
+    for (const surface of this.surfaces) {
+      surface.forget();
+      this.stale.add(surface);
+    }
+  }
+
+  // ---- a moment -------------------------------------------------------------------------------------
+
+  setRow(row: Row, time: number): void {
+    for (let body = 0; body < BODIES; body++) {
+      place(this.bodies[body]!.physical, row, bodyAt(body, false));
+      place(this.bodies[body]!.virtual, row, bodyAt(body, true));
+    }
+    for (const surface of this.surfaces) {
+      const { body, other } = surface.group;
+      if (other < 0) continue;
+      surface.other.copy(this.bodies[body]!.virtual.matrix).invert().multiply(this.bodies[other]!.virtual.matrix);
+      surface.otherPhysical.copy(this.bodies[body]!.physical.matrix).invert().multiply(this.bodies[other]!.physical.matrix);
+    }
+    for (let instrument = 0; instrument < INSTRUMENTS; instrument++) this.moveTool(instrument, row, time);
+  }
+
+  private moveTool(instrument: number, row: Row, time: number): void {
+    const at = toolAt(instrument);
+    const seen = row[at + SEEN]!;
+    if (seen === 0) {
+      const tool = this.tools[instrument];
+      if (tool) tool.shown.root.visible = tool.raw.root.visible = false;
+      return;
+    }
+    const tool = (this.tools[instrument] ??= this.newTool(instrument));
+    const there = seen - 1 !== LOST;
+    const inside = this.wet && instrument === SCOPE;
+    tool.shown.root.visible = there && row[at + HAS_WARPED] === 1 && !inside;
+    tool.raw.root.visible = there && this.show.raw && !this.wet;
+    place(tool.shown.root, row, at + WARPED);
+    place(tool.raw.root, row, at + TIP);
+    const running = row[at + BUTTONS] !== 0;
+    tool.shown.move(row[at + OPENING]!, running, time);
+    tool.raw.move(row[at + OPENING]!, running, time);
+  }
+
+  private newTool(instrument: number): Tool {
+    const colour = TOOL_COLOURS[instrument]!;
+    const bright = steelMaterial(0xe6ebef);
+    const shown = shapeOf(instrument, steelMaterial(this.wet ? 0xaab4bc : 0x9aa5ae), bright);
+    const ghost = steelMaterial(colour, 0.35);
+    const raw = shapeOf(instrument, ghost, ghost);
+    for (const shape of [shown, raw]) {
+      shape.root.matrixAutoUpdate = false;
+      this.root.add(shape.root);
+    }
+    raw.root.renderOrder = 3;
+    const trails: [Line, Line] = [trail(colour, 1), trail(colour, 0.4)];
+    for (const line of trails) line.visible = this.show.trails && !this.wet;
+    this.root.add(...trails);
+    return { shown, raw, trails };
+  }
+
+  /** The ways of the tips in the last seconds before a time. */
+  setTrails(history: History, time: number): void {
+    if (!this.show.trails) return;
+    const last = history.indexAt(time);
+    const first = Math.max(0, history.indexAt(time - TRAIL_S), last - TRAIL_POINTS + 1);
+    this.tools.forEach((tool, instrument) => {
+      if (!tool) return;
+      fillTrail(tool.trails[0], history, first, last, toolAt(instrument), WARPED);
+      fillTrail(tool.trails[1], history, first, last, toolAt(instrument), TIP);
+      tool.trails[1].visible = this.show.raw;
+    });
+  }
+
+  setTissue(group: string, tissue: Tissue): void {
+    for (const surface of this.surfaces) if (surface.group.name === group && surface.setTissue(tissue)) this.stale.add(surface);
+  }
+
+  // ---- maps -----------------------------------------------------------------------------------------
+
+  /** What an instrument measured at that moment, for the map that is shown. Call with the bodies of the same row. */
+  measure(row: Row): void {
+    const { map } = this.show;
+    if (map !== "gain" && map !== "contact") return;
+    for (let instrument = 0; instrument < INSTRUMENTS - 1; instrument++) {
+      const at = toolAt(instrument);
+      if (row[at + SEEN]! !== 1 || row[at + HAS_WARPED] !== 1) continue;
+      const value = map === "gain" ? row[at + GAIN]! : row[at + PENETRATION]!;
+      const near = map === "gain" ? row[at + NEAREST]! >= 0 && row[at + NEAREST]! < 5 : value > 0.02;
+      if (near) this.measureAt(map, row, at + WARPED + 4, value);
+    }
+  }
+
+  private measureAt(map: MapName, row: Row, at: number, value: number): void {
+    for (let body = 0; body < BODIES; body++) {
+      poseMatrix(row, bodyAt(body, true), scratch).invert();
+      const { x, y, z } = position.set(row[at]!, row[at + 1]!, row[at + 2]!).applyMatrix4(scratch);
+      for (const surface of this.surfaces)
+        if (surface.group.body === body && surface.group.name !== "skin" && surface.measure(map, x, y, z, value)) this.stale.add(surface);
+    }
+  }
+
+  /** Paints what has changed, some times a second. True where a picture is needed again for it. */
+  paint(now: number): boolean {
+    if (now - this.paintedAt < PAINT_MS) return this.stale.size > 0;
+    if (this.show.map === "displacement") this.displace();
+    if (!this.stale.size) return false;
+    this.paintedAt = now;
+    for (const surface of this.stale) surface.paint(this.show.map, this.map);
+    this.stale.clear();
+    return true;
+  }
+
+  private displace(): void {
+    const moved = this.bodies.some(({ physical, virtual }, body) => {
+      const shift = scratch.copy(virtual.matrix).invert().multiply(physical.matrix);
+      return !near(shift, this.displacedAt[body]!);
+    });
+    if (!moved && !this.stale.size) return;
+    this.bodies.forEach(({ physical, virtual }, body) => this.displacedAt[body]!.copy(virtual.matrix).invert().multiply(physical.matrix));
+    let most = 0;
+    for (const surface of this.surfaces) {
+      const { physical, virtual } = this.bodies[surface.group.body]!;
+      const greatest = surface.displace(physical.matrix, virtual.matrix);
+      if (surface.group.name !== "skin" && surface.group.other < 0) most = Math.max(most, greatest);
+      this.stale.add(surface);
+    }
+    this.map = scaledTo(MAPS.displacement, most);
+    this.onMap();
+  }
+
+  // ---- the marker -----------------------------------------------------------------------------------
+
+  setMarker(marker: Marker | undefined): void {
+    this.marker.removeFromParent();
+    if (!marker) return;
+    this.marker.position.set(marker.point.x, marker.point.y, marker.point.z);
+    this.bodies[marker.body]?.virtual.add(this.marker);
+  }
+
+  /** The marker's ring turns to the eye. */
+  faceMarker(eye: Quaternion): void {
+    const { parent } = this.marker;
+    if (parent) this.marker.quaternion.copy(parent.getWorldQuaternion(rotation).invert()).multiply(eye);
+  }
+
+  /** Where a point of the mock-up's frame lies on the nearest of the surfaces that are shown. */
+  markerAt(point: Vector3): Marker | undefined {
+    let best: Marker | undefined;
+    let least = Infinity;
+    for (const surface of this.surfaces) {
+      if (surface.group.name === "skin" || surface.group.other >= 0) continue;
+      const { body } = surface.group;
+      const local = point.clone().applyMatrix4(scratch.copy(this.bodies[body]!.virtual.matrix).invert());
+      const positions = surface.shown.geometry.getAttribute("position").array;
+      const index = surface.shown.geometry.index!;
+      const count = Math.min(surface.shown.geometry.drawRange.count, index.count);
+      for (let i = 0; i < count; i++) {
+        const at = 3 * index.array[i]!;
+        const distance = Math.hypot(positions[at]! - local.x, positions[at + 1]! - local.y, positions[at + 2]! - local.z);
+        if (distance < least) {
+          least = distance;
+          best = { body, point: { x: local.x, y: local.y, z: local.z } };
+        }
+      }
+    }
+    return best;
+  }
+
+  /** What a ray can hit: the patient's surfaces that are shown, but those that bend between two bodies. */
+  targets(): Mesh[] {
+    return this.surfaces.filter(({ shown, group }) => shown.visible && group.other < 0 && group.name !== "skin").map(({ shown }) => shown);
+  }
+
+  /** The point of a hit in the frame of its body. */
+  markerOf(mesh: Object3D, point: Vector3): Marker {
+    const body = mesh.userData.body as number;
+    const { x, y, z } = point.clone().applyMatrix4(scratch.copy(this.bodies[body]!.virtual.matrix).invert());
+    return { body, point: { x, y, z } };
+  }
+}
+
+/** The instrument that is worked with: the fastest one that is seen; -1: none. */
+export function workingTool(row: Row): number {
+  let best = -1;
+  let most = -1;
+  for (let instrument = 0; instrument < SCOPE; instrument++) {
+    const at = toolAt(instrument);
+    if (row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST) continue;
+    const speed = row[at + SPEED]! + (row[at + NEAREST]! >= 0 ? 10 / (1 + row[at + NEAREST]!) : 0);
+    if (speed > most) [best, most] = [instrument, speed];
+  }
+  return best;
+}
+
+function near(a: Matrix4, b: Matrix4): boolean {
+  // A turn by 0.001 moves the joint's rim, 50 mm away, by as much as MOVED_MM.
+  return a.elements.every((value, i) => Math.abs(value - b.elements[i]!) < (i < 12 ? MOVED_MM / 50 : MOVED_MM));
+}
+
+function trail(colour: number, opacity: number): Line {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL_POINTS), 3));
+  geometry.setDrawRange(0, 0);
+  const line = new Line(geometry, new LineBasicMaterial({ color: colour, transparent: opacity < 1, opacity }));
+  line.frustumCulled = false;
+  return line;
+}
+
+function fillTrail(line: Line, history: History, first: number, last: number, tool: number, pose: number): void {
+  const attribute = line.geometry.getAttribute("position");
+  const points = attribute.array;
+  let count = 0;
+  for (let i = last; i >= first; i--) {
+    const seen = history.value(i, tool + SEEN);
+    if (seen === 0 || seen - 1 === LOST || (pose === WARPED && history.value(i, tool + HAS_WARPED) !== 1)) break;
+    for (let k = 0; k < 3; k++) points[count++] = history.value(i, tool + pose + 4 + k);
+  }
+  line.geometry.setDrawRange(0, count / 3);
+  attribute.needsUpdate = true;
+}
+
+function markerShape(): Group {
+  const ball = new Mesh(new SphereGeometry(0.7, 16, 12), new MeshBasicMaterial({ color: MARKER }));
+  const ring = new Mesh(new RingGeometry(1.9, 2.4, 32), new MeshBasicMaterial({ color: MARKER, transparent: true, opacity: 0.9, depthTest: false, depthWrite: false }));
+  ring.renderOrder = 5;
+  const group = new Group();
+  group.add(ball, ring);
+  return group;
+}

@@ -1,0 +1,130 @@
+// A canvas with the joint. It is drawn when something has changed, and coarser where that takes long: a
+// machine without a graphics processor then still follows the hands.
+import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
+import { h } from "../ui";
+import type { Joint, Marker } from "./joint";
+import { Orbit } from "./orbit";
+
+const SLOW_MS = 40;
+const FAST_MS = 18;
+const COARSEST = 0.5;
+
+/** No 3-D in this browser. */
+export class NoWebGl extends Error {}
+
+export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
+  try {
+    const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    renderer.outputColorSpace = SRGBColorSpace;
+    return renderer;
+  } catch {
+    throw new NoWebGl();
+  }
+}
+
+/** How fine a picture is drawn: pixels of it for each of the page's. */
+export class Fineness {
+  value: number;
+  private spent = FAST_MS;
+
+  constructor(private readonly finest = Math.min(devicePixelRatio, 2)) {
+    this.value = finest;
+  }
+
+  /** After a picture that took so long. True where the next one is to have another fineness. */
+  took(ms: number): boolean {
+    this.spent += 0.1 * (Math.min(ms, 200) - this.spent);
+    const wanted = this.spent > SLOW_MS ? this.value * 0.8 : this.spent < FAST_MS ? this.value * 1.25 : this.value;
+    const next = Math.min(this.finest, Math.max(COARSEST * this.finest, wanted));
+    if (next === this.value) return false;
+    this.value = next;
+    this.spent = (SLOW_MS + FAST_MS) / 2;
+    return true;
+  }
+}
+
+export class View3D {
+  readonly canvas: HTMLCanvasElement;
+  readonly camera = new PerspectiveCamera(30, 1, 2, 2500);
+  readonly orbit: Orbit;
+  /** Before each picture; true: another one is needed. */
+  onFrame: (now: number) => boolean = () => false;
+  onPick: (marker: Marker) => void = () => {};
+
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly fineness = new Fineness();
+  private readonly resize: ResizeObserver;
+  private pending = 0;
+  private drawnAt = 0;
+  private running = false; // the picture before was drawn in the frame before
+  private closed = false;
+
+  constructor(readonly element: HTMLElement, private readonly joint: Joint, name: string) {
+    this.canvas = h("canvas", { class: "scene-canvas", tabindex: 0, role: "application", "aria-label": name });
+    this.renderer = newRenderer(this.canvas);
+    element.append(this.canvas);
+    const lamp = new DirectionalLight(0xffffff, 2.1);
+    lamp.position.set(-0.5, 0.8, 1);
+    const second = new DirectionalLight(0xdfe9ff, 0.7);
+    second.position.set(1, -0.3, 0.6);
+    this.camera.add(lamp, lamp.target, second, second.target);
+    lamp.target.position.set(0, 0, -1);
+    second.target.position.set(0, 0, -1);
+    this.scene.add(this.camera, new AmbientLight(0xffffff, 0.9), joint.root);
+    this.orbit = new Orbit(this.camera, this.canvas, joint.knee.left);
+    this.orbit.onChange = () => this.draw();
+    this.orbit.onPress = (x, y) => this.pick(x, y);
+    this.resize = new ResizeObserver(() => this.measure());
+    this.resize.observe(element);
+    this.measure();
+  }
+
+  close(): void {
+    this.closed = true;
+    cancelAnimationFrame(this.pending);
+    this.resize.disconnect();
+    this.orbit.close();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+    this.canvas.remove();
+  }
+
+  /** Once for all changes until the next frame. */
+  draw(): void {
+    if (this.closed) return;
+    this.pending ||= requestAnimationFrame((now) => {
+      this.pending = 0;
+      this.paint(now);
+    });
+  }
+
+  private paint(now: number): void {
+    if (!this.canvas.clientWidth || document.hidden) return;
+    const more = this.onFrame(now);
+    const gliding = this.orbit.update(now);
+    this.joint.faceMarker(this.camera.quaternion);
+    if (this.running && this.fineness.took(now - this.drawnAt)) this.measure();
+    this.drawnAt = now;
+    this.renderer.render(this.scene, this.camera);
+    this.running = more || gliding;
+    if (this.running) this.draw();
+  }
+
+  private measure(): void {
+    const { clientWidth, clientHeight } = this.element;
+    if (!clientWidth || !clientHeight) return;
+    this.renderer.setPixelRatio(this.fineness.value);
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  private pick(x: number, y: number): void {
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
+    const [hit] = ray.intersectObjects(this.joint.targets(), false);
+    if (hit) this.onPick(this.joint.markerOf(hit.object, hit.point));
+  }
+}

@@ -1,0 +1,215 @@
+// What a page knows of one session, live or recorded: its moments, meshes, events, remarks and figures,
+// each with its time. Views show any of it at any time; where it comes from is the same for all of them.
+import { create } from "@bufbuild/protobuf";
+import {
+  MeshAskSchema, MeshStateSchema, Watch_What,
+  type LiveSession, type Metric, type Moment, type Remark, type Resection,
+} from "wire";
+import { History } from "./history";
+import type { Feed, WatchInit } from "./live";
+import { Meshes, MeshHistory, type Answer, type Tissue } from "./mesh";
+
+export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";
+
+// Of each bit of Reply.events.
+export const EVENTS = ["state", "deviceLost", "deviceBack", "contact", "release", "cut", "piece", "refused", "undone"] as const;
+export type EventName = (typeof EVENTS)[number];
+
+export interface Mark {
+  time: number; // s
+  event: EventName;
+  times: number; // how often between this moment and the one before
+}
+
+export interface Resected {
+  time: number;
+  resection: Resection;
+}
+
+const EVENTS_MOST = 20_000; // the oldest go
+
+/** The surfaces at one time, whatever brings them. */
+export interface Source {
+  readonly recorded: boolean;
+  readonly session: LiveSession | undefined;
+  readonly history: History;
+  readonly marks: readonly Mark[];
+  readonly resections: readonly Resected[];
+  readonly remarks: readonly Remark[]; // by rising number
+  readonly metrics: readonly Metric[];
+  readonly progress: number; // of a recorded session, 0 to 1; 1: all is here
+  readonly trouble: string;
+  /** Names of the groups whose mesh has come. */
+  groups(): string[];
+  /** A group's mesh at a time of the session, good until the next call; a live one is always the newest. */
+  tissue(group: string, time: number): Tissue | undefined;
+  /** Returns what ends it. */
+  onChange(listener: (change: Change) => void): () => void;
+  close(): void;
+}
+
+/** The figures of each group at a time. */
+export function resectionsAt(source: Source, time: number): Map<string, Resection> {
+  const found = new Map<string, Resection>();
+  for (const { time: at, resection } of source.resections) {
+    if (at > time) break;
+    found.set(resection.group, resection);
+  }
+  return found;
+}
+
+/** The marker that is to be touched at a time; undefined: none. */
+export function markerAt(source: Source, time: number): Remark | undefined {
+  let found: Remark | undefined;
+  for (const remark of source.remarks) {
+    if (Number(remark.timeNs) * 1e-9 > time) break;
+    if (remark.hasMarker) found = remark.withdrawn ? undefined : remark;
+  }
+  return found;
+}
+
+/** The last note at a time. */
+export function noteAt(source: Source, time: number): Remark | undefined {
+  let found: Remark | undefined;
+  for (const remark of source.remarks) {
+    if (Number(remark.timeNs) * 1e-9 > time) break;
+    if (remark.text) found = remark;
+  }
+  return found;
+}
+
+export class FeedSource implements Source {
+  session: LiveSession | undefined;
+  readonly history = new History();
+  marks: Mark[] = [];
+  resections: Resected[] = [];
+  remarks: Remark[] = [];
+  metrics: Metric[] = [];
+  progress = 0;
+  trouble = "";
+
+  private readonly meshes = new Meshes();
+  private readonly landed = new Map<string, MeshHistory>();
+  private readonly listeners = new Set<(change: Change) => void>();
+  private counts: number[] | undefined; // of events, at the last moment
+  private readonly ends: (() => void)[];
+
+  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit) {
+    this.meshes.onPayload = (group, _, payload) => this.land(group, payload);
+    this.ends = [
+      feed.on("session", (session) => this.begin(session)),
+      feed.on("moment", (moment) => this.take(moment)),
+      feed.on("meshChunk", (chunk) => this.answer(this.meshes.chunk(chunk))),
+      feed.on("resection", (resection) => this.resected(resection)),
+      feed.on("remark", (remark) => this.remarked(remark)),
+      feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
+      feed.on("progress", ({ share, done }) => this.set("progress", () => (this.progress = done ? 1 : Math.min(share, 0.999)))),
+      feed.on("trouble", ({ text }) => this.set("trouble", () => (this.trouble = text))),
+    ];
+    feed.watch(watch);
+  }
+
+  static live(feed: Feed, station: string, rateHz: number): FeedSource {
+    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true });
+  }
+
+  /** caseName: another case to replay the same hands on; "": its own. */
+  static recorded(feed: Feed, session: string, rateHz: number, caseName = ""): FeedSource {
+    return new FeedSource(feed, true, { what: Watch_What.RECORDED, session, caseName, rateHz, meshes: true });
+  }
+
+  close(): void {
+    for (const end of this.ends) end();
+    this.listeners.clear();
+    this.feed.unwatch();
+  }
+
+  groups(): string[] {
+    return [...this.landed.keys()];
+  }
+
+  tissue(group: string, time: number): Tissue | undefined {
+    return this.recorded ? this.landed.get(group)?.at(time) : this.meshes.tissue(group);
+  }
+
+  onChange(listener: (change: Change) => void): () => void {
+    this.listeners.add(listener);
+    return () => this.listeners.delete(listener);
+  }
+
+  private tell(change: Change): void {
+    for (const listener of this.listeners) listener(change);
+  }
+
+  private set(change: Change, what: () => void): void {
+    what();
+    this.tell(change);
+  }
+
+  // The same live session goes on where it was after a reconnect; a recorded one is sent afresh.
+  private begin(session: LiveSession): void {
+    const same = !this.recorded && this.session !== undefined && session.caseHash === this.session.caseHash &&
+      session.id.join() === this.session.id.join();
+    this.session = session;
+    this.trouble = "";
+    if (!same) this.clear();
+    this.answer(this.meshes.open());
+    this.tell("session");
+  }
+
+  private clear(): void {
+    this.history.clear();
+    this.meshes.clear();
+    this.landed.clear();
+    this.marks = [];
+    this.resections = [];
+    this.remarks = [];
+    this.metrics = [];
+    this.progress = 0;
+    this.counts = this.recorded ? [] : undefined;
+  }
+
+  private take(moment: Moment): void {
+    if (this.session && moment.seat !== this.session.seat) return;
+    if (!this.history.append(moment)) return;
+    this.count(moment.events);
+    this.tell("moment");
+  }
+
+  // What happened before a page came is counted, but nobody knows when.
+  private count(counts: number[]): void {
+    const before = this.counts ?? counts;
+    counts.forEach((count, bit) => {
+      const times = count - (before[bit] ?? 0);
+      const event = EVENTS[bit];
+      if (times > 0 && event) this.marks.push({ time: this.history.end, event, times });
+    });
+    this.counts = [...counts];
+    if (this.marks.length > EVENTS_MOST) this.marks = this.marks.slice(EVENTS_MOST / 2);
+  }
+
+  private resected(resection: Resection): void {
+    this.resections.push({ time: this.history.end, resection });
+    this.tell("resection");
+  }
+
+  private remarked(remark: Remark): void {
+    const at = this.remarks.findIndex(({ number }) => number === remark.number);
+    if (at < 0) this.remarks.push(remark);
+    else this.remarks[at] = remark;
+    this.tell("remark");
+  }
+
+  private land(group: string, payload: Uint8Array): void {
+    let landed = this.landed.get(group);
+    if (!landed) this.landed.set(group, (landed = new MeshHistory()));
+    if (this.recorded) landed.push(this.history.end, payload);
+    this.tell("mesh");
+  }
+
+  private answer(answer: Answer | null): void {
+    if (!answer) return;
+    if ("ack" in answer) this.feed.send({ case: "meshAck", value: create(MeshStateSchema, answer.ack) });
+    else this.feed.send({ case: "meshAsk", value: create(MeshAskSchema, { have: answer.ask }) });
+  }
+}

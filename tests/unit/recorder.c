@@ -1,0 +1,135 @@
+// What the recorder makes of a trace that was closed as the server ends: a small one is read before
+// it goes, a large one when it is back.
+#include "hub/recorder.h"
+
+#include "test.h"
+#include "unit/store_files.h"
+#include "unit/trace_files.h"
+
+#include <libgen.h>
+#include <pthread.h>
+#include <sqlite3.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define LARGE_BYTES (64 << 20)
+
+static const struct scene *no_scene(void *user, uint64_t case_hash) {
+    (void)user, (void)case_hash;
+    return NULL;
+}
+
+// At least so large; how many steps it has.
+static uint64_t write_bytes_of_trace(uint64_t bytes) {
+    static struct trace_record steps[64];
+    struct trace_writer *writer = start_writing();
+    struct error err;
+    uint64_t count = 0;
+    for (uint64_t i = 0; i < 64; i++) {
+        steps[i].type = TRACE_STEP;
+        step_at(i + 1, &steps[i].input, &steps[i].output);
+    }
+    while (!count || trace_writer_status(writer).bytes < bytes) {
+        struct trace_record *next = &steps[count++ % 64];
+        next->output.step = count;
+        next->output.time_ns = next->input.time_ns = 5000000000 + (int64_t)count * 1000000;
+        assert_int_equal(trace_append_record(writer, next, &err), RESULT_OK);
+    }
+    trace_writer_destroy(&writer);
+    return count;
+}
+
+static struct recorder *start(void) {
+    char copy[sizeof path];
+    return recorder_start(store_path, dirname(strcpy(copy, path)), no_scene, NULL);
+}
+
+static void *unlock_later(void *lock) {
+    usleep(300000);
+    assert_int_equal(sqlite3_close(lock), SQLITE_OK); // and with it what it had begun
+    return NULL;
+}
+
+// Its session ends and the server with it, while somebody keeps the records locked.
+static void end_with_the_server(void) {
+    struct store_session session;
+    struct trace_header header = some_header();
+    sqlite3 *lock;
+    pthread_t thread;
+    assert_int_equal(sqlite3_open(store_path, &lock), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(lock, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_OK);
+    struct recorder *recorder = start();
+    session_row_begin(&header, path, &session);
+    session.state = STATE_CLOSED;
+    session.end_utc_ns = session.start_utc_ns + 1;
+    recorder_put(recorder, &session);
+    assert_int_equal(pthread_create(&thread, NULL, unlock_later, lock), 0);
+    recorder_stop(&recorder);
+    pthread_join(thread, NULL);
+}
+
+static bool is_read(void) {
+    struct store *store = open_records();
+    bool done;
+    struct error err;
+    assert_int_equal(store_trace_is_done(store, path, &done, &err), RESULT_OK);
+    store_close(&store);
+    return done;
+}
+
+static void assert_recorded(uint64_t steps) {
+    char said[64];
+    struct store *store = open_records();
+    const char *rows = rows_of(store, LIST_SESSIONS, NULL);
+    snprintf(said, sizeof said, "|steps=%llu|", (unsigned long long)steps);
+    assert_non_null(strstr(rows, said));
+    assert_int_equal(row_count(store, LIST_SESSIONS), 1);
+    store_close(&store);
+}
+
+static int begin(void **state) {
+    int made = store_folder_begin(state);
+    struct store *store = open_records();
+    store_close(&store);
+    return made + make_folder(state);
+}
+
+static int end(void **state) {
+    return remove_folder(state) + store_folder_end(state);
+}
+
+static void a_small_one_is_read_before_the_server_is_gone(void **state) {
+    (void)state;
+    uint64_t steps = write_bytes_of_trace(1);
+    end_with_the_server();
+    assert_true(is_read());
+    assert_recorded(steps);
+}
+
+static void a_large_one_is_read_when_the_server_is_back(void **state) {
+    (void)state;
+    struct stat status;
+    uint64_t steps = write_bytes_of_trace(LARGE_BYTES);
+    assert_int_equal(stat(path, &status), 0);
+    assert_true(status.st_size >= LARGE_BYTES);
+    end_with_the_server();
+    assert_false(is_read());
+    assert_recorded(0); // but that there was a session
+    struct recorder *recorder = start();
+    for (int i = 0; i < 600 && !is_read(); i++)
+        usleep(50000);
+    recorder_stop(&recorder);
+    assert_true(is_read());
+    assert_recorded(steps);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
+        cmocka_unit_test_setup_teardown(a_large_one_is_read_when_the_server_is_back, begin, end),
+    };
+    return cmocka_run_group_tests_name("recorder", tests, NULL, NULL);
+}

@@ -8,13 +8,16 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const char help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
     "       arthron-server session --socket PATH show STATION [--json]\n"
     "       arthron-server session --socket PATH start|pause|stop|reset|undo STATION [--json]\n"
-    "       arthron-server session --socket PATH case STATION CASE [--json]\n"
+    "       arthron-server session --socket PATH case STATION CASE [--strength S] [--json]\n"
+    "       arthron-server session --socket PATH note STATION TEXT [--json]\n"
+    "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
     "\n"
     "Speaks to a running server through its local socket.\n"
     "\n"
@@ -27,8 +30,11 @@ static const char help[] =
     "  undo    sets it back before its last cut, which may be a part of a bite; again: one "
     "farther\n"
     "  case    ends it and opens one on another case of the server's config\n"
+    "  note    says something to the trainee\n"
+    "  assign  says who trains there from the next session on; '': nobody\n"
     "\n"
     "  -S, --socket PATH  the server's socket, as in its config\n"
+    "      --strength S   of the new session's warp (case); otherwise the config's\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
 
@@ -41,6 +47,7 @@ static const struct {
     {"pause", arthron_Command_Kind_PAUSE, 1}, {"stop", arthron_Command_Kind_STOP, 1},
     {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
     {"show", arthron_Command_Kind_SHOW, 1},   {"undo", arthron_Command_Kind_UNDO, 1},
+    {"note", arthron_Command_Kind_NOTE, 2},   {"assign", arthron_Command_Kind_ASSIGN, 2},
 };
 
 static const char *state_name(const arthron_SessionInfo *info) {
@@ -247,6 +254,20 @@ static int call(const char *socket, const arthron_Command *command, bool json) {
     return reply.ok ? 0 : 1;
 }
 
+static bool put_text(char *out, size_t size, const char *text) {
+    return snprintf(out, size, "%s", text) < (int)size;
+}
+
+// What the third word of the command is.
+static bool fill_last(const char *word, arthron_Command *out) {
+    if (out->kind == arthron_Command_Kind_ASSIGN)
+        return put_text(out->trainee, sizeof out->trainee, word);
+    out->has_remark = out->kind == arthron_Command_Kind_NOTE;
+    if (out->has_remark)
+        return put_text(out->remark.text, sizeof out->remark.text, word);
+    return put_text(out->case_name, sizeof out->case_name, word);
+}
+
 static bool fill_command(char **words, int count, arthron_Command *out) {
     for (size_t i = 0; count && i < sizeof kinds / sizeof *kinds; i++) {
         if (strcmp(words[0], kinds[i].name))
@@ -254,30 +275,40 @@ static bool fill_command(char **words, int count, arthron_Command *out) {
         out->kind = kinds[i].kind;
         if (count != kinds[i].arguments + 1)
             return false;
-        if (count > 1)
-            snprintf(out->station, sizeof out->station, "%s", words[1]);
-        if (count > 2)
-            snprintf(out->case_name, sizeof out->case_name, "%s", words[2]);
-        return true;
+        if (out->has_strength && out->kind != arthron_Command_Kind_CASE)
+            return false;
+        return (count < 2 || put_text(out->station, sizeof out->station, words[1])) &&
+               (count < 3 || fill_last(words[2], out));
     }
     return false;
+}
+
+static bool take_strength(const char *text, arthron_Command *out) {
+    char *end;
+    out->has_strength = true;
+    out->strength = strtod(text, &end);
+    return *text && !*end && out->strength >= 0 && out->strength <= 1;
 }
 
 int command_session(int argc, char **argv) {
     static const struct option options[] = {
         {"socket", required_argument, NULL, 'S'},
+        {"strength", required_argument, NULL, 'W'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},
     };
     const char *socket = NULL;
     bool json = false;
+    arthron_Command command = arthron_Command_init_zero;
     for (int o; (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
             return 0;
         } else if (o == 'S') {
             socket = optarg;
+        } else if (o == 'W' && take_strength(optarg, &command)) {
+            continue;
         } else if (o == 'j') {
             json = true;
         } else {
@@ -285,7 +316,6 @@ int command_session(int argc, char **argv) {
             return 2;
         }
     }
-    arthron_Command command = arthron_Command_init_zero;
     if (!socket || !fill_command(argv + optind, argc - optind, &command)) {
         fputs(help, stderr);
         return 2;

@@ -7,6 +7,8 @@
 #include "hub/reply.h"
 #include "hub/seat.h"
 
+#include <ctype.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,9 +44,11 @@ static void fill_header(const struct hub *hub, const struct seat *seat, const st
     };
     memcpy(out->session_id, card->session_id, sizeof out->session_id);
     snprintf(out->station, sizeof out->station, "%s", seat->station->name);
-    snprintf(out->trainee, sizeof out->trainee, "%s", seat->station->trainee);
+    snprintf(out->trainee, sizeof out->trainee, "%s", card->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", knee->name);
     snprintf(out->case_dir, sizeof out->case_dir, "%s", hub_case->dir);
+    if (!isnan(card->strength))
+        out->settings.field.strength = card->strength;
     trace_header_set_machine(out);
 }
 
@@ -88,10 +92,10 @@ static enum result make_live(struct hub *hub, struct seat *seat, struct live **o
     live->trace = trace;
     live->serial = ++hub->sessions_made;
     live->scene = hub->scenes[card.scene];
-    live->session = session_create(live->scene, &hub->config.settings);
+    live->session = session_create(live->scene, &header.settings);
     live->operation = operation_create(live->scene);
     moments_begin(&live->moments, live->serial, header.start_ns);
-    seat_introduce(hub, (int)(seat - hub->seats), live, &header);
+    seat_introduce(hub, (int)(seat - hub->seats), live, &header, NULL);
     session_row_begin(&header, card.trace, &live->row);
     tally_begin(&header, live->scene, &live->tally);
     recorder_put(hub->recorder, &live->row);
@@ -457,10 +461,15 @@ static void stop(struct hub *hub, int index, arthron_CommandReply *reply) {
 }
 
 // A station that is away meets the new case when it comes.
-static void change_case(struct hub *hub, int index, const char *name, arthron_CommandReply *reply) {
-    int scene = hub_find_case(&hub->config, name);
+static void change_case(struct hub *hub, int index, const arthron_Command *command,
+                        arthron_CommandReply *reply) {
+    int scene = hub_find_case(&hub->config, command->case_name);
     if (scene < 0) {
-        refuse(reply, "there is no case %s", name);
+        refuse(reply, "there is no case %s", command->case_name);
+        return;
+    }
+    if (command->has_strength && !(command->strength >= 0 && command->strength <= 1)) {
+        refuse(reply, "the strength of a warp is from 0 to 1");
         return;
     }
     if (hub->unfit[scene].text[0]) {
@@ -474,19 +483,35 @@ static void change_case(struct hub *hub, int index, const char *name, arthron_Co
         return;
     pthread_mutex_lock(&hub->card_lock);
     hub->seats[index].card.scene = scene;
+    hub->seats[index].card.strength = command->has_strength ? command->strength : NAN;
     clear_figures(&hub->seats[index].card);
     pthread_mutex_unlock(&hub->card_lock);
     if (is_connected(hub, index))
         have_session(hub, index, reply);
 }
 
-static void command_station(struct hub *hub, const arthron_Command *command, int index,
-                            arthron_CommandReply *reply) {
+static void assign(struct hub *hub, int index, const char *trainee, arthron_CommandReply *reply) {
+    struct card *card = &hub->seats[index].card;
+    for (const char *c = trainee; *c; c++)
+        if (iscntrl((unsigned char)*c)) {
+            refuse(reply, "a trainee's name has no control characters");
+            return;
+        }
+    pthread_mutex_lock(&hub->card_lock);
+    snprintf(card->trainee, sizeof card->trainee, "%s", trainee);
+    pthread_mutex_unlock(&hub->card_lock);
+    reply->ok = true;
+}
+
+static void command_station(struct hub *hub, const char *actor, const arthron_Command *command,
+                            int index, arthron_CommandReply *reply) {
     if (command->kind == arthron_Command_Kind_START) {
         if (have_session(hub, index, reply))
             give_input(hub, index, INPUT_START, SESSION_RUNNING, reply);
     } else if (command->kind == arthron_Command_Kind_CASE) {
-        change_case(hub, index, command->case_name, reply);
+        change_case(hub, index, command, reply);
+    } else if (command->kind == arthron_Command_Kind_ASSIGN) {
+        assign(hub, index, command->trainee, reply);
     } else if (!seat_has_session(&hub->seats[index])) {
         refuse(reply, "station %s has no session", command->station);
     } else if (command->kind == arthron_Command_Kind_PAUSE) {
@@ -495,6 +520,8 @@ static void command_station(struct hub *hub, const arthron_Command *command, int
         stop(hub, index, reply);
     } else if (command->kind == arthron_Command_Kind_UNDO) {
         ask_for_undo(hub, index, reply);
+    } else if (command->kind == arthron_Command_Kind_NOTE) {
+        reply->ok = remarks_command(hub, index, actor, &command->remark, reply);
     } else {
         give_input(hub, index, INPUT_RESET, SESSION_RUNNING, reply);
         int asked = UNDO_ASKED; // what was asked for before will not be
@@ -530,7 +557,7 @@ static void list_all(struct hub *hub, arthron_CommandReply *reply) {
 
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
-        "list", "start", "pause", "stop", "case", "reset", "show", "undo"};
+        "list", "start", "pause", "stop", "case", "reset", "show", "undo", NULL, "note", "assign"};
     return names[kind];
 }
 
@@ -540,6 +567,10 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
     memset(reply, 0, sizeof *reply);
     if (command->kind == arthron_Command_Kind_LIST) {
         list_all(hub, reply);
+        return;
+    }
+    if (!command_name(command->kind)) {
+        refuse(reply, "this server does not know that command");
         return;
     }
     int index = hub_find_station(&hub->config, command->station);
@@ -553,7 +584,7 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
     }
     pthread_mutex_lock(&hub->desk_lock);
     put_in_order(hub);
-    command_station(hub, command, index, reply);
+    command_station(hub, actor, command, index, reply);
     if (reply->ok)
         deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
     pthread_mutex_unlock(&hub->desk_lock);

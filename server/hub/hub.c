@@ -7,6 +7,7 @@
 #include "hub/seat.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -91,6 +92,8 @@ static enum result place_seats(struct hub *hub, struct error *err) {
         hub->seats[i].moment_news = newest_create(sizeof(struct moment));
         atomic_init(&hub->seats[i].counts.state, SESSION_CLOSED);
         hub->seats[i].card.scene = hub_find_case(&hub->config, station->case_name);
+        hub->seats[i].card.strength = NAN;
+        memcpy(hub->seats[i].card.trainee, station->trainee, sizeof station->trainee);
         if (hub->seats[i].card.scene < 0)
             return fail(err, RESULT_INVALID, "station %s: there is no case %s", station->name,
                         station->case_name);
@@ -209,6 +212,7 @@ static void release(struct hub *hub) {
     for (int i = 0; i < hub->config.station_count; i++) {
         newest_destroy(&hub->seats[i].moment_news);
         newest_destroy(&hub->seats[i].tallies);
+        remarks_fini(&hub->seats[i].remarks);
     }
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);

@@ -26,6 +26,7 @@ struct resumed {
     int scene;
     struct metrics metrics;
     struct moments moments;
+    struct remarks remarks;
     struct live *live; // without its trace; NULL: not resumed
 };
 
@@ -84,6 +85,8 @@ static enum result run_again(struct resumed *r, struct trace_reader *reader, str
             return fail(err, RESULT_REFUSED, "%s: steps are missing in it", r->path);
         if (record.type == TRACE_RESUME)
             metrics_interrupt(&r->metrics);
+        if (record.type == TRACE_REMARK)
+            remarks_put(&r->remarks, &record.remark);
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         rerun_step(rerun, &record, &output);
@@ -237,7 +240,7 @@ static void attach(struct resumed *r) {
         return;
     }
     live->serial = live->moments.now.session = ++hub->sessions_made;
-    seat_introduce(hub, r->seat, live, &r->header);
+    seat_introduce(hub, r->seat, live, &r->header, &r->remarks);
     session_row_begin(&r->header, r->path, &live->row);
     struct note note = {.kind = NOTE_ATTACH, .seat = r->seat, .live = live};
     struct worker *worker = seat_worker(hub, r->seat);
@@ -252,9 +255,11 @@ void resume_attach(struct hub *hub) {
 }
 
 void resume_record(struct hub *hub) {
-    for (int i = 0; i < hub->config.station_count; i++)
+    for (int i = 0; i < hub->config.station_count; i++) {
         if (hub->resumed[i].live)
             recorder_put(hub->recorder, &hub->resumed[i].live->row);
+        remarks_fini(&hub->resumed[i].remarks);
+    }
     free(hub->resumed);
     hub->resumed = NULL;
 }
@@ -262,5 +267,7 @@ void resume_record(struct hub *hub) {
 void resume_release(struct hub *hub) {
     for (int i = 0; hub->resumed && i < hub->config.station_count; i++)
         release(&hub->resumed[i]);
+    for (int i = 0; hub->resumed && i < hub->config.station_count; i++)
+        remarks_fini(&hub->resumed[i].remarks);
     free(hub->resumed);
 }

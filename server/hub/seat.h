@@ -8,6 +8,7 @@
 #include "hub/hub.h"
 #include "hub/moment.h"
 #include "hub/recorder.h"
+#include "hub/remarks.h"
 #include "metrics/metrics.h"
 #include "net/console.h"
 #include "net/control.h"
@@ -32,7 +33,8 @@ struct about {
     char trainee[HUB_NAME_MAX];
     int scene; // index into hub.scenes
     int64_t start_utc_ns;
-    double strength; // of its warp
+    int64_t start_ns; // on its own clock
+    double strength;  // of its warp
 };
 
 // A session with its trace. The desk makes and releases it; in between session and trace are one
@@ -62,9 +64,11 @@ struct card {
     arthron_Calibration calibration; // as Hello told it
     uint8_t session_id[16];          // of the session, or of the one to come where it is fresh
     bool id_is_fresh;
-    bool stopped;     // by command: no session until start, case or the next connection
-    int64_t retry_ns; // not before this time: the last attempt to open one failed
-    int scene;        // index into hub.scenes
+    bool stopped;               // by command: no session until start, case or the next connection
+    int64_t retry_ns;           // not before this time: the last attempt to open one failed
+    int scene;                  // index into hub.scenes
+    double strength;            // of the warp of the sessions to come; NaN: the config's
+    char trainee[HUB_NAME_MAX]; // of the sessions to come
     struct tissue_figures tissues[TISSUES_MAX]; // of the session, as its last jobs left them
     uint64_t mesh_hashes[TISSUES_MAX];          // as its stations follow them
     uint64_t figures_of;                        // the session that both are of
@@ -102,6 +106,7 @@ struct seat {
     struct seat_counts counts;
     struct newest *moment_news; // of struct moment, from the worker
     struct moment moment;       // the last one taken, under hub.card_lock
+    struct remarks remarks;     // of the last session, under hub.card_lock
     struct newest *tallies;     // of struct tally, the same way
     struct tally tally;
 
@@ -130,7 +135,8 @@ enum note_kind {
     NOTE_FRAME,
     NOTE_CONFIRM,
     NOTE_ATTACH,
-    NOTE_INPUT
+    NOTE_INPUT,
+    NOTE_REMARK
 };
 
 struct note {
@@ -142,7 +148,11 @@ struct note {
         uint64_t challenge;      // NOTE_CONFIRM
         struct live *live;       // NOTE_ATTACH
         enum input_kind input;   // NOTE_INPUT
-        struct {                 // NOTE_FRAME: times on the station's clock
+        struct {                 // NOTE_REMARK
+            uint64_t session;
+            struct remark remark;
+        };
+        struct { // NOTE_FRAME: times on the station's clock
             int64_t received_ns;
             struct frame frame;
         };
@@ -215,9 +225,9 @@ int hub_find_station(const struct hub_config *config, const char *name);
 
 // The newest moment of the seat's last session; step 0: there was none yet.
 void seat_moment(struct hub *hub, int seat, struct moment *out_moment);
-// A session begins, or goes on: what it is about goes on the card.
+// A session begins, or goes on, and what was said in it is taken over; said: or NULL.
 void seat_introduce(struct hub *hub, int seat, const struct live *live,
-                    const struct trace_header *header);
+                    const struct trace_header *header, struct remarks *said);
 
 // worker.c
 enum result worker_start(struct hub *hub, int index, struct error *err);

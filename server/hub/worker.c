@@ -379,6 +379,10 @@ static void take_note(struct worker *worker, const struct note *note) {
     case NOTE_ATTACH:
         attach(worker, seat, note->live);
         break;
+    case NOTE_REMARK: // what a full buffer does not take is told of as the steps are that it lacks
+        if (seat->live && seat->live->serial == note->session)
+            trace_append_remark(seat->live->trace, &note->remark);
+        break;
     case NOTE_INPUT:
         if (seat->live)
             step_without_frame(worker, seat, note->input);

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define JUST_BEFORE 1e-12 // of the whole, a few nanoseconds of an hour
+#define A_LITTLE 1e-12 // of the whole, a few nanoseconds of an hour
 
 struct moment {
     double order; // 0 to 1
@@ -49,24 +49,30 @@ static void break_tip(struct tip_lines *tip, double order) {
     tip->joined = false;
 }
 
+static void break_joint(struct report_lines *lines, double order) {
+    if (lines->joint_joined) {
+        thin_break(&lines->flexion, order);
+        thin_break(&lines->varus, order);
+    }
+    lines->joint_joined = false;
+}
+
 static void add_joint(struct report_lines *lines, struct moment at,
                       const struct session_output *output) {
-    bool known = output->joint_validity != VALIDITY_LOST;
-    if (known) {
-        thin_add(&lines->flexion, at.order, at.s, output->joint.flexion_deg);
-        thin_add(&lines->varus, at.order, at.s, output->joint.varus_deg);
-    } else if (lines->joint_joined) {
-        thin_break(&lines->flexion, at.order);
-        thin_break(&lines->varus, at.order);
+    if (output->joint_validity == VALIDITY_LOST) {
+        break_joint(lines, at.order);
+        return;
     }
-    lines->joint_joined = known;
+    thin_add(&lines->flexion, at.order, at.s, output->joint.flexion_deg);
+    thin_add(&lines->varus, at.order, at.s, output->joint.varus_deg);
+    lines->joint_joined = true;
 }
 
 // A staircase: the volume stays until the next job lands.
 static void add_volume(struct report_lines *lines, struct moment at, const struct landed *landed) {
     double *last = &lines->volume_mm3[landed->tissue];
     if (!isnan(*last))
-        thin_add(&lines->volume[landed->tissue], at.order - JUST_BEFORE, at.s, *last);
+        thin_add(&lines->volume[landed->tissue], at.order - A_LITTLE, at.s, *last);
     *last = landed->figures.volume_mm3;
     thin_add(&lines->volume[landed->tissue], at.order, at.s, *last);
 }
@@ -86,20 +92,30 @@ static void add_step(struct report_lines *lines, struct moment at,
         add_volume(lines, at, &output->landed);
 }
 
+// The server was killed: what was between is not known.
+static void interrupt(struct report_lines *lines, double order, struct metrics *metrics) {
+    metrics_interrupt(metrics);
+    break_joint(lines, order);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        break_tip(&lines->tips[i], order);
+}
+
 void report_lines_read(struct trace_reader *reader, const struct survey *survey,
                        survey_progress progress, struct report_lines *lines,
                        struct metrics *metrics) {
     struct trace_record record;
     double all_s = fmax(survey_seconds(survey), 1e-9);
+    struct moment at = {0};
     lines_init(lines);
     while (trace_read(reader, &record, NULL) == RESULT_OK) {
         if (record.type == TRACE_STEP) {
-            double s = (double)(record.output.time_ns - survey->first_ns) / (double)NS_PER_S;
+            at.s = (double)(record.output.time_ns - survey->first_ns) / (double)NS_PER_S;
+            at.order = at.s / all_s;
             metrics_step(metrics, &record.input, &record.output);
-            add_step(lines, (struct moment){s / all_s, s}, &record.output);
+            add_step(lines, at, &record.output);
         }
         if (record.type == TRACE_RESUME)
-            metrics_interrupt(metrics);
+            interrupt(lines, at.order + A_LITTLE, metrics);
         if (progress)
             progress(trace_reader_offset(reader), trace_reader_size(reader));
     }

@@ -3,9 +3,11 @@
 #include "commands/commands.h"
 #include "net/console.h"
 
+#include <errno.h>
 #include <getopt.h>
 #include <inttypes.h>
 #include <jansson.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +20,7 @@ static const char help[] =
     "       arthron-server session --socket PATH case STATION CASE [--strength S] [--json]\n"
     "       arthron-server session --socket PATH note STATION TEXT [--json]\n"
     "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
+    "       arthron-server session --socket PATH copy STATION --from TRACE|ID [--at S] [--json]\n"
     "\n"
     "Speaks to a running server through its local socket.\n"
     "\n"
@@ -32,8 +35,13 @@ static const char help[] =
     "  case    ends it and opens one on another case of the server's config\n"
     "  note    says something to the trainee\n"
     "  assign  says who trains there from the next session on; '': nobody\n"
+    "  copy    ends it and opens one that begins where a recorded session was: what was cut, how "
+    "the\n"
+    "          touch gave way, the warp's settings. Its case must be one of the server's\n"
     "\n"
     "  -S, --socket PATH  the server's socket, as in its config\n"
+    "      --from TRACE   the recorded session: its trace, or its id (32 hexadecimal digits)\n"
+    "      --at S         as it was S seconds after its start; left out: at its end\n"
     "      --strength S   of the new session's warp (case); otherwise the config's\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
@@ -48,6 +56,7 @@ static const struct {
     {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
     {"show", arthron_Command_Kind_SHOW, 1},   {"undo", arthron_Command_Kind_UNDO, 1},
     {"note", arthron_Command_Kind_NOTE, 2},   {"assign", arthron_Command_Kind_ASSIGN, 2},
+    {"copy", arthron_Command_Kind_COPY, 1},
 };
 
 static const char *state_name(const arthron_SessionInfo *info) {
@@ -290,35 +299,66 @@ static bool take_strength(const char *text, arthron_Command *out) {
     return *text && !*end && out->strength >= 0 && out->strength <= 1;
 }
 
+// The server has another working directory.
+static bool take_from(const char *text, arthron_Command *out) {
+    char path[PATH_MAX];
+    bool is_id = strlen(text) == 32 && strspn(text, "0123456789abcdefABCDEF") == 32;
+    if (!is_id && !realpath(text, path)) {
+        fprintf(stderr, "arthron-server session: %s: %s\n", text, strerror(errno));
+        return false;
+    }
+    int length = snprintf(out->from, sizeof out->from, "%s", is_id ? text : path);
+    if (length >= (int)sizeof out->from)
+        fprintf(stderr, "arthron-server session: %s: the path is too long\n", path);
+    return length < (int)sizeof out->from;
+}
+
+static bool take_at(const char *text, arthron_Command *out) {
+    char *end;
+    out->at_s = strtod(text, &end);
+    return end != text && !*end && isfinite(out->at_s) && out->at_s > 0;
+}
+
+static int misused(void) {
+    fputs(help, stderr);
+    return 2;
+}
+
 int command_session(int argc, char **argv) {
     static const struct option options[] = {
         {"socket", required_argument, NULL, 'S'},
+        {"from", required_argument, NULL, 'f'},
+        {"at", required_argument, NULL, 'a'},
         {"strength", required_argument, NULL, 'W'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},
     };
-    const char *socket = NULL;
-    bool json = false;
+    const char *socket = NULL, *from = NULL;
     arthron_Command command = arthron_Command_init_zero;
-    for (int o; (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
+    bool json = false, good = true;
+    for (int o; good && (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
             return 0;
-        } else if (o == 'S') {
-            socket = optarg;
-        } else if (o == 'W' && take_strength(optarg, &command)) {
-            continue;
-        } else if (o == 'j') {
-            json = true;
-        } else {
-            fputs(help, stderr);
-            return 2;
         }
+        if (o == 'S')
+            socket = optarg;
+        else if (o == 'f')
+            from = optarg;
+        else if (o == 'a')
+            good = take_at(optarg, &command);
+        else if (o == 'W')
+            good = take_strength(optarg, &command);
+        else if (o == 'j')
+            json = true;
+        else
+            good = false;
     }
-    if (!socket || !fill_command(argv + optind, argc - optind, &command)) {
-        fputs(help, stderr);
-        return 2;
-    }
-    return call(socket, &command, json);
+    if (!good || !socket || !fill_command(argv + optind, argc - optind, &command))
+        return misused();
+    bool copies = command.kind == arthron_Command_Kind_COPY;
+    if (copies != !!from || (command.at_s > 0 && !copies))
+        return misused();
+    return !from || take_from(from, &command) ? call(socket, &command, json) : 1;
 }

@@ -4,8 +4,8 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "hub/copied.h"
 #include "hub/reply.h"
-#include "hub/seat.h"
 
 #include <ctype.h>
 #include <math.h>
@@ -30,8 +30,8 @@ static void utc_stamp(int64_t utc_ns, char *out_text, size_t size) {
     strftime(out_text, size, "%Y%m%dT%H%M%SZ", &utc);
 }
 
-static void fill_header(const struct hub *hub, const struct seat *seat, const struct card *card,
-                        struct trace_header *out) {
+void desk_header(const struct hub *hub, const struct seat *seat, const struct card *card,
+                 struct trace_header *out) {
     const struct hub_case *hub_case = &hub->config.cases[card->scene];
     const struct knee_case *knee = scene_case(hub->scenes[card->scene]);
     *out = (struct trace_header){
@@ -52,11 +52,11 @@ static void fill_header(const struct hub *hub, const struct seat *seat, const st
     trace_header_set_machine(out);
 }
 
-static enum result trace_path(const struct hub *hub, const struct seat *seat,
-                              const struct card *card, char *out_path, struct error *err) {
+enum result desk_trace_path(const struct hub *hub, const struct seat *seat,
+                            const struct trace_header *header, char *out_path, struct error *err) {
     char when[32];
-    utc_stamp(card->start_utc_ns, when, sizeof when);
-    const uint8_t *id = card->session_id;
+    utc_stamp(header->start_utc_ns, when, sizeof when);
+    const uint8_t *id = header->session_id;
     int length =
         snprintf(out_path, HUB_PATH_MAX, "%s/%s-%s-%02x%02x%02x%02x.trace", hub->config.traces_dir,
                  seat->station->name, when, id[0], id[1], id[2], id[3]);
@@ -72,36 +72,50 @@ static void clear_figures(struct card *card) {
     memset(card->mesh_hashes, 0, sizeof card->mesh_hashes);
 }
 
-static enum result make_live(struct hub *hub, struct seat *seat, struct live **out_live,
-                             struct error *err) {
+// A session and its trace are there: into the card, the records and the log.
+static void announce_session(struct hub *hub, int index, struct live *live,
+                             const struct trace_header *header, const char *trace) {
+    struct seat *seat = &hub->seats[index];
+    struct card *card = &seat->card;
+    live->serial = ++hub->sessions_made;
     pthread_mutex_lock(&hub->card_lock);
-    seat->card.start_utc_ns = clock_utc_ns();
-    clear_figures(&seat->card);
-    enum result result = trace_path(hub, seat, &seat->card, seat->card.trace, err);
+    clear_figures(card);
+    card->start_utc_ns = header->start_utc_ns;
+    snprintf(card->trace, sizeof card->trace, "%s", trace);
+    pthread_mutex_unlock(&hub->card_lock);
+    moments_begin(&live->moments, live->serial, header->start_ns);
+    seat_introduce(hub, index, live, header, NULL);
+    session_row_begin(header, trace, &live->row);
+    tally_begin(header, live->scene, &live->tally);
+    recorder_put(hub->recorder, &live->row);
+    deed_of_server(hub, seat, "open", header->session_id);
+    log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
+             scene_case(live->scene)->name, trace);
+}
+
+static enum result make_live(struct hub *hub, int index, struct live **out_live,
+                             struct error *err) {
+    struct seat *seat = &hub->seats[index];
+    pthread_mutex_lock(&hub->card_lock);
     struct card card = seat->card;
     pthread_mutex_unlock(&hub->card_lock);
+    struct trace_header header;
+    char path[HUB_PATH_MAX];
+    card.start_utc_ns = clock_utc_ns();
+    desk_header(hub, seat, &card, &header);
+    enum result result = desk_trace_path(hub, seat, &header, path, err);
     if (result != RESULT_OK)
         return result;
-    struct trace_header header;
-    fill_header(hub, seat, &card, &header);
     struct trace_writer *trace;
-    result = trace_writer_create(card.trace, &header, &hub->vouches, &trace, err);
+    result = trace_writer_create(path, &header, &hub->vouches, &trace, err);
     if (result != RESULT_OK)
         return result;
     struct live *live = alloc(1, sizeof *live);
     live->trace = trace;
-    live->serial = ++hub->sessions_made;
     live->scene = hub->scenes[card.scene];
     live->session = session_create(live->scene, &header.settings);
     live->operation = operation_create(live->scene);
-    moments_begin(&live->moments, live->serial, header.start_ns);
-    seat_introduce(hub, (int)(seat - hub->seats), live, &header, NULL);
-    session_row_begin(&header, card.trace, &live->row);
-    tally_begin(&header, live->scene, &live->tally);
-    recorder_put(hub->recorder, &live->row);
-    deed_of_server(hub, seat, "open", header.session_id);
-    log_info("hub", "station %s: session on case %s, trace %s", seat->station->name,
-             scene_case(live->scene)->name, card.trace);
+    announce_session(hub, index, live, &header, path);
     *out_live = live;
     return RESULT_OK;
 }
@@ -121,25 +135,30 @@ static void tell_failure(struct hub *hub, struct seat *seat, const struct error 
     log_error("hub", "station %s: no session: %s", seat->station->name, err->text);
 }
 
+static void give_worker(struct hub *hub, int index, struct live *live) {
+    struct note note = {.kind = NOTE_ATTACH, .seat = index, .live = live};
+    struct worker *worker = seat_worker(hub, index);
+    atomic_store(&hub->seats[index].counts.state, (int)live->state);
+    bool told = worker_tell(worker, worker->from_desk, &note);
+    CHECK(told);
+}
+
 // desk_lock held, and the seat has no session. Makes one on the card's case for the worker.
 static enum result open_session(struct hub *hub, int index, struct error *err) {
     struct seat *seat = &hub->seats[index];
-    struct note note = {.kind = NOTE_ATTACH, .seat = index};
+    struct live *live;
     pthread_mutex_lock(&hub->card_lock);
     if (!seat->card.id_is_fresh)
         desk_new_id(seat->card.session_id);
     seat->card.id_is_fresh = false;
     seat->card.stopped = false;
     pthread_mutex_unlock(&hub->card_lock);
-    enum result result = make_live(hub, seat, &note.live, err);
+    enum result result = make_live(hub, index, &live, err);
     if (result != RESULT_OK) {
         tell_failure(hub, seat, err);
         return result;
     }
-    atomic_store(&seat->counts.state, SESSION_WAITING);
-    struct worker *worker = seat_worker(hub, index);
-    bool told = worker_tell(worker, worker->from_desk, &note);
-    CHECK(told);
+    give_worker(hub, index, live);
     return RESULT_OK;
 }
 
@@ -503,6 +522,57 @@ static void assign(struct hub *hub, int index, const char *trainee, arthron_Comm
     reply->ok = true;
 }
 
+// desk_lock held. The session is made, and takes the place of that which the station has.
+static void take_copied(struct hub *hub, int index, struct copied *copied,
+                        arthron_CommandReply *reply) {
+    struct card *card = &hub->seats[index].card;
+    struct live *live = copied->again.live;
+    struct error err;
+    reply->ok = true;
+    if (seat_has_session(&hub->seats[index]))
+        stop(hub, index, reply);
+    if (!reply->ok)
+        return;
+    if (copied_begin(copied, &err) != RESULT_OK) {
+        refuse(reply, "%s", err.text);
+        return;
+    }
+    copied->again.live = NULL;
+    pthread_mutex_lock(&hub->card_lock);
+    memcpy(card->session_id, copied->header.session_id, sizeof card->session_id);
+    card->id_is_fresh = card->stopped = false;
+    card->scene = copied->again.scene;
+    pthread_mutex_unlock(&hub->card_lock);
+    announce_session(hub, index, live, &copied->header, copied->path);
+    give_worker(hub, index, live);
+}
+
+// What takes long comes first, while no other station waits for the desk.
+static void copy_session(struct hub *hub, const char *actor, int index,
+                         const arthron_Command *command, arthron_CommandReply *reply) {
+    struct copied *copied;
+    struct error err;
+    if (!(command->at_s >= 0)) {
+        refuse(reply, "%g s: a session is copied at its end or at a time after its start",
+               command->at_s);
+        return;
+    }
+    double at_s = command->at_s > 0 ? command->at_s : INFINITY;
+    if (copied_create(hub, index, command->from, at_s, &copied, &err) != RESULT_OK) {
+        refuse(reply, "%s", err.text);
+        return;
+    }
+    pthread_mutex_lock(&hub->desk_lock);
+    put_in_order(hub);
+    take_copied(hub, index, copied, reply);
+    list_seat(hub, index, &reply->sessions[0]);
+    reply->sessions_count = 1;
+    if (reply->ok)
+        deed_of_command(hub, actor, "copy", command, &reply->sessions[0]);
+    pthread_mutex_unlock(&hub->desk_lock);
+    copied_destroy(&copied);
+}
+
 static void command_station(struct hub *hub, const char *actor, const arthron_Command *command,
                             int index, arthron_CommandReply *reply) {
     if (command->kind == arthron_Command_Kind_START) {
@@ -557,7 +627,8 @@ static void list_all(struct hub *hub, arthron_CommandReply *reply) {
 
 static const char *command_name(arthron_Command_Kind kind) {
     static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
-        "list", "start", "pause", "stop", "case", "reset", "show", "undo", NULL, "note", "assign"};
+        "list", "start", "pause", "stop", "case",  "reset",
+        "show", "undo",  "copy",  "note", "assign"};
     return names[kind];
 }
 
@@ -582,12 +653,16 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
         show_seat(hub, index, reply);
         return;
     }
-    pthread_mutex_lock(&hub->desk_lock);
-    put_in_order(hub);
-    command_station(hub, actor, command, index, reply);
-    if (reply->ok)
-        deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
-    pthread_mutex_unlock(&hub->desk_lock);
+    if (command->kind == arthron_Command_Kind_COPY) {
+        copy_session(hub, actor, index, command, reply);
+    } else {
+        pthread_mutex_lock(&hub->desk_lock);
+        put_in_order(hub);
+        command_station(hub, actor, command, index, reply);
+        if (reply->ok)
+            deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
+        pthread_mutex_unlock(&hub->desk_lock);
+    }
     if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
         wait_for_undo(&hub->seats[index], reply);
     log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),

@@ -263,6 +263,11 @@ void desk_start(struct hub *hub);
 void desk_stop(struct hub *hub);    // before the workers
 void desk_release(struct hub *hub); // after the workers: what they retired
 void desk_new_id(uint8_t out_id[16]);
+// Of a session on the card's case that begins now.
+void desk_header(const struct hub *hub, const struct seat *seat, const struct card *card,
+                 struct trace_header *out);
+enum result desk_trace_path(const struct hub *hub, const struct seat *seat,
+                            const struct trace_header *header, char *out_path, struct error *err);
 void desk_call(struct hub *hub); // card_lock held: someone may need a session
 // actor: who asks for it, as the records are to call them.
 void desk_command(void *hub, const char *actor, const arthron_Command *command,

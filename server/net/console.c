@@ -337,9 +337,11 @@ static void make_call(struct call *call) {
 }
 
 static int patience_of(const arthron_Console *asked) {
-    bool undoes = asked->which_message == arthron_Console_command_tag &&
-                  asked->message.command.kind == arthron_Command_Kind_UNDO;
-    return undoes ? LONG_PATIENCE_S : CALL_PATIENCE_S;
+    if (asked->which_message != arthron_Console_command_tag)
+        return CALL_PATIENCE_S;
+    arthron_Command_Kind kind = asked->message.command.kind;
+    bool is_long = kind == arthron_Command_Kind_UNDO || kind == arthron_Command_Kind_COPY;
+    return is_long ? LONG_PATIENCE_S : CALL_PATIENCE_S;
 }
 
 // `call` is all zero but for what is asked and wanted.

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """An instructor sets a session back before its last cut; the tissue, the station and the trace know."""
 
+import os
 import signal
 import unittest
 
@@ -59,8 +60,9 @@ class SetBack(Bites):
         score = call_json("arthron-trace", "score", trace)["metrics"]
         of = {m["name"]: m["value"] for m in score if m.get("tissue") == "meniscus_medial" and "zone" not in m}
         self.assertEqual((of["cuts"], of["cuts_undone"]), (last["cuts"], undone))
-        self.assertIn("cuts_undone", call("arthron-trace", "report", trace, "--out", self.path("page.html")).stdout
-                      + open(self.path("page.html")).read())
+        call("arthron-trace", "report", trace, "--out", self.path("page.html"))
+        with open(self.path("page.html")) as page:
+            self.assertIn("cuts_undone", page.read())
 
     def test_a_killed_server_knows_what_was_undone(self):
         self.start_station()
@@ -91,6 +93,85 @@ class SetBack(Bites):
         self.start_station()
         wait_until("a session", lambda: self.session()["state"] == "running")
         self.assertIn("no cut", self.refused("undo", "room-1"))
+
+    def test_a_session_is_copied_from_another_ones_trace(self):
+        self.start_station()
+        self.wait_for_cuts(3)
+        self.steer("pause", "room-1")
+        self.undo()
+        then, first = self.figures(), self.session()
+        at_s = self.a_time_from_now_on(first["trace"])
+        self.steer("start", "room-1")
+        self.wait_for_cuts(then["cuts"] + 2)
+        self.steer("stop", "room-1")
+        self.steer("copy", "room-1", "--from", first["id"], "--at", str(at_s))
+        second = self.session()
+        self.assertNotEqual(second["id"], first["id"])
+        self.assertEqual(second["state"], "paused")
+        wait_until("the same tissue", lambda: self.figures() == then)
+        self.steer("start", "room-1")
+        self.wait_for_cuts(then["cuts"] + 1)
+        self.steer("pause", "room-1")
+        self.undo()
+        on = self.figures()
+        self.steer("copy", "room-1", "--from", second["trace"])
+        third = self.session()
+        wait_until("the same tissue", lambda: self.figures() == on)
+        wait_until("the end of the one before", lambda: call_json("arthron-trace", "info", second["trace"])["whole"])
+        self.server.end(signal.SIGKILL)
+        self.server = self.start_server()
+        self.assertEqual(self.session()["id"], third["id"])
+        wait_until("the same tissue", lambda: self.figures() == on)
+        self.server.end()
+        self.assertEqual(sorted(os.listdir(self.traces)),
+                         sorted(os.path.basename(s["trace"]) for s in (first, second, third)))
+        for session in (second, third):
+            info = call_json("arthron-trace", "info", session["trace"])
+            self.assertGreater(info["past"], 0)
+            self.assertEqual(len(info["parent"]), 64)
+            call("arthron-trace", "score", session["trace"])
+            call("arthron-trace", "report", session["trace"], "--out", session["trace"] + ".html")
+            call("arthron-trace", "export", session["trace"], "--exr", session["trace"] + ".exr")
+        for session in (first, second, third):
+            self.assertEqual(call_json("arthron-trace", "replay", session["trace"])["verdict"], "identical")
+            self.assertEqual(call_json("arthron-trace", "verify", session["trace"])["signature"], "good")
+
+    def a_time_from_now_on(self, trace):
+        """Of a session that rests; its length begins with its first step, which is later than its start."""
+        def seconds():
+            return call_json("arthron-trace", "info", trace)["seconds"]
+        now = seconds()
+        return wait_until("steps on disk", lambda: max(0, seconds() - now - 1)) + now + 1
+
+    def test_what_cannot_be_copied_leaves_the_session_as_it_is(self):
+        self.start_station()
+        wait_until("a session", lambda: self.session()["state"] == "running")
+        session = self.session()
+        no_trace = self.write("no.trace", "ARTHR")
+        os.mkfifo(self.path("pipe"))
+        for source, text in (("0" * 32, "no trace of a session"), (no_trace, "no.trace"), (self.folder, "no file"),
+                             (self.path("pipe"), "no file")):
+            self.assertIn(text, self.refused("copy", "room-1", "--from", source))
+        self.assertEqual(self.refused_words("copy", "room-1", "--from", self.path("gone")), 1)
+        self.assertEqual(self.refused_words("copy", "room-1"), 2)
+        self.assertEqual(self.refused_words("copy", "room-1", "--from", no_trace, "--at", "-1"), 2)
+        self.assertEqual(self.refused_words("undo", "room-1", "--at", "1"), 2)
+        self.assertEqual((self.session()["id"], self.session()["state"]), (session["id"], "running"))
+        self.assertEqual(len(os.listdir(self.traces)), 1)
+
+    def refused_words(self, *words):
+        return call("arthron-server", "session", "--socket", self.socket, *words, code=None).returncode
+
+    def test_a_session_on_a_case_that_is_not_here_is_not_copied(self):
+        self.start_station()
+        self.wait_for_steps()
+        trace = self.session()["trace"]
+        self.server.end()
+        with open(self.server_config("[station room-1]\ncase = healthy")) as f:
+            without = f.read().replace(f"[case arthrosis]\ndir = {self.cases}/arthrosis\n", "")
+        self.server = self.start("server", "arthron-server", "run", "--config", self.write("server.ini", without))
+        self.server.wait_for_log("ready")
+        self.assertIn("has not its case", self.refused("copy", "room-1", "--from", trace))
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ export class Api {
     const answer: unknown = response.status === 204 ? undefined : await response.json().catch(() => undefined);
     if (response.ok) return answer as T;
     const error = (answer as { error?: { code?: string; text?: string } } | undefined)?.error;
-    if (response.status === 401 && path !== "/sign-in" && path !== "/me") this.onSignedOut();
+    if (error?.code === "not_signed_in") this.onSignedOut();
     throw new ApiError(response.status, error?.code ?? "", error?.text ?? "", Number(response.headers.get("retry-after")) || 0);
   }
 }

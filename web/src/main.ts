@@ -1,5 +1,5 @@
 // Where the page begins: who is signed in, which view is shown, and the frame around it.
-import { Api, type Account, type Role } from "./api";
+import { Api, ApiError, type Account, type Role } from "./api";
 import type { App, View } from "./app";
 import { browserWorld, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
@@ -20,7 +20,11 @@ const PAGES: Record<string, Page> = {
   "sign-in": { load: async () => (await import("./views/signin")).signIn, bare: true },
   first: { load: async () => (await import("./views/signin")).first, bare: true },
   wall: { load: async () => (await import("./views/wall")).wall, roles: STAFF },
+  sessions: { load: async () => (await import("./views/sessions")).sessions, roles: ["instructor", "trainee"] },
+  admin: { load: async () => (await import("./views/admin")).admin, roles: STAFF },
 };
+
+const SIGNED_IN = "signed-in";
 
 const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");
 
@@ -35,6 +39,7 @@ const app: App = {
   feed,
   account: undefined,
   signedIn(account) {
+    localStorage.setItem(SIGNED_IN, "1");
     app.account = account;
     const to = wanted || home(account);
     wanted = "";
@@ -42,7 +47,9 @@ const app: App = {
     else location.hash = to;
   },
   async signOut() {
-    await api.post("/sign-out");
+    await api.post("/sign-out").catch((error: unknown) => {
+      if (!(error instanceof ApiError && error.status === 401)) throw error;
+    });
     signedOut("");
   },
   title(title) {
@@ -51,17 +58,19 @@ const app: App = {
   },
 };
 
-// null: nobody.
+// null: nobody. A browser that nobody signed in from is not worth a question.
 async function whoAmI(): Promise<Account | null> {
+  if (!localStorage.getItem(SIGNED_IN)) return null;
   try {
     return (await api.get<{ account: Account }>("/me")).account;
   } catch (error) {
-    if ((error as { status?: number }).status === 401) return null;
+    if (error instanceof ApiError && error.status === 401) return null;
     throw error;
   }
 }
 
 function signedOut(then: string): void {
+  localStorage.removeItem(SIGNED_IN);
   app.account = undefined;
   wanted = then;
   feed.unwatch();

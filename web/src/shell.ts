@@ -1,23 +1,24 @@
 // The frame around the views: skip link, navigation, the state of the connection, the account.
+import type { Role } from "./api";
 import type { App } from "./app";
 import { QUIET_MS } from "./live";
 import type { Route } from "./router";
 import { text } from "./text";
 import { setTheme, theme, type Theme } from "./theme";
-import { button, everySecond, explain, h, icon, setText, toast } from "./ui";
+import { button, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
 
 interface Entry {
   name: string; // of the route
   href: string;
   label: string;
   also: string[]; // routes that belong to it
-  staff: boolean; // not for trainees
+  roles: Role[];
 }
 
 const ENTRIES: Entry[] = [
-  { name: "wall", href: "#/wall", label: text.views.wall, also: ["station", "scope"], staff: true },
-  { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], staff: false },
-  { name: "admin", href: "#/admin/stations", label: text.views.admin, also: [], staff: true },
+  { name: "wall", href: "#/wall", label: text.views.wall, also: ["station", "scope"], roles: ["instructor", "technician"] },
+  { name: "sessions", href: "#/sessions", label: text.views.sessions, also: ["session"], roles: ["instructor", "trainee"] },
+  { name: "admin", href: "#/admin/stations", label: text.views.admin, also: [], roles: ["instructor", "technician"] },
 ];
 
 /** Puts the view's root into the frame, which is kept from view to view. Returns its clean-up. */
@@ -41,8 +42,7 @@ export function frame(root: HTMLElement, route: Route, app: App): () => void {
 }
 
 function header(app: App): HTMLElement {
-  const staff = app.account!.role !== "trainee";
-  const links = ENTRIES.filter((entry) => staff || !entry.staff).map((entry) =>
+  const links = ENTRIES.filter((entry) => entry.roles.includes(app.account!.role)).map((entry) =>
     h("a", { href: entry.href, data: { name: entry.name, also: entry.also.join(" ") } }, entry.label));
   const skip = h("a", { href: "#content", class: "skip", on: { click: (event: Event) => {
     event.preventDefault(); // the hash is the route's
@@ -85,8 +85,20 @@ function accountMenu(app: App): HTMLElement {
   const menu = h("div", { id: "account-menu", class: "menu", popover: "auto" },
     h("p", { class: "menu-name" }, account.name), h("p", { class: "menu-role" }, text.roles[account.role] ?? account.role),
     h("fieldset", { class: "choices" }, h("legend", {}, text.account.theme), h("div", {}, ...choices)),
-    button(text.account.signOut, () => void app.signOut().catch((error) => toast(explain(error), "fault")), { class: "wide" }));
+    h("div", { class: "menu-actions" }, button(text.account.password, () => changePassword(app), { class: "wide" }),
+    button(text.account.signOut, () => void app.signOut().catch((error) => toast(explain(error), "fault")), { class: "wide" })));
   const opener = h("button", { type: "button", class: "button quiet", popovertarget: menu.id, "aria-label": text.account.menu(account.name) },
     icon("person"), h("span", { class: "account-name" }, account.name), icon("down"));
   return h("div", { class: "account" }, opener, menu);
+}
+
+function changePassword(app: App): void {
+  document.getElementById("account-menu")?.hidePopover();
+  const current = h("input", { type: "password", autocomplete: "current-password", maxlength: 128 });
+  const fresh = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  formDialog(text.account.password, [field(text.account.current, current), field(text.account.fresh, fresh, text.first.passwordHint)], text.save, async () => {
+    await app.api.patch("/me", { password: current.value, new_password: fresh.value });
+    toast(text.account.changed);
+    await app.signOut(); // the server has done so
+  });
 }

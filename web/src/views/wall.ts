@@ -7,7 +7,7 @@ import { format, text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
 import { MiniScene } from "./wall_scene";
 import {
-  arrange, byUrgency, compareNames, quietFor, runningSeconds, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf, type Warning,
+  arrange, byUrgency, compareNames, quietFor, runningSeconds, standing, stationOf, sumOfDevices, URGENCY_NAMES, SERVER_QUIET, warningOf, type Warning,
 } from "./wall_model";
 
 const RATE_HZ = 10;
@@ -16,7 +16,7 @@ interface Card {
   item: HTMLElement;
   link: HTMLAnchorElement;
   scene: HTMLElement; // where the picture goes
-  update(seat: Seat, now: number): void;
+  update(seat: Seat, now: number, serverQuiet: boolean): void;
 }
 
 export const wall: View = (root, _route, app) => {
@@ -54,7 +54,7 @@ export const wall: View = (root, _route, app) => {
 
   const fit = (): void => {
     const layout = arrange(cards.size, grid.clientWidth, grid.clientHeight);
-    list.dataset.density = layout.density;
+    root.dataset.density = list.dataset.density = layout.density;
     list.style.setProperty("--columns", String(layout.columns));
   };
 
@@ -62,11 +62,11 @@ export const wall: View = (root, _route, app) => {
     const now = feed.now();
     const seats = ordered();
     if (seats.length !== cards.size || seats.some((seat) => !cards.has(seat.seat))) place();
-    for (const seat of seats) cards.get(seat.seat)!.update(seat, now);
-    setText(summary, text.wall.summary(count(seats)));
-    rail.show(byUrgency(seats.map((seat) => warningOf(seat, now)).filter((warning) => warning !== undefined)), feed.link.state !== "idle");
+    const serverQuiet = seats.length > 0 && feed.quietMs() >= QUIET_MS;
+    for (const seat of seats) cards.get(seat.seat)!.update(seat, now, serverQuiet);
+    setText(summary, seats.length ? text.wall.summary(count(seats)) : "");
+    rail.show(byUrgency([...(serverQuiet ? [SERVER_QUIET] : []), ...seats.flatMap((seat) => warningOf(seat, now, serverQuiet) ?? [])]), seats.length > 0);
     showState(state, seats.length, feed.link.state === "broken");
-    setClass(root, "old", feed.quietMs() >= QUIET_MS);
   };
 
   let pending = false;
@@ -152,12 +152,12 @@ function makeCard(): Card {
     warning);
   const item = h("li", {}, link);
 
-  const update = (seat: Seat, now: number): void => {
+  const update = (seat: Seat, now: number, serverQuiet: boolean): void => {
     const place = seat.place!;
     const info = place.info;
     const kind = standing(place);
     const quiet = quietFor(seat, now);
-    const warned = warningOf(seat, now);
+    const warned = warningOf(seat, now, serverQuiet);
     link.href = routeTo("station", [stationOf(seat)]);
     link.dataset.standing = kind;
     link.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
@@ -221,7 +221,7 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
       shown = key;
       setText(total, String(warnings.length));
       const focused = (document.activeElement as HTMLElement | null)?.dataset.station;
-      fill(list, ...warnings.map(entry), warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
+      fill(list, ...warnings.map(entry), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
       if (focused !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(focused)}"]`)?.focus();
     },
   };
@@ -229,7 +229,8 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
 
 function entry(warning: Warning): HTMLElement {
   const kind = URGENCY_NAMES[warning.urgency];
-  return h("li", {}, h("a", { class: `alarm ${kind}`, href: routeTo("station", [warning.station]), data: { station: warning.station } },
-    icon(kind as IconName), h("span", { class: "alarm-head" }, h("b", {}, warning.station), h("span", {}, text.wall.urgencies[warning.urgency])),
-    h("span", { class: "alarm-words" }, warning.words)));
+  const parts = [icon(kind as IconName), h("span", { class: "alarm-head" }, h("b", {}, warning.station || text.wall.server), h("span", {}, text.wall.urgencies[warning.urgency])),
+    h("span", { class: "alarm-words" }, warning.words)];
+  if (!warning.station) return h("li", { class: `alarm ${kind}` }, ...parts);
+  return h("li", {}, h("a", { class: `alarm ${kind}`, href: routeTo("station", [warning.station]), data: { station: warning.station } }, ...parts));
 }

@@ -44,7 +44,7 @@ export function sumOfDevices(devices: DeviceRate[]): Devices {
 
 /** A warning of a station: the server's, or that nothing is heard of it any more. */
 export interface Warning {
-  seat: number;
+  seat: number; // 0 and no station: of the server itself
   station: string;
   urgency: Urgency;
   words: string;
@@ -56,13 +56,16 @@ export function quietFor(seat: Seat, now: number): number | undefined {
   return age >= QUIET_MS ? age : undefined;
 }
 
-export function warningOf(seat: Seat, now: number): Warning | undefined {
+/** `serverQuiet`: nothing is heard of any seat, which is said once and for all, not for each. */
+export function warningOf(seat: Seat, now: number, serverQuiet: boolean): Warning | undefined {
   const station = stationOf(seat);
-  if (quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
+  if (!serverQuiet && quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
   const place = seat.place;
   if (!place || !place.urgency) return undefined;
   return { seat: seat.seat, station, urgency: Math.min(3, place.urgency) as Urgency, words: place.warning };
 }
+
+export const SERVER_QUIET: Warning = { seat: 0, station: "", urgency: 3, words: text.wall.serverQuiet };
 
 /** The most urgent first; of equal ones by the station's name, so that nothing jumps about. */
 export function byUrgency(warnings: Warning[]): Warning[] {

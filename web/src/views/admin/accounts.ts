@@ -1,0 +1,72 @@
+import { part, type Role } from "../../api";
+import type { App } from "../../app";
+import { listing } from "../../listing";
+import { format, text } from "../../text";
+import { button, confirm, empty, field, formDialog, h, select, setFault, toast } from "../../ui";
+import type { Part } from "../admin";
+import { head } from "./shared";
+
+interface Listed {
+  name: string;
+  role: Role;
+  trainee: string;
+  can_sign_in: boolean;
+  created_utc_s: number;
+}
+
+const PASSWORD_LEAST = 10;
+const ROLES: Role[] = ["instructor", "technician", "trainee"];
+
+export const accounts: Part = (root, app) => {
+  const t = text.admin.accounts;
+  const remove = (one: Listed): void => confirm(t.removeTitle(one.name), t.removeHint, t.remove, async () => {
+    await app.api.delete(`/accounts/${part(one.name)}`);
+    list.reload();
+  });
+  const list = listing<Listed>(text.admin.parts.accounts, [
+    { label: t.name, cell: (one) => h("b", {}, one.name) },
+    { label: t.role, cell: (one) => text.roles[one.role] ?? one.role },
+    { label: t.trainee, cell: (one) => one.trainee || format.none },
+    { label: t.signIn, cell: (one) => h("span", { class: `badge ${one.can_sign_in ? "good" : ""}` }, one.can_sign_in ? t.can : t.cannot) },
+    { label: t.created, cell: (one) => h("span", { class: "number" }, format.date(one.created_utc_s * 1000)) },
+    { label: t.actions, hidden: true, cell: (one) => h("span", { class: "row-actions" },
+      button(t.change, () => change(app, one, list.reload), { kind: "quiet", class: "small" }),
+      button(t.remove, () => remove(one), { kind: "quiet", class: "small", disabled: one.name === app.account!.name })) },
+  ], async () => (await app.api.get<{ accounts: Listed[] }>("/accounts")).accounts, () => empty(t.none));
+  root.append(head(text.admin.parts.accounts, t.hint, button(t.add, () => void make(app, list.reload), { kind: "primary", icon: "plus" })), list.element);
+  return () => list.end();
+};
+
+const roleOptions = (): [string, string][] => ROLES.map((role) => [role, text.roles[role]!]);
+
+async function make(app: App, made: () => void): Promise<void> {
+  const t = text.admin.accounts;
+  const known = await app.api.get<{ trainees: { name: string }[] }>("/trainees").then((answer) => answer.trainees, () => []);
+  const name = h("input", { maxlength: 63, autocomplete: "off", spellcheck: "false" });
+  const role = select(roleOptions(), "instructor");
+  const trainee = select([["", t.chooseTrainee], ...known.map((one): [string, string] => [one.name, one.name])]);
+  const password = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  const who = field(t.trainee, trainee, t.traineeHint);
+  who.hidden = true;
+  role.addEventListener("change", () => (who.hidden = role.value !== "trainee"));
+  formDialog(t.add, [field(t.name, name), field(t.role, role), who, field(t.password, password, t.passwordHint)], t.add, async () => {
+    await app.api.post("/accounts", { name: name.value.trim(), role: role.value, password: password.value, ...(role.value === "trainee" ? { trainee: trainee.value } : {}) });
+    toast(t.added(name.value.trim()));
+    made();
+  });
+}
+
+function change(app: App, one: Listed, changed: () => void): void {
+  const t = text.admin.accounts;
+  const role = select(roleOptions().filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { disabled: one.role === "trainee" });
+  const password = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  formDialog(t.changeTitle(one.name), [field(t.role, role), field(t.newPassword, password, t.keepHint), h("p", { class: "quiet-text" }, t.changeHint)], text.save, async () => {
+    const fault = password.value !== "" && password.value.length < PASSWORD_LEAST;
+    setFault(password, fault ? text.first.short : "", t.keepHint);
+    if (fault) throw new Error(text.first.short);
+    const body = { ...(role.value !== one.role ? { role: role.value } : {}), ...(password.value ? { password: password.value } : {}) };
+    if (Object.keys(body).length) await app.api.patch(`/accounts/${part(one.name)}`, body);
+    toast(t.changed(one.name));
+    changed();
+  });
+}

@@ -1,0 +1,21 @@
+import { text } from "../../text";
+import { button, dialog, h, toast, type Child } from "../../ui";
+
+/** The heading of a part, with what can be done to all of it. */
+export function head(title: string, hint: string, ...actions: Child[]): HTMLElement {
+  return h("div", { class: "page-head" }, h("div", {}, h("h1", {}, title), h("p", { class: "quiet-text" }, hint)), h("div", { class: "head-actions" }, ...actions));
+}
+
+/** A secret that is shown once. */
+export function showCode(title: string, code: string, hint: string): void {
+  const copy = async (): Promise<void> => {
+    try {
+      await navigator.clipboard.writeText(code);
+      toast(text.copied);
+    } catch {
+      toast(text.copyYourself, "fault");
+    }
+  };
+  const shown = dialog(title, [h("output", { class: "secret", tabindex: 0 }, code), h("p", { class: "quiet-text" }, hint)], [
+    button(text.copy, () => void copy(), { icon: "copy" }), button(text.done, () => shown.close(), { kind: "primary" })]);
+}

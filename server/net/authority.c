@@ -17,7 +17,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define CODE_LIFE_S (15 * 60)
 #define DAY_S INT64_C(86400)
 #define HOSTS_MAX 16
 #define HOST_NAME_MAX_LENGTH 253
@@ -237,7 +236,7 @@ static enum result store_code(const char *dir, const struct code *code, const ch
         hash_secret(code, key);
         remove_ended(&codes, now_s());
         remove_station(&codes, station);
-        records_add(&codes, key, now_s() + CODE_LIFE_S, station);
+        records_add(&codes, key, now_s() + AUTHORITY_CODE_S, station);
         result = records_write(dir, "codes", &codes, err);
     }
     records_release(&codes);

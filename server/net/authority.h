@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #define AUTHORITY_CODE_MAX 96
+#define AUTHORITY_CODE_S (15 * 60) // how long a code is good
 
 bool authority_name_is_valid(const char *station);
 

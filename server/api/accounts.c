@@ -1,0 +1,179 @@
+#include "api/password.h"
+#include "api/routes.h"
+#include "api/secret.h"
+#include "base/number.h"
+
+#include <string.h>
+
+// ---- tokens -------------------------------------------------------------------------------------
+
+struct own {
+    json_t *array;
+    const struct store_visitor *visitor;
+};
+
+// A list of an account may have tokens of a trainee of that name, and the other way about.
+static void take_token(void *user, const struct store_cell *cells, int count) {
+    struct own *own = user;
+    json_t *row = call_row(cells, count);
+    bool is_code = !strcmp(json_string_value(json_object_get(row, "kind")), "code");
+    bool by_account = json_is_string(json_object_get(row, "account"));
+    if (by_account == own->visitor->by_account && !is_code) {
+        int64_t id = json_integer_value(json_object_get(row, "id"));
+        json_object_set_new(row, "current", json_boolean(id == own->visitor->token));
+        json_object_del(row, "account");
+        json_object_del(row, "trainee");
+        json_array_append(own->array, row);
+    }
+    json_decref(row);
+}
+
+void get_tokens(struct call *call) {
+    struct error err = {""};
+    struct own own = {json_array(), &call->visitor};
+    enum result result =
+        store_rows(call->store, LIST_TOKENS, call->visitor.name, take_token, &own, &err);
+    json_t *all = json_pack("{s:o}", "tokens", own.array);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+void post_tokens(struct call *call) {
+    static const char *const fields[] = {"name", NULL};
+    char secret[SECRET_MAX], hash[SECRET_MAX];
+    const char *name;
+    int64_t id, until_ns;
+    struct error err = {""};
+    if (!call_take_body(call, fields) || !call_need_name(call, "name", &name))
+        return;
+    secret_make(secret);
+    secret_hash(secret, hash);
+    enum result result = store_add_token(call->store, TOKEN_BEARER, hash, &call->visitor, name, &id,
+                                         &until_ns, &err);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 201,
+                    json_pack("{s:I, s:s, s:s, s:f}", "id", (json_int_t)id, "name", name, "token",
+                              secret, "until_utc_s", call_seconds(until_ns)));
+}
+
+void delete_token(struct call *call) {
+    struct error err = {""};
+    int64_t id;
+    if (!number_int(call->args[0], 1, INT64_MAX, &id))
+        call_refuse(call, 404, "not_found", NULL, "there is no token of this number");
+    else if (call_went_well(call, store_remove_token(call->store, &call->visitor, id, &err), &err))
+        call_done(call);
+}
+
+// ---- accounts -----------------------------------------------------------------------------------
+
+static void take_account(void *array, const struct store_cell *cells, int count) {
+    json_t *row = call_row(cells, count);
+    json_t *can = json_object_get(row, "can_log_in");
+    json_object_set_new(row, "can_sign_in", json_boolean(json_integer_value(can)));
+    json_object_del(row, "can_log_in");
+    if (json_is_null(json_object_get(row, "trainee")))
+        json_object_set_new(row, "trainee", json_string(""));
+    json_array_append_new(array, row);
+}
+
+void get_accounts(struct call *call) {
+    struct error err = {""};
+    json_t *accounts = json_array();
+    enum result result = store_rows(call->store, LIST_ACCOUNTS, NULL, take_account, accounts, &err);
+    json_t *all = json_pack("{s:o}", "accounts", accounts);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+static bool need_role(struct call *call, enum store_role *out_role) {
+    const char *role;
+    if (!call_need_text(call, "role", &role))
+        return false;
+    if (store_role_from_name(role, out_role))
+        return true;
+    call_refuse(call, 400, "wrong_field", "role", "role: instructor, technician or trainee");
+    return false;
+}
+
+static bool encode(struct call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
+    call_close_store(call);
+    password_encode(password, encoded);
+    return call_open_store(call);
+}
+
+// One whose role is trainee has a trainee, any other has none.
+static bool take_trainee(struct call *call, enum store_role role, const char **out_trainee) {
+    const char *trainee = call_text(call, "trainee");
+    *out_trainee = trainee && trainee[0] ? trainee : NULL;
+    if ((role == ROLE_TRAINEE) == (*out_trainee != NULL))
+        return true;
+    call_refuse(call, 400, "wrong_field", "trainee", "trainee: %s",
+                *out_trainee ? "only for the role trainee" : "whose account it is is missing");
+    return false;
+}
+
+void post_accounts(struct call *call) {
+    static const char *const fields[] = {"name", "role", "password", "trainee", NULL};
+    const char *name, *password, *trainee;
+    char encoded[PASSWORD_ENCODED];
+    enum store_role role;
+    struct error err = {""};
+    if (!call_take_body(call, fields) || !call_need_name(call, "name", &name) ||
+        !need_role(call, &role) || !take_trainee(call, role, &trainee) ||
+        !call_need_password(call, "password", &password) || !encode(call, password, encoded))
+        return;
+    enum result result = store_add_account(call->store, name, role, encoded, trainee, &err);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 201,
+                    json_pack("{s:{s:s, s:s, s:s}}", "account", "name", name, "role",
+                              store_role_name(role), "trainee", trainee ? trainee : ""));
+}
+
+static bool change_role(struct call *call) {
+    enum store_role role;
+    struct error err = {""};
+    struct store_visitor account;
+    if (!call_text(call, "role"))
+        return true;
+    if (!need_role(call, &role) ||
+        !call_went_well(call, store_find_account(call->store, call->args[0], &account, &err), &err))
+        return false;
+    if ((role == ROLE_TRAINEE) != (account.trainee[0] != '\0')) {
+        call_refuse(call, 400, "wrong_field", "role", "role: that of an account %s a trainee is %s",
+                    account.trainee[0] ? "of" : "without", account.trainee[0] ? "trainee" : "not");
+        return false;
+    }
+    return call_went_well(call, store_set_role(call->store, call->args[0], role, &err), &err);
+}
+
+void patch_account(struct call *call) {
+    static const char *const fields[] = {"password", "role", NULL};
+    const char *password = NULL;
+    char encoded[PASSWORD_ENCODED];
+    struct error err = {""};
+    if (!call_take_body(call, fields))
+        return;
+    if (call_text(call, "password") &&
+        (!call_need_password(call, "password", &password) || !encode(call, password, encoded)))
+        return;
+    if (!password && !call_text(call, "role")) {
+        call_refuse(call, 400, "wrong_body", NULL, "neither a password nor a role");
+        return;
+    }
+    if (!change_role(call))
+        return;
+    if (!password ||
+        call_went_well(call, store_set_password(call->store, call->args[0], encoded, &err), &err))
+        call_done(call);
+}
+
+void delete_account(struct call *call) {
+    struct error err = {""};
+    if (call_went_well(call, store_remove_account(call->store, call->args[0], &err), &err))
+        call_done(call);
+}

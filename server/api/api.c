@@ -1,0 +1,126 @@
+#include "api/api.h"
+
+#include "api/case_card.h"
+#include "api/routes.h"
+#include "api/secret.h"
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// ---- the first instructor -----------------------------------------------------------------------
+
+static enum result look_for_instructor(struct api *api, struct error *err) {
+    struct store *store;
+    bool has = true;
+    enum result result = store_open(api->config.records, STORE_MAKE, "server", &store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_has_instructor(store, &has, err);
+    store_close(&store);
+    if (has)
+        return result;
+    secret_make(api->first_secret);
+    log_warning("api", "there is no instructor: make the first one at %s#/first/%s",
+                api->config.link, api->first_secret);
+    return result;
+}
+
+const char *api_first_secret(const struct api *api) {
+    return api->first_secret;
+}
+
+// ---- begin, end ---------------------------------------------------------------------------------
+
+enum result api_create(const struct api_config *config, struct api **out_api, struct error *err) {
+    struct api *api = alloc(1, sizeof *api);
+    api->config = *config;
+    api->started_ns = clock_now_ns();
+    api->cards = case_cards_create(config->cases, config->case_count);
+    atomic_flag_clear(&api->reporting);
+    pthread_mutex_init(&api->throttle.lock, NULL);
+    pthread_mutex_init(&api->first_lock, NULL);
+    enum result result = look_for_instructor(api, err);
+    if (result != RESULT_OK)
+        api_destroy(&api);
+    *out_api = api;
+    return result;
+}
+
+void api_destroy(struct api **api) {
+    struct api *a = *api;
+    if (!a)
+        return;
+    case_cards_destroy(&a->cards);
+    pthread_mutex_destroy(&a->throttle.lock);
+    pthread_mutex_destroy(&a->first_lock);
+    free(a);
+    *api = NULL;
+}
+
+// ---- who ----------------------------------------------------------------------------------------
+
+static enum result find_visitor(struct store *store, const char *token, bool *out_is,
+                                struct store_visitor *out, struct error *err) {
+    char hash[SECRET_MAX];
+    *out_is = false;
+    if (!token)
+        return RESULT_OK;
+    secret_hash(token, hash);
+    enum result result = store_find_token(store, hash, out, err);
+    *out_is = result == RESULT_OK;
+    return result == RESULT_MISSING ? RESULT_OK : result;
+}
+
+bool api_enter(void *user, const char *token, struct web_account *out) {
+    struct api *api = user;
+    struct store_visitor visitor;
+    struct store *store;
+    struct error err;
+    bool is = false;
+    if (store_open(api->config.records, STORE_MAKE, "server", &store, &err) != RESULT_OK ||
+        find_visitor(store, token, &is, &visitor, &err) != RESULT_OK)
+        log_error("api", "%s", err.text);
+    store_close(&store);
+    if (!is)
+        return false;
+    snprintf(out->name, sizeof out->name, "%s", visitor.name);
+    snprintf(out->role, sizeof out->role, "%s", store_role_name(visitor.role));
+    snprintf(out->trainee, sizeof out->trainee, "%s", visitor.trainee);
+    return true;
+}
+
+// Whether the visitor may; answered where not.
+static bool let_in(struct call *call, const struct route *route) {
+    struct error err = {""};
+    enum result result =
+        find_visitor(call->store, call->request->token, &call->is_visitor, &call->visitor, &err);
+    if (!call_went_well(call, result, &err))
+        return false;
+    if (call->is_visitor)
+        store_set_actor(call->store, call->visitor.actor);
+    if (route->roles & NOBODY || (call->is_visitor && route->roles & 1 << call->visitor.role))
+        return true;
+    if (call->is_visitor)
+        call_refuse(call, 403, "not_allowed", NULL, "a %s may not do that",
+                    store_role_name(call->visitor.role));
+    else
+        call_refuse(call, 401, "not_signed_in", NULL, "nobody is signed in");
+    return false;
+}
+
+void api_answer(void *user, const struct web_request *request, struct web_response *response) {
+    struct call call = {.api = user, .request = request, .response = response};
+    bool there;
+    const struct route *route = routes_find(request->method, request->path, call.args, &there);
+    if (!route && there)
+        call_refuse(&call, 405, "wrong_method", NULL, "%.16s is not known here", request->method);
+    else if (!route)
+        call_refuse(&call, 404, "not_found", NULL, "there is nothing here");
+    else if (call_open_store(&call) && let_in(&call, route))
+        route->answer(&call);
+    call_close_store(&call);
+    json_decref(call.body);
+}

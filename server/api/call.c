@@ -1,0 +1,305 @@
+#include "api/call.h"
+
+#include "api/password.h"
+#include "base/check.h"
+#include "base/log.h"
+#include "base/number.h"
+
+#include <ctype.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define DEPTH_MAX 4
+
+// ---- answers ------------------------------------------------------------------------------------
+
+void call_answer(struct call *call, int status, json_t *json) {
+    CHECK(json);
+    struct web_response *r = call->response;
+    r->status = status;
+    r->body = json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(15));
+    CHECK(r->body);
+    r->size = strlen(r->body);
+    json_decref(json);
+}
+
+void call_done(struct call *call) {
+    call->response->status = 204;
+}
+
+void call_refuse(struct call *call, int status, const char *code, const char *field,
+                 const char *format, ...) {
+    char text[512];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    json_t *error = json_pack("{s:s, s:o}", "code", code, "text", call_string(text));
+    if (field)
+        json_object_set_new(error, "field", json_string(field));
+    call_answer(call, status, json_pack("{s:o}", "error", error));
+}
+
+static const struct {
+    enum result result;
+    int status;
+    const char *code;
+} told[] = {
+    {RESULT_INVALID, 400, "wrong_field"}, {RESULT_MISSING, 404, "not_found"},
+    {RESULT_REFUSED, 409, "conflict"},    {RESULT_LIMIT, 409, "conflict"},
+    {RESULT_TIMEOUT, 503, "busy"},
+};
+
+// Without the path of the records, which is nobody's business.
+static const char *without_path(const struct call *call, const char *text) {
+    size_t length = strlen(call->api->config.records);
+    bool named = !strncmp(text, call->api->config.records, length) && text[length] == ':';
+    return named ? text + length + 2 : text;
+}
+
+bool call_went_well(struct call *call, enum result result, const struct error *err) {
+    if (result == RESULT_OK)
+        return true;
+    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
+        if (result != told[i].result)
+            continue;
+        call_refuse(call, told[i].status, told[i].code, NULL, "%s", without_path(call, err->text));
+        call->response->retry_after_s = result == RESULT_TIMEOUT ? 1 : 0;
+        return false;
+    }
+    log_error("api", "%s", err->text);
+    call_refuse(call, 500, "failed", NULL, "the server could not do it; its log says why");
+    return false;
+}
+
+// ---- the body -----------------------------------------------------------------------------------
+
+// How deeply it is nested, whatever else is wrong with it.
+static int depth_of(const char *text, size_t size) {
+    int depth = 0, most = 0;
+    bool quoted = false;
+    for (size_t i = 0; i < size; i++) {
+        char c = text[i];
+        if (quoted && c == '\\')
+            i++;
+        else if (c == '"')
+            quoted = !quoted;
+        else if (!quoted && (c == '{' || c == '['))
+            most = ++depth > most ? depth : most;
+        else if (!quoted && (c == '}' || c == ']'))
+            depth--;
+    }
+    return most;
+}
+
+static json_t *parse(struct call *call) {
+    json_error_t why;
+    const struct web_request *r = call->request;
+    if (r->size > WEB_BODY_MAX || depth_of(r->body, r->size) > DEPTH_MAX) {
+        call_refuse(call, 413, "too_large", NULL,
+                    "the body is larger than %d bytes or nested too deeply", WEB_BODY_MAX);
+        return NULL;
+    }
+    json_t *json =
+        r->size ? json_loadb(r->body, r->size, JSON_REJECT_DUPLICATES, &why) : json_object();
+    if (!json)
+        call_refuse(call, 400, "wrong_body", NULL, "the body is no JSON: line %d: %s", why.line,
+                    why.text);
+    else if (!json_is_object(json))
+        call_refuse(call, 400, "wrong_body", NULL, "the body is no JSON object");
+    if (json_is_object(json))
+        return json;
+    json_decref(json);
+    return NULL;
+}
+
+static bool is_among(const char *name, const char *const *names) {
+    for (; *names; names++)
+        if (!strcmp(name, *names))
+            return true;
+    return false;
+}
+
+bool call_take_body(struct call *call, const char *const *fields) {
+    const char *key;
+    json_t *value;
+    call->body = parse(call);
+    if (!call->body)
+        return false;
+    json_object_foreach(call->body, key, value) {
+        if (!is_among(key, fields)) {
+            call_refuse(call, 400, "wrong_field", NULL, "there is no field '%.40s' here", key);
+            return false;
+        }
+        if (!json_is_string(value) && !json_is_null(value)) {
+            call_refuse(call, 400, "wrong_field", key, "%s: it must be a text", key);
+            return false;
+        }
+    }
+    return true;
+}
+
+const char *call_text(const struct call *call, const char *field) {
+    return json_string_value(json_object_get(call->body, field));
+}
+
+bool call_need_text(struct call *call, const char *field, const char **out_text) {
+    *out_text = call_text(call, field);
+    if (!*out_text)
+        call_refuse(call, 400, "wrong_field", field, "%s: it is missing", field);
+    return *out_text;
+}
+
+static bool has_control(const char *text) {
+    for (; *text; text++)
+        if ((unsigned char)*text < 0x20 || *text == 0x7f)
+            return true;
+    return false;
+}
+
+bool call_need_name(struct call *call, const char *field, const char **out_name) {
+    if (!call_need_text(call, field, out_name))
+        return false;
+    const char *name = *out_name;
+    size_t length = strlen(name);
+    bool good = length > 0 && length < STORE_NAME_MAX && !strchr(name, '/') && !has_control(name) &&
+                name[0] != ' ' && name[length - 1] != ' ';
+    if (!good)
+        call_refuse(call, 400, "wrong_field", field,
+                    "%s: 1 to %d bytes, without '/', and no blank at either end", field,
+                    STORE_NAME_MAX - 1);
+    return good;
+}
+
+bool call_need_password(struct call *call, const char *field, const char **out_password) {
+    struct error err;
+    if (!call_need_text(call, field, out_password))
+        return false;
+    if (password_check(*out_password, &err) == RESULT_OK)
+        return true;
+    call_refuse(call, 400, "wrong_field", field, "%s: %s", field, err.text);
+    return false;
+}
+
+// ---- the query ----------------------------------------------------------------------------------
+
+static int digit(char c) {
+    return isdigit((unsigned char)c) ? c - '0' : tolower((unsigned char)c) - 'a' + 10;
+}
+
+// Up to `end` or '&', unescaped; where it ended, or NULL where it is wrong or too long.
+static const char *unescape(const char *at, char end, char *out, size_t size) {
+    size_t used = 0;
+    for (; *at && *at != '&' && *at != end; at++) {
+        char c = *at == '+' ? ' ' : *at;
+        if (c == '%') {
+            if (!isxdigit((unsigned char)at[1]) || !isxdigit((unsigned char)at[2]))
+                return NULL;
+            c = (char)(digit(at[1]) << 4 | digit(at[2]));
+            at += 2;
+        }
+        if (!c || used + 1 >= size)
+            return NULL;
+        out[used++] = c;
+    }
+    out[used] = '\0';
+    return at;
+}
+
+// One parameter; where the next one begins, or NULL after a refusal.
+static const char *take_parameter(struct call *call, const char *at, struct call_query *query) {
+    char name[32], value[STORE_TEXT_MAX] = "";
+    const char *next = unescape(at, '=', name, sizeof name);
+    if (next && *next == '=')
+        next = unescape(next + 1, '&', value, sizeof value);
+    if (!next) {
+        call_refuse(call, 400, "wrong_query", NULL, "the query has a parameter that cannot be");
+        return NULL;
+    }
+    for (int i = 0; query->names[i]; i++) {
+        if (strcmp(name, query->names[i]) || query->given[i])
+            continue;
+        memcpy(query->values[i], value, sizeof value);
+        query->given[i] = value[0];
+        return *next == '&' ? next + 1 : next;
+    }
+    call_refuse(call, 400, "wrong_query", NULL, "there is no parameter '%s' here, or it is twice",
+                name);
+    return NULL;
+}
+
+bool call_take_query(struct call *call, struct call_query *query) {
+    const char *at = call->request->query;
+    while (at && *at)
+        at = take_parameter(call, at, query);
+    return at;
+}
+
+const char *call_parameter(const struct call_query *query, int index) {
+    return query->given[index] ? query->values[index] : NULL;
+}
+
+bool call_take_limit(struct call *call, const struct call_query *query, int index, int most,
+                     int usual, int *out_limit) {
+    int64_t number = usual;
+    const char *text = call_parameter(query, index);
+    bool good = !text || number_int(text, 1, most, &number);
+    if (!good)
+        call_refuse(call, 400, "wrong_query", query->names[index], "%s: a number from 1 to %d",
+                    query->names[index], most);
+    *out_limit = (int)number;
+    return good;
+}
+
+// ---- records ------------------------------------------------------------------------------------
+
+bool call_open_store(struct call *call) {
+    struct error err = {""};
+    const char *actor = call->is_visitor ? call->visitor.actor : "server";
+    return call_went_well(
+        call, store_open(call->api->config.records, STORE_MAKE, actor, &call->store, &err), &err);
+}
+
+void call_close_store(struct call *call) {
+    store_close(&call->store);
+}
+
+json_t *call_string(const char *text) {
+    json_t *string = json_string(text);
+    return string ? string : json_string("(not UTF-8)");
+}
+
+double call_seconds(int64_t utc_ns) {
+    return (double)(utc_ns / 1000000) / 1000;
+}
+
+static json_t *value_of(const struct store_cell *cell, bool is_time) {
+    if (cell->kind == STORE_WHOLE)
+        return is_time ? json_real(call_seconds(cell->whole)) : json_integer(cell->whole);
+    if (cell->kind == STORE_REAL)
+        return json_real(cell->real);
+    json_t *text = cell->kind == STORE_TEXT ? json_string(cell->text) : NULL;
+    return text ? text : json_null();
+}
+
+json_t *call_row(const struct store_cell *cells, int count) {
+    static const char end[] = "_utc_ns";
+    json_t *row = json_object();
+    for (int i = 0; i < count; i++) {
+        char name[64];
+        size_t length = (size_t)snprintf(name, sizeof name, "%s", cells[i].column);
+        CHECK(length < sizeof name);
+        bool is_time = length >= strlen(end) && !strcmp(name + length - strlen(end), end);
+        if (!strcmp(name, "utc_ns"))
+            is_time = true;
+        if (is_time)
+            strcpy(name + length - 2, "s");
+        json_object_set_new(row, name, value_of(&cells[i], is_time));
+    }
+    return row;
+}
+
+void call_take_row(void *array, const struct store_cell *cells, int count) {
+    json_array_append_new(array, call_row(cells, count));
+}

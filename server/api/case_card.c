@@ -1,0 +1,140 @@
+#include "api/case_card.h"
+
+#include "api/call.h"
+#include "base/check.h"
+#include "case/case.h"
+#include "check/grade.h"
+
+#include <inttypes.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define FILES 2
+
+static const char *const files[FILES] = {"case.json", "anatomy.glb"};
+
+struct stamp {
+    int64_t changed_ns, size;
+};
+
+struct card {
+    bool is_read;
+    struct stamp stamps[FILES]; // when it was read
+    uint64_t hash;              // 0: it cannot be read
+    json_t *row;                // without its grade
+    char broken[sizeof((struct error){0}).text];
+};
+
+struct case_cards {
+    pthread_mutex_t lock;
+    const struct api_case *cases;
+    int count;
+    struct card *cards;
+};
+
+struct case_cards *case_cards_create(const struct api_case *cases, int count) {
+    struct case_cards *cards = alloc(1, sizeof *cards);
+    *cards = (struct case_cards){.cases = cases, .count = count};
+    cards->cards = alloc((unsigned long)count + 1, sizeof *cards->cards);
+    pthread_mutex_init(&cards->lock, NULL);
+    return cards;
+}
+
+void case_cards_destroy(struct case_cards **cards) {
+    struct case_cards *c = *cards;
+    if (!c)
+        return;
+    for (int i = 0; i < c->count; i++)
+        json_decref(c->cards[i].row);
+    pthread_mutex_destroy(&c->lock);
+    free(c->cards);
+    free(c);
+    *cards = NULL;
+}
+
+// ---- the case -----------------------------------------------------------------------------------
+
+static void take_stamps(const char *dir, struct stamp out[FILES]) {
+    for (int i = 0; i < FILES; i++) {
+        char path[1024];
+        struct stat status = {0};
+        snprintf(path, sizeof path, "%s/%s", dir, files[i]);
+        stat(path, &status); // what is not there has no size
+        out[i].changed_ns =
+            (int64_t)status.st_mtim.tv_sec * 1000000000 + (int64_t)status.st_mtim.tv_nsec;
+        out[i].size = (int64_t)status.st_size;
+    }
+}
+
+static json_t *groups_of(const struct knee_case *knee) {
+    json_t *groups = json_array();
+    for (int i = 0; i < knee->group_count; i++) {
+        const struct case_group *g = &knee->groups[i];
+        json_array_append_new(groups,
+                              json_pack("{s:o, s:s, s:b}", "name", call_string(g->name), "body",
+                                        body_name(g->body), "cuttable", g->cuttable));
+    }
+    return groups;
+}
+
+static void read_case(const struct api_case *about, struct card *card) {
+    struct knee_case *knee;
+    struct error err = {""};
+    json_decref(card->row);
+    card->row = json_pack("{s:o}", "name", call_string(about->name));
+    card->hash = 0;
+    if (case_load(about->dir, NULL, &knee, &err) != RESULT_OK) {
+        snprintf(card->broken, sizeof card->broken, "%s", err.text);
+        return;
+    }
+    card->hash = knee->hash;
+    json_object_set_new(card->row, "title", call_string(knee->title));
+    json_object_set_new(card->row, "groups", groups_of(knee));
+    case_destroy(&knee);
+}
+
+// ---- the grade ----------------------------------------------------------------------------------
+
+static void set_grade(json_t *row, const char *grade, const char *reason) {
+    json_object_set_new(row, "grade", json_string(grade));
+    json_object_set_new(row, "grade_reason", call_string(reason));
+}
+
+static void add_grade(const struct api_case *about, const struct card *card, json_t *row) {
+    struct case_grade grade;
+    struct error err = {""};
+    enum result result = grade_read(about->dir, &grade, &err);
+    if (!card->hash)
+        set_grade(row, "broken", card->broken);
+    else if (result == RESULT_MISSING)
+        set_grade(row, "unchecked", "");
+    else if (result != RESULT_OK)
+        set_grade(row, "unchecked", err.text);
+    else if (grade.hash != card->hash)
+        set_grade(row, "outdated", grade.reason);
+    else
+        set_grade(row, grade_name(grade.grade), grade.reason);
+}
+
+json_t *case_card(struct case_cards *cards, int index, char out_hash[17]) {
+    CHECK(index >= 0 && index < cards->count);
+    const struct api_case *about = &cards->cases[index];
+    struct card *card = &cards->cards[index];
+    struct stamp stamps[FILES];
+    pthread_mutex_lock(&cards->lock);
+    take_stamps(about->dir, stamps);
+    if (!card->is_read || memcmp(stamps, card->stamps, sizeof stamps) != 0)
+        read_case(about, card);
+    card->is_read = true;
+    memcpy(card->stamps, stamps, sizeof stamps);
+    json_t *row = json_deep_copy(card->row);
+    out_hash[0] = '\0';
+    if (card->hash)
+        snprintf(out_hash, 17, "%016" PRIx64, card->hash);
+    add_grade(about, card, row);
+    pthread_mutex_unlock(&cards->lock);
+    json_object_set_new(row, "hash", card->hash ? json_string(out_hash) : json_null());
+    return row;
+}

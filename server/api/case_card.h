@@ -1,0 +1,16 @@
+// What a page is told of the config's cases. Their files may change while the server runs: each is
+// read again when it did, and kept otherwise. From any threads; a case that is read keeps the
+// others waiting.
+#pragma once
+
+#include "api/api.h"
+
+#include <jansson.h>
+
+struct case_cards;
+
+struct case_cards *case_cards_create(const struct api_case *cases, int count);
+void case_cards_destroy(struct case_cards **cards); // NULL inside is fine
+
+// A new object, as CASE in docs/API.md. out_hash: empty where the case cannot be read.
+json_t *case_card(struct case_cards *cards, int index, char out_hash[17]);

@@ -1,0 +1,114 @@
+#include "api/routes.h"
+#include "api/secret.h"
+
+#include <string.h>
+
+// Answers {key: rows} where they were read.
+static void answer_rows(struct call *call, const char *key, json_t *rows, enum result result,
+                        const struct error *err) {
+    json_t *all = json_pack("{s:o}", key, rows);
+    if (call_went_well(call, result, err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+// ---- trainees -----------------------------------------------------------------------------------
+
+static void take_trainee(void *array, const struct store_cell *cells, int count) {
+    json_t *row = call_row(cells, count);
+    bool erased = !json_is_null(json_object_get(row, "erased_utc_s"));
+    json_object_set_new(row, "erased", json_boolean(erased));
+    json_object_del(row, "erased_utc_s");
+    json_array_append_new(array, row);
+}
+
+void get_trainees(struct call *call) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    enum result result = store_rows(call->store, LIST_TRAINEES, NULL, take_trainee, rows, &err);
+    answer_rows(call, "trainees", rows, result, &err);
+}
+
+void post_trainees(struct call *call) {
+    static const char *const fields[] = {"name", "full_name", NULL};
+    const char *name;
+    struct error err = {""};
+    if (!call_take_body(call, fields) || !call_need_name(call, "name", &name))
+        return;
+    const char *full_name = call_text(call, "full_name");
+    if (full_name && !full_name[0])
+        full_name = NULL;
+    if (call_went_well(call, store_add_trainee(call->store, name, full_name, &err), &err))
+        call_answer(call, 201,
+                    json_pack("{s:{s:s, s:s?}}", "trainee", "name", name, "full_name", full_name));
+}
+
+void post_trainee_code(struct call *call) {
+    static const char *const fields[] = {NULL};
+    char code[SECRET_CODE_MAX], hash[SECRET_MAX];
+    int64_t until_ns;
+    struct error err = {""};
+    if (!call_take_body(call, fields))
+        return;
+    secret_make_code(code);
+    secret_hash(code, hash);
+    if (call_went_well(call, store_add_code(call->store, call->args[0], hash, &until_ns, &err),
+                       &err))
+        call_answer(call, 201,
+                    json_pack("{s:s, s:f}", "code", code, "until_utc_s", call_seconds(until_ns)));
+}
+
+// ---- courses ------------------------------------------------------------------------------------
+
+void get_courses(struct call *call) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    enum result result = store_rows(call->store, LIST_COURSES, NULL, call_take_row, rows, &err);
+    answer_rows(call, "courses", rows, result, &err);
+}
+
+void post_courses(struct call *call) {
+    static const char *const fields[] = {"name", NULL};
+    const char *name;
+    struct error err = {""};
+    if (call_take_body(call, fields) && call_need_name(call, "name", &name) &&
+        call_went_well(call, store_add_course(call->store, name, &err), &err))
+        call_answer(call, 201, json_pack("{s:{s:s}}", "course", "name", name));
+}
+
+static bool find_course(struct call *call) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    enum result result =
+        store_rows(call->store, LIST_COURSES, call->args[0], call_take_row, rows, &err);
+    bool there = json_array_size(rows);
+    json_decref(rows);
+    if (!call_went_well(call, result, &err))
+        return false;
+    if (!there)
+        call_refuse(call, 404, "not_found", NULL, "there is no course '%s'", call->args[0]);
+    return there;
+}
+
+void get_course(struct call *call) {
+    struct error err = {""};
+    if (!find_course(call))
+        return;
+    json_t *rows = json_array();
+    enum result result = store_trainees_in(call->store, call->args[0], call_take_row, rows, &err);
+    json_t *all = json_pack("{s:{s:s, s:o}}", "course", "name", call->args[0], "trainees", rows);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+void post_course_trainees(struct call *call) {
+    static const char *const fields[] = {"trainee", NULL};
+    const char *trainee;
+    struct error err = {""};
+    if (call_take_body(call, fields) && call_need_text(call, "trainee", &trainee) &&
+        call_went_well(call, store_enrol(call->store, trainee, call->args[0], &err), &err))
+        call_done(call);
+}

@@ -1,0 +1,86 @@
+#include "api/routes.h"
+
+#include <string.h>
+
+#define STAFF (INSTRUCTOR | TECHNICIAN)
+#define REVIEW (INSTRUCTOR | TRAINEE)
+
+// clang-format off
+const struct route routes[] = {
+    {"POST",   "/sign-in",                ANYONE,     post_sign_in},
+    {"POST",   "/first",                  ANYONE,     post_first},
+    {"POST",   "/sign-out",               ANYONE,     post_sign_out},
+    {"GET",    "/me",                     SIGNED_IN,  get_me},
+    {"PATCH",  "/me",                     SIGNED_IN,  patch_me},
+    {"GET",    "/tokens",                 SIGNED_IN,  get_tokens},
+    {"POST",   "/tokens",                 SIGNED_IN,  post_tokens},
+    {"DELETE", "/tokens/*",               SIGNED_IN,  delete_token},
+    {"GET",    "/accounts",               STAFF,      get_accounts},
+    {"POST",   "/accounts",               STAFF,      post_accounts},
+    {"PATCH",  "/accounts/*",             STAFF,      patch_account},
+    {"DELETE", "/accounts/*",             STAFF,      delete_account},
+    {"GET",    "/trainees",               INSTRUCTOR, get_trainees},
+    {"POST",   "/trainees",               INSTRUCTOR, post_trainees},
+    {"POST",   "/trainees/*/code",        INSTRUCTOR, post_trainee_code},
+    {"GET",    "/courses",                INSTRUCTOR, get_courses},
+    {"POST",   "/courses",                INSTRUCTOR, post_courses},
+    {"GET",    "/courses/*",              INSTRUCTOR, get_course},
+    {"POST",   "/courses/*/trainees",     INSTRUCTOR, post_course_trainees},
+    {"GET",    "/server",                 SIGNED_IN,  get_server},
+    {"GET",    "/stations",               STAFF,      get_stations},
+    {"POST",   "/stations/*/code",        STAFF,      post_station_code},
+    {"POST",   "/stations/*/revoke",      STAFF,      post_station_revoke},
+    {"GET",    "/cases",                  SIGNED_IN,  get_cases},
+    {"GET",    "/cases/*",                SIGNED_IN,  get_case},
+    {"GET",    "/cases/*/case.json",      SIGNED_IN,  get_case_manifest},
+    {"GET",    "/cases/*/anatomy.glb",    SIGNED_IN,  get_case_anatomy},
+    {"GET",    "/cases/*/check.json",     SIGNED_IN,  get_case_check},
+    {"GET",    "/sessions",               REVIEW,     get_sessions},
+    {"GET",    "/sessions/*",             REVIEW,     get_session},
+    {"GET",    "/sessions/*/trace",       REVIEW,     get_session_trace},
+    {"GET",    "/sessions/*/report",      REVIEW,     get_session_report},
+    {"GET",    "/distributions",          REVIEW,     get_distributions},
+    {"GET",    "/audit",                  STAFF,      get_audit},
+};
+// clang-format on
+
+const int route_count = sizeof routes / sizeof *routes;
+
+// One part of a path of '/'-separated ones, whose end is returned; NULL where it does not fit.
+static const char *take_part(const char *at, char out[STORE_NAME_MAX]) {
+    size_t length = strcspn(at, "/");
+    if (!length || length >= STORE_NAME_MAX)
+        return NULL;
+    memcpy(out, at, length);
+    out[length] = '\0';
+    return at + length;
+}
+
+static bool matches(const char *pattern, const char *path, char args[2][STORE_NAME_MAX]) {
+    int count = 0;
+    while (*pattern && path) {
+        if (*pattern == '*') {
+            path = take_part(path, args[count++]);
+            pattern++;
+        } else if (*pattern++ != *path++) {
+            return false;
+        }
+    }
+    return path && !*path;
+}
+
+const struct route *routes_find(const char *method, const char *path,
+                                char out_args[2][STORE_NAME_MAX], bool *out_there) {
+    size_t prefix = strlen(API_PREFIX);
+    *out_there = false;
+    if (strncmp(path, API_PREFIX, prefix))
+        return NULL;
+    for (int i = 0; i < route_count; i++) {
+        if (!matches(routes[i].path, path + prefix, out_args))
+            continue;
+        if (!strcmp(routes[i].method, method))
+            return &routes[i];
+        *out_there = true;
+    }
+    return NULL;
+}

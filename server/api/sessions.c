@@ -1,0 +1,303 @@
+#include "api/routes.h"
+#include "base/check.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define VALUES_MAX 200
+#define QUANTILES 21
+
+// ---- lists --------------------------------------------------------------------------------------
+
+static void take_session(void *array, const struct store_cell *cells, int count) {
+    json_t *row = call_row(cells, count);
+    json_object_del(row, "trace"); // where it lies is the server's own matter
+    json_array_append_new(array, row);
+}
+
+static bool is_trainee(const struct call *call) {
+    return call->visitor.role == ROLE_TRAINEE;
+}
+
+static bool is_id(const char *text) {
+    return strlen(text) == STORE_ID_MAX - 1 && strspn(text, "0123456789abcdef") == strlen(text);
+}
+
+// The session that the next page goes on from, or null where there is none: one more was read.
+static json_t *take_next(json_t *rows, int limit) {
+    if (json_array_size(rows) <= (size_t)limit)
+        return json_null();
+    json_array_remove(rows, (size_t)limit);
+    return json_incref(json_object_get(json_array_get(rows, (size_t)limit - 1), "id"));
+}
+
+static void answer_sessions(struct call *call, struct store_filter filter) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    int limit = filter.limit++;
+    enum result result = store_find_sessions(call->store, &filter, take_session, rows, &err);
+    json_t *next = take_next(rows, limit);
+    json_t *all = json_pack("{s:o, s:o}", "sessions", rows, "next", next);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+void get_sessions(struct call *call) {
+    enum { WHOSE, COURSE, CASE, BEFORE, LIMIT };
+    struct call_query query = {.names = {"trainee", "course", "case", "before", "limit"}};
+    struct store_filter filter;
+    int limit;
+    if (!call_take_query(call, &query) || !call_take_limit(call, &query, LIMIT, 500, 50, &limit))
+        return;
+    filter =
+        (struct store_filter){call_parameter(&query, WHOSE), call_parameter(&query, COURSE),
+                              call_parameter(&query, CASE), call_parameter(&query, BEFORE), limit};
+    if (filter.before && !is_id(filter.before)) {
+        call_refuse(call, 400, "wrong_query", "before", "before: the id of a session");
+        return;
+    }
+    if (is_trainee(call)) {
+        bool others = filter.trainee && strcmp(filter.trainee, call->visitor.trainee);
+        filter.trainee = others ? "" : call->visitor.trainee; // nobody's
+    }
+    answer_sessions(call, filter);
+}
+
+void get_audit(struct call *call) {
+    struct call_query query = {.names = {"limit"}};
+    struct error err = {""};
+    int limit;
+    if (!call_take_query(call, &query) || !call_take_limit(call, &query, 0, 1000, 100, &limit))
+        return;
+    json_t *rows = json_array();
+    enum result result = store_last_audit(call->store, limit, call_take_row, rows, &err);
+    json_t *all = json_pack("{s:o}", "audit", rows);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+// ---- one ----------------------------------------------------------------------------------------
+
+static bool is_own(const struct call *call, const json_t *row) {
+    const char *trainee = json_string_value(json_object_get(row, "trainee"));
+    return !is_trainee(call) || (trainee && trainee[0] && !strcmp(trainee, call->visitor.trainee));
+}
+
+// The row of the session of the path, with its trace; the caller releases it. NULL after a refusal:
+// one that is another's is not there.
+static json_t *find_session(struct call *call) {
+    struct error err = {""};
+    json_t *rows = json_array();
+    enum result result = RESULT_OK;
+    if (is_id(call->args[0]))
+        result = store_rows(call->store, LIST_SESSIONS, call->args[0], call_take_row, rows, &err);
+    json_t *row = json_incref(json_array_get(rows, 0));
+    json_decref(rows);
+    if (!call_went_well(call, result, &err))
+        return NULL;
+    if (row && is_own(call, row))
+        return row;
+    json_decref(row);
+    call_refuse(call, 404, "not_found", NULL, "there is no such session");
+    return NULL;
+}
+
+static void take_result(void *array, const struct store_cell *cells, int count) {
+    json_t *row = call_row(cells, count);
+    const char *text = json_string_value(json_object_get(row, "details"));
+    json_t *details = text ? json_loads(text, 0, NULL) : NULL;
+    json_t *below = json_object_get(details, "below_floor");
+    json_object_set_new(row, "below_floor", json_boolean(json_is_true(below)));
+    json_object_del(row, "details");
+    json_object_del(row, "session");
+    json_array_append_new(array, row);
+    json_decref(details);
+}
+
+void get_session(struct call *call) {
+    struct error err = {""};
+    json_t *row = find_session(call);
+    if (!row)
+        return;
+    json_object_del(row, "trace");
+    json_t *results = json_array();
+    enum result result =
+        store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
+    json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+// ---- its trace ----------------------------------------------------------------------------------
+
+// The path of its trace; false after a refusal.
+static bool find_trace(struct call *call, char out_path[STORE_TEXT_MAX]) {
+    struct stat status;
+    json_t *row = find_session(call);
+    if (!row)
+        return false;
+    const char *trace = json_string_value(json_object_get(row, "trace"));
+    snprintf(out_path, STORE_TEXT_MAX, "%s", trace ? trace : "");
+    json_decref(row);
+    if (!stat(out_path, &status) && S_ISREG(status.st_mode))
+        return true;
+    call_refuse(call, 404, "not_found", NULL, "its trace is not there any more");
+    return false;
+}
+
+void get_session_trace(struct call *call) {
+    struct web_response *r = call->response;
+    char path[STORE_TEXT_MAX];
+    if (!find_trace(call, path))
+        return;
+    r->status = 200;
+    snprintf(r->file, sizeof r->file, "%s", path);
+    snprintf(r->type, sizeof r->type, "application/octet-stream");
+    snprintf(r->download, sizeof r->download, "%.32s.trace", call->args[0]);
+}
+
+static void make_report(struct call *call, const char *trace) {
+    struct web_response *r = call->response;
+    struct error err = {""};
+    char *page = NULL;
+    size_t size = 0;
+    FILE *file = open_memstream(&page, &size);
+    CHECK(file);
+    enum result result = call->api->config.report(trace, file, &err);
+    fclose(file);
+    if (result != RESULT_OK) // what is wrong with the trace is nobody's fault out there
+        result = RESULT_IO;
+    if (!call_went_well(call, result, &err)) {
+        free(page);
+        return;
+    }
+    r->status = 200;
+    r->body = page;
+    r->size = size;
+    r->compress = true;
+    snprintf(r->type, sizeof r->type, "text/html; charset=utf-8");
+}
+
+void get_session_report(struct call *call) {
+    char path[STORE_TEXT_MAX];
+    if (!find_trace(call, path))
+        return;
+    call_close_store(call);
+    if (atomic_flag_test_and_set(&call->api->reporting)) {
+        call_refuse(call, 503, "busy", NULL, "another report is being made");
+        call->response->retry_after_s = 2;
+        return;
+    }
+    make_report(call, path);
+    atomic_flag_clear(&call->api->reporting);
+}
+
+// ---- distributions ------------------------------------------------------------------------------
+
+// The figures come in order: those of one metric, subject, version and unit follow each other.
+struct gathering {
+    json_t *all;
+    json_t *head; // of those that are being gathered, or NULL
+    double *values;
+    size_t count, room;
+};
+
+static double quantile(const double *values, size_t count, double share) {
+    double at = share * (double)(count - 1);
+    size_t below = (size_t)at;
+    size_t above = below + 1 < count ? below + 1 : below;
+    return values[below] + (at - (double)below) * (values[above] - values[below]);
+}
+
+static void finish(struct gathering *g) {
+    if (!g->head)
+        return;
+    json_t *numbers = json_array();
+    bool whole = g->count <= VALUES_MAX;
+    for (size_t i = 0; whole && i < g->count; i++)
+        json_array_append_new(numbers, json_real(g->values[i]));
+    for (int i = 0; !whole && i < QUANTILES; i++)
+        json_array_append_new(
+            numbers, json_real(quantile(g->values, g->count, (double)i / (QUANTILES - 1))));
+    json_object_set_new(g->head, "n", json_integer((json_int_t)g->count));
+    json_object_set_new(g->head, whole ? "values" : "quantiles", numbers);
+    json_array_append_new(g->all, g->head);
+    g->head = NULL;
+    g->count = 0;
+}
+
+static void take_figure(void *user, const struct store_cell *cells, int count) {
+    struct gathering *g = user;
+    json_t *head = call_row(cells, count - 1);
+    if (!g->head || !json_equal(g->head, head)) {
+        finish(g);
+        g->head = json_incref(head);
+    }
+    json_decref(head);
+    if (g->count == g->room) {
+        g->room = 2 * g->room + 64;
+        g->values = alloc_resize(g->values, g->room, sizeof *g->values);
+    }
+    g->values[g->count++] = cells[count - 1].real;
+}
+
+struct membership {
+    const char *course;
+    bool is_in;
+};
+
+static void take_course(void *user, const struct store_cell *cells, int count) {
+    struct membership *m = user;
+    (void)count;
+    m->is_in = m->is_in || !strcmp(cells[0].text, m->course);
+}
+
+// A trainee sees that of a course that they are in.
+static bool may_see(struct call *call, const char *course) {
+    struct membership m = {.course = course};
+    struct error err = {""};
+    if (!is_trainee(call))
+        return true;
+    if (!course) {
+        call_refuse(call, 400, "wrong_query", "course", "course: it is missing");
+        return false;
+    }
+    enum result result =
+        store_courses_of(call->store, call->visitor.trainee, take_course, &m, &err);
+    if (!call_went_well(call, result, &err))
+        return false;
+    if (!m.is_in)
+        call_refuse(call, 404, "not_found", NULL, "you are in no course '%s'", course);
+    return m.is_in;
+}
+
+void get_distributions(struct call *call) {
+    struct call_query query = {.names = {"case", "course"}};
+    struct error err = {""};
+    if (!call_take_query(call, &query))
+        return;
+    const char *name = call_parameter(&query, 0), *course = call_parameter(&query, 1);
+    if (!name) {
+        call_refuse(call, 400, "wrong_query", "case", "case: it is missing");
+        return;
+    }
+    if (!may_see(call, course))
+        return;
+    struct gathering g = {.all = json_array()};
+    enum result result = store_figures_on(call->store, name, course, take_figure, &g, &err);
+    finish(&g);
+    free(g.values);
+    json_t *all = json_pack("{s:o}", "distributions", g.all);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}

@@ -1,0 +1,251 @@
+#include "unit/api_files.h"
+
+#include "api/secret.h"
+#include "net/authority.h"
+#include "test.h"
+#include "unit/case_knee.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+struct api *the_api;
+char api_dir[FOLDER_MAX];
+struct web_response answer;
+json_t *said;
+
+static struct error err;
+static char records[FOLDER_MAX + 32], keys[FOLDER_MAX + 32], dirs[2][FOLDER_MAX + 32];
+static struct api_case cases[2];
+static const struct api_station stations[] = {{"room-1", "healthy", "ada", false},
+                                              {"room-2", "torn", "", true}};
+
+#define assert_ok(call)                                                                            \
+    do {                                                                                           \
+        if ((call) != RESULT_OK)                                                                   \
+            fail_msg("%s: %s", #call, err.text);                                                   \
+    } while (0)
+
+const char *in_api(const char *name) {
+    static char paths[4][FOLDER_MAX + 64];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", api_dir, name);
+    return path;
+}
+
+struct store *api_store(void) {
+    struct store *store;
+    assert_ok(store_open(records, STORE_MAKE, "tester", &store, &err));
+    return store;
+}
+
+// ---- the folder ---------------------------------------------------------------------------------
+
+static void put_session(struct store *store, const char *id, const char *trainee,
+                        const char *case_name, int number) {
+    struct store_session s = {.case_hash = 7,
+                              .start_utc_ns = (1000 + number) * 1000000000LL,
+                              .end_utc_ns = (1060 + number) * 1000000000LL,
+                              .state = STATE_CLOSED,
+                              .steps = 100};
+    struct store_result results[] = {{"time", "", 1, "s", 60 + number, "{\"below_floor\":true}"},
+                                     {"rim", "meniscus_medial", 2, "mm", NAN, ""}};
+    char name[64], text[80];
+    snprintf(s.id, sizeof s.id, "%s", id);
+    snprintf(s.station, sizeof s.station, "room-1");
+    snprintf(s.trainee, sizeof s.trainee, "%s", trainee);
+    snprintf(s.case_name, sizeof s.case_name, "%s", case_name);
+    snprintf(name, sizeof name, "%d.trace", number);
+    snprintf(s.trace, sizeof s.trace, "%s", in_api(name));
+    snprintf(text, sizeof text, "trace of %s", id);
+    write_file(api_dir, name, text, strlen(text));
+    assert_ok(store_put_session(store, &s, results, 2, &err));
+}
+
+static void put_people(struct store *store) {
+    assert_ok(store_add_trainee(store, "ada", "Ada Lovelace", &err));
+    assert_ok(store_add_trainee(store, "eve", NULL, &err));
+    assert_ok(store_add_course(store, "autumn", &err));
+    assert_ok(store_add_course(store, "winter", &err));
+    assert_ok(store_enrol(store, "ada", "autumn", &err));
+    put_session(store, SESSION_ADA, "ada", "healthy", 1);
+    put_session(store, SESSION_EVE, "eve", "healthy", 2);
+    put_session(store, SESSION_NOBODY, "", "torn", 3);
+}
+
+static void put_accounts(struct store *store) {
+    assert_ok(store_add_account(store, "grace", ROLE_INSTRUCTOR, NO_PASSWORD, NULL, &err));
+    assert_ok(store_add_account(store, "tom", ROLE_TECHNICIAN, NO_PASSWORD, NULL, &err));
+    assert_ok(store_add_account(store, "ada.l", ROLE_TRAINEE, NO_PASSWORD, "ada", &err));
+}
+
+static void put_cases(void) {
+    struct knee_case *knee = box_knee();
+    cases[0] = (struct api_case){"healthy", dirs[0]};
+    cases[1] = (struct api_case){"torn", dirs[1]};
+    assert_ok(case_save(knee, dirs[0], &err));
+    case_destroy(&knee);
+    assert_int_equal(mkdir(dirs[1], 0700), 0);
+}
+
+static enum result report(const char *trace, FILE *file, struct error *why) {
+    char text[80];
+    FILE *in = fopen(trace, "r");
+    assert_non_null(in);
+    text[fread(text, 1, sizeof text - 1, in)] = '\0';
+    fclose(in);
+    if (strstr(text, "bad"))
+        return (fail)(why, RESULT_CORRUPT, "%s: damaged", trace);
+    fprintf(file, "<p>%s</p>", text);
+    return RESULT_OK;
+}
+
+void api_restart(void) {
+    static const char link[] = "https://server.example.org:4880/";
+    const struct api_config config = {records, keys, link, cases, 2, stations, 2, report};
+    api_destroy(&the_api);
+    assert_ok(api_create(&config, &the_api, &err));
+}
+
+static void begin(bool with_accounts) {
+    static const char *const hosts[] = {"localhost"};
+    folder_make_in_memory(api_dir);
+    snprintf(records, sizeof records, "%s", in_api("records.db"));
+    snprintf(keys, sizeof keys, "%s", in_api("keys"));
+    snprintf(dirs[0], sizeof dirs[0], "%s", in_api("healthy"));
+    snprintf(dirs[1], sizeof dirs[1], "%s", in_api("torn"));
+    assert_ok(authority_init(keys, hosts, 1, &err));
+    put_cases();
+    struct store *store = api_store();
+    put_people(store);
+    if (with_accounts)
+        put_accounts(store);
+    store_close(&store);
+    api_restart();
+}
+
+int api_begin(void **state) {
+    (void)state;
+    begin(true);
+    return 0;
+}
+
+int api_begin_new(void **state) {
+    (void)state;
+    begin(false);
+    return 0;
+}
+
+static void forget_answer(void) {
+    json_decref(said);
+    said = NULL;
+    free(answer.body);
+    answer = (struct web_response){0};
+}
+
+int api_end(void **state) {
+    (void)state;
+    forget_answer();
+    api_destroy(&the_api);
+    folder_remove(api_dir);
+    return 0;
+}
+
+// ---- tokens -------------------------------------------------------------------------------------
+
+static const char *add_token(struct store *store, enum store_token_kind kind,
+                             const struct store_visitor *owner) {
+    static char tokens[4][SECRET_MAX];
+    static int next;
+    char *token = tokens[next++ % 4], hash[SECRET_MAX];
+    int64_t id, until_ns;
+    secret_make(token);
+    secret_hash(token, hash);
+    assert_ok(store_add_token(store, kind, hash, owner, NULL, &id, &until_ns, &err));
+    store_close(&store);
+    return token;
+}
+
+const char *token_of(const char *account) {
+    struct store_visitor owner;
+    struct store *store = api_store();
+    assert_ok(store_find_account(store, account, &owner, &err));
+    return add_token(store, TOKEN_COOKIE, &owner);
+}
+
+const char *token_of_code(const char *trainee) {
+    struct store_visitor owner;
+    struct store *store = api_store();
+    int64_t until_ns;
+    char code[SECRET_MAX], hash[SECRET_MAX];
+    secret_make(code);
+    secret_hash(code, hash);
+    assert_ok(store_add_code(store, trainee, hash, &until_ns, &err));
+    assert_ok(store_find_code(store, hash, &owner, &err));
+    return add_token(store, TOKEN_COOKIE, &owner);
+}
+
+// ---- requests -----------------------------------------------------------------------------------
+
+int ask_from(const char *address, const char *method, const char *path, const char *token,
+             const char *body) {
+    char whole[512];
+    snprintf(whole, sizeof whole, "/api/v1%s", path);
+    char *query = strchr(whole, '?');
+    if (query)
+        *query++ = '\0';
+    const struct web_request request = {.method = method,
+                                        .path = whole,
+                                        .query = query ? query : "",
+                                        .body = body ? body : "",
+                                        .size = body ? strlen(body) : 0,
+                                        .token = token,
+                                        .by_cookie = true,
+                                        .address = address};
+    forget_answer();
+    api_answer(the_api, &request, &answer);
+    if (answer.body && !answer.type[0]) {
+        said = json_loadb(answer.body, answer.size, 0, NULL);
+        assert_non_null(said);
+    }
+    assert_true(answer.status == 204 || answer.body || answer.file[0]);
+    return answer.status;
+}
+
+int ask(const char *method, const char *path, const char *token, const char *body) {
+    return ask_from("10.0.0.5", method, path, token, body);
+}
+
+static json_t *value_at(const char *path) {
+    char part[64];
+    json_t *value = said;
+    while (value && *path) {
+        size_t length = strcspn(path, ".");
+        snprintf(part, sizeof part, "%.*s", (int)length, path);
+        value = json_is_array(value) ? json_array_get(value, (size_t)atoi(part))
+                                     : json_object_get(value, part);
+        path += length + (path[length] == '.');
+    }
+    return value;
+}
+
+const char *text_at(const char *path) {
+    const char *text = json_string_value(value_at(path));
+    return text ? text : "(none)";
+}
+
+double number_at(const char *path) {
+    json_t *value = value_at(path);
+    return json_is_number(value) ? json_number_value(value) : (double)NAN;
+}
+
+const char *error_code(void) {
+    const char *code = json_string_value(value_at("error.code"));
+    return code ? code : "";
+}
+
+const char *error_field(void) {
+    return text_at("error.field");
+}

@@ -1,0 +1,48 @@
+// A server's folder for the tests of api: records with people, keys, two cases, traces; and
+// requests to it without a socket.
+#pragma once
+
+#include "api/api.h"
+#include "store/store.h"
+
+#include <jansson.h>
+
+#define SESSION_ADA "00000000000000000000000000000001"    // closed, on healthy, of ada
+#define SESSION_EVE "00000000000000000000000000000002"    // closed, on healthy, of eve
+#define SESSION_NOBODY "00000000000000000000000000000003" // closed, on torn, of nobody
+
+// Encoded at no cost; it fits no password.
+#define NO_PASSWORD "$argon2id$v=19$m=8,t=1,p=1$c29tZXNhbHQ$aGFzaA"
+
+extern struct api *the_api;
+extern char api_dir[];
+
+// Accounts grace (instructor), tom (technician), ada.l (trainee ada) without usable passwords;
+// trainees ada (course autumn) and eve; stations room-1 (ada) and room-2; cases healthy, and torn
+// whose folder is empty.
+int api_begin(void **state);
+// The same without accounts.
+int api_begin_new(void **state);
+int api_end(void **state);
+
+// Another server on the same folder.
+void api_restart(void);
+
+const char *in_api(const char *name);           // a path in the folder; good for four calls
+struct store *api_store(void);                  // for the caller to close
+const char *token_of(const char *account);      // a new one, of an account; good for four calls
+const char *token_of_code(const char *trainee); // of a browser that came in by a code
+
+// What came back. Its members live until the next request.
+extern struct web_response answer;
+extern json_t *said; // the body where it is JSON, else NULL
+
+// "GET", "/sessions?limit=3": the status. token, body: or NULL.
+int ask(const char *method, const char *path, const char *token, const char *body);
+int ask_from(const char *address, const char *method, const char *path, const char *token,
+             const char *body);
+
+const char *error_code(void); // of `said`, empty: there is none
+const char *error_field(void);
+const char *text_at(const char *path); // "account.name", "sessions.0.id": a text, or "(none)"
+double number_at(const char *path);    // NaN: none

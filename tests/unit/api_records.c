@@ -1,0 +1,346 @@
+// What /api/v1 tells of records, people, cases and stations, and to whom.
+#include "case/case.h"
+#include "test.h"
+#include "unit/api_files.h"
+#include "unit/case_knee.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static struct error err;
+
+static size_t count_at(const char *key) {
+    return json_array_size(json_object_get(said, key));
+}
+
+// ---- one's own ----------------------------------------------------------------------------------
+
+static void a_trainee_sees_no_session_but_their_own(void **state) {
+    (void)state;
+    static const char *const ids[] = {SESSION_ADA, SESSION_EVE, SESSION_NOBODY};
+    static const char *const parts[] = {"", "/trace", "/report"};
+    const char *tokens[] = {token_of("grace"), token_of("ada.l"), token_of_code("ada")};
+    for (int who = 0; who < 3; who++)
+        for (int i = 0; i < 3; i++)
+            for (int part = 0; part < 3; part++) {
+                char path[96];
+                snprintf(path, sizeof path, "/sessions/%s%s", ids[i], parts[part]);
+                assert_int_equal(ask("GET", path, tokens[who], NULL), !who || !i ? 200 : 404);
+                if (answer.status == 404) { // as if there were none
+                    assert_string_equal(text_at("error.text"), "there is no such session");
+                    assert_string_equal(answer.file, "");
+                }
+            }
+}
+
+static void a_list_of_a_trainee_has_their_own_sessions_whatever_is_asked_for(void **state) {
+    (void)state;
+    static const char *const queries[] = {"",
+                                          "?trainee=ada",
+                                          "?course=autumn",
+                                          "?case=healthy&limit=1",
+                                          "?before=" SESSION_EVE,
+                                          "?before=" SESSION_NOBODY};
+    const char *tokens[] = {token_of("ada.l"), token_of_code("ada")};
+    for (int who = 0; who < 2; who++)
+        for (size_t i = 0; i < sizeof queries / sizeof *queries; i++) {
+            char path[96];
+            snprintf(path, sizeof path, "/sessions%s", queries[i]);
+            assert_int_equal(ask("GET", path, tokens[who], NULL), 200);
+            assert_int_equal(count_at("sessions"), 1);
+            assert_string_equal(text_at("sessions.0.id"), SESSION_ADA);
+            assert_true(json_is_null(json_object_get(said, "next")));
+        }
+    assert_int_equal(ask("GET", "/sessions?trainee=eve", tokens[0], NULL), 200);
+    assert_int_equal(count_at("sessions"), 0);
+    assert_int_equal(ask("GET", "/sessions?trainee=%65ve&limit=500", token_of("grace"), NULL), 200);
+    assert_string_equal(text_at("sessions.0.id"), SESSION_EVE);
+    assert_int_equal(count_at("sessions"), 1);
+}
+
+// An account whose trainee nobody named is nobody's, not that of sessions without a trainee.
+static void an_account_of_no_trainee_has_no_sessions(void **state) {
+    (void)state;
+    struct store *store = api_store();
+    assert_int_equal(store_add_account(store, "guest", ROLE_TRAINEE, NO_PASSWORD, NULL, &err),
+                     RESULT_OK);
+    store_close(&store);
+    const char *token = token_of("guest");
+    assert_int_equal(ask("GET", "/sessions", token, NULL), 200);
+    assert_int_equal(count_at("sessions"), 0);
+    assert_int_equal(ask("GET", "/sessions/" SESSION_NOBODY, token, NULL), 404);
+}
+
+// ---- sessions -----------------------------------------------------------------------------------
+
+static void sessions_come_newest_first_and_page_by_page(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    assert_int_equal(ask("GET", "/sessions?limit=2", token, NULL), 200);
+    assert_int_equal(count_at("sessions"), 2);
+    assert_string_equal(text_at("sessions.0.id"), SESSION_NOBODY);
+    assert_string_equal(text_at("sessions.1.id"), SESSION_EVE);
+    assert_string_equal(text_at("next"), SESSION_EVE);
+    assert_string_equal(text_at("sessions.0.trainee"), "(none)");
+    assert_null(strstr(answer.body, api_dir));
+    assert_int_equal(ask("GET", "/sessions?limit=2&before=" SESSION_EVE, token, NULL), 200);
+    assert_int_equal(count_at("sessions"), 1);
+    assert_string_equal(text_at("next"), "(none)");
+    assert_near(number_at("sessions.0.start_utc_s"), 1001, 1e-9);
+    assert_near(number_at("sessions.0.end_utc_s"), 1061, 1e-9);
+    assert_string_equal(text_at("sessions.0.case_hash"), "0000000000000007");
+}
+
+static void a_session_comes_with_its_results(void **state) {
+    (void)state;
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA, token_of("ada.l"), NULL), 200);
+    assert_string_equal(text_at("session.id"), SESSION_ADA);
+    assert_int_equal(count_at("results"), 2);
+    assert_string_equal(text_at("results.0.metric"), "rim");
+    assert_true(isnan(number_at("results.0.value")));
+    assert_string_equal(text_at("results.1.metric"), "time");
+    assert_near(number_at("results.1.value"), 61, 0);
+    assert_near(number_at("results.1.version"), 1, 0);
+    json_t *results = json_object_get(said, "results");
+    assert_false(json_is_true(json_object_get(json_array_get(results, 0), "below_floor")));
+    assert_true(json_is_true(json_object_get(json_array_get(results, 1), "below_floor")));
+    assert_null(strstr(answer.body, api_dir));
+}
+
+static void a_trace_is_a_file_and_a_report_a_page(void **state) {
+    (void)state;
+    const char *token = token_of("ada.l");
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/trace", token, NULL), 200);
+    assert_string_equal(answer.file, in_api("1.trace"));
+    assert_string_equal(answer.download, SESSION_ADA ".trace");
+    assert_string_equal(answer.type, "application/octet-stream");
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 200);
+    assert_string_equal(answer.type, "text/html; charset=utf-8");
+    assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA "</p>", answer.size);
+    write_file(api_dir, "1.trace", "bad", 3);
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 500);
+    assert_null(strstr(answer.body, api_dir));
+    unlink(in_api("1.trace"));
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 404);
+    assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/trace", token, NULL), 404);
+    assert_string_equal(answer.file, "");
+}
+
+// ---- distributions ------------------------------------------------------------------------------
+
+static void put_sessions(int count) {
+    struct store *store = api_store();
+    for (int i = 0; i < count; i++) {
+        struct store_session s = {.start_utc_ns = 1, .state = STATE_CLOSED};
+        struct store_result result = {"path", "probe", 1, "mm", (i * 7) % count, ""};
+        snprintf(s.id, sizeof s.id, "%032x", 0x1000 + i);
+        snprintf(s.station, sizeof s.station, "room-1");
+        snprintf(s.trainee, sizeof s.trainee, "%s", i % 2 ? "ada" : "eve");
+        snprintf(s.case_name, sizeof s.case_name, "many");
+        snprintf(s.trace, sizeof s.trace, "/none");
+        assert_int_equal(store_put_session(store, &s, &result, 1, &err), RESULT_OK);
+    }
+    store_close(&store);
+}
+
+static void distributions_have_values_and_no_names(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    assert_int_equal(ask("GET", "/distributions?case=healthy", token, NULL), 200);
+    assert_int_equal(count_at("distributions"), 1);
+    assert_string_equal(text_at("distributions.0.metric"), "time");
+    assert_near(number_at("distributions.0.n"), 2, 0);
+    assert_near(number_at("distributions.0.values.0"), 61, 0);
+    assert_near(number_at("distributions.0.values.1"), 62, 0);
+    assert_null(strstr(answer.body, "ada"));
+    assert_int_equal(ask("GET", "/distributions?case=healthy&course=autumn", token, NULL), 200);
+    assert_near(number_at("distributions.0.n"), 1, 0);
+    put_sessions(401);
+    assert_int_equal(ask("GET", "/distributions?case=many", token, NULL), 200);
+    assert_near(number_at("distributions.0.n"), 401, 0);
+    assert_true(isnan(number_at("distributions.0.values.0")));
+    for (int i = 0; i < 21; i++) {
+        char path[48];
+        snprintf(path, sizeof path, "distributions.0.quantiles.%d", i);
+        assert_near(number_at(path), 20.0 * i, 1e-9); // of 0 to 400, each once
+    }
+}
+
+static void a_trainee_sees_distributions_of_their_own_courses(void **state) {
+    (void)state;
+    const char *token = token_of("ada.l");
+    assert_int_equal(ask("GET", "/distributions?case=healthy&course=autumn", token, NULL), 200);
+    assert_int_equal(ask("GET", "/distributions?case=healthy&course=winter", token, NULL), 404);
+    assert_int_equal(ask("GET", "/distributions?case=healthy&course=none", token, NULL), 404);
+    assert_int_equal(ask("GET", "/distributions?case=healthy", token, NULL), 400);
+    assert_string_equal(error_field(), "course");
+}
+
+// ---- people -------------------------------------------------------------------------------------
+
+static void people_are_added_and_listed(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    assert_int_equal(
+        ask("POST", "/trainees", token, "{\"name\":\"joan\",\"full_name\":\"Joan Clärke\"}"), 201);
+    assert_string_equal(text_at("trainee.full_name"), "Joan Clärke");
+    assert_int_equal(ask("POST", "/courses", token, "{\"name\":\"spring\"}"), 201);
+    assert_int_equal(ask("POST", "/courses/spring/trainees", token, "{\"trainee\":\"joan\"}"), 204);
+    assert_int_equal(ask("GET", "/courses/spring", token, NULL), 200);
+    assert_string_equal(text_at("course.trainees.0.full_name"), "Joan Clärke");
+    assert_int_equal(ask("GET", "/courses", token, NULL), 200);
+    assert_near(number_at("courses.2.trainees"), 1, 0);
+    assert_int_equal(ask("GET", "/trainees", token, NULL), 200);
+    assert_string_equal(text_at("trainees.2.name"), "joan");
+    assert_near(number_at("trainees.0.sessions"), 1, 0);
+    assert_int_equal(
+        ask("POST", "/accounts", token,
+            "{\"name\":\"joan\",\"role\":\"trainee\",\"trainee\":\"joan\",\"password\":"
+            "\"0123456789\"}"),
+        201);
+    assert_int_equal(ask("PATCH", "/accounts/tom", token, "{\"role\":\"instructor\"}"), 204);
+    assert_int_equal(ask("GET", "/accounts", token, NULL), 200);
+    assert_string_equal(text_at("accounts.1.role"), "instructor");
+    assert_string_equal(text_at("accounts.3.trainee"), "joan");
+    assert_null(strstr(answer.body, "argon2"));
+    assert_int_equal(ask("DELETE", "/accounts/joan", token, NULL), 204);
+    assert_int_equal(ask("GET", "/trainees", token, NULL), 200);
+    assert_int_equal(count_at("trainees"), 3);
+}
+
+static void every_change_is_in_the_audit_log_with_who_made_it(void **state) {
+    (void)state;
+    static const struct {
+        const char *method, *path, *body, *action;
+    } changes[] = {
+        {"POST", "/trainees", "{\"name\":\"x\"}", "add"},
+        {"POST", "/courses", "{\"name\":\"x\"}", "add"},
+        {"POST", "/courses/x/trainees", "{\"trainee\":\"x\"}", "enrol"},
+        {"POST", "/trainees/x/code", "{}", "code"},
+        {"POST", "/accounts",
+         "{\"name\":\"x\",\"role\":\"technician\",\"password\":\"0123456789\"}", "add"},
+        {"PATCH", "/accounts/x", "{\"role\":\"instructor\"}", "instructor"},
+        {"PATCH", "/accounts/x", "{\"password\":\"9876543210\"}", "password"},
+        {"DELETE", "/accounts/x", NULL, "remove"},
+        {"POST", "/tokens", "{\"name\":\"x\"}", "add"},
+        {"POST", "/stations/room-1/code", "{}", "code"},
+    };
+    const char *token = token_of("grace");
+    for (size_t i = 0; i < sizeof changes / sizeof *changes; i++) {
+        int status = ask(changes[i].method, changes[i].path, token, changes[i].body);
+        assert_true(status >= 200 && status < 300);
+        assert_int_equal(ask("GET", "/audit?limit=1", token, NULL), 200);
+        assert_string_equal(text_at("audit.0.action"), changes[i].action);
+        assert_string_equal(text_at("audit.0.actor"), "grace");
+    }
+    assert_int_equal(ask("POST", "/sign-out", token_of("ada.l"), NULL), 204);
+    assert_int_equal(ask("GET", "/audit?limit=1", token, NULL), 200);
+    assert_string_equal(text_at("audit.0.actor"), "trainee 1");
+}
+
+// ---- stations and cases -------------------------------------------------------------------------
+
+static void stations_are_enrolled_by_code_and_revoked(void **state) {
+    (void)state;
+    const char *token = token_of("tom");
+    assert_int_equal(ask("GET", "/stations", token, NULL), 200);
+    assert_int_equal(count_at("stations"), 2);
+    assert_string_equal(text_at("stations.0.name"), "room-1");
+    assert_string_equal(text_at("stations.0.trainee"), "ada");
+    assert_string_equal(text_at("stations.1.start"), "command");
+    assert_null(strstr(answer.body, "true"));
+    assert_int_equal(ask("POST", "/stations/room-2/code", token, NULL), 201);
+    assert_true(strlen(text_at("code")) > 20);
+    assert_true(number_at("until_utc_s") > 1e9);
+    assert_int_equal(ask("POST", "/stations/room-2/revoke", token, NULL), 409);
+}
+
+static void put_check(uint64_t hash) {
+    char text[512];
+    snprintf(text, sizeof text,
+             "{\"format\":\"arthron-check\",\"version\":1,\"grade\":\"fit with warnings\","
+             "\"hash\":\"%016" PRIx64 "\",\"quick\":false,\"settings\":{\"field\":\"smooth\"},"
+             "\"findings\":[]}",
+             hash);
+    write_file(in_api("healthy"), "check.json", text, strlen(text));
+}
+
+static void cases_come_with_their_grade_and_files(void **state) {
+    (void)state;
+    char etag[80];
+    const char *token = token_of("ada.l");
+    assert_int_equal(ask("GET", "/cases", token, NULL), 200);
+    assert_int_equal(count_at("cases"), 2);
+    assert_string_equal(text_at("cases.0.title"), "A knee of boxes – ½");
+    assert_string_equal(text_at("cases.0.groups.0.name"), "tibia");
+    assert_string_equal(text_at("cases.0.grade"), "unchecked");
+    assert_string_equal(text_at("cases.1.grade"), "broken");
+    uint64_t hash = strtoull(text_at("cases.0.hash"), NULL, 16);
+    put_check(hash);
+    assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
+    assert_string_equal(text_at("case.grade"), "fit with warnings");
+    assert_string_equal(text_at("check.format"), "arthron-check");
+    put_check(hash + 1);
+    assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
+    assert_string_equal(text_at("case.grade"), "outdated");
+    assert_int_equal(ask("GET", "/cases/healthy/anatomy.glb", token, NULL), 200);
+    assert_string_equal(answer.file, in_api("healthy/anatomy.glb"));
+    assert_int_equal(strtoull(answer.etag, NULL, 16), hash);
+    snprintf(etag, sizeof etag, "%s", answer.etag);
+    assert_int_equal(ask("GET", "/cases/healthy/check.json", token, NULL), 200);
+    assert_string_not_equal(answer.etag, etag);
+    assert_int_equal(ask("GET", "/cases/torn/case.json", token, NULL), 404);
+}
+
+static void a_case_that_changes_is_told_as_it_is(void **state) {
+    (void)state;
+    char etag[80];
+    const char *token = token_of("ada.l");
+    assert_int_equal(ask("GET", "/cases/healthy/case.json", token, NULL), 200);
+    snprintf(etag, sizeof etag, "%s", answer.etag);
+    struct knee_case *knee = box_knee();
+    snprintf(knee->title, sizeof knee->title, "Other boxes");
+    assert_int_equal(case_save(knee, in_api("healthy"), &err), RESULT_OK);
+    case_destroy(&knee);
+    assert_int_equal(ask("GET", "/cases/healthy/case.json", token, NULL), 200);
+    assert_string_not_equal(answer.etag, etag);
+    assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
+    assert_string_equal(text_at("case.title"), "Other boxes");
+    assert_string_not_equal(text_at("case.hash"), etag);
+}
+
+static void a_database_that_is_none_is_told_to_nobody(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    write_file(api_dir, "records.db", "this is no database at all, is it?", 34);
+    unlink(in_api("records.db-wal"));
+    assert_int_equal(ask("GET", "/accounts", token, NULL), 500);
+    assert_string_equal(error_code(), "failed");
+    assert_null(strstr(answer.body, api_dir));
+    struct web_account account;
+    assert_false(api_enter(the_api, token, &account));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(f) cmocka_unit_test_setup_teardown(f, api_begin, api_end)
+        TEST(a_trainee_sees_no_session_but_their_own),
+        TEST(a_list_of_a_trainee_has_their_own_sessions_whatever_is_asked_for),
+        TEST(an_account_of_no_trainee_has_no_sessions),
+        TEST(sessions_come_newest_first_and_page_by_page),
+        TEST(a_session_comes_with_its_results),
+        TEST(a_trace_is_a_file_and_a_report_a_page),
+        TEST(distributions_have_values_and_no_names),
+        TEST(a_trainee_sees_distributions_of_their_own_courses),
+        TEST(people_are_added_and_listed),
+        TEST(every_change_is_in_the_audit_log_with_who_made_it),
+        TEST(stations_are_enrolled_by_code_and_revoked),
+        TEST(cases_come_with_their_grade_and_files),
+        TEST(a_case_that_changes_is_told_as_it_is),
+        TEST(a_database_that_is_none_is_told_to_nobody),
+    };
+    return cmocka_run_group_tests_name("api_records", tests, NULL, NULL);
+}

@@ -1,0 +1,260 @@
+// Who may do what with /api/v1: every route of the room's table for everybody, beside a table that
+// was written for the test alone, and what is malformed, as rows of data.
+#include "api/routes.h"
+#include "test.h"
+#include "unit/api_files.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---- roles --------------------------------------------------------------------------------------
+
+// i instructor, t technician, o trainee with an account, c trainee by a code, - nobody.
+static const struct {
+    const char *method, *path, *who;
+} rules[] = {
+    {"POST", "/sign-in", "itoc-"},
+    {"POST", "/first", "itoc-"},
+    {"POST", "/sign-out", "itoc-"},
+    {"GET", "/me", "itoc"},
+    {"PATCH", "/me", "itoc"},
+    {"GET", "/tokens", "itoc"},
+    {"POST", "/tokens", "itoc"},
+    {"DELETE", "/tokens/77", "itoc"},
+    {"GET", "/accounts", "it"},
+    {"POST", "/accounts", "it"},
+    {"PATCH", "/accounts/none", "it"},
+    {"DELETE", "/accounts/none", "it"},
+    {"GET", "/trainees", "i"},
+    {"POST", "/trainees", "i"},
+    {"POST", "/trainees/none/code", "i"},
+    {"GET", "/courses", "i"},
+    {"POST", "/courses", "i"},
+    {"GET", "/courses/autumn", "i"},
+    {"POST", "/courses/autumn/trainees", "i"},
+    {"GET", "/server", "itoc"},
+    {"GET", "/stations", "it"},
+    {"POST", "/stations/none/code", "it"},
+    {"POST", "/stations/none/revoke", "it"},
+    {"GET", "/cases", "itoc"},
+    {"GET", "/cases/healthy", "itoc"},
+    {"GET", "/cases/healthy/case.json", "itoc"},
+    {"GET", "/cases/healthy/anatomy.glb", "itoc"},
+    {"GET", "/cases/healthy/check.json", "itoc"},
+    {"GET", "/sessions", "ioc"},
+    {"GET", "/sessions/" SESSION_ADA, "ioc"},
+    {"GET", "/sessions/" SESSION_ADA "/trace", "ioc"},
+    {"GET", "/sessions/" SESSION_ADA "/report", "ioc"},
+    {"GET", "/distributions?case=healthy&course=autumn", "ioc"},
+    {"GET", "/audit", "it"},
+};
+#define RULES (int)(sizeof rules / sizeof *rules)
+
+static const char *token_for(char who) {
+    switch (who) {
+    case 'i':
+        return token_of("grace");
+    case 't':
+        return token_of("tom");
+    case 'o':
+        return token_of("ada.l");
+    case 'c':
+        return token_of_code("ada");
+    default:
+        return NULL;
+    }
+}
+
+static void everybody_may_what_the_rules_say_and_no_more(void **state) {
+    (void)state;
+    for (int i = 0; i < RULES; i++)
+        for (const char *who = "itoc-"; *who; who++) {
+            bool may = strchr(rules[i].who, *who);
+            const char *body = strcmp(rules[i].method, "GET") ? "{}" : NULL;
+            int status = ask(rules[i].method, rules[i].path, token_for(*who), body);
+            bool denied =
+                status == 403 || (status == 401 && !strcmp(error_code(), "not_signed_in"));
+            if (!strcmp(rules[i].path, "/me") && *who == 'c' && status == 403)
+                denied = false; // of a code's own, not of the role
+            if (denied == may)
+                fail_msg("%s %s by %c: %d", rules[i].method, rules[i].path, *who, status);
+            if (denied)
+                assert_int_equal(status, *who == '-' ? 401 : 403);
+        }
+}
+
+static void no_route_is_without_a_rule(void **state) {
+    (void)state;
+    bool found[64] = {false};
+    assert_int_equal(route_count, RULES);
+    for (int i = 0; i < RULES; i++) {
+        char path[128], args[2][STORE_NAME_MAX];
+        bool there;
+        snprintf(path, sizeof path, "/api/v1%.*s", (int)strcspn(rules[i].path, "?"), rules[i].path);
+        const struct route *route = routes_find(rules[i].method, path, args, &there);
+        assert_non_null(route);
+        found[route - routes] = true;
+    }
+    for (int i = 0; i < route_count; i++)
+        assert_true(found[i]);
+}
+
+// ---- paths --------------------------------------------------------------------------------------
+
+static void a_path_that_is_none_is_not_found(void **state) {
+    (void)state;
+    static const char *const paths[] = {"",
+                                        "/",
+                                        "/nothing",
+                                        "/sessions/",
+                                        "/sessions//trace",
+                                        "/sessions/a/b/c",
+                                        "/me/",
+                                        "/me/x",
+                                        "//me",
+                                        "/cases/../cases",
+                                        "/cases/healthy/../healthy/case.json",
+                                        "/cases/healthy/recorded.json",
+                                        "/cases/none",
+                                        "/cases/none/case.json",
+                                        "/sessions/" SESSION_ADA "/../" SESSION_ADA,
+                                        "/sessions/0123456789ABCDEF0123456789ABCDEF",
+                                        "/courses/none",
+                                        "/accounts",
+                                        "/cases/"
+                                        "0123456789012345678901234567890123456789012345678901234567"
+                                        "890123456789"};
+    const char *token = token_of("grace");
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
+        bool is_there = !strcmp(paths[i], "/accounts");
+        assert_int_equal(ask("GET", paths[i], token, NULL), is_there ? 200 : 404);
+    }
+    assert_int_equal(ask("PUT", "/accounts", token, NULL), 405);
+    assert_int_equal(ask("DELETE", "/sessions/" SESSION_ADA, token, NULL), 405);
+}
+
+// ---- what is malformed --------------------------------------------------------------------------
+
+static const struct {
+    const char *method, *path, *body;
+    int status;
+    const char *code, *field;
+} wrong[] = {
+    {"POST", "/tokens", "{", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "[]", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "null", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "\"name\"", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "{\"name\":\"a\"}x", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "{\"name\":\"a\",\"name\":\"b\"}", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "{\"name\":\"a\\u0000b\"}", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "{\"name\":\"\xff\"}", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "{\"name\":\"\\ud800\"}", 400, "wrong_body", "(none)"},
+    {"POST", "/tokens", "[[[[[[[[[[]]]]]]]]]]", 413, "too_large", "(none)"},
+    {"POST", "/tokens", "{\"a\":{\"a\":{\"a\":{\"a\":{\"a\":1}}}}}", 413, "too_large", "(none)"},
+    {"POST", "/tokens", "[[[[[", 413, "too_large", "(none)"},
+    {"POST", "/tokens", "", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":null}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":7}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":[\"a\"]}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\"\"}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\" a\"}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\"a/b\"}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\"a\\nb\"}", 400, "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\"a\\u0085b\"}", 400, "wrong_field", "(none)"},
+    {"POST", "/tokens",
+     "{\"name\":\"0123456789012345678901234567890123456789012345678901234567890123\"}", 400,
+     "wrong_field", "name"},
+    {"POST", "/tokens", "{\"name\":\"a\",\"until\":\"b\"}", 400, "wrong_field", "(none)"},
+    {"POST", "/courses", "{\"name\":\"autumn\"}", 409, "conflict", "(none)"},
+    {"POST", "/trainees", "{\"name\":\"ada\"}", 409, "conflict", "(none)"},
+    {"POST", "/trainees", "{\"name\":\"x\",\"full_name\":\"a\\tb\"}", 400, "wrong_field", "(none)"},
+    {"POST", "/trainees/none/code", "{}", 404, "not_found", "(none)"},
+    {"POST", "/trainees/ada/code", "{\"life\":\"1\"}", 400, "wrong_field", "(none)"},
+    {"POST", "/courses/autumn/trainees", "{\"trainee\":\"none\"}", 404, "not_found", "(none)"},
+    {"POST", "/courses/none/trainees", "{\"trainee\":\"ada\"}", 404, "not_found", "(none)"},
+    {"POST", "/accounts", "{\"name\":\"x\",\"role\":\"king\",\"password\":\"0123456789\"}", 400,
+     "wrong_field", "role"},
+    {"POST", "/accounts", "{\"name\":\"x\",\"role\":\"technician\",\"password\":\"012345678\"}",
+     400, "wrong_field", "password"},
+    {"POST", "/accounts", "{\"name\":\"x\",\"role\":\"technician\",\"password\":\"äöüäöüäöü\"}",
+     400, "wrong_field", "password"},
+    {"POST", "/accounts", "{\"name\":\"x\",\"role\":\"technician\"}", 400, "wrong_field",
+     "password"},
+    {"POST", "/accounts", "{\"name\":\"x\",\"role\":\"trainee\",\"password\":\"0123456789\"}", 400,
+     "wrong_field", "trainee"},
+    {"POST", "/accounts",
+     "{\"name\":\"x\",\"role\":\"technician\",\"password\":\"0123456789\",\"trainee\":\"ada\"}",
+     400, "wrong_field", "trainee"},
+    {"PATCH", "/accounts/tom", "{}", 400, "wrong_body", "(none)"},
+    {"PATCH", "/accounts/tom", "{\"role\":\"trainee\"}", 400, "wrong_field", "role"},
+    {"PATCH", "/accounts/ada.l", "{\"role\":\"technician\"}", 400, "wrong_field", "role"},
+    {"PATCH", "/accounts/none", "{\"role\":\"technician\"}", 404, "not_found", "(none)"},
+    {"PATCH", "/accounts/tom", "{\"password\":\"short\"}", 400, "wrong_field", "password"},
+    {"PATCH", "/accounts/grace", "{\"role\":\"technician\"}", 409, "conflict", "(none)"},
+    {"DELETE", "/accounts/none", NULL, 404, "not_found", "(none)"},
+    {"DELETE", "/accounts/grace", NULL, 409, "conflict", "(none)"},
+    {"DELETE", "/tokens/x", NULL, 404, "not_found", "(none)"},
+    {"DELETE", "/tokens/-1", NULL, 404, "not_found", "(none)"},
+    {"DELETE", "/tokens/99999999999999999999", NULL, 404, "not_found", "(none)"},
+    {"POST", "/stations/none/code", "{}", 404, "not_found", "(none)"},
+    {"POST", "/stations/room-1/revoke", "{}", 409, "conflict", "(none)"},
+    {"POST", "/sign-in", "{\"name\":\"a\"}", 400, "wrong_field", "password"},
+    {"POST", "/sign-in", "{\"name\":\"a\",\"password\":\"b\",\"code\":\"c\"}", 400, "wrong_field",
+     "code"},
+    {"PATCH", "/me", "{\"password\":\"x\"}", 400, "wrong_field", "new_password"},
+    {"GET", "/sessions?limit=0", NULL, 400, "wrong_query", "limit"},
+    {"GET", "/sessions?limit=501", NULL, 400, "wrong_query", "limit"},
+    {"GET", "/sessions?limit=1e2", NULL, 400, "wrong_query", "limit"},
+    {"GET", "/sessions?limit=1&limit=2", NULL, 400, "wrong_query", "(none)"},
+    {"GET", "/sessions?order=asc", NULL, 400, "wrong_query", "(none)"},
+    {"GET", "/sessions?before=1", NULL, 400, "wrong_query", "before"},
+    {"GET", "/sessions?trainee=%4", NULL, 400, "wrong_query", "(none)"},
+    {"GET", "/sessions?trainee=%00", NULL, 400, "wrong_query", "(none)"},
+    {"GET", "/sessions?%", NULL, 400, "wrong_query", "(none)"},
+    {"GET", "/distributions", NULL, 400, "wrong_query", "case"},
+    {"GET", "/audit?limit=x", NULL, 400, "wrong_query", "limit"},
+};
+
+static void what_is_wrong_is_named(void **state) {
+    (void)state;
+    const char *token = token_of("grace");
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        int status = ask(wrong[i].method, wrong[i].path, token, wrong[i].body);
+        if (status != wrong[i].status || strcmp(error_code(), wrong[i].code) ||
+            strcmp(error_field(), wrong[i].field))
+            fail_msg("%s %s %s: %d %s %s", wrong[i].method, wrong[i].path,
+                     wrong[i].body ? wrong[i].body : "", status, error_code(), error_field());
+        if (wrong[i].body)
+            assert_true(strlen(text_at("error.text")) > 5);
+        assert_null(strstr(text_at("error.text"), api_dir));
+    }
+}
+
+static void a_body_that_is_too_large_is_refused(void **state) {
+    (void)state;
+    char *body = malloc(WEB_BODY_MAX + 100);
+    const char *token = token_of("grace");
+    memset(body, ' ', WEB_BODY_MAX + 100);
+    strcpy(body + WEB_BODY_MAX, "{\"name\":\"a\"}");
+    assert_int_equal(ask("POST", "/courses", token, body), 413);
+    memset(body, 'a', WEB_BODY_MAX);
+    memcpy(body, "{\"name\":\"", 9);
+    strcpy(body + WEB_BODY_MAX - 2, "\"}");
+    assert_int_equal(ask("POST", "/courses", token, body), 400);
+    assert_string_equal(error_field(), "name");
+    free(body);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+#define TEST(f) cmocka_unit_test_setup_teardown(f, api_begin, api_end)
+        TEST(everybody_may_what_the_rules_say_and_no_more),
+        TEST(no_route_is_without_a_rule),
+        TEST(a_path_that_is_none_is_not_found),
+        TEST(what_is_wrong_is_named),
+        TEST(a_body_that_is_too_large_is_refused),
+    };
+    return cmocka_run_group_tests_name("api_roles", tests, NULL, NULL);
+}

@@ -103,6 +103,7 @@ static void fill_header(struct hub *hub, int seat, struct copied *c) {
     c->header.start_ns = c->again.place.time_ns;
     c->header.settings = c->again.header.settings;
     memcpy(c->header.parent, c->again.place.hash, sizeof c->header.parent);
+    memcpy(c->header.parent_id, c->again.header.session_id, sizeof c->header.parent_id);
 }
 
 static enum result write_trace(struct hub *hub, int seat, const char *from, struct copied *c,

@@ -295,7 +295,6 @@ static bool take_over_trace(struct recorder *r, const char *path) {
     struct trace_reader *reader;
     struct store_session session;
     struct error err;
-    static const uint8_t nothing[TRACE_HASH_SIZE];
     if (trace_is_written(path)) // its session goes on
         return false;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK) {
@@ -303,10 +302,10 @@ static bool take_over_trace(struct recorder *r, const char *path) {
         return false;
     }
     const struct trace_header *header = trace_reader_header(reader);
-    bool is_own = memcmp(header->parent, nothing, sizeof nothing) == 0; // and no piece of another
+    bool is_piece = trace_header_is_piece(header);
     session_row_begin(header, path, &session);
     trace_reader_destroy(&reader);
-    if (!is_own)
+    if (is_piece)
         return false;
     session.state = STATE_INTERRUPTED; // until its end is found
     session.end_utc_ns = session.start_utc_ns;

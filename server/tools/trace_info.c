@@ -26,11 +26,6 @@ static void hex_text(const uint8_t *bytes, size_t size, char *out) {
         snprintf(out + 2 * i, 3, "%02x", bytes[i]);
 }
 
-static bool has_parent(const struct trace_header *header) {
-    static const uint8_t none[TRACE_HASH_SIZE];
-    return memcmp(header->parent, none, sizeof none) != 0;
-}
-
 static void time_text(int64_t utc_ns, char out[32]) {
     time_t seconds = (time_t)(utc_ns / NS_PER_S);
     struct tm utc;
@@ -152,8 +147,11 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
         torn_array(s), "resections", resections_array(s), "whole", s->end == RESULT_CLOSED);
     json_object_update_new(root, session);
     char parent[2 * TRACE_HASH_SIZE + 1];
+    bool is_made = trace_header_is_piece(h) || trace_header_is_copied(h);
     hex_text(h->parent, sizeof h->parent, parent);
-    json_object_set_new(root, "parent", has_parent(h) ? json_string(parent) : json_null());
+    json_object_set_new(root, "parent", is_made ? json_string(parent) : json_null());
+    hex_text(h->parent_id, sizeof h->parent_id, parent);
+    json_object_set_new(root, "parent_session", is_made ? json_string(parent) : json_null());
     json_object_set_new(root, "optic", optic_object(&h->optic));
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
@@ -197,7 +195,10 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     printf("length      %.2f s, %" PRIu64 " steps, %" PRIu64 " of them frames, %" PRIu64
            " missing\n",
            survey_seconds(s), s->steps, s->frames, s->missing);
-    if (has_parent(h))
+    hex_text(h->parent_id, sizeof h->parent_id, id);
+    if (trace_header_is_copied(h))
+        printf("copied      from session %s; %" PRIu64 " inputs of it before\n", id, s->past);
+    if (trace_header_is_piece(h))
         printf("piece       of another trace; %" PRIu64 " inputs before it\n", s->past);
     if (s->resumes)
         printf("resumed     %" PRIu64 " times after its server was killed\n", s->resumes);

@@ -82,10 +82,24 @@ static void read_array(struct reader *r, uint8_t *out, size_t size) {
         memcpy(out, bytes, size);
 }
 
+static bool has_parent(const struct trace_header *h) {
+    static const uint8_t none[TRACE_HASH_SIZE];
+    return memcmp(h->parent, none, sizeof none) != 0;
+}
+
+bool trace_header_is_piece(const struct trace_header *h) {
+    return has_parent(h) && !memcmp(h->parent_id, h->session_id, sizeof h->parent_id);
+}
+
+bool trace_header_is_copied(const struct trace_header *h) {
+    return has_parent(h) && !trace_header_is_piece(h);
+}
+
 size_t header_encode(const struct trace_header *h, struct chain *chain, uint8_t *out) {
     struct writer w = {out, HEADER_MAX, HEADER_PREFIX, false};
     write_bytes(&w, h->session_id, sizeof h->session_id);
     write_bytes(&w, h->parent, sizeof h->parent);
+    write_bytes(&w, h->parent_id, sizeof h->parent_id);
     write_text(&w, h->station);
     write_text(&w, h->trainee);
     write_text(&w, h->case_name);
@@ -152,6 +166,10 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     read_array(&r, h->session_id, sizeof h->session_id);
     if (version >= 3)
         read_array(&r, h->parent, sizeof h->parent);
+    if (version >= 4)
+        read_array(&r, h->parent_id, sizeof h->parent_id);
+    else if (has_parent(h)) // then all were pieces
+        memcpy(h->parent_id, h->session_id, sizeof h->parent_id);
     read_text(&r, h->station, sizeof h->station);
     read_text(&r, h->trainee, sizeof h->trainee);
     read_text(&r, h->case_name, sizeof h->case_name);

@@ -22,6 +22,7 @@ struct trace_header {
     uint16_t version; // set by the writer
     uint8_t session_id[16];
     uint8_t parent[TRACE_HASH_SIZE]; // the last hash of the trace that this was made from; 0: none
+    uint8_t parent_id[16];           // and its session: this one, or which this was copied from
     char station[64];
     char trainee[64];
     char case_name[CASE_NAME_MAX];
@@ -38,6 +39,10 @@ struct trace_header {
 
 // Fills build, libc and cpu with those of this process.
 void trace_header_set_machine(struct trace_header *header);
+
+// A piece of a session's record; else it is a session's own, and perhaps copied from another one.
+bool trace_header_is_piece(const struct trace_header *header);
+bool trace_header_is_copied(const struct trace_header *header);
 
 // ---- writing
 //

@@ -247,6 +247,8 @@ static void a_piece_replays_and_names_what_it_is_of(void **state) {
     assert_int_equal(number(root, "steps"), steps);
     assert_true(number(root, "past") > 250);
     assert_int_equal(json_string_length(json_object_get(root, "parent")), 64);
+    assert_string_equal(json_string_value(json_object_get(root, "parent_session")),
+                        json_string_value(json_object_get(root, "session")));
     json_decref(root);
     snprintf(arguments, sizeof arguments, "verify %s", piece);
     assert_int_equal(run(arguments), 0);

@@ -125,10 +125,10 @@ class SetBack(Bites):
         self.server.end()
         self.assertEqual(sorted(os.listdir(self.traces)),
                          sorted(os.path.basename(s["trace"]) for s in (first, second, third)))
-        for session in (second, third):
+        for parent, session in ((first, second), (second, third)):
             info = call_json("arthron-trace", "info", session["trace"])
             self.assertGreater(info["past"], 0)
-            self.assertEqual(len(info["parent"]), 64)
+            self.assertEqual((len(info["parent"]), info["parent_session"]), (64, parent["id"]))
             call("arthron-trace", "score", session["trace"])
             call("arthron-trace", "report", session["trace"], "--out", session["trace"] + ".html")
             call("arthron-trace", "export", session["trace"], "--exr", session["trace"] + ".exr")

@@ -260,7 +260,7 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
         {8, 1, RESULT_VERSION},                 // one that is too old
         {12, 1, RESULT_LIMIT},                  // larger than we accept
         {14, 1, RESULT_CORRUPT},                // a byte of the session's id
-        {62, 99, RESULT_CORRUPT},               // length of a text
+        {78, 99, RESULT_CORRUPT},               // length of a text
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         uint8_t before = data[rows[i].at];
@@ -271,7 +271,7 @@ static void a_header_that_is_not_ours_is_refused(void **state) {
         assert_non_null(strstr(err.text, copy_path));
         data[rows[i].at] = before;
     }
-    data[62] = 99; // a text that is longer than its place, with a right checksum
+    data[78] = 99; // a text that is longer than its place, with a right checksum
     trace_mend(data, size);
     write_copy(data, size);
     assert_int_equal(trace_reader_create(copy_path, &reader, NULL), RESULT_FORMAT);

@@ -196,6 +196,8 @@ void step_at(uint64_t n, struct session_input *input, struct session_output *out
 struct trace_header some_header(void) {
     struct trace_header h = {
         .session_id = "0123456789abcde",
+        .parent = {1, 2, 3},
+        .parent_id = "edcba9876543210", // another one: it was copied
         .station = "bench 3",
         .trainee = "Zoë",
         .case_name = "healthy",

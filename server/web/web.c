@@ -1,33 +1,277 @@
-#include "web/web.h"
-
 #include "base/check.h"
+#include "web/web_parts.h"
 
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <openssl/ssl.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
-struct web {
-    struct web_handler handler;
-    int port;
+#define CONNECTIONS_SPARE 8 // the listening socket, the one that wakes
+#define HEADERS_MAX 8192    // bytes of a request's
+#define HANDSHAKE_S 5
+#define KEEP_ALIVE_S 30
+#define PATIENCE_S 20
+#define UNSENT_MAX 16384
+#define DRAIN_US (500 * LWS_US_PER_MS)
+
+// ---- connections --------------------------------------------------------------------------------
+
+static int filter_connection(struct web *web, int fd) {
+    const struct guest *guest = guests_find(web->guests, fd);
+    return web->draining || !guest || !guest_may_connect(web->guests, guest) ? -1 : 0;
+}
+
+// So little may wait in the kernel: what is new does not queue behind what is old.
+static void keep_queue_short(int fd) {
+    int bytes = UNSENT_MAX, yes = 1;
+    setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+}
+
+static void read_address(struct lws *socket, char *out, size_t size) {
+    char address[64] = "";
+    lws_get_peer_simple(socket, address, sizeof address);
+    const char *text = strncmp(address, "::ffff:", 7) ? address : address + 7;
+    snprintf(out, size, "%.*s", (int)size - 1, text);
+}
+
+static int open_connection(struct web *web, struct lws *socket) {
+    struct guest *guest = guests_find(web->guests, lws_get_socket_fd(socket));
+    if (!guest)
+        return -1;
+    struct visitor *visitor = alloc(1, sizeof *visitor);
+    visitor->web = web;
+    visitor->socket = socket;
+    visitor->guest = guest;
+    visitor->answer = answer_none();
+    read_address(socket, visitor->address, sizeof visitor->address);
+    keep_queue_short(lws_get_socket_fd(socket));
+    guest_connected(web->guests, guest);
+    lws_set_opaque_user_data(socket, visitor);
+    return 0;
+}
+
+static int end_connection(struct visitor *visitor) {
+    if (!visitor)
+        return 0; // the listening socket, or one that came no further than TLS
+    live_end(visitor);
+    visit_end(visitor);
+    guest_gone(visitor->web->guests, visitor->guest);
+    lws_set_opaque_user_data(visitor->socket, NULL);
+    free(visitor);
+    return 0;
+}
+
+// ---- from other threads -------------------------------------------------------------------------
+
+static void on_done(void *user) {
+    lws_cancel_service(((struct web *)user)->context);
+}
+
+static void hand_out_jobs(struct web *web) {
+    for (struct job *job; (job = clerks_take(web->clerks));) {
+        struct visitor *visitor = job->owner;
+        if (visitor)
+            visitor->away = false;
+        if (!visitor)
+            job_destroy(&job);
+        else if (job->kind == JOB_ENTER)
+            live_answered(visitor, job);
+        else
+            visit_answered(visitor, job);
+    }
+}
+
+static void on_drained(lws_sorted_usec_list_t *drain) {
+    lws_container_of(drain, struct web, drain)->drained = true;
+}
+
+static int on_wake(struct web *web) {
+    if (atomic_load(&web->stopping) && !web->draining) {
+        web->draining = true;
+        lws_sul_schedule(web->context, 0, &web->drain, on_drained, DRAIN_US);
+        live_drain(web);
+    }
+    hand_out_jobs(web);
+    if (atomic_exchange(&web->woken, false))
+        live_wake(web);
+    return 0;
+}
+
+// ---- libwebsockets ------------------------------------------------------------------------------
+
+static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                   size_t size) {
+    (void)user;
+    struct web *web = lws_context_user(lws_get_context(socket));
+    struct visitor *visitor = lws_get_opaque_user_data(socket);
+    switch (reason) {
+    case LWS_CALLBACK_FILTER_NETWORK_CONNECTION:
+        return filter_connection(web, (int)(intptr_t)bytes);
+    case LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED:
+        return open_connection(web, socket);
+    case LWS_CALLBACK_WSI_DESTROY:
+        return end_connection(visitor);
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+        return visit_upgrade(visitor, bytes);
+    case LWS_CALLBACK_HTTP:
+        return visit_begin(visitor);
+    case LWS_CALLBACK_HTTP_BODY:
+        return visit_hear(visitor, bytes, size);
+    case LWS_CALLBACK_HTTP_BODY_COMPLETION:
+        return visit_heard(visitor);
+    case LWS_CALLBACK_HTTP_WRITEABLE:
+        return visit_write(visitor);
+    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+        return on_wake(web);
+    case LWS_CALLBACK_RAW_ADOPT:                  // CONNECT
+    case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION: // of no subprotocol of ours
+        return -1;
+    default:
+        return 0;
+    }
+}
+
+static int on_live(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
+                   size_t size) {
+    (void)user;
+    struct visitor *visitor = lws_get_opaque_user_data(socket);
+    switch (reason) {
+    case LWS_CALLBACK_ESTABLISHED:
+        return live_open(visitor);
+    case LWS_CALLBACK_RECEIVE:
+        return live_hear(visitor, bytes, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+        return live_write(visitor);
+    default:
+        return 0;
+    }
+}
+
+static const struct lws_protocols protocols[] = {
+    {.name = "http", .callback = on_http, .tx_packet_size = WEB_BATCH_MAX},
+    {.name = WIRE_LIVE_SUBPROTOCOL,
+     .callback = on_live,
+     .rx_buffer_size = WIRE_PAGE_MAX,
+     .tx_packet_size = WEB_BATCH_MAX + LWS_PRE},
+    {0},
 };
+
+static void *serve(void *argument) {
+    struct web *web = argument;
+    while (!web->drained && !(web->draining && web->live_sockets == 0))
+        lws_service(web->context, 0);
+    return NULL;
+}
+
+// ---- life ---------------------------------------------------------------------------------------
+
+static bool machine_has_ipv6(void) {
+    int fd = socket(AF_INET6, SOCK_STREAM, 0);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+static uint64_t options_for(const char *address) {
+    bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
+    return LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND |
+           LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
+}
+
+static enum result listen_at(struct web *web, const struct web_config *config, struct error *err) {
+    struct lws_context_creation_info info = {
+        .iface = config->address,
+        .port = config->port,
+        .protocols = protocols,
+        .ssl_cert_filepath = config->certificate,
+        .ssl_private_key_filepath = config->key,
+        .ssl_options_set =
+            SSL_OP_NO_SSLv3 | SSL_OP_NO_TLSv1 | SSL_OP_NO_TLSv1_1 | SSL_OP_NO_RENEGOTIATION,
+        .provided_client_ssl_ctx = web->no_client,
+        .alpn = "http/1.1",
+        .options = options_for(config->address),
+        .timeout_secs = HANDSHAKE_S,
+        .timeout_secs_ah_idle = (unsigned)web->patience_s,
+        .keepalive_timeout = KEEP_ALIVE_S,
+        .max_http_header_data = HEADERS_MAX,
+        .max_http_header_pool = GUESTS_CONNECTIONS_MAX + CONNECTIONS_SPARE,
+        .fd_limit_per_thread = GUESTS_CONNECTIONS_MAX + CONNECTIONS_SPARE,
+        .retry_and_idle_policy = &web->liveness,
+        .vhost_name = "web",
+        .user = web,
+        .gid = -1,
+        .uid = -1,
+    };
+    if (access(config->key, R_OK))
+        return fail(err, RESULT_MISSING, "%s: cannot be read", config->key);
+    web->context = lws_create_context(&info);
+    CHECK(web->context);
+    struct lws_vhost *vhost = lws_create_vhost(web->context, &info);
+    if (!vhost)
+        return fail(err, RESULT_IO, "%s, port %d: cannot listen with the certificate %s",
+                    config->address ? config->address : "all addresses", config->port,
+                    config->certificate);
+    web->port = lws_get_vhost_listen_port(vhost);
+    return RESULT_OK;
+}
+
+static void release(struct web *web) {
+    if (web->context)
+        lws_context_destroy(web->context);
+    if (web->clerks)
+        clerks_destroy(&web->clerks);
+    door_destroy(&web->door);
+    guests_destroy(&web->guests);
+    SSL_CTX_free(web->no_client);
+    free(web);
+}
 
 enum result web_create(const struct web_config *config, const struct web_handler *handler,
                        struct web **out_web, struct error *err) {
-    (void)err;
+    lws_set_log_level(getenv("LWSLOG") ? 15 : 0, NULL);
     struct web *web = alloc(1, sizeof *web);
     web->handler = *handler;
-    web->port = config->port;
-    *out_web = web;
+    web->pages = config->pages;
+    web->patience_s = config->patience_s ? config->patience_s : PATIENCE_S;
+    web->liveness.secs_since_valid_ping = (uint16_t)(web->patience_s / 2);
+    web->liveness.secs_since_valid_hangup = (uint16_t)web->patience_s;
+    web->guests = guests_create();
+    web->no_client = SSL_CTX_new(TLS_client_method());
+    CHECK(web->no_client);
+    *out_web = NULL;
+    enum result result = door_create(config->certificate, config->names, &web->door, err);
+    if (result == RESULT_OK)
+        result = listen_at(web, config, err);
+    if (result != RESULT_OK) {
+        release(web);
+        return result;
+    }
+    web->clerks = clerks_create(handler, on_done, web);
+    *out_web = web; // before the thread runs: its handler may ask for it
+    CHECK(pthread_create(&web->thread, NULL, serve, web) == 0);
     return RESULT_OK;
+}
+
+void web_destroy(struct web **web) {
+    struct web *w = *web;
+    atomic_store(&w->stopping, true);
+    lws_cancel_service(w->context);
+    pthread_join(w->thread, NULL);
+    clerks_stop(w->clerks);
+    release(w);
+    *web = NULL;
 }
 
 int web_port(const struct web *web) {
     return web->port;
 }
 
-void web_destroy(struct web **web) {
-    free(*web);
-    *web = NULL;
-}
-
 void web_wake(struct web *web) {
-    (void)web;
+    if (!atomic_exchange(&web->woken, true))
+        lws_cancel_service(web->context);
 }

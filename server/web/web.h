@@ -71,15 +71,15 @@ struct web_handler {
     // A new viewer: what is returned is given to the others. NULL: no room for one more.
     void *(*on_viewer)(void *user, const struct web_account *account);
 
-    // A message of the page; which_message is never 0. False where the page may not say so: it is
-    // closed.
+    // A message of the page, but for Drawn, which is this room's. False where the page may not say
+    // so: it is closed.
     bool (*on_page)(void *user, void *viewer, const arthron_Page *message);
 
     // Asked when the page has drawn all but WEB_BATCHES_ON_WAY - 1 batches, its socket can take
     // one, and *out_next_ns of the last time is past, web_wake was called or the page said
     // something. Writes the next batch (at most `size`, WEB_BATCH_MAX, bytes) and returns its size;
-    // 0: nothing now. *out_next_ns (monotonic; it is `now_ns` before) is when to ask again, where
-    // nothing else happens.
+    // 0: nothing now. *out_next_ns (monotonic; it is `now_ns` before) is when to ask again: at once
+    // where it stays so behind a batch, not by itself where it stays so and there was nothing.
     size_t (*on_batch)(void *user, void *viewer, int64_t now_ns, uint8_t *out, size_t size,
                        int64_t *out_next_ns);
 
@@ -93,6 +93,7 @@ struct web_config {
     const char *key;
     const char *names[WEB_NAMES_MAX]; // what the server is called besides; NULL behind the last
     struct web_pages pages;
+    int patience_s; // with who does not go on: headers, a body, reading what it is sent; 0: 20
 };
 
 // Listens and starts the threads. RESULT_MISSING names a file that is not there, RESULT_IO address

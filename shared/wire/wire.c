@@ -30,6 +30,7 @@ _Static_assert(sizeof((arthron_Hello){0}.devices) / sizeof(arthron_Device) == WI
 _Static_assert(arthron_Control_size <= WIRE_CONTROL_MAX && arthron_Console_size <= WIRE_CONSOLE_MAX,
                "every message of ours is within its limit");
 _Static_assert(arthron_View_size <= WIRE_VIEW_MAX, "every view is within its limit");
+_Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is within its limit");
 
 // What a repeated message takes besides itself: its tag, and its length in up to two bytes.
 #define REPEATED_OVERHEAD 3
@@ -278,6 +279,15 @@ static enum result console_check(const arthron_Console *m, struct error *err) {
     return reply->has_joint ? reading_check(&reply->joint, err) : RESULT_OK;
 }
 
+static enum result page_check(const arthron_Page *m, struct error *err) {
+    if (m->which_message == arthron_Page_command_tag)
+        return enum_check("kind", (int)m->message.command.kind, _arthron_Command_Kind_ARRAYSIZE,
+                          err);
+    if (m->which_message == arthron_Page_watch_tag)
+        return enum_check("what", (int)m->message.watch.what, _arthron_Watch_What_ARRAYSIZE, err);
+    return RESULT_OK;
+}
+
 // ---- decoding -----------------------------------------------------------------------------------
 
 static enum result decode(const char *name, const pb_msgdesc_t *kind, const uint8_t *data,
@@ -326,6 +336,15 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
         decode("reply", arthron_Reply_fields, data, size, WIRE_DATAGRAM_MAX, out_message, err);
     if (result == RESULT_OK && reply_check(out_message, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "reply: ");
+    return result;
+}
+
+enum result wire_decode_page(const uint8_t *data, size_t size, arthron_Page *out_message,
+                             struct error *err) {
+    enum result result = decode("page's message", arthron_Page_fields, data, size, WIRE_PAGE_MAX,
+                                out_message, err);
+    if (result == RESULT_OK && page_check(out_message, err) != RESULT_OK)
+        return fail_in(err, RESULT_FORMAT, "page's message: ");
     return result;
 }
 

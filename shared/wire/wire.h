@@ -27,7 +27,7 @@
 #define WIRE_DATAGRAM_MAX 1452
 #define WIRE_VIEW_MAX 2048
 #define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
-#define WIRE_PAGE_MAX 4096
+#define WIRE_PAGE_MAX 4096  // what a page says
 
 #define WIRE_CHUNK_DATA 32768     // in each piece of a mesh but the last
 #define WIRE_MESH_MAX (64u << 20) // in all of them together
@@ -64,6 +64,8 @@ enum result wire_decode_frame(const uint8_t *data, size_t size, arthron_Frame *o
                               struct error *err);
 enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *out_message,
                               struct error *err);
+enum result wire_decode_page(const uint8_t *data, size_t size, arthron_Page *out_message,
+                             struct error *err);
 
 // A Control that holds a MeshChunk and nothing else: struct arthron_Control has no place for one.
 // wire_decode_control refuses it (RESULT_FORMAT). After RESULT_OK number is above base, size at

@@ -1,0 +1,128 @@
+#include "web/door.h"
+
+#include "base/check.h"
+
+#include <arpa/inet.h>
+#include <ctype.h>
+#include <errno.h>
+#include <openssl/pem.h>
+#include <openssl/x509v3.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NAMES_MAX 16
+#define NAME_MAX_LENGTH 256
+
+struct door {
+    X509 *certificate;
+    char *names[NAMES_MAX];
+    int name_count;
+};
+
+// ---- life ---------------------------------------------------------------------------------------
+
+enum result door_create(const char *certificate_path, const char *const *names,
+                        struct door **out_door, struct error *err) {
+    *out_door = NULL;
+    FILE *file = fopen(certificate_path, "re");
+    if (!file)
+        return fail(err, RESULT_MISSING, "%s: %s", certificate_path, strerror(errno));
+    X509 *certificate = PEM_read_X509(file, NULL, NULL, NULL);
+    fclose(file);
+    if (!certificate)
+        return fail(err, RESULT_FORMAT, "%s: no certificate in PEM", certificate_path);
+    struct door *door = alloc(1, sizeof *door);
+    door->certificate = certificate;
+    for (; names[door->name_count]; door->name_count++) {
+        CHECK(door->name_count < NAMES_MAX);
+        door->names[door->name_count] = alloc_text(names[door->name_count]);
+    }
+    *out_door = door;
+    return RESULT_OK;
+}
+
+void door_destroy(struct door **door) {
+    if (!*door)
+        return;
+    X509_free((*door)->certificate);
+    for (int i = 0; i < (*door)->name_count; i++)
+        free((*door)->names[i]);
+    free(*door);
+    *door = NULL;
+}
+
+// ---- hosts --------------------------------------------------------------------------------------
+
+// Splits "name", "name:port", "[address]:port" and leaves the name; false where it is none of them.
+static bool name_of_host(const char *host, char out[NAME_MAX_LENGTH]) {
+    bool bracketed = host[0] == '[';
+    size_t length = bracketed ? strcspn(++host, "]") : strcspn(host, ":");
+    const char *port = host + length;
+    if (bracketed && *port++ != ']')
+        return false;
+    if (*port && (*port != ':' || strspn(port + 1, "0123456789") != strlen(port + 1)))
+        return false;
+    if (length == 0 || length >= NAME_MAX_LENGTH)
+        return false;
+    memcpy(out, host, length);
+    out[length] = '\0';
+    return true;
+}
+
+// Nobody but its owner has an address: only names can be made to point here.
+static bool is_address(const char *name) {
+    struct in6_addr address;
+    return inet_pton(AF_INET, name, &address) == 1 || inet_pton(AF_INET6, name, &address) == 1;
+}
+
+bool door_is_own_host(const struct door *door, const char *host) {
+    char name[NAME_MAX_LENGTH];
+    if (!name_of_host(host, name))
+        return false;
+    for (int i = 0; i < door->name_count; i++)
+        if (!strcasecmp(name, door->names[i]))
+            return true;
+    return is_address(name) || !strcasecmp(name, "localhost") ||
+           X509_check_host(door->certificate, name, 0, 0, NULL) == 1;
+}
+
+bool door_is_origin_of(const char *origin, const char *host) {
+    static const char scheme[] = "https://";
+    return !strncmp(origin, scheme, sizeof scheme - 1) &&
+           !strcasecmp(origin + sizeof scheme - 1, host);
+}
+
+// ---- tokens -------------------------------------------------------------------------------------
+
+// RFC 6750, 2.1
+static bool take_token(const char *text, size_t length, char out_token[DOOR_TOKEN_MAX]) {
+    if (length == 0 || length >= DOOR_TOKEN_MAX)
+        return false;
+    for (size_t i = 0; i < length; i++)
+        if (!isalnum((unsigned char)text[i]) && !strchr("-._~+/=", text[i]))
+            return false;
+    memcpy(out_token, text, length);
+    out_token[length] = '\0';
+    return true;
+}
+
+bool door_token_of_cookies(const char *cookies, char out_token[DOOR_TOKEN_MAX]) {
+    static const char name[] = "arthron=";
+    for (const char *at = cookies; *at;) {
+        at += strspn(at, "; ");
+        size_t length = strcspn(at, "; ");
+        if (!strncmp(at, name, sizeof name - 1))
+            return take_token(at + sizeof name - 1, length - (sizeof name - 1), out_token);
+        at += length;
+    }
+    return false;
+}
+
+bool door_token_of_authorization(const char *authorization, char out_token[DOOR_TOKEN_MAX]) {
+    static const char scheme[] = "Bearer ";
+    if (strncasecmp(authorization, scheme, sizeof scheme - 1))
+        return false;
+    const char *token = authorization + sizeof scheme - 1;
+    return take_token(token, strlen(token), out_token);
+}

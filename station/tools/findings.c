@@ -6,6 +6,7 @@
 
 void findings_add(struct findings *findings, bool good, const char *what, const char *advice,
                   const char *format, ...) {
+    findings->faults += !good;
     if (findings->count == FINDINGS_MAX)
         return;
     struct finding *finding = &findings->items[findings->count++];
@@ -18,15 +19,8 @@ void findings_add(struct findings *findings, bool good, const char *what, const 
     finding->advice = advice;
 }
 
-static int faults(const struct findings *findings) {
-    int count = 0;
-    for (int i = 0; i < findings->count; i++)
-        count += !findings->items[i].good;
-    return count;
-}
-
 bool findings_are_good(const struct findings *findings) {
-    return !faults(findings);
+    return !findings->faults;
 }
 
 void findings_print(const struct findings *findings, const char *station) {
@@ -36,9 +30,8 @@ void findings_print(const struct findings *findings, const char *station) {
         if (!finding->good)
             printf("      %-20s -> %s\n", "", finding->advice);
     }
-    int count = faults(findings);
-    if (count)
-        printf("%s: NOT READY, %d to be mended\n", station, count);
+    if (findings->faults)
+        printf("%s: NOT READY, %d to be mended\n", station, findings->faults);
     else
         printf("%s: ready\n", station);
 }

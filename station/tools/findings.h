@@ -14,10 +14,11 @@ struct finding {
 
 struct findings {
     int count;
+    int faults; // of all, those dropped too
     struct finding items[FINDINGS_MAX];
 };
 
-// One too many is dropped. `advice` is a literal.
+// One too many is dropped, but counts where it is not good. `advice` is a literal.
 void findings_add(struct findings *findings, bool good, const char *what, const char *advice,
                   const char *format, ...) __attribute__((format(printf, 5, 6)));
 

@@ -114,20 +114,24 @@ static void send_frame(struct hub *hub, vec3 tip) {
     tell(hub, note);
 }
 
-// In bursts, so that there is always more to be cut when a job is done.
-static void shave(struct hub *hub) {
-    for (int i = 1; i <= FRAMES; i++) {
-        send_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
-        if (i % BURST == 0)
-            wait_ms(20);
-    }
-}
-
 static struct card card_of(struct hub *hub) {
     pthread_mutex_lock(&hub->card_lock);
     struct card card = hub->seats[0].card;
     pthread_mutex_unlock(&hub->card_lock);
     return card;
+}
+
+// In bursts, so that there is always more to be cut when a job is done; on a busy machine they wait
+// for every second cut.
+static void shave(struct hub *hub) {
+    for (int i = 1; i <= FRAMES; i++) {
+        send_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
+        if (i % BURST)
+            continue;
+        wait_ms(20);
+        for (int k = 0; k < 200 && (int)card_of(hub).tissues[0].cuts < i / BURST / 2; k++)
+            wait_ms(20);
+    }
 }
 
 // When nothing has come for a while. Tells too early only that the mesh has another number.

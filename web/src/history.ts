@@ -16,7 +16,8 @@ export const INTERNAL = 4;
 const SHIFT = 5;
 const DRAWER = 6;
 const DISTRACTION = 7;
-const FIRST_BODY = 8;
+export const WORKING = 8; // the instrument that is worked with, from 0, the probe; -1: none
+const FIRST_BODY = 9;
 const FIRST_TOOL = FIRST_BODY + 2 * POSE * BODIES;
 
 // Places in an instrument's part of it.
@@ -50,6 +51,7 @@ export function toolAt(instrument: number): number {
 
 export function newRow(): Row {
   const row = new Float32Array(WIDTH);
+  row[WORKING] = -1;
   for (let body = 0; body < BODIES; body++) row[bodyAt(body, false)] = row[bodyAt(body, true)] = 1;
   return row;
 }
@@ -97,6 +99,21 @@ export function pack(moment: Moment, row: Row): void {
 }
 
 const LOST = 2;
+const SCOPE = 4;
+
+// The one that moves; another takes its place where that moves clearly more.
+function working(row: Row): number {
+  const speedOf = (instrument: number): number => {
+    const at = toolAt(instrument);
+    return row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST ? -1 : row[at + SPEED]!;
+  };
+  let best = row[WORKING]!;
+  for (let instrument = 0; instrument < SCOPE; instrument++) {
+    const speed = speedOf(instrument);
+    if (best < 0 ? speed >= 0 : speed > 3 + 2 * speedOf(best)) best = instrument;
+  }
+  return best;
+}
 
 /** What a station shows on its own PC, as a row: only poses and handles change. */
 export function packView(view: View, row: Row): void {
@@ -140,6 +157,7 @@ export class History {
     const time = Number(moment.timeNs) * 1e-9;
     if (this.count && time <= this.times[this.count - 1]!) return false;
     pack(moment, this.last);
+    this.last[WORKING] = working(this.last);
     if (this.count === this.times.length) {
       const larger = new Float64Array(2 * this.count);
       larger.set(this.times);

@@ -14,6 +14,7 @@ interface Page {
 }
 
 const STAFF: Role[] = ["instructor", "technician"];
+const ALL: Role[] = ["instructor", "technician", "trainee"];
 
 // Each view is loaded when it is first shown.
 const PAGES: Record<string, Page> = {
@@ -22,6 +23,8 @@ const PAGES: Record<string, Page> = {
   wall: { load: async () => (await import("./views/wall")).wall, roles: STAFF },
   sessions: { load: async () => (await import("./views/sessions")).sessions, roles: ["instructor", "trainee"] },
   admin: { load: async () => (await import("./views/admin")).admin, roles: STAFF },
+  station: { load: async () => (await import("./views/station")).station, roles: ALL },
+  scope: { load: async () => (await import("./views/scope")).scope, roles: ALL, bare: true },
 };
 
 const SIGNED_IN = "signed-in";

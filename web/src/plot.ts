@@ -2,6 +2,7 @@
 // canvas; what the cursor reads stands beside it as text. A column of pixels shows the least and the
 // greatest value that fall into it, so that no peak is lost.
 import { format } from "./text";
+import { onTheme, themeColour } from "./theme";
 import { h, setText } from "./ui";
 
 export interface Trace {
@@ -83,8 +84,8 @@ export class Plots {
   private wide = 0;
   private high = 0;
   private pending = 0;
+  private readonly endTheme: () => void;
   private readonly colours = new Map<string, string>();
-  private painted: string | undefined; // the theme that `colours` are of
 
   constructor(private readonly rows: PlotRow[], private readonly values: Values, words: PlotTexts) {
     this.readings = rows.map(({ traces }) => traces.map(() => h("output", { class: "plot-reading" })));
@@ -103,18 +104,15 @@ export class Plots {
     });
     this.resize = new ResizeObserver(() => this.measure());
     this.resize.observe(this.element);
-    this.theme.addEventListener("change", this.repaint);
+    this.endTheme = onTheme(() => {
+      this.colours.clear();
+      this.draw();
+    });
   }
-
-  private readonly theme = matchMedia("(prefers-color-scheme: dark)");
-  private readonly repaint = (): void => {
-    this.colours.clear();
-    this.draw();
-  };
 
   close(): void {
     this.resize.disconnect();
-    this.theme.removeEventListener("change", this.repaint);
+    this.endTheme();
     cancelAnimationFrame(this.pending);
   }
 
@@ -194,7 +192,7 @@ export class Plots {
 
   private colour(name: string): string {
     let found = this.colours.get(name);
-    if (!found) this.colours.set(name, (found = getComputedStyle(this.element).getPropertyValue(name).trim() || "#888"));
+    if (!found) this.colours.set(name, (found = themeColour(name)));
     return found;
   }
 
@@ -202,8 +200,6 @@ export class Plots {
     const { surface } = this;
     this.read();
     if (this.wide <= LABEL + 20 || this.high <= 0) return;
-    if (document.documentElement.dataset.theme !== this.painted) this.colours.clear();
-    this.painted = document.documentElement.dataset.theme;
     surface.clearRect(0, 0, this.wide, this.high);
     surface.font = "11px system-ui, sans-serif";
     const each = (this.high - TOP - AXIS) / this.rows.length;

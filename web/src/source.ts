@@ -28,7 +28,6 @@ export interface Resected {
 
 const EVENTS_MOST = 20_000; // the oldest go
 
-/** The surfaces at one time, whatever brings them. */
 export interface Source {
   readonly recorded: boolean;
   readonly session: LiveSession | undefined;
@@ -41,7 +40,7 @@ export interface Source {
   readonly trouble: string;
   /** Names of the groups whose mesh has come. */
   groups(): string[];
-  /** A group's mesh at a time of the session, good until the next call; a live one is always the newest. */
+  /** A group's mesh at a time of the session, good until the next call. */
   tissue(group: string, time: number): Tissue | undefined;
   /** Returns what ends it. */
   onChange(listener: (change: Change) => void): () => void;
@@ -129,7 +128,7 @@ export class FeedSource implements Source {
   }
 
   tissue(group: string, time: number): Tissue | undefined {
-    return this.recorded ? this.landed.get(group)?.at(time) : this.meshes.tissue(group);
+    return time >= this.history.end ? this.meshes.tissue(group) : this.landed.get(group)?.at(time);
   }
 
   onChange(listener: (change: Change) => void): () => void {
@@ -203,7 +202,7 @@ export class FeedSource implements Source {
   private land(group: string, payload: Uint8Array): void {
     let landed = this.landed.get(group);
     if (!landed) this.landed.set(group, (landed = new MeshHistory()));
-    if (this.recorded) landed.push(this.history.end, payload);
+    landed.push(this.history.end, payload);
     this.tell("mesh");
   }
 

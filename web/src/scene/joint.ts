@@ -6,7 +6,7 @@ import {
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
 import {
-  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, NEAREST, OPENING, PENETRATION, SEEN, SPEED, TIP, toolAt, WARPED,
+  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, NEAREST, OPENING, PENETRATION, SEEN, TIP, toolAt, WARPED,
   type History, type Row,
 } from "../history";
 import type { Tissue } from "../mesh";
@@ -312,19 +312,6 @@ export class Joint {
     const { x, y, z } = point.clone().applyMatrix4(scratch.copy(this.bodies[body]!.virtual.matrix).invert());
     return { body, point: { x, y, z } };
   }
-}
-
-/** The instrument that is worked with: the fastest one that is seen; -1: none. */
-export function workingTool(row: Row): number {
-  let best = -1;
-  let most = -1;
-  for (let instrument = 0; instrument < SCOPE; instrument++) {
-    const at = toolAt(instrument);
-    if (row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST) continue;
-    const speed = row[at + SPEED]! + (row[at + NEAREST]! >= 0 ? 10 / (1 + row[at + NEAREST]!) : 0);
-    if (speed > most) [best, most] = [instrument, speed];
-  }
-  return best;
 }
 
 function near(a: Matrix4, b: Matrix4): boolean {

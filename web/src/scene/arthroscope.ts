@@ -1,0 +1,74 @@
+// The picture of an arthroscope: the joint from the tip of the scope, lit from there. The canvas is the
+// square around the round picture.
+import { ACESFilmicToneMapping, Color, HemisphereLight, PerspectiveCamera, PointLight, Quaternion, Scene, type WebGLRenderer } from "three";
+import { HAS_WARPED, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { SCOPE, type Joint } from "./joint";
+import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
+import { Fineness, newRenderer } from "./view3d";
+
+const LIGHT = 260; // at 1 mm, before it fades with distance
+const FADE = 1.45; // less than the square: cameras open up in the distance
+const DEPTH = 0x1c0907; // where no light comes back from
+
+export class Arthroscope {
+  readonly camera = new PerspectiveCamera(90, 1, 0.4, 260);
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly fineness = new Fineness();
+  private readonly turn = new Quaternion(); // of the camera in the tip's frame
+  private side = 0; // px of the page
+
+  constructor(canvas: HTMLCanvasElement, private readonly joint: Joint, optic: Optic) {
+    this.renderer = newRenderer(canvas);
+    this.renderer.toneMapping = ACESFilmicToneMapping;
+    this.renderer.toneMappingExposure = 1.15;
+    this.scene.background = new Color(DEPTH);
+    const lamp = new PointLight(0xfff4e6, LIGHT, 0, FADE);
+    lamp.position.set(0.9, 1.2, 0.3);
+    this.camera.add(lamp);
+    this.scene.add(this.camera, new HemisphereLight(0xffe9dd, 0x5a2018, 0.16), joint.root);
+    joint.setShow({ ghost: false, raw: false, trails: false, femur: true, patella: true, ligaments: true, skin: true, seeThrough: false, map: "none" });
+    this.setOptic(optic);
+  }
+
+  close(): void {
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+
+  setOptic(optic: Optic): void {
+    const [w, x, y, z] = cameraInTip(optic);
+    this.turn.set(x, y, z, w);
+    this.camera.fov = cameraFieldDeg(optic);
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** px of the page, and whether pictures follow each other without a break, which took so long. */
+  setSide(side: number): void {
+    this.side = side;
+    this.resize();
+  }
+
+  took(ms: number): void {
+    if (this.fineness.took(ms)) this.resize();
+  }
+
+  private resize(): void {
+    if (!this.side) return;
+    this.renderer.setPixelRatio(this.fineness.value);
+    this.renderer.setSize(this.side, this.side, false);
+  }
+
+  /** False where the row has no scope. */
+  draw(row: Row, time: number): boolean {
+    const at = toolAt(SCOPE);
+    if (row[at + SEEN]! < 1) return false;
+    const pose = at + (row[at + HAS_WARPED] === 1 ? WARPED : TIP);
+    this.joint.setRow(row, time);
+    this.camera.position.set(row[pose + 4]!, row[pose + 5]!, row[pose + 6]!);
+    this.camera.quaternion.set(row[pose + 1]!, row[pose + 2]!, row[pose + 3]!, row[pose]!).normalize().multiply(this.turn);
+    this.joint.faceMarker(this.camera.quaternion);
+    this.renderer.render(this.scene, this.camera);
+    return true;
+  }
+}

@@ -1,0 +1,92 @@
+// What stands over the joint's picture: where to look from, what is shown, colour maps and their legend.
+import type { ColourMap, MapName } from "./scene/colours";
+import { TOOL_COLOURS, type Show } from "./scene/joint";
+import { PRESETS, type PresetName } from "./scene/orbit";
+import { format, text } from "./text";
+import { add, button, fill, h, select } from "./ui";
+
+export interface ToolbarActions {
+  show(show: Show): void;
+  preset(name: PresetName): void;
+  follow(on: boolean): void;
+}
+
+type Switch = keyof typeof text.session.shows;
+const SWITCHES: Switch[] = ["ghost", "raw", "trails", "seeThrough", "femur", "patella", "ligaments", "skin"];
+
+export class Toolbar {
+  readonly element: HTMLElement;
+  private readonly legend = h("div", { class: "legend", hidden: true });
+
+  constructor(private show: Show, private readonly actions: ToolbarActions) {
+    const presets = PRESETS.map((name, i) =>
+      h("button", { type: "button", class: "tool", title: `${text.session.presets[name]} (${i + 1})`, "aria-label": text.session.presets[name],
+        on: { click: () => actions.preset(name) } }, text.session.presetKeys[name]));
+    const follow = button(text.session.follow, () => {
+      const on = follow.getAttribute("aria-pressed") !== "true";
+      follow.setAttribute("aria-pressed", String(on));
+      actions.follow(on);
+    }, { class: "tool wide-tool", "aria-pressed": "false" });
+    const maps = select((Object.entries(text.session.maps) as [MapName, string][]), "none", { "aria-label": text.session.map,
+      on: { change: () => this.set({ map: maps.value as MapName }) } });
+    this.element = h("div", { class: "scene-tools" },
+      h("div", { class: "tools-left", role: "group", "aria-label": text.session.views }, h("div", { class: "tool-row" }, ...presets), follow),
+      h("div", { class: "tools-right" }, maps, this.switches()),
+      this.legend, key());
+  }
+
+  private set(change: Partial<Show>): void {
+    this.show = { ...this.show, ...change };
+    this.actions.show(this.show);
+  }
+
+  private switches(): HTMLElement {
+    const boxes = SWITCHES.map((name) => {
+      const input = h("input", { type: "checkbox", on: { change: () => this.set({ [name]: input.checked }) } });
+      input.checked = this.show[name];
+      return h("label", { class: "switch" }, input, h("span", {}, text.session.shows[name]));
+    });
+    const details = h("details", { class: "drop" }, h("summary", { class: "button" }, text.session.show), h("div", { class: "drop-panel" }, ...boxes));
+    details.addEventListener("focusout", (event) => {
+      if (event.relatedTarget && !details.contains(event.relatedTarget as Node)) details.open = false;
+    });
+    details.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !details.open) return;
+      details.open = false;
+      details.querySelector("summary")!.focus();
+      event.stopPropagation();
+    });
+    return details;
+  }
+
+  showLegend(name: MapName, map: ColourMap | undefined): void {
+    this.legend.hidden = !map || name === "none";
+    if (!map || name === "none") return;
+    const bar = h("div", { class: "legend-bar" });
+    bar.style.background = `linear-gradient(to right, ${map.table.map(([r, g, b]) => `rgb(${r} ${g} ${b})`).join(", ")})`;
+    const at = (value: number): string => `${(100 * (value - map.from)) / (map.to - map.from)}%`;
+    for (const value of map.marks ?? []) {
+      const mark = h("i", { class: "legend-mark" });
+      mark.style.left = at(value);
+      bar.append(mark);
+    }
+    const ticks = h("div", { class: "legend-ticks" });
+    for (const value of map.ticks) {
+      const tick = h("span", {}, format.number(value, Number.isInteger(value) ? 0 : Number.isInteger(10 * value) ? 1 : 2));
+      tick.style.left = at(value);
+      add(ticks, tick);
+    }
+    fill(this.legend, h("p", {}, h("strong", {}, text.session.maps[name]), map.unit && ` ${map.unit}`), bar, ticks, h("p", { class: "legend-hint" }, text.session.mapHints[name]));
+  }
+}
+
+// Whose trail is whose.
+function key(): HTMLElement {
+  const items = TOOL_COLOURS.map((colour, instrument) => {
+    const sign = h("i", { "aria-hidden": "true" });
+    sign.style.background = `#${colour.toString(16).padStart(6, "0")}`;
+    return h("li", {}, sign, text.session.instruments[instrument]);
+  });
+  return h("ul", { class: "tool-key" }, ...items);
+}
+

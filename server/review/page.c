@@ -4,6 +4,8 @@
 #include "base/clock.h"
 #include "metrics/subject.h"
 #include "report/html.h"
+#include "report/strip.h"
+#include "review/cohort.h"
 #include "review/plots.h"
 
 #include <inttypes.h>
@@ -21,6 +23,9 @@ struct page {
     struct survey survey;
     struct metrics metrics;
     struct report_lines lines;
+    bool beside; // others
+    const char *course;
+    struct cohort cohort;
     char seal[TRACE_SIGNED_BY_MAX + sizeof((struct error){0}).text];
 };
 
@@ -170,6 +175,38 @@ static void write_resection(const struct page *page) {
 
 // ---- figures ------------------------------------------------------------------------------------
 
+// Of so few, quartiles and a box would say more than there is.
+#define FEW 5
+
+static void write_few(FILE *file, const double *values, size_t count) {
+    fprintf(file, "<td class=\"n\">%zu</td><td colspan=\"2\">", count);
+    for (size_t i = 0; i < count; i++)
+        fprintf(file, "%s%.4g", i ? ", " : "", values[i]);
+    fputs("</td>", file);
+}
+
+static void write_spread(FILE *file, const double *values, size_t count, double value) {
+    fprintf(file, "<td class=\"n\">%zu</td><td>%.4g &ndash; <b>%.4g</b> &ndash; %.4g</td><td>",
+            count, strip_quantile(values, count, 0.25), strip_quantile(values, count, 0.5),
+            strip_quantile(values, count, 0.75));
+    strip_write(file, &(struct strip){values, count, value});
+    fputs("</td>", file);
+}
+
+static void write_beside(const struct page *page, const struct metric_kind *kind, const char *about,
+                         double value) {
+    const struct spread *spread = cohort_find(&page->cohort, kind, about);
+    if (!spread || !isfinite(value)) {
+        fputs("<td class=\"n\">0</td><td colspan=\"2\">-</td>", page->file);
+        return;
+    }
+    const double *values = page->cohort.values + spread->first;
+    if (spread->count < FEW)
+        write_few(page->file, values, spread->count);
+    else
+        write_spread(page->file, values, spread->count, value);
+}
+
 static void write_figure(void *context, const struct metric_value *v) {
     const struct page *page = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
@@ -183,17 +220,39 @@ static void write_figure(void *context, const struct metric_value *v) {
             "<tr><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td>%s</td><td>",
             kind->name, kind->version, value, kind->unit);
     html_text(page->file, about);
-    fputs("</td></tr>\n", page->file);
+    fputs("</td>", page->file);
+    if (page->beside)
+        write_beside(page, kind, about, v->value);
+    fputs("</tr>\n", page->file);
+}
+
+static void write_whose(const struct page *page) {
+    fputs("<p>Beside each: the same figure, of the same version, of the sessions", page->file);
+    if (page->course) {
+        fputs(" of the trainees of course ", page->file);
+        html_text(page->file, shown(page->course));
+    }
+    fputs(" on case ", page->file);
+    html_text(page->file, shown(page->header->case_name));
+    fprintf(page->file,
+            " that the records have, this one too where they have it; how many these are, their "
+            "quartiles with the median in the middle, and where this session (the diamond) stands "
+            "among them. Of fewer than %d, the figures themselves.</p>\n",
+            FEW);
 }
 
 static void write_figures(const struct page *page) {
     fprintf(
         page->file,
         "<h2>Figures</h2>\n<p>As of arthron-trace score, with an optic of %g degrees and a field "
-        "of %g. In brackets: so small that noise may have made a tenth of it.</p>\n"
-        "<table>\n<tr><th>figure</th><th class=\"n\">version</th><th class=\"n\">value</th>"
-        "<th>unit</th><th>of</th></tr>\n",
+        "of %g. In brackets: so small that noise may have made a tenth of it.</p>\n",
         page->metrics.optic.tilt_deg, page->metrics.optic.field_deg);
+    if (page->beside)
+        write_whose(page);
+    fprintf(page->file,
+            "<table>\n<tr><th>figure</th><th class=\"n\">version</th><th class=\"n\">value</th>"
+            "<th>unit</th><th>of</th>%s</tr>\n",
+            page->beside ? "<th class=\"n\">n</th><th>quartiles</th><th>among them</th>" : "");
     metrics_each(&page->metrics, write_figure, (void *)page);
     fputs("</table>\n", page->file);
 }
@@ -223,7 +282,11 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     metrics_init(&page->metrics, page->header->optic);
     report_lines_read(again, &page->survey, source->progress, &page->lines, &page->metrics);
     trace_reader_destroy(&again);
-    return RESULT_OK;
+    page->beside = source->records != NULL;
+    page->course = source->course;
+    return page->beside ? cohort_read(source->records, page->header->case_name, source->course,
+                                      &page->cohort, err)
+                        : RESULT_OK;
 }
 
 static void write_page(struct page *page) {
@@ -250,6 +313,7 @@ static enum result review(struct trace_reader *reader, const struct review_sourc
         write_page(page);
     *out_whole = page->survey.end == RESULT_CLOSED && !page->survey.missing;
     case_destroy(&knee);
+    cohort_fini(&page->cohort);
     free(page);
     return result;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "review/survey.h"
+#include "store/store.h"
 
 #include <stdio.h>
 
@@ -9,12 +10,16 @@ struct review_source {
     const char *trace;
     const char *case_dir;     // for the names of groups; NULL: the one that the trace names
     survey_progress progress; // or NULL
+    struct store
+        *records;       // to draw the figures beside those on the same case; NULL: they stand alone
+    const char *course; // only of its trainees; NULL: of all
 };
 
 // Whose session it is, the paths of the instruments' tips as measured and as seen, the warp and
 // what may have been noticed of it, the joint, the resection, the figures. Reads the whole trace
 // twice: some seconds for an hour. Of a trace that is not whole, what can be read. After an error
-// nothing was written; an error of the file itself is the caller's to find.
+// nothing was written (RESULT_MISSING: there is no such course); an error of the file itself is the
+// caller's to find.
 //
 // out_whole: the trace ends as it should, and no step is missing.
 enum result review_write_page(const struct review_source *source, FILE *file, bool *out_whole,

@@ -8,6 +8,7 @@
 
 static const char help[] =
     "Usage: arthron-trace report FILE --out REPORT.html [--case DIR]\n"
+    "                            [--records FILE [--course NAME]]\n"
     "\n"
     "Writes a page that stands alone: whose session it is, the paths of the instruments' tips as\n"
     "measured and as seen, the warp and what may have been noticed of it, the joint, the "
@@ -16,11 +17,14 @@ static const char help[] =
     "\n"
     "  --out FILE   the page; one that is there is replaced\n"
     "  --case DIR   the case, for the names of its groups; else that of the trace, else numbers\n"
+    "  --records FILE  draws each figure beside those that the server's records have of sessions\n"
+    "               on the same case\n"
+    "  --course NAME   only of the trainees of this course\n"
     "\n"
     "Exits 1 where the trace is not whole or steps are missing (what can be read is reported).\n";
 
 struct request {
-    const char *out;
+    const char *out, *records;
     struct review_source source;
 };
 
@@ -34,14 +38,26 @@ static enum result write_file(const char *path, const char *page, size_t size, s
     return RESULT_OK;
 }
 
+static enum result make_page(const struct request *request, FILE *file, bool *out_whole,
+                             struct error *err) {
+    struct review_source source = request->source;
+    enum result result = RESULT_OK;
+    if (request->records)
+        result = store_open(request->records, STORE_THERE, "report", &source.records, err);
+    if (result == RESULT_OK)
+        result = review_write_page(&source, file, out_whole, err);
+    store_close(&source.records);
+    return result;
+}
+
 static int report(const struct request *request) {
     struct error err = {""};
     char *page = NULL;
     size_t size = 0;
-    bool whole;
+    bool whole = false;
     FILE *memory = open_memstream(&page, &size);
     CHECK(memory);
-    enum result result = review_write_page(&request->source, memory, &whole, &err);
+    enum result result = make_page(request, memory, &whole, &err);
     fclose(memory);
     if (result == RESULT_OK)
         result = write_file(request->out, page, size, &err);
@@ -52,10 +68,10 @@ static int report(const struct request *request) {
 }
 
 int command_report(int argc, char **argv) {
-    static const struct option options[] = {{"out", required_argument, NULL, 'o'},
-                                            {"case", required_argument, NULL, 'c'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
+    static const struct option options[] = {
+        {"out", required_argument, NULL, 'o'},     {"case", required_argument, NULL, 'c'},
+        {"records", required_argument, NULL, 'r'}, {"course", required_argument, NULL, 'k'},
+        {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0}};
     struct request request = {.source.progress = show_progress};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
@@ -64,6 +80,10 @@ int command_report(int argc, char **argv) {
             request.out = optarg;
         else if (c == 'c')
             request.source.case_dir = optarg;
+        else if (c == 'r')
+            request.records = optarg;
+        else if (c == 'k')
+            request.source.course = optarg;
         else
             return usage_error(argv[0], "unknown option");
     }
@@ -71,5 +91,7 @@ int command_report(int argc, char **argv) {
         return EXIT_USAGE;
     if (!request.out)
         return usage_error(argv[0], "--out is missing");
+    if (request.source.course && !request.records)
+        return usage_error(argv[0], "--course needs --records");
     return report(&request);
 }

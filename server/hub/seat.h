@@ -276,6 +276,9 @@ void desk_command(void *hub, const char *actor, const arthron_Command *command,
 // tally.c
 void tally_begin(const struct trace_header *header, const struct scene *scene,
                  struct tally *out_tally);
+// The worker, after a step.
+void tally_step(struct seat *seat, const struct session_input *input,
+                const struct session_output *output);
 // Of the session that the station has, or had last. False where there is no such station.
 bool desk_metrics(void *hub, const char *station, arthron_Metrics *out_metrics);
 

@@ -16,7 +16,6 @@
 #define EMPTY_STEP_NS (50 * NS_PER_MS)
 #define TICK_MS 10
 #define RING_NOTES 1024
-#define TALLY_NS (NS_PER_S / 4)
 
 // Where an answer goes.
 enum path { PATH_CONTROL, PATH_DATAGRAM };
@@ -57,14 +56,6 @@ static void show(struct seat *seat, const struct session_output *output) {
         atomic_store_explicit(&seat->counts.warp_nm, warp_nm, memory_order_relaxed);
 }
 
-// Now and then, and whenever the session begins, rests or ends.
-static void leave_tally(struct seat *seat, const struct session_output *output) {
-    if (!(output->events & EVENT_STATE) && output->time_ns - seat->tally_ns < TALLY_NS)
-        return;
-    newest_put(seat->tallies, &seat->live->tally);
-    seat->tally_ns = output->time_ns;
-}
-
 static void advance(struct worker *worker, struct seat *seat, struct session_input *input,
                     struct session_output *output) {
     if (input->time_ns < seat->last_step_ns)
@@ -73,8 +64,7 @@ static void advance(struct worker *worker, struct seat *seat, struct session_inp
     session_step(seat->live->session, input, output);
     trace_append(seat->live->trace, input, output);
     atomic_store_explicit(&seat->counts.steps, output->step, memory_order_relaxed);
-    metrics_step(&seat->live->tally.metrics, input, output);
-    leave_tally(seat, output);
+    tally_step(seat, input, output);
     show(seat, output);
     seat->events |= output->events;
     if (output->events & EVENT_STATE) {
@@ -331,7 +321,8 @@ static void attach(struct worker *worker, struct seat *seat, struct live *live) 
     seat->last_frame = 0;
     seat->events = 0;
     seat->last_step_ns = live->last_ns;
-    seat->tally_ns = live->last_ns - TALLY_NS;
+    newest_put(seat->tallies, &live->tally);
+    seat->tally_ns = live->last_ns;
     seat->last_frame_ns = clock_now_ns();
     atomic_store(&seat->counts.state, (int)live->state);
     if (live->pending)

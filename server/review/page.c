@@ -186,8 +186,13 @@ static void write_few(FILE *file, const double *values, size_t count) {
 }
 
 static void write_spread(FILE *file, const double *values, size_t count, double value) {
-    fprintf(file, "<td class=\"n\">%zu</td><td>%.4g &ndash; <b>%.4g</b> &ndash; %.4g</td><td>",
-            count, strip_quantile(values, count, 0.25), strip_quantile(values, count, 0.5),
+    fprintf(file, "<td class=\"n\">%zu</td>", count);
+    if (values[0] == values[count - 1] && value == values[0]) {
+        fprintf(file, "<td colspan=\"2\">all %.4g</td>", value);
+        return;
+    }
+    fprintf(file, "<td class=\"n\">%.4g &middot; <b>%.4g</b> &middot; %.4g</td><td>",
+            strip_quantile(values, count, 0.25), strip_quantile(values, count, 0.5),
             strip_quantile(values, count, 0.75));
     strip_write(file, &(struct strip){values, count, value});
     fputs("</td>", file);
@@ -252,7 +257,8 @@ static void write_figures(const struct page *page) {
     fprintf(page->file,
             "<table>\n<tr><th>figure</th><th class=\"n\">version</th><th class=\"n\">value</th>"
             "<th>unit</th><th>of</th>%s</tr>\n",
-            page->beside ? "<th class=\"n\">n</th><th>quartiles</th><th>among them</th>" : "");
+            page->beside ? "<th class=\"n\">n</th><th class=\"n\">quartiles</th><th>among them</th>"
+                         : "");
     metrics_each(&page->metrics, write_figure, (void *)page);
     fputs("</table>\n", page->file);
 }

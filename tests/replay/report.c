@@ -177,7 +177,8 @@ static void figures_stand_beside_those_of_a_course(void **state) {
     snprintf(options, sizeof options, "--records %s --course 'autumn <26>'", records_path);
     assert_int_equal(report_with(options), 0);
     assert_has("course autumn &lt;26&gt; on case arthrosis");
-    assert_has("<td class=\"n\">5</td><td>101 &ndash; <b>102</b> &ndash; 103</td><td><svg");
+    assert_has(
+        "<td class=\"n\">5</td><td class=\"n\">101 &middot; <b>102</b> &middot; 103</td><td><svg");
     assert_has("<td class=\"n\">3</td><td colspan=\"2\">-11, -10, -9</td>");
     assert_int_equal(count_of("fill=\"#d55e00\""), 1);
     assert_drawings_are_xml();
@@ -185,7 +186,8 @@ static void figures_stand_beside_those_of_a_course(void **state) {
 
     snprintf(options, sizeof options, "--records %s", records_path);
     assert_int_equal(report_with(options), 0);
-    assert_has("<td class=\"n\">6</td><td>101.2 &ndash; <b>102.5</b> &ndash; 103.8</td>");
+    assert_has(
+        "<td class=\"n\">6</td><td class=\"n\">101.2 &middot; <b>102.5</b> &middot; 103.8</td>");
     free(page);
 
     snprintf(options, sizeof options, "--out %s.html --records %s --course spring", trace_path,

@@ -1,0 +1,96 @@
+// What the wall says of stations, where its cards go, and how a knee is made small.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { create, type MessageInitShape } from "@bufbuild/protobuf";
+import { PlaceSchema, SessionState } from "wire";
+import type { Seat } from "../src/live";
+import { parseRoute, routeTo } from "../src/router";
+import { kneeParts, thin } from "../src/views/wall_knee";
+import { arrange, byUrgency, quietFor, runningSeconds, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
+
+function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): Seat {
+  return { seat: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
+}
+
+test("a station stands where its connection and its session say", () => {
+  const of = (connected: boolean, state: SessionState): string => standing(create(PlaceSchema, { info: { connected, state } }));
+  assert.equal(of(false, SessionState.RUNNING), "gone");
+  assert.equal(of(true, SessionState.RUNNING), "running");
+  assert.equal(of(true, SessionState.PAUSED), "paused");
+  assert.equal(of(true, SessionState.WAITING), "waiting");
+  assert.equal(of(true, SessionState.CLOSED), "closed");
+  assert.equal(standing(undefined), "gone");
+});
+
+test("a station that nothing is heard of is warned of, whatever the server last said", () => {
+  const one = seat({ info: { station: "bay-1" }, urgency: 1, warning: "calibration" });
+  assert.equal(warningOf(one, 12_999, false)?.words, "calibration");
+  assert.equal(quietFor(one, 12_999), undefined);
+  assert.equal(quietFor(one, 13_000), 3000);
+  assert.equal(warningOf(one, 13_000, false)?.urgency, 2);
+  assert.equal(warningOf(one, 13_000, true)?.words, "calibration"); // the server as a whole is said to be quiet
+  assert.equal(warningOf(seat({}), 10_000, false), undefined);
+});
+
+test("warnings are sorted by urgency, then by station as people count", () => {
+  const warn = (station: string, urgency: number) => warningOf(seat({ info: { station }, urgency, warning: "w" }), 10_000, false)!;
+  const sorted = byUrgency([warn("bay-10", 1), warn("bay-2", 1), warn("bay-3", 3), warn("bay-1", 7)]);
+  assert.deepEqual(sorted.map((warning) => `${warning.station} ${warning.urgency}`), ["bay-1 3", "bay-3 3", "bay-2 1", "bay-10 1"]);
+});
+
+test("a device that is lost has no rate, and its dropouts still count", () => {
+  const of = (rateHz: number, dropouts: number, lost: boolean) => ({ $typeName: "arthron.DeviceRate" as const, name: "", driver: "", rateHz, dropouts, lost });
+  assert.deepEqual(sumOfDevices([of(100, 2, false), of(0, 3, true), of(250, 0, false)]), { count: 3, lost: 1, slowestHz: 100, dropouts: 5 });
+  assert.equal(sumOfDevices([of(0, 0, true)]).slowestHz, undefined);
+});
+
+test("the time running is the session's own where it is known", () => {
+  const one = seat({ info: { startUtcNs: 1_000_000_000_000n } });
+  assert.equal(runningSeconds(one, 1_060_000), 60);
+  assert.equal(runningSeconds(seat({ info: {} }), 1_060_000), undefined);
+});
+
+test("all cards fit on the screen where any size of them does", () => {
+  const size = { large: [300, 280], medium: [212, 206], small: [148, 146] } as const;
+  for (let count = 1; count <= 64; count++)
+    for (const [width, height] of [[1128, 790], [984, 640], [1640, 950], [2296, 1310], [788, 860]] as const) {
+      const { density, columns } = arrange(count, width, height);
+      const rows = Math.ceil(count / columns);
+      assert.ok(columns * size[density][0] + (columns - 1) * 8 <= width || columns === 1, `${count} in ${width}: ${columns} ${density}`);
+      const fits = rows * (size[density][1] + 8) - 8 <= height;
+      const none = Math.floor((width + 8) / 156) * Math.floor((height + 8) / 154) < count;
+      assert.ok(fits || (none && density === "small"), `${count} in ${width} x ${height}: ${rows} rows of ${density}`);
+    }
+  assert.deepEqual(arrange(32, 1128, 790), { density: "small", columns: 7 });
+});
+
+test("addresses of views are read as they are written", () => {
+  const route = parseRoute(routeTo("session", ["a/b c"], { with: "ö", empty: "" }));
+  assert.deepEqual([route.name, route.args, [...route.query]], ["session", ["a/b c"], [["with", "ö"]]]);
+  for (const hash of ["", "#", "#/"]) assert.equal(parseRoute(hash).name, "");
+  assert.deepEqual(parseRoute("#/station/%zz").args, ["%zz"]);
+});
+
+test("a thinned surface stays near what it was, and is smaller", () => {
+  const positions: number[] = [];
+  const triangles: number[] = [];
+  const n = 40;
+  for (let i = 0; i <= n; i++)
+    for (let j = 0; j <= n; j++) {
+      const [theta, phi] = [(Math.PI * i) / n, (2 * Math.PI * j) / n];
+      positions.push(30 * Math.sin(theta) * Math.cos(phi), 30 * Math.sin(theta) * Math.sin(phi), 30 * Math.cos(theta));
+      if (i < n && j < n) triangles.push(i * (n + 1) + j, (i + 1) * (n + 1) + j, i * (n + 1) + j + 1, i * (n + 1) + j + 1, (i + 1) * (n + 1) + j, (i + 1) * (n + 1) + j + 1);
+    }
+  const small = thin(Float32Array.from(positions), Uint32Array.from(triangles), 6);
+  assert.ok(small.triangles.length < triangles.length / 2 && small.triangles.length > 300);
+  for (let i = 0; i < small.positions.length; i += 3) {
+    const far = Math.hypot(small.positions[i]!, small.positions[i + 1]!, small.positions[i + 2]!);
+    assert.ok(Math.abs(far - 30) < 2, `${far}`);
+  }
+  assert.ok(Math.max(...small.triangles) < small.positions.length / 3);
+});
+
+test("bytes that are no case are refused", () => {
+  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(4)), /no binary glTF/);
+  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(64)), /no binary glTF/);
+});

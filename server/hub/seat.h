@@ -7,6 +7,7 @@
 #include "hub/devices.h"
 #include "hub/hub.h"
 #include "hub/moment.h"
+#include "hub/onlookers.h"
 #include "hub/recorder.h"
 #include "hub/remarks.h"
 #include "metrics/metrics.h"
@@ -254,6 +255,10 @@ bool theatre_take(struct theatre *theatre, int *out_seat, uint64_t *out_serial,
 // The control thread: a station's MeshAsk or mesh_ack, or NULL where it is gone.
 void theatre_tell(struct theatre *theatre, int seat, struct control_peer peer,
                   const arthron_Control *message);
+
+// The thread of the pages (audience.h). The look's tray is the theatre's from then on; false: it is
+// too busy, and the tray still the caller's.
+bool theatre_look(struct theatre *theatre, const struct look *look);
 
 // The desk.
 bool theatre_retired(struct theatre *theatre, struct retired *out_retired);

@@ -6,7 +6,6 @@
 #include "hub/reply.h"
 #include "hub/seat.h"
 #include "hub/tissue_delta.h"
-#include "net/mesh_feed.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -52,6 +51,7 @@ struct table {
     struct control_peer peer;
     struct mesh_feed *feeds[TISSUES_MAX];
     struct mesh_cursor cursors[TISSUES_MAX];
+    struct onlookers onlookers;
 };
 
 struct theatre {
@@ -62,6 +62,7 @@ struct theatre {
     int wake_fd;
     struct ring *orders;  // of struct order
     struct ring *words;   // of struct word
+    struct ring *looks;   // of struct look
     struct ring *done;    // of struct done, to the worker
     struct ring *retired; // of struct retired, to the desk
     struct table tables[HUB_STATIONS_MAX];
@@ -89,6 +90,8 @@ static void send_meshes(struct theatre *theatre, struct table *table) {
             control_send_mesh(theatre->hub->control, table->peer, payload);
         mesh_payload_release(&payload);
     }
+    if (table->live)
+        onlookers_serve(&table->onlookers, table->live->serial, table->feeds);
 }
 
 static uint64_t mesh_hash(const struct table *table, int tissue) {
@@ -195,6 +198,7 @@ static void close_table(struct theatre *theatre, const struct order *order) {
     for (int i = 0; i < TISSUES_MAX; i++)
         mesh_feed_destroy(&table->feeds[i]);
     memset(table->cursors, 0, sizeof table->cursors);
+    onlookers_forget(&table->onlookers);
     table->live = NULL;
     struct retired retired = {order->seat, order->deserted, order->live};
     bool pushed = ring_push(theatre->retired, &retired);
@@ -255,19 +259,38 @@ static void take_word(struct theatre *theatre, const struct word *word) {
     send_meshes(theatre, table);
 }
 
+// ---- what pages say that look on ----------------------------------------------------------------
+
+static void take_look(struct theatre *theatre, struct look *look) {
+    struct table *table = &theatre->tables[look->seat];
+    if (table->live && table->live->serial == look->session) {
+        const char *groups[TISSUES_MAX];
+        int count = scene_tissue_count(table->live->scene);
+        for (int i = 0; i < count; i++)
+            groups[i] = group_name(table->live, i);
+        onlookers_hear(&table->onlookers, look, groups, count);
+        send_meshes(theatre, table);
+    }
+    tray_release(&look->tray);
+}
+
 // ---- the thread ---------------------------------------------------------------------------------
 
 // What there is now, and the rest in the next round, so that words do not wait for an end of the
 // orders, which may never come. A station asks for meshes when it hears of its session, of which
-// the order was given before: words are counted first and taken last.
+// the order was given before: words are counted first and taken last. So does a page.
 static void take_round(struct theatre *theatre) {
-    size_t words = ring_count(theatre->words), orders = ring_count(theatre->orders);
+    size_t words = ring_count(theatre->words), looks = ring_count(theatre->looks);
+    size_t orders = ring_count(theatre->orders);
     struct order order;
     struct word word;
+    struct look look;
     for (; orders && ring_pop(theatre->orders, &order); orders--)
         take_order(theatre, &order);
     for (; words && ring_pop(theatre->words, &word); words--)
         take_word(theatre, &word);
+    for (; looks && ring_pop(theatre->looks, &look); looks--)
+        take_look(theatre, &look);
 }
 
 static void *operate(void *argument) {
@@ -296,6 +319,7 @@ void theatre_start(struct worker *worker) {
     CHECK(theatre->wake_fd >= 0);
     theatre->orders = ring_create(RING_ORDERS, sizeof(struct order));
     theatre->words = ring_create(RING_ORDERS, sizeof(struct word));
+    theatre->looks = ring_create(RING_ORDERS, sizeof(struct look));
     theatre->done = ring_create(RING_ORDERS, sizeof(struct done));
     theatre->retired = ring_create(RING_ORDERS, sizeof(struct retired));
     int failed = pthread_create(&theatre->thread, NULL, operate, theatre);
@@ -314,12 +338,18 @@ void theatre_stop(struct worker *worker) {
 void theatre_release(struct worker *worker) {
     struct theatre *theatre = worker->theatre;
     struct done done;
+    struct look look;
     if (!theatre)
         return;
     while (ring_pop(theatre->done, &done))
         job_result_destroy(&done.result);
+    while (ring_pop(theatre->looks, &look))
+        tray_release(&look.tray);
+    for (int i = 0; i < HUB_STATIONS_MAX; i++)
+        onlookers_fini(&theatre->tables[i].onlookers);
     ring_destroy(&theatre->orders);
     ring_destroy(&theatre->words);
+    ring_destroy(&theatre->looks);
     ring_destroy(&theatre->done);
     ring_destroy(&theatre->retired);
     close(theatre->wake_fd);
@@ -375,6 +405,13 @@ void theatre_tell(struct theatre *theatre, int seat, struct control_peer peer,
         log_warning("hub", "station %s: a word about meshes was lost",
                     theatre->hub->seats[seat].station->name);
     wake(theatre->wake_fd);
+}
+
+bool theatre_look(struct theatre *theatre, const struct look *look) {
+    if (!ring_push(theatre->looks, look))
+        return false;
+    wake(theatre->wake_fd);
+    return true;
 }
 
 bool theatre_retired(struct theatre *theatre, struct retired *out_retired) {

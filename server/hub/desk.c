@@ -331,39 +331,6 @@ __attribute__((format(printf, 2, 3))) static void refuse(arthron_CommandReply *r
     reply->ok = false;
 }
 
-static void list_seat(struct hub *hub, int index, arthron_SessionInfo *out) {
-    struct seat *seat = &hub->seats[index];
-    pthread_mutex_lock(&hub->card_lock);
-    struct card card = seat->card;
-    pthread_mutex_unlock(&hub->card_lock);
-    const struct seat_counts *counts = &seat->counts;
-    memset(out, 0, sizeof *out);
-    snprintf(out->station, sizeof out->station, "%s", seat->station->name);
-    snprintf(out->case_name, sizeof out->case_name, "%s", hub->config.cases[card.scene].name);
-    snprintf(out->case_grade, sizeof out->case_grade, "%s", hub->grades[card.scene]);
-    out->connected = card.connected;
-    out->state = (arthron_SessionState)atomic_load(&counts->state);
-    memcpy(out->id, card.session_id, sizeof out->id);
-    out->start_utc_ns = card.start_utc_ns;
-    snprintf(out->trace, sizeof out->trace, "%s", card.trace);
-    out->steps = atomic_load(&counts->steps);
-    out->frames_lost = atomic_load(&counts->frames_lost);
-    out->frames_old = atomic_load(&counts->frames_old);
-    out->frames_early = atomic_load(&counts->frames_early);
-    out->frames_invalid = atomic_load(&counts->frames_invalid);
-    out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
-    out->trace_missing = atomic_load(&counts->trace_missing);
-    out->trace_failing = atomic_load(&counts->trace_failing);
-    out->touches = atomic_load(&counts->touches);
-    out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
-    out->has_calibration = card.calibrated;
-    out->calibration = card.calibration;
-    if (card.calibrated)
-        calibration_judge(&card.calibration, &hub->config, clock_utc_ns() / NS_PER_S,
-                          out->calibration_problem, sizeof out->calibration_problem);
-    out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
-}
-
 static void show_joint(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct moment moment;
     seat_moment(hub, index, &moment);
@@ -389,7 +356,7 @@ static void show_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct card card = seat->card;
     pthread_mutex_unlock(&hub->card_lock);
     const struct scene *scene = hub->scenes[card.scene];
-    list_seat(hub, index, &reply->sessions[0]);
+    seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
     reply->resections_count = (pb_size_t)scene_tissue_count(scene);
     for (int i = 0; i < scene_tissue_count(scene); i++)
@@ -565,7 +532,7 @@ static void copy_session(struct hub *hub, const char *actor, int index,
     pthread_mutex_lock(&hub->desk_lock);
     put_in_order(hub);
     take_copied(hub, index, copied, reply);
-    list_seat(hub, index, &reply->sessions[0]);
+    seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
     if (reply->ok)
         deed_of_command(hub, actor, "copy", command, &reply->sessions[0]);
@@ -597,7 +564,7 @@ static void command_station(struct hub *hub, const char *actor, const arthron_Co
         int asked = UNDO_ASKED; // what was asked for before will not be
         atomic_compare_exchange_strong(&hub->seats[index].counts.undo, &asked, JOB_NOTHING);
     }
-    list_seat(hub, index, &reply->sessions[0]);
+    seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
 }
 
@@ -621,7 +588,7 @@ static void list_all(struct hub *hub, arthron_CommandReply *reply) {
     reply->has_refused = true;
     list_refused(hub, &reply->refused);
     for (int i = 0; i < hub->config.station_count; i++)
-        list_seat(hub, i, &reply->sessions[reply->sessions_count++]);
+        seat_info(hub, i, &reply->sessions[reply->sessions_count++]);
     reply->ok = true;
 }
 

@@ -180,6 +180,7 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     hub->config = *config;
     pthread_mutex_init(&hub->card_lock, NULL);
     pthread_mutex_init(&hub->desk_lock, NULL);
+    pthread_rwlock_init(&hub->bell_lock, NULL);
     pthread_cond_init(&hub->clerk_wake, NULL);
     enum result result = make_traces_dir(hub, err);
     if (result == RESULT_OK)
@@ -216,6 +217,7 @@ static void release(struct hub *hub) {
     }
     pthread_mutex_destroy(&hub->card_lock);
     pthread_mutex_destroy(&hub->desk_lock);
+    pthread_rwlock_destroy(&hub->bell_lock);
     pthread_cond_destroy(&hub->clerk_wake);
     resume_release(hub);
     signer_destroy(&hub->signer);

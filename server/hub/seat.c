@@ -1,5 +1,7 @@
 #include "hub/seat.h"
 
+#include "base/clock.h"
+
 #include <stdio.h>
 #include <string.h>
 
@@ -26,4 +28,45 @@ void seat_introduce(struct hub *hub, int index, const struct live *live,
     snprintf(card->about.trainee, sizeof card->about.trainee, "%s", header->trainee);
     remarks_begin(&hub->seats[index].remarks, live->serial, said);
     pthread_mutex_unlock(&hub->card_lock);
+}
+
+void seat_info(struct hub *hub, int index, arthron_SessionInfo *out) {
+    struct seat *seat = &hub->seats[index];
+    pthread_mutex_lock(&hub->card_lock);
+    struct card card = seat->card;
+    pthread_mutex_unlock(&hub->card_lock);
+    const struct seat_counts *counts = &seat->counts;
+    memset(out, 0, sizeof *out);
+    snprintf(out->station, sizeof out->station, "%s", seat->station->name);
+    snprintf(out->case_name, sizeof out->case_name, "%s", hub->config.cases[card.scene].name);
+    snprintf(out->case_grade, sizeof out->case_grade, "%s", hub->grades[card.scene]);
+    out->connected = card.connected;
+    out->state = (arthron_SessionState)atomic_load(&counts->state);
+    memcpy(out->id, card.session_id, sizeof out->id);
+    out->start_utc_ns = card.start_utc_ns;
+    snprintf(out->trace, sizeof out->trace, "%s", card.trace);
+    out->steps = atomic_load(&counts->steps);
+    out->frames_lost = atomic_load(&counts->frames_lost);
+    out->frames_old = atomic_load(&counts->frames_old);
+    out->frames_early = atomic_load(&counts->frames_early);
+    out->frames_invalid = atomic_load(&counts->frames_invalid);
+    out->rtt_p50_us = (double)atomic_load(&counts->rtt_ns) / 1e3;
+    out->trace_missing = atomic_load(&counts->trace_missing);
+    out->trace_failing = atomic_load(&counts->trace_failing);
+    out->touches = atomic_load(&counts->touches);
+    out->drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
+    out->has_calibration = card.calibrated;
+    out->calibration = card.calibration;
+    if (card.calibrated)
+        calibration_judge(&card.calibration, &hub->config, clock_utc_ns() / NS_PER_S,
+                          out->calibration_problem, sizeof out->calibration_problem);
+    out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
+}
+
+void hub_ring(void *user) {
+    struct hub *hub = user;
+    pthread_rwlock_rdlock(&hub->bell_lock);
+    if (hub->bell)
+        hub->bell(hub->bell_user);
+    pthread_rwlock_unlock(&hub->bell_lock);
 }

@@ -203,8 +203,11 @@ struct hub {
     struct recorder *recorder;   // NULL: no records
 
     pthread_mutex_t card_lock;
-    pthread_mutex_t desk_lock; // one at a time opens, closes or commands sessions; may take long
-    uint64_t sessions_made;    // with desk_lock
+    pthread_mutex_t desk_lock;  // one at a time opens, closes or commands sessions; may take long
+    uint64_t sessions_made;     // with desk_lock
+    pthread_rwlock_t bell_lock; // of both: whom pages are told by that there may be something
+    void (*bell)(void *user);
+    void *bell_user;
     pthread_t clerk;
     pthread_cond_t clerk_wake; // with card_lock
     bool clerk_runs, clerk_stop;
@@ -226,9 +229,14 @@ int hub_find_station(const struct hub_config *config, const char *name);
 
 // The newest moment of the seat's last session; step 0: there was none yet.
 void seat_moment(struct hub *hub, int seat, struct moment *out_moment);
+// What is told of the seat in a list.
+void seat_info(struct hub *hub, int seat, arthron_SessionInfo *out_info);
 // A session begins, or goes on, and what was said in it is taken over; said: or NULL.
 void seat_introduce(struct hub *hub, int seat, const struct live *live,
                     const struct trace_header *header, struct remarks *said);
+
+// Rings the bell of the pages (audience.h); from any thread, never waits. hub: struct hub
+void hub_ring(void *hub);
 
 // worker.c
 enum result worker_start(struct hub *hub, int index, struct error *err);

@@ -228,6 +228,31 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
     return RESULT_OK;
 }
 
+#define TAIL_SIZE ((uint64_t)1 << 16) // some records, the longest too
+
+enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err) {
+    struct trace_reader *r;
+    static _Thread_local struct trace_record record;
+    uint64_t skipped;
+    enum result result = trace_reader_create(path, &r, err);
+    if (result != RESULT_OK)
+        return result;
+    bool found = false;
+    if (r->size > r->place.offset + TAIL_SIZE) {
+        r->place.offset = r->size - TAIL_SIZE;
+        result = trace_skip_damage(r, &skipped, err);
+    }
+    while (result == RESULT_OK && trace_read(r, &record, NULL) == RESULT_OK)
+        if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
+            *out_time_ns = record.input.time_ns;
+            found = true;
+        }
+    trace_reader_destroy(&r);
+    if (result == RESULT_OK && !found)
+        return fail(err, RESULT_MISSING, "%s: it has no step near its end", path);
+    return result;
+}
+
 // ---- the seal
 
 bool trace_reader_seal(const struct trace_reader *r, struct trace_seal *out) {

@@ -13,6 +13,8 @@ struct rerun {
     struct operation *operation;
     struct job_result *pending; // of the last job that the session asked for, until it lands
     int64_t asked_ns;
+    void (*landed)(void *user, const struct job_result *result); // or NULL
+    void *user;
 };
 
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings) {
@@ -32,6 +34,12 @@ void rerun_destroy(struct rerun **rerun) {
     *rerun = NULL;
 }
 
+void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct job_result *result),
+                 void *user) {
+    rerun->landed = landed;
+    rerun->user = user;
+}
+
 static void step(struct rerun *rerun, struct session_input *input, struct job_result *result,
                  struct session_output *output) {
     if (input->kind == INPUT_JOB)
@@ -39,6 +47,8 @@ static void step(struct rerun *rerun, struct session_input *input, struct job_re
     session_step(rerun->session, input, output);
     if (result) {
         CHECK(result == rerun->pending);
+        if (rerun->landed)
+            rerun->landed(rerun->user, result);
         job_result_destroy(&rerun->pending);
     }
     if (!output->job.id)

@@ -10,6 +10,10 @@ struct rerun;
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings);
 void rerun_destroy(struct rerun **rerun); // NULL inside is fine
 
+// Who is told of each result as it lands: after its step, and before the session's next job is run.
+void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct job_result *result),
+                 void *user);
+
 // One TRACE_STEP or TRACE_PAST, in order.
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *out_output);

@@ -173,6 +173,10 @@ enum result trace_read(struct trace_reader *reader, struct trace_record *out_rec
 // none. What is read from then on is as it was written, but steps are missing before it.
 enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, struct error *err);
 
+// The time of the last step that a trace has, found from its end. RESULT_MISSING where none is near
+// it, or the version is 2, whose records do not tell where they begin.
+enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err);
+
 // ---- who vouches for it
 
 // What a signer signs: a text, the hash before the end record, and its counts of steps and of

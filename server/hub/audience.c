@@ -1,0 +1,291 @@
+#include "hub/audience.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "hub/playback.h"
+#include "hub/viewer.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define IDLE_NS NS_PER_S
+
+// ---- batches ------------------------------------------------------------------------------------
+
+bool batch_put(struct batch *b, const void *items, size_t size) {
+    if (size > b->size - b->used) {
+        b->full = true;
+        return false;
+    }
+    memcpy(b->bytes + b->used, items, size);
+    b->used += size;
+    return true;
+}
+
+bool batch_say(struct batch *b, const arthron_Live *item) {
+    size_t used;
+    if (live_encode(item, b->bytes + b->used, b->size - b->used, &used) != RESULT_OK) {
+        b->full = true;
+        return false;
+    }
+    b->used += used;
+    return true;
+}
+
+uint32_t chunk_count(const struct mesh_payload *payload) {
+    return (uint32_t)((payload->size + WIRE_CHUNK_DATA - 1) / WIRE_CHUNK_DATA);
+}
+
+bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
+               struct batch *b) {
+    size_t at = (size_t)index * WIRE_CHUNK_DATA, left = payload->size - at, used;
+    chunk->base = payload->base;
+    chunk->number = payload->number;
+    chunk->size = (uint32_t)payload->size;
+    chunk->hash = payload->hash;
+    chunk->index = index;
+    chunk->data.size = (pb_size_t)(left < WIRE_CHUNK_DATA ? left : WIRE_CHUNK_DATA);
+    memcpy(chunk->group, payload->group, sizeof chunk->group);
+    memcpy(chunk->data.bytes, payload->bytes + at, chunk->data.size);
+    if (live_encode_chunk(chunk, b->bytes + b->used, b->size - b->used, &used) != RESULT_OK) {
+        b->full = true;
+        return false;
+    }
+    b->used += used;
+    return true;
+}
+
+struct parcel *parcel_of(const arthron_Live *item, uint32_t guest) {
+    struct parcel *parcel = alloc(1, sizeof *parcel + LIVE_ITEM_MAX);
+    parcel->guest = guest;
+    if (live_encode(item, parcel->bytes, AUDIENCE_BATCH_MAX, &parcel->size) != RESULT_OK) {
+        free(parcel);
+        return NULL;
+    }
+    return alloc_resize(parcel, 1, sizeof *parcel + parcel->size);
+}
+
+// ---- viewers ------------------------------------------------------------------------------------
+
+void viewer_trouble(struct viewer *viewer, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(viewer->trouble, sizeof viewer->trouble, format, args);
+    va_end(args);
+}
+
+// For whoever had the place before.
+static void drop_answers(struct viewer *viewer) {
+    struct parcel *parcel;
+    while (ring_pop(viewer->answers, &parcel))
+        free(parcel);
+}
+
+struct viewer *audience_join(struct audience *a, const struct guest *guest) {
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++) {
+        struct viewer *viewer = &a->viewers[i];
+        if (viewer->used)
+            continue;
+        drop_answers(viewer);
+        *viewer = (struct viewer){.used = true,
+                                  .number = ++a->numbers,
+                                  .guest = *guest,
+                                  .role = ROLE_COUNT,
+                                  .answers = viewer->answers,
+                                  .seat = -1};
+        store_role_from_name(guest->role, &viewer->role);
+        return viewer;
+    }
+    return NULL;
+}
+
+static void look_away(struct viewer *viewer) {
+    follow_end(viewer);
+    if (viewer->playback)
+        playback_leave(&viewer->playback);
+}
+
+void audience_leave(struct audience *a, struct viewer *viewer) {
+    (void)a;
+    look_away(viewer);
+    viewer->used = false;
+}
+
+// ---- what a page says ---------------------------------------------------------------------------
+
+static bool watch_station(struct audience *a, struct viewer *viewer) {
+    const arthron_Watch *watch = &viewer->watch;
+    int watching = 0;
+    viewer->seat = hub_find_station(&a->hub->config, watch->station);
+    if (viewer->seat < 0) {
+        viewer_trouble(viewer, "there is no station %s in the server's config", watch->station);
+        return false;
+    }
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++)
+        watching += a->viewers[i].used && a->viewers[i].tray && a->viewers[i].seat == viewer->seat;
+    if (watch->meshes && watching >= ONLOOKERS_MAX)
+        viewer_trouble(viewer, "%d pages follow the meshes of %s already: this one gets none",
+                       ONLOOKERS_MAX, watch->station);
+    else if (watch->meshes)
+        viewer->tray = tray_create(hub_ring, a->hub);
+    return true;
+}
+
+static bool watch_recorded(struct audience *a, struct viewer *viewer) {
+    viewer->playback = playback_create(a, viewer);
+    if (usher_play(a->usher, viewer->playback))
+        return true;
+    playback_leave(&viewer->playback);
+    viewer_trouble(viewer, "the server is too busy to play a recorded session");
+    return false;
+}
+
+static void take_watch(struct audience *a, struct viewer *viewer, const arthron_Watch *watch) {
+    look_away(viewer);
+    viewer->watch = *watch;
+    uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
+    viewer->period_ns = NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
+    viewer->due_ns = 0;
+    memset(viewer->sent, 0, sizeof viewer->sent);
+    bool good = true;
+    if (watch->what == arthron_Watch_What_WALL && !is_staff(viewer)) {
+        viewer_trouble(viewer, "the wall is for instructors and technicians");
+        good = false;
+    } else if (watch->what == arthron_Watch_What_STATION) {
+        good = watch_station(a, viewer);
+    } else if (watch->what == arthron_Watch_What_RECORDED) {
+        good = watch_recorded(a, viewer);
+    }
+    if (!good)
+        viewer->watch.what = arthron_Watch_What_NOTHING;
+}
+
+static const char *refusal_of(enum store_role role, arthron_Command_Kind kind) {
+    bool looks = kind == arthron_Command_Kind_LIST || kind == arthron_Command_Kind_SHOW;
+    if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks))
+        return NULL;
+    return looks ? "that is for instructors and technicians" : "that is for instructors";
+}
+
+static bool take_command(struct audience *a, struct viewer *viewer,
+                         const arthron_Command *command) {
+    if (viewer->asked == ASKED_MAX ||
+        !usher_command(a->usher, viewer, command, refusal_of(viewer->role, command->kind)))
+        return false;
+    viewer->asked++;
+    return true;
+}
+
+bool audience_hear(struct audience *a, struct viewer *viewer, const arthron_Page *message) {
+    switch (message->which_message) {
+    case arthron_Page_watch_tag:
+        take_watch(a, viewer, &message->message.watch);
+        return true;
+    case arthron_Page_command_tag:
+        return take_command(a, viewer, &message->message.command);
+    case arthron_Page_mesh_ask_tag:
+    case arthron_Page_mesh_ack_tag:
+        return follow_meshes(a, viewer, message);
+    default:
+        return true;
+    }
+}
+
+// ---- what it is told ----------------------------------------------------------------------------
+
+static void tell_trouble(struct audience *a, struct viewer *viewer, struct batch *batch) {
+    if (!viewer->trouble[0])
+        return;
+    a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    memcpy(a->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
+    if (batch_say(batch, &a->item))
+        viewer->trouble[0] = '\0';
+}
+
+// Each that is left in the ring fits a batch that is empty.
+static void tell_answers(struct viewer *viewer, struct batch *batch) {
+    struct parcel *parcel;
+    while (!batch->full && ring_count(viewer->answers)) {
+        if (batch->used > batch->size / 8) { // it may be a long one
+            batch->full = true;
+            return;
+        }
+        ring_pop(viewer->answers, &parcel);
+        if (parcel->guest == viewer->number) {
+            if (!batch_put(batch, parcel->bytes, parcel->size))
+                viewer_trouble(viewer, "the answer was too long");
+            viewer->asked--;
+        }
+        free(parcel);
+    }
+}
+
+static int64_t tell_view(struct audience *a, struct viewer *viewer, int64_t now_ns,
+                         struct batch *batch) {
+    switch (viewer->watch.what) {
+    case arthron_Watch_What_WALL:
+        return follow_wall(a, viewer, now_ns, batch);
+    case arthron_Watch_What_STATION:
+        return follow_station(a, viewer, now_ns, batch);
+    case arthron_Watch_What_RECORDED:
+        playback_batch(viewer->playback, batch);
+        return now_ns + IDLE_NS;
+    default:
+        return now_ns + IDLE_NS;
+    }
+}
+
+size_t audience_batch(struct audience *a, struct viewer *viewer, int64_t now_ns, uint8_t *out,
+                      size_t size, int64_t *out_next_ns) {
+    CHECK(size >= AUDIENCE_BATCH_MAX);
+    struct batch batch = {out, size, 0, false};
+    tell_answers(viewer, &batch);
+    tell_trouble(a, viewer, &batch);
+    *out_next_ns = now_ns + IDLE_NS;
+    if (!batch.full)
+        *out_next_ns = tell_view(a, viewer, now_ns, &batch);
+    if (batch.full || viewer->trouble[0])
+        *out_next_ns = now_ns;
+    return batch.used;
+}
+
+// ---- the audience -------------------------------------------------------------------------------
+
+struct audience *audience_create(struct hub *hub, const struct audience_config *config) {
+    struct audience *a = alloc(1, sizeof *a);
+    a->hub = hub;
+    a->config = *config;
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++)
+        a->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
+    a->usher = usher_start(a);
+    return a;
+}
+
+void audience_destroy(struct audience **audience) {
+    struct audience *a = *audience;
+    if (!a)
+        return;
+    audience_bell(a, NULL, NULL);
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++)
+        if (a->viewers[i].used)
+            audience_leave(a, &a->viewers[i]);
+    usher_stop(&a->usher);
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++) {
+        drop_answers(&a->viewers[i]);
+        ring_destroy(&a->viewers[i].answers);
+    }
+    for (int i = 0; i < HUB_STATIONS_MAX; i++)
+        free(a->shown[i].metrics);
+    free(a);
+    *audience = NULL;
+}
+
+void audience_bell(struct audience *a, void (*ring)(void *user), void *user) {
+    struct hub *hub = a->hub;
+    pthread_rwlock_wrlock(&hub->bell_lock);
+    hub->bell = ring;
+    hub->bell_user = user;
+    pthread_rwlock_unlock(&hub->bell_lock);
+}

@@ -1,4 +1,5 @@
 #include "base/log.h"
+#include "commands/browsers.h"
 #include "commands/commands.h"
 #include "config/config.h"
 
@@ -21,23 +22,35 @@ static const char help[] =
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
 
-static int wait_for_end(const struct hub_config *config, const sigset_t *ends) {
-    struct hub *hub;
-    struct error err;
-    if (hub_create(config, &hub, &err) != RESULT_OK) {
-        log_error("server", "%s", err.text);
-        return 1;
-    }
-    log_info("server", "ready on port %d", config->port);
+static void wait_for_end(const sigset_t *ends) {
     int signal_number;
     sigwait(ends, &signal_number);
     log_info("server", "%s: ending", strsignal(signal_number));
+}
+
+static int serve_until_end(const struct server_config *config, const sigset_t *ends) {
+    struct hub *hub;
+    struct browsers *browsers = NULL;
+    struct error err;
+    enum result result = hub_create(&config->hub, &hub, &err);
+    if (result == RESULT_OK && config->web.port) {
+        result = browsers_create(config, &browsers, &err);
+        if (result != RESULT_OK)
+            hub_destroy(&hub);
+    }
+    if (result != RESULT_OK) {
+        log_error("server", "%s", err.text);
+        return 1;
+    }
+    log_info("server", "ready on port %d", config->hub.port);
+    wait_for_end(ends);
+    browsers_destroy(&browsers);
     hub_destroy(&hub);
     return 0;
 }
 
 static int serve(const char *path, const struct setting_override *overrides, int override_count) {
-    static struct hub_config config;
+    static struct server_config config;
     struct error err;
     if (config_load(path, overrides, override_count, &config, &err) != RESULT_OK) {
         log_error("server", "%s", err.text);
@@ -49,7 +62,7 @@ static int serve(const char *path, const struct setting_override *overrides, int
     sigaddset(&ends, SIGINT);
     pthread_sigmask(SIG_BLOCK, &ends, NULL);
     signal(SIGPIPE, SIG_IGN);
-    return wait_for_end(&config, &ends);
+    return serve_until_end(&config, &ends);
 }
 
 int command_run(int argc, char **argv) {

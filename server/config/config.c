@@ -4,11 +4,13 @@
 #include "base/number.h"
 
 #include <limits.h>
+#include <stdio.h>
 #include <string.h>
 
 struct reading {
     char dir[PATH_MAX];
     struct hub_config *config;
+    struct web_settings *web;
 };
 
 // ---- values -------------------------------------------------------------------------------------
@@ -58,6 +60,33 @@ static bool take_server_key(struct reading *r, const char *key, const char *valu
     if (!strcmp(key, "calibration_deg"))
         return number_double(value, 0.01, 100, &c->calibration_deg);
     return false;
+}
+
+// Separated by blanks.
+static bool take_names(const char *value, char out[SERVER_NAMES_MAX][HUB_NAME_MAX]) {
+    int count = 0;
+    memset(out, 0, SERVER_NAMES_MAX * sizeof *out);
+    for (const char *at = value + strspn(value, " "); *at; at += strspn(at, " ")) {
+        size_t length = strcspn(at, " ");
+        if (count == SERVER_NAMES_MAX || length >= HUB_NAME_MAX)
+            return false;
+        memcpy(out[count++], at, length);
+        at += length;
+    }
+    return true;
+}
+
+static bool take_web_key(struct reading *r, const char *key, const char *value) {
+    struct web_settings *w = r->web;
+    if (!strcmp(key, "address"))
+        return setting_text(value, w->address, sizeof w->address);
+    if (!strcmp(key, "port"))
+        return take_int(value, 0, 65535, &w->port);
+    if (!strcmp(key, "certificate"))
+        return take_path(r, value, w->certificate);
+    if (!strcmp(key, "key"))
+        return take_path(r, value, w->key);
+    return !strcmp(key, "names") && take_names(value, w->names);
 }
 
 static bool take_warp_key(struct reading *r, const char *key, const char *value) {
@@ -175,6 +204,8 @@ static bool take_key(void *user, const char *section, const char *key, const cha
     struct reading *r = user;
     if (!strcmp(section, "server"))
         return take_server_key(r, key, value);
+    if (!strcmp(section, "web"))
+        return take_web_key(r, key, value);
     if (!strcmp(section, "warp"))
         return take_warp_key(r, key, value);
     if (!strncmp(section, "instrument ", 11))
@@ -204,8 +235,29 @@ static enum result complete(const struct hub_config *c, struct error *err) {
     return RESULT_OK;
 }
 
+// Browsers are served where stations are, with the server's own certificate, unless they are told
+// otherwise.
+static enum result complete_web(const struct hub_config *c, struct web_settings *w,
+                                struct error *err) {
+    if (!w->port)
+        return RESULT_OK;
+    if (!c->records[0])
+        return fail(err, RESULT_MISSING, "[web] needs [server] records: who may sign in is there");
+    if (!w->certificate[0] != !w->key[0])
+        return fail(err, RESULT_MISSING, "[web] needs both certificate and key, or neither");
+    if (!w->address[0])
+        memcpy(w->address, c->address, sizeof w->address);
+    if (w->certificate[0])
+        return RESULT_OK;
+    const int most = HUB_PATH_MAX - (int)sizeof "/server.pem";
+    if (strlen(c->keys_dir) > (size_t)most)
+        return fail(err, RESULT_LIMIT, "[server] keys: the path is too long");
+    snprintf(w->certificate, sizeof w->certificate, "%.*s/server.pem", most, c->keys_dir);
+    snprintf(w->key, sizeof w->key, "%.*s/server.key", most, c->keys_dir);
+    return RESULT_OK;
+}
+
 static void set_defaults(struct hub_config *config) {
-    memset(config, 0, sizeof *config);
     config->port = 4810;
     config->udp_port = 4811;
     config->wait_s = 300;
@@ -216,13 +268,16 @@ static void set_defaults(struct hub_config *config) {
 }
 
 enum result config_load(const char *path, const struct setting_override *overrides,
-                        int override_count, struct hub_config *out_config, struct error *err) {
-    struct reading r = {.config = out_config};
+                        int override_count, struct server_config *out_config, struct error *err) {
+    struct reading r = {.config = &out_config->hub, .web = &out_config->web};
     settings_folder(path, r.dir, sizeof r.dir);
-    set_defaults(out_config);
+    memset(out_config, 0, sizeof *out_config);
+    set_defaults(r.config);
     enum result result = settings_read(path, overrides, override_count, take_key, &r, err);
     if (result != RESULT_OK)
         return result;
-    result = complete(out_config, err);
+    result = complete(r.config, err);
+    if (result == RESULT_OK)
+        result = complete_web(r.config, r.web, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }

@@ -2,6 +2,7 @@
 //
 //   [server]  address, port, udp_port, workers, keys, traces, socket, records,
 //            unfit, wait_s, calibration_days, calibration_mm, calibration_deg
+//   [web]     address, port, certificate, key, names
 //   [warp]    field, unit_mm, radius_mm, background_per_mm, skin_mm, strength, hold_ms,
 //             adaptive, avatar, ease_share, ease_mm_s
 //   [instrument NAME]  point.1, point.2, ...
@@ -14,7 +15,22 @@
 #include "hub/hub.h"
 #include "settings/settings.h"
 
+#define SERVER_NAMES_MAX 8
+
+// Where browsers are served.
+struct web_settings {
+    int port; // 0: none are
+    char address[HUB_NAME_MAX];
+    char certificate[HUB_PATH_MAX], key[HUB_PATH_MAX]; // the server's own where they are not given
+    char names[SERVER_NAMES_MAX][HUB_NAME_MAX];        // empty behind the last
+};
+
+struct server_config {
+    struct hub_config hub;
+    struct web_settings web;
+};
+
 // Paths in the file are relative to the file's folder. The error names file and line, section and
 // key: an unknown one, a value out of range, a station whose case is missing.
 enum result config_load(const char *path, const struct setting_override *overrides,
-                        int override_count, struct hub_config *out_config, struct error *err);
+                        int override_count, struct server_config *out_config, struct error *err);

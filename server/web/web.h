@@ -91,7 +91,7 @@ struct web_config {
     int port;                // 0: any free one, web_port tells which
     const char *certificate; // PEM, the chain behind it
     const char *key;
-    const char *names[WEB_NAMES_MAX]; // what the server is called besides; NULL behind the last
+    const char *names[WEB_NAMES_MAX + 1]; // what the server is called besides; NULL behind the last
     struct web_pages pages;
     int patience_s; // with who does not go on: headers, a body, reading what it is sent; 0: 20
 };

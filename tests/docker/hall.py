@@ -34,7 +34,7 @@ class Hall:
     def compose(self, *arguments):
         tool = ["docker-compose"] if shutil.which("docker-compose") else ["docker", "compose"]
         return run(*tool, "-p", self.project, "-f", self.file, *arguments, timeout=180,
-                   env=dict(os.environ, ARTHRON_TAG=self.tag))
+                   env=dict(os.environ, ARTHRON_TAG=self.tag, ARTHRON_CONSOLE=""))  # "": any free port
 
     def open(self):
         self.compose("up", "-d", "--no-build")

@@ -98,7 +98,7 @@ const arthron_CommandReply *hall_command(struct hub *hub, arthron_Command_Kind k
 }
 
 // A running burr on its way along the meniscus.
-static void send_frame(struct hub *hub, vec3 tip) {
+void hall_frame(struct hub *hub, vec3 tip) {
     static uint64_t number;
     int64_t now_ns = clock_now_ns();
     struct note note = {.kind = NOTE_FRAME, .received_ns = now_ns};
@@ -123,7 +123,7 @@ struct card hall_card(struct hub *hub) {
 // for every second cut.
 void hall_shave(struct hub *hub) {
     for (int i = 1; i <= FRAMES; i++) {
-        send_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
+        hall_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
         if (i % BURST)
             continue;
         hall_wait_ms(20);

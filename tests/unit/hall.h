@@ -17,6 +17,9 @@ void hall_leave(struct hub *hub);
 // About the station; a CASE is boxes1. It must succeed.
 const arthron_CommandReply *hall_command(struct hub *hub, arthron_Command_Kind kind);
 
+// A frame with a running burr at `tip`.
+void hall_frame(struct hub *hub, vec3 tip);
+
 // Cuts the meniscus from end to end with a running burr.
 void hall_shave(struct hub *hub);
 

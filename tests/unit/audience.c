@@ -1,0 +1,537 @@
+// What pages are told that look on: of the newest, no more than they take, and all of it in the
+// end.
+#include "hub/audience.h"
+
+#include "base/clock.h"
+#include "hub/tissue_delta.h"
+#include "test.h"
+#include "unit/hall.h"
+
+#include <pb_decode.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const struct guest instructor = {.name = "otto", .role = "instructor"};
+static const struct guest technician = {.name = "tina", .role = "technician"};
+static const struct guest trainee = {.name = "anna", .role = "trainee", .trainee = "anna"};
+
+// ---- a page -------------------------------------------------------------------------------------
+
+struct page {
+    struct audience *audience;
+    struct viewer *viewer;
+    bool meshes; // asks for them, and acknowledges
+    int batches, moments, places, sessions, resections, remarks, replies, metrics, troubles;
+    int progresses;
+    bool done;
+    uint64_t last_step;
+    bool fell; // a step or a time did
+    int64_t last_ns;
+    arthron_LiveSession session;
+    arthron_Resection resection; // the last
+    arthron_Place place;         // the last
+    arthron_Remark remark;       // the last
+    arthron_CommandReply reply;  // the last
+    char trouble[256];           // the last
+    struct tissue tissue;
+    uint8_t *payload;
+    size_t payload_size;
+    int payloads;
+};
+
+static void open_page(struct page *page, struct audience *audience, const struct guest *guest) {
+    *page = (struct page){.audience = audience, .viewer = audience_join(audience, guest)};
+    assert_non_null(page->viewer);
+}
+
+static void close_page(struct page *page) {
+    audience_leave(page->audience, page->viewer);
+    tissue_fini(&page->tissue);
+    free(page->payload);
+}
+
+static void say(struct page *page, const arthron_Page *message) {
+    assert_true(audience_hear(page->audience, page->viewer, message));
+}
+
+static void watch(struct page *page, arthron_Watch_What what, const char *name, uint32_t rate_hz) {
+    arthron_Page message = {.which_message = arthron_Page_watch_tag};
+    arthron_Watch *w = &message.message.watch;
+    w->what = what;
+    w->rate_hz = rate_hz;
+    w->meshes = page->meshes = true;
+    snprintf(what == arthron_Watch_What_RECORDED ? w->session : w->station, 33, "%s", name);
+    say(page, &message);
+}
+
+static void ask_for_meshes(struct page *page) {
+    arthron_Page message = {.which_message = arthron_Page_mesh_ask_tag};
+    say(page, &message);
+}
+
+static void acknowledge(struct page *page, const char *group) {
+    arthron_Page message = {.which_message = arthron_Page_mesh_ack_tag};
+    arthron_MeshState *ack = &message.message.mesh_ack;
+    snprintf(ack->group, sizeof ack->group, "%s", group);
+    ack->number = page->tissue.number;
+    ack->hash = page->tissue.hash;
+    say(page, &message);
+}
+
+static void take_chunk(struct page *page, pb_istream_t *stream) {
+    static arthron_MeshChunk chunk;
+    struct error err = {""};
+    pb_istream_t inner;
+    assert_true(pb_make_string_substream(stream, &inner));
+    assert_true(pb_decode(&inner, arthron_MeshChunk_fields, &chunk));
+    pb_close_string_substream(stream, &inner);
+    if (chunk.index == 0)
+        page->payload_size = 0;
+    assert_int_equal(page->payload_size, chunk.index * WIRE_CHUNK_DATA);
+    page->payload = realloc(page->payload, chunk.size);
+    memcpy(page->payload + page->payload_size, chunk.data.bytes, chunk.data.size);
+    page->payload_size += chunk.data.size;
+    if (page->payload_size < chunk.size)
+        return;
+    assert_int_equal(tissue_payload_hash(page->payload, chunk.size), chunk.hash);
+    if (chunk.base == 0)
+        tissue_fini(&page->tissue);
+    if (tissue_apply(&page->tissue, page->payload, chunk.size, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(page->tissue.number, chunk.number);
+    page->payloads++;
+    if (!page->session.recorded)
+        acknowledge(page, chunk.group);
+}
+
+static void take_moment(struct page *page, const arthron_Moment *moment) {
+    page->moments++;
+    page->fell |= moment->step <= page->last_step || moment->time_ns < page->last_ns;
+    page->last_step = moment->step;
+    page->last_ns = moment->time_ns;
+}
+
+static void take_session(struct page *page, const arthron_LiveSession *session) {
+    static const uint8_t none[16];
+    page->sessions++;
+    page->session = *session;
+    page->last_step = 0;
+    page->last_ns = 0;
+    if (page->meshes && !session->recorded && memcmp(session->id, none, sizeof none))
+        ask_for_meshes(page);
+}
+
+static void take_item(struct page *page, const arthron_Live *item) {
+    switch (item->which_message) {
+    case arthron_Live_place_tag:
+        page->places++;
+        page->place = item->message.place;
+        break;
+    case arthron_Live_session_tag:
+        take_session(page, &item->message.session);
+        break;
+    case arthron_Live_moment_tag:
+        take_moment(page, &item->message.moment);
+        break;
+    case arthron_Live_resection_tag:
+        page->resections++;
+        page->resection = item->message.resection;
+        break;
+    case arthron_Live_remark_tag:
+        page->remarks++;
+        page->remark = item->message.remark;
+        break;
+    case arthron_Live_metrics_tag:
+        page->metrics++;
+        break;
+    case arthron_Live_command_reply_tag:
+        page->replies++;
+        page->reply = item->message.command_reply;
+        break;
+    case arthron_Live_progress_tag:
+        page->progresses++;
+        page->done |= item->message.progress.done;
+        break;
+    default:
+        assert_int_equal(item->which_message, arthron_Live_trouble_tag);
+        page->troubles++;
+        snprintf(page->trouble, sizeof page->trouble, "%s", item->message.trouble.text);
+        break;
+    }
+}
+
+static void read_batch(struct page *page, const uint8_t *bytes, size_t size) {
+    static arthron_Live item;
+    pb_istream_t stream = pb_istream_from_buffer(bytes, size);
+    page->batches++;
+    while (stream.bytes_left) {
+        pb_istream_t inner, peek;
+        pb_wire_type_t type;
+        uint32_t tag;
+        bool end;
+        assert_true(pb_decode_tag(&stream, &type, &tag, &end));
+        assert_int_equal(tag, 1);
+        assert_true(pb_make_string_substream(&stream, &inner));
+        peek = inner;
+        assert_true(pb_decode_tag(&peek, &type, &tag, &end));
+        if (tag == 5) {
+            take_chunk(page, &peek);
+            pb_read(&inner, NULL, inner.bytes_left);
+        } else {
+            assert_true(pb_decode(&inner, arthron_Live_fields, &item));
+            take_item(page, &item);
+        }
+        assert_true(pb_close_string_substream(&stream, &inner));
+    }
+}
+
+// One batch, where there is one now; what it was asked to wait for else.
+static int64_t draw(struct page *page) {
+    static uint8_t bytes[AUDIENCE_BATCH_MAX];
+    int64_t now_ns = clock_now_ns(), next_ns = now_ns;
+    size_t size =
+        audience_batch(page->audience, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
+    assert_true(size <= sizeof bytes);
+    read_batch(page, bytes, size);
+    if (size == 0)
+        page->batches--;
+    return next_ns;
+}
+
+// Draws whatever there is for so long.
+static void draw_for(struct page *page, long ms) {
+    int64_t end_ns = clock_now_ns() + ms * NS_PER_MS;
+    while (clock_now_ns() < end_ns)
+        if (draw(page) > clock_now_ns())
+            hall_wait_ms(1);
+}
+
+static void draw_until(struct page *page, const int *count, int least) {
+    for (int i = 0; i < 10000 && *count < least; i++)
+        if (draw(page) > clock_now_ns())
+            hall_wait_ms(1);
+    assert_true(*count >= least);
+}
+
+// ---- an audience --------------------------------------------------------------------------------
+
+static bool allow(void *user, const struct guest *guest, const char *session) {
+    (void)user, (void)session;
+    return !strcmp(guest->role, "instructor");
+}
+
+static struct audience *open_audience(struct hub *hub) {
+    struct audience_config config = {.allowed = allow};
+    return audience_create(hub, &config);
+}
+
+static void command(struct page *page, arthron_Command_Kind kind, const char *text) {
+    arthron_Page message = {.which_message = arthron_Page_command_tag};
+    message.message.command = (arthron_Command){.kind = kind, .station = "room-1"};
+    message.message.command.has_remark = true;
+    snprintf(message.message.command.remark.text, REMARK_TEXT_MAX, "%s", text);
+    say(page, &message);
+}
+
+// ---- the tests ----------------------------------------------------------------------------------
+
+static void a_wall_gets_the_newest_at_its_rate_and_nothing_twice(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page slow, fast;
+    hall_join(hub);
+    open_page(&slow, audience, &technician);
+    open_page(&fast, audience, &instructor);
+    watch(&slow, arthron_Watch_What_WALL, "", 5);
+    watch(&fast, arthron_Watch_What_WALL, "", 50);
+    int64_t begin_ns = clock_now_ns();
+    for (int i = 0; i < 100; i++) {
+        hall_frame(hub, (vec3){0, 0, 20});
+        hall_wait_ms(5);
+        draw(&slow);
+        draw(&fast);
+    }
+    double seconds = (double)(clock_now_ns() - begin_ns) / NS_PER_S;
+    assert_true(slow.moments >= 2 && slow.moments <= 5 * seconds + 2);
+    assert_true(fast.moments > slow.moments && fast.moments <= 50 * seconds + 2);
+    assert_false(slow.fell || fast.fell);
+    assert_true(slow.places >= 1 && slow.places <= seconds + 3);
+    assert_string_equal(fast.place.info.station, "room-1");
+    assert_int_equal(fast.place.info.state, arthron_SessionState_RUNNING);
+    close_page(&slow);
+    close_page(&fast);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void a_page_that_draws_nothing_gets_one_moment_when_it_does(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    hall_join(hub);
+    open_page(&page, audience, &instructor);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 120);
+    page.meshes = false;
+    draw_until(&page, &page.moments, 1);
+    int before = page.moments;
+    for (int i = 0; i < 50; i++)
+        hall_frame(hub, (vec3){0, 0, 20});
+    hall_wait_ms(100);
+    draw(&page);
+    assert_int_equal(page.moments, before + 1);
+    assert_int_equal(page.sessions, 1);
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void pages_have_the_mesh_that_was_cut(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page, sleeper, late;
+    hall_join(hub);
+    open_page(&page, audience, &instructor);
+    open_page(&sleeper, audience, &instructor);
+    open_page(&late, audience, &technician);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    watch(&sleeper, arthron_Watch_What_STATION, "room-1", 60);
+    draw_until(&page, &page.payloads, 1);
+    draw_until(&sleeper, &sleeper.sessions, 1); // asks, and then takes nothing
+    assert_int_equal(page.tissue.number, 1);
+    for (int i = 0; i < 4; i++) {
+        hall_shave(hub);
+        draw_for(&page, 50);
+    }
+    struct card card = hall_last_card(hub);
+    watch(&late, arthron_Watch_What_STATION, "room-1", 60);
+    struct page *all[] = {&page, &sleeper, &late};
+    for (int i = 0; i < 3; i++) {
+        draw_for(all[i], 300);
+        assert_int_equal(all[i]->tissue.number, card.tissues[0].mesh_number);
+        assert_int_equal(all[i]->tissue.hash, card.mesh_hashes[0]);
+        assert_int_equal(all[i]->resection.cuts, card.tissues[0].cuts);
+        assert_int_equal(all[i]->resection.mesh_hash, card.mesh_hashes[0]);
+    }
+    assert_true(card.tissues[0].cuts >= 5);
+    assert_true(page.payloads >= 3);
+    assert_true(sleeper.payloads <= 2); // the one that lay there, and all since
+    assert_int_equal(late.payloads, 1);
+    for (int i = 0; i < 3; i++)
+        close_page(all[i]);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void commands_are_answered_in_order_by_role(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page, technicians, trainees;
+    hall_join(hub);
+    open_page(&page, audience, &instructor);
+    open_page(&technicians, audience, &technician);
+    open_page(&trainees, audience, &trainee);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    draw_until(&page, &page.sessions, 1);
+    command(&page, arthron_Command_Kind_NOTE, "Slowly");
+    command(&page, arthron_Command_Kind_PAUSE, "");
+    draw_until(&page, &page.replies, 2);
+    assert_true(page.reply.ok);
+    assert_int_equal(page.reply.sessions[0].state, arthron_SessionState_PAUSED);
+    draw_until(&page, &page.remarks, 1);
+    assert_string_equal(page.remark.text, "Slowly");
+    assert_string_equal(page.remark.author, "otto");
+    command(&technicians, arthron_Command_Kind_LIST, "");
+    draw_until(&technicians, &technicians.replies, 1);
+    assert_true(technicians.reply.ok);
+    command(&technicians, arthron_Command_Kind_START, "");
+    draw_until(&technicians, &technicians.replies, 2);
+    assert_false(technicians.reply.ok);
+    command(&trainees, arthron_Command_Kind_LIST, "");
+    draw_until(&trainees, &trainees.replies, 1);
+    assert_false(trainees.reply.ok);
+    command(&page, arthron_Command_Kind_SHOW, "");
+    draw_until(&page, &page.replies, 3);
+    assert_int_equal(page.reply.sessions[0].state, arthron_SessionState_PAUSED);
+    close_page(&page);
+    close_page(&technicians);
+    close_page(&trainees);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void too_many_commands_at_once_are_no_page(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    arthron_Page message = {.which_message = arthron_Page_command_tag};
+    message.message.command = (arthron_Command){.kind = arthron_Command_Kind_LIST};
+    open_page(&page, audience, &instructor);
+    int taken = 0;
+    while (audience_hear(audience, page.viewer, &message))
+        taken++;
+    assert_int_equal(taken, 8);
+    draw_until(&page, &page.replies, taken);
+    assert_true(audience_hear(audience, page.viewer, &message));
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void trainees_see_their_own_sessions_only(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page, boss;
+    hall_join(hub);
+    open_page(&boss, audience, &instructor);
+    open_page(&page, audience, &trainee);
+    watch(&page, arthron_Watch_What_WALL, "", 60);
+    draw_for(&page, 50);
+    assert_int_equal(page.places + page.moments, 0);
+    assert_int_equal(page.troubles, 1);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    draw_for(&page, 100);
+    assert_int_equal(page.troubles, 2);
+    assert_int_equal(page.sessions + page.moments + page.places + page.resections, 0);
+    arthron_Page message = {.which_message = arthron_Page_command_tag};
+    message.message.command =
+        (arthron_Command){.kind = arthron_Command_Kind_ASSIGN, .station = "room-1"};
+    strcpy(message.message.command.trainee, "anna");
+    say(&boss, &message);
+    command(&boss, arthron_Command_Kind_STOP, "");
+    command(&boss, arthron_Command_Kind_START, "");
+    draw_until(&boss, &boss.replies, 3);
+    assert_true(boss.reply.ok);
+    draw_until(&page, &page.moments, 1);
+    assert_string_equal(page.session.trainee, "anna");
+    assert_int_equal(page.places, 0);
+    close_page(&page);
+    close_page(&boss);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+// Cuts a session, ends it, and returns what it came to.
+static struct card record(struct hub *hub, char out_id[33]) {
+    hall_join(hub);
+    hall_shave(hub);
+    hall_command(hub, arthron_Command_Kind_UNDO);
+    struct card card = hall_last_card(hub);
+    hall_command(hub, arthron_Command_Kind_STOP);
+    for (int i = 0; i < 16; i++)
+        snprintf(out_id + 2 * i, 3, "%02x", card.session_id[i]);
+    hall_leave(hub);
+    hall_wait_ms(300); // until the trace has its end
+    return card;
+}
+
+static void a_recorded_session_comes_to_what_it_came_to(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    char id[33];
+    struct card card = record(hub, id);
+    open_page(&page, audience, &instructor);
+    watch(&page, arthron_Watch_What_RECORDED, id, 10);
+    for (int i = 0; i < 10000 && !page.done; i++)
+        if (draw(&page) > clock_now_ns())
+            hall_wait_ms(1);
+    assert_true(page.done);
+    assert_int_equal(page.troubles, 0);
+    assert_true(page.session.recorded);
+    assert_int_equal(page.sessions, 1);
+    assert_true(card.tissues[0].cuts >= 3);
+    assert_int_equal(page.tissue.number, card.tissues[0].mesh_number);
+    assert_int_equal(page.tissue.hash, card.mesh_hashes[0]);
+    assert_int_equal(page.resection.mesh_hash, card.mesh_hashes[0]);
+    assert_float_equal(page.resection.volume_mm3, card.tissues[0].volume_mm3, 0);
+    assert_int_equal(page.payloads, card.tissues[0].mesh_number); // each change at its moment
+    assert_true(page.moments >= page.payloads - 1);
+    assert_true(page.session.length_ns >= page.last_ns);
+    assert_true(page.session.length_ns <= page.last_ns + NS_PER_S);
+    assert_int_equal(page.metrics, 1);
+    assert_false(page.fell);
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void a_recorded_session_waits_for_its_page_and_not_for_others(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page pages[3], other;
+    char id[33];
+    record(hub, id);
+    for (int i = 0; i < 3; i++) {
+        open_page(&pages[i], audience, &instructor);
+        watch(&pages[i], arthron_Watch_What_RECORDED, id, 120);
+    }
+    open_page(&other, audience, &trainee);
+    watch(&other, arthron_Watch_What_RECORDED, id, 120);
+    close_page(&pages[0]); // in the middle of it
+    for (int k = 2; k >= 1; k--)
+        for (int i = 0; i < 10000 && !pages[k].done; i++)
+            if (draw(&pages[k]) > clock_now_ns())
+                hall_wait_ms(1);
+    assert_true(pages[1].done && pages[2].done);
+    assert_int_equal(pages[1].tissue.hash, pages[2].tissue.hash);
+    draw_until(&other, &other.troubles, 1);
+    draw_for(&other, 100);
+    assert_int_equal(other.moments + other.sessions + other.payloads, 0);
+    close_page(&pages[1]);
+    close_page(&pages[2]);
+    close_page(&other);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static atomic_int rung;
+
+static void ring(void *user) {
+    (void)user;
+    atomic_fetch_add(&rung, 1);
+}
+
+static void the_bell_rings_for_what_a_page_waits_for(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    audience_bell(audience, ring, NULL);
+    open_page(&page, audience, &instructor);
+    command(&page, arthron_Command_Kind_LIST, "");
+    for (int i = 0; i < 2000 && !atomic_load(&rung); i++)
+        hall_wait_ms(1);
+    assert_int_equal(atomic_load(&rung), 1);
+    audience_bell(audience, NULL, NULL);
+    command(&page, arthron_Command_Kind_LIST, "");
+    draw_until(&page, &page.replies, 2);
+    assert_int_equal(atomic_load(&rung), 1);
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_wall_gets_the_newest_at_its_rate_and_nothing_twice),
+        cmocka_unit_test(a_page_that_draws_nothing_gets_one_moment_when_it_does),
+        cmocka_unit_test(pages_have_the_mesh_that_was_cut),
+        cmocka_unit_test(commands_are_answered_in_order_by_role),
+        cmocka_unit_test(too_many_commands_at_once_are_no_page),
+        cmocka_unit_test(trainees_see_their_own_sessions_only),
+        cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),
+        cmocka_unit_test(a_recorded_session_waits_for_its_page_and_not_for_others),
+        cmocka_unit_test(the_bell_rings_for_what_a_page_waits_for),
+    };
+    return cmocka_run_group_tests_name("audience", tests, hall_make, hall_remove);
+}

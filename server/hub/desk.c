@@ -515,8 +515,8 @@ static void take_copied(struct hub *hub, int index, struct copied *copied,
 }
 
 // What takes long comes first, while no other station waits for the desk.
-static void copy_session(struct hub *hub, const char *actor, int index,
-                         const arthron_Command *command, arthron_CommandReply *reply) {
+static void copy_session(struct hub *hub, int index, const arthron_Command *command,
+                         arthron_CommandReply *reply) {
     struct copied *copied;
     struct error err;
     if (!(command->at_s >= 0)) {
@@ -534,8 +534,6 @@ static void copy_session(struct hub *hub, const char *actor, int index,
     take_copied(hub, index, copied, reply);
     seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
-    if (reply->ok)
-        deed_of_command(hub, actor, "copy", command, &reply->sessions[0]);
     pthread_mutex_unlock(&hub->desk_lock);
     copied_destroy(&copied);
 }
@@ -621,17 +619,17 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
         return;
     }
     if (command->kind == arthron_Command_Kind_COPY) {
-        copy_session(hub, actor, index, command, reply);
+        copy_session(hub, index, command, reply);
     } else {
         pthread_mutex_lock(&hub->desk_lock);
         put_in_order(hub);
         command_station(hub, actor, command, index, reply);
-        if (reply->ok)
-            deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
         pthread_mutex_unlock(&hub->desk_lock);
     }
     if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
         wait_for_undo(&hub->seats[index], reply);
+    if (reply->ok)
+        deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
     log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
              actor, reply->ok ? "done" : reply->text);
 }

@@ -163,6 +163,7 @@ class Records(House):
         session = self.session()["id"]
         self.steer("pause", "room-1")
         self.steer("case", "room-1", "none", code=1)
+        self.steer("undo", "room-1", code=1)  # nothing was cut
         self.steer("stop", "room-1")
         self.steer("pause", "room-1", code=1)
         self.in_state("closed", 2)
@@ -170,6 +171,18 @@ class Records(House):
         of_it = f"session {session}"
         self.assertEqual(said, [("case", f"station room-1 case healthy {of_it}"),
                                 ("pause", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
+
+    def test_a_copied_session_has_a_row_of_its_own(self):
+        self.start_room()
+        first = self.session()["id"]
+        self.steer("copy", "room-1", "--from", first)
+        second = self.session()["id"]
+        self.steer("stop", "room-1")
+        self.in_state("closed", 2)
+        self.assertEqual([row["id"] for row in self.rows("sessions")], [first, second])
+        said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-3:])
+        of_it = f"station room-1 session {second}"
+        self.assertEqual(said, [("open", of_it), ("copy", of_it), ("stop", of_it)])
 
 
 if __name__ == "__main__":

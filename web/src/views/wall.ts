@@ -1,7 +1,7 @@
 // #/wall: all stations at a glance.
 import { Watch_What } from "wire";
 import type { View } from "../app";
-import { QUIET_MS, type Seat } from "../live";
+import { QUIET_MS, type Feed, type Seat } from "../live";
 import { routeTo } from "../router";
 import { format, text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
@@ -11,6 +11,7 @@ import {
 } from "./wall_model";
 
 const RATE_HZ = 10;
+const SOON_MS = 2000; // by then every station was told
 
 interface Card {
   item: HTMLElement;
@@ -27,7 +28,7 @@ export const wall: View = (root, _route, app) => {
   const grid = h("div", { class: "wall-grid" }, list);
   const summary = h("p", { class: "wall-summary number" });
   const rail = attentionRail();
-  const state = h("div", { class: "wall-state" }, loading());
+  const state = h("div", { class: "wall-state" });
   root.append(h("section", { class: "wall-main" },
     h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), summary), h("div", { class: "wall-area" }, grid, state)), rail.element);
   const picture = new MiniScene(grid);
@@ -66,7 +67,7 @@ export const wall: View = (root, _route, app) => {
     for (const seat of seats) cards.get(seat.seat)!.update(seat, now, serverQuiet);
     setText(summary, seats.length ? text.wall.summary(count(seats)) : "");
     rail.show(byUrgency([...(serverQuiet ? [SERVER_QUIET] : []), ...seats.flatMap((seat) => warningOf(seat, now, serverQuiet) ?? [])]), seats.length > 0);
-    showState(state, seats.length, feed.link.state === "broken");
+    showState(state, seats.length, feed);
   };
 
   let pending = false;
@@ -101,12 +102,20 @@ function count(seats: Seat[]): Record<"running" | "paused" | "waiting" | "gone",
   return sum;
 }
 
-function showState(state: HTMLElement, stations: number, isBroken: boolean): void {
+// What stands where the cards would: waiting, no way to the server, or no stations at all.
+function showState(state: HTMLElement, stations: number, feed: Feed): void {
   state.hidden = stations > 0;
-  const kind = isBroken ? "broken" : "";
-  if (stations > 0 || state.dataset.kind === kind) return;
+  if (stations > 0 || feed.link.state !== "open") delete state.dataset.since;
+  else state.dataset.since ??= String(feed.now());
+  const none = feed.now() - Number(state.dataset.since ?? Infinity) >= SOON_MS;
+  const kind = stations > 0 ? "" : feed.link.state === "broken" ? "broken" : none ? "none" : "waiting";
+  if (state.dataset.kind === kind) return;
   state.dataset.kind = kind;
-  fill(state, isBroken ? empty(text.wall.unreachable, text.wall.unreachableHint) : loading(text.wall.waiting));
+  const t = text.wall;
+  if (kind === "broken") fill(state, empty(t.unreachable, t.unreachableHint));
+  else if (kind === "none") fill(state, empty(t.none, t.noneHint));
+  else if (kind === "waiting") fill(state, loading(t.waiting));
+  else fill(state);
 }
 
 // ---- a card -----------------------------------------------------------------------------------------
@@ -118,7 +127,7 @@ interface Value {
 
 function value(label: string, kind = ""): Value {
   const figure = h("span", { class: "figure" });
-  const unit = h("span", { class: "unit" });
+  const unit = h("span", { class: kind.includes("counted") ? "unit word" : "unit" });
   const element = h("div", { class: `value ${kind}`, title: label }, h("dt", {}, label), h("dd", {}, figure, unit));
   return {
     element,
@@ -140,8 +149,8 @@ function makeCard(): Card {
   const what = h("span", { class: "what" });
   const values = {
     roundTrip: value(t.roundTrip), loss: value(t.loss), clock: value(t.clock, "tight"),
-    rate: value(t.rate), dropouts: value(t.dropouts), lost: value(t.lost),
-    cuts: value(t.cuts, "over"), removed: value(t.removed, "removed"), displacement: value(t.displacement, "over right"),
+    rate: value(t.rate), dropouts: value(t.dropouts, "counted"), lost: value(t.lost),
+    cuts: value(t.cuts, "over counted"), removed: value(t.removed, "removed"), displacement: value(t.displacement, "over right"),
   };
   const warning = h("span", { class: "warning" });
   const link = h("a", { class: "card", tabindex: -1 },

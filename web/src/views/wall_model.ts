@@ -88,10 +88,20 @@ const LEAST: [Density, number, number][] = [["large", 300, 280], ["medium", 212,
 /** The largest cards with which `count` of them fit into width x height px; the smallest where none do. */
 export function arrange(count: number, width: number, height: number): Layout {
   for (const [density, leastWidth, leastHeight] of LEAST) {
-    const columns = Math.max(1, Math.floor((width + GAP) / (leastWidth + GAP)));
-    const rows = Math.max(1, Math.floor((height + GAP) / (leastHeight + GAP)));
-    if (columns * rows < count) continue;
-    return { density, columns: Math.min(columns, Math.max(2, Math.ceil(count / rows))) };
+    const most = atMost(width, leastWidth);
+    const rows = atMost(height, leastHeight);
+    if (most * rows < count) continue;
+    return { density, columns: squarest(count, Math.ceil(count / rows), most, width, height) };
   }
-  return { density: "small", columns: Math.max(1, Math.floor((width + GAP) / (LEAST[2]![1] + GAP))) };
+  return { density: "small", columns: atMost(width, LEAST[2]![1]) };
+}
+
+const atMost = (room: number, least: number): number => Math.max(1, Math.floor((room + GAP) / (least + GAP)));
+
+// With as many columns cards are nearest to a square.
+function squarest(count: number, least: number, most: number, width: number, height: number): number {
+  const off = (columns: number): number => Math.abs(Math.log((width / columns) / (height / Math.ceil(count / columns))));
+  let best = least;
+  for (let columns = least; columns <= most; columns++) if (off(columns) < off(best)) best = columns;
+  return Math.max(best, Math.min(2, most));
 }

@@ -233,12 +233,12 @@ export class Cockpit {
   // ---- plots -------------------------------------------------------------------------------------------
 
   private plotHead(): HTMLElement {
-    const choices = Object.entries(text.session.window).map(([seconds, label]) => {
+    const choices = text.session.window.map(([seconds, label]) => {
       const input = h("input", { type: "radio", name: "window", value: seconds, on: { change: () => {
-        this.windowS = Number(seconds);
+        this.windowS = seconds;
         this.soon();
       } } });
-      input.checked = Number(seconds) === (this.source.recorded ? 0 : LIVE_WINDOW_S);
+      input.checked = seconds === (this.source.recorded ? 0 : LIVE_WINDOW_S);
       return h("label", { class: "choice" }, input, h("span", {}, label));
     });
     return h("div", { class: "plots-head" }, h("span", { class: "quiet-text" }, `${text.session.working}: `, this.working),
@@ -260,6 +260,7 @@ export class Cockpit {
     const { history } = this.source;
     const removed = (trace: number): { time: number; removed: number }[] => this.removed(trace);
     return {
+      end: () => history.end,
       count: (row, trace) => (row === REMOVED ? removed(trace).length : history.count),
       time: (row, trace, index) => (row === REMOVED ? removed(trace)[index]!.time : history.time(index)),
       value: (row, trace, index) => {

@@ -26,6 +26,7 @@ export interface Values {
   count(row: number, trace: number): number;
   time(row: number, trace: number, index: number): number;
   value(row: number, trace: number, index: number): number;
+  end(): number; // until when the last values hold
 }
 
 export interface Sign {
@@ -39,7 +40,7 @@ export interface PlotTexts {
   help: string;
 }
 
-const LABEL = 150; // px, left of the plots
+const LABEL = 168; // px, left of the plots
 const AXIS = 20; // below
 const TOP = 14; // for signs
 
@@ -317,7 +318,7 @@ export class Plots {
       if (time > this.to) break;
     }
     flush();
-    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(this.to), y(last));
+    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(Math.min(this.to, this.values.end())), y(last));
     surface.save();
     surface.clip(this.inside());
     surface.stroke();

@@ -13,7 +13,7 @@ const count = (n: number, one: string, many = `${one}s`): string => `${n} ${n ==
 export const format = {
   none: "–",
   /** With a fixed number of digits, so that columns stand still; a dash for what is not known. */
-  number: (value: number | undefined, digits = 0): string => (value === undefined || !Number.isFinite(value) ? "–" : formats[digits]!.format(value)),
+  number: (value: number | undefined, digits = 0): string => (value === undefined || !Number.isFinite(value) ? "–" : formats[digits]!.format(value).replace(/^-(?=[0.]*$)/, "")),
   percent: (share: number | undefined, digits = 1): string => (share === undefined || !Number.isFinite(share) ? "–" : `${formats[digits]!.format(share * 100)} %`),
   /** 4:07, 1:02:33. */
   clock: (seconds: number): string => {
@@ -254,7 +254,7 @@ export const text = {
     plots: "Values over time. Left and right move the cursor, Enter shows that moment, Escape goes back.",
     plotsHelp: "Click to show a moment",
     windows: "Window",
-    window: { 30: "30 s", 120: "2 min", 600: "10 min", 0: "All" } as Record<number, string>,
+    window: [[30, "30 s"], [120, "2 min"], [600, "10 min"], [0, "All"]] as [seconds: number, label: string][],
     rows: {
       flexion: "Flexion", varus: "Varus +, valgus −", warp: "Warp at the tip", gain: "Gain", gainMost: "most", gainLeast: "least",
       removed: "Removed", speed: "Tip speed",

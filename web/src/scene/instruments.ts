@@ -100,8 +100,8 @@ function knife(material: Material, bright: Material): Shape {
 }
 
 function scope(material: Material, bright: Material): Shape {
-  const head = new BoxGeometry(22, 22, 34).translate(0, 0, -SHAFT - HANDLE);
-  const post = new CylinderGeometry(2.2, 2.2, 16, 12).translate(0, -10, -SHAFT + 6);
+  const head = new BoxGeometry(13, 13, 20).translate(0, 0, -SHAFT - 8);
+  const post = new CylinderGeometry(1.8, 1.8, 14, 12).translate(0, -9, -SHAFT + 8);
   const body = new Mesh(merged(tube(2, -SHAFT, -1.2), tube(4.5, -SHAFT, -SHAFT + 14), head, post), material);
   const lens = new Mesh(new CylinderGeometry(1.7, 1.9, 1.6, 20).rotateX(Math.PI / 2).translate(0, 0, -0.8), bright);
   return still(group(body, lens));

@@ -180,7 +180,7 @@ export class Joint {
     const colour = TOOL_COLOURS[instrument]!;
     const bright = steelMaterial(0xe6ebef);
     const shown = shapeOf(instrument, steelMaterial(this.wet ? 0xaab4bc : 0x9aa5ae), bright);
-    const ghost = steelMaterial(colour, 0.35);
+    const ghost = steelMaterial(colour, 0.3);
     const raw = shapeOf(instrument, ghost, ghost);
     for (const shape of [shown, raw]) {
       shape.root.matrixAutoUpdate = false;
@@ -342,8 +342,8 @@ function fillTrail(line: Line, history: History, first: number, last: number, to
 }
 
 function markerShape(): Group {
-  const ball = new Mesh(new SphereGeometry(0.7, 16, 12), new MeshBasicMaterial({ color: MARKER }));
-  const ring = new Mesh(new RingGeometry(1.9, 2.4, 32), new MeshBasicMaterial({ color: MARKER, transparent: true, opacity: 0.9, depthTest: false, depthWrite: false }));
+  const ball = new Mesh(new SphereGeometry(0.7, 16, 12), new MeshBasicMaterial({ color: MARKER, toneMapped: false }));
+  const ring = new Mesh(new RingGeometry(1.9, 2.4, 32), new MeshBasicMaterial({ color: MARKER, transparent: true, opacity: 0.9, depthTest: false, depthWrite: false, toneMapped: false }));
   ring.renderOrder = 5;
   const group = new Group();
   group.add(ball, ring);

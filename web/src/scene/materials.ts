@@ -5,18 +5,18 @@ import type { Colour } from "./colours";
 
 export const TISSUE: Record<string, Colour> = {
   bone: [228, 216, 194],
-  cartilage: [222, 228, 226],
-  meniscus: [196, 178, 160],
-  cut: [214, 126, 104],
-  ligament: [214, 196, 168],
-  skin: [196, 150, 128],
+  cartilage: [226, 228, 222],
+  meniscus: [206, 190, 168],
+  cut: [222, 140, 116],
+  ligament: [218, 202, 172],
+  skin: [190, 120, 104],
 };
 
-/** What a surface is made of, as its group's name tells. */
-export function tissueOf(group: string): Colour {
+/** What a surface is made of, as its group's name tells. In the joint's inside bones have their cartilage. */
+export function tissueOf(group: string, inside: boolean): Colour {
   if (group.startsWith("meniscus")) return TISSUE.meniscus!;
   if (group === "skin") return TISSUE.skin!;
-  return ["femur", "tibia", "patella"].includes(group) ? TISSUE.bone! : TISSUE.ligament!;
+  return ["femur", "tibia", "patella"].includes(group) ? (inside ? TISSUE.cartilage! : TISSUE.bone!) : TISSUE.ligament!;
 }
 
 export interface Look {
@@ -32,8 +32,8 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
   const material = new MeshPhongMaterial({
     vertexColors: look.colour === undefined,
     color: look.colour ?? 0xffffff,
-    specular: new Color(look.wet ? 0x8a8580 : 0x26282a),
-    shininess: look.wet ? 90 : 22,
+    specular: new Color(look.wet ? 0x94948f : 0x26282a),
+    shininess: look.wet ? 130 : 22,
     transparent: opacity < 1,
     opacity,
     depthWrite: opacity === 1,
@@ -54,7 +54,8 @@ export function tissueMaterial(look: Look, other?: Matrix4): MeshPhongMaterial {
 }
 
 // Fibres and small hollows: noise over the place in the body, so that it goes with the tissue. It shades
-// the colour a little and ruffles the normal, which breaks up the highlights as a film of water does.
+// the colour a little, and its slope ruffles the normal, which breaks up the highlights as a film of water
+// does. The slope is that between neighbouring pixels: one look at the noise is enough.
 const NOISE = `
 float hash3(vec3 p) {
   p = fract(p * 0.3183099 + 0.1);
@@ -73,12 +74,14 @@ function moisten(shader: { vertexShader: string; fragmentShader: string }): void
   shader.vertexShader = `varying vec3 vPlace;\n${shader.vertexShader}`.replace("#include <project_vertex>", "vPlace = position;\n#include <project_vertex>");
   shader.fragmentShader = `varying vec3 vPlace;\n${NOISE}${shader.fragmentShader}`
     .replace("#include <color_fragment>", `#include <color_fragment>
-      float grain = noise3(vPlace * 0.9) * 0.6 + noise3(vPlace * 3.1) * 0.4;
-      diffuseColor.rgb *= 0.86 + 0.24 * grain;
-      diffuseColor.rgb = mix(diffuseColor.rgb, diffuseColor.rgb * vec3(1.05, 0.86, 0.82), smoothstep(0.5, 0.8, noise3(vPlace * 0.35)));`)
+      float grain = noise3(vPlace * 0.8);
+      diffuseColor.rgb *= mix(vec3(1.0, 0.95, 0.91), vec3(1.03), grain);`)
     .replace("#include <normal_fragment_maps>", `#include <normal_fragment_maps>
-      vec3 ruffle = vec3(noise3(vPlace * 2.3), noise3(vPlace * 2.3 + 31.0), noise3(vPlace * 2.3 + 67.0)) - 0.5;
-      normal = normalize(normal + 0.22 * ruffle);`);
+      vec3 alongX = dFdx(vViewPosition), alongY = dFdy(vViewPosition);
+      vec3 acrossX = cross(alongY, normal), acrossY = cross(normal, alongX);
+      float area = dot(alongX, acrossX);
+      vec3 slope = sign(area) * (dFdx(grain) * acrossX + dFdy(grain) * acrossY);
+      normal = normalize(abs(area) * normal + 0.18 * slope);`);
 }
 
 export function steelMaterial(colour: number, opacity = 1): MeshPhongMaterial {

@@ -52,6 +52,7 @@ export const REACH: Partial<Record<MapName, number>> = { gain: 3, contact: 1.5 }
 /** The surface to be painted: `cut` tells whether a vertex is of a cut surface. */
 export interface Canvas {
   group: Group;
+  inside: boolean; // it is looked at from inside the joint
   count: number; // of vertices
   positions: Float32Array; // S', mm
   colours: Uint8Array; // four of each vertex, linear
@@ -67,7 +68,7 @@ function put(colours: Uint8Array, vertex: number, colour: Colour): void {
 }
 
 export function paintTissue(canvas: Canvas): void {
-  const own = tissueOf(canvas.group.name);
+  const own = tissueOf(canvas.group.name, canvas.inside);
   const { cartilage } = canvas.group;
   for (let i = 0; i < canvas.count; i++) put(canvas.colours, i, canvas.cut(i) ? TISSUE.cut! : cartilage[i] ? TISSUE.cartilage! : own);
 }

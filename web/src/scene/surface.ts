@@ -21,7 +21,7 @@ export class Surface {
   private hash = 0n;
   private twin = 0; // vertex i of a cut surface is i + twin; 0: the mesh has none
 
-  constructor(readonly group: Group, wet: boolean) {
+  constructor(readonly group: Group, private readonly wet: boolean) {
     const geometry = new BufferGeometry();
     const { positions, normals } = group.virtual;
     const count = positions.length / 3;
@@ -31,7 +31,7 @@ export class Surface {
     geometry.setIndex(new BufferAttribute(group.triangles, 1));
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
     const inside = wet && group.name === "skin"; // the scope is in it
-    this.shown = new Mesh(geometry, tissueMaterial({ wet, side: inside ? BackSide : FrontSide, opacity: group.name === "skin" && !wet ? 0.25 : 1 },
+    this.shown = new Mesh(geometry, tissueMaterial({ wet: wet && !inside, side: inside ? BackSide : FrontSide, opacity: group.name === "skin" && !wet ? 0.25 : 1 },
       group.otherShare && this.other));
     this.shown.frustumCulled = false;
     this.shown.userData.body = group.body;
@@ -101,7 +101,7 @@ export class Surface {
 
   private newCanvas(positions: Float32Array, count: number, cut: (vertex: number) => boolean): Canvas {
     const colours = this.shown.geometry.getAttribute("color").array as Uint8Array;
-    return { group: this.group, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN) };
+    return { group: this.group, inside: this.wet, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN) };
   }
 
   // ---- maps -----------------------------------------------------------------------------------------

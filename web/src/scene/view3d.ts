@@ -12,9 +12,21 @@ const COARSEST = 0.5;
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}
 
+// Whether pictures are drawn by the processor: smooth edges would take four times as long.
+function drawnInSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl && info ? String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
+let software: boolean | undefined;
+
 export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
+  software ??= drawnInSoftware();
   try {
-    const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    const renderer = new WebGLRenderer({ canvas, antialias: !software, alpha: true, powerPreference: "high-performance" });
     renderer.outputColorSpace = SRGBColorSpace;
     return renderer;
   } catch {
@@ -28,7 +40,7 @@ export class Fineness {
   private spent = FAST_MS;
 
   constructor(private readonly finest = Math.min(devicePixelRatio, 2)) {
-    this.value = finest;
+    this.value = software ? COARSEST * finest : finest;
   }
 
   /** After a picture that took so long. True where the next one is to have another fineness. */
@@ -53,7 +65,7 @@ export class View3D {
 
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly fineness = new Fineness();
+  private readonly fineness: Fineness;
   private readonly resize: ResizeObserver;
   private pending = 0;
   private drawnAt = 0;
@@ -63,6 +75,7 @@ export class View3D {
   constructor(readonly element: HTMLElement, private readonly joint: Joint, name: string) {
     this.canvas = h("canvas", { class: "scene-canvas", tabindex: 0, role: "application", "aria-label": name });
     this.renderer = newRenderer(this.canvas);
+    this.fineness = new Fineness();
     element.append(this.canvas);
     const lamp = new DirectionalLight(0xffffff, 2.1);
     lamp.position.set(-0.5, 0.8, 1);

@@ -3,7 +3,9 @@
 #include "api/api.h"
 #include "base/check.h"
 #include "base/log.h"
+#include "hub/audience.h"
 #include "review/page.h"
+#include "store/store.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,7 +18,9 @@ struct browsers {
     struct api_case cases[HUB_CASES_MAX];
     struct api_station stations[HUB_STATIONS_MAX];
     char link[LINK_MAX];
+    const char *records;
     struct api *api;
+    struct audience *audience;
     struct web *web;
 };
 
@@ -30,9 +34,63 @@ static bool on_enter(void *user, const char *token, struct web_account *out_acco
     return api_enter(((struct browsers *)user)->api, token, out_account);
 }
 
+_Static_assert(sizeof(struct guest) == sizeof(struct web_account) &&
+                   AUDIENCE_VIEWERS_MAX == WEB_VIEWERS_MAX && AUDIENCE_BATCH_MAX == WEB_BATCH_MAX,
+               "web and hub mean the same");
+
 static void *on_viewer(void *user, const struct web_account *account) {
-    (void)user, (void)account;
-    return NULL;
+    struct guest guest;
+    memcpy(guest.name, account->name, sizeof guest.name);
+    memcpy(guest.role, account->role, sizeof guest.role);
+    memcpy(guest.trainee, account->trainee, sizeof guest.trainee);
+    return audience_join(((struct browsers *)user)->audience, &guest);
+}
+
+static bool on_page(void *user, void *viewer, const arthron_Page *message) {
+    return audience_hear(((struct browsers *)user)->audience, viewer, message);
+}
+
+static size_t on_batch(void *user, void *viewer, int64_t now_ns, uint8_t *out, size_t size,
+                       int64_t *out_next_ns) {
+    return audience_batch(((struct browsers *)user)->audience, viewer, now_ns, out, size,
+                          out_next_ns);
+}
+
+static void on_left(void *user, void *viewer) {
+    audience_leave(((struct browsers *)user)->audience, viewer);
+}
+
+static void ring(void *user) {
+    web_wake(user);
+}
+
+// ---- what the audience asks ---------------------------------------------------------------------
+
+struct ownership {
+    const struct guest *guest;
+    bool is_own;
+};
+
+static void take_row(void *user, const struct store_cell *cells, int count) {
+    struct ownership *o = user;
+    for (int i = 0; i < count; i++)
+        if (!strcmp(cells[i].column, "trainee") && cells[i].kind == STORE_TEXT)
+            o->is_own = o->guest->trainee[0] && !strcmp(cells[i].text, o->guest->trainee);
+}
+
+// Instructors see all recorded sessions, trainees their own.
+static bool allowed(void *user, const struct guest *guest, const char *session) {
+    const struct browsers *b = user;
+    struct ownership ownership = {guest, false};
+    struct store *store;
+    if (!strcmp(guest->role, store_role_name(ROLE_INSTRUCTOR)))
+        return true;
+    if (strcmp(guest->role, store_role_name(ROLE_TRAINEE)) != 0 ||
+        store_open(b->records, STORE_THERE, guest->name, &store, NULL) != RESULT_OK)
+        return false;
+    store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL);
+    store_close(&store);
+    return ownership.is_own;
 }
 
 // ---- joining ------------------------------------------------------------------------------------
@@ -83,6 +141,9 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
         .on_request = on_request,
         .on_enter = on_enter,
         .on_viewer = on_viewer,
+        .on_page = on_page,
+        .on_batch = on_batch,
+        .on_left = on_left,
     };
     struct web_config config = {
         .address = settings->address[0] ? settings->address : NULL,
@@ -96,13 +157,22 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
     return web_create(&config, &handler, &b->web, err);
 }
 
-enum result browsers_create(const struct server_config *config, struct browsers **out_browsers,
-                            struct error *err) {
+static void open_audience(struct browsers *b, struct hub *hub) {
+    const struct audience_config config = {b, allowed};
+    b->audience = audience_create(hub, &config);
+}
+
+enum result browsers_create(const struct server_config *config, struct hub *hub,
+                            struct browsers **out_browsers, struct error *err) {
     struct browsers *b = alloc(1, sizeof *b);
+    b->records = config->hub.records;
+    open_audience(b, hub);
     make_link(&config->web, b->link);
     enum result result = open_api(b, &config->hub, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
+    if (result == RESULT_OK)
+        audience_bell(b->audience, ring, b->web);
     if (result == RESULT_OK)
         log_info("server", "browsers are served at %s", b->link);
     else
@@ -115,8 +185,10 @@ void browsers_destroy(struct browsers **browsers) {
     struct browsers *b = *browsers;
     if (!b)
         return;
+    audience_bell(b->audience, NULL, NULL);
     if (b->web)
         web_destroy(&b->web);
+    audience_destroy(&b->audience);
     api_destroy(&b->api);
     free(b);
     *browsers = NULL;

@@ -8,6 +8,6 @@ struct browsers;
 
 // Serves from now on. The config must live as long. Errors are those of the records, and of the
 // address, port and certificate.
-enum result browsers_create(const struct server_config *config, struct browsers **out_browsers,
-                            struct error *err);
+enum result browsers_create(const struct server_config *config, struct hub *hub,
+                            struct browsers **out_browsers, struct error *err);
 void browsers_destroy(struct browsers **browsers); // before the hub; NULL inside is fine

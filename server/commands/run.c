@@ -34,7 +34,7 @@ static int serve_until_end(const struct server_config *config, const sigset_t *e
     struct error err;
     enum result result = hub_create(&config->hub, &hub, &err);
     if (result == RESULT_OK && config->web.port) {
-        result = browsers_create(config, &browsers, &err);
+        result = browsers_create(config, hub, &browsers, &err);
         if (result != RESULT_OK)
             hub_destroy(&hub);
     }

@@ -1,8 +1,8 @@
 #include "commands/commands.h"
+#include "commands/records_password.h"
 #include "commands/records_rows.h"
 #include "commands/records_xapi.h"
 
-#include <errno.h>
 #include <getopt.h>
 #include <pwd.h>
 #include <stdio.h>
@@ -17,6 +17,8 @@ static const char help[] =
     "       arthron-server records --file FILE add course NAME\n"
     "       arthron-server records --file FILE add account NAME --role ROLE [--trainee NAME]\n"
     "                                      [--password FILE]\n"
+    "       arthron-server records --file FILE password NAME [--password FILE]\n"
+    "       arthron-server records --file FILE remove account NAME\n"
     "       arthron-server records --file FILE enrol TRAINEE COURSE\n"
     "       arthron-server records --file FILE export --csv DIR | --xapi FILE [--site URL]\n"
     "       arthron-server records --file FILE erase TRAINEE [--json]\n"
@@ -29,6 +31,8 @@ static const char help[] =
     "            with its results\n"
     "  add       a trainee (as in [station] trainee = NAME of the server's config), a course, an\n"
     "            account of a technician, instructor or trainee\n"
+    "  password  gives an account another password, and signs it out everywhere\n"
+    "  remove    takes an account away; a trainee's sessions stay\n"
     "  enrol     puts a trainee into a course\n"
     "  export    every list as a CSV file, or the sessions that have ended as xAPI statements\n"
     "  erase     takes away who a trainee was, keeps the sessions and results under a pseudonym,\n"
@@ -38,7 +42,9 @@ static const char help[] =
     "      --full-name TEXT the trainee's name for people\n"
     "      --role ROLE      technician, instructor or trainee\n"
     "      --trainee NAME   whose account it is\n"
-    "      --password FILE  the password as argon2 encodes it, in the first line; - for stdin\n"
+    "      --password FILE  the password (or what argon2 made of it), in the first line; - for\n"
+    "                       stdin; without it you are asked, where there is a terminal, and else\n"
+    "                       nobody can sign in to a new account\n"
     "      --csv DIR, --xapi FILE   where to export to\n"
     "      --site URL       the address under which your accounts and cases are named in xAPI\n"
     "                       (https://HOST/arthron)\n"
@@ -153,19 +159,6 @@ static int show(struct store *store, const struct request *r) {
 
 // ---- add, enrol ---------------------------------------------------------------------------------
 
-static enum result read_password(const char *path, char out[STORE_TEXT_MAX], struct error *err) {
-    FILE *file = strcmp(path, "-") ? fopen(path, "r") : stdin;
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    bool read = fgets(out, STORE_TEXT_MAX, file) != NULL;
-    if (file != stdin)
-        fclose(file);
-    if (!read)
-        return fail(err, RESULT_FORMAT, "%s: there is no password in it", path);
-    out[strcspn(out, "\r\n")] = '\0';
-    return RESULT_OK;
-}
-
 static int add_account(struct store *store, const struct request *r) {
     char password[STORE_TEXT_MAX];
     enum store_role role;
@@ -173,12 +166,31 @@ static int add_account(struct store *store, const struct request *r) {
     enum result result = RESULT_OK;
     if (!r->role || !store_role_from_name(r->role, &role))
         return USAGE;
-    if (r->password)
-        result = read_password(r->password, password, &err);
+    bool given = r->password || isatty(STDIN_FILENO);
+    if (given)
+        result = records_read_password(r->password, password, &err);
     if (result == RESULT_OK)
-        result = store_add_account(store, r->words[2], role, r->password ? password : NULL,
-                                   r->trainee, &err);
+        result =
+            store_add_account(store, r->words[2], role, given ? password : NULL, r->trainee, &err);
     return report(result, &err);
+}
+
+static int set_password(struct store *store, const struct request *r) {
+    char password[STORE_TEXT_MAX];
+    struct error err;
+    if (r->count != 2)
+        return USAGE;
+    enum result result = records_read_password(r->password, password, &err);
+    if (result == RESULT_OK)
+        result = store_set_password(store, r->words[1], password, &err);
+    return report(result, &err);
+}
+
+static int remove_one(struct store *store, const struct request *r) {
+    struct error err;
+    if (r->count != 3 || strcmp(r->words[1], "account"))
+        return USAGE;
+    return report(store_remove_account(store, r->words[2], &err), &err);
 }
 
 static int add(struct store *store, const struct request *r) {
@@ -272,8 +284,14 @@ static const struct {
     enum store_mode mode;
     int (*run)(struct store *store, const struct request *r);
 } verbs[] = {
-    {"list", STORE_THERE, list},   {"show", STORE_THERE, show},     {"add", STORE_MAKE, add},
-    {"enrol", STORE_THERE, enrol}, {"export", STORE_THERE, export}, {"erase", STORE_THERE, erase},
+    {"password", STORE_THERE, set_password},
+    {"remove", STORE_THERE, remove_one},
+    {"list", STORE_THERE, list},
+    {"show", STORE_THERE, show},
+    {"add", STORE_MAKE, add},
+    {"enrol", STORE_THERE, enrol},
+    {"export", STORE_THERE, export},
+    {"erase", STORE_THERE, erase},
 };
 
 static int run(const struct request *r) {

@@ -26,7 +26,8 @@ def free_port(kind=socket.SOCK_STREAM):
 
 def call(name, *arguments, code=0):
     """Runs a program to its end and returns it; its exit code must be as said."""
-    done = subprocess.run([program(name), *arguments], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([program(name), *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          timeout=60)
     if code is not None and done.returncode != code:
         raise AssertionError(
             f"{name} {' '.join(arguments)}: exit {done.returncode}, not {code}\n{done.stdout}{done.stderr}")

@@ -5,7 +5,9 @@ import csv
 import datetime
 import json
 import os
+import pty
 import re
+import select
 import sqlite3
 import stat
 import subprocess
@@ -80,14 +82,84 @@ class Commands(unittest.TestCase):
         self.assertNotIn("feedface", table[1])
         self.assertRegex(self.run_records("list", "audit").stdout.splitlines()[1], r"^\d{4}-\d\d-\d\dT")
 
-    def test_accounts_take_encoded_passwords_only(self):
-        def add(name, password, code):
-            return subprocess.run([program("arthron-server"), "records", "--file", self.db, "add", "account", name,
-                                   "--role", "instructor", "--password", "-"], input=password, text=True,
-                                  capture_output=True).returncode == code
-        self.assertTrue(add("eve", ARGON + "\n", 0))
-        self.assertTrue(add("mallory", "swordfish\n", 1))
-        self.assertTrue(add("mallory", "", 1))
+    def pipe(self, text, *words):
+        """What the command answers to a file on its stdin: its exit code, and all that it said."""
+        done = subprocess.run([program("arthron-server"), "records", "--file", self.db, *words], input=text, text=True,
+                              capture_output=True)
+        return done.returncode, done.stdout + done.stderr
+
+    def type(self, lines, *words):
+        """The same on a terminal, at which somebody types."""
+        here, there = pty.openpty()
+        with subprocess.Popen([program("arthron-server"), "records", "--file", self.db, *words], stdin=there,
+                              stdout=there, stderr=there) as process:
+            said = ""
+            for line in lines:
+                said += self.read_until(here, ": ")
+                os.write(here, (line + "\n").encode())
+            process.wait(timeout=60)
+            os.set_blocking(here, False)
+            said += os.read(here, 65536).decode()
+        os.close(there)
+        os.close(here)
+        return process.returncode, said
+
+    @staticmethod
+    def read_until(here, end):
+        said = ""
+        while not said.endswith(end):
+            if not select.select([here], [], [], 30)[0]:
+                raise AssertionError(f"waited in vain for '{end}' after: {said}")
+            said += os.read(here, 4096).decode()
+        return said
+
+    def passwords(self):
+        with sqlite3.connect(self.db) as db:
+            rows = db.execute("SELECT name, password FROM account").fetchall()
+        db.close()
+        return dict(rows)
+
+    def test_a_password_is_kept_as_argon2_makes_it(self):
+        role = ("--role", "instructor", "--password", "-")
+        self.assertEqual(self.pipe("correct horse battery\n", "add", "account", "eve", *role), (0, ""))
+        first = self.passwords()["eve"]
+        self.assertRegex(first, r"^\$argon2id\$v=19\$m=65536,t=3,p=1\$")
+        self.assertEqual(self.pipe("correct horse battery", "password", "eve", "--password", "-"), (0, ""))
+        self.assertNotEqual(self.passwords()["eve"], first)  # another salt
+        for bad in ("swordfish\n", "x" * 3000, ""):
+            code, said = self.pipe(bad, "add", "account", "mallory", *role)
+            self.assertEqual(code, 1)
+            self.assertNotIn(bad.strip() or "?", said)
+        self.assertEqual(self.pipe("", "password", "eve")[0], 1)
+        self.assertIn("no account 'nobody'", self.pipe(ARGON, "password", "nobody", "--password", "-")[1])
+        with open(self.db, "rb") as file:
+            self.assertNotIn(b"correct horse", file.read())
+        self.assertEqual(list(self.passwords()), ["eve"])
+
+    def test_a_password_is_typed_twice_and_not_shown(self):
+        secret = "correct horse battery"
+        code, said = self.type([secret, secret], "add", "account", "eve", "--role", "instructor")
+        self.assertEqual(code, 0)
+        self.assertNotIn("horse", said)
+        self.assertIn("$argon2id$", self.passwords()["eve"])
+        code, said = self.type([secret, "another one, longer"], "password", "eve")
+        self.assertEqual(code, 1)
+        self.assertIn("the two differ", said)
+        code, said = self.type(["short", "short"], "password", "eve")
+        self.assertIn("at least 10 characters", said)
+
+    def test_the_last_instructor_stays(self):
+        self.pipe(ARGON, "add", "account", "eve", "--role", "instructor", "--password", "-")
+        self.pipe(ARGON, "add", "account", "tom", "--role", "technician", "--password", "-")
+        self.assertIn("last instructor", self.run_records("remove", "account", "eve", code=1).stderr)
+        self.run_records("remove", "account", "tom")
+        self.run_records("remove", "account", "tom", code=1)
+        self.run_records("remove", "trainee", "ada", code=2)
+        self.assertEqual(list(self.passwords()), ["eve"])
+
+    def test_accounts_take_what_argon2_encoded(self):
+        code, said = self.pipe(ARGON + "\n", "add", "account", "eve", "--role", "instructor", "--password", "-")
+        self.assertEqual((code, said), (0, ""))
         self.run_records("add", "account", "tom", "--role", "technician")
         accounts = self.json("list", "accounts")
         self.assertEqual([(a["name"], a["role"], a["can_log_in"]) for a in accounts],

@@ -32,12 +32,28 @@ static bool is_trace_of(const char *name, const char *station) {
            name[length] == '-' && !strcmp(name + length + sizeof rest - 7, ".trace");
 }
 
-// The stamps in the names sort as times do.
+static struct timespec written_at(DIR *folder, const char *name) {
+    struct stat status = {0};
+    fstatat(dirfd(folder), name, &status, 0);
+    return status.st_mtim;
+}
+
+// The stamps in the names sort as times do; of those of one second, what was written to last.
+static bool is_newer(DIR *folder, const char *name, const char *than, size_t stamp_end) {
+    int order = *than ? strncmp(name, than, stamp_end) : 1;
+    struct timespec a = written_at(folder, name), b = written_at(folder, than);
+    if (order)
+        return order > 0;
+    return a.tv_sec != b.tv_sec ? a.tv_sec > b.tv_sec : a.tv_nsec > b.tv_nsec;
+}
+
 static void find_newest(const char *dir, const char *station, char out_name[NAME_MAX + 1]) {
+    size_t stamp_end = strlen(station) + strlen("-20260102T030405Z");
     DIR *folder = opendir(dir);
     out_name[0] = '\0';
     for (struct dirent *entry; folder && (entry = readdir(folder));)
-        if (is_trace_of(entry->d_name, station) && strcmp(entry->d_name, out_name) > 0)
+        if (is_trace_of(entry->d_name, station) &&
+            is_newer(folder, entry->d_name, out_name, stamp_end))
             snprintf(out_name, NAME_MAX + 1, "%s", entry->d_name);
     if (folder)
         closedir(folder);

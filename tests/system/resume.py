@@ -107,6 +107,25 @@ class Resume(Bites):
         wait_until("a session", lambda: self.session()["steps"] > 0, 30)
         self.assertNotIn(self.session()["id"], (first["id"], second["id"]))
 
+    def test_of_two_sessions_of_one_second_the_one_that_was_open_goes_on(self):
+        self.start_station()
+        self.wait_for_steps()
+        closed = self.session()["trace"]
+        self.server.end()
+        self.restart()
+        wait_until("a session", lambda: self.session()["steps"] > 0, 30)
+        session = self.session()
+        before, after = os.path.join(self.traces, "{}-00000000.trace"), os.path.join(self.traces, "{}-ffffffff.trace")
+        stamp = os.path.basename(session["trace"])[:-len("-00000000.trace")]
+        os.rename(closed, after.format(stamp))
+        self.kill()
+        self.restart()
+        self.assertEqual(self.session()["id"], session["id"])
+        os.rename(after.format(stamp), before.format(stamp))
+        self.kill()
+        self.restart()
+        self.assertEqual(self.session()["id"], session["id"])
+
     def test_a_closed_session_on_a_case_that_is_gone_is_no_error(self):
         self.start_station()
         self.wait_for_steps()

@@ -152,22 +152,25 @@ export class History {
     this.last.set(newRow());
   }
 
-  /** False where the moment is not after the last one. */
+  /** False where the moment is before the last one. One of the same time takes its place. */
   append(moment: Moment): boolean {
     const time = Number(moment.timeNs) * 1e-9;
-    if (this.count && time <= this.times[this.count - 1]!) return false;
+    if (time < this.end && this.count) return false;
     pack(moment, this.last);
     this.last[WORKING] = working(this.last);
+    if (!this.count || time > this.end) this.grow(time);
+    this.chunks.at(-1)!.set(this.last, ((this.count - 1) % CHUNK_ROWS) * WIDTH);
+    return true;
+  }
+
+  private grow(time: number): void {
     if (this.count === this.times.length) {
       const larger = new Float64Array(2 * this.count);
       larger.set(this.times);
       this.times = larger;
     }
     if (this.count % CHUNK_ROWS === 0) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
-    this.times[this.count] = time;
-    this.chunks.at(-1)!.set(this.last, (this.count % CHUNK_ROWS) * WIDTH);
-    this.count++;
-    return true;
+    this.times[this.count++] = time;
   }
 
   time(index: number): number {

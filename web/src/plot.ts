@@ -1,6 +1,7 @@
 // Plots of values over the time of a session, one below the other, with a common cursor. They are one
 // canvas; what the cursor reads stands beside it as text. A column of pixels shows the least and the
 // greatest value that fall into it, so that no peak is lost.
+import { clockStep, lastBefore, niceStep } from "./axes";
 import { format } from "./text";
 import { onTheme, themeColour } from "./theme";
 import { h, setText } from "./ui";
@@ -43,30 +44,6 @@ export interface PlotTexts {
 const LABEL = 168; // px, left of the plots
 const AXIS = 20; // below
 const TOP = 14; // for signs
-
-/** The last index whose time is at or before `time`; -1: none. */
-export function lastBefore(count: number, timeOf: (index: number) => number, time: number): number {
-  let low = 0;
-  let high = count;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (timeOf(middle) <= time) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
-}
-
-/** A step between ticks that is 1, 2 or 5 times a power of ten, so that there are at most `most`. */
-export function niceStep(range: number, most: number): number {
-  const rough = range / Math.max(1, most);
-  const power = 10 ** Math.floor(Math.log10(rough));
-  return [1, 2, 5, 10].map((n) => n * power).find((step) => step >= rough * 0.999) ?? 10 * power;
-}
-
-/** Steps of a clock: 1, 2, 5, 10, 15, 30 s, 1, 2, 5, 10 min. */
-export function clockStep(range: number, most: number): number {
-  return [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600].find((step) => range / step <= most) ?? 7200;
-}
 
 export class Plots {
   readonly element: HTMLElement;

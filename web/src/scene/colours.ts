@@ -45,9 +45,9 @@ export function share(map: ColourMap, value: number): number {
   return (value - map.from) / (map.to - map.from);
 }
 
-/** A map of displacements up to `most`, with a round end. */
+/** A map of displacements up to `most`, with an end whose quarters are round. */
 export function scaledTo(map: ColourMap, most: number): ColourMap {
-  const rounds = [0.5, 1, 2, 3, 4, 5, 8, 10, 15, 20, 30, 50];
+  const rounds = [0.4, 0.8, 1.2, 2, 4, 8, 12, 16, 20, 40, 60];
   const to = rounds.find((round) => round >= most) ?? most;
   return { ...map, to, ticks: [0, to / 4, to / 2, (3 * to) / 4, to] };
 }

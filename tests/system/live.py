@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""What a page hears of a hall: the wall, a station while it cuts, and a session again when it is over."""
+
+import time
+import unittest
+
+from arthron import call, call_json, free_port, wait_until
+from bites import Bites
+from page import NOTE, PAUSE, RECORDED, START, STATION, STOP, UNDO, WALL, Browser
+
+WAITING, RUNNING, PAUSED, CLOSED = range(4)
+MENISCUS = "meniscus_medial"
+PUNCH = 5
+
+
+class Live(Bites):
+    def server_config(self, stations="", extra=""):
+        self.web_port = getattr(self, "web_port", None) or free_port()
+        return super().server_config(stations, extra + f"records = records.db\n[web]\nport = {self.web_port}\n")
+
+    def setUp(self):
+        super().setUp()
+        self.pages = []
+        self.browser = Browser(self.web_port, self.path("keys/authority.pem"))
+        self.browser.first(self.server.log())
+
+    def tearDown(self):
+        for page in self.pages:
+            page.close()
+        super().tearDown()
+
+    def open(self):
+        self.pages.append(self.browser.page())
+        return self.pages[-1]
+
+    def assert_is_shown(self, page):
+        there = self.resection()
+        page.read_until(lambda: page.meshes.get(MENISCUS, (0,))[0] == there["mesh_number"] and
+                        page.resections[MENISCUS]["mesh_hash"] == there["mesh_hash"])
+        self.assertEqual(page.meshes[MENISCUS][2], there["mesh_hash"])
+        for key in ("cuts", "volume_mm3", "removed_mm3", "mesh_number"):
+            self.assertEqual(page.resections[MENISCUS][key], there[key], key)
+
+    def test_the_wall_sees_a_station_come_and_go(self):
+        wall = self.open()
+        wall.watch(WALL, rate_hz=20)
+        wall.read_until(lambda: "room-1" in wall.places)
+        self.assertFalse(wall.places["room-1"]["connected"])
+        self.assertEqual(wall.places["room-1"]["urgency"], 0)
+        station = self.start_station()
+        wall.read_until(lambda: wall.places["room-1"]["state"] == RUNNING)
+        wall.read_until(lambda: all(d["rate_hz"] > 50 for d in wall.places["room-1"]["devices"].values()))
+        self.assertEqual(set(wall.places["room-1"]["devices"]), {"encoders", "tracker"})
+        begin, seen = time.monotonic(), len(wall.moments)
+        wall.read_until(lambda: time.monotonic() > begin + 2)
+        rate = (len(wall.moments) - seen) / (time.monotonic() - begin)
+        self.assertTrue(5 < rate < 22, rate)
+        steps = [m["step"] for m in wall.moments]
+        self.assertEqual(steps, sorted(set(steps)))
+        station.process.kill()
+        wall.read_until(lambda: wall.places["room-1"]["urgency"] == 3)
+        self.assertIn("away", wall.places["room-1"]["warning"])
+
+    def test_a_page_follows_a_station_and_steers_it(self):
+        self.start_station()
+        wait_until("a session", lambda: self.session()["state"] == "running")
+        page, other = self.open(), self.open()
+        page.watch(STATION, station="room-1")
+        page.read_until(lambda: page.resections.get(MENISCUS, {}).get("cuts", 0) >= 2)
+        self.assertEqual(page.order[page.order.index("moment") - 1] != "moment" and page.sessions[0]["id"],
+                         self.session()["id"])
+        self.assertTrue(page.command(PAUSE)["ok"])
+        self.assertEqual(self.session()["state"], "paused")
+        self.assertTrue(page.command(UNDO)["ok"])
+        self.assert_is_shown(page)
+        self.assertEqual(page.meshes[MENISCUS][1], sorted(set(page.meshes[MENISCUS][1])))
+        other.watch(STATION, station="room-1")  # comes late
+        self.assert_is_shown(other)
+        self.assertEqual(len(other.meshes[MENISCUS][1]), 1)
+        self.assertTrue(page.note("Here", marker=(1, (1, 2, 3)))["ok"])
+        self.assertFalse(page.note("two\nlines")["ok"])
+        for p in (page, other):
+            p.read_until(lambda: p.remarks)
+            self.assertEqual(p.remarks[1]["text"], "Here")
+            self.assertEqual((p.remarks[1]["author"], p.remarks[1]["marker"], p.remarks[1]["body"]), ("otto", True, 1))
+        self.assertTrue(page.command(START)["ok"])
+        page.read_until(lambda: page.metrics and page.metrics["time", "", 1][0] > 0)
+        self.assertTrue(page.command(STOP)["ok"])
+        page.read_until(lambda: page.moments[-1]["state"] == CLOSED)
+        self.assertFalse(page.troubles)
+
+    def record(self):
+        """A session that was cut in, as it was in the end."""
+        self.start_station()
+        wait_until("a session", lambda: self.session()["state"] == "running")
+        page = self.open()
+        page.watch(STATION, station="room-1")
+        page.read_until(lambda: page.sessions and page.moments)
+        page.note("Well done")
+        self.wait_for_cuts(3)
+        self.steer("undo", "room-1")
+        self.wait_for_cuts(3)
+        self.steer("pause", "room-1")
+        self.steer("undo", "room-1")
+        resection, session = self.resection(), self.session()
+        self.steer("stop", "room-1")
+        page.close()
+        self.pages.remove(page)
+        wait_until("its end", lambda: call("arthron-trace", "verify", session["trace"], code=None).returncode == 0)
+        return resection, session
+
+    def test_a_recorded_session_is_seen_again(self):
+        resection, session = self.record()
+        page = self.open()
+        page.watch(RECORDED, session=session["id"], rate_hz=20)
+        page.read_until(lambda: page.done)
+        self.assertEqual(page.troubles, [])
+        self.assertEqual((page.sessions[0]["id"], page.sessions[0]["recorded"]), (session["id"], True))
+        self.assertEqual(page.meshes[MENISCUS][2], resection["mesh_hash"])
+        self.assertEqual(page.meshes[MENISCUS][1], list(range(1, resection["mesh_number"] + 1)))
+        for key in ("cuts", "volume_mm3", "removed_mm3", "mesh_hash", "mesh_number"):
+            self.assertEqual(page.resections[MENISCUS][key], resection[key], key)
+        self.assertEqual([r["text"] for r in page.remarks.values()], ["Well done"])
+        times = [m["s"] for m in page.moments]
+        self.assertEqual(times, sorted(times))
+        info = call_json("arthron-trace", "info", session["trace"])
+        self.assertAlmostEqual(page.sessions[0]["length_s"], times[-1], delta=0.2)
+        self.assertAlmostEqual(times[-1], info["seconds"], delta=0.5)
+        self.assertLess(len(times), 20 * info["seconds"] + resection["mesh_number"] + 20)
+        self.assertGreater(len(times), 10 * info["seconds"])
+        self.assert_metrics_are_those_of(session["trace"], page.metrics)
+        first_chunk, first_moment = page.order.index("chunk"), page.order.index("moment")
+        self.assertLess(first_chunk, first_moment)
+        self.assertIn("moment", page.order[first_moment:len(page.order) - page.order[::-1].index("chunk")])
+
+    def test_the_same_hands_on_another_case(self):
+        resection, session = self.record()
+        page = self.open()
+        page.watch(RECORDED, session=session["id"], case="healthy", rate_hz=20)
+        page.read_until(lambda: page.done)
+        self.assertEqual(page.troubles, [])
+        self.assertEqual((page.sessions[0]["case"], page.sessions[0]["own_case"]), ("healthy", "arthrosis"))
+        own = self.open()
+        own.watch(RECORDED, session=session["id"], rate_hz=20, meshes=False)
+        own.read_until(lambda: own.done)
+        self.assertFalse(own.meshes)
+        self.assertEqual(own.resections[MENISCUS]["volume_mm3"], resection["volume_mm3"])
+        hands, shown = [], []
+        for a in own.moments:
+            for b in page.moments:
+                if a["step"] == b["step"] and PUNCH in a["instruments"] and PUNCH in b["instruments"]:
+                    hands.append(a["instruments"][PUNCH][3] == b["instruments"][PUNCH][3])
+                    shown.append(a["instruments"][PUNCH].get(4) == b["instruments"][PUNCH].get(4))
+        self.assertGreater(len(hands), 50)
+        self.assertTrue(all(hands))
+        self.assertFalse(all(shown))
+
+    def test_what_is_not_there_is_told(self):
+        page = self.open()
+        page.watch(STATION, station="room-9")
+        page.read_until(lambda: page.troubles)
+        self.assertIn("room-9", page.troubles[0])
+        page.watch(RECORDED, session="0" * 32)
+        page.read_until(lambda: page.troubles)
+        self.assertIn("0" * 32, page.troubles[0])
+        page.watch(RECORDED, session="../../etc/passwd")
+        page.read_until(lambda: page.troubles)
+        self.assertFalse(page.command(PAUSE)["ok"])
+        self.assertFalse(page.command(NOTE, station="room-9")["ok"])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -25,6 +25,16 @@ void metrics_init(struct metrics *m, struct view_optic optic) {
 
 // ---- what stood since the step before -----------------------------------------------------------
 
+static void pass_warp(struct instrument_metrics *one, const struct standing *s, int64_t passed_ns) {
+    double share = (double)passed_ns / (double)(passed_ns + METRICS_NOTICE_NS);
+    one->judged_ns += passed_ns;
+    for (int i = 0; i < NOTICED_COUNT; i++) {
+        one->felt[i] += share * (s->noticed[i] - one->felt[i]);
+        if (one->felt[i] > 0.5)
+            one->noticed_ns[i] += passed_ns;
+    }
+}
+
 static void pass_instrument(struct instrument_metrics *one, const struct standing *s,
                             int64_t passed_ns) {
     if (!s->present)
@@ -32,10 +42,7 @@ static void pass_instrument(struct instrument_metrics *one, const struct standin
     one->present_ns += passed_ns;
     touch_pass(&one->touch, s->nearest, s->penetration_mm, passed_ns);
     if (s->judged)
-        one->judged_ns += passed_ns;
-    for (int i = 0; i < NOTICED_COUNT; i++)
-        if (s->judged && s->noticed[i])
-            one->noticed_ns[i] += passed_ns;
+        pass_warp(one, s, passed_ns);
     if (!s->beside_scope)
         return;
     one->beside_scope_ns += passed_ns;

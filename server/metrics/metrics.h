@@ -14,6 +14,10 @@
 // Where steps are farther apart than this, what stands at the earlier one counts for so long.
 #define METRICS_STEP_MAX_NS 100000000LL
 
+// Time constant of what is noticed: a hand that trembles at a threshold is past it where it is so
+// for most of this time.
+#define METRICS_NOTICE_NS 250000000LL
+
 enum noticed { NOTICED_TURNED, NOTICED_TILTED, NOTICED_GAIN, NOTICED_ANY, NOTICED_COUNT };
 
 struct instrument_metrics {
@@ -24,6 +28,7 @@ struct instrument_metrics {
     struct travel hand, seen;
     struct touch touch;
     int64_t judged_ns; // present, and the discrepancy known: traces of version 2 have none
+    double felt[NOTICED_COUNT]; // share of the last time past the threshold
     int64_t noticed_ns[NOTICED_COUNT];
     int64_t beside_scope_ns, out_of_view_ns; // present together; and not in the scope's view
     struct search search;

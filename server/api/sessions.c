@@ -182,7 +182,7 @@ static void make_report(struct call *call, const char *trace) {
     r->status = 200;
     r->body = page;
     r->size = size;
-    r->compress = true;
+    r->stands_alone = r->compress = true;
     snprintf(r->type, sizeof r->type, "text/html; charset=utf-8");
 }
 

@@ -14,14 +14,20 @@
 
 #define COMPRESSED_MAX (64 << 20)
 
-static const char security[] =
-    "Content-Security-Policy: default-src 'self'; img-src 'self' blob: data:; "
+static const char policy[] =
+    "default-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' ws://127.0.0.1:* ws://localhost:*; style-src 'self'; script-src 'self'; "
-    "frame-ancestors 'none'; base-uri 'none'; form-action 'self'\r\n"
-    "X-Content-Type-Options: nosniff\r\n"
-    "Referrer-Policy: no-referrer\r\n"
-    "Cross-Origin-Opener-Policy: same-origin\r\n"
-    "Cross-Origin-Resource-Policy: same-origin\r\n";
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
+
+// Of a page that stands alone: its own style, and nothing else at all.
+static const char policy_alone[] = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
+                                   "frame-ancestors 'none'; base-uri 'none'; form-action 'none'; "
+                                   "sandbox";
+
+static const char security[] = "X-Content-Type-Options: nosniff\r\n"
+                               "Referrer-Policy: no-referrer\r\n"
+                               "Cross-Origin-Opener-Policy: same-origin\r\n"
+                               "Cross-Origin-Resource-Policy: same-origin\r\n";
 
 static const char *status_text(int status) {
     static const struct {
@@ -84,9 +90,14 @@ static void say_header(struct answer *a, const char *name, const char *value) {
         say(a, "%s: %s\r\n", name, value);
 }
 
-static void begin(struct answer *a, int status) {
+static void begin_with(struct answer *a, int status, const char *content_policy) {
     a->status = status;
-    say(a, "HTTP/1.1 %d %s\r\n%s", status, status_text(status), security);
+    say(a, "HTTP/1.1 %d %s\r\nContent-Security-Policy: %s\r\n%s", status, status_text(status),
+        content_policy, security);
+}
+
+static void begin(struct answer *a, int status) {
+    begin_with(a, status, policy);
 }
 
 static void end(struct answer *a, int64_t length) {
@@ -322,7 +333,7 @@ struct answer answer_of(const struct web_response *r, const struct wishes *wishe
         pack(&a);
     int64_t size = a.file >= 0 ? a.left : (int64_t)a.size;
     int status = choose(&a, r, wishes, size);
-    begin(&a, status);
+    begin_with(&a, status, r->stands_alone ? policy_alone : policy);
     say_headers(&a, r);
     if (packed)
         say(&a, "Content-Encoding: gzip\r\n");

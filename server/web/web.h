@@ -46,6 +46,7 @@ struct web_response {
     char *body;    // of alloc or malloc, released by this room; or
     size_t size;
     char file[512];     // a path whose bytes are sent, with Range; 404 where it cannot be read
+    bool stands_alone;  // a page with a style of its own, without scripts and links to others
     bool compress;      // send it gzipped to who takes that; for what is large and seldom asked
     char etag[80];      // without quotes; empty: not to be kept
     char cookie[256];   // the value of Set-Cookie

@@ -119,6 +119,7 @@ static void a_trace_is_a_file_and_a_report_a_page(void **state) {
     assert_string_equal(answer.type, "application/octet-stream");
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 200);
     assert_string_equal(answer.type, "text/html; charset=utf-8");
+    assert_true(answer.stands_alone);
     assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA "</p>", answer.size);
     write_file(api_dir, "1.trace", "bad", 3);
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 500);

@@ -22,7 +22,7 @@ function steps(): Step[] {
       hash: bytes.readBigUInt64LE(at + 4),
       vertices: bytes.readUInt32LE(at + 12),
       triangles: bytes.readUInt32LE(at + 16),
-      payload: bytes.subarray(at + 24, at + 24 + size),
+      payload: Uint8Array.from(bytes.subarray(at + 24, at + 24 + size)),
     });
     at += 24 + size;
   }

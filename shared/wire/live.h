@@ -6,7 +6,8 @@
 
 #define LIVE_ITEM_MAX 65536 // one item; also a whole batch
 
-// RESULT_LIMIT where it does not fit `size`. Not for a mesh_chunk.
+// RESULT_LIMIT where it and nine bytes more do not fit `size`, RESULT_INVALID where it is of no
+// kind. Not for a mesh_chunk.
 enum result live_encode(const arthron_Live *item, uint8_t *data, size_t size, size_t *out_used);
 enum result live_encode_chunk(const arthron_MeshChunk *chunk, uint8_t *data, size_t size,
                               size_t *out_used);

@@ -54,11 +54,16 @@ static void close_with(struct visitor *v, enum close_status status) {
     lws_callback_on_writable(v->socket);
 }
 
+// Nothing more will be said to it.
+static void be_silent(struct visitor *v) {
+    v->web->live_sockets -= v->viewer->open;
+    v->viewer->open = false;
+}
+
 void live_end(struct visitor *v) {
     if (!v->viewer)
         return;
-    if (v->state == VISIT_LIVE)
-        v->web->live_sockets--;
+    be_silent(v);
     leave(v);
     free(v->viewer);
     v->viewer = NULL;
@@ -121,6 +126,7 @@ int live_open(struct visitor *v) {
     CHECK(v->viewer && !v->job && slot >= 0); // judged before the upgrade
     v->web->live[slot] = v;
     v->web->live_sockets++;
+    v->viewer->open = true;
     v->state = VISIT_LIVE;
     v->viewer->visitor = v;
     v->viewer->next_ns = INT64_MAX;
@@ -169,6 +175,7 @@ static int refuse(struct visitor *v, enum close_status status, const char *text)
     v->viewer->closing = (int)status;
     leave(v);
     lws_close_reason(v->socket, (enum lws_close_status)status, NULL, 0);
+    be_silent(v);
     return -1;
 }
 
@@ -221,6 +228,7 @@ int live_write(struct visitor *v) {
     struct viewer *viewer = v->viewer;
     if (viewer->closing) {
         lws_close_reason(v->socket, (enum lws_close_status)viewer->closing, NULL, 0);
+        be_silent(v);
         return -1;
     }
     int64_t now_ns = clock_now_ns();

@@ -295,8 +295,20 @@ static int finish(struct visitor *v) {
     return lws_http_transaction_completed(v->socket) ? -1 : 0;
 }
 
-// Head and first bytes together, then piece by piece.
-static int write_piece(struct visitor *v) {
+static int read_on(struct visitor *v) {
+    v->job = job_create(JOB_READ, v);
+    v->job->answer = v->answer;
+    v->answer = answer_none();
+    clerks_give(v->web->clerks, v->job);
+    set_away(v);
+    return 0;
+}
+
+// Head and first bytes together, then piece by piece. Behind the last one the next request may come
+// at once.
+int visit_write(struct visitor *v) {
+    if (v->state != VISIT_SENDING || v->away)
+        return 0;
     uint8_t *out = v->web->bytes;
     size_t head = v->head_sent ? 0 : v->answer.head_size, size = v->answer.size - v->sent;
     if (size > WEB_PIECE)
@@ -307,28 +319,15 @@ static int write_piece(struct visitor *v) {
     v->head_sent = true;
     v->sent += size;
     lws_set_timeout(v->socket, PENDING_TIMEOUT_HTTP_CONTENT, v->web->patience_s);
-    if (lws_write(v->socket, out, head + size, LWS_WRITE_HTTP) < (int)(head + size))
+    if (head + size > 0 &&
+        lws_write(v->socket, out, head + size, LWS_WRITE_HTTP) < (int)(head + size))
         return -1;
+    if (v->sent == v->answer.size && v->answer.left == 0)
+        return finish(v);
+    if (v->sent == v->answer.size)
+        return read_on(v);
     lws_callback_on_writable(v->socket);
     return 0;
-}
-
-static int read_on(struct visitor *v) {
-    v->job = job_create(JOB_READ, v);
-    v->job->answer = v->answer;
-    v->answer = answer_none();
-    v->answer.closes = v->job->answer.closes;
-    clerks_give(v->web->clerks, v->job);
-    set_away(v);
-    return 0;
-}
-
-int visit_write(struct visitor *v) {
-    if (v->state != VISIT_SENDING || v->away)
-        return 0;
-    if (!v->head_sent || v->sent < v->answer.size)
-        return write_piece(v);
-    return v->answer.left > 0 ? read_on(v) : finish(v);
 }
 
 void visit_end(struct visitor *v) {

@@ -195,7 +195,7 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .provided_client_ssl_ctx = web->no_client,
         .alpn = "http/1.1",
         .options = options_for(config->address),
-        .timeout_secs = HANDSHAKE_S,
+        .timeout_secs = (unsigned)(web->patience_s < HANDSHAKE_S ? web->patience_s : HANDSHAKE_S),
         .timeout_secs_ah_idle = (unsigned)web->patience_s,
         .keepalive_timeout = KEEP_ALIVE_S,
         .max_http_header_data = HEADERS_MAX,

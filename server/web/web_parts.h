@@ -32,6 +32,7 @@ struct viewer {
     uint64_t sent, drawn; // batches
     int64_t next_ns;      // when to ask for the next one; INT64_MAX: not by itself
     int closing;          // the close frame's status; 0: not closing
+    bool open;            // something may be said to it, the close frame at last
     struct bucket messages;
     lws_sorted_usec_list_t due, renewal;
     size_t used; // of incoming
@@ -79,7 +80,7 @@ struct web {
     bool draining, drained;
     lws_sorted_usec_list_t drain;
     struct visitor *live[WEB_VIEWERS_MAX]; // NULL: free
-    int live_sockets;                      // with those that are closing
+    int live_sockets;                      // that are open
     uint8_t header[LWS_PRE];               // libwebsockets writes its own before the bytes
     uint8_t bytes[WEB_BATCH_MAX];
 };

@@ -102,6 +102,15 @@ struct websocket *websocket_ask(int port, const char *request, int *out_status) 
     return NULL;
 }
 
+struct websocket *websocket_ask_safely(int port, const char *request, int *out_status) {
+    struct websocket *s = calloc(1, sizeof *s);
+    *out_status = connect_to(s, port) && secure(s, NULL) ? upgrade(s, request) : -1;
+    if (*out_status == 101)
+        return s;
+    websocket_close(s);
+    return NULL;
+}
+
 int websocket_fd(const struct websocket *s) {
     return s->fd;
 }
@@ -140,12 +149,33 @@ static int read_head(struct websocket *s, size_t *out_payload) {
     return head[0] & 0x0f;
 }
 
+static bool answer_ping(struct websocket *s, size_t payload) {
+    uint8_t bytes[125];
+    return payload <= sizeof bytes && read_all(s, bytes, payload) &&
+           websocket_send(s, WEBSOCKET_PONG, true, bytes, payload);
+}
+
 int websocket_receive(struct websocket *s, void *out_bytes, size_t size) {
     size_t payload;
-    if (read_head(s, &payload) != WEBSOCKET_BINARY || payload > size ||
-        !read_all(s, out_bytes, payload))
+    int opcode;
+    while ((opcode = read_head(s, &payload)) == WEBSOCKET_PING)
+        if (!answer_ping(s, payload))
+            return -1;
+    if (opcode != WEBSOCKET_BINARY || payload > size || !read_all(s, out_bytes, payload))
         return -1;
     return (int)payload;
+}
+
+int websocket_close_status(struct websocket *s) {
+    uint8_t bytes[65536];
+    size_t payload;
+    for (int opcode; (opcode = read_head(s, &payload)) >= 0;) {
+        if (opcode == WEBSOCKET_PING ? !answer_ping(s, payload) : !read_all(s, bytes, payload))
+            return -1;
+        if (opcode == WEBSOCKET_CLOSE)
+            return payload < 2 ? 1005 : bytes[0] << 8 | bytes[1];
+    }
+    return -1;
 }
 
 bool websocket_is_ended(struct websocket *s) {

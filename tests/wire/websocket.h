@@ -5,7 +5,14 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { WEBSOCKET_MORE = 0, WEBSOCKET_TEXT = 1, WEBSOCKET_BINARY = 2, WEBSOCKET_CLOSE = 8 };
+enum {
+    WEBSOCKET_MORE = 0,
+    WEBSOCKET_TEXT = 1,
+    WEBSOCKET_BINARY = 2,
+    WEBSOCKET_CLOSE = 8,
+    WEBSOCKET_PING = 9,
+    WEBSOCKET_PONG = 10
+};
 
 struct websocket;
 
@@ -15,6 +22,8 @@ struct websocket *websocket_open(int port, const char *keys_dir, const char *sub
 // The same without TLS, to 127.0.0.1, asking in just these words. NULL where the answer is not 101;
 // *out_status is the answer's, -1 where there was none.
 struct websocket *websocket_ask(int port, const char *request, int *out_status);
+// The same to localhost over TLS.
+struct websocket *websocket_ask_safely(int port, const char *request, int *out_status);
 int websocket_fd(const struct websocket *socket);
 
 void websocket_close(struct websocket *socket);
@@ -23,8 +32,13 @@ void websocket_close(struct websocket *socket);
 bool websocket_send(struct websocket *socket, int opcode, bool last, const void *bytes,
                     size_t size);
 
-// The next message, its size; -1 once the server has closed, or says nothing for 5 s.
+// The next message, its size, with an answer to each ping before it; -1 once the server has closed,
+// or says nothing for 5 s.
 int websocket_receive(struct websocket *socket, void *out_bytes, size_t size);
+
+// Reads on until the close frame: its status, -1 where the connection ends without one, or says
+// nothing for 5 s.
+int websocket_close_status(struct websocket *socket);
 
 // Reads on until the other side ends the connection, by a close frame or at once; false where it
 // says nothing for 5 s.

@@ -281,7 +281,23 @@ void desk_header(const struct hub *hub, const struct seat *seat, const struct ca
                  struct trace_header *out);
 enum result desk_trace_path(const struct hub *hub, const struct seat *seat,
                             const struct trace_header *header, char *out_path, struct error *err);
-void desk_call(struct hub *hub); // card_lock held: someone may need a session
+void desk_call(struct hub *hub);            // card_lock held: someone may need a session
+void desk_clear_figures(struct card *card); // card_lock held
+// The rest with desk_lock held. From here on nothing is half open: a session that is not closed has
+// a worker.
+void desk_put_in_order(struct hub *hub);
+// The seat has no session: makes one on the card's case for the worker.
+enum result desk_open(struct hub *hub, int seat, struct error *err);
+// A session and its trace are there: into the card, the records and the log; and to the worker.
+void desk_announce(struct hub *hub, int seat, struct live *live, const struct trace_header *header,
+                   const char *trace);
+void desk_attach(struct hub *hub, int seat, struct live *live);
+
+// listing.c
+void listing_all(struct hub *hub, arthron_CommandReply *reply);
+void listing_seat(struct hub *hub, int seat, arthron_CommandReply *reply);
+
+// steer.c
 // actor: who asks for it, as the records are to call them.
 void desk_command(void *hub, const char *actor, const arthron_Command *command,
                   arthron_CommandReply *out_reply);

@@ -1,0 +1,272 @@
+// What instructors ask for: at the server's socket, and on its pages.
+#include "base/clock.h"
+#include "base/log.h"
+#include "hub/copied.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#define STATE_WAIT_MS 500
+#define UNDO_WAIT_MS 60000
+
+__attribute__((format(printf, 2, 3))) static void refuse(arthron_CommandReply *reply,
+                                                         const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(reply->text, sizeof reply->text, format, args);
+    va_end(args);
+    reply->ok = false;
+}
+
+// ---- a session's course -------------------------------------------------------------------------
+
+static bool wait_for_state(struct seat *seat, enum session_state state) {
+    const struct timespec pause = {0, 5 * NS_PER_MS};
+    for (int waited = 0; waited < STATE_WAIT_MS; waited += 5) {
+        if (atomic_load(&seat->counts.state) == (int)state)
+            return true;
+        nanosleep(&pause, NULL);
+    }
+    return false;
+}
+
+static void give_input(struct hub *hub, int index, enum input_kind kind,
+                       enum session_state expected, arthron_CommandReply *reply) {
+    struct worker *worker = seat_worker(hub, index);
+    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = kind};
+    if (!worker_tell(worker, worker->from_desk, &note))
+        refuse(reply, "station %s: its worker is too busy", hub->seats[index].station->name);
+    else if (!wait_for_state(&hub->seats[index], expected))
+        refuse(reply, "station %s: the session stayed as it was", hub->seats[index].station->name);
+    else
+        reply->ok = true;
+}
+
+static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct seat *seat = &hub->seats[index];
+    struct worker *worker = seat_worker(hub, index);
+    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
+    atomic_store(&seat->counts.undo, UNDO_ASKED);
+    reply->ok = worker_tell(worker, worker->from_desk, &note);
+    if (!reply->ok)
+        refuse(reply, "station %s: its worker is too busy", seat->station->name);
+}
+
+// Without the desk's lock: no other station waits for a theatre.
+static void wait_for_undo(struct seat *seat, arthron_CommandReply *reply) {
+    const struct timespec pause = {0, 5 * NS_PER_MS};
+    int outcome = UNDO_ASKED;
+    for (int waited = 0; outcome == UNDO_ASKED && waited < UNDO_WAIT_MS; waited += 5) {
+        bool lives = seat_has_session(seat);
+        outcome = atomic_load(&seat->counts.undo);
+        if (!lives)
+            break;
+        nanosleep(&pause, NULL);
+    }
+    if (outcome == JOB_NOTHING)
+        refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+    else if (outcome == UNDO_ASKED)
+        refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
+               seat->station->name, UNDO_WAIT_MS / 1000);
+}
+
+static bool is_connected(struct hub *hub, int index) {
+    pthread_mutex_lock(&hub->card_lock);
+    bool connected = hub->seats[index].card.connected;
+    pthread_mutex_unlock(&hub->card_lock);
+    return connected;
+}
+
+// A new session where there is none. False: the reply says why not.
+static bool have_session(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct error err;
+    if (seat_has_session(&hub->seats[index]))
+        return true;
+    if (!is_connected(hub, index)) {
+        refuse(reply, "station %s is not connected", hub->seats[index].station->name);
+        return false;
+    }
+    if (desk_open(hub, index, &err) == RESULT_OK)
+        return true;
+    refuse(reply, "%s", err.text);
+    return false;
+}
+
+static void stop(struct hub *hub, int index, arthron_CommandReply *reply) {
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[index].card.stopped = true;
+    pthread_mutex_unlock(&hub->card_lock);
+    give_input(hub, index, INPUT_STOP, SESSION_CLOSED, reply);
+}
+
+// ---- which session it is --------------------------------------------------------------------
+
+// A station that is away meets the new case when it comes.
+static void change_case(struct hub *hub, int index, const arthron_Command *command,
+                        arthron_CommandReply *reply) {
+    int scene = hub_find_case(&hub->config, command->case_name);
+    if (scene < 0) {
+        refuse(reply, "there is no case %s", command->case_name);
+        return;
+    }
+    if (command->has_strength && !(command->strength >= 0 && command->strength <= 1)) {
+        refuse(reply, "the strength of a warp is from 0 to 1");
+        return;
+    }
+    if (hub->unfit[scene].text[0]) {
+        refuse(reply, "%s", hub->unfit[scene].text);
+        return;
+    }
+    reply->ok = true;
+    if (seat_has_session(&hub->seats[index]))
+        stop(hub, index, reply);
+    if (!reply->ok)
+        return;
+    pthread_mutex_lock(&hub->card_lock);
+    hub->seats[index].card.scene = scene;
+    hub->seats[index].card.strength = command->has_strength ? command->strength : NAN;
+    desk_clear_figures(&hub->seats[index].card);
+    pthread_mutex_unlock(&hub->card_lock);
+    if (is_connected(hub, index))
+        have_session(hub, index, reply);
+}
+
+static void assign(struct hub *hub, int index, const char *trainee, arthron_CommandReply *reply) {
+    struct card *card = &hub->seats[index].card;
+    for (const char *c = trainee; *c; c++)
+        if (iscntrl((unsigned char)*c)) {
+            refuse(reply, "a trainee's name has no control characters");
+            return;
+        }
+    pthread_mutex_lock(&hub->card_lock);
+    snprintf(card->trainee, sizeof card->trainee, "%s", trainee);
+    pthread_mutex_unlock(&hub->card_lock);
+    reply->ok = true;
+}
+
+// desk_lock held. The session is made, and takes the place of that which the station has.
+static void take_copied(struct hub *hub, int index, struct copied *copied,
+                        arthron_CommandReply *reply) {
+    struct card *card = &hub->seats[index].card;
+    struct live *live = copied->again.live;
+    struct error err;
+    reply->ok = true;
+    if (seat_has_session(&hub->seats[index]))
+        stop(hub, index, reply);
+    if (!reply->ok)
+        return;
+    if (copied_begin(copied, &err) != RESULT_OK) {
+        refuse(reply, "%s", err.text);
+        return;
+    }
+    copied->again.live = NULL;
+    pthread_mutex_lock(&hub->card_lock);
+    memcpy(card->session_id, copied->header.session_id, sizeof card->session_id);
+    card->id_is_fresh = card->stopped = false;
+    card->scene = copied->again.scene;
+    pthread_mutex_unlock(&hub->card_lock);
+    desk_announce(hub, index, live, &copied->header, copied->path);
+    desk_attach(hub, index, live);
+}
+
+// What takes long comes first, while no other station waits for the desk.
+static void copy_session(struct hub *hub, int index, const arthron_Command *command,
+                         arthron_CommandReply *reply) {
+    struct copied *copied;
+    struct error err;
+    if (!(command->at_s >= 0)) {
+        refuse(reply, "%g s: a session is copied at its end or at a time after its start",
+               command->at_s);
+        return;
+    }
+    double at_s = command->at_s > 0 ? command->at_s : INFINITY;
+    if (copied_create(hub, index, command->from, at_s, &copied, &err) != RESULT_OK) {
+        refuse(reply, "%s", err.text);
+        return;
+    }
+    pthread_mutex_lock(&hub->desk_lock);
+    desk_put_in_order(hub);
+    take_copied(hub, index, copied, reply);
+    seat_info(hub, index, &reply->sessions[0]);
+    reply->sessions_count = 1;
+    pthread_mutex_unlock(&hub->desk_lock);
+    copied_destroy(&copied);
+}
+
+// ---- commands -----------------------------------------------------------------------------------
+
+static void command_station(struct hub *hub, const char *actor, const arthron_Command *command,
+                            int index, arthron_CommandReply *reply) {
+    if (command->kind == arthron_Command_Kind_START) {
+        if (have_session(hub, index, reply))
+            give_input(hub, index, INPUT_START, SESSION_RUNNING, reply);
+    } else if (command->kind == arthron_Command_Kind_CASE) {
+        change_case(hub, index, command, reply);
+    } else if (command->kind == arthron_Command_Kind_ASSIGN) {
+        assign(hub, index, command->trainee, reply);
+    } else if (!seat_has_session(&hub->seats[index])) {
+        refuse(reply, "station %s has no session", command->station);
+    } else if (command->kind == arthron_Command_Kind_PAUSE) {
+        give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
+    } else if (command->kind == arthron_Command_Kind_STOP) {
+        stop(hub, index, reply);
+    } else if (command->kind == arthron_Command_Kind_UNDO) {
+        ask_for_undo(hub, index, reply);
+    } else if (command->kind == arthron_Command_Kind_NOTE) {
+        reply->ok = remarks_command(hub, index, actor, &command->remark, reply);
+    } else {
+        give_input(hub, index, INPUT_RESET, SESSION_RUNNING, reply);
+        int asked = UNDO_ASKED; // what was asked for before will not be
+        atomic_compare_exchange_strong(&hub->seats[index].counts.undo, &asked, JOB_NOTHING);
+    }
+    seat_info(hub, index, &reply->sessions[0]);
+    reply->sessions_count = 1;
+}
+
+static const char *command_name(arthron_Command_Kind kind) {
+    static const char *const names[_arthron_Command_Kind_ARRAYSIZE] = {
+        "list", "start", "pause", "stop", "case",  "reset",
+        "show", "undo",  "copy",  "note", "assign"};
+    return names[kind];
+}
+
+void desk_command(void *user, const char *actor, const arthron_Command *command,
+                  arthron_CommandReply *reply) {
+    struct hub *hub = user;
+    memset(reply, 0, sizeof *reply);
+    if (command->kind == arthron_Command_Kind_LIST) {
+        listing_all(hub, reply);
+        return;
+    }
+    if (!command_name(command->kind)) {
+        refuse(reply, "this server does not know that command");
+        return;
+    }
+    int index = hub_find_station(&hub->config, command->station);
+    if (index < 0) {
+        refuse(reply, "there is no station %s in the server's config", command->station);
+        return;
+    }
+    if (command->kind == arthron_Command_Kind_SHOW) {
+        listing_seat(hub, index, reply);
+        return;
+    }
+    if (command->kind == arthron_Command_Kind_COPY) {
+        copy_session(hub, index, command, reply);
+    } else {
+        pthread_mutex_lock(&hub->desk_lock);
+        desk_put_in_order(hub);
+        command_station(hub, actor, command, index, reply);
+        pthread_mutex_unlock(&hub->desk_lock);
+    }
+    if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
+        wait_for_undo(&hub->seats[index], reply);
+    if (reply->ok)
+        deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
+    log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
+             actor, reply->ok ? "done" : reply->text);
+}

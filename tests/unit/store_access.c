@@ -130,6 +130,7 @@ static void tokens_and_codes_end_however_much_they_are_used(void **state) {
     struct store_visitor visitor;
     int64_t until_ns;
     add(TOKEN_BEARER, "grace", 1);
+    assert_true(is_known(1));
     assert_ok(store_add_code(store, "ada", hash_of(2), &until_ns, &err));
     let_pass(11 * 3600);
     assert_ok(store_find_code(store, hash_of(2), &visitor, &err));

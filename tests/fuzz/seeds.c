@@ -370,6 +370,35 @@ static void cuts(void) {
     seed("cut", "planes", planes, sizeof planes);
 }
 
+static void requests(void) {
+    static const struct {
+        const char *name, *text;
+    } rows[] = {
+        {"sign-in", "A- \n{\"code\":\"ABCD EFGH\"}"},
+        {"password", "A- \n{\"name\":\"eve\",\"password\":7}"},
+        {"first", "B- \n{\"secret\":\"0\",\"name\":\"eve\",\"password\":\"0123456789\"}"},
+        {"me", "Do \n"},
+        {"token", "Gt \n{\"name\":\"night export\"}"},
+        {"account", "Ji \n{\"name\":\"eve\",\"role\":\"trainee\",\"trainee\":\"eve\","
+                    "\"password\":\"short\"}"},
+        {"role", "Ki tom\n{\"role\":\"instructor\"}"},
+        {"remove", "Lt ada\n"},
+        {"trainee", "Ni \n{\"name\":\"j\u00f6\",\"full_name\":null}"},
+        {"code", "Oi ada\n{}"},
+        {"course", "Si autumn\n{\"trainee\":\"eve\"}"},
+        {"station", "Vt room-1\n{}"},
+        {"sessions", "]o ?trainee=%65ve&course=autumn&case=healthy&limit=3&before="
+                     "0123456789abcdef0123456789abcdef\n"},
+        {"other", "^o fedcba9876543210fedcba9876543210/trace\n"},
+        {"own", "^o 0123456789abcdef0123456789abcdef/report\n"},
+        {"distribution", "ao ?case=healthy&course=autumn\n"},
+        {"case", "Yo healthy/../case.json\n"},
+        {"audit", "bt ?limit=10\n"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        seed_text("api", rows[i].name, rows[i].text);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
@@ -383,6 +412,7 @@ int main(int argc, char **argv) {
     meshes();
     traces();
     trackers();
+    requests();
     recordings();
     handles();
     cuts();

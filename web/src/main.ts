@@ -117,17 +117,18 @@ async function show(): Promise<void> {
 }
 
 async function chosen(page: Page | undefined): Promise<View> {
-  if (!page) return told(empty(text.notFound.title, text.notFound.hint));
-  if (page.roles && !page.roles.includes(app.account!.role)) return told(empty(text.notAllowed.title, text.notAllowed.hint));
+  if (!page) return told(text.notFound.title, empty(text.notFound.title, text.notFound.hint));
+  if (page.roles && !page.roles.includes(app.account!.role)) return told(text.notAllowed.title, empty(text.notAllowed.title, text.notAllowed.hint));
   try {
     return await page.load();
   } catch {
-    return told(broken(text.viewBroken.title, text.viewBroken.hint, () => location.reload()));
+    return told(text.viewBroken.title, broken(text.viewBroken.title, text.viewBroken.hint, () => location.reload()));
   }
 }
 
-const told = (state: HTMLElement): View => (root) => {
-  root.append(state);
+const told = (title: string, state: HTMLElement): View => (root, _route, { title: name }) => {
+  name(title);
+  root.append(h("h1", { class: "unseen" }, title), state);
   return () => {};
 };
 

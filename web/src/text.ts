@@ -128,8 +128,6 @@ export const text = {
     cutsUnit: (n: number) => (n === 1 ? "cut" : "cuts"),
     key: "On a small card",
     keys: ["Cuts", "", "Discrepancy", "Round trip", "Loss", "Clock (ms)", "Rate", "Gaps", "Lost/all"],
-    spoken: (station: string, trainee: string, caseName: string, standing: string, warning: string) =>
-      [station, trainee, caseName, standing, warning].filter((part) => part !== "").join(", "),
   },
 
   sessions: {

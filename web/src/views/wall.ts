@@ -15,7 +15,6 @@ const SOON_MS = 2000; // by then every station was told
 
 interface Card {
   item: HTMLElement;
-  link: HTMLAnchorElement;
   scene: HTMLElement; // where the picture goes
   update(seat: Seat, now: number, serverQuiet: boolean): void;
 }
@@ -32,7 +31,7 @@ export const wall: View = (root, _route, app) => {
   root.append(h("section", { class: "wall-main" },
     h("div", { class: "wall-head" }, h("h1", {}, text.views.wall), summary), h("div", { class: "wall-area" }, grid, state)), rail.element);
   const picture = new MiniScene(grid);
-  roving(list, () => [...list.querySelectorAll<HTMLElement>("a.card")]);
+  roving(list, () => [...list.querySelectorAll<HTMLElement>(".card a.name")]);
 
   const ordered = (): Seat[] => [...feed.seats.values()].filter((seat) => seat.place).sort((a, b) => compareNames(stationOf(a), stationOf(b)));
 
@@ -48,8 +47,8 @@ export const wall: View = (root, _route, app) => {
       if (!card) cards.set(seat.seat, (card = makeCard()));
       if (list.children[at] !== card.item) list.insertBefore(card.item, list.children[at] ?? null);
     });
-    const links = list.querySelectorAll<HTMLElement>("a.card");
-    if (links.length && !list.querySelector('a.card[tabindex="0"]')) links.forEach((link, at) => (link.tabIndex = at ? -1 : 0));
+    const links = list.querySelectorAll<HTMLElement>(".card a.name");
+    if (links.length && !list.querySelector('a.name[tabindex="0"]')) links.forEach((link, at) => (link.tabIndex = at ? -1 : 0));
     fit();
   };
 
@@ -128,7 +127,7 @@ interface Value {
 function value(label: string, kind = ""): Value {
   const figure = h("span", { class: "figure" });
   const unit = h("span", { class: kind.includes("counted") ? "unit word" : "unit" });
-  const element = h("div", { class: `value ${kind}`, title: label }, h("dt", {}, label), h("dd", {}, figure, unit));
+  const element = h("div", { class: `value ${kind}` }, h("dt", {}, label), h("dd", {}, figure, unit));
   return {
     element,
     set(words, of = "") {
@@ -141,7 +140,7 @@ function value(label: string, kind = ""): Value {
 function makeCard(): Card {
   const t = text.wall;
   const sign = h("span", { class: "sign" });
-  const name = h("span", { class: "name" });
+  const link = h("a", { class: "name", tabindex: -1 }); // its area is the whole card
   const time = h("span", { class: "time number" });
   const scene = h("div", { class: "mini" });
   const age = h("span", { class: "age" });
@@ -153,13 +152,13 @@ function makeCard(): Card {
     cuts: value(t.cuts, "over counted"), removed: value(t.removed, "removed"), displacement: value(t.displacement, "over right"),
   };
   const warning = h("span", { class: "warning" });
-  const link = h("a", { class: "card", tabindex: -1 },
-    h("div", { class: "card-head" }, sign, name, time),
+  const card = h("article", { class: "card" },
+    h("div", { class: "card-head" }, sign, link, time),
     h("div", { class: "card-scene" }, scene, age),
     h("div", { class: "card-who" }, who, what),
     h("dl", { class: "values" }, ...Object.values(values).map((one) => one.element)),
     warning);
-  const item = h("li", {}, link);
+  const item = h("li", {}, card);
 
   const update = (seat: Seat, now: number, serverQuiet: boolean): void => {
     const place = seat.place!;
@@ -168,11 +167,11 @@ function makeCard(): Card {
     const quiet = quietFor(seat, now);
     const warned = warningOf(seat, now, serverQuiet);
     link.href = routeTo("station", [stationOf(seat)]);
-    link.dataset.standing = kind;
-    link.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
-    setClass(link, "old", quiet !== undefined);
+    card.dataset.standing = kind;
+    card.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
+    setClass(card, "old", quiet !== undefined);
     setSign(sign, kind);
-    setText(name, stationOf(seat));
+    setText(link, stationOf(seat));
     const seconds = runningSeconds(seat, Date.now());
     setText(time, kind === "gone" || seconds === undefined ? "" : format.clock(seconds));
     setText(age, quiet !== undefined ? t.oldFor(quiet) : kind === "gone" ? t.standings.gone : "");
@@ -192,16 +191,14 @@ function makeCard(): Card {
     values.removed.set(format.number(place.removedMm3), "mm³");
     values.displacement.set(there ? format.number(place.warpMm, 1) : format.none, "mm");
     showWarning(warning, warned);
-    link.setAttribute("aria-label", t.spoken(stationOf(seat), place.trainee || t.nobody, info?.caseName ?? "", t.standings[kind], warned ? `${t.urgencies[warned.urgency]}: ${warned.words}` : ""));
   };
-  return { item, link, scene, update };
+  return { item, scene, update };
 }
 
 function setSign(sign: HTMLElement, kind: ReturnType<typeof standing>): void {
   if (sign.dataset.kind === kind) return;
   sign.dataset.kind = kind;
-  sign.title = text.wall.standings[kind];
-  fill(sign, icon(kind));
+  fill(sign, icon(kind), h("span", { class: "unseen" }, text.wall.standings[kind]));
 }
 
 function showWarning(element: HTMLElement, warning: Warning | undefined): void {
@@ -210,7 +207,6 @@ function showWarning(element: HTMLElement, warning: Warning | undefined): void {
   element.dataset.key = key;
   if (!warning) fill(element);
   else fill(element, icon(URGENCY_NAMES[warning.urgency] as IconName), h("b", {}, text.wall.urgencies[warning.urgency]), h("span", { class: "words" }, warning.words));
-  element.title = warning?.words ?? "";
 }
 
 // ---- what needs somebody ----------------------------------------------------------------------------

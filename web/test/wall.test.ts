@@ -91,6 +91,6 @@ test("a thinned surface stays near what it was, and is smaller", () => {
 });
 
 test("bytes that are no case are refused", () => {
-  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(4)), /no binary glTF/);
-  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(64)), /no binary glTF/);
+  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(4), 6), /no binary glTF/);
+  assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(64), 6), /no binary glTF/);
 });

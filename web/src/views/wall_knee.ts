@@ -20,12 +20,11 @@ export interface CaseFile {
 }
 
 const BODIES = ["femur", "tibia", "patella"];
-const CELL_MM = 3.5;
 const MM_PER_M = 1000;
 const MAGIC = 0x46546c67;
 
-/** Throws where the bytes are no binary glTF with the case's groups. */
-export function kneeParts(file: CaseFile, glb: ArrayBuffer): Part[] {
+/** As coarse as `cell` mm. Throws where the bytes are no binary glTF with the case's groups. */
+export function kneeParts(file: CaseFile, glb: ArrayBuffer, cell: number): Part[] {
   const bytes = new DataView(glb);
   if (glb.byteLength < 20 || bytes.getUint32(0, true) !== MAGIC) throw new Error("no binary glTF");
   const jsonSize = bytes.getUint32(12, true);
@@ -39,7 +38,7 @@ export function kneeParts(file: CaseFile, glb: ArrayBuffer): Part[] {
     const mesh = gltf.nodes.find((node) => node.name === group.name)?.mesh;
     const primitive = mesh === undefined ? undefined : gltf.meshes[mesh]?.primitives[0];
     if (!primitive) throw new Error(`${group.name} has no mesh`);
-    parts.push({ body, soft, ...thin(vectors(gltf, glb, data, primitive.attributes.POSITION), indices(gltf, glb, data, primitive.indices)) });
+    parts.push({ body, soft, ...thin(vectors(gltf, glb, data, primitive.attributes.POSITION), indices(gltf, glb, data, primitive.indices), cell) });
   }
   return parts;
 }
@@ -63,7 +62,7 @@ function indices(gltf: Gltf, glb: ArrayBuffer, data: number, index: number): Uin
 }
 
 /** One vertex for each cell that has some, at their mean; triangles with three different ones stay. */
-export function thin(positions: Float32Array, triangles: Uint32Array, cell = CELL_MM): { positions: Float32Array; triangles: Uint16Array } {
+export function thin(positions: Float32Array, triangles: Uint32Array, cell: number): { positions: Float32Array; triangles: Uint16Array } {
   const cells = new Map<number, number>();
   const sums: number[][] = [];
   const of = new Uint32Array(positions.length / 3);

@@ -35,6 +35,11 @@ const MIDDLE = [0, 6, -16];
 const SHAFT_MM = 110;
 const SHAFT_RADIUS_MM = 1.7;
 
+// The smaller the picture the fewer triangles; a processor that draws by itself gets few in any case.
+const FINE_MM = 3.5;
+const COARSE_MM = 6;
+const FINE_FROM_PX = 110;
+
 interface Slot {
   seat: Seat | undefined;
   slot: HTMLElement;
@@ -50,6 +55,8 @@ interface Drawn extends Buffers {
   soft: boolean;
 }
 
+type Parts = Record<number, Part[]>; // by cell
+
 type Matrix = Float32Array; // 4 x 4, column by column
 
 export class MiniScene {
@@ -57,8 +64,9 @@ export class MiniScene {
   private gl: WebGL2RenderingContext | null = null;
   private program: WebGLProgram | undefined;
   private shaft: Buffers | undefined;
-  private readonly parts = new Map<string, Part[] | "asked" | "missing">(); // by case
-  private readonly knees = new Map<string, Drawn[]>();
+  private bySoftware = false;
+  private readonly parts = new Map<string, Parts | "asked" | "missing">(); // by case
+  private readonly knees = new Map<string, Drawn[]>(); // by case and cell
   private readonly colours = new Map<string, number[]>();
   private readonly ends: (() => void)[];
   private drawn = "";
@@ -105,15 +113,15 @@ export class MiniScene {
       const rectangle = [(box.left - area.left) * scale, (area.bottom - box.bottom) * scale, box.width * scale, box.height * scale].map(Math.round);
       gl.viewport(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
       gl.scissor(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
-      this.drawSeat(gl, seat, box.width / box.height);
+      this.drawSeat(gl, seat, box);
     }
   }
 
-  private drawSeat(gl: WebGL2RenderingContext, seat: Seat, aspect: number): void {
+  private drawSeat(gl: WebGL2RenderingContext, seat: Seat, box: DOMRect): void {
     const moment = seat.moment;
-    const knee = this.knee(seat);
+    const knee = this.knee(seat, box.height < FINE_FROM_PX || this.bySoftware ? COARSE_MM : FINE_MM);
     if (!moment || !knee) return;
-    gl.uniformMatrix4fv(this.where("projection"), false, projection(aspect));
+    gl.uniformMatrix4fv(this.where("projection"), false, projection(box.width / box.height));
     for (const one of knee) {
       const body = moment.bodies.find(({ body }) => (body as number) === one.body);
       const pose = body?.virtualPose ?? body?.pose;
@@ -136,16 +144,17 @@ export class MiniScene {
 
   // ---- cases ---------------------------------------------------------------------------------------
 
-  private knee(seat: Seat): Drawn[] | undefined {
+  private knee(seat: Seat, cell: number): Drawn[] | undefined {
     const name = seat.place?.info?.caseName;
     if (!name) return undefined;
-    const found = this.knees.get(name);
+    const key = `${name} ${cell}`;
+    const found = this.knees.get(key);
     if (found) return found;
     const parts = this.parts.get(name);
     if (parts === undefined) void this.load(name);
-    if (!Array.isArray(parts)) return undefined;
-    const made = parts.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
-    this.knees.set(name, made);
+    if (parts === undefined || typeof parts === "string") return undefined;
+    const made = parts[cell]!.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
+    this.knees.set(key, made);
     return made;
   }
 
@@ -154,7 +163,8 @@ export class MiniScene {
     try {
       const [file, glb] = await Promise.all([fetch(`/api/v1/cases/${part(name)}/case.json`), fetch(`/api/v1/cases/${part(name)}/anatomy.glb`)]);
       if (!file.ok || !glb.ok) throw new Error(`${name}: ${file.status} ${glb.status}`);
-      this.parts.set(name, kneeParts((await file.json()) as CaseFile, await glb.arrayBuffer()));
+      const [described, bytes] = [(await file.json()) as CaseFile, await glb.arrayBuffer()];
+      this.parts.set(name, { [COARSE_MM]: kneeParts(described, bytes, COARSE_MM), [FINE_MM]: kneeParts(described, bytes, FINE_MM) });
       this.drawn = "";
     } catch {
       this.parts.set(name, "missing"); // the card is whole without its picture
@@ -164,7 +174,8 @@ export class MiniScene {
   // ---- WebGL ---------------------------------------------------------------------------------------
 
   private begin(): void {
-    const gl = (this.gl = this.canvas.getContext("webgl2", { alpha: true, antialias: true, powerPreference: "low-power" }));
+    this.bySoftware = drawnBySoftware();
+    const gl = (this.gl = this.canvas.getContext("webgl2", { alpha: true, antialias: !this.bySoftware, powerPreference: "low-power" }));
     if (!gl) return;
     this.knees.clear();
     this.drawn = "";
@@ -214,6 +225,13 @@ export class MiniScene {
     if (!found) this.colours.set(token, (found = (themeColour(token).match(/[\d.]+/g) ?? []).slice(0, 3).map((c) => Number(c) / 255)));
     return found;
   }
+}
+
+function drawnBySoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const name = gl?.getExtension("WEBGL_debug_renderer_info") ? String(gl.getParameter(37446 /* UNMASKED_RENDERER_WEBGL */)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
 }
 
 // ---- matrices -----------------------------------------------------------------------------------------

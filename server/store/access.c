@@ -1,5 +1,6 @@
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "store/connection.h"
 #include "store/text.h"
 
@@ -76,12 +77,16 @@ enum result store_find_account(struct store *store, const char *name, struct sto
 
 // ---- tokens -------------------------------------------------------------------------------------
 
-static enum result note_use(struct store *store, const struct store_visitor *visitor,
-                            bool is_cookie, int64_t now_ns, struct error *err) {
-    return store_do(store,
-                    "UPDATE token SET used_utc_ns = ?1, "
-                    "until_utc_ns = iif(?2, ?1 + ?3, until_utc_ns) WHERE id = ?4",
-                    err, "iiii", now_ns, (int64_t)is_cookie, (int64_t)COOKIE_NS, visitor->token);
+// Who is known is let in, whether that can be written down or not.
+static void note_use(struct store *store, const struct store_visitor *visitor, bool is_cookie,
+                     int64_t now_ns) {
+    struct error err;
+    if (store_do(store,
+                 "UPDATE token SET used_utc_ns = ?1, "
+                 "until_utc_ns = iif(?2, ?1 + ?3, until_utc_ns) WHERE id = ?4",
+                 &err, "iiii", now_ns, (int64_t)is_cookie, (int64_t)COOKIE_NS,
+                 visitor->token) != RESULT_OK)
+        log_warning("store", "a token's use is not noted: %s", err.text);
 }
 
 enum result store_find_token(struct store *store, const char *hash, struct store_visitor *out,
@@ -106,7 +111,7 @@ enum result store_find_token(struct store *store, const char *hash, struct store
     }
     sqlite3_reset(statement);
     if (result == RESULT_OK && now_ns - used_ns > NOTED_NS)
-        result = note_use(store, out, is_cookie, now_ns, err);
+        note_use(store, out, is_cookie, now_ns);
     return result;
 }
 

@@ -3,6 +3,7 @@
 #include "test.h"
 #include "unit/store_files.h"
 
+#include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -142,6 +143,16 @@ static void tokens_and_codes_end_however_much_they_are_used(void **state) {
     assert_false(is_known(1));
     add(TOKEN_COOKIE, "grace", 3);
     assert_int_equal(row_count(store, LIST_TOKENS), 1); // what has ended is thrown away
+}
+
+static void who_is_known_comes_in_while_another_program_writes(void **state) {
+    (void)state;
+    sqlite3 *other;
+    add(TOKEN_COOKIE, "grace", 1);
+    assert_int_equal(sqlite3_open(store_path, &other), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_OK);
+    assert_true(is_known(1));
+    sqlite3_close(other);
 }
 
 static void nobody_fills_the_records_with_tokens(void **state) {
@@ -368,6 +379,7 @@ int main(void) {
         TEST(a_code_is_no_token_and_a_token_no_code),
         TEST(a_cookie_ends_twelve_hours_after_its_last_use),
         TEST(tokens_and_codes_end_however_much_they_are_used),
+        TEST(who_is_known_comes_in_while_another_program_writes),
         TEST(nobody_fills_the_records_with_tokens),
         TEST(only_its_owner_ends_a_token),
         TEST(a_change_of_an_account_ends_what_it_is_signed_in_by),

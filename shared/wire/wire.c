@@ -6,6 +6,7 @@
 #include <math.h>
 #include <pb_decode.h>
 #include <pb_encode.h>
+#include <string.h>
 
 _Static_assert((int)_arthron_Channel_ARRAYSIZE == CHANNEL_COUNT &&
                    (int)arthron_Channel_JOINT == CHANNEL_JOINT &&
@@ -279,10 +280,17 @@ static enum result console_check(const arthron_Console *m, struct error *err) {
     return reply->has_joint ? reading_check(&reply->joint, err) : RESULT_OK;
 }
 
+// Pages name recorded sessions by their ids: the server's files are none of theirs.
+static enum result page_command_check(const arthron_Command *m, struct error *err) {
+    bool is_id = strlen(m->from) == 32 && strspn(m->from, "0123456789abcdef") == 32;
+    if (m->from[0] && !is_id)
+        return fail(err, RESULT_FORMAT, "from is no session's id");
+    return enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err);
+}
+
 static enum result page_check(const arthron_Page *m, struct error *err) {
     if (m->which_message == arthron_Page_command_tag)
-        return enum_check("kind", (int)m->message.command.kind, _arthron_Command_Kind_ARRAYSIZE,
-                          err);
+        return page_command_check(&m->message.command, err);
     if (m->which_message == arthron_Page_watch_tag)
         return enum_check("what", (int)m->message.watch.what, _arthron_Watch_What_ARRAYSIZE, err);
     return RESULT_OK;
@@ -341,8 +349,8 @@ enum result wire_decode_reply(const uint8_t *data, size_t size, arthron_Reply *o
 
 enum result wire_decode_page(const uint8_t *data, size_t size, arthron_Page *out_message,
                              struct error *err) {
-    enum result result = decode("page's message", arthron_Page_fields, data, size, WIRE_PAGE_MAX,
-                                out_message, err);
+    enum result result =
+        decode("page's message", arthron_Page_fields, data, size, WIRE_PAGE_MAX, out_message, err);
     if (result == RESULT_OK && page_check(out_message, err) != RESULT_OK)
         return fail_in(err, RESULT_FORMAT, "page's message: ");
     return result;

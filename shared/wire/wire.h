@@ -53,7 +53,7 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
 // UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
 // pose and a lead, both finite, each correction is a pose, a SessionChange's knee is one, and a
-// CommandReply's joint is finite. A
+// CommandReply's joint is finite; a page's Command is `from` nothing but a session's id. A
 // message of a kind that this version does not know is RESULT_OK with which_message == 0: skip and
 // count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,

@@ -9,6 +9,7 @@
 #include "wire/seal.h"
 #include "wire/wire.h"
 
+#include <pb_encode.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -93,6 +94,41 @@ static void messages(void) {
     console.which_message = arthron_Console_command_tag;
     CHECK(wire_encode_console(&console, data, sizeof data, &used) == RESULT_OK);
     seed("control", "console", data, used);
+}
+
+static void seed_page(const char *name, const arthron_Page *page) {
+    uint8_t data[WIRE_PAGE_MAX];
+    pb_ostream_t stream = pb_ostream_from_buffer(data, sizeof data);
+    CHECK(pb_encode(&stream, arthron_Page_fields, page));
+    seed("browser", name, data, stream.bytes_written);
+}
+
+static void browsers(void) {
+    static arthron_Page page;
+    page = (arthron_Page){.which_message = arthron_Page_watch_tag,
+                          .message.watch = {.what = arthron_Watch_What_RECORDED,
+                                            .session = "00112233445566778899aabbccddeeff",
+                                            .case_name = "healthy",
+                                            .rate_hz = 60,
+                                            .meshes = true}};
+    seed_page("watch", &page);
+    page = (arthron_Page){.which_message = arthron_Page_drawn_tag, .message.drawn.batches = 7};
+    seed_page("drawn", &page);
+    page = (arthron_Page){.which_message = arthron_Page_command_tag,
+                          .message.command = {.kind = arthron_Command_Kind_COPY,
+                                              .station = "room-1",
+                                              .from = "00112233445566778899aabbccddeeff",
+                                              .at_s = 60}};
+    seed_page("copy", &page);
+    page = (arthron_Page){.which_message = arthron_Page_mesh_ask_tag};
+    page.message.mesh_ask.have_count = 1;
+    snprintf(page.message.mesh_ask.have[0].group, sizeof page.message.mesh_ask.have[0].group,
+             "meniscus_medial");
+    seed_page("ask", &page);
+    seed_text("browser", "cookie", "a=b; arthron=0123456789abcdef");
+    seed_text("browser", "bearer", "Bearer 0123456789abcdef");
+    seed_text("browser", "range", "bytes=10-99");
+    seed_text("browser", "origin", "https://localhost:4880");
 }
 
 static void datagrams(void) {
@@ -406,6 +442,7 @@ int main(int argc, char **argv) {
     }
     root = argv[1];
     messages();
+    browsers();
     datagrams();
     mesh_changes();
     cases();

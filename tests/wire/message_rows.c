@@ -103,6 +103,23 @@ const struct message_row message_rows[] = {
          0),
     LONG("a gradient of an earlier version", KIND_REPLY, RESULT_OK,
          "\x22\x2a\x08\x04\x10\x02\x32\x24", 36, 0),
+    ROW("a wish", KIND_PAGE, RESULT_OK, "\x0a\x02\x08\x01"),
+    ROW("an unknown wish", KIND_PAGE, RESULT_FORMAT, "\x0a\x02\x08\x04"),
+    ROW("what a page has drawn", KIND_PAGE, RESULT_OK, "\x12\x09\x09\x05\0\0\0\0\0\0\0"),
+    ROW("what it has drawn, cut short", KIND_PAGE, RESULT_FORMAT, "\x12\x09\x09\x05"),
+    ROW("a page's command", KIND_PAGE, RESULT_OK, "\x1a\x02\x08\x01"),
+    ROW("a page's unknown command", KIND_PAGE, RESULT_FORMAT, "\x1a\x02\x08\x7f"),
+    ROW("a page's copy of a session", KIND_PAGE, RESULT_OK,
+        "\x1a\x24\x08\x08\x22\x20"
+        "0123456789abcdef0123456789abcdef"),
+    ROW("a page's copy of a file", KIND_PAGE, RESULT_FORMAT,
+        "\x1a\x0f\x08\x08\x22\x0b"
+        "/etc/passwd"),
+    ROW("a page's copy of a session, and more", KIND_PAGE, RESULT_FORMAT,
+        "\x1a\x25\x08\x08\x22\x21"
+        "0123456789abcdef0123456789abcdef0"),
+    LONG("a page's message of 4096 bytes", KIND_PAGE, RESULT_OK, "\xa2\x06\xfc\x1f", 4092, 0),
+    LONG("a page's message of 4097 bytes", KIND_PAGE, RESULT_LIMIT, "\xa2\x06\xfd\x1f", 4093, 0),
 };
 
 const int message_row_count = sizeof message_rows / sizeof *message_rows;

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-enum { KIND_CONTROL, KIND_CONSOLE, KIND_FRAME, KIND_REPLY };
+enum { KIND_CONTROL, KIND_CONSOLE, KIND_FRAME, KIND_REPLY, KIND_PAGE };
 
 struct message_row {
     const char *what;

@@ -51,11 +51,23 @@ static enum result decode_reply(const uint8_t *data, size_t size, void *out, str
     return wire_decode_reply(data, size, out, err);
 }
 
+static enum result encode_page(const void *message, uint8_t *data, size_t size, size_t *out_used) {
+    pb_ostream_t stream = pb_ostream_from_buffer(data, size);
+    bool fits = pb_encode(&stream, arthron_Page_fields, message);
+    *out_used = stream.bytes_written;
+    return fits ? RESULT_OK : RESULT_LIMIT;
+}
+
+static enum result decode_page(const uint8_t *data, size_t size, void *out, struct error *err) {
+    return wire_decode_page(data, size, out, err);
+}
+
 static const struct kind kinds[] = {
     [KIND_CONTROL] = {"control", sizeof(arthron_Control), encode_control, decode_control},
     [KIND_CONSOLE] = {"console", sizeof(arthron_Console), encode_console, decode_console},
     [KIND_FRAME] = {"frame", sizeof(arthron_Frame), encode_frame, decode_frame},
     [KIND_REPLY] = {"reply", sizeof(arthron_Reply), encode_reply, decode_reply},
+    [KIND_PAGE] = {"page's", sizeof(arthron_Page), encode_page, decode_page},
 };
 
 #define KIND_COUNT (sizeof kinds / sizeof *kinds)

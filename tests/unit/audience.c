@@ -303,7 +303,7 @@ static void pages_have_the_mesh_that_was_cut(void **state) {
     draw_until(&page, &page.payloads, 1);
     draw_until(&sleeper, &sleeper.sessions, 1); // asks, and then takes nothing
     assert_int_equal(page.tissue.number, 1);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 2; i++) {
         hall_shave(hub);
         draw_for(&page, 50);
     }
@@ -323,6 +323,35 @@ static void pages_have_the_mesh_that_was_cut(void **state) {
     assert_int_equal(late.payloads, 1);
     for (int i = 0; i < 3; i++)
         close_page(all[i]);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
+static void a_new_session_has_a_new_mesh(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    hall_join(hub);
+    open_page(&page, audience, &instructor);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    draw_until(&page, &page.payloads, 1);
+    arthron_LiveSession first = page.session;
+    uint64_t whole = page.tissue.hash;
+    hall_shave(hub);
+    draw_for(&page, 300);
+    assert_true(page.tissue.number > 1);
+    page.payloads = 0;
+    hall_command(hub, arthron_Command_Kind_CASE); // of the same boxes
+    draw_until(&page, &page.payloads, 1);
+    assert_int_equal(page.sessions, 2);
+    assert_memory_not_equal(page.session.id, first.id, sizeof first.id);
+    assert_string_equal(page.session.case_name, "boxes1");
+    draw_for(&page, 100);
+    assert_int_equal(page.tissue.number, 1);
+    assert_int_equal(page.tissue.hash, whole);
+    assert_int_equal(page.resection.cuts, 0);
+    close_page(&page);
     audience_destroy(&audience);
     hub_destroy(&hub);
 }
@@ -526,6 +555,7 @@ int main(void) {
         cmocka_unit_test(a_wall_gets_the_newest_at_its_rate_and_nothing_twice),
         cmocka_unit_test(a_page_that_draws_nothing_gets_one_moment_when_it_does),
         cmocka_unit_test(pages_have_the_mesh_that_was_cut),
+        cmocka_unit_test(a_new_session_has_a_new_mesh),
         cmocka_unit_test(commands_are_answered_in_order_by_role),
         cmocka_unit_test(too_many_commands_at_once_are_no_page),
         cmocka_unit_test(trainees_see_their_own_sessions_only),

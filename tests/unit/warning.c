@@ -1,0 +1,86 @@
+// Of all that is wrong with a station, what is most urgent.
+#include "hub/warning.h"
+
+#include "test.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static arthron_Place good(void) {
+    arthron_Place place = {.devices_count = 2};
+    place.info = (arthron_SessionInfo){.connected = true,
+                                       .state = arthron_SessionState_RUNNING,
+                                       .clock_uncertainty_us = 300,
+                                       .touches = 100,
+                                       .drift_mm = 0.3};
+    strcpy(place.info.case_grade, "fit with warnings");
+    strcpy(place.devices[0].name, "encoders");
+    strcpy(place.devices[1].name, "tracker");
+    return place;
+}
+
+static void assert_warns(arthron_Place place, enum urgency urgency, const char *text) {
+    warning_of_place(&place, 0.5);
+    assert_int_equal(place.urgency, urgency);
+    if (!strstr(place.warning, text) || (urgency == URGENCY_NONE && place.warning[0]))
+        fail_msg("it says: %s", place.warning);
+}
+
+static void each_thing_is_told_of(void **state) {
+    (void)state;
+    arthron_Place place = good();
+    assert_warns(place, URGENCY_NONE, "");
+    place = good(), place.info.connected = false;
+    assert_warns(place, URGENCY_NOW, "away");
+    place = good(), place.devices[1].lost = true;
+    assert_warns(place, URGENCY_NOW, "tracker is lost");
+    place = good(), place.info.trace_failing = true;
+    assert_warns(place, URGENCY_NOW, "disk");
+    place = good(), place.info.trace_missing = 12;
+    assert_warns(place, URGENCY_ACT, "12 steps");
+    place = good(), place.info.drift_mm = 0.7;
+    assert_warns(place, URGENCY_ACT, "0.70 mm");
+    place = good(), place.info.drift_mm = 0.7, place.info.touches = 2;
+    assert_warns(place, URGENCY_NONE, "");
+    place = good(), place.loss_share = 0.2f;
+    assert_warns(place, URGENCY_ACT, "20 %");
+    place = good(), strcpy(place.info.case_grade, "unfit");
+    assert_warns(place, URGENCY_ACT, "unfit");
+    place = good(), strcpy(place.info.case_grade, "not checked");
+    assert_warns(place, URGENCY_LOOK, "not checked");
+    place = good(), place.info.clock_uncertainty_us = 12000;
+    assert_warns(place, URGENCY_LOOK, "12 ms");
+    place = good(), strcpy(place.info.calibration_problem, "its calibration is 40 days old");
+    assert_warns(place, URGENCY_LOOK, "40 days");
+}
+
+static void the_most_urgent_is_told(void **state) {
+    (void)state;
+    arthron_Place place = good();
+    strcpy(place.info.calibration_problem, "old");
+    strcpy(place.info.case_grade, "unfit");
+    assert_warns(place, URGENCY_ACT, "unfit");
+    place.devices[0].lost = true;
+    assert_warns(place, URGENCY_NOW, "encoders");
+    place.info.connected = false; // then its devices say nothing
+    assert_warns(place, URGENCY_NOW, "away");
+}
+
+static void where_nobody_trains_nothing_is_urgent(void **state) {
+    (void)state;
+    arthron_Place place = good();
+    place.info.connected = false;
+    place.info.state = arthron_SessionState_CLOSED;
+    place.info.trace_missing = 3;
+    strcpy(place.info.case_grade, "not checked");
+    assert_warns(place, URGENCY_NONE, "");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(each_thing_is_told_of),
+        cmocka_unit_test(the_most_urgent_is_told),
+        cmocka_unit_test(where_nobody_trains_nothing_is_urgent),
+    };
+    return cmocka_run_group_tests_name("warning", tests, NULL, NULL);
+}

@@ -16,6 +16,12 @@ struct api_station {
     bool start_by_command;
 };
 
+// records: to see its figures beside those of others; NULL: they stand alone. course: of whose
+// trainees; NULL: of all.
+struct api_report {
+    const char *trace, *records, *course;
+};
+
 // All of it must live as long as the api.
 struct api_config {
     const char *records;  // the database (store); made where it is not there
@@ -26,7 +32,7 @@ struct api_config {
     const struct api_station *stations;
     int station_count;
     // Writes a session's page, whole or not at all; from one thread at a time.
-    enum result (*report)(const char *trace, FILE *file, struct error *err);
+    enum result (*report)(const struct api_report *about, FILE *file, struct error *err);
 };
 
 struct api;

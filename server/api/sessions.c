@@ -164,42 +164,6 @@ void get_session_trace(struct call *call) {
     snprintf(r->download, sizeof r->download, "%.32s.trace", call->args[0]);
 }
 
-static void make_report(struct call *call, const char *trace) {
-    struct web_response *r = call->response;
-    struct error err = {""};
-    char *page = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&page, &size);
-    CHECK(file);
-    enum result result = call->api->config.report(trace, file, &err);
-    fclose(file);
-    if (result != RESULT_OK) // what is wrong with the trace is nobody's fault out there
-        result = RESULT_IO;
-    if (!call_went_well(call, result, &err)) {
-        free(page);
-        return;
-    }
-    r->status = 200;
-    r->body = page;
-    r->size = size;
-    r->stands_alone = r->compress = true;
-    snprintf(r->type, sizeof r->type, "text/html; charset=utf-8");
-}
-
-void get_session_report(struct call *call) {
-    char path[STORE_TEXT_MAX];
-    if (!find_trace(call, path))
-        return;
-    call_close_store(call);
-    if (atomic_flag_test_and_set(&call->api->reporting)) {
-        call_refuse(call, 503, "busy", NULL, "another report is being made");
-        call->response->retry_after_s = 2;
-        return;
-    }
-    make_report(call, path);
-    atomic_flag_clear(&call->api->reporting);
-}
-
 // ---- distributions ------------------------------------------------------------------------------
 
 // The figures come in order: those of one metric, subject, version and unit follow each other.
@@ -300,4 +264,79 @@ void get_distributions(struct call *call) {
         call_answer(call, 200, all);
     else
         json_decref(all);
+}
+
+// ---- its report ---------------------------------------------------------------------------------
+
+static void take_first(void *user, const struct store_cell *cells, int count) {
+    char *first = user;
+    (void)count;
+    if (!first[0])
+        snprintf(first, STORE_NAME_MAX, "%s", cells[0].text);
+}
+
+static void make_report(struct call *call, const struct api_report *about) {
+    struct web_response *r = call->response;
+    struct error err = {""};
+    char *page = NULL;
+    size_t size = 0;
+    FILE *file = open_memstream(&page, &size);
+    CHECK(file);
+    enum result result = call->api->config.report(about, file, &err);
+    fclose(file);
+    if (result == RESULT_MISSING && about->course) {
+        call_refuse(call, 404, "not_found", NULL, "there is no course '%s'", about->course);
+        free(page);
+        return;
+    }
+    if (result != RESULT_OK) // what is wrong with the trace is nobody's fault out there
+        result = RESULT_IO;
+    if (!call_went_well(call, result, &err)) {
+        free(page);
+        return;
+    }
+    r->status = 200;
+    r->body = page;
+    r->size = size;
+    r->stands_alone = r->compress = true;
+    snprintf(r->type, sizeof r->type, "text/html; charset=utf-8");
+}
+
+// Beside whom a session's figures are shown: those of the course that is asked for; else an
+// instructor sees them beside all, and a trainee beside those of the first course that they are in.
+// False after a refusal.
+static bool choose_course(struct call *call, struct call_query *query, struct api_report *about,
+                          char out_first[STORE_NAME_MAX]) {
+    struct error err = {""};
+    out_first[0] = '\0';
+    if (!call_take_query(call, query))
+        return false;
+    about->course = call_parameter(query, 0);
+    about->records = call->api->config.records;
+    if (about->course)
+        return may_see(call, about->course);
+    if (!is_trainee(call))
+        return true;
+    enum result result =
+        store_courses_of(call->store, call->visitor.trainee, take_first, out_first, &err);
+    about->course = out_first;
+    if (!out_first[0])
+        about->records = about->course = NULL;
+    return call_went_well(call, result, &err);
+}
+
+void get_session_report(struct call *call) {
+    struct call_query query = {.names = {"course"}};
+    char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
+    struct api_report about = {.trace = path};
+    if (!find_trace(call, path) || !choose_course(call, &query, &about, first))
+        return;
+    call_close_store(call);
+    if (atomic_flag_test_and_set(&call->api->reporting)) {
+        call_refuse(call, 503, "busy", NULL, "another report is being made");
+        call->response->retry_after_s = 2;
+        return;
+    }
+    make_report(call, &about);
+    atomic_flag_clear(&call->api->reporting);
 }

@@ -95,10 +95,16 @@ static bool allowed(void *user, const struct guest *guest, const char *session) 
 
 // ---- joining ------------------------------------------------------------------------------------
 
-static enum result write_report(const char *trace, FILE *file, struct error *err) {
-    const struct review_source source = {.trace = trace};
+static enum result write_report(const struct api_report *about, FILE *file, struct error *err) {
+    struct review_source source = {.trace = about->trace, .course = about->course};
+    enum result result = RESULT_OK;
     bool whole;
-    return review_write_page(&source, file, &whole, err);
+    if (about->records)
+        result = store_open(about->records, STORE_THERE, "server", &source.records, err);
+    if (result == RESULT_OK)
+        result = review_write_page(&source, file, &whole, err);
+    store_close(&source.records);
+    return result;
 }
 
 // What a browser calls the server: its first name, else its address, else the machine's name.

@@ -61,9 +61,9 @@ static void put_records(void) {
     store_close(&store);
 }
 
-static enum result report(const char *trace, FILE *file, struct error *err) {
+static enum result report(const struct api_report *about, FILE *file, struct error *err) {
     (void)err;
-    fputs(trace, file);
+    fputs(about->trace, file);
     return RESULT_OK;
 }
 

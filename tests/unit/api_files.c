@@ -90,15 +90,18 @@ static void put_cases(void) {
     assert_int_equal(mkdir(dirs[1], 0700), 0);
 }
 
-static enum result report(const char *trace, FILE *file, struct error *why) {
+static enum result report(const struct api_report *about, FILE *file, struct error *why) {
     char text[80];
-    FILE *in = fopen(trace, "r");
+    FILE *in = fopen(about->trace, "r");
     assert_non_null(in);
     text[fread(text, 1, sizeof text - 1, in)] = '\0';
     fclose(in);
     if (strstr(text, "bad"))
-        return (fail)(why, RESULT_CORRUPT, "%s: damaged", trace);
-    fprintf(file, "<p>%s</p>", text);
+        return (fail)(why, RESULT_CORRUPT, "%s: damaged", about->trace);
+    fprintf(file, "<p>%s beside %s</p>", text,
+            !about->records ? "nobody"
+            : about->course ? about->course
+                            : "all");
     return RESULT_OK;
 }
 

@@ -120,7 +120,7 @@ static void a_trace_is_a_file_and_a_report_a_page(void **state) {
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 200);
     assert_string_equal(answer.type, "text/html; charset=utf-8");
     assert_true(answer.stands_alone);
-    assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA "</p>", answer.size);
+    assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA " beside autumn</p>", answer.size);
     write_file(api_dir, "1.trace", "bad", 3);
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 500);
     assert_null(strstr(answer.body, api_dir));
@@ -128,6 +128,34 @@ static void a_trace_is_a_file_and_a_report_a_page(void **state) {
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 404);
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/trace", token, NULL), 404);
     assert_string_equal(answer.file, "");
+}
+
+static void a_report_is_beside_a_course_of_ones_own(void **state) {
+    (void)state;
+    static const struct {
+        const char *account, *path;
+        int status;
+        const char *beside;
+    } rows[] = {
+        {"grace", SESSION_ADA "/report", 200, "beside all<"},
+        {"grace", SESSION_ADA "/report?course=winter", 200, "beside winter<"},
+        {"grace", SESSION_EVE "/report", 200, "beside all<"},
+        {"ada.l", SESSION_ADA "/report", 200, "beside autumn<"},
+        {"ada.l", SESSION_ADA "/report?course=autumn", 200, "beside autumn<"},
+        {"ada.l", SESSION_ADA "/report?course=winter", 404, ""},
+        {"eve.l", SESSION_EVE "/report", 200, "beside nobody<"},
+        {"ada.l", SESSION_ADA "/report?with=autumn", 400, ""},
+    };
+    struct store *store = api_store();
+    assert_int_equal(store_add_account(store, "eve.l", ROLE_TRAINEE, NO_PASSWORD, "eve", &err),
+                     RESULT_OK);
+    store_close(&store);
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char path[96];
+        snprintf(path, sizeof path, "/sessions/%s", rows[i].path);
+        assert_int_equal(ask("GET", path, token_of(rows[i].account), NULL), rows[i].status);
+        assert_non_null(memmem(answer.body, answer.size, rows[i].beside, strlen(rows[i].beside)));
+    }
 }
 
 // ---- distributions ------------------------------------------------------------------------------
@@ -334,6 +362,7 @@ int main(void) {
         TEST(sessions_come_newest_first_and_page_by_page),
         TEST(a_session_comes_with_its_results),
         TEST(a_trace_is_a_file_and_a_report_a_page),
+        TEST(a_report_is_beside_a_course_of_ones_own),
         TEST(distributions_have_values_and_no_names),
         TEST(a_trainee_sees_distributions_of_their_own_courses),
         TEST(people_are_added_and_listed),

@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "base/clock.h"
 #include "web/web_parts.h"
 
 #include <netinet/in.h>
@@ -16,6 +17,9 @@
 #define KEEP_ALIVE_S 30
 #define PATIENCE_S 20
 #define UNSENT_MAX 16384
+#define TURNS_S 4000
+#define TURNS_AT_ONCE 400
+#define TURN_PAUSE_US 1000
 #define DRAIN_US (500 * LWS_US_PER_MS)
 
 // ---- connections --------------------------------------------------------------------------------
@@ -161,10 +165,19 @@ static const struct lws_protocols protocols[] = {
     {0},
 };
 
+// libwebsockets does not wait while there is something to read that it will not take yet: a client
+// that speaks behind its request and does not read the answer would have a processor for itself.
+static void keep_calm(struct web *web) {
+    if (!bucket_take(&web->turns, TURNS_S, TURNS_AT_ONCE, clock_now_ns()))
+        usleep(TURN_PAUSE_US);
+}
+
 static void *serve(void *argument) {
     struct web *web = argument;
-    while (!web->drained && !(web->draining && web->live_sockets == 0))
+    while (!web->drained && !(web->draining && web->live_sockets == 0)) {
         lws_service(web->context, 0);
+        keep_calm(web);
+    }
     return NULL;
 }
 

@@ -75,6 +75,7 @@ struct web {
     SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
     int port;
     pthread_t thread;
+    struct bucket turns;
     atomic_bool stopping; // any thread
     atomic_bool woken;    // any thread
     bool draining, drained;

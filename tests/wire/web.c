@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
 
 static struct reception reception;
@@ -495,6 +496,26 @@ static void who_stops_in_the_middle_is_hung_up_on(void **state) {
         browser_close(browsers[i]);
 }
 
+static double processor_seconds(void) {
+    struct timespec time;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+static void who_speaks_on_and_does_not_read_gets_no_processor(void **state) {
+    (void)state;
+    struct browser *rude = call();
+    int small = 4096;
+    setsockopt(browser_fd(rude), SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
+    say(rude, "GET /api/v1/file HTTP/1.1\r\n" TO_US "\r\nGET / HTTP/1.1\r\n" TO_US "\r\n");
+    assert_true(reception_wait(&reception.requests, 1));
+    usleep(200000);
+    double begun = processor_seconds();
+    sleep(1);
+    assert_true(processor_seconds() - begun < 0.5);
+    browser_close(rude);
+}
+
 static void one_address_has_only_so_many_connections(void **state) {
     (void)state;
     enum { MOST = 96 };
@@ -547,6 +568,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, begin, end),
         cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it, begin, end),
         cmocka_unit_test_setup_teardown(who_stops_in_the_middle_is_hung_up_on, begin, end),
+        cmocka_unit_test_setup_teardown(who_speaks_on_and_does_not_read_gets_no_processor, begin,
+                                        end),
         cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections, begin_patiently,
                                         end),
         cmocka_unit_test_setup_teardown(one_address_asks_only_so_often, begin, end),

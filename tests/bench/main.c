@@ -22,7 +22,9 @@ static const struct bench {
     {"match", "volume matching after real cuts: its time and error, beside bisection", bench_match},
     {"metrics", "how noise, rate and lost samples change a session's metrics", bench_metrics},
     {"paper", "what the paper shows, beside its own figures; as a page with --out", bench_paper},
-    {"trace", "recording and replay: of a session of its own, or of traces (FILE)", bench_trace},
+    {"trace",
+     "the record of a session: made, killed, replayed, exported, scored; or of traces (FILE)",
+     bench_trace},
     {"warp", "time of one warp, and exactness of closest points", bench_warp},
 };
 

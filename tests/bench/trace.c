@@ -233,6 +233,8 @@ enum result bench_trace(const struct bench_options *options, struct report *repo
         folder_make(folder);
         result = bench_own_sessions(folder, options->quick, report, &sums, err);
         folder_remove(folder);
+        if (result == RESULT_OK)
+            result = bench_metrics(options, report, err);
     }
     if (result != RESULT_OK)
         return result;

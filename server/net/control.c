@@ -250,7 +250,7 @@ static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user
 // What is no WebSocket, or names no subprotocol of ours, and what concerns the whole server.
 static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *bytes,
                     size_t size) {
-    (void)bytes, (void)size;
+    (void)size;
     struct control *control = lws_context_user(lws_get_context(wsi));
     switch (reason) {
     case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
@@ -259,7 +259,10 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
         on_wake(control);
         return 0;
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: // else to HTTP/2, and nobody would time it out
+        return strcasecmp(bytes, "websocket") ? -1 : 0;
     case LWS_CALLBACK_HTTP:
+    case LWS_CALLBACK_RAW_ADOPT: // CONNECT
     case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
         return -1;
     default:

@@ -4,6 +4,7 @@
 #include "net/authority_files.h"
 #include "net/registrar.h"
 #include "test.h"
+#include "wire/browser.h"
 #include "wire/doorman.h"
 #include "wire/websocket.h"
 
@@ -187,6 +188,21 @@ static void a_silent_peer_is_refused_in_time(void **state) {
     expect_refusal(call_as(anna), arthron_Refusal_Reason_MALFORMED);
     struct websocket *stranger = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
     expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
+}
+
+static void what_becomes_no_websocket_is_hung_up_on(void **state) {
+    (void)state;
+    static const char *const requests[] = {
+        "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        "CONNECT localhost:22 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade, HTTP2-Settings\r\n"
+        "Upgrade: h2c\r\nHTTP2-Settings: AAMAAABkAARAAAAAAAIAAAAA\r\n\r\n"};
+    for (int i = 0; i < 3; i++) {
+        struct browser *browser = browser_open(doorman.port);
+        assert_true(browser_say(browser, requests[i], strlen(requests[i])));
+        assert_true(browser_is_ended(browser));
+        browser_close(browser);
+    }
 }
 
 static void nothing_is_heard_before_hello(void **state) {
@@ -555,6 +571,7 @@ int main(void) {
         IN_A_HOUSE(a_name_that_is_not_the_certificates_is_refused),
         IN_A_HOUSE(what_the_handler_refuses_is_refused_with_its_reason),
         IN_A_HOUSE(a_silent_peer_is_refused_in_time),
+        IN_A_HOUSE(what_becomes_no_websocket_is_hung_up_on),
         IN_A_HOUSE(nothing_is_heard_before_hello),
         IN_A_HOUSE(without_a_certificate_there_is_only_enrolment),
         IN_A_HOUSE(a_certificate_of_another_authority_ends_the_handshake),

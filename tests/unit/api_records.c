@@ -5,6 +5,7 @@
 #include "unit/case_knee.h"
 
 #include <inttypes.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -270,6 +271,69 @@ static void every_change_is_in_the_audit_log_with_who_made_it(void **state) {
     assert_string_equal(text_at("audit.0.actor"), "trainee 1");
 }
 
+// ---- at once ------------------------------------------------------------------------------------
+
+struct asker {
+    pthread_t thread;
+    int number, made, wrong;
+    const char *token;
+};
+
+static int status_of(const struct asker *asker, const char *method, const char *path,
+                     const char *body) {
+    struct web_response response = {0};
+    const struct web_request request = {.method = method,
+                                        .path = path,
+                                        .query = "",
+                                        .body = body,
+                                        .size = strlen(body),
+                                        .token = asker->token,
+                                        .address = "10.0.0.5"};
+    api_answer(the_api, &request, &response);
+    free(response.body);
+    return response.status;
+}
+
+static void *ask_much(void *user) {
+    static const char *const paths[] = {"/api/v1/cases",
+                                        "/api/v1/sessions",
+                                        "/api/v1/stations",
+                                        "/api/v1/sessions/" SESSION_ADA "/report",
+                                        "/api/v1/cases/healthy/anatomy.glb",
+                                        "/api/v1/me"};
+    struct asker *asker = user;
+    for (int i = 0; i < 24; i++) {
+        char body[64];
+        int status = status_of(asker, "GET", paths[(i + asker->number) % 6], "");
+        asker->wrong += status != 200 && status != 503;
+        snprintf(body, sizeof body, "{\"name\":\"%d of %d\"}", i, asker->number);
+        if (i % 8)
+            continue;
+        status = status_of(asker, "POST", "/api/v1/courses", body);
+        asker->made += status == 201;
+        asker->wrong += status != 201 && status != 503;
+    }
+    return NULL;
+}
+
+static void many_may_ask_at_once(void **state) {
+    (void)state;
+    struct asker askers[4];
+    int made = 0;
+    for (int i = 0; i < 4; i++) {
+        askers[i] = (struct asker){.number = i, .token = token_of("grace")};
+        assert_int_equal(pthread_create(&askers[i].thread, NULL, ask_much, &askers[i]), 0);
+    }
+    for (int i = 0; i < 4; i++) {
+        pthread_join(askers[i].thread, NULL);
+        assert_int_equal(askers[i].wrong, 0);
+        made += askers[i].made;
+    }
+    assert_int_equal(ask("GET", "/courses", askers[0].token, NULL), 200);
+    assert_true(made > 0);
+    assert_int_equal(count_at("courses"), 2 + made);
+}
+
 // ---- stations and cases -------------------------------------------------------------------------
 
 static void stations_are_enrolled_by_code_and_revoked(void **state) {
@@ -367,6 +431,7 @@ int main(void) {
         TEST(a_trainee_sees_distributions_of_their_own_courses),
         TEST(people_are_added_and_listed),
         TEST(every_change_is_in_the_audit_log_with_who_made_it),
+        TEST(many_may_ask_at_once),
         TEST(stations_are_enrolled_by_code_and_revoked),
         TEST(cases_come_with_their_grade_and_files),
         TEST(a_case_that_changes_is_told_as_it_is),

@@ -164,9 +164,18 @@ export class Feed {
       this.lastBatchAt = this.world.now();
       this.setLink({ state: "open" });
       this.sendWatch();
+      this.forgetGone(socket, this.world.now());
     };
     socket.onmessage = (event: MessageEvent) => this.take(socket, event.data);
     socket.onclose = () => this.broke(socket);
+  }
+
+  // The server tells of every seat at once; one that it does not know any more is not told of.
+  private forgetGone(socket: WebSocket, since: number): void {
+    this.world.later(QUIET_MS, () => {
+      if (socket !== this.socket || !this.batches) return;
+      for (const seat of this.seats.values()) if (Math.max(seat.placeAt, seat.momentAt) < since) this.seats.delete(seat.seat);
+    });
   }
 
   private sendWatch(): void {

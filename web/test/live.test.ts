@@ -187,6 +187,18 @@ test("a broken connection is tried again, later each time, and asks for the same
   assert.equal(feed.link.state === "broken" && feed.link.retryAt - world.at, 500);
 });
 
+test("seats that a server does not know any more go after a reconnect", async () => {
+  const { world, feed } = opened();
+  world.socket.batch([place(1), place(2)]);
+  world.socket.onclose();
+  await world.pass(500);
+  world.socket.onopen();
+  assert.equal(feed.seats.size, 2);
+  world.socket.batch([place(1)]);
+  await world.pass(3000);
+  assert.deepEqual([...feed.seats.keys()], [1]);
+});
+
 test("who is signed out does not try again", async () => {
   const { world, feed } = opened();
   world.may = false;

@@ -35,10 +35,11 @@ const MIDDLE = [0, 6, -16];
 const SHAFT_MM = 110;
 const SHAFT_RADIUS_MM = 1.7;
 
-// The smaller the picture the fewer triangles; a processor that draws by itself gets few in any case.
+// The smaller the picture the fewer triangles; a processor that draws many by itself gets few in any case.
 const FINE_MM = 3.5;
 const COARSE_MM = 6;
 const FINE_FROM_PX = 110;
+const MANY = 8;
 
 interface Slot {
   seat: Seat | undefined;
@@ -65,6 +66,7 @@ export class MiniScene {
   private program: WebGLProgram | undefined;
   private shaft: Buffers | undefined;
   private bySoftware = false;
+  private many = false;
   private readonly parts = new Map<string, Parts | "asked" | "missing">(); // by case
   private readonly knees = new Map<string, Drawn[]>(); // by case and cell
   private readonly colours = new Map<string, number[]>();
@@ -101,6 +103,7 @@ export class MiniScene {
     const key = boxes.map(({ seat, box }) => `${seat?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
     if (key === this.drawn) return;
     this.drawn = key;
+    this.many = slots.length > MANY;
     const scale = Math.min(2, devicePixelRatio);
     this.size(Math.round(area.width * scale), Math.round(area.height * scale));
     gl.disable(gl.SCISSOR_TEST);
@@ -119,7 +122,7 @@ export class MiniScene {
 
   private drawSeat(gl: WebGL2RenderingContext, seat: Seat, box: DOMRect): void {
     const moment = seat.moment;
-    const knee = this.knee(seat, box.height < FINE_FROM_PX || this.bySoftware ? COARSE_MM : FINE_MM);
+    const knee = this.knee(seat, box.height < FINE_FROM_PX || (this.bySoftware && this.many) ? COARSE_MM : FINE_MM);
     if (!moment || !knee) return;
     gl.uniformMatrix4fv(this.where("projection"), false, projection(box.width / box.height));
     for (const one of knee) {

@@ -186,9 +186,12 @@ export class Cockpit {
     const { history } = this.source;
     const time = this.shownTime;
     const end = Math.max(history.end, 1);
-    const from = this.windowS === 0 ? history.start : Math.max(history.start, Math.min(time, end) - this.windowS);
     this.plots.setHere(this.time);
-    this.plots.setWindow(from, this.windowS === 0 ? end : Math.max(from + this.windowS, history.start + this.windowS));
+    if (this.windowS === 0) this.plots.setWindow(history.start, end);
+    else {
+      const from = Math.max(0, Math.min(time + this.windowS / 2, end) - this.windowS);
+      this.plots.setWindow(from, from + this.windowS);
+    }
     if (this.signs !== this.source.marks.length + this.source.remarks.length) {
       this.signs = this.source.marks.length + this.source.remarks.length;
       this.plots.setSigns(signsOf(this.source));

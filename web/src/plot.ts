@@ -231,7 +231,7 @@ export class Plots {
 
   private paintScale(least: number, most: number, y: (value: number) => number, high: number): void {
     const { surface } = this;
-    const step = niceStep(most - least, Math.max(1, Math.floor(high / 22)));
+    const step = niceStep(most - least, Math.max(2, Math.floor(high / 16)));
     surface.fillStyle = this.colour("--text-quiet");
     surface.textAlign = "right";
     surface.textBaseline = "middle";

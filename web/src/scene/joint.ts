@@ -179,7 +179,7 @@ export class Joint {
   private newTool(instrument: number): Tool {
     const colour = TOOL_COLOURS[instrument]!;
     const bright = steelMaterial(0xe6ebef);
-    const shown = shapeOf(instrument, steelMaterial(this.wet ? 0xaab4bc : 0x9aa5ae), bright);
+    const shown = shapeOf(instrument, steelMaterial(this.wet ? 0xd8dfe4 : 0x9aa5ae), bright);
     const ghost = steelMaterial(colour, 0.3);
     const raw = shapeOf(instrument, ghost, ghost);
     for (const shape of [shown, raw]) {

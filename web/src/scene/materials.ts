@@ -7,7 +7,7 @@ export const TISSUE: Record<string, Colour> = {
   bone: [228, 216, 194],
   cartilage: [226, 228, 222],
   meniscus: [206, 190, 168],
-  cut: [222, 140, 116],
+  cut: [226, 158, 136],
   ligament: [218, 202, 172],
   skin: [190, 120, 104],
 };
@@ -81,7 +81,7 @@ function moisten(shader: { vertexShader: string; fragmentShader: string }): void
       vec3 acrossX = cross(alongY, normal), acrossY = cross(normal, alongX);
       float area = dot(alongX, acrossX);
       vec3 slope = sign(area) * (dFdx(grain) * acrossX + dFdy(grain) * acrossY);
-      normal = normalize(abs(area) * normal + 0.18 * slope);`);
+      normal = normalize(abs(area) * normal + 0.11 * slope);`);
 }
 
 export function steelMaterial(colour: number, opacity = 1): MeshPhongMaterial {

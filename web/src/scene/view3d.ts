@@ -5,9 +5,9 @@ import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
 import { Orbit } from "./orbit";
 
-const SLOW_MS = 40;
-const FAST_MS = 18;
-const COARSEST = 0.5;
+const SLOW_MS = 60;
+const FAST_MS = 20;
+const COARSEST = 0.6;
 
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}

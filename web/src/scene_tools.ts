@@ -46,7 +46,7 @@ export class Toolbar {
       input.checked = this.show[name];
       return h("label", { class: "switch" }, input, h("span", {}, text.session.shows[name]));
     });
-    const details = h("details", { class: "drop" }, h("summary", { class: "button" }, text.session.show), h("div", { class: "drop-panel", tabindex: -1 }, ...boxes));
+    const details = h("details", { class: "drop" }, h("summary", { class: "button" }, text.session.show), h("div", { class: "drop-panel", tabindex: -1 }, ...boxes, h("p", { class: "hint" }, text.session.sceneHelp)));
     details.addEventListener("focusout", (event) => {
       if (event.relatedTarget && !details.contains(event.relatedTarget as Node)) details.open = false;
     });

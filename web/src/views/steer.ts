@@ -38,7 +38,7 @@ export class Steer {
   constructor(private readonly app: App, private readonly now: SteerTexts) {
     const words = text.station;
     this.buttons = {
-      run: button(words.start, () => void this.do(words.start, { kind: Command_Kind.START }), { kind: "primary", icon: "running" }),
+      run: button(words.start, () => void this.do(this.buttons.run.lastChild!.textContent!, { kind: Command_Kind.START }), { kind: "primary", icon: "running" }),
       pause: button(words.pause, () => void this.do(words.pause, { kind: Command_Kind.PAUSE }), { icon: "paused" }),
       undo: button(words.undo, () => void this.do(words.undo, { kind: Command_Kind.UNDO }), { title: words.undoHint }),
       reset: button(words.reset, () => confirm(words.resetTitle, words.resetHint, words.reset, () => this.must(words.reset, { kind: Command_Kind.RESET }))),
@@ -148,7 +148,7 @@ export class Steer {
       const empty = words.value.trim() === "";
       setFault(words, empty ? text.station.noteNeeded : "", text.station.noteHint);
       if (empty) throw new Refused("");
-      await this.must(text.station.note, { kind: Command_Kind.NOTE, remark: { text: words.value.trim() } });
+      await this.must(text.station.noteName, { kind: Command_Kind.NOTE, remark: { text: words.value.trim() } });
     });
   }
 

@@ -24,6 +24,7 @@ export const station: View = (root, route, app) => {
   app.title(text.station.title(name));
   const { feed } = app;
   const source = FeedSource.live(feed, name, RATE_HZ);
+  const began = feed.now();
   let heard = 0; // when the last moment came
   const state = (): SessionState | undefined =>
     source.history.count ? source.history.value(source.history.count - 1, STATE) : undefined;
@@ -68,7 +69,8 @@ export const station: View = (root, route, app) => {
     steer?.setState(now);
     steer?.setMarker(markerAt(source, Infinity));
     waiting.hidden = session !== undefined || source.history.count > 0;
-    if (source.trouble && !waiting.hidden) fill(waiting, empty(text.station.noSession, source.trouble));
+    const late = feed.link.state === "open" && feed.now() - began > QUIET_MS;
+    if (!waiting.hidden && (source.trouble || late)) fill(waiting, empty(text.station.noSession, source.trouble || text.station.noSessionHint));
   };
 
   const key = (event: KeyboardEvent): void => {

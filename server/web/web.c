@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "web/web_parts.h"
 
+#include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/ssl.h>
@@ -196,6 +197,19 @@ static uint64_t options_for(const char *address) {
            LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
 }
 
+static enum result check_key(const struct web_config *config, struct error *err) {
+    if (access(config->key, R_OK))
+        return fail(err, RESULT_MISSING, "%s: %s", config->key, strerror(errno));
+    SSL_CTX *context = SSL_CTX_new(TLS_server_method());
+    CHECK(context);
+    bool good = SSL_CTX_use_certificate_chain_file(context, config->certificate) == 1 &&
+                SSL_CTX_use_PrivateKey_file(context, config->key, SSL_FILETYPE_PEM) == 1;
+    SSL_CTX_free(context);
+    return good ? RESULT_OK
+                : fail(err, RESULT_FORMAT, "%s: not the key of %s", config->key,
+                       config->certificate);
+}
+
 static enum result listen_at(struct web *web, const struct web_config *config, struct error *err) {
     struct lws_context_creation_info info = {
         .iface = config->address,
@@ -220,15 +234,12 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .gid = -1,
         .uid = -1,
     };
-    if (access(config->key, R_OK))
-        return fail(err, RESULT_MISSING, "%s: cannot be read", config->key);
     web->context = lws_create_context(&info);
     CHECK(web->context);
     struct lws_vhost *vhost = lws_create_vhost(web->context, &info);
     if (!vhost)
-        return fail(err, RESULT_IO, "%s, port %d: cannot listen with the certificate %s",
-                    config->address ? config->address : "all addresses", config->port,
-                    config->certificate);
+        return fail(err, RESULT_IO, "%s, port %d: cannot listen there",
+                    config->address ? config->address : "all addresses", config->port);
     web->port = lws_get_vhost_listen_port(vhost);
     return RESULT_OK;
 }
@@ -258,6 +269,8 @@ enum result web_create(const struct web_config *config, const struct web_handler
     CHECK(web->no_client);
     *out_web = NULL;
     enum result result = door_create(config->certificate, config->names, &web->door, err);
+    if (result == RESULT_OK)
+        result = check_key(config, err);
     if (result == RESULT_OK)
         result = listen_at(web, config, err);
     if (result != RESULT_OK) {

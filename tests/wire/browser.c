@@ -16,6 +16,10 @@ struct browser {
 };
 
 struct browser *browser_open(int port) {
+    return browser_open_with(port, 0);
+}
+
+struct browser *browser_open_with(int port, int tls_version) {
     struct browser *b = calloc(1, sizeof *b);
     struct timeval patience = {10, 0};
     struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
@@ -23,6 +27,9 @@ struct browser *browser_open(int port) {
     b->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     setsockopt(b->fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     b->context = SSL_CTX_new(TLS_client_method());
+    SSL_CTX_set_security_level(b->context, 0); // else it would not even try an old one
+    SSL_CTX_set_min_proto_version(b->context, tls_version);
+    SSL_CTX_set_max_proto_version(b->context, tls_version);
     b->tls = SSL_new(b->context);
     SSL_set_fd(b->tls, b->fd);
     if (connect(b->fd, (struct sockaddr *)&address, sizeof address) == 0 &&
@@ -98,6 +105,15 @@ struct answered browser_hear(struct browser *b, bool bodiless) {
         a.body = NULL;
     }
     return a;
+}
+
+struct answered browser_ask(struct browser *b, const char *line, const char *headers) {
+    char text[4096];
+    int size =
+        snprintf(text, sizeof text, "%s HTTP/1.1\r\nHost: localhost:1\r\n%s\r\n", line, headers);
+    if (!browser_say(b, text, (size_t)size))
+        return (struct answered){.status = -1};
+    return browser_hear(b, !strncmp(line, "HEAD", 4));
 }
 
 bool browser_is_ended(struct browser *b) {

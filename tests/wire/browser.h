@@ -9,6 +9,7 @@ struct browser;
 
 // To localhost. NULL where the connection or its TLS is refused.
 struct browser *browser_open(int port);
+struct browser *browser_open_with(int port, int tls_version); // that and no other: TLS1_2_VERSION
 void browser_close(struct browser *browser);
 int browser_fd(const struct browser *browser);
 
@@ -23,6 +24,9 @@ struct answered {
 
 // One answer; `bodiless`: to HEAD.
 struct answered browser_hear(struct browser *browser, bool bodiless);
+
+// "GET /path" and further lines, each with its "\r\n"; then hears the answer.
+struct answered browser_ask(struct browser *browser, const char *line, const char *headers);
 
 // A header's value; "" where there is none.
 const char *answered_header(const struct answered *answered, const char *name, char out[512]);

@@ -5,6 +5,7 @@
 #include "wire/reception.h"
 
 #include <dirent.h>
+#include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,13 +18,6 @@ static struct reception reception;
 static int begin(void **state) {
     (void)state;
     reception = (struct reception){.patience_s = 2};
-    reception_open(&reception);
-    return 0;
-}
-
-static int begin_patiently(void **state) {
-    (void)state;
-    reception = (struct reception){0};
     reception_open(&reception);
     return 0;
 }
@@ -46,14 +40,6 @@ static void say(struct browser *browser, const char *text) {
     assert_true(browser_say(browser, text, strlen(text)));
 }
 
-// "GET /path" and further lines, each with its "\r\n".
-static struct answered ask(struct browser *browser, const char *line, const char *headers) {
-    char text[4096];
-    snprintf(text, sizeof text, "%s HTTP/1.1\r\nHost: localhost:1\r\n%s\r\n", line, headers);
-    say(browser, text);
-    return browser_hear(browser, !strncmp(line, "HEAD", 4));
-}
-
 static void expect_header(const struct answered *a, const char *name, const char *value) {
     char text[512];
     assert_string_equal(answered_header(a, name, text), value);
@@ -64,7 +50,7 @@ static void expect_header(const struct answered *a, const char *name, const char
 static void pages_come_packed_or_not_and_are_kept(void **state) {
     (void)state;
     struct browser *browser = call();
-    struct answered a = ask(browser, "GET /", "");
+    struct answered a = browser_ask(browser, "GET /", "");
     assert_int_equal(a.status, 200);
     assert_string_equal(a.body, "<!doctype html><title>Arthron</title>");
     expect_header(&a, "Content-Type", "text/html; charset=utf-8");
@@ -75,7 +61,7 @@ static void pages_come_packed_or_not_and_are_kept(void **state) {
     assert_non_null(strstr(a.head, "frame-ancestors 'none'"));
     assert_null(strstr(a.head, "unsafe"));
     free(a.body);
-    a = ask(browser, "GET /main-1234.js", "Accept-Encoding: br, gzip\r\n");
+    a = browser_ask(browser, "GET /main-1234.js", "Accept-Encoding: br, gzip\r\n");
     assert_int_equal(a.status, 200);
     assert_true(a.size < 10000);
     assert_memory_equal(a.body, "\x1f\x8b", 2);
@@ -83,7 +69,7 @@ static void pages_come_packed_or_not_and_are_kept(void **state) {
     expect_header(&a, "Vary", "Accept-Encoding");
     expect_header(&a, "Cache-Control", "public, max-age=31536000, immutable");
     free(a.body);
-    a = ask(browser, "GET /main-1234.js", "Accept-Encoding: br, gzip;q=0\r\n");
+    a = browser_ask(browser, "GET /main-1234.js", "Accept-Encoding: br, gzip;q=0\r\n");
     assert_int_equal(a.size, 100000);
     for (int i = 0; i < 100000; i++)
         assert_int_equal(a.body[i], 'a' + i % 26);
@@ -107,7 +93,7 @@ static void a_page_that_is_known_is_not_sent_again(void **state) {
     };
     struct browser *browser = call();
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        struct answered a = ask(browser, "GET /index.html", rows[i].header);
+        struct answered a = browser_ask(browser, "GET /index.html", rows[i].header);
         if (a.status != rows[i].status || (a.status == 304) != (a.size == 0))
             fail_msg("%s: %d", rows[i].header, a.status);
         free(a.body);
@@ -122,16 +108,61 @@ static void a_head_has_no_body(void **state) {
     static const int statuses[] = {200, 404, 200, 200};
     struct browser *browser = call();
     for (int i = 0; i < 4; i++) {
-        struct answered a = ask(browser, lines[i], "");
+        struct answered a = browser_ask(browser, lines[i], "");
         char length[512];
         assert_int_equal(a.status, statuses[i]);
         assert_true(atoi(answered_header(&a, "Content-Length", length)) > 10);
         free(a.body);
     }
-    struct answered a = ask(browser, "GET /", ""); // not the rest of an answer before
+    struct answered a = browser_ask(browser, "GET /", ""); // not the rest of an answer before
     assert_int_equal(a.status, 200);
     free(a.body);
     browser_close(browser);
+}
+
+static void old_tls_is_refused(void **state) {
+    (void)state;
+    static const int versions[] = {TLS1_VERSION, TLS1_1_VERSION, TLS1_2_VERSION, TLS1_3_VERSION};
+    for (int i = 0; i < 4; i++) {
+        struct browser *browser = browser_open_with(reception.port, versions[i]);
+        assert_int_equal(browser != NULL, i >= 2);
+        if (browser)
+            browser_close(browser);
+    }
+}
+
+static void what_cannot_be_served_is_named(void **state) {
+    (void)state;
+    char certificate[256], key[256], other[256], missing[256];
+    snprintf(certificate, sizeof certificate, "%s/keys/server.pem", reception.dir);
+    snprintf(key, sizeof key, "%s/keys/server.key", reception.dir);
+    snprintf(other, sizeof other, "%s/keys/authority.key", reception.dir);
+    snprintf(missing, sizeof missing, "%s/none.pem", reception.dir);
+    const struct {
+        const char *certificate, *key;
+        int port;
+        enum result result;
+        const char *named;
+    } rows[] = {
+        {missing, key, 0, RESULT_MISSING, missing},
+        {key, key, 0, RESULT_FORMAT, key},
+        {certificate, missing, 0, RESULT_MISSING, missing},
+        {certificate, other, 0, RESULT_FORMAT, other},
+        {certificate, certificate, 0, RESULT_FORMAT, certificate},
+        {certificate, key, reception.port, RESULT_IO, "127.0.0.1"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct web_config config = {.address = "127.0.0.1",
+                                    .port = rows[i].port,
+                                    .certificate = rows[i].certificate,
+                                    .key = rows[i].key};
+        const struct web_handler handler = {0};
+        struct web *web;
+        struct error err;
+        assert_int_equal(web_create(&config, &handler, &web, &err), rows[i].result);
+        assert_null(web);
+        assert_non_null(strstr(err.text, rows[i].named));
+    }
 }
 
 // ---- what is no good request --------------------------------------------------------------------
@@ -209,7 +240,7 @@ static void bad_requests_get_their_status(void **state) {
         if (bad->ends && !browser_is_ended(browser))
             fail_msg("%s: goes on", bad->what);
         if (!bad->ends) {
-            a = ask(browser, "GET /", "");
+            a = browser_ask(browser, "GET /", "");
             if (a.status != 200)
                 fail_msg("%s: then %d", bad->what, a.status);
             free(a.body);
@@ -250,329 +281,15 @@ static void too_much_of_anything_is_refused(void **state) {
     browser_close(browser);
 }
 
-// ---- the handler --------------------------------------------------------------------------------
-
-static void expect_echo(struct answered a, const char *body) {
-    assert_int_equal(a.status, 200);
-    assert_string_equal(a.body, body);
-    expect_header(&a, "Content-Type", "application/json");
-    expect_header(&a, "Cache-Control", "no-store");
-    free(a.body);
-}
-
-static void the_handler_gets_what_was_asked(void **state) {
-    (void)state;
-    struct browser *browser = call();
-    expect_echo(ask(browser, "GET /api/v1/a%20b?c=%26d+e&f", ""),
-                "GET|/api/v1/a b|c=%26d%20e&f|-|0|127.0.0.1|");
-    expect_echo(ask(browser, "GET /api/v1/a", "Cookie: x=y; arthron=abc-1; z\r\n"),
-                "GET|/api/v1/a||abc-1|1|127.0.0.1|");
-    expect_echo(ask(browser, "GET /api/v1/a", "Authorization: bearer t.1\r\nCookie: arthron=c\r\n"),
-                "GET|/api/v1/a||t.1|0|127.0.0.1|");
-    expect_echo(ask(browser, "GET /api/v1/a", "Cookie: xarthron=a; arthron=a,b\r\n"),
-                "GET|/api/v1/a||-|0|127.0.0.1|");
-    expect_echo(ask(browser, "DELETE /api/v1/a", "Authorization: Bearer t\r\n"),
-                "DELETE|/api/v1/a||t|0|127.0.0.1|");
-    expect_echo(ask(browser, "PATCH /api/v1/a",
-                    "Cookie: arthron=c\r\nOrigin: https://localhost:1\r\nContent-Length: 0\r\n"),
-                "PATCH|/api/v1/a||c|1|127.0.0.1|");
-    say(browser, "POST /api/v1/a HTTP/1.1\r\n" TO_US "Content-Length: 5\r\n\r\nhe");
-    usleep(20000);
-    say(browser, "llo");
-    expect_echo(browser_hear(browser, false), "POST|/api/v1/a||-|0|127.0.0.1|hello");
-    struct answered a = ask(browser, "GET /api/v1/cookie", "");
-    assert_int_equal(a.status, 204);
-    expect_header(&a, "Set-Cookie", "arthron=good; Path=/; Secure; HttpOnly; SameSite=Strict");
-    expect_header(&a, "Retry-After", "7");
-    free(a.body);
-    browser_close(browser);
-}
-
-static void every_own_host_is_known(void **state) {
-    (void)state;
-    static const char *const hosts[] = {"localhost",      "LOCALHOST:4880", "127.0.0.1:4880",
-                                        "10.1.2.3",       "[::1]:4880",     "hall.example",
-                                        "hall.example:9", "other.example"};
-    struct browser *browser = call();
-    for (size_t i = 0; i < sizeof hosts / sizeof *hosts; i++) {
-        char text[512];
-        snprintf(text, sizeof text,
-                 "POST /api/v1/a HTTP/1.1\r\nHost: %s\r\nOrigin: https://%s\r\n"
-                 "Cookie: arthron=c\r\nContent-Length: 0\r\n\r\n",
-                 hosts[i], hosts[i]);
-        say(browser, text);
-        expect_echo(browser_hear(browser, false), "POST|/api/v1/a||c|1|127.0.0.1|");
-    }
-    browser_close(browser);
-}
-
-static void a_body_has_its_limit(void **state) {
-    (void)state;
-    static const struct {
-        int length, status;
-    } rows[] = {{65536, 200}, {65537, 413}, {1 << 20, 413}, {(1 << 20) + 1, 413}};
-    static char bytes[(1 << 20) + 1];
-    memset(bytes, 'b', sizeof bytes);
-    for (int i = 0; i < 4; i++) {
-        char head[256];
-        struct browser *browser = call();
-        snprintf(head, sizeof head,
-                 "POST /api/v1/a HTTP/1.1\r\n" TO_US "Content-Length: %d\r\n\r\n", rows[i].length);
-        say(browser, head);
-        if (rows[i].length <= 1 << 20) // beyond, the server hangs up
-            assert_true(browser_say(browser, bytes, (size_t)rows[i].length));
-        struct answered a = browser_hear(browser, false);
-        assert_int_equal(a.status, rows[i].status);
-        if (a.status == 200)
-            assert_int_equal(a.size, strlen("POST|/api/v1/a||-|0|127.0.0.1|") + 65536);
-        free(a.body);
-        browser_close(browser);
-    }
-}
-
-static void requests_on_one_connection_are_answered_in_order(void **state) {
-    (void)state;
-    struct browser *browser = call();
-    say(browser, "GET /api/v1/1 HTTP/1.1\r\n" TO_US "\r\n"
-                 "GET /main-1234.js HTTP/1.1\r\n" TO_US "\r\n"
-                 "GET /api/v1/2 HTTP/1.1\r\n" TO_US "\r\n");
-    expect_echo(browser_hear(browser, false), "GET|/api/v1/1||-|0|127.0.0.1|");
-    struct answered a = browser_hear(browser, false);
-    assert_int_equal(a.size, 100000);
-    free(a.body);
-    expect_echo(browser_hear(browser, false), "GET|/api/v1/2||-|0|127.0.0.1|");
-    browser_close(browser);
-}
-
-// libwebsockets cannot take what follows a body before its answer: it must end there, no more.
-static void who_goes_on_behind_a_body_ends_only_itself(void **state) {
-    (void)state;
-    static const char *const texts[] = {
-        "POST /api/v1/1 HTTP/1.1\r\n" TO_US "Content-Length: 2\r\n\r\nhiGET / HTTP/1.1\r\n\r\n",
-        "GET / HTTP/1.1\r\n" TO_US "\r\nPOST /api/v1/1 HTTP/1.1\r\n" TO_US
-        "Content-Length: 2\r\n\r\nhi",
-        "GET /api/v1/1 HTTP/1.1\r\n" TO_US "\r\nPOST /api/v1/1 HTTP/1.1\r\n" TO_US
-        "Content-Length: 2\r\n\r\nhiGET / HTTP/1.1\r\n" TO_US "\r\n",
-        "GET /api/v1/1 HTTP/1.1\r\n" TO_US "\r\nPOST / HTTP/1.1\r\n" TO_US
-        "Content-Length: 0\r\n\r\nGET / HTTP/1.1\r\n" TO_US "\r\n"};
-    for (int i = 0; i < 4; i++) {
-        struct browser *rude = call(), *browser = call();
-        say(rude, texts[i]);
-        expect_echo(ask(browser, "GET /api/v1/a", ""), "GET|/api/v1/a||-|0|127.0.0.1|");
-        browser_close(browser);
-        shutdown(browser_fd(rude), SHUT_WR);
-        assert_true(browser_is_ended(rude));
-        browser_close(rude);
-    }
-}
-
-static void a_slow_answer_holds_up_no_page_and_may_find_nobody(void **state) {
-    (void)state;
-    struct browser *slow[3];
-    atomic_store(&reception.blocks, true);
-    for (int i = 0; i < 3; i++) {
-        slow[i] = call();
-        say(slow[i], "GET /api/v1/slow HTTP/1.1\r\n" TO_US "\r\nGET / HTTP/1.1\r\n" TO_US "\r\n");
-    }
-    assert_true(reception_wait(&reception.waiting, 2)); // of two threads
-    struct browser *browser = call();
-    struct answered a = ask(browser, "GET /", "");
-    assert_int_equal(a.status, 200);
-    free(a.body);
-    browser_close(slow[0]);
-    atomic_store(&reception.blocks, false);
-    for (int i = 1; i < 3; i++) {
-        expect_echo(browser_hear(slow[i], false), "GET|/api/v1/slow||-|0|127.0.0.1|");
-        a = browser_hear(slow[i], false);
-        assert_int_equal(a.status, 200);
-        free(a.body);
-        browser_close(slow[i]);
-    }
-    assert_true(reception_wait(&reception.requests, 3));
-    expect_echo(ask(browser, "GET /api/v1/a", ""), "GET|/api/v1/a||-|0|127.0.0.1|");
-    browser_close(browser);
-}
-
-// ---- files --------------------------------------------------------------------------------------
-
-static void expect_part(struct answered a, int from, int to) {
-    assert_int_equal(a.size, to - from);
-    for (int i = from; i < to; i++)
-        if ((uint8_t)a.body[i - from] != ((i * 7 + i / 256) & 0xff))
-            fail_msg("byte %d of %d to %d", i, from, to);
-    free(a.body);
-}
-
-static void a_file_comes_whole_or_in_part(void **state) {
-    (void)state;
-    enum { ALL = RECEPTION_FILE_SIZE };
-    static const struct {
-        const char *headers;
-        int status, from, to;
-        const char *extent;
-    } rows[] = {
-        {"", 200, 0, ALL, ""},
-        {"Range: bytes=0-0\r\n", 206, 0, 1, "bytes 0-0/3000017"},
-        {"Range: bytes=5-\r\n", 206, 5, ALL, "bytes 5-3000016/3000017"},
-        {"Range: bytes=262140-524290\r\n", 206, 262140, 524291, "bytes 262140-524290/3000017"},
-        {"Range: bytes=-3\r\n", 206, ALL - 3, ALL, "bytes 3000014-3000016/3000017"},
-        {"Range: bytes=-9000000\r\n", 206, 0, ALL, "bytes 0-3000016/3000017"},
-        {"Range: bytes=9-9000000\r\n", 206, 9, ALL, "bytes 9-3000016/3000017"},
-        {"Range: bytes=3000016-\r\n", 206, ALL - 1, ALL, "bytes 3000016-3000016/3000017"},
-        {"Range: bytes=3000017-\r\n", 416, 0, 0, "bytes */3000017"},
-        {"Range: bytes=-0\r\n", 416, 0, 0, "bytes */3000017"},
-        {"Range: bytes=5-2\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=0-1,3-4\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=-\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=1\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=99999999999999999999-\r\n", 200, 0, ALL, ""},
-        {"Range: lines=1-2\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=0-1\r\nIf-Range: \"f1\"\r\n", 206, 0, 2, "bytes 0-1/3000017"},
-        {"Range: bytes=0-1\r\nIf-Range: \"f0\"\r\n", 200, 0, ALL, ""},
-        {"Range: bytes=0-1\r\nIf-None-Match: \"f1\"\r\n", 304, 0, 0, ""},
-    };
-    struct browser *browser = call();
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        struct answered a = ask(browser, "GET /api/v1/file", rows[i].headers);
-        if (a.status != rows[i].status)
-            fail_msg("%s: %d", rows[i].headers, a.status);
-        expect_header(&a, "Content-Range", rows[i].extent);
-        expect_header(&a, "Content-Disposition", "attachment; filename=\"a _b___.bin\"");
-        expect_part(a, rows[i].from, rows[i].to);
-    }
-    browser_close(browser);
-}
-
-static void a_file_is_packed_where_the_handler_wants_it(void **state) {
-    (void)state;
-    struct browser *browser = call();
-    struct answered a = ask(browser, "GET /api/v1/packed", "Accept-Encoding: gzip\r\n");
-    assert_int_equal(a.status, 200);
-    expect_header(&a, "Content-Encoding", "gzip");
-    expect_header(&a, "ETag", "W/\"f1\"");
-    assert_memory_equal(a.body, "\x1f\x8b", 2);
-    assert_true(a.size < RECEPTION_FILE_SIZE / 4);
-    free(a.body);
-    expect_part(ask(browser, "GET /api/v1/packed", ""), 0, RECEPTION_FILE_SIZE);
-    a = ask(browser, "GET /api/v1/lost", "");
-    assert_int_equal(a.status, 404);
-    free(a.body);
-    browser_close(browser);
-}
-
-// ---- who does not go on -------------------------------------------------------------------------
-
-static int count_open_files(void) {
-    int count = 0;
-    DIR *folder = opendir("/proc/self/fd");
-    while (readdir(folder))
-        count++;
-    closedir(folder);
-    return count;
-}
-
-static void who_stops_in_the_middle_is_hung_up_on(void **state) {
-    (void)state;
-    enum { COUNT = 5 };
-    static const char *const texts[COUNT] = {
-        "", "GET / HT", "GET / HTTP/1.1\r\n" TO_US "A: b\r\n",
-        "POST /api/v1/a HTTP/1.1\r\n" TO_US "Content-Length: 9\r\n\r\nhi",
-        "GET /api/v1/file HTTP/1.1\r\n" TO_US "\r\nGET / HTTP/1.1\r\n" TO_US "\r\n"};
-    struct browser *browsers[COUNT];
-    int files = count_open_files();
-    for (int i = 0; i < COUNT; i++) {
-        browsers[i] = call();
-        say(browsers[i], texts[i]);
-    }
-    int64_t end_ns = clock_now_ns() + 10 * NS_PER_S;
-    bool says = true;
-    // The server has its end of each connection, too; a byte now and then buys no time.
-    while (count_open_files() > files + COUNT && clock_now_ns() < end_ns) {
-        says = says && browser_say(browsers[3], "x", 1) && browser_say(browsers[2], "x", 1);
-        usleep(250000);
-    }
-    assert_int_equal(count_open_files(), files + COUNT);
-    for (int i = 0; i < COUNT; i++)
-        browser_close(browsers[i]);
-}
-
-static double processor_seconds(void) {
-    struct timespec time;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
-}
-
-static void who_speaks_on_and_does_not_read_gets_no_processor(void **state) {
-    (void)state;
-    struct browser *rude = call();
-    int small = 4096;
-    setsockopt(browser_fd(rude), SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
-    say(rude, "GET /api/v1/file HTTP/1.1\r\n" TO_US "\r\nGET / HTTP/1.1\r\n" TO_US "\r\n");
-    assert_true(reception_wait(&reception.requests, 1));
-    usleep(200000);
-    double begun = processor_seconds();
-    sleep(1);
-    assert_true(processor_seconds() - begun < 0.5);
-    browser_close(rude);
-}
-
-static void one_address_has_only_so_many_connections(void **state) {
-    (void)state;
-    enum { MOST = 96 };
-    struct browser *browsers[MOST];
-    for (int i = 0; i < MOST; i++)
-        browsers[i] = call();
-    assert_null(browser_open(reception.port));
-    browser_close(browsers[0]);
-    struct browser *browser = NULL;
-    for (int i = 0; i < 1000 && !(browser = browser_open(reception.port)); i++)
-        usleep(1000);
-    assert_non_null(browser);
-    browsers[0] = browser;
-    for (int i = 0; i < MOST; i++)
-        browser_close(browsers[i]);
-}
-
-static void one_address_asks_only_so_often(void **state) {
-    (void)state;
-    struct browser *browser = call();
-    int refused = 0;
-    for (int i = 0; i < 300; i++) {
-        struct answered a = ask(browser, "GET /api/v1/a", "");
-        assert_true(a.status == 200 || a.status == 429);
-        refused += a.status == 429;
-        free(a.body);
-    }
-    assert_true(refused > 0);
-    struct answered a = ask(browser, "GET /", ""); // pages cost nothing
-    assert_int_equal(a.status, 200);
-    free(a.body);
-    browser_close(browser);
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(pages_come_packed_or_not_and_are_kept, begin, end),
         cmocka_unit_test_setup_teardown(a_page_that_is_known_is_not_sent_again, begin, end),
         cmocka_unit_test_setup_teardown(a_head_has_no_body, begin, end),
+        cmocka_unit_test_setup_teardown(old_tls_is_refused, begin, end),
+        cmocka_unit_test_setup_teardown(what_cannot_be_served_is_named, begin, end),
         cmocka_unit_test_setup_teardown(bad_requests_get_their_status, begin, end),
         cmocka_unit_test_setup_teardown(too_much_of_anything_is_refused, begin, end),
-        cmocka_unit_test_setup_teardown(the_handler_gets_what_was_asked, begin, end),
-        cmocka_unit_test_setup_teardown(every_own_host_is_known, begin, end),
-        cmocka_unit_test_setup_teardown(a_body_has_its_limit, begin, end),
-        cmocka_unit_test_setup_teardown(requests_on_one_connection_are_answered_in_order, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(who_goes_on_behind_a_body_ends_only_itself, begin, end),
-        cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, begin, end),
-        cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it, begin, end),
-        cmocka_unit_test_setup_teardown(who_stops_in_the_middle_is_hung_up_on, begin, end),
-        cmocka_unit_test_setup_teardown(who_speaks_on_and_does_not_read_gets_no_processor, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections, begin_patiently,
-                                        end),
-        cmocka_unit_test_setup_teardown(one_address_asks_only_so_often, begin, end),
     };
     return cmocka_run_group_tests_name("web", tests, NULL, NULL);
 }

@@ -132,17 +132,20 @@ class Page:
             opcode, data = self.frame()
             if opcode & 15 == 8:
                 raise ConnectionError(f"closed: {data}")
-            if opcode & 15 in (9, 10):
+            if opcode & 15 == 9:
+                self.send(0x8a, data)
                 continue
             whole += data
             if opcode & 128:
                 return whole
 
     def say(self, tag, data):
-        message = piece(tag, data)
+        self.send(0x82, piece(tag, data))
+
+    def send(self, opcode, data):
         mask = os.urandom(4)
-        size = bytes([128 | len(message)]) if len(message) < 126 else b"\xfe" + struct.pack(">H", len(message))
-        self.socket.sendall(b"\x82" + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(message)))
+        size = bytes([128 | len(data)]) if len(data) < 126 else b"\xfe" + struct.pack(">H", len(data))
+        self.socket.sendall(bytes([opcode]) + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
 
     def close(self):
         self.socket.close()

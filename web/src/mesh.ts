@@ -269,6 +269,22 @@ export class Tissue {
     return copy;
   }
 
+  // Inside the surface, mm³.
+  volume(): number {
+    let six = 0;
+    const { positions, corners } = this;
+    for (let t = 0; t < this.triangleBound; t++) {
+      if (!this.lives(t)) continue;
+      const a = 3 * corners[3 * t]!;
+      const b = 3 * corners[3 * t + 1]!;
+      const c = 3 * corners[3 * t + 2]!;
+      six += positions[a]! * (positions[b + 1]! * positions[c + 2]! - positions[b + 2]! * positions[c + 1]!) +
+        positions[a + 1]! * (positions[b + 2]! * positions[c]! - positions[b]! * positions[c + 2]!) +
+        positions[a + 2]! * (positions[b]! * positions[c + 1]! - positions[b + 1]! * positions[c]!);
+    }
+    return six / 6;
+  }
+
   lives(triangle: number): boolean {
     return this.corners[3 * triangle] !== this.corners[3 * triangle + 1];
   }
@@ -518,17 +534,24 @@ const KEPT_EVERY = 16;
 interface Landing {
   time: number; // s
   payload: Uint8Array;
-  before: Tissue | null; // kept of every 16th
+  after: Tissue | undefined; // kept of every 16th
 }
 
 // The mesh of one group at any time of a session.
 export class MeshHistory {
   private readonly landings: Landing[] = [];
-  private made = 0; // landings that `tissue` has had
-  private tissue = new Tissue();
+  private made = 0; // landings that `shown` has had
+  private shown = new Tissue();
 
-  push(time: number, payload: Uint8Array): void {
-    this.landings.push({ time, payload, before: null });
+  // `tissue` is the mesh with that payload. A time of Infinity is not known yet.
+  push(time: number, tissue: Tissue, payload: Uint8Array): void {
+    const after = this.landings.length % KEPT_EVERY === 0 ? tissue.clone() : undefined;
+    this.landings.push({ time, payload, after });
+  }
+
+  // Those of which it was not known came then.
+  settle(time: number): void {
+    for (let i = this.landings.length; i-- > 0 && this.landings[i]!.time === Infinity; ) this.landings[i]!.time = time;
   }
 
   // The mesh as it was then, good until the next call; undefined before the first.
@@ -536,20 +559,18 @@ export class MeshHistory {
     let wanted = this.made;
     while (wanted < this.landings.length && this.landings[wanted]!.time <= time) wanted++;
     while (wanted > 0 && this.landings[wanted - 1]!.time > time) wanted--;
-    if (wanted < this.made) this.rewind(wanted);
-    while (this.made < wanted) this.step();
-    return this.tissue.number ? this.tissue : undefined;
+    if (wanted === 0) return undefined;
+    this.start(wanted);
+    while (this.made < wanted) this.shown.apply(this.landings[this.made++]!.payload);
+    return this.shown;
   }
 
-  private rewind(wanted: number): void {
-    while (this.made > 0 && (this.made > wanted || !this.landings[this.made]?.before)) this.made--;
-    this.tissue = this.landings[this.made]?.before?.clone() ?? new Tissue();
-  }
-
-  private step(): void {
-    const landing = this.landings[this.made]!;
-    if (this.made % KEPT_EVERY === 0) landing.before ??= this.tissue.clone();
-    this.tissue.apply(landing.payload);
-    this.made++;
+  // From what is shown, or from the last that was kept: whichever is nearer.
+  private start(wanted: number): void {
+    let kept = wanted;
+    while (!this.landings[kept - 1]!.after) kept--;
+    if (this.made >= kept && this.made <= wanted) return;
+    this.made = kept;
+    this.shown = this.landings[kept - 1]!.after!.clone();
   }
 }

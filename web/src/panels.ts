@@ -23,7 +23,8 @@ export class Panels {
   private stale = new Set<Tab>(TABS);
   private time = 0;
 
-  constructor(private readonly source: Source, private readonly jump: (time: number) => void) {
+  constructor(private readonly source: Source, private readonly jump: (time: number) => void,
+    private readonly metrics: (metrics: readonly Metric[]) => HTMLElement = metricsTable) {
     this.bodies = Object.fromEntries(TABS.map((tab) =>
       [tab, h("div", { class: `tab-body ${tab}`, role: "tabpanel", id: `${this.id}-${tab}`, "aria-labelledby": `${this.id}-${tab}-tab`, tabindex: 0 })])) as unknown as Record<Tab, HTMLElement>;
     this.tabs = TABS.map((tab) => h("button", { type: "button", class: "tab", role: "tab", id: `${this.id}-${tab}-tab`, "aria-controls": `${this.id}-${tab}`,
@@ -73,7 +74,7 @@ export class Panels {
     if (this.open === "resection") this.refreshResection();
     if (this.open === "events") this.refreshEvents();
     if (this.open === "remarks") this.refreshRemarks();
-    if (this.open === "metrics") fill(this.bodies.metrics, metricsTable(this.source.metrics));
+    if (this.open === "metrics") fill(this.bodies.metrics, this.metrics(this.source.metrics));
   }
 
   private refreshResection(): void {

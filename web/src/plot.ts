@@ -44,6 +44,7 @@ export interface PlotTexts {
 const LABEL = 168; // px, left of the plots
 const AXIS = 20; // below
 const TOP = 14; // for signs
+const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
 
 export class Plots {
   readonly element: HTMLElement;
@@ -52,9 +53,11 @@ export class Plots {
   onCursor: (time: number | undefined) => void = () => {};
   onPick: (time: number) => void = () => {}; // a click or Enter
 
-  private readonly canvas = h("canvas", { "aria-hidden": "true" });
+  private readonly canvas = h("canvas", { "aria-hidden": "true" }); // all but the cursor
+  private readonly over = h("canvas", { "aria-hidden": "true" });
   private readonly readings: HTMLElement[][];
   private readonly surface: CanvasRenderingContext2D;
+  private readonly overSurface: CanvasRenderingContext2D;
   private readonly resize: ResizeObserver;
   private cursor: number | undefined;
   private here: number | undefined; // what is shown elsewhere: a line of its own
@@ -62,6 +65,10 @@ export class Plots {
   private wide = 0;
   private high = 0;
   private pending = 0;
+  private stale = true; // what is under the cursor is to be drawn anew
+  private paintedAt = 0;
+  private costMs = 0;
+  private other: Values | undefined;
   private readonly endTheme: () => void;
   private readonly colours = new Map<string, string>();
 
@@ -72,11 +79,12 @@ export class Plots {
         h("span", { class: "plot-values" }, ...row.traces.map((trace, k) => this.reading(row, trace, this.readings[i]![k]!)))));
     this.element = h("div", { class: "plots", tabindex: 0, role: "slider", "aria-label": words.name, title: words.help,
       on: { keydown: (event: KeyboardEvent) => this.key(event) } },
-      this.canvas, h("div", { class: "plot-labels" }, ...labels));
+      this.canvas, this.over, h("div", { class: "plot-labels" }, ...labels));
     this.surface = this.canvas.getContext("2d")!;
-    this.canvas.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event.offsetX)));
-    this.canvas.addEventListener("pointerleave", () => this.setCursor(undefined));
-    this.canvas.addEventListener("pointerdown", (event) => {
+    this.overSurface = this.over.getContext("2d")!;
+    this.over.addEventListener("pointermove", (event) => this.setCursor(this.timeAt(event.offsetX)));
+    this.over.addEventListener("pointerleave", () => this.setCursor(undefined));
+    this.over.addEventListener("pointerdown", (event) => {
       const time = this.timeAt(event.offsetX);
       if (time !== undefined) this.onPick(time);
     });
@@ -100,29 +108,42 @@ export class Plots {
   }
 
   setWindow(from: number, to: number): void {
+    if (from === this.from && Math.max(to, from + 0.5) === this.to) return;
     this.from = from;
     this.to = Math.max(to, from + 0.5);
     this.draw();
   }
 
+  /** The same values of another session, drawn behind in a colour of their own: the first trace of each row. */
+  setOther(values: Values | undefined): void {
+    this.other = values;
+    this.draw();
+  }
+
   /** The moment that the rest of the page shows; undefined: the newest. */
   setHere(time: number | undefined): void {
+    if (time === this.here) return;
     this.here = time;
-    this.draw();
+    this.soon();
   }
 
   setCursor(time: number | undefined): void {
     if (time === this.cursor) return;
     this.cursor = time;
     this.onCursor(time);
-    this.draw();
+    this.soon();
   }
 
   /** Once for all changes until the next frame. */
   draw(): void {
-    this.pending ||= requestAnimationFrame(() => {
+    this.stale = true;
+    this.soon();
+  }
+
+  private soon(): void {
+    this.pending ||= requestAnimationFrame((now) => {
       this.pending = 0;
-      this.paint();
+      this.paint(now);
     });
   }
 
@@ -162,9 +183,12 @@ export class Plots {
     this.wide = wide;
     this.high = high;
     const scale = Math.min(devicePixelRatio, 2);
-    this.canvas.width = Math.round(wide * scale);
-    this.canvas.height = Math.round(high * scale);
-    this.surface.setTransform(scale, 0, 0, scale, 0, 0);
+    for (const surface of [this.surface, this.overSurface]) {
+      surface.canvas.width = Math.round(wide * scale);
+      surface.canvas.height = Math.round(high * scale);
+      surface.setTransform(scale, 0, 0, scale, 0, 0);
+    }
+    this.paintedAt = -Infinity;
     this.draw();
   }
 
@@ -174,17 +198,31 @@ export class Plots {
     return found;
   }
 
-  private paint(): void {
-    const { surface } = this;
+  // What is under the cursor waits where it takes long: a long session that is still coming.
+  private paint(now: number): void {
     this.read();
     if (this.wide <= LABEL + 20 || this.high <= 0) return;
+    if (this.stale && now - this.paintedAt >= COST_SHARE * this.costMs) {
+      const began = performance.now();
+      this.paintUnder();
+      this.stale = false;
+      this.paintedAt = now;
+      this.costMs = performance.now() - began;
+    }
+    this.overSurface.clearRect(0, 0, this.wide, this.high);
+    this.paintLine(this.here, "--accent", 2);
+    this.paintLine(this.cursor, "--text", 1);
+    if (this.stale) this.soon();
+  }
+
+  private paintUnder(): void {
+    const { surface } = this;
     surface.clearRect(0, 0, this.wide, this.high);
     surface.font = "11px system-ui, sans-serif";
     const each = (this.high - TOP - AXIS) / this.rows.length;
     this.paintTimes();
     this.rows.forEach((_, i) => this.paintRow(i, TOP + i * each, each));
     this.paintSigns();
-    this.paintCursor();
   }
 
   private paintTimes(): void {
@@ -226,7 +264,8 @@ export class Plots {
     surface.stroke();
     surface.setLineDash([]);
     this.paintScale(least, most, y, high);
-    row.traces.forEach((trace, k) => this.paintTrace(i, k, this.colour(trace.colour), y));
+    if (this.other) this.paintTrace(this.other, i, 0, this.colour("--other"), y);
+    row.traces.forEach((trace, k) => this.paintTrace(this.values, i, k, this.colour(trace.colour), y));
   }
 
   private paintScale(least: number, most: number, y: (value: number) => number, high: number): void {
@@ -243,23 +282,25 @@ export class Plots {
   private range(i: number): [number, number] {
     const row = this.rows[i]!;
     let { least, most } = row;
-    row.traces.forEach((_, k) => {
-      const timeOf = (index: number): number => this.values.time(i, k, index);
-      const count = this.values.count(i, k);
+    const widen = (values: Values, k: number): void => {
+      const timeOf = (index: number): number => values.time(i, k, index);
+      const count = values.count(i, k);
       for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count && timeOf(index) <= this.to; index++) {
-        const value = this.values.value(i, k, index);
+        const value = values.value(i, k, index);
         if (value < least) least = value;
         if (value > most) most = value;
       }
-    });
+    };
+    row.traces.forEach((_, k) => widen(this.values, k));
+    if (this.other) widen(this.other, 0);
     const step = niceStep(most - least, 4);
     return [Math.floor(least / step + 1e-6) * step, Math.ceil(most / step - 1e-6) * step];
   }
 
-  private paintTrace(i: number, k: number, colour: string, y: (value: number) => number): void {
+  private paintTrace(values: Values, i: number, k: number, colour: string, y: (value: number) => number): void {
     const { surface } = this;
-    const count = this.values.count(i, k);
-    const timeOf = (index: number): number => this.values.time(i, k, index);
+    const count = values.count(i, k);
+    const timeOf = (index: number): number => values.time(i, k, index);
     const step = this.rows[i]!.step === true;
     surface.strokeStyle = colour;
     surface.lineWidth = 1.5;
@@ -276,7 +317,7 @@ export class Plots {
     };
     for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count; index++) {
       const time = timeOf(index);
-      const value = this.values.value(i, k, index);
+      const value = values.value(i, k, index);
       const x = Math.round(this.x(Math.max(time, this.from)));
       if (Number.isNaN(value)) {
         flush();
@@ -295,7 +336,7 @@ export class Plots {
       if (time > this.to) break;
     }
     flush();
-    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(Math.min(this.to, this.values.end())), y(last));
+    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(Math.min(this.to, values.end())), y(last));
     surface.save();
     surface.clip(this.inside());
     surface.stroke();
@@ -322,14 +363,9 @@ export class Plots {
     }
   }
 
-  private paintCursor(): void {
-    this.paintLine(this.here, "--accent", 2);
-    this.paintLine(this.cursor, "--text", 1);
-  }
-
   private paintLine(time: number | undefined, colour: string, width: number): void {
     if (time === undefined || time < this.from || time > this.to) return;
-    const { surface } = this;
+    const surface = this.overSurface;
     const x = Math.round(this.x(time)) + 0.5;
     surface.strokeStyle = this.colour(colour);
     surface.lineWidth = width;

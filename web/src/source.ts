@@ -94,7 +94,7 @@ export class FeedSource implements Source {
   private readonly ends: (() => void)[];
 
   private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit) {
-    this.meshes.onPayload = (group, _, payload) => this.land(group, payload);
+    this.meshes.onPayload = (group, tissue, payload) => this.land(group, tissue, payload);
     this.ends = [
       feed.on("session", (session) => this.begin(session)),
       feed.on("moment", (moment) => this.take(moment)),
@@ -102,7 +102,7 @@ export class FeedSource implements Source {
       feed.on("resection", (resection) => this.resected(resection)),
       feed.on("remark", (remark) => this.remarked(remark)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
-      feed.on("progress", ({ share, done }) => this.set("progress", () => (this.progress = done ? 1 : Math.min(share, 0.999)))),
+      feed.on("progress", ({ share, done }) => this.progressed(share, done)),
       feed.on("trouble", ({ text }) => this.set("trouble", () => (this.trouble = text))),
     ];
     feed.watch(watch);
@@ -169,10 +169,41 @@ export class FeedSource implements Source {
   }
 
   private take(moment: Moment): void {
-    if (this.session && moment.seat !== this.session.seat) return;
+    if (!this.recorded && this.session && moment.seat !== this.session.seat) return;
     if (!this.history.append(moment)) return;
+    this.settle();
     this.count(moment.events);
     this.tell("moment");
+  }
+
+  // In a record what a cut did comes right before the moment at which it landed.
+  private get landing(): number {
+    return this.recorded ? Infinity : this.history.end;
+  }
+
+  private land(group: string, tissue: Tissue, payload: Uint8Array): void {
+    const landed = this.landed.get(group) ?? new MeshHistory();
+    this.landed.set(group, landed);
+    landed.push(this.landing, tissue, payload);
+    this.tell("mesh");
+  }
+
+  private resected(resection: Resection): void {
+    this.resections.push({ time: this.landing, resection });
+    this.tell("resection");
+  }
+
+  private settle(): void {
+    for (const landed of this.landed.values()) landed.settle(this.history.end);
+    for (let i = this.resections.length; i-- > 0 && this.resections[i]!.time === Infinity; ) this.resections[i]!.time = this.history.end;
+  }
+
+  // All of a record is here: a lost connection is none of its business any more.
+  private progressed(share: number, done: boolean): void {
+    this.progress = done ? 1 : Math.min(share, 0.999);
+    if (done) this.settle();
+    if (done && this.recorded) this.feed.unwatch();
+    this.tell("progress");
   }
 
   // What happened before a page came is counted, but nobody knows when.
@@ -187,11 +218,6 @@ export class FeedSource implements Source {
     if (this.marks.length > EVENTS_MOST) this.marks = this.marks.slice(EVENTS_MOST / 2);
   }
 
-  private resected(resection: Resection): void {
-    this.resections.push({ time: this.history.end, resection });
-    this.tell("resection");
-  }
-
   private remarked(remark: Remark): void {
     const at = this.remarks.findIndex(({ number }) => number === remark.number);
     if (at < 0) this.remarks.push(remark);
@@ -199,15 +225,8 @@ export class FeedSource implements Source {
     this.tell("remark");
   }
 
-  private land(group: string, payload: Uint8Array): void {
-    let landed = this.landed.get(group);
-    if (!landed) this.landed.set(group, (landed = new MeshHistory()));
-    landed.push(this.history.end, payload);
-    this.tell("mesh");
-  }
-
   private answer(answer: Answer | null): void {
-    if (!answer) return;
+    if (!answer || this.recorded) return;
     if ("ack" in answer) this.feed.send({ case: "meshAck", value: create(MeshStateSchema, answer.ack) });
     else this.feed.send({ case: "meshAsk", value: create(MeshAskSchema, { have: answer.ask }) });
   }

@@ -160,7 +160,12 @@ test("the mesh of a recorded session is there at any time, in any order", () => 
   const history = new MeshHistory();
   const all = steps();
   // The same session over and over, so that more meshes are kept than one.
-  for (let round = 0; round < 4; round++) all.forEach((step, i) => history.push(100 * round + i, step.payload));
+  const tissue = new Tissue();
+  for (let round = 0; round < 4; round++)
+    all.forEach((step, i) => {
+      tissue.apply(step.payload);
+      history.push(100 * round + i, tissue, step.payload);
+    });
   assert.equal(history.at(-1), undefined);
   for (const at of [0, 5.5, 311, 304, 103, 0, 207, 99, 311])
     check(history.at(at), all[Math.min(11, Math.floor(at % 100))]!);

@@ -40,9 +40,9 @@ export interface Marker {
 export const TOOL_COLOURS = [0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x7a8794]; // Okabe and Ito
 export const SCOPE = 4;
 
-const LOST = 2;
-const TRAIL_S = 8;
-const TRAIL_POINTS = 400;
+export const LOST = 2;
+export const TRAIL_S = 8;
+export const TRAIL_POINTS = 400;
 const MARKER = 0x00a8ff;
 const PAINT_MS = 250;
 const MOVED_MM = 0.05; // of a body: displacements are measured anew
@@ -210,6 +210,11 @@ export class Joint {
     for (const surface of this.surfaces) if (surface.group.name === group && surface.setTissue(tissue)) this.stale.add(surface);
   }
 
+  /** Shows something that goes with the patient's bone. */
+  attach(body: number, node: Object3D): void {
+    this.bodies[body]!.virtual.add(node);
+  }
+
   // ---- maps -----------------------------------------------------------------------------------------
 
   /** What an instrument measured at that moment, for the map that is shown. Call with the bodies of the same row. */
@@ -319,7 +324,7 @@ function near(a: Matrix4, b: Matrix4): boolean {
   return a.elements.every((value, i) => Math.abs(value - b.elements[i]!) < (i < 12 ? MOVED_MM / 50 : MOVED_MM));
 }
 
-function trail(colour: number, opacity: number): Line {
+export function trail(colour: number, opacity: number): Line {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL_POINTS), 3));
   geometry.setDrawRange(0, 0);

@@ -11,7 +11,7 @@ const LEAST_MM = 12;
 const MOST_MM = 900;
 const GLIDE_MS = 280;
 
-interface Place {
+export interface Place {
   azimuth: number; // 0: from anterior, towards the patient's right
   height: number;
   distance: number;
@@ -21,6 +21,7 @@ interface Place {
 export class Orbit {
   onChange: () => void = () => {};
   onPress: (x: number, y: number) => void = () => {}; // a click that turned nothing; shares of the canvas
+  onLook: (place: Place) => void = () => {}; // where the eye is, before each picture
   follow: (() => Vector3 | undefined) | undefined;
 
   private place: Place = { azimuth: 0.35, height: 0.3, distance: 260, target: new Vector3(0, 0, -18) };
@@ -59,6 +60,13 @@ export class Orbit {
     this.glideTo({ ...this.place, distance: on ? 70 : 230, target: target.clone() });
   }
 
+  /** Looks from there at once. */
+  put({ azimuth, height, distance, target }: Place): void {
+    this.glide = undefined;
+    this.place = { azimuth, height, distance, target: target.clone() };
+    this.onChange();
+  }
+
   /** Puts the camera where it is now. True while it is on its way. */
   update(now: number): boolean {
     if (this.glide) this.glideOn(now);
@@ -70,6 +78,7 @@ export class Orbit {
     this.camera.position.set(Math.sin(azimuth) * Math.cos(height), Math.cos(azimuth) * Math.cos(height), Math.sin(height));
     this.camera.position.multiplyScalar(distance).add(target);
     this.camera.lookAt(target);
+    this.onLook(this.place);
     return this.glide !== undefined;
   }
 

@@ -42,7 +42,7 @@ export const station: View = (root, route, app) => {
   }) : undefined;
   if (steer) {
     steer.onPicking = (on) => {
-      cockpit.picking = on;
+      cockpit.stage.picking = on;
       setClass(root, "picking", on);
     };
   }
@@ -76,8 +76,8 @@ export const station: View = (root, route, app) => {
   const key = (event: KeyboardEvent): void => {
     if (!steer || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
     if ((event.target as HTMLElement).matches("input, select, textarea")) return;
-    if (event.key === "t" && cockpit.picking) steer.place(cockpit.markerAtTip());
-    else if (event.key === "Escape" && cockpit.picking) steer.setPicking(false);
+    if (event.key === "t" && cockpit.stage.picking) steer.place(cockpit.stage.markerAtTip());
+    else if (event.key === "Escape" && cockpit.stage.picking) steer.setPicking(false);
   };
   document.addEventListener("keydown", key);
   const ends = [

@@ -1,0 +1,200 @@
+// A picture of a session in three dimensions, with what stands over it: the joint as it was at one moment
+// of its source, live or recorded.
+import { Vector3 } from "three";
+import { newRow, SEEN, toolAt, WARPED, WORKING } from "./history";
+import { loadKnee, type Knee } from "./scene/anatomy";
+import type { Companion } from "./scene/companion";
+import { Joint, USUAL_SHOW, type Marker, type Show } from "./scene/joint";
+import type { Place } from "./scene/orbit";
+import { NoWebGl, View3D } from "./scene/view3d";
+import { Toolbar } from "./scene_tools";
+import { markerAt, type Change, type Source } from "./source";
+import { text } from "./text";
+import { broken, fill, h, loading } from "./ui";
+
+const MEASURED_MOST = 1500; // moments for the maps in one frame
+
+export class Stage {
+  readonly element = h("div", { class: "stage" });
+  onMarker: (marker: Marker) => void = () => {}; // a point of the surface was chosen
+  onLook: (place: Place) => void = () => {}; // before each picture
+  picking = false; // a click on the surface chooses a point
+
+  private readonly state = h("div", { class: "stage-state" });
+  private readonly toolbar: Toolbar;
+  private readonly row = newRow();
+  private readonly measuring = newRow();
+  private time: number | undefined; // undefined: the newest
+  private show: Show = { ...USUAL_SHOW };
+  private view: View3D | undefined;
+  private joint: Joint | undefined;
+  private companion: Companion | undefined;
+  private knee = ""; // which one is shown, or asked for
+  private measured = -1; // moments that the maps know
+  private readonly end: () => void;
+
+  constructor(private readonly source: Source, private readonly name: string = text.session.scene) {
+    this.toolbar = new Toolbar(this.show, {
+      show: (show) => this.setShow(show),
+      preset: (preset) => this.view?.orbit.preset(preset),
+      follow: (on) => this.follow(on),
+    });
+    this.element.append(this.state, this.toolbar.element);
+    this.end = source.onChange((change) => this.changed(change));
+    this.begin();
+  }
+
+  close(): void {
+    this.end();
+    this.dropScene();
+    this.knee = "";
+  }
+
+  /** The moment to show; undefined: the newest. */
+  setTime(time: number | undefined): void {
+    this.time = time;
+    this.draw();
+  }
+
+  draw(): void {
+    this.view?.draw();
+  }
+
+  /** Where the eye is. */
+  look(place: Place): void {
+    this.view?.orbit.put(place);
+  }
+
+  /** Hands of another session in this picture; undefined: none. */
+  setCompanion(companion: Companion | undefined): void {
+    this.companion?.root.removeFromParent();
+    this.companion = companion;
+    if (companion) this.joint?.attach(companion.body, companion.root);
+    this.draw();
+  }
+
+  /** Where the working instrument's tip is shown, on the nearest surface; undefined: no probe is seen. */
+  markerAtTip(): Marker | undefined {
+    const tip = this.tip();
+    return tip && this.joint?.markerAt(tip);
+  }
+
+  // ---- what changes ----------------------------------------------------------------------------------
+
+  private changed(change: Change): void {
+    if (change === "session") this.begin();
+    if (change !== "moment" || this.time === undefined || this.source.history.count === 1) this.draw();
+  }
+
+  private begin(): void {
+    this.measured = -1;
+    this.joint?.forget();
+    const session = this.source.session;
+    if (!session) {
+      fill(this.state, loading(text.session.waiting));
+      return;
+    }
+    const key = `${session.caseName} ${session.caseHash}`;
+    if (key === this.knee) return;
+    this.knee = key;
+    this.dropScene();
+    fill(this.state, loading(text.session.loadingCase(session.caseName)));
+    loadKnee(session.caseName, key).then(
+      (knee) => this.knee === key && this.setKnee(knee),
+      () => this.knee === key && fill(this.state, broken(text.session.noCase, text.session.noCaseHint, () => {
+        this.knee = "";
+        this.begin();
+      })));
+  }
+
+  private setKnee(knee: Knee): void {
+    fill(this.state);
+    const joint = new Joint(knee);
+    try {
+      this.view = new View3D(this.element, joint, this.name);
+    } catch (error) {
+      if (!(error instanceof NoWebGl)) throw error;
+      joint.dispose();
+      fill(this.state, broken(text.session.noScene, text.session.noSceneHint));
+      return;
+    }
+    this.joint = joint;
+    if (this.companion) joint.attach(this.companion.body, this.companion.root);
+    joint.onMap = () => this.toolbar.showLegend(this.show.map, joint.map);
+    joint.setShow(this.show);
+    this.view.onFrame = (now) => this.frame(now);
+    this.view.onPick = (marker) => this.picking && this.onMarker(marker);
+    this.view.orbit.onLook = (place) => this.onLook(place);
+    this.measured = -1;
+    this.draw();
+  }
+
+  private dropScene(): void {
+    this.companion?.root.removeFromParent();
+    this.view?.close();
+    this.joint?.dispose();
+    this.view = undefined;
+    this.joint = undefined;
+  }
+
+  private setShow(show: Show): void {
+    if (show.map !== this.show.map) this.measured = -1;
+    this.show = show;
+    this.joint?.setShow(show);
+    this.draw();
+  }
+
+  private tip(): Vector3 | undefined {
+    const at = toolAt(this.row[WORKING]!);
+    if (this.row[WORKING]! < 0 || this.row[at + SEEN]! < 1) return undefined;
+    return new Vector3(this.row[at + WARPED + 4], this.row[at + WARPED + 5], this.row[at + WARPED + 6]);
+  }
+
+  private follow(on: boolean): void {
+    if (!this.view) return;
+    this.view.orbit.follow = on ? () => this.tip() : undefined;
+    this.view.orbit.closeUp(on);
+  }
+
+  // ---- a picture ---------------------------------------------------------------------------------------
+
+  private frame(now: number): boolean {
+    const { history } = this.source;
+    const joint = this.joint!;
+    const shown = this.time ?? history.end;
+    const index = history.indexAt(shown);
+    if (index < 0) return false;
+    history.read(index, this.row);
+    joint.setRow(this.row, history.time(index));
+    joint.setTrails(history, history.time(index));
+    this.companion?.setTime(shown, this.show.trails);
+    for (const group of this.source.groups()) {
+      const tissue = this.source.tissue(group, shown);
+      if (tissue) joint.setTissue(group, tissue);
+    }
+    joint.setMarker(markerOf(this.source, shown));
+    const more = this.measure(index);
+    return joint.paint(now) || more;
+  }
+
+  // The maps of what was measured: all moments up to the one that is shown, some in each frame.
+  private measure(index: number): boolean {
+    if (this.show.map !== "gain" && this.show.map !== "contact") return false;
+    if (index < this.measured) {
+      this.joint!.forget();
+      this.measured = -1;
+    }
+    const last = Math.min(index, this.measured + MEASURED_MOST);
+    for (let i = this.measured + 1; i <= last; i++) {
+      this.source.history.read(i, this.measuring);
+      this.joint!.measure(this.measuring);
+    }
+    this.measured = last;
+    return last < index;
+  }
+}
+
+function markerOf(source: Source, time: number): Marker | undefined {
+  const remark = markerAt(source, time);
+  return remark?.point && { body: remark.body, point: remark.point };
+}

@@ -45,6 +45,32 @@ const LABEL = 168; // px, left of the plots
 const AXIS = 20; // below
 const TOP = 14; // for signs
 const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
+const GAP_S = 2; // nobody knows what was between: no line
+
+// A line over columns of pixels: of each the least and the greatest value. It breaks where a value is NaN.
+class Columns {
+  private column = NaN;
+  private least = 0;
+  private most = 0;
+
+  constructor(private readonly surface: CanvasRenderingContext2D, private readonly y: (value: number) => number) {}
+
+  add(x: number, value: number): void {
+    if (x === this.column && !Number.isNaN(value)) {
+      this.least = Math.min(this.least, value);
+      this.most = Math.max(this.most, value);
+      return;
+    }
+    const begun = !Number.isNaN(this.column);
+    if (begun) {
+      this.surface.lineTo(this.column, this.y(this.least));
+      if (this.most !== this.least) this.surface.lineTo(this.column, this.y(this.most));
+    }
+    if (!begun && !Number.isNaN(value)) this.surface.moveTo(x, this.y(value));
+    this.column = Number.isNaN(value) ? NaN : x;
+    this.least = this.most = value;
+  }
+}
 
 export class Plots {
   readonly element: HTMLElement;
@@ -238,7 +264,7 @@ export class Plots {
       const x = Math.round(this.x(n * step)) + 0.5;
       surface.moveTo(x, TOP);
       surface.lineTo(x, this.high - AXIS);
-      surface.fillText(step < 1 ? format.number(n * step, 1) : format.clock(n * step), x, this.high - 6);
+      surface.fillText(step < 1 ? format.number(n * step, 1) : format.clock(n * step), Math.min(x, this.wide - 16), this.high - 6);
     }
     surface.stroke();
   }
@@ -302,43 +328,24 @@ export class Plots {
     const count = values.count(i, k);
     const timeOf = (index: number): number => values.time(i, k, index);
     const step = this.rows[i]!.step === true;
+    const line = new Columns(surface, y);
+    let last = NaN; // the value before
+    surface.beginPath();
+    for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count; index++) {
+      const time = timeOf(index);
+      const x = Math.round(this.x(Math.max(time, this.from)));
+      if (step) line.add(x, last);
+      else if (index > 0 && time - timeOf(index - 1) > GAP_S) line.add(x, NaN);
+      line.add(x, (last = values.value(i, k, index)));
+      if (time > this.to) break;
+    }
+    if (step) line.add(Math.round(this.x(Math.min(this.to, values.end()))), last);
+    line.add(0, NaN);
+    surface.save();
+    surface.clip(this.inside());
     surface.strokeStyle = colour;
     surface.lineWidth = 1.5;
     surface.lineJoin = "round";
-    surface.beginPath();
-    let column = -1;
-    let low = 0;
-    let top = 0;
-    let last = NaN; // the value before
-    const flush = (): void => {
-      if (column < 0) return;
-      surface.lineTo(column, y(low));
-      if (top !== low) surface.lineTo(column, y(top));
-    };
-    for (let index = Math.max(0, lastBefore(count, timeOf, this.from)); index < count; index++) {
-      const time = timeOf(index);
-      const value = values.value(i, k, index);
-      const x = Math.round(this.x(Math.max(time, this.from)));
-      if (Number.isNaN(value)) {
-        flush();
-        column = -1;
-      } else if (x !== column) {
-        flush();
-        if (column < 0) surface.moveTo(x, y(value));
-        else if (step) surface.lineTo(x, y(last));
-        column = x;
-        low = top = value;
-      } else {
-        low = Math.min(low, value);
-        top = Math.max(top, value);
-      }
-      last = value;
-      if (time > this.to) break;
-    }
-    flush();
-    if (step && column >= 0 && !Number.isNaN(last)) surface.lineTo(this.x(Math.min(this.to, values.end())), y(last));
-    surface.save();
-    surface.clip(this.inside());
     surface.stroke();
     surface.restore();
   }

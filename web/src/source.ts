@@ -172,6 +172,7 @@ export class FeedSource implements Source {
     if (!this.recorded && this.session && moment.seat !== this.session.seat) return;
     if (!this.history.append(moment)) return;
     this.settle();
+    if (!this.recorded && this.history.count === 1) for (const resected of this.resections) resected.time = this.history.start; // nobody said since when
     this.count(moment.events);
     this.tell("moment");
   }

@@ -2,7 +2,7 @@
 // ghost, instruments as measured and as shown, their trails, the marker, colour maps. Millimetres, in the
 // mock-up's frame: x to the patient's right, y anterior, z proximal.
 import {
-  BufferAttribute, BufferGeometry, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshBasicMaterial, Object3D, Quaternion,
+  BufferAttribute, BufferGeometry, Color, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshBasicMaterial, Object3D, Quaternion,
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
 import {
@@ -179,8 +179,9 @@ export class Joint {
   private newTool(instrument: number): Tool {
     const colour = TOOL_COLOURS[instrument]!;
     const bright = steelMaterial(0xe6ebef);
-    const shown = shapeOf(instrument, steelMaterial(this.wet ? 0xd8dfe4 : 0x9aa5ae), bright);
-    const ghost = steelMaterial(colour, 0.3);
+    const steel = new Color(this.wet ? 0xd8dfe4 : 0x9aa5ae).lerp(new Color(colour), this.wet ? 0 : 0.25);
+    const shown = shapeOf(instrument, steelMaterial(steel.getHex()), bright);
+    const ghost = steelMaterial(colour, 0.22);
     const raw = shapeOf(instrument, ghost, ghost);
     for (const shape of [shown, raw]) {
       shape.root.matrixAutoUpdate = false;

@@ -52,6 +52,7 @@ class Columns {
   private column = NaN;
   private least = 0;
   private most = 0;
+  private last = 0;
 
   constructor(private readonly surface: CanvasRenderingContext2D, private readonly y: (value: number) => number) {}
 
@@ -59,16 +60,14 @@ class Columns {
     if (x === this.column && !Number.isNaN(value)) {
       this.least = Math.min(this.least, value);
       this.most = Math.max(this.most, value);
+      this.last = value;
       return;
     }
     const begun = !Number.isNaN(this.column);
-    if (begun) {
-      this.surface.lineTo(this.column, this.y(this.least));
-      if (this.most !== this.least) this.surface.lineTo(this.column, this.y(this.most));
-    }
+    if (begun) for (const each of this.most === this.least ? [this.last] : [this.least, this.most, this.last]) this.surface.lineTo(this.column, this.y(each));
     if (!begun && !Number.isNaN(value)) this.surface.moveTo(x, this.y(value));
     this.column = Number.isNaN(value) ? NaN : x;
-    this.least = this.most = value;
+    this.least = this.most = this.last = value;
   }
 }
 

@@ -266,10 +266,16 @@ static enum result reading_check(const arthron_JointReading *m, struct error *er
     return enum_check("joint: validity", (int)m->validity, _arthron_Validity_ARRAYSIZE, err);
 }
 
+static enum result command_check(const arthron_Command *m, struct error *err) {
+    enum result result = enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err);
+    if (result == RESULT_OK)
+        result = enum_check("remark: body", (int)m->remark.body, _arthron_Body_ARRAYSIZE, err);
+    return result;
+}
+
 static enum result console_check(const arthron_Console *m, struct error *err) {
     if (m->which_message == arthron_Console_command_tag)
-        return enum_check("kind", (int)m->message.command.kind, _arthron_Command_Kind_ARRAYSIZE,
-                          err);
+        return command_check(&m->message.command, err);
     if (m->which_message != arthron_Console_command_reply_tag)
         return RESULT_OK;
     const arthron_CommandReply *reply = &m->message.command_reply;
@@ -285,7 +291,7 @@ static enum result page_command_check(const arthron_Command *m, struct error *er
     bool is_id = strlen(m->from) == 32 && strspn(m->from, "0123456789abcdef") == 32;
     if (m->from[0] && !is_id)
         return fail(err, RESULT_FORMAT, "from is no session's id");
-    return enum_check("kind", (int)m->kind, _arthron_Command_Kind_ARRAYSIZE, err);
+    return command_check(m, err);
 }
 
 static enum result page_check(const arthron_Page *m, struct error *err) {

@@ -283,7 +283,22 @@ static void fill_console(int which, arthron_Console *out) {
     memset(out, 0, sizeof *out);
     out->which_message = (pb_size_t)which;
     if (which == arthron_Console_command_tag) {
-        out->message.command = (arthron_Command){arthron_Command_Kind_CASE, "station-1", "healthy"};
+        out->message.command = (arthron_Command){
+            .kind = arthron_Command_Kind_CASE,
+            .station = "station-1",
+            .case_name = "healthy",
+            .has_strength = true,
+            .strength = 0.25,
+            .has_remark = true,
+            .remark = {.number = 3,
+                       .text = "Lift the hand – slowly",
+                       .has_marker = true,
+                       .body = arthron_Body_BODY_PATELLA,
+                       .has_point = true,
+                       .point = {1.5, -2, 3},
+                       .withdrawn = true},
+            .trainee = "anna",
+        };
         return;
     }
     if (which == arthron_Console_metrics_ask_tag) {
@@ -604,6 +619,11 @@ static void a_console_command_that_is_no_enum_is_refused(void **state) {
     fill_console(arthron_Console_command_tag, m);
     m->message.command.kind = (arthron_Command_Kind)_arthron_Command_Kind_ARRAYSIZE;
     struct valid bytes = encoded(KIND_CONSOLE, m);
+    assert_int_equal(decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, NULL), RESULT_FORMAT);
+    free(bytes.bytes);
+    fill_console(arthron_Console_command_tag, m);
+    m->message.command.remark.body = (arthron_Body)_arthron_Body_ARRAYSIZE;
+    bytes = encoded(KIND_CONSOLE, m);
     assert_int_equal(decode_copy(KIND_CONSOLE, bytes.bytes, bytes.size, m, NULL), RESULT_FORMAT);
     free(bytes.bytes);
     fill_console(arthron_Console_command_reply_tag, m);

@@ -8,9 +8,9 @@ export interface Account {
   trainee?: string;
 }
 
-/** What the server answered where it did not do it; `code` is for programs, the message for people. */
+/** What the server answered where it did not do it; `code` is for programs, the message for people; `field` is what is wrong. */
 export class ApiError extends Error {
-  constructor(readonly status: number, readonly code: string, text: string, readonly retryAfterS: number) {
+  constructor(readonly status: number, readonly code: string, text: string, readonly field: string, readonly retryAfterS: number) {
     super(text);
   }
 }
@@ -56,9 +56,9 @@ export class Api {
     }
     const answer: unknown = response.status === 204 ? undefined : await response.json().catch(() => undefined);
     if (response.ok) return answer as T;
-    const error = (answer as { error?: { code?: string; text?: string } } | undefined)?.error;
+    const error = (answer as { error?: { code?: string; text?: string; field?: string } } | undefined)?.error;
     if (error?.code === "not_signed_in") this.onSignedOut();
-    throw new ApiError(response.status, error?.code ?? "", error?.text ?? "", Number(response.headers.get("retry-after")) || 0);
+    throw new ApiError(response.status, error?.code ?? "", error?.text ?? "", error?.field ?? "", Number(response.headers.get("retry-after")) || 0);
   }
 }
 

@@ -250,7 +250,8 @@ export class Feed {
   private drop(): void {
     const socket = this.socket;
     this.socket = undefined;
-    socket?.close();
+    if (socket?.readyState === 0) socket.onopen = () => socket.close(); // sooner, it would be reported as failed
+    else socket?.close();
     for (const asked of this.asked) {
       asked.cancel();
       asked.reject(new NoAnswer(true));

@@ -102,6 +102,7 @@ async function show(): Promise<void> {
   }
   leave();
   leave = () => {};
+  for (const dialog of document.querySelectorAll("dialog")) dialog.close();
   const root = h("div", { class: `view ${route.name}` }, loading());
   const unframe = page?.bare ? bare(root) : frame(root, route, app);
   leave = unframe;

@@ -94,8 +94,8 @@ function accountMenu(app: App): HTMLElement {
 
 function changePassword(app: App): void {
   document.getElementById("account-menu")?.hidePopover();
-  const current = h("input", { type: "password", autocomplete: "current-password", maxlength: 128 });
-  const fresh = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  const current = h("input", { name: "password", type: "password", autocomplete: "current-password", maxlength: 128 });
+  const fresh = h("input", { name: "new_password", type: "password", autocomplete: "new-password", maxlength: 128 });
   formDialog(text.account.password, [field(text.account.current, current), field(text.account.fresh, fresh, text.first.passwordHint)], text.save, async () => {
     await app.api.patch("/me", { password: current.value, new_password: fresh.value });
     toast(text.account.changed);

@@ -144,7 +144,7 @@ export const text = {
     nobody: "nobody",
     states: { open: "Running", closed: "Closed", deserted: "Deserted", interrupted: "Interrupted" } as Record<string, string>,
     kinds: { open: "good", deserted: "look", interrupted: "act" } as Record<string, string>,
-    report: "Report", trace: "Trace",
+    report: "Report", trace: "Trace", live: "Live", scope: "Scope",
     compare: "Compare", newest: "Newest", older: "Older",
   },
 

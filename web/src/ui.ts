@@ -106,17 +106,17 @@ let fields = 0;
 /** A label over its input, with a line for a hint or for what is wrong that is there from the start. */
 export function field(label: string, input: HTMLInputElement | HTMLSelectElement | HTMLTextAreaElement, hint = ""): HTMLElement {
   input.id = `field-${++fields}`;
-  const line = h("p", { class: "hint", id: `${input.id}-hint` }, hint);
+  const line = h("p", { class: "hint", id: `${input.id}-hint`, data: { hint } }, hint);
   input.setAttribute("aria-describedby", line.id);
   return h("div", { class: "field" }, h("label", { for: input.id }, label), input, line);
 }
 
-/** What is wrong with an input, for eyes and readers; "" for nothing. */
-export function setFault(input: HTMLElement, fault: string, hint = ""): void {
+/** What is wrong with an input that `field` was made of, for eyes and readers; "" for nothing. */
+export function setFault(input: HTMLElement, fault: string): void {
   input.setAttribute("aria-invalid", String(fault !== ""));
   const line = document.getElementById(`${input.id}-hint`);
   if (!line) return;
-  setText(line, fault || hint);
+  setText(line, fault || line.dataset.hint!);
   setClass(line, "fault", fault !== "");
 }
 
@@ -186,7 +186,10 @@ export function confirm(title: string, hint: string, label: string, then: () => 
   shown.element.querySelector<HTMLButtonElement>("footer button")?.focus();
 }
 
-/** A form in a dialog. `save` may fail: what it says is shown, and the form stays. */
+/**
+ * A form in a dialog. `save` may fail: the form stays, and shows what is wrong beside the input that the
+ * server names, or below all.
+ */
 export function formDialog(title: string, parts: Child[], label: string, save: () => Promise<void>): Dialog {
   const fault = h("p", { class: "fault", role: "alert" });
   const go = h("button", { type: "submit", class: "button primary" }, label);
@@ -197,16 +200,27 @@ export function formDialog(title: string, parts: Child[], label: string, save: (
   const run = async (event: Event): Promise<void> => {
     event.preventDefault();
     setText(fault, "");
+    for (const input of form.querySelectorAll<HTMLElement>("[aria-invalid]")) setFault(input, "");
     go.disabled = true;
     try {
       await save();
       shown.close();
     } catch (error) {
-      setText(fault, explain(error));
+      if (!showAtField(form, error)) setText(fault, explain(error));
     }
     go.disabled = false;
   };
   return shown;
+}
+
+function showAtField(form: HTMLFormElement, error: unknown): boolean {
+  const name = error instanceof ApiError ? error.field : "";
+  const input = name && form.querySelector<HTMLElement>(`[name="${CSS.escape(name)}"]`);
+  if (!input) return false;
+  const words = (error as ApiError).message.replace(`${name}: `, "");
+  setFault(input, words.charAt(0).toUpperCase() + words.slice(1));
+  input.focus();
+  return true;
 }
 
 /** A short word at the edge, read aloud; goes by itself. */

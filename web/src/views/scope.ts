@@ -298,8 +298,8 @@ function ask(now: Settings, change: (next: Settings) => void): void {
     const number = Number(port.value);
     const badPort = wanted && !(Number.isInteger(number) && number > 0 && number < 65536);
     const badToken = wanted && !TOKEN.test(token.value.trim());
-    setFault(port, badPort ? text.scope.portWrong : "", text.scope.portHint);
-    setFault(token, badToken ? text.scope.tokenWrong : "", text.scope.tokenHint);
+    setFault(port, badPort ? text.scope.portWrong : "");
+    setFault(token, badToken ? text.scope.tokenWrong : "");
     if (badPort || badToken) throw new Error("");
     change({
       tiltDeg: Number(tilt.value),

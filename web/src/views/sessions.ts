@@ -4,7 +4,7 @@ import type { App, View } from "../app";
 import { listing } from "../listing";
 import { routeTo } from "../router";
 import { format, text } from "../text";
-import { button, empty, explain, h, icon, select, setText, toast } from "../ui";
+import { button, empty, explain, h, select, setText, toast, type Props } from "../ui";
 
 interface Session {
   id: string;
@@ -108,9 +108,12 @@ function columns(app: App, choose: (id: string, on: boolean) => void): Parameter
     input.addEventListener("change", () => choose(session.id, input.checked));
     return input;
   };
-  const links = (session: Session): HTMLElement => h("span", { class: "row-actions" },
-    h("a", { class: "button quiet small", href: `/api/v1/sessions/${part(session.id)}/report`, target: "_blank", rel: "noopener" }, t.report),
-    h("a", { class: "button quiet small", href: `/api/v1/sessions/${part(session.id)}/trace`, download: true }, icon("file"), t.trace));
+  const link = (href: string, label: string, more: Props = {}): HTMLElement => h("a", { class: "button quiet small", href, ...more }, label);
+  const links = (session: Session): HTMLElement => (session.state === "open"
+    ? h("span", { class: "row-actions" }, link(routeTo("station", [session.station]), t.live), link(routeTo("scope", [session.station]), t.scope))
+    : h("span", { class: "row-actions" },
+      link(`/api/v1/sessions/${part(session.id)}/report`, t.report, { target: "_blank", rel: "noopener" }),
+      link(`/api/v1/sessions/${part(session.id)}/trace`, t.trace, { download: true })));
   return [
     { label: t.pick, hidden: true, cell: pick },
     { label: t.start, cell: (session) => h("a", { class: "number", href: routeTo("session", [session.id]) }, format.time(session.start_utc_s * 1000)) },

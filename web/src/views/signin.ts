@@ -39,10 +39,10 @@ export const first: View = (root, route, app) => {
     field(text.first.password, password, text.first.passwordHint),
     field(text.first.again, again),
   ], () => {
-    const faults: [HTMLInputElement, string, string][] = [
-      [name, name.value.trim() ? "" : text.first.needName, text.first.nameHint],
-      [password, password.value.length < PASSWORD_LEAST ? text.first.short : "", text.first.passwordHint],
-      [again, again.value === password.value ? "" : text.first.different, ""],
+    const faults: [HTMLInputElement, string][] = [
+      [name, name.value.trim() ? "" : text.first.needName],
+      [password, password.value.length < PASSWORD_LEAST ? text.first.short : ""],
+      [again, again.value === password.value ? "" : text.first.different],
     ];
     return !show(faults) && app.api.post<Answer>("/first", { secret: route.args[0] ?? "", name: name.value.trim(), password: password.value });
   }, app);
@@ -55,9 +55,9 @@ function passwordForm(app: App): HTMLElement {
   const name = h("input", { autocomplete: "username", maxlength: 63, spellcheck: "false", autocapitalize: "none" });
   const password = h("input", { type: "password", autocomplete: "current-password", maxlength: 128 });
   return submitting(text.signIn.submit, [field(text.signIn.name, name), field(text.signIn.secret, password)], () => {
-    const faults: [HTMLInputElement, string, string][] = [
-      [name, name.value.trim() ? "" : text.signIn.needName, ""],
-      [password, password.value ? "" : text.signIn.needPassword, ""],
+    const faults: [HTMLInputElement, string][] = [
+      [name, name.value.trim() ? "" : text.signIn.needName],
+      [password, password.value ? "" : text.signIn.needPassword],
     ];
     return !show(faults) && app.api.post<Answer>("/sign-in", { name: name.value.trim(), password: password.value });
   }, app);
@@ -67,13 +67,13 @@ function codeForm(app: App): HTMLElement {
   const code = h("input", { class: "code", autocomplete: "one-time-code", maxlength: CODE_LENGTH + 1, spellcheck: "false", autocapitalize: "characters" });
   return submitting(text.signIn.submit, [field(text.signIn.codeLabel, code, text.signIn.codeHint)], () => {
     const plain = code.value.replace(/[\s-]/g, "").toUpperCase();
-    return !show([[code, plain.length === CODE_LENGTH ? "" : text.signIn.needCode, text.signIn.codeHint]]) && app.api.post<Answer>("/sign-in", { code: plain });
+    return !show([[code, plain.length === CODE_LENGTH ? "" : text.signIn.needCode]]) && app.api.post<Answer>("/sign-in", { code: plain });
   }, app);
 }
 
 // Shows what is wrong and goes to the first of it; true where anything is.
-function show(faults: [HTMLInputElement, string, string][]): boolean {
-  for (const [input, fault, hint] of faults) setFault(input, fault, hint);
+function show(faults: [HTMLInputElement, string][]): boolean {
+  for (const [input, fault] of faults) setFault(input, fault);
   const bad = faults.find(([, fault]) => fault);
   bad?.[0].focus();
   return bad !== undefined;

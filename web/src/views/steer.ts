@@ -146,7 +146,7 @@ export class Steer {
     const words = h("textarea", { maxlength: 240, rows: 3 });
     formDialog(text.station.noteTitle, [field(text.station.noteLabel, words, text.station.noteHint)], text.station.send, async () => {
       const empty = words.value.trim() === "";
-      setFault(words, empty ? text.station.noteNeeded : "", text.station.noteHint);
+      setFault(words, empty ? text.station.noteNeeded : "");
       if (empty) throw new Refused("");
       await this.must(text.station.noteName, { kind: Command_Kind.NOTE, remark: { text: words.value.trim() } });
     });

@@ -2,7 +2,7 @@ import { part, type Role } from "../../api";
 import type { App } from "../../app";
 import { listing } from "../../listing";
 import { format, text } from "../../text";
-import { button, confirm, empty, field, formDialog, h, select, setFault, toast } from "../../ui";
+import { button, confirm, empty, field, formDialog, h, select, toast } from "../../ui";
 import type { Part } from "../admin";
 import { head } from "./shared";
 
@@ -14,7 +14,6 @@ interface Listed {
   created_utc_s: number;
 }
 
-const PASSWORD_LEAST = 10;
 const ROLES: Role[] = ["instructor", "technician", "trainee"];
 
 export const accounts: Part = (root, app) => {
@@ -42,10 +41,10 @@ const roleOptions = (): [string, string][] => ROLES.map((role) => [role, text.ro
 async function make(app: App, made: () => void): Promise<void> {
   const t = text.admin.accounts;
   const known = await app.api.get<{ trainees: { name: string }[] }>("/trainees").then((answer) => answer.trainees, () => []);
-  const name = h("input", { maxlength: 63, autocomplete: "off", spellcheck: "false" });
-  const role = select(roleOptions(), "instructor");
-  const trainee = select([["", t.chooseTrainee], ...known.map((one): [string, string] => [one.name, one.name])]);
-  const password = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  const name = h("input", { name: "name", maxlength: 63, autocomplete: "off", spellcheck: "false" });
+  const role = select(roleOptions(), "instructor", { name: "role" });
+  const trainee = select([["", t.chooseTrainee], ...known.map((one): [string, string] => [one.name, one.name])], "", { name: "trainee" });
+  const password = h("input", { name: "password", type: "password", autocomplete: "new-password", maxlength: 128 });
   const who = field(t.trainee, trainee, t.traineeHint);
   who.hidden = true;
   role.addEventListener("change", () => (who.hidden = role.value !== "trainee"));
@@ -58,12 +57,9 @@ async function make(app: App, made: () => void): Promise<void> {
 
 function change(app: App, one: Listed, changed: () => void): void {
   const t = text.admin.accounts;
-  const role = select(roleOptions().filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { disabled: one.role === "trainee" });
-  const password = h("input", { type: "password", autocomplete: "new-password", maxlength: 128 });
+  const role = select(roleOptions().filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { name: "role", disabled: one.role === "trainee" });
+  const password = h("input", { name: "password", type: "password", autocomplete: "new-password", maxlength: 128 });
   formDialog(t.changeTitle(one.name), [field(t.role, role), field(t.newPassword, password, t.keepHint), h("p", { class: "quiet-text" }, t.changeHint)], text.save, async () => {
-    const fault = password.value !== "" && password.value.length < PASSWORD_LEAST;
-    setFault(password, fault ? text.first.short : "", t.keepHint);
-    if (fault) throw new Error(text.first.short);
     const body = { ...(role.value !== one.role ? { role: role.value } : {}), ...(password.value ? { password: password.value } : {}) };
     if (Object.keys(body).length) await app.api.patch(`/accounts/${part(one.name)}`, body);
     toast(t.changed(one.name));

@@ -34,7 +34,7 @@ export const courses: Part = (root, app) => {
 
 function make(app: App, made: () => void): void {
   const t = text.admin.courses;
-  const name = h("input", { maxlength: 63, autocomplete: "off" });
+  const name = h("input", { name: "name", maxlength: 63, autocomplete: "off" });
   formDialog(t.add, [field(t.name, name, t.nameHint)], t.add, async () => {
     await app.api.post("/courses", { name: name.value.trim() });
     made();

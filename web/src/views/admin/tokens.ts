@@ -37,7 +37,7 @@ export const tokens: Part = (root, app) => {
 
 function make(app: App, made: () => void): void {
   const t = text.admin.tokens;
-  const name = h("input", { maxlength: 63, autocomplete: "off" });
+  const name = h("input", { name: "name", maxlength: 63, autocomplete: "off" });
   formDialog(t.add, [field(t.name, name, t.nameHint)], t.add, async () => {
     const answer = await app.api.post<{ token: string; until_utc_s: number }>("/tokens", { name: name.value.trim() });
     made();

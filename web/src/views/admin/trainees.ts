@@ -38,8 +38,8 @@ export const trainees: Part = (root, app) => {
 
 function make(app: App, made: () => void): void {
   const t = text.admin.trainees;
-  const name = h("input", { maxlength: 63, autocomplete: "off", spellcheck: "false" });
-  const full = h("input", { maxlength: 200, autocomplete: "off" });
+  const name = h("input", { name: "name", maxlength: 63, autocomplete: "off", spellcheck: "false" });
+  const full = h("input", { name: "full_name", maxlength: 200, autocomplete: "off" });
   formDialog(t.add, [field(t.name, name, t.nameHint), field(t.fullName, full, t.fullNameHint)], t.add, async () => {
     await app.api.post("/trainees", { name: name.value.trim(), ...(full.value.trim() ? { full_name: full.value.trim() } : {}) });
     toast(t.added(name.value.trim()));

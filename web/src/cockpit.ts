@@ -85,7 +85,7 @@ export class Cockpit {
   private changed(change: Change): void {
     if (change === "session") {
       this.signs = 0;
-      if (!this.source.history.count && !this.source.recorded) this.time = undefined;
+      if (!this.source.history.count && !this.source.recorded && this.time !== undefined) this.setTime(undefined);
     }
     this.panels.changed(change);
     if (change === "moment" && this.time !== undefined) this.plots.draw();

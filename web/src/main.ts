@@ -22,6 +22,7 @@ const PAGES: Record<string, Page> = {
   first: { load: async () => (await import("./views/signin")).first, bare: true },
   wall: { load: async () => (await import("./views/wall")).wall, roles: STAFF },
   sessions: { load: async () => (await import("./views/sessions")).sessions, roles: ["instructor", "trainee"] },
+  session: { load: async () => (await import("./views/debrief")).debrief, roles: ["instructor", "trainee"] },
   admin: { load: async () => (await import("./views/admin")).admin, roles: STAFF },
   station: { load: async () => (await import("./views/station")).station, roles: ALL },
   scope: { load: async () => (await import("./views/scope")).scope, roles: ALL, bare: true },

@@ -173,7 +173,7 @@ function zone(r: Resection, at: number): HTMLElement {
 // ---- metrics -----------------------------------------------------------------------------------------
 
 /** A metric's value as a person reads it. */
-export function metricValue({ value, unit }: Metric): string {
+export function metricValue({ value, unit }: Pick<Metric, "value" | "unit">): string {
   if (!Number.isFinite(value)) return format.none;
   const digits = unit === "count" ? 0 : Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
   return `${format.number(value, digits)} ${text.session.units[unit] ?? unit}`.trim();

@@ -21,6 +21,11 @@ export const format = {
     const h = Math.floor(s / 3600);
     return h ? `${h}:${two(Math.floor(s / 60) % 60)}:${two(s % 60)}` : `${Math.floor(s / 60)}:${two(s % 60)}`;
   },
+  /** 4:07.3. */
+  tenths: (seconds: number): string => {
+    const tenths = Math.max(0, Math.floor(seconds * 10 + 1e-6));
+    return `${format.clock(Math.floor(tenths / 10))}.${tenths % 10}`;
+  },
   /** How long ago, short: 8 s, 3 min, 2 h, 4 d. */
   ago: (ms: number): string => {
     const s = Math.max(0, Math.floor(ms / 1000));
@@ -341,6 +346,64 @@ export const text = {
     assignHint: "From the next session on",
     assignSave: "Assign",
     noProbe: "The probe is not seen",
+  },
+
+  /** A recorded session. */
+  debrief: {
+    title: (who: string, when: string) => `${who}, ${when}`,
+    sessions: "Sessions",
+    nobody: "No trainee",
+    waiting: "Asking for the record …",
+    noSession: "There is no such session",
+    noSessionHint: "It may have been erased, or it is another trainee's.",
+    noReplay: "It cannot be replayed now",
+    noReplayHint: "The server has not said why.",
+    noMoments: "Nothing was recorded in this session",
+    noMomentsHint: "It ended before its first step.",
+    damaged: (why: string) => `The record is not whole: ${why}`,
+    interrupted: "The server ended while this session ran: it stops where its record does.",
+    running: "This session still runs: it is shown up to where its record was when this page asked.",
+    missing: (n: number) => `${count(n, "step")} missing in its record`,
+    replaying: (share: string) => `Replaying on the server: ${share}`,
+    whole: "All is here",
+    volumeAgrees: "All is here, end volume as recorded",
+    volumeDiffers: (group: string, page: string, recorded: string) => `${group}: this page's mesh has ${page} mm³, the record ${recorded} mm³`,
+    report: "Report", trace: "Trace",
+    timeline: "Timeline",
+    timeOf: (time: string, length: string) => `${time} of ${length}`,
+    transport: "Replay",
+    play: "Play", pause: "Pause", previous: "Previous event", next: "Next event",
+    speed: "Speed", times: (speed: number) => `${String(speed)} ×`,
+    keys: "Space or K: play and pause · arrows: 1 s, with Shift 10 s · J and L: 5 s · comma and full stop: one moment · P and N: previous and next event · + and −: speed · Home and End",
+    keysTitle: "Keys",
+    noMetrics: "No metrics: nothing was measured in this session",
+    wholeSession: "Session",
+    besides: "Beside",
+    everybody: "All sessions on this case",
+    course: (name: string) => `Course ${name}`,
+    spread: (n: string, lower: string, median: string, upper: string) => `n ${n} · median ${median} · half of them ${lower} to ${upper}`,
+    alone: "no others to compare with",
+    belowFloor: (value: string) => `(${value})`,
+    stripsHint: "Mark: this session. Box: the middle half of the others, this one included; in brackets: too small to be trusted.",
+    compare: "Compare …",
+    compareTitle: "Compare with another session",
+    compareHint: "Those on the same case come first. The hands of one on another case are replayed on this case.",
+    compareNone: "There is no other session",
+    compareOne: "Compare",
+    onOtherCase: (name: string) => `on ${name}`,
+    sameCase: "same case",
+    comparedWith: "Beside",
+    modes: { side: "Side by side", ghost: "As a ghost" } as Record<string, string>,
+    mode: "How it is shown",
+    align: "In step from",
+    steps: { start: "Start", contact: "First touch", cut: "First cut" } as Record<string, string>,
+    endCompare: "End comparison",
+    carried: (from: string, to: string) => `Recorded on ${from}, replayed on ${to}: all cases share one mock-up, so the same hands are carried over by this case's warp; touches and cuts are what they would have been.`,
+    ghostHint: "Each instrument is where it was on the tibia.",
+    otherScene: "The other session's joint",
+    this: "This session",
+    otherLoading: (share: string) => `Its replay: ${share}`,
+    otherTrouble: (why: string) => `It cannot be replayed: ${why}`,
   },
 
   scope: {

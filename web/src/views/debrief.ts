@@ -1,0 +1,232 @@
+// #/session/ID: a recorded session, replayed; ?with=ID: beside another one.
+import type { App, View } from "../app";
+import { ApiError, part } from "../api";
+import { Cockpit } from "../cockpit";
+import { strips, type Distribution, type Value } from "../distribution";
+import { browserWorld, Feed } from "../live";
+import { routeTo } from "../router";
+import { FeedSource } from "../source";
+import { format, text } from "../text";
+import { broken, button, empty, explain, fill, h, icon, loading, select } from "../ui";
+import { Comparison } from "./debrief_compare";
+import { Transport } from "./debrief_transport";
+
+export const RATE_HZ = 60;
+const VOLUME_MM3 = 0.1; // that a page's mesh may differ by from the record
+
+export interface SessionRow {
+  id: string;
+  station: string;
+  trainee: string | null;
+  case: string;
+  start_utc_s: number;
+  end_utc_s: number | null;
+  state: string;
+  steps: number;
+  missing: number;
+}
+
+interface Result {
+  metric: string;
+  subject: string;
+  version: number;
+  unit: string;
+  value: number | null;
+  below_floor: boolean;
+}
+
+export interface Record {
+  session: SessionRow;
+  results: Result[];
+}
+
+export function valuesOf(results: readonly Result[]): Value[] {
+  return results.map(({ metric, subject, version, unit, value, below_floor }) =>
+    ({ name: metric, subject, version, unit, value: value ?? NaN, belowFloor: below_floor }));
+}
+
+/** A connection of its own for one more replay. */
+export function anotherFeed(app: App): Feed {
+  return new Feed(browserWorld(async () => {
+    await app.api.get("/me");
+    return true;
+  }));
+}
+
+export const sessionTitle = ({ trainee, start_utc_s: start }: SessionRow): string =>
+  text.debrief.title(trainee ?? text.debrief.nobody, format.time(start * 1000));
+
+export const debrief: View = (root, route, app) => {
+  const id = route.args[0] ?? "";
+  app.title(text.debrief.sessions);
+  let end = (): void => {};
+  let ended = false;
+  root.append(loading(text.debrief.waiting));
+  const begin = (): void => {
+    app.api.get<Record>(`/sessions/${part(id)}`).then(
+      (record) => {
+        if (ended) return;
+        root.replaceChildren();
+        end = replay(root, record, route.query, app);
+      },
+      (error: unknown) => {
+        if (ended) return;
+        const gone = error instanceof ApiError && (error.status === 404 || error.status === 400);
+        fill(root, gone ? empty(text.debrief.noSession, text.debrief.noSessionHint, h("a", { class: "button", href: routeTo("sessions") }, text.debrief.sessions))
+          : broken(text.listBroken, explain(error), begin));
+      });
+  };
+  begin();
+  return () => {
+    ended = true;
+    end();
+  };
+};
+
+function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: App): () => void {
+  const { session } = record;
+  app.title(sessionTitle(session));
+  const source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
+  const metrics = new Metrics(app, record);
+  const cockpit = new Cockpit(source, { onTime: (time) => transport.seek(time ?? 0), metrics: (replayed) => metrics.draw(replayed) });
+  const transport = new Transport(source);
+  const cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
+  const notices = h("div", { class: "notices", role: "status" });
+  const comparison = new Comparison(app, session, source, cockpit);
+
+  transport.onTime = (time) => {
+    cockpit.setTime(time);
+    comparison.setTime(time);
+  };
+  comparison.onOther = (other, ahead, values) => {
+    transport.setOther(other, ahead);
+    metrics.setOther(values);
+  };
+  root.append(head(session, metrics, comparison), notices, comparison.element, transport.element, h("div", { class: "station-main" }, cockpit.element, cover));
+  const other = query.get("with");
+  if (other) void comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
+  transport.seek(0);
+
+  const show = (): void => {
+    cover.hidden = source.history.count > 0;
+    if (!cover.hidden) showCover(cover, source);
+    fill(notices, ...noticesOf(session, source).map((words) => h("p", { class: "notice" }, icon("act"), words)));
+  };
+  const ends = [
+    source.onChange((change) => {
+      if (change === "moment" && !cover.hidden) show();
+      if (change === "progress" && source.progress === 1) transport.say(checked(source));
+      if (change !== "moment") show();
+    }),
+    () => comparison.close(), () => transport.close(), () => cockpit.close(), () => source.close(),
+  ];
+  show();
+  return () => {
+    for (const end of ends) end();
+  };
+}
+
+function head(session: SessionRow, metrics: Metrics, comparison: Comparison): HTMLElement {
+  const words = text.debrief;
+  const base = `/api/v1/sessions/${part(session.id)}`;
+  const report = h("a", { class: "button", href: `${base}/report`, target: "_blank", rel: "noopener" }, words.report);
+  metrics.onCourse = (course) => report.setAttribute("href", `${base}/report${course ? `?course=${part(course)}` : ""}`);
+  const length = session.end_utc_s === null ? "" : format.clock(session.end_utc_s - session.start_utc_s);
+  return h("header", { class: "station-head" },
+    h("div", { class: "station-name" }, h("a", { href: routeTo("sessions"), class: "button quiet back" }, icon("back"), words.sessions),
+      h("h1", {}, sessionTitle(session)), session.state !== "closed" && h("span", { class: `badge ${text.sessions.kinds[session.state] ?? ""}` }, text.sessions.states[session.state] ?? session.state)),
+    h("p", { class: "about quiet-text" }, [session.case, session.station, length].filter((one) => one !== "").join(" · ")),
+    h("div", { class: "head-actions" }, button(words.compare, () => comparison.choose()), report,
+      h("a", { class: "button", href: `${base}/trace`, download: true }, icon("file"), words.trace)));
+}
+
+// Nothing can be played: still on its way, or never.
+function showCover(cover: HTMLElement, source: FeedSource): void {
+  const words = text.debrief;
+  if (source.progress === 1) fill(cover, empty(words.noMoments, source.trouble || words.noMomentsHint));
+  else if (source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())));
+  else fill(cover, loading(words.waiting));
+}
+
+function noticesOf(session: SessionRow, source: FeedSource): string[] {
+  const words = text.debrief;
+  const found: string[] = [];
+  if (session.state === "interrupted") found.push(words.interrupted);
+  if (session.state === "open") found.push(words.running);
+  if (source.trouble && source.history.count) found.push(words.damaged(source.trouble));
+  else if (session.missing) found.push(words.missing(session.missing));
+  return found;
+}
+
+// Whether the meshes that the page has cut are those of the record.
+function checked(source: FeedSource): { words: string; wrong: boolean } {
+  let seen = false;
+  for (const group of source.groups()) {
+    const recorded = [...source.resections].reverse().find(({ resection }) => resection.group === group)?.resection;
+    const mesh = source.tissue(group, Infinity);
+    if (!recorded || !mesh) continue;
+    seen = true;
+    const volume = mesh.volume();
+    if (Math.abs(volume - recorded.volumeMm3) <= VOLUME_MM3) continue;
+    return { words: text.debrief.volumeDiffers(text.session.groups[group] ?? group, format.number(volume, 1), format.number(recorded.volumeMm3, 1)), wrong: true };
+  }
+  return { words: seen ? text.debrief.volumeAgrees : text.debrief.whole, wrong: false };
+}
+
+// ---- metrics beside others' ------------------------------------------------------------------------------
+
+class Metrics {
+  onCourse: (course: string) => void = () => {};
+  private readonly body = h("div", {});
+  private readonly select: HTMLSelectElement;
+  private readonly element: HTMLElement;
+  private distributions: Distribution[] = [];
+  private other: readonly Value[] = [];
+  private replayed: readonly Value[] = [];
+  private turn = 0;
+
+  constructor(private readonly app: App, private readonly record: Record) {
+    const trainee = app.account?.role === "trainee";
+    this.select = select(trainee ? [] : [["", text.debrief.everybody]], "", { "aria-label": text.debrief.besides, on: { change: () => void this.load() } });
+    this.element = h("div", { class: "beside" }, h("label", { class: "beside-choice" }, h("span", {}, text.debrief.besides), this.select),
+      h("p", { class: "hint" }, text.debrief.stripsHint), this.body);
+    void this.begin(trainee);
+  }
+
+  /** `replayed` are the replay's own, for a session whose end was not recorded. */
+  draw(replayed: readonly Value[]): HTMLElement {
+    this.replayed = replayed;
+    this.refresh();
+    return this.element;
+  }
+
+  setOther(values: readonly Value[]): void {
+    this.other = values;
+    this.refresh();
+  }
+
+  private refresh(): void {
+    const recorded = valuesOf(this.record.results).filter(({ name }) => name !== "depth_time");
+    const values = recorded.length ? recorded : this.replayed;
+    fill(this.body, strips(values, { distributions: this.distributions, other: this.other }));
+  }
+
+  private async begin(trainee: boolean): Promise<void> {
+    const courses = trainee ? await this.app.api.get<{ courses: string[] }>("/me").then((me) => me.courses, () => [])
+      : await this.app.api.get<{ courses: { name: string }[] }>("/courses").then((all) => all.courses.map(({ name }) => name), () => []);
+    this.select.append(...courses.map((name) => h("option", { value: name }, text.debrief.course(name))));
+    this.select.parentElement!.hidden = this.select.options.length < 2;
+    if (this.select.options.length) await this.load();
+  }
+
+  private async load(): Promise<void> {
+    const mine = ++this.turn;
+    const course = this.select.value;
+    this.onCourse(course);
+    const found = await this.app.api.get<{ distributions: Distribution[] }>("/distributions", { case: this.record.session.case, course })
+      .then((answer) => answer.distributions, (): Distribution[] => []);
+    if (mine !== this.turn) return;
+    this.distributions = found;
+    this.refresh();
+  }
+}

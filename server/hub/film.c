@@ -24,6 +24,7 @@ struct film {
     struct trace_header header;
     const struct scene *scene;
     const char *case_name;
+    uint32_t seat; // of its station, where that is still one of the hub's; else 0
     bool own_case;
     bool gap;            // steps are missing: what is run again would be another session
     struct rerun *rerun; // NULL: nothing has to be
@@ -129,8 +130,7 @@ static void say(struct film *f) {
 static void say_session(struct film *f, const char *path) {
     arthron_LiveSession *out = &begin_item(f, arthron_Live_session_tag)->message.session;
     int64_t last_ns;
-    int seat = hub_find_station(&f->hub->config, f->header.station);
-    out->seat = seat < 0 ? 0 : (uint32_t)seat;
+    out->seat = f->seat;
     out->recorded = true;
     memcpy(out->id, f->header.session_id, sizeof out->id);
     snprintf(out->station, sizeof out->station, "%s", f->header.station);
@@ -157,7 +157,7 @@ static void say_moment(struct film *f, bool whatever) {
     if (!whatever && now->since_ns < f->due_ns)
         return;
     f->due_ns = (now->since_ns / f->period_ns + 1) * f->period_ns;
-    moment_to_wire(now, 0, &begin_item(f, arthron_Live_moment_tag)->message.moment);
+    moment_to_wire(now, f->seat, &begin_item(f, arthron_Live_moment_tag)->message.moment);
     say(f);
 }
 
@@ -351,6 +351,8 @@ enum result film_show(struct hub *hub, const arthron_Watch *watch, const struct 
         result = trace_reader_create(path, &f->reader, err);
     if (result == RESULT_OK) {
         f->header = *trace_reader_header(f->reader);
+        int seat = hub_find_station(&hub->config, f->header.station);
+        f->seat = seat < 0 ? 0 : (uint32_t)seat;
         result = find_case(f, err);
         if (result == RESULT_OK)
             result = show(f, path);

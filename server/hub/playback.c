@@ -145,7 +145,10 @@ static bool say(void *user, const arthron_Live *item) {
     struct playback *p = user;
     if (!batch_say(&p->batch, item) && (!send(p) || !batch_say(&p->batch, item)))
         return false;
-    return p->batch.used < PARCEL_SIZE || send(p);
+    bool is_progress = item->which_message == arthron_Live_progress_tag;
+    if (is_progress || p->batch.used >= PARCEL_SIZE)
+        return send(p);
+    return !atomic_load(&p->left);
 }
 
 static bool say_mesh(void *user, const struct mesh_payload *payload) {

@@ -1,9 +1,9 @@
 #include "hub/remarks.h"
 
 #include "base/check.h"
+#include "hub/reply.h"
 #include "hub/seat.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -53,15 +53,6 @@ void remark_to_wire(const struct remark *r, int64_t start_ns, arthron_Remark *ou
 
 // ---- the command --------------------------------------------------------------------------------
 
-__attribute__((format(printf, 2, 3))) static bool refuse(arthron_CommandReply *reply,
-                                                         const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    vsnprintf(reply->text, sizeof reply->text, format, args);
-    va_end(args);
-    return false;
-}
-
 static bool is_shown_text(const char *text) {
     for (; *text; text++)
         if ((unsigned char)*text < ' ' || *text == 0x7f)
@@ -92,11 +83,11 @@ static bool number_it(struct seat *seat, uint64_t wanted, struct remark *remark,
                       arthron_CommandReply *reply) {
     const struct remarks *r = &seat->remarks;
     if (wanted > (uint64_t)r->count)
-        return refuse(reply, "station %s: there is no remark %llu", seat->station->name,
-                      (unsigned long long)wanted);
+        return reply_refuse(reply, "station %s: there is no remark %llu", seat->station->name,
+                            (unsigned long long)wanted);
     if (!wanted && r->count == REMARKS_MAX)
-        return refuse(reply, "station %s: a session has at most %d remarks", seat->station->name,
-                      REMARKS_MAX);
+        return reply_refuse(reply, "station %s: a session has at most %d remarks",
+                            seat->station->name, REMARKS_MAX);
     newest_take(seat->moment_news, &seat->moment);
     bool has_moment = seat->moment.session == r->session;
     remark->number = wanted ? (uint32_t)wanted : (uint32_t)r->count + 1;
@@ -112,14 +103,14 @@ bool remarks_command(struct hub *hub, int index, const char *author, const arthr
     struct note note = {.kind = NOTE_REMARK, .seat = index};
     note.remark = remark_of(message, author);
     if (!remark_is_valid(&note.remark) || !is_shown_text(note.remark.text))
-        return refuse(reply, "a remark has a text of one line, or a marker near a bone");
+        return reply_refuse(reply, "a remark has a text of one line, or a marker near a bone");
     pthread_mutex_lock(&hub->card_lock);
     note.session = seat->remarks.session;
     bool good = number_it(seat, message->number, &note.remark, reply);
     pthread_mutex_unlock(&hub->card_lock);
     struct worker *worker = seat_worker(hub, index);
     if (good && !worker_tell(worker, worker->from_desk, &note))
-        return refuse(reply, "station %s: its worker is too busy", seat->station->name);
+        return reply_refuse(reply, "station %s: its worker is too busy", seat->station->name);
     if (!good)
         return false;
     pthread_mutex_lock(&hub->card_lock);

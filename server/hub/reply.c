@@ -3,6 +3,7 @@
 #include "metrics/subject.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -124,4 +125,12 @@ void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
     struct telling telling = {knee, out};
     out->metrics_count = 0;
     metrics_each(metrics, take_metric, &telling);
+}
+
+bool reply_refuse(arthron_CommandReply *reply, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(reply->text, sizeof reply->text, format, args);
+    va_end(args);
+    return reply->ok = false;
 }

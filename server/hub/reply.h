@@ -23,3 +23,7 @@ void reply_resection(const struct tissue_figures *figures, const char *group, ui
 // What is more than the message holds is left out.
 void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
                    arthron_Metrics *out_metrics);
+
+// Why a command is not done; false.
+bool reply_refuse(arthron_CommandReply *reply, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));

@@ -2,25 +2,16 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "hub/copied.h"
+#include "hub/reply.h"
 
 #include <ctype.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 
 #define STATE_WAIT_MS 500
 #define UNDO_WAIT_MS 60000
-
-__attribute__((format(printf, 2, 3))) static void refuse(arthron_CommandReply *reply,
-                                                         const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    vsnprintf(reply->text, sizeof reply->text, format, args);
-    va_end(args);
-    reply->ok = false;
-}
 
 // ---- a session's course -------------------------------------------------------------------------
 
@@ -39,9 +30,10 @@ static void give_input(struct hub *hub, int index, enum input_kind kind,
     struct worker *worker = seat_worker(hub, index);
     struct note note = {.kind = NOTE_INPUT, .seat = index, .input = kind};
     if (!worker_tell(worker, worker->from_desk, &note))
-        refuse(reply, "station %s: its worker is too busy", hub->seats[index].station->name);
+        reply_refuse(reply, "station %s: its worker is too busy", hub->seats[index].station->name);
     else if (!wait_for_state(&hub->seats[index], expected))
-        refuse(reply, "station %s: the session stayed as it was", hub->seats[index].station->name);
+        reply_refuse(reply, "station %s: the session stayed as it was",
+                     hub->seats[index].station->name);
     else
         reply->ok = true;
 }
@@ -53,7 +45,7 @@ static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply
     atomic_store(&seat->counts.undo, UNDO_ASKED);
     reply->ok = worker_tell(worker, worker->from_desk, &note);
     if (!reply->ok)
-        refuse(reply, "station %s: its worker is too busy", seat->station->name);
+        reply_refuse(reply, "station %s: its worker is too busy", seat->station->name);
 }
 
 // Without the desk's lock: no other station waits for a theatre.
@@ -68,10 +60,10 @@ static void wait_for_undo(struct seat *seat, arthron_CommandReply *reply) {
         nanosleep(&pause, NULL);
     }
     if (outcome == JOB_NOTHING)
-        refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+        reply_refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
     else if (outcome == UNDO_ASKED)
-        refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
-               seat->station->name, UNDO_WAIT_MS / 1000);
+        reply_refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
+                     seat->station->name, UNDO_WAIT_MS / 1000);
 }
 
 static bool is_connected(struct hub *hub, int index) {
@@ -87,12 +79,12 @@ static bool have_session(struct hub *hub, int index, arthron_CommandReply *reply
     if (seat_has_session(&hub->seats[index]))
         return true;
     if (!is_connected(hub, index)) {
-        refuse(reply, "station %s is not connected", hub->seats[index].station->name);
+        reply_refuse(reply, "station %s is not connected", hub->seats[index].station->name);
         return false;
     }
     if (desk_open(hub, index, &err) == RESULT_OK)
         return true;
-    refuse(reply, "%s", err.text);
+    reply_refuse(reply, "%s", err.text);
     return false;
 }
 
@@ -110,15 +102,15 @@ static void change_case(struct hub *hub, int index, const arthron_Command *comma
                         arthron_CommandReply *reply) {
     int scene = hub_find_case(&hub->config, command->case_name);
     if (scene < 0) {
-        refuse(reply, "there is no case %s", command->case_name);
+        reply_refuse(reply, "there is no case %s", command->case_name);
         return;
     }
     if (command->has_strength && !(command->strength >= 0 && command->strength <= 1)) {
-        refuse(reply, "the strength of a warp is from 0 to 1");
+        reply_refuse(reply, "the strength of a warp is from 0 to 1");
         return;
     }
     if (hub->unfit[scene].text[0]) {
-        refuse(reply, "%s", hub->unfit[scene].text);
+        reply_refuse(reply, "%s", hub->unfit[scene].text);
         return;
     }
     reply->ok = true;
@@ -139,7 +131,7 @@ static void assign(struct hub *hub, int index, const char *trainee, arthron_Comm
     struct card *card = &hub->seats[index].card;
     for (const char *c = trainee; *c; c++)
         if (iscntrl((unsigned char)*c)) {
-            refuse(reply, "a trainee's name has no control characters");
+            reply_refuse(reply, "a trainee's name has no control characters");
             return;
         }
     pthread_mutex_lock(&hub->card_lock);
@@ -160,7 +152,7 @@ static void take_copied(struct hub *hub, int index, struct copied *copied,
     if (!reply->ok)
         return;
     if (copied_begin(copied, &err) != RESULT_OK) {
-        refuse(reply, "%s", err.text);
+        reply_refuse(reply, "%s", err.text);
         return;
     }
     copied->again.live = NULL;
@@ -179,13 +171,13 @@ static void copy_session(struct hub *hub, int index, const arthron_Command *comm
     struct copied *copied;
     struct error err;
     if (!(command->at_s >= 0)) {
-        refuse(reply, "%g s: a session is copied at its end or at a time after its start",
-               command->at_s);
+        reply_refuse(reply, "%g s: a session is copied at its end or at a time after its start",
+                     command->at_s);
         return;
     }
     double at_s = command->at_s > 0 ? command->at_s : INFINITY;
     if (copied_create(hub, index, command->from, at_s, &copied, &err) != RESULT_OK) {
-        refuse(reply, "%s", err.text);
+        reply_refuse(reply, "%s", err.text);
         return;
     }
     pthread_mutex_lock(&hub->desk_lock);
@@ -209,7 +201,7 @@ static void command_station(struct hub *hub, const char *actor, const arthron_Co
     } else if (command->kind == arthron_Command_Kind_ASSIGN) {
         assign(hub, index, command->trainee, reply);
     } else if (!seat_has_session(&hub->seats[index])) {
-        refuse(reply, "station %s has no session", command->station);
+        reply_refuse(reply, "station %s has no session", command->station);
     } else if (command->kind == arthron_Command_Kind_PAUSE) {
         give_input(hub, index, INPUT_PAUSE, SESSION_PAUSED, reply);
     } else if (command->kind == arthron_Command_Kind_STOP) {
@@ -243,12 +235,12 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
         return;
     }
     if (!command_name(command->kind)) {
-        refuse(reply, "this server does not know that command");
+        reply_refuse(reply, "this server does not know that command");
         return;
     }
     int index = hub_find_station(&hub->config, command->station);
     if (index < 0) {
-        refuse(reply, "there is no station %s in the server's config", command->station);
+        reply_refuse(reply, "there is no station %s in the server's config", command->station);
         return;
     }
     if (command->kind == arthron_Command_Kind_SHOW) {

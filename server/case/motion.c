@@ -154,6 +154,59 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
     return result;
 }
 
+// ---- look ---------------------------------------------------------------------------------------
+
+static const double look_distance = 18; // from the scope's tip to what it looks at, mm
+
+static bool is_planned(const struct case_group *group, vec3 p) {
+    for (int i = 0; i < group->lesion.plan.part_count; i++)
+        if (convex_contains(&group->lesion.plan.parts[i], p))
+            return true;
+    return false;
+}
+
+// What there is to see of a group: where its resection is planned, or else its middle.
+static vec3 sight_of(const struct case_group *group) {
+    struct box box = mesh_bounds(&group->mesh);
+    vec3 sum = {0};
+    int count = 0;
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
+        vec3 p = mesh_vertex(&group->mesh, v);
+        if (is_planned(group, p)) {
+            sum = vec3_add(sum, p);
+            count++;
+        }
+    }
+    return count ? vec3_scale(1.0 / count, sum) : vec3_lerp(box.min, box.max, 0.5);
+}
+
+// Where the tip sees the point straight ahead through an optic that is tilted up by so much: the
+// shaft's direction follows from the tip and the tip from it.
+static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 point, double tilt) {
+    vec3 tip = vec3_add_scaled(point, -look_distance, hand_direction(hand, point));
+    for (int i = 0; i < 20; i++) {
+        vec3 shaft = hand_direction(hand, tip);
+        vec3 aside = vec3_unit_or(vec3_cross(shaft, plan_up(plan)), (vec3){1, 0, 0});
+        vec3 sight = quat_rotate(quat_from_axis_angle(aside, tilt), shaft);
+        tip = vec3_add_scaled(point, -look_distance, sight);
+    }
+    return tip;
+}
+
+// With the usual optic of 30 degrees in the middle of its picture, or as near to that as bones let.
+static enum result look(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    vec3 point = pose_apply(plan_body_pose(plan, group->body), sight_of(group));
+    for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
+        vec3 tip = look_from(plan, hand, point, tilt_deg * RAD_PER_DEG);
+        if (plan_check_clear(plan, hand, tip) == RESULT_OK)
+            return plan_reach(plan, hand, tip);
+    }
+    return RESULT_INVALID;
+}
+
 // ---- the whole script ---------------------------------------------------------------------------
 
 static enum result do_step(struct plan *plan, const struct motion_step *step) {
@@ -169,6 +222,8 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return palpate(plan, hand, step);
     if (step->verb == MOTION_BITE)
         return bite(plan, hand, step);
+    if (step->verb == MOTION_LOOK)
+        return look(plan, hand, step);
     if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
         return resect(plan, hand, step);
     return withdraw(plan, hand);

@@ -22,6 +22,7 @@ enum motion_verb {
     MOTION_BITE,   // an instrument opens, goes to a point of a group, and closes
     MOTION_RESECT, // bites along the planned resection of a group
     MOTION_TRACE,  // a probe or a shaver goes along the margin of a planned resection
+    MOTION_LOOK,   // the scope goes to where it sees a group
     MOTION_WITHDRAW,
     MOTION_VERB_COUNT
 };

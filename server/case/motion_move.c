@@ -85,7 +85,7 @@ static struct motion_tool_state hand_state(struct hand *hand, double t, vec3 up)
     return (struct motion_tool_state){{hand->rotation, tip}, hand->opening};
 }
 
-static vec3 tibia_up(const struct plan *plan) {
+vec3 plan_up(const struct plan *plan) {
     quat joint = plan->knee->joint.T_tibia_joint.rotation;
     quat tibia = plan_body_pose(plan, BODY_TIBIA).rotation;
     return quat_rotate(quat_multiply(tibia, joint), (vec3){0, 0, 1});
@@ -102,7 +102,7 @@ enum result plan_add_row(struct plan *plan, const struct case_group *touch) {
                                .joint = plan->joint,
                                .touch = touch};
     motion->row_count++;
-    vec3 up = tibia_up(plan);
+    vec3 up = plan_up(plan);
     for (int i = 0; i < motion->tool_count; i++) {
         struct hand *hand = &plan->hands[i];
         if (hand->inside && plan_check_clear(plan, hand, hand->tip) != RESULT_OK)

@@ -33,6 +33,7 @@ struct plan {
 #define MOTION_SAFE_DEPTH 15.0
 
 pose plan_body_pose(const struct plan *plan, enum body body); // T_femur_body
+vec3 plan_up(const struct plan *plan);                        // away from the tibia
 vec3 hand_direction(const struct hand *hand, vec3 tip);       // of the shaft with the tip there
 
 // RESULT_INVALID where the shaft with its tip there would run through a bone.

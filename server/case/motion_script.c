@@ -38,6 +38,7 @@ static const struct {
     [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [X Y Z]"},
     [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
+    [MOTION_LOOK] = {"look", "GROUP"},
     [MOTION_WITHDRAW] = {"withdraw", "INSTRUMENT"},
 };
 
@@ -125,6 +126,9 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
     case MOTION_TRACE:
         return count == 2 && read_tool(words[0], &step->tool) && read_name(words[1], step->name) &&
                (step->tool == CHANNEL_PROBE || step->tool == CHANNEL_SHAVER);
+    case MOTION_LOOK:
+        step->tool = CHANNEL_SCOPE;
+        return count == 1 && read_name(words[0], step->name);
     default:
         return false;
     }

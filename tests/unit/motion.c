@@ -490,6 +490,9 @@ static void a_script_that_cannot_be_played_names_its_step(void **state) {
         {"approach = shaver anteromedial\ntrace = shaver spleen\n",
          "step 2 (trace): the case has no group spleen"},
         {"resect = punch meniscus_medial 3\n", "step 1 (resect): punch is not inside"},
+        {"look = tibia\n", "step 1 (look): scope is not inside"},
+        {"approach = scope anterolateral\nlook = spleen\n",
+         "step 2 (look): the case has no group spleen"},
         {"approach = probe anteromedial\npalpate = femur -21.5 0 -10 21.5 0 -10\n",
          "step 2 (palpate): the line leaves the surface"},
     };
@@ -534,6 +537,7 @@ static void a_wrong_script_is_refused_with_line_section_and_key(void **state) {
         {"[steps]\nresect = shaver meniscus_medial 3\n", "must be punch GROUP BITES"},
         {"[steps]\nresect = punch meniscus_medial 0\n", "must be punch GROUP BITES from 1 to 100"},
         {"[steps]\ntrace = punch meniscus_medial\n", "must be probe or shaver, and GROUP"},
+        {"[steps]\nlook = scope tibia\n", "must be GROUP"},
         {"[steps]\nwithdraw = spoon\n", "must be INSTRUMENT"},
         {"[motion]\nseed = 1\n", "[steps] has no step"},
         {"", "[steps] has no step"},

@@ -125,7 +125,7 @@ export function resectionFigures(r: Resection): HTMLElement {
   const words = text.session.resection;
   const removed = r.removedMm3 + r.piecesMm3;
   const mm3 = (value: number): string => format.number(value, value < 10 ? 1 : 0);
-  const head = h("div", { class: "resection-head" }, h("h3", {}, text.session.groups[r.group] ?? r.group),
+  const head = h("div", { class: "resection-head" }, h("h2", { class: "group-name" }, text.session.groups[r.group] ?? r.group),
     h("p", { class: "resection-main" }, h("strong", {}, mm3(removed)), " mm³", r.plannedMm3 > 0 && h("span", { class: "quiet-text" },
       ` · ${words.share(format.percent((r.plannedMm3 - r.underMm3) / r.plannedMm3, 0))}`)));
   return h("section", { class: "resection-group" }, head, planBar(r),

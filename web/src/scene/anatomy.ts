@@ -106,8 +106,9 @@ function readGroup(group: Manifest["groups"][number], parts: Part[]): Group {
   const virtual = new Float32Array(3 * count);
   const share = new Float32Array(count);
   const cartilage = new Uint8Array(count);
-  const triangles: number[][] = [];
+  const triangles = new Uint32Array(parts.reduce((sum, { geometry }) => sum + (geometry.index?.count ?? 0), 0));
   let first = 0;
+  let corner = 0;
   for (const { name, geometry, warp } of parts) {
     const position = geometry.getAttribute("position");
     const other = geometry.getAttribute("_other_share") as Attribute | undefined;
@@ -120,19 +121,18 @@ function readGroup(group: Manifest["groups"][number], parts: Part[]): Group {
       share[first + i] = other?.getX(i) ?? 0;
     }
     if (name.includes("cartilage")) cartilage.fill(1, first, first + position.count);
-    triangles.push(Array.from(geometry.index?.array ?? [], (corner) => corner + first));
+    for (const vertex of geometry.index?.array ?? []) triangles[corner++] = vertex + first;
     first += position.count;
   }
-  const flat = Uint32Array.from(triangles.flat());
-  const surface = withNormals(physical, flat);
+  const surface = withNormals(physical, triangles);
   return {
     name: group.name,
     body: BODY_NAMES.indexOf(group.body),
     other: BODY_NAMES.indexOf(group.bridges ?? ""),
     cuttable: group.cuttable,
-    triangles: flat,
+    triangles,
     physical: surface,
-    virtual: physical.every((value, i) => value === virtual[i]) ? surface : withNormals(virtual, flat),
+    virtual: physical.every((value, i) => value === virtual[i]) ? surface : withNormals(virtual, triangles),
     otherShare: group.bridges ? share : undefined,
     cartilage,
     plan: group.lesion?.plan ?? [],

@@ -8,7 +8,7 @@ export const TISSUE: Record<string, Colour> = {
   cartilage: [226, 228, 222],
   meniscus: [206, 190, 168],
   cut: [226, 158, 136],
-  ligament: [218, 202, 172],
+  ligament: [228, 216, 192],
   skin: [190, 120, 104],
 };
 

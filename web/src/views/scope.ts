@@ -54,7 +54,7 @@ function settingsOf(route: Route): Settings {
 export const scope: View = (root, route, app) => {
   const name = route.args[0] ?? "";
   app.title(text.scope.title(name));
-  const picture = new Picture(root);
+  const picture = new Picture(root, text.scope.title(name));
   let settings = settingsOf(route);
   const source = FeedSource.live(app.feed, name, RATE_HZ);
   let station = settings.place && new StationView(settings.place);
@@ -220,13 +220,13 @@ class Picture {
   private frames: number[] = [];
   private toldAt = 0;
 
-  constructor(private readonly root: HTMLElement) {
+  constructor(private readonly root: HTMLElement, name: string) {
     const sign = (kind: Sign): HTMLElement => h("p", { class: `scope-sign ${kind}`, role: "status" });
     this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
     this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
     root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),
       h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing),
-      h("p", { class: "unseen" }, text.scope.keys));
+      h("h1", { class: "unseen" }, name), h("p", { class: "unseen" }, text.scope.keys));
     this.size = new ResizeObserver(() => this.measure());
     this.size.observe(root);
     this.measure();

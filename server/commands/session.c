@@ -30,8 +30,8 @@ static const char help[] =
     "  pause   freezes it until start\n"
     "  stop    ends it and closes its trace\n"
     "  reset   starts it afresh in the same trace\n"
-    "  undo    sets it back before its last cut, which may be a part of a bite; again: one "
-    "farther\n"
+    "  undo    sets it back before its last stroke (a bite, a press of the shaver's button, a\n"
+    "          pass of the knife); again: one farther\n"
     "  case    ends it and opens one on another case of the server's config\n"
     "  note    says something to the trainee\n"
     "  assign  says who trains there from the next session on; '': nobody\n"
@@ -138,6 +138,11 @@ static json_t *joint_to_json(const arthron_JointReading *reading) {
                      "T_femur_tibia", p->x, p->y, p->z, p->qw, p->qx, p->qy, p->qz);
 }
 
+static json_t *undone_to_json(const arthron_Undone *undone) {
+    return json_pack("{s:I, s:f}", "cuts", (json_int_t)undone->cuts, "volume_mm3",
+                     undone->volume_mm3);
+}
+
 static json_t *metric_to_json(const arthron_Metric *m) {
     return json_pack("{s:s, s:s, s:s, s:I, s:o, s:b}", "name", m->name, "subject", m->subject,
                      "unit", m->unit, "version", (json_int_t)m->version, "value",
@@ -160,6 +165,8 @@ static void print_json(const arthron_CommandReply *reply, const arthron_Metrics 
     for (pb_size_t i = 0; shown && i < shown->metrics_count; i++)
         json_array_append_new(metrics, metric_to_json(&shown->metrics[i]));
     json_object_set_new(whole, "metrics", metrics);
+    if (reply->has_undone)
+        json_object_set_new(whole, "undone", undone_to_json(&reply->undone));
     if (reply->has_joint)
         json_object_set_new(whole, "joint", joint_to_json(&reply->joint));
     if (reply->has_refused)
@@ -235,6 +242,9 @@ static void print_metric(const arthron_Metric *m) {
 static void print_text(const arthron_CommandReply *reply, const arthron_Metrics *shown) {
     if (reply->sessions_count)
         print_table(reply);
+    if (reply->has_undone)
+        printf("%u cut%s undone, %.1f mm3 came back\n", reply->undone.cuts,
+               reply->undone.cuts == 1 ? "" : "s", reply->undone.volume_mm3);
     if (reply->has_joint)
         print_joint(&reply->joint);
     for (pb_size_t i = 0; i < reply->resections_count; i++)

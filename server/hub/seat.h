@@ -73,6 +73,7 @@ struct card {
     struct tissue_figures tissues[TISSUES_MAX]; // of the session, as its last jobs left them
     uint64_t mesh_hashes[TISSUES_MAX];          // as its stations follow them
     uint64_t figures_of;                        // the session that both are of
+    arthron_Undone undone;                      // by the last undo
     struct about about;                         // of the last session
     int device_count;
     arthron_Device devices[WIRE_DEVICES_MAX]; // as Hello told them

@@ -42,6 +42,9 @@ static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply
     struct seat *seat = &hub->seats[index];
     struct worker *worker = seat_worker(hub, index);
     struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
+    pthread_mutex_lock(&hub->card_lock);
+    seat->card.undone = (arthron_Undone){0};
+    pthread_mutex_unlock(&hub->card_lock);
     atomic_store(&seat->counts.undo, UNDO_ASKED);
     reply->ok = worker_tell(worker, worker->from_desk, &note);
     if (!reply->ok)
@@ -49,7 +52,8 @@ static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply
 }
 
 // Without the desk's lock: no other station waits for a theatre.
-static void wait_for_undo(struct seat *seat, arthron_CommandReply *reply) {
+static void wait_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct seat *seat = &hub->seats[index];
     const struct timespec pause = {0, 5 * NS_PER_MS};
     int outcome = UNDO_ASKED;
     for (int waited = 0; outcome == UNDO_ASKED && waited < UNDO_WAIT_MS; waited += 5) {
@@ -64,6 +68,10 @@ static void wait_for_undo(struct seat *seat, arthron_CommandReply *reply) {
     else if (outcome == UNDO_ASKED)
         reply_refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
                      seat->station->name, UNDO_WAIT_MS / 1000);
+    pthread_mutex_lock(&hub->card_lock);
+    reply->undone = seat->card.undone;
+    pthread_mutex_unlock(&hub->card_lock);
+    reply->has_undone = reply->ok;
 }
 
 static bool is_connected(struct hub *hub, int index) {
@@ -256,9 +264,11 @@ void desk_command(void *user, const char *actor, const arthron_Command *command,
         pthread_mutex_unlock(&hub->desk_lock);
     }
     if (command->kind == arthron_Command_Kind_UNDO && reply->ok)
-        wait_for_undo(&hub->seats[index], reply);
+        wait_for_undo(hub, index, reply);
     if (reply->ok)
         deed_of_command(hub, actor, command_name(command->kind), command, &reply->sessions[0]);
+    else if (command->kind == arthron_Command_Kind_UNDO)
+        deed_of_command(hub, actor, "undo refused", command, &reply->sessions[0]);
     log_info("hub", "station %s: %s by %s: %s", command->station, command_name(command->kind),
              actor, reply->ok ? "done" : reply->text);
 }

@@ -193,6 +193,17 @@ static void publish(struct theatre *theatre, const struct order *order) {
     send_figures(theatre, table, order->result->tissue);
 }
 
+// The last job of an undo tells how it came out.
+static void publish_undo(struct hub *hub, int seat, const struct job_result *result) {
+    struct card *card = &hub->seats[seat].card;
+    pthread_mutex_lock(&hub->card_lock);
+    card->undone.cuts += result->cuts_back;
+    card->undone.volume_mm3 += result->mm3_back;
+    pthread_mutex_unlock(&hub->card_lock);
+    if (!result->more)
+        atomic_store(&hub->seats[seat].counts.undo, (int)result->outcome);
+}
+
 static void close_table(struct theatre *theatre, const struct order *order) {
     struct table *table = &theatre->tables[order->seat];
     for (int i = 0; i < TISSUES_MAX; i++)
@@ -218,8 +229,7 @@ static void take_order(struct theatre *theatre, struct order *order) {
         if (table->live && table->live->serial == order->serial)
             publish(theatre, order);
         if (order->result->kind == JOB_UNDO)
-            atomic_store(&theatre->hub->seats[order->seat].counts.undo,
-                         (int)order->result->outcome);
+            publish_undo(theatre->hub, order->seat, order->result);
         job_result_destroy(&order->result);
         break;
     case ORDER_CLOSE:

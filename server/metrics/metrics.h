@@ -49,7 +49,7 @@ struct metrics {
     struct hands hands;
     bool resected[TISSUES_MAX]; // some job landed
     struct tissue_figures tissues[TISSUES_MAX];
-    uint32_t undone[TISSUES_MAX]; // cuts that were set back
+    uint32_t undone[TISSUES_MAX]; // strokes that were set back
 };
 
 void metrics_init(struct metrics *metrics, struct view_optic optic);

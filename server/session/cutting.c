@@ -2,6 +2,8 @@
 
 #include "base/clock.h"
 
+#include <string.h>
+
 // A jaw bites when it has closed so far, a burr and a knife when they have moved so far; a burr
 // that stands takes what comes to it so often.
 #define BITE_OPENING 0.2
@@ -10,6 +12,7 @@
 #define SWEEP_DEG 2.0
 #define BURR_REST_NS (50 * NS_PER_MS)
 #define JUMP_MM 10.0 // no hand moves so far from one step to the next: the move is not swept
+#define PAUSE_NS (NS_PER_S / 2)
 
 #define SHAVER_RUNS 1u // button 0
 
@@ -82,13 +85,51 @@ static bool watch(struct sweep *sweep, enum blade_kind kind, const struct sweep 
     return is_due(kind, sweep, now);
 }
 
+// ---- strokes ------------------------------------------------------------------------------------
+
+static void watch_stroke(struct stroke *stroke, enum blade_kind kind,
+                         const struct instrument_output *o) {
+    bool opened = kind == BLADE_PUNCH && o->handle.opening >= stroke->closed + BITE_OPENING;
+    if (!is_working(kind, o) || opened)
+        stroke->active = false;
+    stroke->closed = fmin(stroke->closed, o->handle.opening);
+}
+
+// That which a move belongs to.
+static uint32_t stroke_of(struct cutting *cutting, int instrument, enum blade_kind kind,
+                          const struct sweep *to) {
+    struct stroke *stroke = &cutting->strokes[instrument];
+    bool paused = kind != BLADE_PUNCH && to->time_ns - stroke->cut_ns > PAUSE_NS;
+    if (!stroke->active || paused)
+        *stroke = (struct stroke){++cutting->stroke_count, true, to->opening, to->time_ns};
+    return stroke->number;
+}
+
+void cutting_rest(struct cutting *cutting) {
+    memset(cutting->sweeps, 0, sizeof cutting->sweeps);
+    cutting_end_strokes(cutting);
+}
+
+void cutting_end_strokes(struct cutting *cutting) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        cutting->strokes[i].active = false;
+}
+
+void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (cutting->strokes[i].number == stroke)
+            cutting->strokes[i].cut_ns = time_ns;
+}
+
+// ---- jobs ---------------------------------------------------------------------------------------
+
 // The move that is to be cut now: of those that are due the one that began first, so that none
 // waits for ever.
 struct choice {
     struct sweep *from; // NULL: none is due
     struct sweep to;
     enum blade_kind kind;
-    int tissue;
+    int instrument, tissue;
 };
 
 static void watch_instrument(struct cutting *cutting, const struct scene *scene,
@@ -98,6 +139,7 @@ static void watch_instrument(struct cutting *cutting, const struct scene *scene,
     enum blade_kind kind;
     if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument), &kind))
         return;
+    watch_stroke(&cutting->strokes[instrument], kind, o);
     for (int t = 0; t < scene->tissue_count; t++) {
         struct sweep *sweep = &cutting->sweeps[instrument][t];
         if (!is_working(kind, o)) {
@@ -107,7 +149,7 @@ static void watch_instrument(struct cutting *cutting, const struct scene *scene,
         struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
         if (watch(sweep, kind, &now, &scene->tissues[t].box) &&
             (!choice->from || sweep->time_ns < choice->from->time_ns))
-            *choice = (struct choice){sweep, now, kind, t};
+            *choice = (struct choice){sweep, now, kind, instrument, t};
     }
 }
 
@@ -121,6 +163,7 @@ bool cutting_step(struct cutting *cutting, const struct scene *scene,
         return false;
     out_job->kind = JOB_CUT;
     out_job->tissue = choice.tissue;
+    out_job->stroke = stroke_of(cutting, choice.instrument, choice.kind, &choice.to);
     out_job->move = (struct blade_move){
         choice.kind, {from->T_mesh_tip, choice.to.T_mesh_tip}, {from->opening, choice.to.opening}};
     *from = choice.to;

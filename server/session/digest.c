@@ -71,6 +71,7 @@ void digest_write_job(struct writer *w, const struct job *job) {
     write_u8(w, (uint8_t)job->tissue);
     if (job->kind != JOB_CUT)
         return;
+    write_u32(w, job->stroke);
     write_u8(w, (uint8_t)job->move.kind);
     for (int i = 0; i < 2; i++) {
         write_pose(w, job->move.T_mesh_tip[i]);

@@ -11,7 +11,8 @@
 #define PROBES_MAX 32 // points of a cut's surface whose distance to the warped surface is measured
 #define NEAR_MM 4.0
 
-// A state is kept whenever so many cuts have been made since the last one; the newest few stay.
+// A state is kept before a stroke when so many cuts have been made since the last one; the newest
+// few stay.
 #define KEEP_EVERY 32
 #define KEPT_MAX 2
 
@@ -26,6 +27,7 @@ struct resected {
 // A cut that changed the tissue.
 struct past_cut {
     uint64_t number; // counts all cuts of the operation
+    uint32_t stroke;
     struct blade_move move;
     struct tissue_figures before;
 };
@@ -281,19 +283,20 @@ static void note_cut(struct tissue *t, const struct past_cut *cut) {
     t->cuts[t->cut_count++] = *cut;
 }
 
-// After so many cuts.
-static void keep(struct tissue *t, uint32_t cuts) {
-    if (cuts % KEEP_EVERY || cuts <= t->kept[0].cuts)
+// After so many cuts, before one of that stroke.
+static void keep(struct tissue *t, uint32_t cuts, uint32_t stroke) {
+    if (cuts < t->kept[0].cuts + KEEP_EVERY || t->cuts[cuts - 1].stroke == stroke)
         return;
     drop(&t->kept[KEPT_MAX - 1]);
     memmove(t->kept + 1, t->kept, (KEPT_MAX - 1) * sizeof *t->kept);
     t->kept[0] = (struct kept){cuts, copy_of(&t->now)};
 }
 
-static void cut(struct operation *operation, struct tissue *t, const struct blade_move *move,
+static void cut(struct operation *operation, struct tissue *t, const struct job *job,
                 struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, *move, t->now.figures};
-    take_out(t, move, result);
+    struct past_cut past = {operation->cuts + 1, job->stroke, job->move, t->now.figures};
+    keep(t, t->cut_count, job->stroke);
+    take_out(t, &job->move, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)
@@ -302,7 +305,6 @@ static void cut(struct operation *operation, struct tissue *t, const struct blad
     t->now.figures.distance_mm = t->now.match ? distance_to_warped(t, &result->change) : 0;
     operation->cuts++;
     note_cut(t, &past);
-    keep(t, t->cut_count);
 }
 
 // ---- undoing ------------------------------------------------------------------------------------
@@ -332,9 +334,9 @@ static void make_again(struct tissue *t) {
     t->now = made ? copy_of(&t->kept[0].state) : whole(t, 1);
     while (made < t->cut_count) {
         struct job_result *again = alloc(1, sizeof *again);
+        keep(t, made, t->cuts[made].stroke);
         take_out(t, &t->cuts[made++].move, again);
         CHECK(again->outcome == JOB_DONE);
-        keep(t, made);
         job_result_destroy(&again);
     }
 }
@@ -349,6 +351,29 @@ static void tell_blends(const struct match *before, const struct tissue *t,
             take_blend(result, i, match_blends(t->now.match)[i]);
 }
 
+// The number of the last cut that is not of the last stroke; 0 where there is none.
+static uint64_t end_before(const struct operation *operation, uint32_t stroke) {
+    uint64_t end = 0;
+    for (int i = 0; i < operation->count; i++) {
+        const struct tissue *t = &operation->tissues[i];
+        uint32_t left = t->cut_count;
+        while (left && t->cuts[left - 1].stroke == stroke)
+            left--;
+        if (left && t->cuts[left - 1].number > end)
+            end = t->cuts[left - 1].number;
+    }
+    return end;
+}
+
+static struct tissue_figures take_back(struct tissue *t, uint64_t end) {
+    struct tissue_figures figures = t->now.figures;
+    while (t->cut_count && t->cuts[t->cut_count - 1].number > end)
+        figures = t->cuts[--t->cut_count].before;
+    figures.mesh_number = t->now.figures.mesh_number + 1;
+    figures.refused = t->now.figures.refused;
+    return figures;
+}
+
 static void undo(struct operation *operation, struct job_result *result) {
     struct tissue *t = tissue_cut_last(operation);
     if (!t) {
@@ -356,12 +381,16 @@ static void undo(struct operation *operation, struct job_result *result) {
         return;
     }
     struct resected before = t->now;
-    result->tissue = (int)(t - operation->tissues);
-    struct tissue_figures figures = t->cuts[--t->cut_count].before;
-    figures.mesh_number = before.figures.mesh_number + 1;
+    uint64_t end = end_before(operation, t->cuts[t->cut_count - 1].stroke);
+    struct tissue_figures figures = take_back(t, end);
     make_again(t);
     t->now.figures = figures;
     tell_blends(before.match, t, result);
+    const struct tissue *next = tissue_cut_last(operation);
+    result->tissue = (int)(t - operation->tissues);
+    result->more = next && next->cuts[next->cut_count - 1].number > end;
+    result->cuts_back = before.figures.cuts - figures.cuts;
+    result->mm3_back = figures.volume_mm3 - before.figures.volume_mm3;
     release(&before);
 }
 
@@ -398,7 +427,7 @@ struct job_result *operation_run(struct operation *operation, const struct job *
     else if (job->kind == JOB_RESTORE)
         restore(&operation->tissues[job->tissue], result);
     else
-        cut(operation, &operation->tissues[job->tissue], &job->move, result);
+        cut(operation, &operation->tissues[job->tissue], job, result);
     const struct tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
     result->hash = hash_of(t->now.mesh, result);

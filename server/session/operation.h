@@ -17,7 +17,7 @@ enum job_kind {
     JOB_NONE,
     JOB_CUT,
     JOB_RESTORE, // the tissue as it was at the start
-    JOB_UNDO,    // the tissue that was cut last as it was before
+    JOB_UNDO,    // the tissue that was cut last as it was before the last stroke
     JOB_KIND_COUNT
 };
 
@@ -27,6 +27,7 @@ struct job {
     uint64_t id; // counts up from 1 in each session
     enum job_kind kind;
     int tissue;             // index among the case's cuttable groups; JOB_UNDO: any
+    uint32_t stroke;        // JOB_CUT: cuts in a row that have the same are undone together
     struct blade_move move; // JOB_CUT: in the frame of the tissue's virtual mesh
 };
 
@@ -39,8 +40,8 @@ enum job_outcome {
 
 const char *job_outcome_name(enum job_outcome outcome);
 
-// What is known of one tissue after its last job: after JOB_UNDO what was known before the cut, but
-// for mesh_number. Volumes in mm³.
+// What is known of one tissue after its last job: after JOB_UNDO what was known before the stroke,
+// but for mesh_number and refused. Volumes in mm³.
 struct tissue_figures {
     uint32_t mesh_number;   // 1 at the start; each change makes the next, also restoring, undoing
     uint32_t cuts, refused; // since it was whole
@@ -65,7 +66,10 @@ struct job_result {
     double *blends;
     struct cut_change change; // empty where the outcome is not JOB_DONE, or it was no cut
     uint64_t hash;            // of blends, and of vertices and triangles that changed
-    struct error why;         // JOB_REFUSED
+    uint32_t cuts_back;       // by JOB_UNDO, and the volume that came back with them
+    double mm3_back;
+    bool more; // JOB_UNDO: of that stroke there are cuts of another tissue, for the next JOB_UNDO
+    struct error why; // JOB_REFUSED
 };
 
 void job_result_destroy(struct job_result **result); // NULL inside is fine
@@ -78,10 +82,10 @@ void operation_destroy(struct operation **operation); // NULL inside is fine
 
 // Takes milliseconds and allocates. The caller destroys the result.
 //
-// Cuts are undone from the last one backwards, whichever tissue each was of, until all tissue is as
-// it was at the start or when it was last restored. A tissue's state before a cut is found by
-// making the cuts before it again, from the nearest state that was kept: at most 32 of them for
-// each of the last 32 cuts, and that is kept up while one goes on backwards.
+// Strokes are undone from the last one backwards, until all tissue is as it was at the start or
+// when it was last restored. A tissue's state before a stroke is found by making the cuts before it
+// again, from the nearest state that was kept: states are kept between strokes, the newest two that
+// are at least 32 cuts apart.
 struct job_result *operation_run(struct operation *operation, const struct job *job);
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);

@@ -37,9 +37,10 @@ struct session {
     struct cutting cutting;
     uint64_t last_job;
     enum job_kind job_out; // given to the caller, and not yet landed; JOB_NONE: no job is
+    uint32_t stroke_out;   // that it is of
     bool to_restore[TISSUES_MAX];
     bool touched[TISSUES_MAX]; // by a job since it was last whole
-    uint32_t to_undo;          // cuts
+    uint32_t to_undo;          // strokes
 };
 
 static void forget(struct session *s) {
@@ -47,7 +48,7 @@ static void forget(struct session *s) {
     memset(s->in_contact, 0, sizeof s->in_contact);
     memset(s->seen, 0, sizeof s->seen);
     memset(s->portals, -1, sizeof s->portals);
-    memset(&s->cutting, 0, sizeof s->cutting);
+    cutting_rest(&s->cutting);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         avatar_memory_init(&s->memory[i]);
 }
@@ -115,8 +116,10 @@ static void restore_tissues(struct session *s) {
 static uint32_t change_state(struct session *s, enum input_kind kind) {
     enum session_state before = s->state;
     s->state = next_state(before, kind);
-    if (kind == INPUT_UNDO && s->scene->tissue_count)
-        s->to_undo++;
+    if (kind == INPUT_UNDO) {
+        s->to_undo += s->scene->tissue_count > 0;
+        cutting_end_strokes(&s->cutting);
+    }
     if (kind == INPUT_RESET && before != SESSION_CLOSED) {
         forget(s);
         restore_tissues(s);
@@ -179,10 +182,14 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
         easing_aim(s->easings[result->tissue], result);
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;
-    if (result->outcome == JOB_DONE && kind == JOB_UNDO)
+    if (result->outcome == JOB_DONE && kind == JOB_UNDO) {
+        s->to_undo += result->more;
         return EVENT_UNDONE;
-    return (kind == JOB_CUT && result->outcome == JOB_DONE ? EVENT_CUT : 0) |
-           (result->change.piece_count ? EVENT_PIECE : 0);
+    }
+    if (result->outcome != JOB_DONE || kind != JOB_CUT)
+        return 0;
+    cutting_landed(&s->cutting, s->stroke_out, s->time_ns);
+    return EVENT_CUT | (result->change.piece_count ? EVENT_PIECE : 0);
 }
 
 static uint32_t take_input(struct session *s, const struct session_input *input,
@@ -442,7 +449,8 @@ static bool restoring_is_due(struct session *s, struct job *out_job) {
     return false;
 }
 
-// It takes back the last cut that changed something: what is on its way lands before.
+// It takes back the last stroke that changed something: what is on its way lands before. A stroke
+// in two tissues takes two jobs, and nothing is cut between.
 static bool undoing_is_due(struct session *s, struct job *out_job) {
     if (!s->to_undo || s->job_out != JOB_NONE)
         return false;
@@ -458,13 +466,14 @@ static void ask_for_job(struct session *s, struct session_output *out) {
         return;
     bool due = restoring_is_due(s, job) || undoing_is_due(s, job);
     if (s->state != SESSION_RUNNING)
-        memset(&s->cutting, 0, sizeof s->cutting);
+        cutting_rest(&s->cutting);
     else if (cutting_step(&s->cutting, s->scene, out, !due && s->job_out == JOB_NONE, job))
         due = s->touched[job->tissue] = true;
     if (!due)
         return;
     job->id = ++s->last_job;
     s->job_out = job->kind;
+    s->stroke_out = job->stroke;
 }
 
 // ---- the step -----------------------------------------------------------------------------------

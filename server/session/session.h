@@ -76,6 +76,15 @@ enum session_state {
 const char *session_state_name(enum session_state state);
 
 // All that a session learns comes as an input, one for each step.
+//
+// What is undone at once is a stroke: an instrument's cuts in a row, that is to say
+//   of a punch, until its jaw has opened by 0.2 from where it was closed farthest;
+//   of a shaver, until its button is let go, or 0.5 s go by without a cut;
+//   of a knife, until 0.5 s go by without a cut;
+// of each until it is lost, the session is paused, or an undo is asked for: what a bite that is
+// going on cuts after that is a stroke of its own. A pause is measured from the last cut of the
+// stroke that landed and changed the tissue to the move that the next one cuts, on the clock of the
+// inputs. A cut of another instrument in between parts a stroke in two.
 enum input_kind {
     INPUT_FRAME, // a station's frame; times in it are on the server's clock
     INPUT_EMPTY, // no frame for 50 ms: only time passes
@@ -84,7 +93,7 @@ enum input_kind {
     INPUT_STOP,
     INPUT_RESET, // as a new session: metrics and memory at their start, tissue whole, then running
     INPUT_JOB,   // a job of this session is done
-    INPUT_UNDO,  // the last cut is to be undone: a job is asked for when none is on its way
+    INPUT_UNDO,  // the last stroke is to be undone: a job is asked for when none is on its way
     INPUT_KIND_COUNT
 };
 
@@ -125,7 +134,7 @@ enum event {
     EVENT_CUT = 1 << 5,     // a cut changed the tissue: it has landed
     EVENT_PIECE = 1 << 6,   // and a piece came off
     EVENT_REFUSED = 1 << 7, // a cut was refused
-    EVENT_UNDONE = 1 << 8   // a cut was undone: its tissue is as it was before, this has landed
+    EVENT_UNDONE = 1 << 8   // a stroke was undone: its tissue is as it was before, this has landed
 };
 
 #define EVENT_COUNT 9

@@ -280,8 +280,13 @@ static void add_torn(struct list *list) {
     }
 }
 
+static const struct member stroke_member[] = {{"job_stroke", &bits_type, OUTPUT(job.stroke)}};
+
 static void add_job(struct list *list) {
     add_members(list, job_members, COUNT(job_members), 0, "", OWNER_JOB);
+    list->since = 4;
+    add_members(list, stroke_member, 1, 0, "", OWNER_JOB);
+    list->since = TRACE_OLDEST_VERSION;
     add_members(list, pose_members, COUNT(pose_members), OUTPUT(job.move.T_mesh_tip[0]), "job_from",
                 OWNER_JOB);
     add_members(list, pose_members, COUNT(pose_members), OUTPUT(job.move.T_mesh_tip[1]), "job_to",
@@ -313,7 +318,7 @@ int trace_fields(struct trace_field out_fields[TRACE_FIELDS_MAX]) {
         add_tool(&list, i);
     add_job(&list);
     add_landed(&list);
-    list.since = 3; // of all fields: that of version 2 is of fewer
+    list.since = 4; // of all fields: that of older versions is of fewer
     add_members(&list, last_members, COUNT(last_members), 0, "", OWNER_STEP);
     return list.count;
 }

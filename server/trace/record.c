@@ -6,14 +6,14 @@
 
 #include <string.h>
 
-// Version 3 has these, and these only: whoever adds a field, a channel or a body writes it here, in
+// Version 4 has these, and these only: whoever adds a field, a channel or a body writes it here, in
 // fields.c and in FORMAT.md, and raises TRACE_VERSION.
 _Static_assert(CHANNEL_COUNT == 9 && INSTRUMENT_COUNT == 5 && BODY_COUNT == 3, "channels, bodies");
 _Static_assert(FRAME_SAMPLES_MAX == 16 && sizeof(struct sample) == 80, "the sample");
 _Static_assert(sizeof(struct instrument_output) == 592, "the output of an instrument");
-_Static_assert(sizeof(struct job) == 152, "a job");
+_Static_assert(sizeof(struct job) == 160, "a job");
 _Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 4040, "the output of a step");
+_Static_assert(sizeof(struct session_output) == 4048, "the output of a step");
 
 enum {
     POSE_SIZE = 7 * 8,
@@ -23,7 +23,7 @@ enum {
     INSTRUMENT_SIZE_MAX =
         2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + LEAD_SIZE_MAX + 7 * 8 + 8 + 4 + 1,
     BONES_SIZE_MAX = BODY_COUNT * (2 * POSE_SIZE + 1) + 1 + ADAPTIVE_LIGAMENTS_MAX * 2 * 8,
-    JOB_SIZE_MAX = 8 + 3 + 2 * (POSE_SIZE + 8),
+    JOB_SIZE_MAX = 8 + 3 + 4 + 2 * (POSE_SIZE + 8),
     LANDED_SIZE_MAX = 8 + 2 + sizeof(struct tissue_figures) + 8,
     OUTPUT_SIZE_MAX = 3 * 8 + 1 + 4 + 6 * 8 + 1 + BONES_SIZE_MAX +
                       INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + JOB_SIZE_MAX + LANDED_SIZE_MAX + 8
@@ -225,13 +225,14 @@ static bool read_instrument(struct reader *r, unsigned version, struct instrumen
            out->warp.nearest < WARP_SURFACES_MAX;
 }
 
-static bool read_job(struct reader *r, struct job *out) {
+static bool read_job(struct reader *r, unsigned version, struct job *out) {
     out->id = read_u64(r);
     if (!out->id)
         return true;
     out->kind = read_u8(r);
     out->tissue = read_u8(r);
     if (out->kind == JOB_CUT) {
+        out->stroke = version >= 4 ? read_u32(r) : 0;
         out->move.kind = read_u8(r);
         for (int i = 0; i < 2; i++) {
             out->move.T_mesh_tip[i] = read_pose(r);
@@ -311,7 +312,7 @@ static bool read_output(struct reader *r, unsigned version, struct session_outpu
     good = read_bones(r, version, out) && good;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         good = read_instrument(r, version, &out->instruments[i]) && good;
-    good = read_job(r, &out->job) && good;
+    good = read_job(r, version, &out->job) && good;
     good = read_landed(r, &out->landed) && good;
     out->hash = read_u64(r);
     return good;

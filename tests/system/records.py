@@ -157,7 +157,7 @@ class Records(House):
             ("server", "open", second), (user, "start", second), (user, "stop", second),
             ("server", "open", third), (user, "start", third), ("server", "end", third)])
 
-    def test_a_changed_case_is_in_the_audit_log_and_a_refused_command_is_not(self):
+    def test_a_changed_case_and_a_refused_undo_are_in_the_audit_log_and_other_refused_commands_are_not(self):
         self.start_room()
         self.steer("case", "room-1", "healthy")
         session = self.session()["id"]
@@ -167,10 +167,11 @@ class Records(House):
         self.steer("stop", "room-1")
         self.steer("pause", "room-1", code=1)
         self.in_state("closed", 2)
-        said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-3:])
+        said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-4:])
         of_it = f"session {session}"
         self.assertEqual(said, [("case", f"station room-1 case healthy {of_it}"),
-                                ("pause", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
+                                ("pause", f"station room-1 {of_it}"),
+                                ("undo refused", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
 
     def test_a_copied_session_has_a_row_of_its_own(self):
         self.start_room()

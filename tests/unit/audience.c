@@ -450,7 +450,10 @@ static void trainees_see_their_own_sessions_only(void **state) {
 // Cuts a session, ends it, and returns what it came to.
 static struct card record(struct hub *hub, char out_id[33]) {
     hall_join(hub);
-    hall_shave(hub);
+    hall_shave_part(hub, 0, 0.6);
+    hall_command(hub, arthron_Command_Kind_PAUSE); // which ends the burr's stroke
+    hall_command(hub, arthron_Command_Kind_START);
+    hall_shave_part(hub, 0.6, 1);
     hall_command(hub, arthron_Command_Kind_UNDO);
     struct card card = hall_last_card(hub);
     hall_command(hub, arthron_Command_Kind_STOP);

@@ -119,10 +119,14 @@ struct card hall_card(struct hub *hub) {
     return card;
 }
 
+void hall_shave(struct hub *hub) {
+    hall_shave_part(hub, 0, 1);
+}
+
 // In bursts, so that there is always more to be cut when a job is done; on a busy machine they wait
 // for every second cut.
-void hall_shave(struct hub *hub) {
-    for (int i = 1; i <= FRAMES; i++) {
+void hall_shave_part(struct hub *hub, double from, double to) {
+    for (int i = 1 + (int)(from * FRAMES); i <= to * FRAMES; i++) {
         hall_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
         if (i % BURST)
             continue;

@@ -20,8 +20,9 @@ const arthron_CommandReply *hall_command(struct hub *hub, arthron_Command_Kind k
 // A frame with a running burr at `tip`.
 void hall_frame(struct hub *hub, vec3 tip);
 
-// Cuts the meniscus from end to end with a running burr.
-void hall_shave(struct hub *hub);
+// Cuts the meniscus with a running burr, from one share of its length to another.
+void hall_shave_part(struct hub *hub, double from, double to);
+void hall_shave(struct hub *hub); // from end to end
 
 struct card hall_card(struct hub *hub);
 // When nothing has come for a while. Tells too early only that the mesh has another number.

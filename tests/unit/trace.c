@@ -316,7 +316,7 @@ static void every_byte_of_an_output_belongs_to_a_field(void **state) {
         told += (size_t)different;
     }
     // The rest is padding: after enums and counts of the output, in each instrument and in the job.
-    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4);
+    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 + 4);
 }
 
 int main(void) {

@@ -143,6 +143,7 @@ static void random_job(struct random *r, struct job *out) {
     out->tissue = (int)(random_bits(r) % TISSUES_MAX);
     if (out->kind != JOB_CUT)
         return;
+    out->stroke = (uint32_t)random_bits(r);
     out->move.kind = random_bits(r) % BLADE_COUNT;
     for (int i = 0; i < 2; i++) {
         out->move.T_mesh_tip[i] = any_pose(r);

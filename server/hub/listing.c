@@ -1,6 +1,12 @@
 // What is told of sessions to those who ask.
+#include "base/clock.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
+
+#include <stdio.h>
+#include <time.h>
+
+#define FIGURES_WAIT_MS 5000
 
 static void show_joint(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct moment moment;
@@ -21,11 +27,30 @@ static void show_joint(struct hub *hub, int index, arthron_CommandReply *reply) 
     };
 }
 
-void listing_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
+// A session that has just begun, or goes on, is in its theatre's hands before its figures are told.
+static bool wait_for_card(struct hub *hub, int index, struct card *out) {
+    const struct timespec pause = {0, 5 * NS_PER_MS};
     struct seat *seat = &hub->seats[index];
-    pthread_mutex_lock(&hub->card_lock);
-    struct card card = seat->card;
-    pthread_mutex_unlock(&hub->card_lock);
+    for (int waited = 0; waited < FIGURES_WAIT_MS; waited += 5) {
+        pthread_mutex_lock(&hub->card_lock);
+        *out = seat->card;
+        pthread_mutex_unlock(&hub->card_lock);
+        bool told = out->about.session && out->figures_of == out->about.session;
+        if (told || !seat_has_session(seat))
+            return true;
+        nanosleep(&pause, NULL);
+    }
+    return false;
+}
+
+void listing_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
+    struct card card;
+    reply->ok = wait_for_card(hub, index, &card);
+    if (!reply->ok) {
+        snprintf(reply->text, sizeof reply->text, "station %s: its theatre is too busy to tell",
+                 hub->seats[index].station->name);
+        return;
+    }
     const struct scene *scene = hub->scenes[card.scene];
     seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;
@@ -35,7 +60,6 @@ void listing_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
                         card.mesh_hashes[i], &reply->resections[i]);
     show_joint(hub, index, reply);
-    reply->ok = true;
 }
 
 static void list_refused(struct hub *hub, arthron_Refused *out) {

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "hub/copied.h"
 #include "hub/playback.h"
 #include "hub/viewer.h"
 
@@ -162,8 +163,13 @@ static void take_watch(struct audience *a, struct viewer *viewer, const arthron_
         viewer->watch.what = arthron_Watch_What_NOTHING;
 }
 
-static const char *refusal_of(enum store_role role, arthron_Command_Kind kind) {
+// A path is for those who may use the server's socket: who asks on a page has no files here.
+static const char *refusal_of(enum store_role role, const arthron_Command *command) {
+    arthron_Command_Kind kind = command->kind;
     bool looks = kind == arthron_Command_Kind_LIST || kind == arthron_Command_Kind_SHOW;
+    if (role == ROLE_INSTRUCTOR && kind == arthron_Command_Kind_COPY &&
+        !copied_is_id(command->from))
+        return "a session is copied by its id";
     if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks))
         return NULL;
     return looks ? "that is for instructors and technicians" : "that is for instructors";
@@ -172,7 +178,7 @@ static const char *refusal_of(enum store_role role, arthron_Command_Kind kind) {
 static bool take_command(struct audience *a, struct viewer *viewer,
                          const arthron_Command *command) {
     if (viewer->asked == ASKED_MAX ||
-        !usher_command(a->usher, viewer, command, refusal_of(viewer->role, command->kind)))
+        !usher_command(a->usher, viewer, command, refusal_of(viewer->role, command)))
         return false;
     viewer->asked++;
     return true;

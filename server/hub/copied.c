@@ -20,7 +20,7 @@
 
 // ---- which trace --------------------------------------------------------------------------------
 
-static bool is_id(const char *text) {
+bool copied_is_id(const char *text) {
     size_t digits = 0;
     while (isxdigit((unsigned char)text[digits]))
         digits++;
@@ -60,7 +60,7 @@ static enum result find_session(const char *dir, const char *id, char out_path[H
 static enum result find_trace(const struct hub *hub, const char *from, char out_path[HUB_PATH_MAX],
                               struct error *err) {
     struct stat status;
-    if (is_id(from))
+    if (copied_is_id(from))
         return find_session(hub->config.traces_dir, from, out_path, err);
     if (stat(from, &status) != 0)
         return fail(err, RESULT_IO, "%s: %s", from, strerror(errno));

@@ -11,10 +11,13 @@ struct copied {
     char draft[HUB_PATH_MAX];   // and until then, so that nobody takes it for a session's
 };
 
-// from: the path of a trace, or a session's id (32 hexadecimal digits) whose trace lies with this
-// server's. at_s: since its start; what is later, and its stop, is left out. Runs the session again
-// in a thread that gives way to all others, and waits for it and for the disk: without the desk's
-// lock. RESULT_MISSING, RESULT_IO, RESULT_FORMAT, or as again_run.
+// Whether a text is a session's id: 32 hexadecimal digits.
+bool copied_is_id(const char *text);
+
+// from: the path of a trace, or a session's id whose trace lies with this server's. at_s: since its
+// start; what is later, and its stop, is left out. Runs the session again in a thread that gives
+// way to all others, and waits for it and for the disk: without the desk's lock. RESULT_MISSING,
+// RESULT_IO, RESULT_FORMAT, or as again_run.
 enum result copied_create(struct hub *hub, int seat, const char *from, double at_s,
                           struct copied **out_copied, struct error *err);
 

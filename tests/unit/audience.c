@@ -235,6 +235,14 @@ static void command(struct page *page, arthron_Command_Kind kind, const char *te
     say(page, &message);
 }
 
+static void copy(struct page *page, const char *from) {
+    arthron_Page message = {.which_message = arthron_Page_command_tag};
+    message.message.command =
+        (arthron_Command){.kind = arthron_Command_Kind_COPY, .station = "room-1"};
+    snprintf(message.message.command.from, sizeof message.message.command.from, "%s", from);
+    say(page, &message);
+}
+
 // ---- the tests ----------------------------------------------------------------------------------
 
 static void a_wall_gets_the_newest_at_its_rate_and_nothing_twice(void **state) {
@@ -384,8 +392,14 @@ static void commands_are_answered_in_order_by_role(void **state) {
     command(&trainees, arthron_Command_Kind_LIST, "");
     draw_until(&trainees, &trainees.replies, 1);
     assert_false(trainees.reply.ok);
-    command(&page, arthron_Command_Kind_SHOW, "");
+    copy(&page, "/etc/hostname");
     draw_until(&page, &page.replies, 3);
+    assert_string_equal(page.reply.text, "a session is copied by its id");
+    copy(&page, "00112233445566778899aabbccddeeff");
+    draw_until(&page, &page.replies, 4);
+    assert_non_null(strstr(page.reply.text, "no trace of a session 0011"));
+    command(&page, arthron_Command_Kind_SHOW, "");
+    draw_until(&page, &page.replies, 5);
     assert_int_equal(page.reply.sessions[0].state, arthron_SessionState_PAUSED);
     close_page(&page);
     close_page(&technicians);

@@ -1,6 +1,7 @@
 // Sessions that were open when the server was killed. The trace is the truth: a session's state is
 // what its inputs lead to, so it is run again from them, many times faster than it was, and goes on
-// in the same trace.
+// in the same trace. Of a station that is the newest one; an older one had ended, whatever of that
+// came to its trace, which gets its end.
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -191,10 +192,60 @@ static void attach(struct resumed *r) {
     CHECK(told);
 }
 
+// ---- those that do not go on --------------------------------------------------------------------
+
+static bool is_open(const char *path, struct trace_place *out_place) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    enum result result;
+    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
+        return false;
+    do
+        result = trace_read(reader, &record, NULL);
+    while (result == RESULT_OK);
+    *out_place = trace_reader_place(reader);
+    bool open = result == RESULT_MISSING && trace_reader_header(reader)->version == TRACE_VERSION;
+    trace_reader_destroy(&reader);
+    return open;
+}
+
+static void close_trace(const struct resumed *r, const char *path) {
+    struct trace_place place;
+    struct trace_writer *writer;
+    struct error err;
+    const char *station = r->hub->seats[r->seat].station->name;
+    if (!is_open(path, &place))
+        return;
+    if (trace_writer_resume(path, &place, clock_utc_ns(), &r->hub->vouches, &writer, &err) !=
+        RESULT_OK) {
+        log_error("hub", "station %s: a trace stays without its end: %s", station, err.text);
+        return;
+    }
+    trace_writer_destroy(&writer);
+    log_warning("hub", "station %s: %s had no end, and got it", station, path);
+}
+
+static void close_others(const struct resumed *r) {
+    const char *dir = r->hub->config.traces_dir;
+    char path[HUB_PATH_MAX];
+    DIR *folder = opendir(dir);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        if (!is_trace_of(entry->d_name, r->hub->seats[r->seat].station->name))
+            continue;
+        int length = snprintf(path, sizeof path, "%s/%s", dir, entry->d_name);
+        if (length < (int)sizeof path && strcmp(path, r->path) != 0 && is_recent(r->hub, path))
+            close_trace(r, path);
+    }
+    if (folder)
+        closedir(folder);
+}
+
 void resume_attach(struct hub *hub) {
-    for (int i = 0; i < hub->config.station_count; i++)
+    for (int i = 0; i < hub->config.station_count; i++) {
         if (hub->resumed[i].again.live)
             attach(&hub->resumed[i]);
+        close_others(&hub->resumed[i]);
+    }
 }
 
 void resume_record(struct hub *hub) {

@@ -321,7 +321,7 @@ void deed_of_command(struct hub *hub, const char *actor, const char *action,
 
 // resume.c: while the server starts, one after the other
 void resume_replay(struct hub *hub);  // before the doors are open: runs open sessions again
-void resume_attach(struct hub *hub);  // then they go on, in their traces
+void resume_attach(struct hub *hub);  // then they go on, in their traces, and others get their end
 void resume_record(struct hub *hub);  // and into the records
 void resume_release(struct hub *hub); // where the server does not come so far
 

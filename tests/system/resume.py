@@ -126,6 +126,29 @@ class Resume(Bites):
         self.restart()
         self.assertEqual(self.session()["id"], session["id"])
 
+    def test_a_session_that_was_stopped_just_before_a_kill_gets_its_end(self):
+        self.start_station()
+        self.wait_for_steps()
+        first = self.session()
+        self.server.process.send_signal(signal.SIGSTOP)
+        with open(first["trace"], "rb") as f:
+            open_trace = f.read()
+        self.server.process.send_signal(signal.SIGCONT)
+        self.steer("stop", "room-1")
+        wait_until("its end", lambda: call_json("arthron-trace", "info", first["trace"])["whole"])
+        self.steer("start", "room-1")
+        self.wait_for_steps()
+        second = self.session()
+        self.kill()
+        with open(first["trace"], "wb") as f:
+            f.write(open_trace)  # as if its end had not come to the disk
+        self.assertEqual(self.verify(first["trace"], code=1)["signature"], "none")
+        self.restart()
+        self.assertEqual(self.session()["id"], second["id"])
+        self.assertEqual(self.verify(first["trace"])["signature"], "good")
+        self.assertEqual(call_json("arthron-trace", "replay", first["trace"])["verdict"], "identical")
+        self.assertEqual(sorted(os.listdir(self.traces)), sorted(os.path.basename(s["trace"]) for s in (first, second)))
+
     def test_a_closed_session_on_a_case_that_is_gone_is_no_error(self):
         self.start_station()
         self.wait_for_steps()

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 
 #include <ctype.h>
 #include <dirent.h>
@@ -181,4 +182,21 @@ void copied_destroy(struct copied **copied) {
         unlink(c->draft);
     again_fini(&c->again);
     free(c);
+}
+
+void copied_clear(const char *traces_dir) {
+    static const char draft[] = ".trace.draft";
+    char path[HUB_PATH_MAX];
+    DIR *folder = opendir(traces_dir);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        size_t length = strlen(entry->d_name), end = strlen(draft);
+        if (length < end || strcmp(entry->d_name + length - end, draft) != 0)
+            continue;
+        int used = snprintf(path, sizeof path, "%s/%s", traces_dir, entry->d_name);
+        if (used < (int)sizeof path && !trace_is_written(path) && unlink(path) == 0)
+            log_warning("hub", "%s: removed, it is of a copy that the server's end broke off",
+                        path);
+    }
+    if (folder)
+        closedir(folder);
 }

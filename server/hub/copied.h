@@ -26,3 +26,6 @@ enum result copied_begin(struct copied *copied, struct error *err);
 
 // What was not begun leaves nothing behind. NULL inside is fine.
 void copied_destroy(struct copied **copied);
+
+// Removes what a server that was killed left of sessions that had not begun.
+void copied_clear(const char *traces_dir);

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "check/grade.h"
+#include "hub/copied.h"
 #include "hub/seat.h"
 
 #include <errno.h>
@@ -192,6 +193,7 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     if (result == RESULT_OK)
         result = start_workers(hub, err);
     if (result == RESULT_OK) {
+        copied_clear(hub->config.traces_dir);
         resume_replay(hub);
         pthread_mutex_lock(&hub->desk_lock); // no command ends them before they have begun
         result = open_doors(hub, err);

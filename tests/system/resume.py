@@ -143,11 +143,13 @@ class Resume(Bites):
         with open(first["trace"], "wb") as f:
             f.write(open_trace)  # as if its end had not come to the disk
         self.assertEqual(self.verify(first["trace"], code=1)["signature"], "none")
+        self.write(os.path.join(self.traces, "room-1-20260102T030405Z-01234567.trace.draft"), "of a copy")
         self.restart()
         self.assertEqual(self.session()["id"], second["id"])
         self.assertEqual(self.verify(first["trace"])["signature"], "good")
         self.assertEqual(call_json("arthron-trace", "replay", first["trace"])["verdict"], "identical")
         self.assertEqual(sorted(os.listdir(self.traces)), sorted(os.path.basename(s["trace"]) for s in (first, second)))
+        self.assertIn("trace.draft: removed", self.server.log())
 
     def test_a_closed_session_on_a_case_that_is_gone_is_no_error(self):
         self.start_station()

@@ -6,7 +6,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "hub/again.h"
-#include "hub/tissue_delta.h"
 
 #include <dirent.h>
 #include <limits.h>
@@ -107,26 +106,6 @@ static void *resume_one(void *argument) {
     return NULL;
 }
 
-static uint64_t hash_of(const struct cut_mesh *mesh) {
-    struct tissue tissue = {0};
-    struct mesh_delta whole;
-    tissue_delta_whole(mesh, &whole);
-    whole.number = 1;
-    tissue_change(&tissue, &whole, NULL);
-    uint64_t hash = tissue.hash;
-    mesh_delta_fini(&whole);
-    tissue_fini(&tissue);
-    return hash;
-}
-
-// Its theatre will say the same, but who asks before is not to be told that nothing was cut.
-static void take_figures(struct card *card, const struct live *live) {
-    for (int i = 0; i < scene_tissue_count(live->scene); i++) {
-        card->tissues[i] = *operation_figures(live->operation, i);
-        card->mesh_hashes[i] = hash_of(operation_mesh(live->operation, i));
-    }
-}
-
 // A station that comes meets its session, before the worker has it too.
 static void take_seat(struct resumed *r) {
     struct seat *seat = &r->hub->seats[r->seat];
@@ -136,7 +115,6 @@ static void take_seat(struct resumed *r) {
     snprintf(seat->card.trace, sizeof seat->card.trace, "%s", r->path);
     seat->card.start_utc_ns = r->again.header.start_utc_ns;
     seat->card.scene = r->again.scene;
-    take_figures(&seat->card, r->again.live);
     atomic_store(&seat->counts.state, (int)r->again.state);
     atomic_store(&seat->counts.steps, r->again.place.step);
 }

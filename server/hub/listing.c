@@ -3,7 +3,6 @@
 #include "hub/reply.h"
 #include "hub/seat.h"
 
-#include <stdio.h>
 #include <time.h>
 
 #define FIGURES_WAIT_MS 5000
@@ -45,12 +44,12 @@ static bool wait_for_card(struct hub *hub, int index, struct card *out) {
 
 void listing_seat(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct card card;
-    reply->ok = wait_for_card(hub, index, &card);
-    if (!reply->ok) {
-        snprintf(reply->text, sizeof reply->text, "station %s: its theatre is too busy to tell",
-                 hub->seats[index].station->name);
+    if (!wait_for_card(hub, index, &card)) {
+        reply_refuse(reply, "station %s: its theatre is too busy to tell",
+                     hub->seats[index].station->name);
         return;
     }
+    reply->ok = true;
     const struct scene *scene = hub->scenes[card.scene];
     seat_info(hub, index, &reply->sessions[0]);
     reply->sessions_count = 1;

@@ -3,7 +3,7 @@ import type { Account } from "../api";
 import type { App, View } from "../app";
 import { mark } from "../shell";
 import { text } from "../text";
-import { button, explain, field, fill, h, setFault, setText } from "../ui";
+import { button, explain, field, fill, h, roving, setFault, setText } from "../ui";
 
 const PASSWORD_LEAST = 10;
 const CODE_LENGTH = 8;
@@ -15,15 +15,20 @@ interface Answer {
 /** #/sign-in */
 export const signIn: View = (root, route, app) => {
   app.title(text.signIn.title);
-  const form = h("div");
+  const form = h("div", { id: "sign-in-form", role: "tabpanel" });
   const tabs = (["password", "code"] as const).map((kind) =>
-    h("button", { type: "button", role: "tab", class: "tab", data: { kind }, on: { click: () => choose(kind) } }, text.signIn[kind]));
+    h("button", { type: "button", role: "tab", class: "tab", "aria-controls": "sign-in-form", data: { kind }, on: { click: () => choose(kind) } }, text.signIn[kind]));
   const choose = (kind: "password" | "code"): void => {
-    for (const tab of tabs) tab.setAttribute("aria-selected", String(tab.dataset.kind === kind));
+    for (const tab of tabs) {
+      tab.setAttribute("aria-selected", String(tab.dataset.kind === kind));
+      tab.tabIndex = tab.dataset.kind === kind ? 0 : -1;
+    }
     fill(form, kind === "password" ? passwordForm(app) : codeForm(app));
     form.querySelector("input")?.focus();
   };
-  root.append(card(text.signIn.title, h("div", { class: "tabs", role: "tablist", "aria-label": text.signIn.title }, ...tabs), form));
+  const list = h("div", { class: "tabs", role: "tablist", "aria-label": text.signIn.title }, ...tabs);
+  roving(list, () => tabs);
+  root.append(card(text.signIn.title, list, form));
   choose(route.query.has("code") ? "code" : "password");
   return () => {};
 };

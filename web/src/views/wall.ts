@@ -218,12 +218,21 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
     h("h2", {}, text.wall.attention, total), list,
     h("section", { class: "key" }, h("h3", {}, text.wall.key), h("ol", {}, ...text.wall.keys.map((one) => h("li", {}, one)))));
   let shown = "";
+  let urgent = new Set<string>();
+  // Who cannot see the wall hears of what is new and cannot wait.
+  const announce = (warnings: Warning[]): void => {
+    const words = warnings.filter((warning) => warning.urgency === 3).map((warning) => `${warning.station || text.wall.server}: ${warning.words}`);
+    const fresh = words.filter((one) => !urgent.has(one));
+    urgent = new Set(words);
+    if (fresh.length) document.getElementById("said")!.textContent = fresh.join(". ");
+  };
   return {
     element,
     show(warnings, known) {
       const key = JSON.stringify([warnings, known]);
       if (key === shown) return;
       shown = key;
+      announce(warnings);
       setText(total, String(warnings.length));
       const focused = (document.activeElement as HTMLElement | null)?.dataset.station;
       fill(list, ...warnings.map(entry), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));

@@ -53,6 +53,39 @@ static void the_end_record_counts_the_steps(void **state) {
     trace_reader_destroy(&reader);
 }
 
+static int64_t time_of_step(uint64_t n) {
+    static struct session_input input;
+    static struct session_output output;
+    step_at(n, &input, &output);
+    return input.time_ns;
+}
+
+static void the_last_time_is_found_from_the_end(void **state) {
+    (void)state;
+    static const uint64_t counts[] = {1, 3, 1500};
+    int64_t time_ns;
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        write_trace(counts[i]);
+        assert_int_equal(trace_last_time(path, &time_ns, NULL), RESULT_OK);
+        assert_int_equal(time_ns, time_of_step(counts[i]));
+    }
+    uint8_t *data;
+    size_t size = slurp(&data);
+    assert_true(size > 200000);
+    data[size - 60000] ^= 1; // what stands before the last records, and in them
+    write_copy(data, size);
+    assert_int_equal(trace_last_time(copy_path, &time_ns, NULL), RESULT_OK);
+    assert_true(time_ns > 0 && time_ns <= time_of_step(1500));
+    data[size - 60000] ^= 1;
+    write_copy(data, size - 1000); // killed
+    assert_int_equal(trace_last_time(copy_path, &time_ns, NULL), RESULT_OK);
+    assert_true(time_ns > time_of_step(1400) && time_ns < time_of_step(1500));
+    assert_int_equal(trace_last_time("nowhere", &time_ns, NULL), RESULT_IO);
+    free(data);
+    write_trace(0);
+    assert_int_equal(trace_last_time(path, &time_ns, NULL), RESULT_MISSING);
+}
+
 static void an_existing_file_is_never_overwritten(void **state) {
     (void)state;
     write_trace(1);
@@ -323,6 +356,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(steps_come_back_bit_for_bit),
         cmocka_unit_test(the_end_record_counts_the_steps),
+        cmocka_unit_test(the_last_time_is_found_from_the_end),
         cmocka_unit_test(an_existing_file_is_never_overwritten),
         cmocka_unit_test(the_machine_is_named),
         cmocka_unit_test(every_truncation_reads_to_the_last_whole_record),

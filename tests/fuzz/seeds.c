@@ -336,6 +336,14 @@ static void traces(void) {
         output.instruments[0].present = step == 2;
         CHECK(trace_append(writer, &input, &output));
     }
+    struct remark remark = {.number = 1,
+                            .time_ns = 5000000003,
+                            .author = "otto",
+                            .text = "Lift the hand",
+                            .has_marker = true,
+                            .body = BODY_TIBIA,
+                            .point = {1, 2, 3}};
+    CHECK(trace_append_remark(writer, &remark));
     seed_trace("steps", folder, writer);
     a_cut_trace();
 }

@@ -30,6 +30,7 @@ static void read_all(const char *path) {
     enum result result;
     metrics_init(&metrics, view_optic_usual());
     while ((result = trace_read(reader, &record, &err)) == RESULT_OK) {
+        CHECK(record.type != TRACE_REMARK || remark_is_valid(&record.remark));
         if (record.type != TRACE_STEP && record.type != TRACE_PAST)
             continue;
         CHECK(record.input.time_ns >= time_ns);

@@ -8,6 +8,7 @@ import {
 import { History } from "./history";
 import type { Feed, WatchInit } from "./live";
 import { Meshes, MeshHistory, type Answer, type Tissue } from "./mesh";
+import { text } from "./text";
 
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";
 
@@ -103,7 +104,7 @@ export class FeedSource implements Source {
       feed.on("remark", (remark) => this.remarked(remark)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
-      feed.on("trouble", ({ text }) => this.set("trouble", () => (this.trouble = text))),
+      feed.on("trouble", (trouble) => this.set("trouble", () => (this.trouble = trouble.text))),
     ];
     feed.watch(watch);
   }
@@ -147,12 +148,24 @@ export class FeedSource implements Source {
 
   // The same live session goes on where it was after a reconnect; a recorded one is sent afresh.
   private begin(session: LiveSession): void {
+    if (!session.caseName) {
+      this.none();
+      return;
+    }
     const same = !this.recorded && this.session !== undefined && session.caseHash === this.session.caseHash &&
       session.id.join() === this.session.id.join();
     this.session = session;
     this.trouble = "";
     if (!same) this.clear();
     this.answer(this.meshes.open());
+    this.tell("session");
+  }
+
+  // A station that has no session.
+  private none(): void {
+    this.session = undefined;
+    this.clear();
+    this.trouble = text.station.noSessionHint;
     this.tell("session");
   }
 

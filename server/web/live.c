@@ -77,11 +77,15 @@ static void on_due(lws_sorted_usec_list_t *due) {
     lws_callback_on_writable(viewer->visitor->socket);
 }
 
+static bool takes_more(const struct viewer *viewer) {
+    return viewer->user && viewer->sent - viewer->drawn < WEB_BATCHES_ON_WAY;
+}
+
 static void plan(struct visitor *v) {
     struct viewer *viewer = v->viewer;
     int64_t now_ns = clock_now_ns();
     lws_sul_cancel(&viewer->due);
-    if (!viewer->user || viewer->sent - viewer->drawn >= WEB_BATCHES_ON_WAY)
+    if (!takes_more(viewer))
         return;
     if (viewer->next_ns <= now_ns)
         lws_callback_on_writable(v->socket);
@@ -232,8 +236,7 @@ int live_write(struct visitor *v) {
         return -1;
     }
     int64_t now_ns = clock_now_ns();
-    if (!viewer->user || viewer->sent - viewer->drawn >= WEB_BATCHES_ON_WAY ||
-        viewer->next_ns > now_ns)
+    if (!takes_more(viewer) || viewer->next_ns > now_ns)
         return 0;
     int64_t next_ns = now_ns;
     size_t size = handler->on_batch(handler->user, viewer->user, now_ns, v->web->bytes,

@@ -1,17 +1,13 @@
-// What browsers get over HTTPS: pages, answers of the handler, files; and who gets nothing.
-#include "base/clock.h"
+// What browsers get over HTTPS: pages, and a status for what is no good request.
 #include "test.h"
 #include "wire/browser.h"
 #include "wire/reception.h"
 
-#include <dirent.h>
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <time.h>
-#include <unistd.h>
 
 static struct reception reception;
 

@@ -6,7 +6,6 @@
 #include "wire/reception.h"
 
 #include <dirent.h>
-#include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

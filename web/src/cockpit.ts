@@ -6,7 +6,7 @@ import { Panels } from "./panels";
 import { Plots, type PlotRow, type Sign, type Values } from "./plot";
 import type { Marker } from "./scene/joint";
 import { Stage } from "./stage";
-import type { Change, Source } from "./source";
+import type { Change, Resected, Source } from "./source";
 import { format, text } from "./text";
 import { button, h, setText } from "./ui";
 
@@ -156,7 +156,10 @@ function valuesOf(source: Source): Values {
     count: (row, trace) => (row === REMOVED ? removed.of(trace).length : history.count),
     time: (row, trace, index) => (row === REMOVED ? removed.of(trace)[index]!.time : history.time(index)),
     value: (row, trace, index) => {
-      if (row === REMOVED) return removed.of(trace)[index]!.removed;
+      if (row === REMOVED) {
+        const { removedMm3, piecesMm3 } = removed.of(trace)[index]!.resection;
+        return removedMm3 + piecesMm3;
+      }
       if (row === 0) return history.value(index, FLEXION);
       if (row === 1) return history.value(index, VARUS);
       const tool = history.value(index, WORKING);
@@ -170,22 +173,22 @@ function shifted(values: Values, ahead: number): Values {
   return { ...values, end: () => values.end() - ahead, time: (row, trace, index) => values.time(row, trace, index) - ahead };
 }
 
-// What was taken of the medial and of the lateral meniscus.
+// The figures of the medial and of the lateral meniscus.
 class Removed {
-  private readonly found: { time: number; removed: number }[][] = [[], []];
+  private readonly found: Resected[][] = [[], []];
   private count = 0; // of the resections that are in it
 
   constructor(private readonly source: Source) {}
 
-  of(trace: number): { time: number; removed: number }[] {
+  of(trace: number): Resected[] {
     const { resections } = this.source;
     if (resections.length < this.count) {
       for (const list of this.found) list.length = 0;
       this.count = 0;
     }
     for (; this.count < resections.length; this.count++) {
-      const { time, resection } = resections[this.count]!;
-      this.found[resection.group === "meniscus_lateral" ? 1 : 0]!.push({ time, removed: resection.removedMm3 + resection.piecesMm3 });
+      const resected = resections[this.count]!;
+      this.found[resected.resection.group === "meniscus_lateral" ? 1 : 0]!.push(resected);
     }
     return this.found[trace]!;
   }

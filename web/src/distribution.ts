@@ -74,13 +74,20 @@ function strip(value: Value, { distributions, other }: Beside): HTMLElement {
   const others = other.find((one) => one.name === value.name && one.subject === value.subject && one.version === value.version && Number.isFinite(one.value));
   const shown = h("dd", { class: "strip-value" });
   setText(shown, value.belowFloor ? text.debrief.belowFloor(metricValue(value)) : metricValue(value));
-  const plain = (figure: number): string => metricValue({ ...value, value: figure, unit: "" });
-  const words = spread && distribution.n > 1
-    ? text.debrief.spread(format.number(distribution.n), plain(spread.lower), plain(spread.median), plain(spread.upper)) : text.debrief.alone;
+  const words = spread && distribution.n > 1 ? spreadWords(distribution, spread) : text.debrief.alone;
   return h("div", { class: "strip" }, h("dt", {}, name), shown,
     others && h("dd", { class: "strip-other" }, metricValue(others)),
     spread && distribution.n > 1 && h("dd", { class: "strip-plot", "aria-hidden": "true" }, drawn(value.value, others?.value, distribution, spread)),
     h("dd", { class: "strip-words" }, words));
+}
+
+// Quarters of a handful say nothing.
+const QUARTERS_LEAST = 5;
+
+function spreadWords({ n, unit }: Distribution, { least, lower, median, upper, most }: Spread): string {
+  const value = (figure: number): string => metricValue({ value: figure, unit }, false);
+  const some = format.number(n);
+  return n < QUARTERS_LEAST ? text.debrief.few(some, value(least), value(most)) : text.debrief.spread(some, value(median), value(lower), value(upper));
 }
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -92,16 +99,16 @@ function shape(tag: string, attributes: Record<string, string | number>): SVGEle
 }
 
 // Dots are sessions, the box is the middle half; this one's value is the mark.
-function drawn(value: number, other: number | undefined, { values = [] }: Distribution, spread: Spread): SVGElement {
+function drawn(value: number, other: number | undefined, { n, values = [] }: Distribution, spread: Spread): SVGElement {
   const least = Math.min(spread.least, value, other ?? Infinity);
   const range = Math.max(spread.most, value, other ?? -Infinity) - least;
   const x = (at: number): string => `${range > 0 ? 3 + (94 * (at - least)) / range : 50}%`;
   const wide = range > 0 ? `${(94 * (spread.upper - spread.lower)) / range}%` : "0%";
   const svg = shape("svg", { class: "strip-svg", height: 22 });
   svg.append(shape("line", { class: "whisker", x1: x(spread.least), x2: x(spread.most), y1: 11, y2: 11 }),
-    shape("rect", { class: "middle", x: x(spread.lower), width: wide, y: 5, height: 12, rx: 2 }),
+    ...(n < QUARTERS_LEAST ? [] : [shape("rect", { class: "middle", x: x(spread.lower), width: wide, y: 5, height: 12, rx: 2 })]),
     ...values.map((one) => shape("circle", { class: "one", cx: x(one), cy: 11, r: 2 })),
-    shape("line", { class: "median", x1: x(spread.median), x2: x(spread.median), y1: 4, y2: 18 }));
+    ...(n < QUARTERS_LEAST ? [] : [shape("line", { class: "median", x1: x(spread.median), x2: x(spread.median), y1: 4, y2: 18 })]));
   if (other !== undefined) svg.append(shape("circle", { class: "other", cx: x(other), cy: 11, r: 4.5 }));
   svg.append(shape("line", { class: "mine", x1: x(value), x2: x(value), y1: 1, y2: 21 }));
   return svg;

@@ -1,5 +1,6 @@
 // What a session's page says beside the pictures, in tabs: resection, events, remarks, metrics.
 import type { Metric, Resection } from "wire";
+import { lastBefore } from "./axes";
 import type { Change, Mark, Source } from "./source";
 import { resectionsAt } from "./source";
 import { format, text } from "./text";
@@ -39,7 +40,8 @@ export class Panels {
     if (change === "resection") this.stale.add("resection");
     if (change === "remark") this.stale.add("remarks").add("events");
     if (change === "metrics") this.stale.add("metrics");
-    if (change === "moment" && this.eventsShown !== this.source.marks.length) this.stale.add("events");
+    // A record comes faster than a list is made.
+    if (change === (this.source.recorded ? "progress" : "moment") && this.eventsShown !== this.source.marks.length) this.stale.add("events");
     this.refresh();
   }
   private eventsShown = -1;
@@ -47,7 +49,25 @@ export class Panels {
   showTime(time: number): void {
     this.time = time;
     if (this.open === "resection") this.refreshResection();
+    if (this.open === "events") this.markEvent();
   }
+
+  // The last one that has happened at the moment that is shown.
+  private markEvent(): void {
+    if (!this.source.recorded) return;
+    const at = lastBefore(this.eventTimes.length, (index) => this.eventTimes[index]!, this.time);
+    const items = this.bodies.events.querySelectorAll(".event");
+    const before = this.bodies.events.querySelector("[aria-current]");
+    if (before === (items[at] ?? null)) return;
+    before?.removeAttribute("aria-current");
+    items[at]?.setAttribute("aria-current", "true");
+    const list = this.bodies.events;
+    if (items[at] && !list.contains(document.activeElement)) {
+      const away = items[at]!.getBoundingClientRect().top - list.getBoundingClientRect().top;
+      if (away < 0 || away > list.clientHeight - 40) list.scrollTop += away - list.clientHeight / 2;
+    }
+  }
+  private eventTimes: number[] = []; // of those in the list
 
   show(tab: Tab): void {
     this.open = tab;
@@ -94,14 +114,17 @@ export class Panels {
       this.refresh();
     } } });
     box.checked = this.touches;
-    const marks = this.source.marks.filter(({ event }) => this.touches || !QUIET.includes(event)).slice(-LIST_MOST).reverse();
+    const marks = inBursts(this.source.marks.filter(({ event }) => this.touches || !QUIET.includes(event)));
+    const listed = this.source.recorded ? marks : marks.slice(-LIST_MOST).reverse(); // what happens now is on top
+    this.eventTimes = listed.map(({ time }) => time);
     fill(this.bodies.events, h("label", { class: "switch" }, box, h("span", {}, text.session.touches)),
-      marks.length ? h("ol", { class: "events-list" }, ...marks.map((mark) => this.event(mark))) : empty(text.session.noEvents));
+      listed.length ? h("ol", { class: "events-list" }, ...listed.map((mark) => this.event(mark))) : empty(text.session.noEvents));
+    this.markEvent();
   }
 
   private event({ time, event, times }: Mark): HTMLElement {
     return h("li", {}, h("button", { type: "button", class: "event", data: { event }, on: { click: () => this.jump(time) } },
-      h("time", {}, format.clock(time)), h("span", {}, text.session.events[event]! + text.session.times(times))));
+      h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, text.session.events[event]! + text.session.times(times))));
   }
 
   private refreshRemarks(): void {
@@ -113,6 +136,21 @@ export class Panels {
         h("p", {}, remark.text || text.session.marker, remark.withdrawn && h("small", {}, ` (${text.session.withdrawn})`)));
     })) : empty(text.session.noRemarks));
   }
+}
+
+const BURST_S = 1;
+
+/** The same event again and again within a second is one, at the time of the first. */
+export function inBursts(marks: readonly Mark[]): Mark[] {
+  const found: Mark[] = [];
+  let last = 0;
+  for (const mark of marks) {
+    const burst = found.at(-1);
+    if (burst?.event === mark.event && mark.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + mark.times };
+    else found.push({ ...mark });
+    last = mark.time;
+  }
+  return found;
 }
 
 // ---- resection ---------------------------------------------------------------------------------------
@@ -173,10 +211,10 @@ function zone(r: Resection, at: number): HTMLElement {
 // ---- metrics -----------------------------------------------------------------------------------------
 
 /** A metric's value as a person reads it. */
-export function metricValue({ value, unit }: Pick<Metric, "value" | "unit">): string {
+export function metricValue({ value, unit }: Pick<Metric, "value" | "unit">, withUnit = true): string {
   if (!Number.isFinite(value)) return format.none;
   const digits = unit === "count" ? 0 : Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
-  return `${format.number(value, digits)} ${text.session.units[unit] ?? unit}`.trim();
+  return withUnit ? `${format.number(value, digits)} ${text.session.units[unit] ?? unit}`.trim() : format.number(value, digits);
 }
 
 export function subjectName(subject: string): string {

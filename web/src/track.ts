@@ -215,7 +215,7 @@ export class Track {
     surface.fillStyle = this.colour("--text-quiet");
     surface.textAlign = "center";
     surface.textBaseline = "alphabetic";
-    for (let n = 0; n * step <= this.length; n++) surface.fillText(step < 1 ? format.tenths(n * step) : format.clock(n * step), Math.max(this.x(n * step), 14), 9);
+    for (let n = 0; n * step <= this.length; n++) surface.fillText(step < 1 ? format.tenths(n * step) : format.clock(n * step), Math.min(Math.max(this.x(n * step), 14), this.wide - 14), 9);
   }
 
   private paintHere(): void {

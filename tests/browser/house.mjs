@@ -1,0 +1,273 @@
+// A server with its records and pages, stations and mock-ups, on free ports, in a folder of its own.
+import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { call, callJson, freePort, Program, sleep, until } from "./programs.mjs";
+import { BITES, motion, palpation, scopeAt, stand, stroke, write } from "./motion.mjs";
+
+export const STATIONS = 32;
+export const SEAT_HZ = 25; // frames of a simulated station
+const CASES = ["tear-radial", "arthrosis", "healthy"];
+const FAR = "127.0.0.2"; // where a station calls the server through the relay
+const ROUND_TRIP_MS = 50; // through it
+
+/** What the config says of each station; the others are simulated. */
+const ROOMS = {
+  "room-1": { case: "tear-radial", trainee: "anna", motion: "bites" },
+  "room-2": { case: "arthrosis", trainee: "bert", motion: "stand" },
+  "room-3": { case: "arthrosis", trainee: "carla", motion: "stroke", far: true },
+};
+
+export class House {
+  programs = new Set();
+  rooms = Object.keys(ROOMS);
+  seats = Array.from({ length: STATIONS - this.rooms.length }, (_, i) => `seat-${String(i + 1).padStart(2, "0")}`);
+  views = {}; // of each room: the port of the station's view
+  mockups = {};
+  stations = {};
+
+  static async open(source) {
+    const house = new House();
+    house.source = source;
+    house.folder = mkdtempSync(join(tmpdir(), "arthron-browser-"));
+    await Promise.all([house.#makeCases(), house.#makeKeys()]);
+    await house.#makeMotions();
+    await house.startServer();
+    house.enrolled = house.enrolAll();
+    house.enrolled.catch(() => {}); // told to who waits for it
+    return house;
+  }
+
+  async close() {
+    for (const program of this.programs) await program.end("SIGTERM");
+    rmSync(this.folder, { recursive: true, force: true });
+  }
+
+  path(...parts) {
+    return join(this.folder, ...parts);
+  }
+
+  get url() {
+    return `https://127.0.0.1:${this.webPort}`;
+  }
+
+  // ---- what is there before -----------------------------------------------------------------------
+
+  async #makeCases() {
+    await Promise.all(CASES.map((name) => call("arthron-case", "generate", join(this.source, "cases", name), "--out", this.path("cases", name))));
+  }
+
+  async #makeKeys() {
+    await call("arthron-server", "keys", "init", this.path("keys"), "localhost", "127.0.0.1", FAR);
+    [this.port, this.udpPort, this.webPort] = await Promise.all([freePort(), freePort(FAR), freePort()]);
+  }
+
+  async #makeMotions() {
+    const info = await callJson("arthron-case", "info", this.path("cases/arthrosis"));
+    const portal = info.portals.find(({ name }) => name === "anterolateral").position;
+    const scope = scopeAt([4, 12, -15], portal);
+    const palpated = await motion(this.folder, "palpation", palpation(this.source, 25), this.path("cases/arthrosis"));
+    write(this.path("stroke.csv"), stroke(palpated), scope, 200);
+    write(this.path("stand.csv"), stand(palpated), scope, 200);
+    write(this.path("bites.csv"), await motion(this.folder, "resection", BITES, this.path("cases/tear-radial")), scope, 100);
+  }
+
+  // ---- the server ---------------------------------------------------------------------------------
+
+  #serverConfig() {
+    const cases = CASES.map((name) => `[case ${name}]\ndir = cases/${name}\n`);
+    const rooms = Object.entries(ROOMS).map(([name, room]) => `[station ${name}]\ncase = ${room.case}\ntrainee = ${room.trainee}\n`);
+    const seats = this.seats.map((name, i) => `[station ${name}]\ncase = ${CASES[i % CASES.length]}\n`);
+    writeFileSync(this.path("server.ini"), `[server]
+address = 127.0.0.1
+port = ${this.port}
+udp_port = ${this.udpPort}
+workers = 1
+keys = keys
+traces = traces
+socket = s
+records = records.db
+[web]
+port = ${this.webPort}
+${cases.join("")}${rooms.join("")}${seats.join("")}`);
+  }
+
+  async startServer() {
+    this.#serverConfig();
+    mkdirSync(this.path("traces"), { recursive: true });
+    this.server = this.#start("server", "arthron-server", "run", "--config", this.path("server.ini"));
+    await this.server.said(/ready/);
+  }
+
+  async killServer() {
+    await this.server.end("SIGKILL");
+  }
+
+  /** The address at which the first instructor makes an account. */
+  async firstLink() {
+    const [, secret] = await this.server.said(/#\/first\/(\S+)/);
+    return `#/first/${secret}`;
+  }
+
+  #start(label, name, ...args) {
+    const program = new Program(this.folder, label, name, args);
+    this.programs.add(program);
+    void program.ended.then(() => this.programs.delete(program));
+    return program;
+  }
+
+  // ---- questions to the server, not by way of the pages ----------------------------------------------
+
+  session(...words) {
+    return callJson("arthron-server", "session", "--socket", this.path("s"), ...words);
+  }
+
+  async station(name) {
+    return (await this.session("list")).sessions.find(({ station }) => station === name);
+  }
+
+  async resection(name, group = "meniscus_medial") {
+    return (await this.session("show", name)).resections.find((of) => of.group === group);
+  }
+
+  /** The steps that the trace has of a station's session, as rows by the names of the columns. */
+  async steps(name) {
+    const { trace } = await this.station(name);
+    const text = await call("arthron-trace", "export", trace, "--csv", "-").catch(({ stdout }) => stdout); // it is open
+    const [header, ...rows] = text.trimEnd().split("\n");
+    const names = header.split(",");
+    return rows.map((row) => Object.fromEntries(row.split(",").map((value, i) => [names[i], value])));
+  }
+
+  // ---- stations -----------------------------------------------------------------------------------
+
+  async enrol(name) {
+    if (existsSync(this.path(`keys-${name}`, "station.pem"))) return;
+    await until(`${name} is enrolled`, async () => {
+      const code = (await call("arthron-server", "keys", "enrol", this.path("keys"), name)).trim();
+      return call("arthron-station", "enrol", `127.0.0.1:${this.port}`, code, "--name", name, "--keys", this.path(`keys-${name}`)).then(() => true, () => sleep(500));
+    }, 60);
+  }
+
+  async enrolAll() {
+    for (const name of this.seats) await this.enrol(name);
+  }
+
+  /** `faults`: [what, at_s, for_s] of the tracker, in s after the mock-up's start. */
+  async startMockup(name, faults = []) {
+    const before = this.mockups[name];
+    const args = ["--motion", this.path(`${ROOMS[name].motion}.csv`), "--modbus-tcp", `127.0.0.1:${before?.modbus ?? 0}`, "--tracker", `127.0.0.1:${before?.tracker ?? 0}`];
+    if (faults.length) {
+      const text = faults.map(([what, at, length], i) => `[fault ${i}]\nwho = tracker\nwhat = ${what}\nat_s = ${at}\nfor_s = ${length}\n`);
+      writeFileSync(this.path(`${name}-faults.ini`), text.join(""));
+      args.push("--faults", this.path(`${name}-faults.ini`));
+    }
+    const program = this.#start(`mockup-${name}`, "arthron-mockup", ...args);
+    await until("the mock-up's ports", () => program.out.split("\n").length > 2);
+    const ports = Object.fromEntries(program.out.trimEnd().split("\n").map((line) => line.split(" ")));
+    this.mockups[name] = { program, modbus: ports["modbus-tcp"].split(":")[1], tracker: ports.tracker.split(":")[1] };
+    return program;
+  }
+
+  async #roomConfig(name) {
+    const { modbus, tracker } = this.mockups[name];
+    this.views[name] ??= await freePort();
+    return `[station]
+name = ${name}
+server = ${ROOMS[name].far ? FAR : "127.0.0.1"}:${this.port}
+keys = keys-${name}
+[view]
+port = ${this.views[name]}
+origins = ${this.url}
+[device encoders]
+driver = modbus
+address = 127.0.0.1:${modbus}
+rate_hz = 200
+sequence = 0
+flexion = 1 0.01 0
+varus = 2 0.01 0
+internal = 3 0.01 0
+shift = 4 0.01 0
+drawer = 5 0.01 0
+distraction = 6 0.01 0
+punch.opening = 7 0.0001 0
+[device tracker]
+driver = tracker
+address = 127.0.0.1:${tracker}
+tool.probe = probe
+tool.punch = punch
+tool.scope = scope
+`;
+  }
+
+  /** Its mock-up too, where none runs. The station that runs already, where one does. */
+  async startRoom(name) {
+    if (this.stations[name]) return this.stations[name];
+    if (!this.mockups[name]) await this.startMockup(name);
+    await this.enrol(name);
+    if (ROOMS[name].far && !this.relay) await this.#startRelay();
+    writeFileSync(this.path(`${name}.ini`), await this.#roomConfig(name));
+    const station = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
+    await station.said(/\/view\?token=/);
+    this.stations[name] = station;
+    void station.ended.then(() => delete this.stations[name]);
+    return station;
+  }
+
+  /** The room, with its session running. */
+  async runRoom(name) {
+    await this.startRoom(name);
+    await until(`a session of ${name}`, async () => (await this.station(name)).connected);
+    await this.session("start", name).catch(() => {}); // it runs already
+    return until(`${name} runs`, async () => (await this.station(name)).state === "running");
+  }
+
+  async endRoom(name) {
+    await this.stations[name]?.end();
+    await this.mockups[name].program.end();
+    delete this.mockups[name];
+  }
+
+  /** What a scope on the station's PC is told in its address. */
+  viewOf(name) {
+    return { port: this.views[name], token: readFileSync(this.path(`keys-${name}`, "view.token"), "utf8").trim() };
+  }
+
+  async #startRelay() {
+    const way = { from: FAR, to: "127.0.0.1", tcp: this.port, udp: this.udpPort, delayMs: ROUND_TRIP_MS / 2 };
+    this.relay = this.#start("relay", process.execPath, new URL("relay.mjs", import.meta.url).pathname, JSON.stringify(way));
+    await until("the relay is open", () => this.relay.out);
+  }
+
+  /** A station without hardware. */
+  startSeat(name, seed) {
+    writeFileSync(this.path(`${name}.ini`), `[station]
+name = ${name}
+server = 127.0.0.1:${this.port}
+keys = keys-${name}
+rate_hz = ${SEAT_HZ}
+[device all]
+driver = simulated
+seed = ${seed}
+rate_hz = ${SEAT_HZ}
+`);
+    this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
+  }
+
+  /** All 32 stations, with their sessions running. */
+  async runAll() {
+    await this.enrolled;
+    for (const name of this.rooms) await this.runRoom(name);
+    this.seats.forEach((name, i) => this.startSeat(name, i + 1));
+    await until("all stations run", async () => (await this.session("list")).sessions.every(({ connected, state }) => connected && state === "running"), 60);
+  }
+
+  /** All that the programs said, for who looks why a test failed. */
+  keepLogs(path) {
+    writeFileSync(path, "");
+    for (const name of ["server", ...this.rooms]) {
+      const log = this.path(`${name}.log`);
+      if (existsSync(log)) appendFileSync(path, `==== ${name}\n${readFileSync(log, "utf8")}`);
+    }
+  }
+}

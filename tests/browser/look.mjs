@@ -1,0 +1,129 @@
+// The browser, and what tests look at in it: what it complains of, what comes over its sockets, pictures.
+import { readFileSync, mkdirSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+import { PNG } from "pngjs";
+import { kindsOfBatch, meshAck } from "./wire.mjs";
+
+const require = createRequire(import.meta.url);
+const AXE = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const PATIENCE_MS = 40_000;
+export const SIZES = { wide: { width: 1440, height: 900 }, tablet: { width: 820, height: 1180 } };
+
+/** Where Chromium is; "" where it is not. */
+export const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
+
+export class Browser {
+  errors = []; // on any console that no test has asked for
+  violations = []; // of axe-core's rules
+  checked = 0; // how often those were looked for
+  #contexts = new Set();
+  #pages = new Map(); // page: what it said and heard
+
+  static async open(url, out) {
+    const made = new Browser();
+    made.url = url;
+    made.out = out;
+    mkdirSync(out, { recursive: true });
+    made.chromium = await chromium.launch({
+      executablePath: CHROMIUM,
+      args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
+    });
+    return made;
+  }
+
+  async close() {
+    await this.chromium.close();
+  }
+
+  /** A browser of its own, signed in as whoever made `state`. */
+  async context(state, size = SIZES.wide) {
+    const context = await this.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
+    context.setDefaultTimeout(PATIENCE_MS);
+    this.#contexts.add(context);
+    return context;
+  }
+
+  /** What a test has left open. */
+  async closeAll() {
+    for (const context of this.#contexts) await context.close();
+    this.#contexts.clear();
+    this.#pages.clear();
+  }
+
+  /** Pictures of all pages, for who looks why a test failed. */
+  async keepAll() {
+    let count = 0;
+    for (const page of this.#pages.keys()) if (!page.isClosed()) await this.picture(page, `failed-${++count}`).catch(() => {});
+  }
+
+  /** `may`: what the page may complain of; `script`: what runs in it before all else. */
+  async page(context, hash, may = [], script = undefined) {
+    const page = await context.newPage();
+    if (script) await page.addInitScript(script);
+    const heard = { may, kinds: {}, messages: 0, bytes: 0, acks: {}, views: [] };
+    this.#pages.set(page, heard);
+    page.on("console", (message) => message.type() === "error" && this.#complained(heard, `${message.text()} (${message.location().url})`));
+    page.on("pageerror", (error) => this.#complained(heard, error.stack ?? String(error)));
+    page.on("websocket", (socket) => this.#listen(socket, heard));
+    await page.goto(`${this.url}/${hash}`);
+    return page;
+  }
+
+  heard(page) {
+    return this.#pages.get(page);
+  }
+
+  #complained(heard, words) {
+    if (!heard.may.some((pattern) => pattern.test(words))) this.errors.push(words);
+  }
+
+  #listen(socket, heard) {
+    const live = socket.url().endsWith("/live");
+    socket.on("framereceived", ({ payload }) => {
+      if (!Buffer.isBuffer(payload)) return;
+      if (!live) {
+        heard.views.push(payload);
+        return;
+      }
+      heard.messages++;
+      heard.bytes += payload.length;
+      for (const kind of kindsOfBatch(payload)) heard.kinds[kind] = (heard.kinds[kind] ?? 0) + 1;
+    });
+    socket.on("framesent", ({ payload }) => {
+      const ack = live && Buffer.isBuffer(payload) && meshAck(payload);
+      if (ack) heard.acks[ack.group] = ack;
+    });
+  }
+
+  /** Notes what axe-core has against the page as it is. */
+  async check(page, name) {
+    this.checked++;
+    await page.evaluate(AXE);
+    const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] }));
+    for (const { id, help, nodes } of violations)
+      this.violations.push(`${name}: ${id}: ${help}: ${nodes.slice(0, 3).map((node) => `${node.target.join(" ")}${node.any[0] ? ` (${node.any[0].message})` : ""}`).join("; ")}`);
+  }
+
+  picturePath(name) {
+    return join(this.out, `${name}.png`);
+  }
+
+  async picture(page, name) {
+    await page.screenshot({ path: this.picturePath(name) });
+  }
+}
+
+/** An element's pixels: {width, height, data} with 4 bytes each. */
+export async function pixels(locator) {
+  return PNG.sync.read(await locator.screenshot());
+}
+
+/** The share of pixels that differ by more than a little. */
+export function difference(one, other) {
+  let count = 0;
+  for (let i = 0; i < one.data.length; i += 4)
+    if (Math.abs(one.data[i] - other.data[i]) + Math.abs(one.data[i + 1] - other.data[i + 1]) + Math.abs(one.data[i + 2] - other.data[i + 2]) > 24) count++;
+  return count / (one.width * one.height);
+}

@@ -1,0 +1,61 @@
+// Motions of the hands for the mock-up: what arthron-case computes, with a scope that is held still.
+import { readFileSync, writeFileSync } from "node:fs";
+import { call } from "./programs.mjs";
+import { frame } from "./optic.mjs";
+
+const POSE = ["tx_mm", "ty_mm", "tz_mm", "qw", "qx", "qy", "qz", "valid", "opening"];
+
+export const BITES = `[motion]
+rate_hz = 100
+speed_mm_s = 120
+joint_speed_deg_s = 60
+tremor_mm = 0.05
+seed = 1
+[steps]
+flex = 20
+valgus = 8
+approach = punch anterolateral
+resect = punch meniscus_medial 6
+withdraw = punch
+valgus = 0
+`;
+
+/** `speed`: of the hand, mm/s. */
+export function palpation(source, speed) {
+  return readFileSync(`${source}/cases/motions/palpation.ini`, "utf8").replace(/^speed_mm_s.*$/m, `speed_mm_s = ${speed}`)
+    .replace(/^rate_hz.*$/m, "rate_hz = 200");
+}
+
+export async function motion(folder, name, script, caseDir) {
+  writeFileSync(`${folder}/${name}.ini`, script);
+  await call("arthron-case", "motion", `${folder}/${name}.ini`, "--case", caseDir, "--out", `${folder}/${name}.csv`);
+  const [header, ...rows] = readFileSync(`${folder}/${name}.csv`, "utf8").trimEnd().split("\n");
+  return { header: header.split(","), rows: rows.map((row) => row.split(",")) };
+}
+
+/** A scope whose tip is at `tip` and whose optic of 30 degrees looks at `target`, from a portal. */
+export function scopeAt(tip, portal) {
+  const shaft = tip.map((value, i) => value - portal[i]);
+  return { t: tip, q: frame(shaft, [0, 0, 1]) };
+}
+
+/** Writes rows, 1 / `rateHz` apart, with the scope beside. */
+export function write(path, { header, rows }, scope, rateHz) {
+  const values = [...scope.t, ...scope.q, 1, 0].map((value) => value.toFixed(6)).join(",");
+  const names = [...header.slice(0, -1), ...POSE.map((name) => `scope_${name}`), header.at(-1)];
+  const lines = rows.map((row, i) => [(i / rateHz).toFixed(6), ...row.slice(1, -1), values, row.at(-1)].join(","));
+  writeFileSync(path, `${[names.join(","), ...lines].join("\n")}\n`);
+}
+
+/** The probe strokes the tibia, there and back. */
+export function stroke({ header, rows }) {
+  const first = rows.findIndex((row) => row.at(-1) === "tibia");
+  const there = rows.slice(first, first + 240);
+  return { header, rows: [...there, ...[...there].reverse()] };
+}
+
+/** One moment of that. */
+export function stand({ header, rows }) {
+  const touching = rows.filter((row) => row.at(-1) === "tibia");
+  return { header, rows: Array(200).fill(touching[Math.floor(touching.length / 6)]) };
+}

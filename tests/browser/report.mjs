@@ -1,0 +1,37 @@
+// What was measured, in the form of the benches: {bench, marks, figures, tests}.
+
+export class Report {
+  marks = [];
+  figures = [];
+  tests = [];
+
+  /** Low is better. NaN and what could not be measured do not hold. */
+  mark(name, value, unit, mark) {
+    this.marks.push({ name, value: finite(value), unit, mark, better: "low", holds: value <= mark });
+  }
+
+  figure(name, value, unit) {
+    this.figures.push({ name, value: finite(value), unit });
+  }
+
+  get holds() {
+    return this.marks.every(({ holds }) => holds) && this.tests.every(({ passed }) => passed);
+  }
+
+  print(json) {
+    const rows = [...this.marks.map((mark) => [...row(mark), `at most ${mark.mark}`, mark.holds ? "" : "MISSED"]), ...this.figures.map(row)];
+    for (const cells of rows) console.log(cells.map((cell, i) => cell.padEnd([52, 12, 12, 12][i] ?? 0)).join(" ").trimEnd());
+    if (json) console.log(JSON.stringify({ bench: "browser", marks: this.marks, figures: this.figures, tests: this.tests }));
+  }
+}
+
+const finite = (value) => (Number.isFinite(value) ? Number(value.toPrecision(6)) : null);
+const row = ({ name, value, unit }) => [name, value === null ? "none" : String(value), unit];
+
+export const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+
+/** The value that a share of all lies below. */
+export function quantile(values, share) {
+  const sorted = [...values].sort((a, b) => a - b);
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
+}

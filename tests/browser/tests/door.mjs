@@ -1,0 +1,72 @@
+// Who comes in: the first instructor, a wrong password, a trainee with a code.
+import assert from "node:assert/strict";
+
+export const PASSWORD = "correct horse battery";
+const REFUSED = [/status of 40[13]/, /429/];
+
+async function signIn(page, name, password) {
+  await page.getByLabel("Name").fill(name);
+  await page.getByLabel("Password", { exact: true }).fill(password);
+  await page.getByRole("button", { name: "Sign in" }).click();
+}
+
+async function the_first_instructor_makes_an_account_through_the_link({ house, browser, who }) {
+  const context = await browser.context();
+  const page = await browser.page(context, await house.firstLink());
+  await page.getByLabel("Name").fill("grace");
+  await page.getByLabel("Password", { exact: true }).fill("short");
+  await page.getByLabel("Password again").fill("other");
+  await page.getByRole("button", { name: "Make account" }).click();
+  await page.getByText("The two passwords differ.").waitFor();
+  await browser.check(page, "first");
+  await browser.picture(page, "first");
+  for (const label of ["Password", "Password again"]) await page.getByLabel(label, { exact: true }).fill(PASSWORD);
+  await page.getByRole("button", { name: "Make account" }).click();
+  await page.getByRole("heading", { name: "Wall" }).waitFor();
+  who.instructor = await context.storageState();
+  const again = await browser.page(await browser.context(), await house.firstLink(), REFUSED);
+  await again.getByLabel("Name").fill("mallory");
+  for (const label of ["Password", "Password again"]) await again.getByLabel(label, { exact: true }).fill(PASSWORD);
+  await again.getByRole("button", { name: "Make account" }).click();
+  await again.getByRole("alert").filter({ hasText: /./ }).waitFor();
+  assert.match(again.url(), /first/);
+}
+
+async function a_wrong_password_is_refused_and_the_right_one_leads_where_one_wanted_to({ browser }) {
+  const page = await browser.page(await browser.context(), "#/admin/audit", REFUSED);
+  await page.getByRole("heading", { name: "Sign in" }).waitFor();
+  await signIn(page, "grace", "wrong horse battery");
+  await page.getByText("Name and password do not match.").waitFor();
+  await signIn(page, "grace", PASSWORD);
+  await page.getByRole("cell", { name: "grace" }).first().waitFor();
+  assert.match(page.url(), /#\/admin\/audit$/);
+}
+
+async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ browser, who }) {
+  const desk = await browser.page(await browser.context(who.instructor), "#/admin/trainees");
+  await desk.getByRole("button", { name: "Add trainee" }).first().click();
+  await desk.locator("dialog").getByLabel("Name", { exact: true }).fill("anna");
+  await desk.locator("dialog").getByRole("button", { name: "Add trainee" }).click();
+  await desk.getByRole("row", { name: /anna/ }).getByRole("button", { name: /code/i }).click();
+  const code = await desk.locator("dialog .code, dialog code, dialog output").first().innerText();
+  assert.match(code.replace(/[\s-]/g, ""), /^[A-Z0-9]{8}$/);
+  const context = await browser.context();
+  const page = await browser.page(context, "#/sign-in", REFUSED);
+  await page.getByRole("tab", { name: "With a code" }).click();
+  await page.getByLabel("Sign-in code").fill(code.toLowerCase());
+  await page.getByRole("button", { name: "Sign in" }).click();
+  await page.getByRole("link", { name: "Sessions" }).waitFor();
+  who.trainee = await context.storageState();
+  for (const hash of ["#/admin/accounts", "#/wall"]) {
+    await page.goto(`${browser.url}/${hash}`);
+    await page.locator(".state-title", { hasText: "Not for this account" }).waitFor();
+  }
+  const statuses = await page.evaluate(() => Promise.all(["accounts", "trainees", "audit", "stations", "me"].map(async (path) => (await fetch(`/api/v1/${path}`)).status)));
+  assert.deepEqual(statuses, [403, 403, 403, 403, 200]);
+}
+
+for (const test of [the_first_instructor_makes_an_account_through_the_link, a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own]) test.always = true;
+export const tests = [
+  the_first_instructor_makes_an_account_through_the_link, a_wrong_password_is_refused_and_the_right_one_leads_where_one_wanted_to,
+  a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own,
+];

@@ -1,0 +1,103 @@
+// Every view with the keyboard alone: Tab comes to all that can be used, and one sees where one is.
+import assert from "node:assert/strict";
+import { VIEWS } from "./looks.mjs";
+
+const MOST = 150; // stops in a view
+
+// What a person without a pointer must come to. Of what arrow keys walk over, one is enough.
+function usable() {
+  const all = [...document.querySelectorAll("a[href], button, input, select, textarea, summary, [tabindex='0']")];
+  let count = 0;
+  for (const element of all) {
+    const hidden = element.matches(":disabled, [tabindex='-1'], input[type=radio]:not(:checked)") || !element.checkVisibility({ visibilityProperty: true })
+      || element.closest("[popover]:not(:popover-open), [inert]");
+    if (!hidden) element.dataset.stop = String(count++);
+  }
+  return count;
+}
+
+// Where the focus is: its number, its name, and whether one can see it.
+function focused() {
+  const element = document.activeElement;
+  if (!element || element === document.body) return null;
+  const style = getComputedStyle(element);
+  const box = element.getBoundingClientRect();
+  const around = element.closest("label") ?? element;
+  const seen = [element, element.nextElementSibling, around].some((one) => {
+    const of = one && getComputedStyle(one);
+    return of && ((of.outlineStyle !== "none" && parseFloat(of.outlineWidth) > 0) || of.boxShadow !== "none");
+  });
+  return {
+    stop: element.dataset.stop, seen: seen && style.visibility === "visible",
+    inside: box.bottom > 0 && box.right > 0 && box.top < innerHeight && box.left < innerWidth,
+    name: element.getAttribute("aria-label") ?? element.textContent?.trim().slice(0, 40) ?? "", tag: element.tagName.toLowerCase(),
+  };
+}
+
+async function walk(page, name) {
+  const count = await page.evaluate(usable);
+  const reached = new Set();
+  for (let i = 0; i < MOST; i++) {
+    await page.keyboard.press("Tab");
+    const now = await page.evaluate(focused);
+    if (!now) break;
+    const where = `${name}: ${now.tag} "${now.name}"`;
+    assert.ok(now.seen, `${where}: nobody sees that it has the focus`);
+    assert.ok(now.inside, `${where}: it is not on the screen`);
+    if (now.stop !== undefined && reached.has(now.stop) && reached.size >= count) break;
+    if (now.stop !== undefined) reached.add(now.stop);
+  }
+  const missed = await page.evaluate((seen) => [...document.querySelectorAll("[data-stop]")].filter((one) => !seen.includes(one.dataset.stop))
+    .map((one) => one.outerHTML.slice(0, 120)), [...reached]);
+  assert.deepEqual(missed, [], `${name}: Tab does not come to these`);
+}
+
+async function tab_comes_to_all_that_can_be_used_in_every_view({ house, browser, who }) {
+  await house.runRoom("room-1");
+  for (const [name, hash, there] of VIEWS) {
+    const page = await browser.page(await browser.context(who.instructor), hash);
+    await page.locator(there).first().waitFor();
+    await walk(page, name);
+    await browser.closeAll();
+  }
+}
+
+async function the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall({ browser, who }) {
+  const page = await browser.page(await browser.context(who.instructor), "#/wall");
+  await page.locator("article.card").first().waitFor();
+  await page.evaluate(() => document.activeElement.blur());
+  await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  assert.equal(await page.evaluate(() => document.activeElement.id), "content");
+  await page.keyboard.press("Tab");
+  const at = () => page.evaluate(() => document.activeElement.textContent);
+  assert.equal(await at(), "room-1");
+  await page.keyboard.press("ArrowRight");
+  assert.equal(await at(), "room-2");
+  await page.keyboard.press("End");
+  assert.equal(await at(), "seat-29");
+  await page.keyboard.press("Home");
+  await page.keyboard.press("Enter");
+  await page.getByRole("heading", { name: "room-1" }).waitFor();
+}
+
+async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+  const note = page.getByRole("button", { name: "Note …" });
+  await note.focus();
+  await page.keyboard.press("Enter");
+  await page.locator("dialog textarea").waitFor();
+  assert.equal(await page.evaluate(() => document.activeElement.tagName), "TEXTAREA");
+  for (let i = 0; i < 12; i++) {
+    await page.keyboard.press("Tab");
+    assert.ok(await page.evaluate(() => document.activeElement === document.body || document.activeElement.closest("dialog") !== null), "the focus left the dialog");
+  }
+  await page.keyboard.press("Escape");
+  assert.ok(await note.evaluate((button) => document.activeElement === button), "the focus is where it was");
+}
+
+export const tests = [
+  tab_comes_to_all_that_can_be_used_in_every_view, the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall,
+  a_dialog_keeps_the_focus_and_gives_it_back,
+];

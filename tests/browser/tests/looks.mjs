@@ -1,0 +1,63 @@
+// Every view at two widths, light and dark: what axe-core says, and pictures for people to look at.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { SIZES } from "../look.mjs";
+import { BIN, sleep } from "../programs.mjs";
+
+const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens", "audit"];
+
+/** Name, address, and what is there once it shows what it has. */
+export const VIEWS = [
+  ["wall", "#/wall", "article.card"],
+  ["station", "#/station/room-1", "canvas.scene-canvas"],
+  ["station-without-session", "#/station/seat-29", ".state"],
+  ["scope", "#/scope/room-1?optic=30", ".scope-round:not(.dark) canvas.scope-canvas"],
+  ["sessions", "#/sessions", "table"],
+  ...ADMIN.map((part) => [`admin-${part}`, `#/admin/${part}`, "table"]),
+  ["nowhere", "#/nowhere", ".state"],
+];
+
+async function settled(page) {
+  await page.evaluate(() => document.fonts.ready);
+  await sleep(350);
+}
+
+async function pictures(browser, page, name) {
+  for (const [size, viewport] of Object.entries(SIZES)) {
+    await page.setViewportSize(viewport);
+    for (const colorScheme of ["light", "dark"]) {
+      await page.emulateMedia({ colorScheme });
+      await settled(page);
+      await browser.picture(page, `${name}-${size}-${colorScheme}`);
+      if (size === "wide" || !browser.quick) await browser.check(page, `${name}, ${size}, ${colorScheme}`);
+      const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+      assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
+    }
+  }
+}
+
+async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const faults = [];
+  const door = await browser.page(await browser.context(), "#/sign-in");
+  await door.getByRole("heading", { name: "Sign in" }).waitFor();
+  await pictures(browser, door, "sign-in");
+  await browser.closeAll();
+  for (const [name, hash, there] of VIEWS) {
+    const page = await browser.page(await browser.context(who.instructor), hash);
+    await page.locator(there).first().waitFor();
+    if (name === "scope") for (let turn = 0; turn < 9; turn++) await page.keyboard.press(".");
+    await sleep(700);
+    await pictures(browser, page, name).catch((error) => faults.push(error.message));
+    await browser.closeAll();
+  }
+  assert.deepEqual(faults, []);
+}
+
+async function all_pages_together_are_small({ report }) {
+  const sizes = JSON.parse(readFileSync(join(BIN, "../web/sizes.json"), "utf8"));
+  report.mark("page_kb_gz", Object.values(sizes).reduce((sum, { gzip }) => sum + gzip, 0) / 1000, "kB", 300);
+}
+
+export const tests = [all_pages_together_are_small, every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds];

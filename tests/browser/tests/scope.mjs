@@ -1,0 +1,134 @@
+// What the trainee sees.
+import assert from "node:assert/strict";
+import { pixels } from "../look.mjs";
+import { sleep, until } from "../programs.mjs";
+import { project } from "../optic.mjs";
+import { mean, quantile } from "../report.mjs";
+import { view } from "../wire.mjs";
+
+const [PROBE, SCOPE] = [4, 8]; // channels
+const SIDE = 900;
+const OFF_PX = 3;
+const STEP_DEG = 15; // of a key
+
+const instrument = (seen, channel) => seen.instruments.find((of) => of.channel === channel);
+
+async function open({ house, browser, who }, name, script = undefined) {
+  const { port, token } = house.viewOf(name);
+  const context = await browser.context(who.instructor, { width: SIDE, height: SIDE });
+  const page = await browser.page(context, `#/scope/${name}?port=${port}&token=${token}`, [/ws:\/\/127.0.0.1/], script);
+  await page.locator("canvas[data-drawn]").waitFor();
+  return page;
+}
+
+// The middle of what has the marker's blue, in halves of the picture from its middle.
+function blue({ width, height, data }) {
+  const box = { left: width, right: -1, top: height, bottom: -1 };
+  for (let y = 0; y < height; y++)
+    for (let x = 0; x < width; x++) {
+      const at = 4 * (y * width + x);
+      const [r, g, b] = [data[at], data[at + 1], data[at + 2]];
+      if (b < 90 || b < r + 60 || b < g + 15) continue;
+      box.left = Math.min(box.left, x);
+      box.right = Math.max(box.right, x);
+      box.top = Math.min(box.top, y);
+      box.bottom = Math.max(box.bottom, y);
+    }
+  if (box.right < 0) return undefined;
+  return { right: (box.left + box.right + 1) / width - 1, up: 1 - (box.top + box.bottom + 1) / height, width: box.right - box.left + 1 };
+}
+
+async function a_marker_is_where_an_independent_projection_says(world) {
+  const { house, browser, who } = world;
+  await house.runRoom("room-2");
+  const desk = await browser.page(await browser.context(who.instructor), "#/station/room-2");
+  await desk.getByRole("button", { name: "Marker", exact: true }).click();
+  await until("the tip is marked", async () => {
+    await desk.locator("body").press("t");
+    return desk.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
+  });
+  await desk.close();
+  const page = await open(world, "room-2");
+  await page.getByText("Touch the marked point").waitFor();
+  const optic = { tiltDeg: 30, fieldDeg: 90, postDeg: 0 };
+  const offs = [];
+  for (const tiltDeg of [30, 70]) {
+    if (optic.tiltDeg !== tiltDeg) await page.keyboard.press("o");
+    optic.tiltDeg = tiltDeg;
+    for (let turn = 0; turn < 360 / STEP_DEG; turn += 1) {
+      const seen = view(browser.heard(page).views.at(-1));
+      const wanted = project(instrument(seen, PROBE).warped.t, instrument(seen, SCOPE).warped, optic);
+      if (wanted && Math.hypot(wanted.right, wanted.up) < 0.8 && turn % 2 === 0) offs.push({ ...optic, off: await off(page, wanted) });
+      await page.keyboard.press(".");
+      optic.postDeg += STEP_DEG;
+    }
+  }
+  assert.ok(offs.length >= 4, `in view with ${offs.length} optics only`);
+  assert.ok(new Set(offs.map(({ tiltDeg }) => tiltDeg)).size === 2, "with one optic only");
+  for (const { tiltDeg, postDeg, off: px } of offs) assert.ok(px <= OFF_PX, `optic ${tiltDeg}°, post ${postDeg}°: ${px.toFixed(2)} px off`);
+  world.report.figure("scope_marker_off_px_of_900", Math.max(...offs.map(({ off: px }) => px)), "px");
+}
+
+// How far the marker is from there, in px of the page.
+async function off(page, wanted) {
+  await sleep(120);
+  const found = await until("the marker is in the picture", async () => blue(await pixels(page.locator("canvas.scope-canvas"))));
+  return Math.hypot(found.right - wanted.right, found.up - wanted.up) * (SIDE / 2);
+}
+
+// Which of the station's views was on the screen when: the next frame begins when the last one is there.
+function watchDrawn() {
+  window.drawn = [];
+  let last;
+  const look = () => {
+    requestAnimationFrame(look);
+    const number = document.querySelector("canvas[data-drawn]")?.dataset.drawn;
+    if (number === undefined || number === last) return;
+    last = number;
+    window.drawn.push([Number(number), performance.timeOrigin + performance.now()]);
+  };
+  requestAnimationFrame(look);
+}
+
+async function a_far_server_does_not_make_the_tip_late(world) {
+  const { house, browser, report, quick } = world;
+  await house.runRoom("room-3");
+  const page = await open(world, "room-3", watchDrawn);
+  await page.evaluate(() => (window.drawn = []));
+  browser.heard(page).views.length = 0;
+  await sleep(quick ? 8000 : 30_000);
+  const drawn = await page.evaluate(() => window.drawn);
+  const views = new Map(browser.heard(page).views.map(view).map((seen) => [seen.number, seen]));
+  await sleep(1000);
+  const key = ([x, y, z]) => `${x} ${y} ${z}`;
+  const place = (step, name) => ["tx_mm", "ty_mm", "tz_mm"].map((axis) => Number(step[`${name}_${axis}`]));
+  const said = new Map((await house.steps("room-3")).filter((step) => step.probe_warped_tx_mm).map((step) => [key(place(step, "probe")), place(step, "probe_warped")]));
+  const shown = drawn.flatMap(([number, utcMs]) => {
+    const seen = views.get(number);
+    const probe = seen && instrument(seen, PROBE);
+    const server = probe?.warped && said.get(key(probe.tip.t));
+    return server ? [{ probe, utcMs, error: distance(probe.warped.t, server), warp: distance(probe.tip.t, server) }] : [];
+  });
+  assert.ok(shown.length > 30, `${shown.length} of ${drawn.length} pictures can be compared`);
+  assert.ok(quantile(shown.map(({ probe }) => probe.ageMs), 0.5) > 45, "the server is not far");
+  const warps = shown.map(({ warp }) => warp);
+  assert.ok(Math.max(...warps) - Math.min(...warps) > 0.2, "the warp stands");
+  tell(report, shown, drawn);
+}
+
+function tell(report, shown, drawn) {
+  const errors = shown.map(({ error }) => error);
+  report.mark("scope_late_error_mm", mean(errors), "mm", 0.1);
+  report.figure("scope_late_error_p99", quantile(errors, 0.99), "mm");
+  report.figure("scope_late_answer_age", mean(shown.map(({ probe }) => probe.ageMs)), "ms");
+  const clockMs = Date.now() - Number(process.hrtime.bigint()) / 1e6; // from monotonic to UTC
+  const ages = shown.map(({ probe, utcMs }) => utcMs - clockMs - Number(probe.timeNs) / 1e6);
+  const frames = drawn.slice(1).map(([, at], i) => at - drawn[i][1]);
+  report.figure("pose_in_to_pixel_p50", quantile(ages, 0.5), "ms");
+  report.figure("pose_in_to_pixel_p95", quantile(ages, 0.95), "ms");
+  report.figure("scope_frame_p50", quantile(frames, 0.5), "ms");
+}
+
+const distance = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
+
+export const tests = [a_marker_is_where_an_independent_projection_says, a_far_server_does_not_make_the_tip_late];

@@ -1,0 +1,149 @@
+// A session as the instructor sees and steers it. What the page shows is held against what the server says
+// by another way, its local socket.
+import assert from "node:assert/strict";
+import { difference, pixels } from "../look.mjs";
+import { call, sleep, until } from "../programs.mjs";
+
+const open = async ({ house, browser, who }, name) => {
+  await house.runRoom(name);
+  const page = await browser.page(await browser.context(who.instructor), `#/station/${name}`);
+  await page.locator("canvas.scene-canvas").waitFor();
+  return page;
+};
+const figure = async (page, label) => {
+  const row = page.locator(".resection-group").first().locator(".figure").filter({ hasText: label }).locator("dd").first();
+  return Number((await row.innerText()).replace(/[^0-9.]/g, ""));
+};
+const plotted = async (page, row) => Number((await page.locator(".plot-label", { hasText: row }).locator(".plot-reading").first().innerText()).replace(",", ""));
+const press = (page, name) => page.getByRole("button", { name, exact: true }).click();
+const said = (page, words) => page.locator(".steer-line", { hasText: words }).waitFor();
+const rested = (page) => page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(resolve)))));
+
+/** The page has the mesh that the server has, to the bit. */
+async function sameMesh({ house, browser }, page, name) {
+  await until("the page has the server's mesh", async () => {
+    const there = await house.resection(name);
+    const here = browser.heard(page).acks.meniscus_medial;
+    return here?.number === there.mesh_number && here.hash === there.mesh_hash;
+  });
+}
+
+async function scene(page) {
+  await rested(page);
+  await sleep(500);
+  return pixels(page.locator("canvas.scene-canvas"));
+}
+
+// From above, without what lies over them.
+async function showMenisci(page) {
+  await page.locator("summary", { hasText: "Show" }).click();
+  for (const name of ["Femur", "Patella", "Measured instruments", "Trails of the tips"]) await page.getByLabel(name, { exact: true }).uncheck();
+  await page.keyboard.press("Escape");
+  await page.getByRole("button", { name: "Superior" }).click();
+  await sleep(1000);
+}
+
+async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
+  const { house } = world;
+  const page = await open(world, "room-1");
+  await until("cuts", async () => (await house.resection("room-1")).cuts >= 4);
+  await press(page, "Pause");
+  await said(page, "Pause: done");
+  assert.equal((await house.station("room-1")).state, "paused");
+  await sameMesh(world, page, "room-1");
+  const cut = await house.resection("room-1");
+  await until("the volume that is left", async () => Math.abs((await figure(page, "Volume left")) - cut.volume_mm3) <= 0.5);
+  await until("the plot has what was removed", async () => Math.abs((await plotted(page, "Removed")) - cut.removed_mm3 - cut.pieces_mm3) <= 0.6);
+  await showMenisci(page);
+  const before = await scene(page);
+  assert.ok(difference(before, await scene(page)) < 0.002, "the picture stands while the session rests");
+  await press(page, "Set back");
+  await said(page, "Set back: done");
+  await sameMesh(world, page, "room-1");
+  const back = await house.resection("room-1");
+  assert.equal(back.cuts, cut.cuts - 1);
+  await until("the volume of before", async () => Math.abs((await figure(page, "Volume left")) - back.volume_mm3) <= 0.5);
+  for (let left = back.cuts; left > 0; left--) await house.session("undo", "room-1");
+  await sameMesh(world, page, "room-1");
+  const whole = (await house.resection("room-1")).volume_mm3;
+  assert.ok(whole > cut.volume_mm3 + 1, `${whole} whole, ${cut.volume_mm3} cut`);
+  await until("the whole again", async () => Math.abs((await figure(page, "Volume left")) - whole) <= 0.5);
+  const changed = difference(before, await scene(page));
+  await until("the plot has that nothing is removed", async () => (await plotted(page, "Removed")) === 0);
+  assert.ok(changed > 0.002, `${changed} of the picture is another`);
+  await press(page, "Resume");
+  await said(page, "done");
+}
+
+async function a_refusal_is_shown_in_the_servers_words(world) {
+  const page = await open(world, "room-1");
+  await press(page, "Pause");
+  await said(page, "Pause: done");
+  for (let left = (await world.house.resection("room-1")).cuts; left > 0; left--) await world.house.session("undo", "room-1");
+  await press(page, "Set back");
+  await said(page, /Set back: .*no cut/);
+  await press(page, "Resume");
+  await said(page, "done");
+}
+
+async function a_note_and_a_marker_reach_the_scope_and_the_trace(world) {
+  const { house, browser, who } = world;
+  const page = await open(world, "room-1");
+  const trainee = await browser.page(await browser.context(who.trainee), "#/scope/room-1");
+  await press(page, "Note …");
+  await page.getByLabel("Text").fill("Lift the hand");
+  await press(page, "Send");
+  await trainee.getByText("Lift the hand").waitFor();
+  await page.getByRole("tab", { name: "Remarks" }).click();
+  await page.locator(".remarks-list").getByText("Lift the hand").waitFor();
+  await press(page, "Marker");
+  await until("the tip is marked", async () => {
+    await page.locator("body").press("t");
+    return page.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
+  });
+  await trainee.getByText("Touch the marked point").waitFor();
+  await press(page, "Remove marker");
+  await said(page, "Remove marker: done");
+  await until("the marker is gone", async () => !(await trainee.getByText("Touch the marked point").isVisible()));
+  const { trace } = await house.station("room-1");
+  const remarks = await until("it is on the disk", async () => {
+    const { remarks: all } = JSON.parse(await call("arthron-trace", "info", trace, "--json").catch((error) => error.stdout));
+    return all?.length === 2 && all;
+  });
+  assert.equal(remarks[0].text, "Lift the hand");
+  assert.equal(remarks[0].author, "grace");
+}
+
+async function a_session_is_started_stopped_and_given_another_case(world) {
+  const { house } = world;
+  const page = await open(world, "room-1");
+  const first = await house.station("room-1");
+  await press(page, "Case …");
+  await page.getByLabel("Case", { exact: true }).selectOption("healthy");
+  await page.getByLabel("Strength of the warp").fill("40");
+  await press(page, "Begin");
+  await page.getByText("healthy · Warp 40 %").waitFor();
+  const second = await house.station("room-1");
+  assert.equal(second.case, "healthy");
+  assert.notEqual(second.id, first.id);
+  await press(page, "Stop");
+  await page.locator("dialog").getByRole("button", { name: "Stop" }).click();
+  await page.locator(".state-badge", { hasText: "Closed" }).waitFor();
+  assert.equal((await house.station("room-1")).state, "closed");
+  await press(page, "Start");
+  await page.locator(".state-badge", { hasText: "Running" }).waitFor();
+  assert.notEqual((await house.station("room-1")).id, second.id);
+  await press(page, "Case …");
+  await page.getByLabel("Case", { exact: true }).selectOption("tear-radial");
+  await page.getByLabel("Strength of the warp").fill("100");
+  await press(page, "Begin");
+  await page.getByText("tear-radial · Warp 100 %").waitFor();
+  const actions = await page.evaluate(async () => (await (await fetch("/api/v1/audit?limit=50")).json()).audit);
+  for (const action of [/stop/, /case/, /pause/, /note/])
+    assert.ok(actions.some((row) => row.actor === "grace" && action.test(row.action)), `${action} is not in the audit log: ${actions.map((row) => row.action)}`);
+}
+
+export const tests = [
+  a_cut_changes_mesh_and_figures_and_is_set_back, a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
+  a_session_is_started_stopped_and_given_another_case,
+];

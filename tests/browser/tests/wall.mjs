@@ -1,0 +1,40 @@
+// The wall: a station comes, degrades, goes and comes back.
+import assert from "node:assert/strict";
+import { until } from "../programs.mjs";
+
+const card = (page, station) => page.locator("article.card").filter({ has: page.locator(".name", { hasText: new RegExp(`^${station}$`) }) });
+const standing = (page, station, kind, seconds) =>
+  until(`${station} is ${kind}`, async () => (await card(page, station).getAttribute("data-standing")) === kind, seconds);
+
+async function a_station_comes_degrades_goes_and_comes_back({ house, browser, who }) {
+  const page = await browser.page(await browser.context(who.instructor), "#/wall");
+  await card(page, "room-2").waitFor();
+  assert.equal(await page.locator("article.card").count(), 32);
+  await standing(page, "room-2", "gone");
+  await house.startMockup("room-2", [["dropout", 4, 3]]);
+  const station = await house.startRoom("room-2");
+  await standing(page, "room-2", "running");
+  await card(page, "room-2").getByText("bert").waitFor();
+  const lost = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Lost$/ }) }).locator(".figure");
+  await until("the tracker is lost", async () => (await lost.innerText()) === "1/2");
+  await page.locator(".attention").getByRole("link", { name: /room-2/ }).waitFor();
+  assert.notEqual(await card(page, "room-2").getAttribute("data-urgency"), "quiet");
+  await browser.picture(page, "wall-degraded");
+  await until("the tracker is back", async () => (await lost.innerText()) === "0/2");
+  await station.end("SIGKILL");
+  await standing(page, "room-2", "gone");
+  const before = await house.station("room-2");
+  await house.startRoom("room-2");
+  await standing(page, "room-2", "running");
+  assert.equal((await house.station("room-2")).id, before.id);
+  await house.endRoom("room-2");
+}
+
+async function a_card_leads_to_its_station({ browser, who }) {
+  const page = await browser.page(await browser.context(who.instructor), "#/wall");
+  await card(page, "seat-05").locator("a").click();
+  await page.getByRole("heading", { name: "seat-05" }).waitFor();
+  assert.match(page.url(), /#\/station\/seat-05$/);
+}
+
+export const tests = [a_station_comes_degrades_goes_and_comes_back, a_card_leads_to_its_station];

@@ -133,6 +133,22 @@ class Live(Bites):
         self.assertLess(first_chunk, first_moment)
         self.assertIn("moment", page.order[first_moment:len(page.order) - page.order[::-1].index("chunk")])
 
+    def test_a_session_that_was_copied_begins_with_what_was_cut(self):
+        resection, session = self.record()
+        page = self.open()
+        page.watch(STATION, station="room-1")
+        self.steer("copy", "room-1", "--from", session["id"])
+        copy = self.session()
+        page.read_until(lambda: page.sessions and page.sessions[-1]["id"] == copy["id"])
+        page.read_until(lambda: page.meshes.get(MENISCUS, (0, [], ""))[2] == resection["mesh_hash"])
+        self.steer("stop", "room-1")
+        page.watch(RECORDED, session=copy["id"])
+        page.read_until(lambda: page.done)
+        self.assertEqual(page.troubles, [])
+        self.assertEqual(page.meshes[MENISCUS][1:], ([resection["mesh_number"]], resection["mesh_hash"]))
+        self.assertEqual(page.resections[MENISCUS]["volume_mm3"], resection["volume_mm3"])
+        self.assertGreaterEqual(page.moments[0]["s"], 0)
+
     def test_the_same_hands_on_another_case(self):
         resection, session = self.record()
         page = self.open()

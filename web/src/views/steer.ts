@@ -66,7 +66,7 @@ export class Steer {
     run.lastChild!.textContent = state === SessionState.PAUSED ? text.station.resume : text.station.start;
     pause.disabled = state !== SessionState.RUNNING;
     for (const one of [stop, reset, undo, note, mark]) one.disabled = !open;
-    if (!open) this.setPicking(false);
+    if (!open && this.buttons.mark.getAttribute("aria-pressed") === "true") this.setPicking(false);
   }
 
   setMarker(marker: Remark | undefined): void {

@@ -51,17 +51,18 @@ test("the time running is the session's own where it is known", () => {
 });
 
 test("all cards fit on the screen where any size of them does", () => {
-  const size = { large: [300, 280], medium: [212, 206], small: [148, 146] } as const;
+  const size = { large: [300, 280], medium: [212, 206], small: [148, 146], tiny: [132, 110] } as const;
   for (let count = 1; count <= 64; count++)
-    for (const [width, height] of [[1128, 790], [984, 640], [1640, 950], [2296, 1310], [788, 860]] as const) {
+    for (const [width, height] of [[1128, 790], [984, 606], [984, 640], [1640, 950], [2296, 1310], [788, 860]] as const) {
       const { density, columns } = arrange(count, width, height);
       const rows = Math.ceil(count / columns);
       assert.ok(columns * size[density][0] + (columns - 1) * 8 <= width || columns === 1, `${count} in ${width}: ${columns} ${density}`);
       const fits = rows * (size[density][1] + 8) - 8 <= height;
-      const none = Math.floor((width + 8) / 156) * Math.floor((height + 8) / 154) < count;
-      assert.ok(fits || (none && density === "small"), `${count} in ${width} x ${height}: ${rows} rows of ${density}`);
+      const none = Math.floor((width + 8) / 140) * Math.floor((height + 8) / 118) < count;
+      assert.ok(fits || (none && density === "tiny"), `${count} in ${width} x ${height}: ${rows} rows of ${density}`);
     }
   assert.deepEqual(arrange(32, 1128, 790), { density: "small", columns: 7 });
+  assert.deepEqual(arrange(32, 984, 606), { density: "tiny", columns: 7 }); // 1280 x 720
 });
 
 test("addresses of views are read as they are written", () => {

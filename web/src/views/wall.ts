@@ -54,7 +54,8 @@ export const wall: View = (root, _route, app) => {
 
   const fit = (): void => {
     const layout = arrange(cards.size, grid.clientWidth, grid.clientHeight);
-    root.dataset.density = list.dataset.density = layout.density;
+    list.dataset.density = layout.density;
+    setClass(root, "figures-only", layout.density === "small" || layout.density === "tiny");
     list.style.setProperty("--columns", String(layout.columns));
   };
 

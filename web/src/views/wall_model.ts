@@ -76,14 +76,14 @@ export const compareNames = (a: string, b: string): number => a.localeCompare(b,
 
 // ---- how many cards in a row -----------------------------------------------------------------------
 
-export type Density = "large" | "medium" | "small";
+export type Density = "large" | "medium" | "small" | "tiny";
 export interface Layout {
   density: Density;
   columns: number;
 }
 
 const GAP = 8;
-const LEAST: [Density, number, number][] = [["large", 300, 280], ["medium", 212, 206], ["small", 148, 146]];
+const LEAST: [Density, number, number][] = [["large", 300, 280], ["medium", 212, 206], ["small", 148, 146], ["tiny", 132, 110]];
 
 /** The largest cards with which `count` of them fit into width x height px; the smallest where none do. */
 export function arrange(count: number, width: number, height: number): Layout {
@@ -93,7 +93,7 @@ export function arrange(count: number, width: number, height: number): Layout {
     if (most * rows < count) continue;
     return { density, columns: squarest(count, Math.ceil(count / rows), most, width, height) };
   }
-  return { density: "small", columns: atMost(width, LEAST[2]![1]) };
+  return { density: "tiny", columns: atMost(width, LEAST.at(-1)![1]) };
 }
 
 const atMost = (room: number, least: number): number => Math.max(1, Math.floor((room + GAP) / (least + GAP)));

@@ -1,33 +1,7 @@
-// Payloads that the C code made (tests/wire/mesh_file.c), with what it says of the mesh after each.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { MeshError, MeshHistory, Meshes, Tissue, type Answer, type Chunk } from "../src/mesh";
-
-interface Step {
-  number: number;
-  hash: bigint;
-  vertices: number;
-  triangles: number;
-  payload: Uint8Array;
-}
-
-function steps(): Step[] {
-  const bytes = readFileSync("test/meshes.bin");
-  const found: Step[] = [];
-  for (let at = 0; at < bytes.length; ) {
-    const size = bytes.readUInt32LE(at + 20);
-    found.push({
-      number: bytes.readUInt32LE(at),
-      hash: bytes.readBigUInt64LE(at + 4),
-      vertices: bytes.readUInt32LE(at + 12),
-      triangles: bytes.readUInt32LE(at + 16),
-      payload: Uint8Array.from(bytes.subarray(at + 24, at + 24 + size)),
-    });
-    at += 24 + size;
-  }
-  return found;
-}
+import { steps, type Step } from "./meshes";
 
 function check(tissue: Tissue | undefined, step: Step): void {
   assert.ok(tissue);
@@ -170,4 +144,15 @@ test("the mesh of a recorded session is there at any time, in any order", () => 
   for (const at of [0, 5.5, 311, 304, 103, 0, 207, 99, 311])
     check(history.at(at), all[Math.min(11, Math.floor(at % 100))]!);
   assert.equal(history.at(-1), undefined);
+});
+
+test("a jump to the end of a recorded session does not make all changes before", () => {
+  const history = new MeshHistory();
+  const [first] = steps();
+  const tissue = new Tissue();
+  tissue.apply(first!.payload);
+  // Payloads that nobody could make, but for the last one: the 17th landing, whose mesh is kept.
+  for (let i = 0; i < 16; i++) history.push(i, tissue, new Uint8Array([1]));
+  history.push(16, tissue, first!.payload);
+  check(history.at(16), first!);
 });

@@ -1,0 +1,192 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { create } from "@bufbuild/protobuf";
+import { LiveSessionSchema, MeshChunkSchema, MomentSchema, ReplayProgressSchema, ResectionSchema } from "wire";
+import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
+import { STATE } from "../src/history";
+import type { Feed } from "../src/live";
+import { Tissue } from "../src/mesh";
+import { inBursts } from "../src/panels";
+import { FeedSource, resectionsAt, type Mark } from "../src/source";
+import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/timeline";
+import { steps } from "./meshes";
+
+// ---- the time of a replay --------------------------------------------------------------------------------
+
+test("a replay runs on at its speed, and waits for what has not come", () => {
+  const player = new Player();
+  player.advance(1, 10, true);
+  assert.equal(player.time, 0); // it stands still
+  player.toggle(0, 10, false);
+  player.speed = 4;
+  player.advance(0.5, 10, false);
+  assert.equal(player.time, 2);
+  player.advance(5, 10, false);
+  assert.deepEqual([player.time, player.waiting, player.playing], [10, true, true]);
+  player.advance(0.5, 30, false);
+  assert.deepEqual([player.time, player.waiting], [12, false]);
+  player.advance(60, 30, true);
+  assert.deepEqual([player.time, player.playing], [30, false]);
+  player.toggle(3, 30, true); // from the start again
+  assert.deepEqual([player.time, player.playing], [3, true]);
+});
+
+test("a replay is put nowhere outside the session, and has a slowest and a fastest speed", () => {
+  const player = new Player();
+  player.seek(99, 0, 20);
+  assert.equal(player.time, 20);
+  player.seek(-5, 1, 20);
+  assert.equal(player.time, 1);
+  for (let i = 0; i < 9; i++) player.shift(1);
+  assert.equal(player.speed, 8);
+  for (let i = 0; i < 9; i++) player.shift(-1);
+  assert.equal(player.speed, 0.25);
+});
+
+const mark = (time: number, event: Mark["event"], times = 1): Mark => ({ time, event, times });
+
+test("jumps go to what happened and was said, not to touches, nor twice to one moment", () => {
+  const stops = stopsOf([mark(1, "state"), mark(2, "contact"), mark(3, "cut"), mark(3.01, "piece"), mark(7, "refused")], [5]);
+  assert.deepEqual(stops, [1, 3, 5, 7]);
+  assert.equal(nextStop(stops, 3, 1), 5);
+  assert.equal(nextStop(stops, 3, -1), 1);
+  assert.equal(nextStop(stops, 4.9, -1), 3);
+  assert.equal(nextStop(stops, 7, 1), undefined);
+  assert.equal(nextStop(stops, 0.5, -1), undefined);
+});
+
+test("the same event again and again within a second is one in the list", () => {
+  assert.deepEqual(inBursts([mark(1, "cut"), mark(1.6, "cut", 2), mark(2.4, "cut"), mark(4, "cut"), mark(4.1, "piece"), mark(4.2, "cut")]),
+    [mark(1, "cut", 4), mark(4, "cut"), mark(4.1, "piece"), mark(4.2, "cut")]);
+});
+
+// ---- a record, as it comes -------------------------------------------------------------------------------
+
+class Played {
+  unwatched = 0;
+  sent = 0;
+  private readonly listeners = new Map<string, (value: never) => void>();
+  readonly source = FeedSource.recorded(this as unknown as Feed, "0".repeat(32), 60);
+
+  on(kind: string, listener: (value: never) => void): () => void {
+    this.listeners.set(kind, listener);
+    return () => {};
+  }
+  watch(): void {}
+  unwatch(): void {
+    this.unwatched++;
+  }
+  send(): boolean {
+    this.sent++;
+    return true;
+  }
+  tell(kind: string, value: object): void {
+    this.listeners.get(kind)!(value as never);
+  }
+
+  session(): void {
+    this.tell("session", create(LiveSessionSchema, { seat: 3, id: new Uint8Array(16), caseName: "tear-radial", recorded: true, lengthNs: 10_000_000_000n }));
+  }
+  moment(time: number, events: number[] = [], state = 1): void {
+    this.tell("moment", create(MomentSchema, { timeNs: BigInt(Math.round(time * 1e9)), events, state }));
+  }
+  cut(base: number, number: number, payload: Uint8Array, volumeMm3: number): void {
+    this.tell("meshChunk", create(MeshChunkSchema, { group: "meniscus_medial", base, number, size: payload.length, index: 0, data: payload }));
+    this.tell("resection", create(ResectionSchema, { group: "meniscus_medial", meshNumber: number, volumeMm3 }));
+  }
+}
+
+test("what a cut did has the time of the moment that comes after it", () => {
+  const played = new Played();
+  const { source } = played;
+  const [first, second] = steps();
+  played.session();
+  played.cut(0, first!.number, first!.payload, 100);
+  played.moment(0.5, [1]);
+  played.moment(1, [1]);
+  played.cut(first!.number, second!.number, second!.payload, 90);
+  assert.equal(source.tissue("meniscus_medial", 1), source.tissue("meniscus_medial", 2)); // the newest
+  played.moment(1.25, [1, 0, 0, 0, 0, 1]);
+  played.moment(2, [2, 0, 0, 2, 0, 1], 2);
+
+  assert.deepEqual(source.resections.map(({ time }) => time), [0.5, 1.25]);
+  assert.equal(resectionsAt(source, 1.2).get("meniscus_medial")?.volumeMm3, 100);
+  assert.equal(source.tissue("meniscus_medial", 1.2)?.number, first!.number);
+  assert.equal(source.tissue("meniscus_medial", 1.25)?.number, second!.number);
+  assert.deepEqual(source.marks.map(({ time, event }) => [time, event]), [[0.5, "state"], [1.25, "cut"], [2, "state"], [2, "contact"]]);
+  assert.equal(source.history.value(3, STATE), 2);
+  assert.equal(played.sent, 0); // nothing is asked for in a replay
+});
+
+test("a record that is here stays, whatever becomes of the connection", () => {
+  const played = new Played();
+  played.session();
+  played.moment(0);
+  played.tell("progress", create(ReplayProgressSchema, { share: 1 }));
+  assert.deepEqual([played.source.progress, played.unwatched], [0.999, 0]);
+  played.tell("progress", create(ReplayProgressSchema, { share: 1, done: true }));
+  assert.deepEqual([played.source.progress, played.unwatched, played.source.history.count], [1, 1, 1]);
+});
+
+test("a replay that begins afresh leaves nothing of the one before", () => {
+  const played = new Played();
+  const [first] = steps();
+  played.session();
+  played.cut(0, first!.number, first!.payload, 100);
+  played.moment(3, [1, 0, 0, 0, 0, 4]);
+  played.session();
+  assert.deepEqual([played.source.history.count, played.source.marks.length, played.source.resections.length, played.source.groups().length], [0, 0, 0, 0]);
+  played.cut(0, first!.number, first!.payload, 100);
+  played.moment(1, [1]);
+  assert.equal(played.source.tissue("meniscus_medial", 1)?.number, first!.number);
+  assert.deepEqual(played.source.marks, [mark(1, "state")]);
+});
+
+test("states are bands from change to change, and two sessions meet at what first happened in each", () => {
+  const played = new Played();
+  const { source } = played;
+  played.session();
+  played.moment(1, [1]);
+  for (let i = 2; i <= 4; i++) played.moment(i, [2, 0, 0, i - 1], 2);
+  played.moment(6, [3, 0, 0, 3], 1);
+  assert.deepEqual(bandsOf(source.history, source.marks), [{ from: 1, to: 2, state: 1 }, { from: 2, to: 6, state: 2 }]);
+  assert.equal(firstOf("start", source.history, source.marks), 1);
+  assert.equal(firstOf("contact", source.history, source.marks), 2);
+  assert.equal(firstOf("cut", source.history, source.marks), undefined);
+});
+
+test("the volume of a mesh is that inside its surface", () => {
+  const tissue = new Tissue();
+  // A corner of a cube of 3 mm, away from the origin; the last triangle is a dead one.
+  tissue.positions = Float32Array.from([10, 20, 30, 13, 20, 30, 10, 23, 30, 10, 20, 33]);
+  tissue.corners = Uint32Array.from([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3, 0, 0, 0]);
+  tissue.triangleBound = 5;
+  assert.ok(Math.abs(tissue.volume() - 27 / 6) < 1e-9);
+});
+
+// ---- metrics beside others' --------------------------------------------------------------------------------
+
+test("quantiles go straight between values", () => {
+  assert.equal(quantile([1, 2, 4, 8], 0.5), 3);
+  assert.equal(quantile([1, 2, 4, 8], 0), 1);
+  assert.equal(quantile([1, 2, 4, 8], 1), 8);
+  assert.equal(quantile([5], 0.25), 5);
+});
+
+const distribution = (change: Partial<Distribution> = {}): Distribution =>
+  ({ metric: "path_hand", subject: "probe", version: 1, unit: "mm", n: 5, values: [1, 2, 3, 4, 10], ...change });
+
+test("a spread is of all values, or of the quantiles that stand for them", () => {
+  assert.deepEqual(spreadOf(distribution()), { least: 1, lower: 2, median: 3, upper: 4, most: 10 });
+  const quantiles = Array.from({ length: 21 }, (_, i) => 5 * i);
+  assert.deepEqual(spreadOf(distribution({ n: 900, values: undefined, quantiles })), { least: 0, lower: 25, median: 50, upper: 75, most: 100 });
+  assert.equal(spreadOf(distribution({ n: 0, values: [] })), undefined);
+});
+
+test("a value is compared only with those of its metric, subject and version", () => {
+  const all = [distribution({ version: 2 }), distribution({ subject: "punch" }), distribution({ metric: "path_seen" })];
+  const value = { name: "path_hand", subject: "probe", version: 1, unit: "mm", value: 3, belowFloor: false };
+  assert.equal(distributionOf(all, value), undefined);
+  assert.equal(distributionOf([...all, distribution()], value)?.n, 5);
+  assert.deepEqual(bySubject([value, { ...value, subject: "" }, { ...value, name: "present" }]).map(([subject, of]) => [subject, of.length]), [["probe", 2], ["", 1]]);
+});

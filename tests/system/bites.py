@@ -1,6 +1,7 @@
 """A house whose mock-up bites with a punch, and what its station and server know of the tissue then."""
 
 import os
+import time
 
 from arthron import House, call, wait_until
 
@@ -44,6 +45,16 @@ class Bites(House):
 
     def wait_for_cuts(self, count=2):
         wait_until(f"{count} cuts", lambda: self.resection()["cuts"] >= count, 60)
+
+    def pause(self):
+        """A cut that is on its way lands all the same, on a busy machine some time later."""
+        self.steer("pause", "room-1")
+
+        def rests():
+            before = self.resection()
+            time.sleep(0.5)
+            return self.resection() == before
+        wait_until("the last cut", rests)
 
     def mesh_at(self, station):
         """What the station has of the medial meniscus, as it says at its end."""

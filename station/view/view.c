@@ -136,6 +136,8 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
                        lws_http_transaction_completed(socket)
                    ? -1
                    : 0;
+    case LWS_CALLBACK_RAW_ADOPT: // CONNECT: nobody would time it out
+        return -1;
     case LWS_CALLBACK_ESTABLISHED:
         return let_in(view, socket);
     case LWS_CALLBACK_SERVER_WRITEABLE:

@@ -1,5 +1,6 @@
-// The usher: does what pages ask for, one after the other, so that the thread of the pages waits
-// for no desk; and has recorded sessions played, two at a time.
+// The usher has recorded sessions played, two at a time. Its runners bring the commands of pages to
+// the desk, so that the thread of the pages waits for nothing: those of one page one after the
+// other, by the same runner.
 #include "base/check.h"
 #include "base/clock.h"
 #include "hub/playback.h"
@@ -11,15 +12,25 @@
 #include <string.h>
 
 #define PLAYING_MAX 2
-#define ERRANDS 1024 // more than all pages may have
+#define RUNNERS 4
+#define ERRANDS 1024 // more than the pages of a runner may have
+#define WISHES 1024
 
 struct errand {
     int viewer; // index
     uint32_t guest;
     char actor[64];
-    const char *refusal;       // or NULL
-    arthron_Command command;   // where playback is NULL
-    struct playback *playback; // a reference
+    const char *refusal; // or NULL
+    arthron_Command command;
+};
+
+struct runner {
+    struct audience *audience;
+    pthread_t thread;
+    atomic_bool stop;
+    sem_t bell;
+    struct ring *errands; // of struct errand, from the thread of the pages
+    arthron_Live item;
 };
 
 struct usher {
@@ -27,8 +38,8 @@ struct usher {
     pthread_t thread;
     atomic_bool stop;
     sem_t bell;
-    struct ring *errands; // of struct errand, from the thread of the pages
-    arthron_Live item;
+    struct ring *wishes; // of struct playback *, references, from the thread of the pages
+    struct runner runners[RUNNERS];
     // In order; those before `playing` are.
     struct playback *playbacks[AUDIENCE_VIEWERS_MAX];
     int count, playing;
@@ -36,28 +47,55 @@ struct usher {
 
 // ---- commands -----------------------------------------------------------------------------------
 
-static struct parcel *answer(struct usher *u, const struct errand *errand) {
-    u->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
-    arthron_CommandReply *reply = &u->item.message.command_reply;
+static struct parcel *answer(struct runner *r, const struct errand *errand) {
+    r->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    arthron_CommandReply *reply = &r->item.message.command_reply;
     if (errand->refusal)
         snprintf(reply->text, sizeof reply->text, "%s", errand->refusal);
     else
-        desk_command(u->audience->hub, errand->actor, &errand->command, reply);
-    struct parcel *parcel = parcel_of(&u->item, errand->guest);
+        desk_command(r->audience->hub, errand->actor, &errand->command, reply);
+    struct parcel *parcel = parcel_of(&r->item, errand->guest);
     if (parcel)
         return parcel;
     reply->sessions_count = 0;
     reply->resections_count = 0;
-    return parcel_of(&u->item, errand->guest);
+    return parcel_of(&r->item, errand->guest);
 }
 
 // The ring takes all that a page may have asked for; what it does not take is for a page that went.
-static void command(struct usher *u, const struct errand *errand) {
-    struct parcel *parcel = answer(u, errand);
+static void run_errand(struct runner *r, const struct errand *errand) {
+    struct parcel *parcel = answer(r, errand);
     CHECK(parcel);
-    if (!ring_push(u->audience->viewers[errand->viewer].answers, &parcel))
+    if (!ring_push(r->audience->viewers[errand->viewer].answers, &parcel))
         free(parcel);
-    hub_ring(u->audience->hub);
+    hub_ring(r->audience->hub);
+}
+
+static void *run_errands(void *argument) {
+    struct runner *r = argument;
+    struct errand errand;
+    while (!atomic_load(&r->stop)) {
+        while (sem_wait(&r->bell) && errno == EINTR)
+            ;
+        while (!atomic_load(&r->stop) && ring_pop(r->errands, &errand))
+            run_errand(r, &errand);
+    }
+    return NULL;
+}
+
+static void start_runner(struct runner *r, struct audience *audience) {
+    r->audience = audience;
+    sem_init(&r->bell, 0, 0);
+    r->errands = ring_create(ERRANDS, sizeof(struct errand));
+    CHECK(pthread_create(&r->thread, NULL, run_errands, r) == 0);
+}
+
+static void stop_runner(struct runner *r) {
+    atomic_store(&r->stop, true);
+    sem_post(&r->bell);
+    pthread_join(r->thread, NULL);
+    ring_destroy(&r->errands);
+    sem_destroy(&r->bell);
 }
 
 // ---- recorded sessions --------------------------------------------------------------------------
@@ -101,14 +139,10 @@ static void queue(struct usher *u, struct playback *playback) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-static void take_errands(struct usher *u) {
-    struct errand errand;
-    while (ring_pop(u->errands, &errand)) {
-        if (errand.playback)
-            queue(u, errand.playback);
-        else if (!atomic_load(&u->stop))
-            command(u, &errand);
-    }
+static void take_wishes(struct usher *u) {
+    struct playback *playback;
+    while (ring_pop(u->wishes, &playback))
+        queue(u, playback);
 }
 
 static void *ush(void *argument) {
@@ -116,7 +150,7 @@ static void *ush(void *argument) {
     while (!atomic_load(&u->stop)) {
         while (sem_wait(&u->bell) && errno == EINTR)
             ;
-        take_errands(u);
+        take_wishes(u);
         reap(u);
         start_waiting(u);
     }
@@ -127,7 +161,9 @@ struct usher *usher_start(struct audience *audience) {
     struct usher *u = alloc(1, sizeof *u);
     u->audience = audience;
     sem_init(&u->bell, 0, 0);
-    u->errands = ring_create(ERRANDS, sizeof(struct errand));
+    u->wishes = ring_create(WISHES, sizeof(struct playback *));
+    for (int i = 0; i < RUNNERS; i++)
+        start_runner(&u->runners[i], audience);
     CHECK(pthread_create(&u->thread, NULL, ush, u) == 0);
     return u;
 }
@@ -138,12 +174,14 @@ void usher_stop(struct usher **usher) {
     atomic_store(&u->stop, true);
     sem_post(&u->bell);
     pthread_join(u->thread, NULL);
-    take_errands(u);
+    take_wishes(u);
     for (int i = 0; i < u->playing; i++)
         playback_join(u->playbacks[i]);
     while (u->count)
         drop(u, u->count - 1);
-    ring_destroy(&u->errands);
+    for (int i = 0; i < RUNNERS; i++)
+        stop_runner(&u->runners[i]);
+    ring_destroy(&u->wishes);
     sem_destroy(&u->bell);
     free(u);
     *usher = NULL;
@@ -151,26 +189,25 @@ void usher_stop(struct usher **usher) {
 
 // ---- the thread of the pages --------------------------------------------------------------------
 
-static bool send(struct usher *u, const struct errand *errand) {
-    bool pushed = ring_push(u->errands, errand);
-    sem_post(&u->bell);
-    return pushed;
-}
-
 bool usher_command(struct usher *u, const struct viewer *viewer, const arthron_Command *asked,
                    const char *refusal) {
-    struct errand errand = {.viewer = (int)(viewer - u->audience->viewers),
-                            .guest = viewer->number,
-                            .refusal = refusal,
-                            .command = *asked};
+    int place = (int)(viewer - u->audience->viewers);
+    struct runner *runner = &u->runners[place % RUNNERS];
+    struct errand errand = {
+        .viewer = place, .guest = viewer->number, .refusal = refusal, .command = *asked};
     snprintf(errand.actor, sizeof errand.actor, "%s", viewer->guest.name);
-    return send(u, &errand);
+    if (!ring_push(runner->errands, &errand))
+        return false;
+    sem_post(&runner->bell);
+    return true;
 }
 
 bool usher_play(struct usher *u, struct playback *playback) {
-    struct errand errand = {.playback = playback_hold(playback)};
-    if (send(u, &errand))
-        return true;
-    playback_release(&errand.playback);
-    return false;
+    struct playback *wish = playback_hold(playback);
+    if (!ring_push(u->wishes, &wish)) {
+        playback_release(&wish);
+        return false;
+    }
+    sem_post(&u->bell);
+    return true;
 }

@@ -78,7 +78,7 @@ struct viewer {
     struct guest guest;
     enum store_role role; // ROLE_COUNT: none
     char trouble[256];    // still to be told
-    struct ring *answers; // of struct parcel *, from the usher
+    struct ring *answers; // of struct parcel *, from its runner
     int asked;            // commands that are not answered yet
 
     arthron_Watch watch;
@@ -146,7 +146,7 @@ void follow_end(struct viewer *viewer); // the page looks elsewhere
 // What the page says of its meshes; false: too busy.
 bool follow_meshes(struct audience *audience, struct viewer *viewer, const arthron_Page *message);
 
-// ---- usher.c: the thread that does what pages ask for and what may take time
+// ---- usher.c: the threads that do what pages ask for and may take time
 // ----------------------
 
 struct usher *usher_start(struct audience *audience);

@@ -3,8 +3,8 @@
 // Threads: a worker for each core (datagrams, steps, replies) and a theatre beside it (cuts, and
 // the meshes that they change), one for control connections, one for the console, and the clerk,
 // who does what may take time (loading, opening and closing traces), and the recorder, who alone
-// waits for the database. They talk through rings; a
-// worker never waits for any of the others.
+// waits for the database; and those that pages need (audience.h). They talk through rings; a worker
+// never waits for any of the others.
 #pragma once
 
 #include "base/result.h"

@@ -9,7 +9,7 @@ export const TISSUE: Record<string, Colour> = {
   meniscus: [206, 190, 168],
   cut: [226, 158, 136],
   ligament: [228, 216, 192],
-  skin: [190, 120, 104],
+  skin: [192, 134, 128],
 };
 
 /** What a surface is made of, as its group's name tells. In the joint's inside bones have their cartilage. */

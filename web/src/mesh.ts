@@ -1,60 +1,21 @@
-// The meshes that are cut, as the server sends them (PROTOCOL.md, Meshes): payloads decoded, changes
-// made, and what to answer. Millimetres, in the frame of the group's body.
+// The meshes that are cut, as the server sends them (PROTOCOL.md, Meshes): payloads decoded and their
+// changes made. Millimetres, in the frame of the group's body.
 //
 // The hash of the whole mesh is checked after every change, which costs what was changed: it tells
 // wrong bytes and wrong changes alike. The payload's own hash says nothing more over TLS, and is not
 // looked at.
 
+import { hash16, hash20, MASK, record } from "./xxh3";
+
 const IDS_MAX = 1 << 20;
 const PIECES_MAX = 64;
 const REACH_MM = 10000;
-const PAYLOAD_MAX = 64 << 20;
-const CHUNK = 32768;
 
 // What came was no change of the mesh. `missing`: its base is another number than the mesh has, which is as before.
 export class MeshError extends Error {
   constructor(text: string, readonly missing = false) {
     super(text);
   }
-}
-
-// ---- XXH3-64 of 16 and 20 bytes -------------------------------------------------------------------
-
-const MASK = 0xffffffffffffffffn;
-const FLIP_LOW = 0x1f67b3b7a4a44072n ^ 0x78e5c0cc4ee679cbn; // secret, bytes 24 to 39
-const FLIP_HIGH = 0x2172ffcc7dd05a82n ^ 0x8e2443f7744608b8n; // secret, bytes 40 to 55
-const SECRET_0 = 0xbe4ba423396cfeb8n;
-const SECRET_8 = 0x1cad21f72c81017cn;
-const SECRET_16 = 0xdb979083e96dd4den;
-const SECRET_24 = 0x1f67b3b7a4a44072n;
-const PRIME = 0x9e3779b185ebca87n;
-
-function fold(a: bigint, b: bigint): bigint {
-  const product = a * b;
-  return (product & MASK) ^ (product >> 64n);
-}
-
-function avalanche(h: bigint): bigint {
-  h &= MASK;
-  h ^= h >> 37n;
-  h = (h * 0x165667919e3779f9n) & MASK;
-  return h ^ (h >> 32n);
-}
-
-const record = new DataView(new ArrayBuffer(20));
-const swapped = new DataView(new ArrayBuffer(8));
-
-function hash16(): bigint {
-  const low = record.getBigUint64(0, true) ^ FLIP_LOW;
-  const high = record.getBigUint64(8, true) ^ FLIP_HIGH;
-  swapped.setBigUint64(0, low, true);
-  return avalanche(16n + swapped.getBigUint64(0) + high + fold(low, high));
-}
-
-function hash20(): bigint {
-  const first = fold(record.getBigUint64(0, true) ^ SECRET_0, record.getBigUint64(8, true) ^ SECRET_8);
-  const last = fold(record.getBigUint64(4, true) ^ SECRET_16, record.getBigUint64(12, true) ^ SECRET_24);
-  return avalanche(20n * PRIME + first + last);
 }
 
 // ---- bytes ----------------------------------------------------------------------------------------
@@ -393,184 +354,5 @@ export class Tissue {
     for (let k = 0; k < 3; k++) record.setUint32(4 + 4 * k, this.corners[3 * triangle + k]!, true);
     record.setUint32(16, this.labels[triangle]!, true);
     return hash20();
-  }
-}
-
-// ---- following a server's meshes --------------------------------------------------------------------
-
-export interface Chunk {
-  group: string;
-  base: number;
-  number: number;
-  size: number;
-  hash: bigint;
-  index: number;
-  data: Uint8Array;
-}
-
-export interface Have {
-  group: string;
-  number: number;
-  hash: bigint;
-}
-
-export type Answer = { ack: Have } | { ask: Have[] };
-
-interface Coming {
-  base: number;
-  number: number;
-  hash: bigint;
-  bytes: Uint8Array;
-  index: number; // of the chunk that is next
-  used: number;
-}
-
-interface Followed {
-  tissue: Tissue;
-  coming: Coming | null;
-  failures: number; // one behind the other
-}
-
-const FAILURES_MAX = 4;
-
-// The meshes of one session. `onPayload` gets each payload that was made, as it came.
-export class Meshes {
-  private readonly groups = new Map<string, Followed>();
-  onPayload: (group: string, tissue: Tissue, payload: Uint8Array) => void = () => {};
-
-  // Of another case: all meshes are void.
-  clear(): void {
-    this.groups.clear();
-  }
-
-  tissue(group: string): Tissue | undefined {
-    const followed = this.groups.get(group);
-    return followed?.tissue.number ? followed.tissue : undefined;
-  }
-
-  ask(): { ask: Have[] } {
-    const ask: Have[] = [];
-    for (const [group, { tissue }] of this.groups) if (tissue.number) ask.push(have(group, tissue));
-    return { ask };
-  }
-
-  // The session opens: groups that were given up are followed again.
-  open(): { ask: Have[] } {
-    for (const followed of this.groups.values()) {
-      followed.failures = 0;
-      followed.coming = null;
-    }
-    return this.ask();
-  }
-
-  // What to answer; null: nothing yet.
-  chunk(chunk: Chunk): Answer | null {
-    const followed = this.followed(chunk.group);
-    if (followed.failures >= FAILURES_MAX) return null;
-    if (chunk.index === 0) this.begin(followed, chunk);
-    const coming = followed.coming;
-    if (!coming) return null;
-    if (!fits(coming, chunk)) return this.failed(followed);
-    coming.bytes.set(chunk.data, coming.used);
-    coming.used += chunk.data.length;
-    coming.index++;
-    if (coming.used < coming.bytes.length) return null;
-    followed.coming = null;
-    return this.made(chunk.group, followed, coming);
-  }
-
-  private begin(followed: Followed, chunk: Chunk): void {
-    const size = chunk.size <= PAYLOAD_MAX ? chunk.size : 0;
-    followed.coming = {
-      base: chunk.base,
-      number: chunk.number,
-      hash: chunk.hash,
-      bytes: new Uint8Array(size),
-      index: 0,
-      used: 0,
-    };
-  }
-
-  private made(group: string, followed: Followed, coming: Coming): Answer | null {
-    const { tissue } = followed;
-    if (coming.number <= tissue.number && coming.base) return { ack: have(group, tissue) };
-    try {
-      tissue.apply(coming.bytes);
-    } catch (error) {
-      if (!(error instanceof MeshError)) throw error;
-      return this.failed(followed);
-    }
-    followed.failures = 0;
-    this.onPayload(group, tissue, coming.bytes);
-    return { ack: have(group, tissue) };
-  }
-
-  private failed(followed: Followed): Answer | null {
-    followed.coming = null;
-    return ++followed.failures < FAILURES_MAX ? this.ask() : null;
-  }
-
-  private followed(group: string): Followed {
-    let followed = this.groups.get(group);
-    if (!followed) this.groups.set(group, (followed = { tissue: new Tissue(), coming: null, failures: 0 }));
-    return followed;
-  }
-}
-
-function have(group: string, tissue: Tissue): Have {
-  return { group, number: tissue.number, hash: tissue.hash };
-}
-
-function fits(coming: Coming, chunk: Chunk): boolean {
-  const wanted = Math.min(CHUNK, coming.bytes.length - coming.used);
-  return chunk.index === coming.index && chunk.number === coming.number && chunk.hash === coming.hash &&
-    chunk.size === coming.bytes.length && chunk.data.length === wanted && wanted > 0;
-}
-
-// ---- meshes of a recorded session -------------------------------------------------------------------
-
-const KEPT_EVERY = 16;
-
-interface Landing {
-  time: number; // s
-  payload: Uint8Array;
-  after: Tissue | undefined; // kept of every 16th
-}
-
-// The mesh of one group at any time of a session.
-export class MeshHistory {
-  private readonly landings: Landing[] = [];
-  private made = 0; // landings that `shown` has had
-  private shown = new Tissue();
-
-  // `tissue` is the mesh with that payload. A time of Infinity is not known yet.
-  push(time: number, tissue: Tissue, payload: Uint8Array): void {
-    const after = this.landings.length % KEPT_EVERY === 0 ? tissue.clone() : undefined;
-    this.landings.push({ time, payload, after });
-  }
-
-  // Those of which it was not known came then.
-  settle(time: number): void {
-    for (let i = this.landings.length; i-- > 0 && this.landings[i]!.time === Infinity; ) this.landings[i]!.time = time;
-  }
-
-  // The mesh as it was then, good until the next call; undefined before the first.
-  at(time: number): Tissue | undefined {
-    let wanted = this.made;
-    while (wanted < this.landings.length && this.landings[wanted]!.time <= time) wanted++;
-    while (wanted > 0 && this.landings[wanted - 1]!.time > time) wanted--;
-    if (wanted === 0) return undefined;
-    this.start(wanted);
-    while (this.made < wanted) this.shown.apply(this.landings[this.made++]!.payload);
-    return this.shown;
-  }
-
-  // From what is shown, or from the last that was kept: whichever is nearer.
-  private start(wanted: number): void {
-    let kept = wanted;
-    while (!this.landings[kept - 1]!.after) kept--;
-    if (this.made >= kept && this.made <= wanted) return;
-    this.made = kept;
-    this.shown = this.landings[kept - 1]!.after!.clone();
   }
 }

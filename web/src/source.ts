@@ -7,7 +7,8 @@ import {
 } from "wire";
 import { History } from "./history";
 import type { Feed, WatchInit } from "./live";
-import { Meshes, MeshHistory, type Answer, type Tissue } from "./mesh";
+import type { Tissue } from "./mesh";
+import { Meshes, MeshHistory, type Answer } from "./meshes";
 import { text } from "./text";
 
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { MeshError, MeshHistory, Meshes, Tissue, type Answer, type Chunk } from "../src/mesh";
+import { MeshError, Tissue } from "../src/mesh";
+import { MeshHistory, Meshes, type Answer, type Chunk } from "../src/meshes";
 import { steps, type Step } from "./meshes";
 
 function check(tissue: Tissue | undefined, step: Step): void {

@@ -9,7 +9,7 @@ import { Fineness, newRenderer } from "./view3d";
 const LIGHT = 260; // at 1 mm, before it fades with distance
 const FADE = 1.45; // less than the square: cameras open up in the distance
 const DEPTH = 0x1a0b0a; // where no light comes back from
-const MEAN = 0.85; // of what is lit, as the camera wants to have it
+const MEAN = 0.76; // of what is lit, as the camera wants to have it
 const METER_MS = 120;
 const METER_EACH = 13; // vertices of which one is looked at
 const METER_CONE = Math.cos((36 * Math.PI) / 180);

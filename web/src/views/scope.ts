@@ -1,25 +1,25 @@
 // #/scope/NAME: what the trainee sees, in full screen. On the station's PC poses come from the station
 // itself, so that the network is not between hand and eye; the rest comes from the server.
 import { SessionState } from "wire";
-import type { View } from "../app";
+import type { App, View } from "../app";
 import { newRow, packView, STATE } from "../history";
 import { QUIET_MS } from "../live";
-import type { Route } from "../router";
-import { routeTo } from "../router";
+import { routeTo, type Route } from "../router";
 import { loadKnee, type Knee } from "../scene/anatomy";
 import { Arthroscope } from "../scene/arthroscope";
 import { Joint } from "../scene/joint";
 import { notchAngle, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { NoWebGl } from "../scene/view3d";
-import { FeedSource, markerAt, noteAt } from "../source";
+import { FeedSource, markerAt, noteAt, type Change } from "../source";
 import { StationView, TOKEN, type ViewPlace } from "../station_view";
 import { text } from "../text";
-import { broken, empty, everySecond, field, fill, formDialog, h, loading, select, setClass, setFault, setText } from "../ui";
-
+import { broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
+import { Picture } from "./scope_picture";
 
 const RATE_HZ = 60;
 const NOTE_S = 25; // how long a note is shown
 const POST_STEP_DEG = 15;
+const PAUSE_MS = 250; // longer between two pictures: nothing changed meanwhile
 
 interface Settings extends Optic {
   place: ViewPlace | undefined;
@@ -52,89 +52,147 @@ function settingsOf(route: Route): Settings {
 }
 
 export const scope: View = (root, route, app) => {
-  const name = route.args[0] ?? "";
-  app.title(text.scope.title(name));
-  const picture = new Picture(root, text.scope.title(name));
-  let settings = settingsOf(route);
-  const source = FeedSource.live(app.feed, name, RATE_HZ);
-  let station = settings.place && new StationView(settings.place);
-  let knee = "";
-  let shown: { joint: Joint; optic: Arthroscope } | undefined;
-  let pending = 0;
-  let drawnAt = 0; // of the frame before, where it was drawn
-  let heard = 0;
-  let timing = false;
-  const row = newRow();
-  const near = newRow(); // of the station's own view
+  const shown = new Scope(root, route, app);
+  return () => shown.close();
+};
 
-  const drop = (): void => {
-    shown?.optic.close();
-    shown?.joint.dispose();
-    shown = undefined;
-  };
-  const begin = (made: Knee): void => {
-    drop();
-    picture.fresh();
-    const joint = new Joint(made, true);
-    try {
-      shown = { joint, optic: new Arthroscope(picture.canvas, joint, settings) };
-    } catch (error) {
-      if (!(error instanceof NoWebGl)) throw error;
-      picture.say(broken(text.session.noScene, text.session.noSceneHint));
-      return;
-    }
-    shown.optic.setSide(picture.side);
-    soon();
-  };
-  const load = (): void => {
-    const { session } = source;
+class Scope {
+  private readonly name: string;
+  private readonly picture: Picture;
+  private readonly source: FeedSource;
+  private settings: Settings;
+  private station: StationView | undefined;
+  private knee = ""; // which one is shown, or asked for
+  private shown: { joint: Joint; optic: Arthroscope } | undefined;
+  private pending = 0;
+  private drawnAt = 0; // when the picture before was drawn
+  private heard = 0; // when the last moment came
+  private timing = false;
+  private readonly row = newRow(); // of the server
+  private readonly near = newRow(); // of what is drawn: the station's own where it tells
+  private readonly ends: (() => void)[];
+
+  constructor(root: HTMLElement, route: Route, private readonly app: App) {
+    this.name = route.args[0] ?? "";
+    app.title(text.scope.title(this.name));
+    this.picture = new Picture(root, text.scope.title(this.name));
+    this.settings = settingsOf(route);
+    this.source = FeedSource.live(app.feed, this.name, RATE_HZ);
+    this.watchStation();
+    this.picture.onSide = (side) => {
+      this.shown?.optic.setSide(side);
+      this.soon();
+    };
+    this.picture.turnNotch(notchAngle(this.settings));
+    const key = (event: KeyboardEvent): void => this.key(event);
+    document.addEventListener("keydown", key);
+    document.documentElement.classList.add("scope-page");
+    this.ends = [
+      this.source.onChange((change) => this.changed(change)),
+      everySecond(() => this.showState()),
+      () => document.removeEventListener("keydown", key),
+      () => document.documentElement.classList.remove("scope-page"),
+    ];
+  }
+
+  close(): void {
+    for (const end of this.ends) end();
+    cancelAnimationFrame(this.pending);
+    this.station?.close();
+    this.source.close();
+    this.picture.close();
+    this.drop();
+  }
+
+  private watchStation(): void {
+    this.station?.close();
+    this.station = this.settings.place && new StationView(this.settings.place);
+    if (this.station) this.station.onView = () => this.soon();
+  }
+
+  private changed(change: Change): void {
+    if (change === "session") this.load();
+    if (change === "moment") this.heard = this.app.feed.now();
+    else this.showState();
+    if (!this.station?.fresh) this.soon();
+  }
+
+  // ---- the case --------------------------------------------------------------------------------------
+
+  private load(): void {
+    const { session } = this.source;
     if (!session) return;
     const key = `${session.caseName} ${session.caseHash}`;
-    if (key === knee) return;
-    knee = key;
-    picture.say(loading(text.session.loadingCase(session.caseName)));
+    if (key === this.knee) return;
+    this.knee = key;
+    this.picture.say(loading(text.session.loadingCase(session.caseName)));
     loadKnee(session.caseName, key).then(
-      (made) => knee === key && picture.canvas.isConnected && begin(made),
-      () => knee === key && picture.say(broken(text.session.noCase, "", () => {
-        knee = "";
-        load();
+      (knee) => this.knee === key && this.picture.canvas.isConnected && this.begin(knee),
+      () => this.knee === key && this.picture.say(broken(text.session.noCase, "", () => {
+        this.knee = "";
+        this.load();
       })));
-  };
+  }
 
-  const soon = (): void => {
-    pending ||= requestAnimationFrame((now) => {
-      pending = 0;
-      draw(now);
-    });
-  };
-  const draw = (now: number): void => {
-    if (!shown || document.hidden) return;
-    const { history } = source;
-    const own = station?.fresh === true;
-    if (history.count) history.read(history.count - 1, row);
-    if (own) packView(station!.newest!, near);
-    else near.set(row);
-    for (const group of source.groups()) {
-      const tissue = source.tissue(group, Infinity);
-      if (tissue) shown.joint.setTissue(group, tissue);
+  private begin(knee: Knee): void {
+    this.drop();
+    this.picture.fresh();
+    const joint = new Joint(knee, true);
+    try {
+      this.shown = { joint, optic: new Arthroscope(this.picture.canvas, joint, this.settings) };
+    } catch (error) {
+      if (!(error instanceof NoWebGl)) throw error;
+      this.picture.say(broken(text.session.noScene, text.session.noSceneHint));
+      return;
     }
-    const remark = markerAt(source, Infinity);
-    shown.joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
-    shown.joint.paint(now);
-    const began = performance.now();
-    const seen = shown.optic.draw(near, now / 1000);
-    if (now - drawnAt < 250) shown.optic.took(now - drawnAt);
-    picture.timed(now - drawnAt, performance.now() - (own ? station!.at : began));
-    drawnAt = now;
-    if (own) picture.canvas.dataset.drawn = String(station!.newest!.number);
-    if (seen) picture.say(undefined);
-    else if (history.count) picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
-  };
+    this.shown.optic.setSide(this.picture.side);
+    this.soon();
+  }
 
-  const showState = (): void => {
+  private drop(): void {
+    this.shown?.optic.close();
+    this.shown?.joint.dispose();
+    this.shown = undefined;
+  }
+
+  // ---- a picture -------------------------------------------------------------------------------------
+
+  private soon(): void {
+    this.pending ||= requestAnimationFrame((now) => {
+      this.pending = 0;
+      if (this.shown && !document.hidden) this.draw(now, this.shown);
+    });
+  }
+
+  private draw(now: number, { joint, optic }: { joint: Joint; optic: Arthroscope }): void {
+    const { history } = this.source;
+    const station = this.station?.fresh ? this.station : undefined;
+    if (history.count) history.read(history.count - 1, this.row);
+    if (station) packView(station.newest!, this.near);
+    else this.near.set(this.row);
+    for (const group of this.source.groups()) {
+      const tissue = this.source.tissue(group, Infinity);
+      if (tissue) joint.setTissue(group, tissue);
+    }
+    const remark = markerAt(this.source, Infinity);
+    joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
+    joint.paint(now);
+    const seen = optic.draw(this.near, now / 1000);
+    if (now - this.drawnAt < PAUSE_MS) optic.took(now - this.drawnAt);
+    this.picture.timed(now - this.drawnAt, performance.now() - (station?.at ?? now));
+    this.drawnAt = now;
+    if (station) this.picture.canvas.dataset.drawn = String(station.newest!.number);
+    if (seen) this.picture.say(undefined);
+    else if (history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
+  }
+
+  // ---- words -----------------------------------------------------------------------------------------
+
+  private showState(): void {
+    const { source, picture } = this;
     const { history } = source;
-    const own = station?.fresh === true;
-    const age = own || !heard ? 0 : app.feed.now() - heard;
+    const own = this.station?.fresh === true;
+    const age = own || !this.heard ? 0 : this.app.feed.now() - this.heard;
     const state = history.count ? history.value(history.count - 1, STATE) : undefined;
     picture.sign("stale", age >= QUIET_MS && state !== SessionState.CLOSED ? text.scope.stale(age) : "");
     picture.sign("state", state === SessionState.PAUSED ? text.scope.paused : state === SessionState.CLOSED ? text.scope.closed : "");
@@ -142,145 +200,35 @@ export const scope: View = (root, route, app) => {
     const young = note && history.end - Number(note.timeNs) * 1e-9 < NOTE_S;
     picture.sign("note", young ? note.text : "");
     picture.sign("marker", markerAt(source, Infinity) ? text.scope.marker : "");
-    const from = own ? text.scope.sources.station : settings.place ? text.scope.sources.trying : text.scope.sources.server;
-    picture.sign("source", timing ? `${from} · ${text.scope.optic(settings.tiltDeg)}` : "");
+    const from = own ? text.scope.sources.station : this.settings.place ? text.scope.sources.trying : text.scope.sources.server;
+    picture.sign("source", this.timing ? `${from} · ${text.scope.optic(this.settings.tiltDeg)}` : "");
     if (!source.session) picture.say(source.trouble ? empty(text.station.noSession, source.trouble) : loading(text.scope.waiting));
-  };
+  }
 
-  const change = (next: Settings, keep = true): void => {
-    const moved = next.place?.port !== settings.place?.port || next.place?.token !== settings.place?.token;
-    settings = next;
-    if (keep) localStorage.setItem(KEY, JSON.stringify(settings));
-    shown?.optic.setOptic(settings);
-    picture.turnNotch(notchAngle(settings));
-    if (moved) {
-      station?.close();
-      station = settings.place && new StationView(settings.place);
-      if (station) station.onView = soon;
-    }
-    showState();
-    soon();
-  };
-  const key = (event: KeyboardEvent): void => {
+  // ---- settings --------------------------------------------------------------------------------------
+
+  private change(next: Settings): void {
+    const moved = next.place?.port !== this.settings.place?.port || next.place?.token !== this.settings.place?.token;
+    this.settings = next;
+    localStorage.setItem(KEY, JSON.stringify(next));
+    this.shown?.optic.setOptic(next);
+    this.picture.turnNotch(notchAngle(next));
+    if (moved) this.watchStation();
+    this.showState();
+    this.soon();
+  }
+
+  private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
-    if (event.key === "f") picture.showTiming((timing = !timing));
-    else if (event.key === "o") change({ ...settings, tiltDeg: settings.tiltDeg === 30 ? 70 : 30 });
-    else if (event.key === ",") change({ ...settings, postDeg: settings.postDeg - POST_STEP_DEG });
-    else if (event.key === ".") change({ ...settings, postDeg: settings.postDeg + POST_STEP_DEG });
-    else if (event.key === "s") ask(settings, change);
+    const { settings } = this;
+    if (event.key === "f") this.picture.showTiming((this.timing = !this.timing));
+    else if (event.key === "o") this.change({ ...settings, tiltDeg: settings.tiltDeg === 30 ? 70 : 30 });
+    else if (event.key === ",") this.change({ ...settings, postDeg: settings.postDeg - POST_STEP_DEG });
+    else if (event.key === ".") this.change({ ...settings, postDeg: settings.postDeg + POST_STEP_DEG });
+    else if (event.key === "s") ask(settings, (next) => this.change(next));
     else return;
     event.preventDefault();
-    showState();
-  };
-
-  if (station) station.onView = soon;
-  picture.onSide = (side) => {
-    shown?.optic.setSide(side);
-    soon();
-  };
-  picture.turnNotch(notchAngle(settings));
-  document.addEventListener("keydown", key);
-  document.documentElement.classList.add("scope-page");
-  const ends = [
-    source.onChange((what) => {
-      if (what === "session") load();
-      if (what === "moment") heard = app.feed.now();
-      else showState();
-      if (!station?.fresh) soon();
-    }),
-    everySecond(showState),
-    () => document.removeEventListener("keydown", key),
-    () => document.documentElement.classList.remove("scope-page"),
-    () => cancelAnimationFrame(pending),
-    () => station?.close(),
-    () => source.close(),
-    () => picture.close(),
-    drop,
-  ];
-  return () => {
-    for (const end of ends) end();
-  };
-};
-
-// ---- what is on the screen ----------------------------------------------------------------------------
-
-type Sign = "stale" | "state" | "note" | "marker" | "source";
-
-class Picture {
-  canvas = h("canvas", { class: "scope-canvas", role: "img", "aria-label": text.scope.picture });
-  side = 0;
-  onSide: (side: number) => void = () => {};
-  private readonly round: HTMLElement;
-  private readonly notch = h("i", { class: "scope-notch", "aria-hidden": "true" });
-  private readonly state = h("div", { class: "scope-state" });
-  private readonly timing = h("p", { class: "scope-timing number", hidden: true });
-  private readonly signs: Record<Sign, HTMLElement>;
-  private readonly size: ResizeObserver;
-  private told: HTMLElement | undefined;
-  private frames: number[] = [];
-  private toldAt = 0;
-
-  constructor(private readonly root: HTMLElement, name: string) {
-    const sign = (kind: Sign): HTMLElement => h("p", { class: `scope-sign ${kind}`, role: "status" });
-    this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
-    this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
-    root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),
-      h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing),
-      h("h1", { class: "unseen" }, name), h("p", { class: "unseen" }, text.scope.keys));
-    this.size = new ResizeObserver(() => this.measure());
-    this.size.observe(root);
-    this.measure();
-  }
-
-  close(): void {
-    this.size.disconnect();
-  }
-
-  /** A canvas that no renderer has had. */
-  fresh(): void {
-    const next = this.canvas.cloneNode() as HTMLCanvasElement;
-    this.canvas.replaceWith(next);
-    this.canvas = next;
-  }
-
-  private measure(): void {
-    const side = Math.floor(Math.min(this.root.clientWidth, this.root.clientHeight));
-    if (side === this.side || side <= 0) return;
-    this.side = side;
-    this.round.style.width = this.round.style.height = `${side}px`;
-    this.onSide(side);
-  }
-
-  /** Instead of the picture; undefined: the picture. */
-  say(what: HTMLElement | undefined): void {
-    if (what === undefined && this.told === undefined) return;
-    if (what && this.told?.textContent === what.textContent) return;
-    this.told = what;
-    fill(this.state, what);
-    setClass(this.round, "dark", what !== undefined);
-  }
-
-  sign(kind: Sign, words: string): void {
-    setText(this.signs[kind], words);
-  }
-
-  turnNotch(angle: number): void {
-    this.notch.style.transform = `rotate(${angle}rad)`;
-  }
-
-  showTiming(on: boolean): void {
-    this.timing.hidden = !on;
-  }
-
-  timed(ms: number, ageMs: number): void {
-    if (this.timing.hidden || ms > 1000) return;
-    this.frames.push(ms);
-    const now = performance.now();
-    if (now - this.toldAt < 500) return;
-    const mean = this.frames.reduce((sum, one) => sum + one, 0) / this.frames.length;
-    setText(this.timing, text.scope.frame(mean.toFixed(1), Math.max(...this.frames).toFixed(1), Math.max(0, ageMs).toFixed(1)));
-    this.frames = [];
-    this.toldAt = now;
+    this.showState();
   }
 }
 

@@ -17,9 +17,10 @@ struct api_station {
 };
 
 // records: to see its figures beside those of others; NULL: they stand alone. course: of whose
-// trainees; NULL: of all.
+// trainees; NULL: of all. few_untold: of fewer than 5 sessions no figure is told.
 struct api_report {
     const char *trace, *records, *course;
+    bool few_untold;
 };
 
 // All of it must live as long as the api.

@@ -8,6 +8,7 @@
 
 #define VALUES_MAX 200
 #define QUANTILES 21
+#define TOLD_LEAST 5 // of fewer a trainee could tell whose they are
 
 // ---- lists --------------------------------------------------------------------------------------
 
@@ -168,6 +169,7 @@ void get_session_trace(struct call *call) {
 
 // The figures come in order: those of one metric, subject, version and unit follow each other.
 struct gathering {
+    size_t least; // of fewer nothing is told
     json_t *all;
     json_t *head; // of those that are being gathered, or NULL
     double *values;
@@ -181,9 +183,7 @@ static double quantile(const double *values, size_t count, double share) {
     return values[below] + (at - (double)below) * (values[above] - values[below]);
 }
 
-static void finish(struct gathering *g) {
-    if (!g->head)
-        return;
+static void tell(struct gathering *g) {
     json_t *numbers = json_array();
     bool whole = g->count <= VALUES_MAX;
     for (size_t i = 0; whole && i < g->count; i++)
@@ -193,7 +193,13 @@ static void finish(struct gathering *g) {
             numbers, json_real(quantile(g->values, g->count, (double)i / (QUANTILES - 1))));
     json_object_set_new(g->head, "n", json_integer((json_int_t)g->count));
     json_object_set_new(g->head, whole ? "values" : "quantiles", numbers);
-    json_array_append_new(g->all, g->head);
+    json_array_append(g->all, g->head);
+}
+
+static void finish(struct gathering *g) {
+    if (g->head && g->count >= g->least)
+        tell(g);
+    json_decref(g->head);
     g->head = NULL;
     g->count = 0;
 }
@@ -255,7 +261,7 @@ void get_distributions(struct call *call) {
     }
     if (!may_see(call, course))
         return;
-    struct gathering g = {.all = json_array()};
+    struct gathering g = {.least = is_trainee(call) ? TOLD_LEAST : 1, .all = json_array()};
     enum result result = store_figures_on(call->store, name, course, take_figure, &g, &err);
     finish(&g);
     free(g.values);
@@ -328,7 +334,7 @@ static bool choose_course(struct call *call, struct call_query *query, struct ap
 void get_session_report(struct call *call) {
     struct call_query query = {.names = {"course"}};
     char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
-    struct api_report about = {.trace = path};
+    struct api_report about = {.trace = path, .few_untold = is_trainee(call)};
     if (!find_trace(call, path) || !choose_course(call, &query, &about, first))
         return;
     call_close_store(call);

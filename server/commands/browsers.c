@@ -96,7 +96,8 @@ static bool allowed(void *user, const struct guest *guest, const char *session) 
 // ---- joining ------------------------------------------------------------------------------------
 
 static enum result write_report(const struct api_report *about, FILE *file, struct error *err) {
-    struct review_source source = {.trace = about->trace, .course = about->course};
+    struct review_source source = {
+        .trace = about->trace, .course = about->course, .few_untold = about->few_untold};
     enum result result = RESULT_OK;
     bool whole;
     if (about->records)

@@ -25,6 +25,7 @@ struct page {
     struct report_lines lines;
     bool beside; // others
     const char *course;
+    bool few_untold;
     struct cohort cohort;
     char seal[TRACE_SIGNED_BY_MAX + sizeof((struct error){0}).text];
 };
@@ -206,7 +207,9 @@ static void write_beside(const struct page *page, const struct metric_kind *kind
         return;
     }
     const double *values = page->cohort.values + spread->first;
-    if (spread->count < FEW)
+    if (spread->count < FEW && page->few_untold)
+        fprintf(page->file, "<td class=\"n\">&lt; %d</td><td colspan=\"2\">-</td>", FEW);
+    else if (spread->count < FEW)
         write_few(page->file, values, spread->count);
     else
         write_spread(page->file, values, spread->count, value);
@@ -242,8 +245,8 @@ static void write_whose(const struct page *page) {
     fprintf(page->file,
             " that the records have, this one too where they have it; how many these are, their "
             "quartiles with the median in the middle, and where this session (the diamond) stands "
-            "among them. Of fewer than %d, the figures themselves.</p>\n",
-            FEW);
+            "among them. Of fewer than %d, %s.</p>\n",
+            FEW, page->few_untold ? "nothing" : "the figures themselves");
 }
 
 static void write_figures(const struct page *page) {
@@ -290,6 +293,7 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     trace_reader_destroy(&again);
     page->beside = source->records != NULL;
     page->course = source->course;
+    page->few_untold = source->few_untold;
     return page->beside ? cohort_read(source->records, page->header->case_name, source->course,
                                       &page->cohort, err)
                         : RESULT_OK;

@@ -104,8 +104,9 @@ class Api(House):
         for part in ("", "/trace", "/report"):
             self.ask("GET", at + part, who=eve, status=404)
             self.ask("GET", at + part, who=tom, status=403)
-        distributions = self.get("/distributions?case=arthrosis&course=autumn", ada)["distributions"]
+        distributions = self.get("/distributions?case=arthrosis&course=autumn", grace)["distributions"]
         self.assertEqual(len(distributions), sum(r["value"] is not None for r in one["results"]))
+        self.assertEqual(self.get("/distributions?case=arthrosis&course=autumn", ada), {"distributions": []})
         self.check_files(at, ada)
 
         # It ends: the station's certificate, a token, a cookie.

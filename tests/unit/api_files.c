@@ -98,10 +98,11 @@ static enum result report(const struct api_report *about, FILE *file, struct err
     fclose(in);
     if (strstr(text, "bad"))
         return (fail)(why, RESULT_CORRUPT, "%s: damaged", about->trace);
-    fprintf(file, "<p>%s beside %s</p>", text,
+    fprintf(file, "<p>%s beside %s%s</p>", text,
             !about->records ? "nobody"
             : about->course ? about->course
-                            : "all");
+                            : "all",
+            about->few_untold ? ", if many" : "");
     return RESULT_OK;
 }
 

@@ -121,7 +121,8 @@ static void a_trace_is_a_file_and_a_report_a_page(void **state) {
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 200);
     assert_string_equal(answer.type, "text/html; charset=utf-8");
     assert_true(answer.stands_alone);
-    assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA " beside autumn</p>", answer.size);
+    assert_memory_equal(answer.body, "<p>trace of " SESSION_ADA " beside autumn, if many</p>",
+                        answer.size);
     write_file(api_dir, "1.trace", "bad", 3);
     assert_int_equal(ask("GET", "/sessions/" SESSION_ADA "/report", token, NULL), 500);
     assert_null(strstr(answer.body, api_dir));
@@ -141,10 +142,10 @@ static void a_report_is_beside_a_course_of_ones_own(void **state) {
         {"grace", SESSION_ADA "/report", 200, "beside all<"},
         {"grace", SESSION_ADA "/report?course=winter", 200, "beside winter<"},
         {"grace", SESSION_EVE "/report", 200, "beside all<"},
-        {"ada.l", SESSION_ADA "/report", 200, "beside autumn<"},
-        {"ada.l", SESSION_ADA "/report?course=autumn", 200, "beside autumn<"},
+        {"ada.l", SESSION_ADA "/report", 200, "beside autumn, if many<"},
+        {"ada.l", SESSION_ADA "/report?course=autumn", 200, "beside autumn, if many<"},
         {"ada.l", SESSION_ADA "/report?course=winter", 404, ""},
-        {"eve.l", SESSION_EVE "/report", 200, "beside nobody<"},
+        {"eve.l", SESSION_EVE "/report", 200, "beside nobody, if many<"},
         {"ada.l", SESSION_ADA "/report?with=autumn", 400, ""},
     };
     struct store *store = api_store();
@@ -207,6 +208,23 @@ static void a_trainee_sees_distributions_of_their_own_courses(void **state) {
     assert_int_equal(ask("GET", "/distributions?case=healthy&course=none", token, NULL), 404);
     assert_int_equal(ask("GET", "/distributions?case=healthy", token, NULL), 400);
     assert_string_equal(error_field(), "course");
+}
+
+static void a_trainee_sees_no_distribution_of_few_sessions(void **state) {
+    (void)state;
+    static const char path[] = "/distributions?case=many&course=autumn";
+    static const struct {
+        int sessions;
+        size_t told;
+    } rows[] = {{8, 0}, {10, 1}}; // ada's are half of them
+    for (int i = 0; i < 2; i++) {
+        put_sessions(rows[i].sessions);
+        assert_int_equal(ask("GET", path, token_of("ada.l"), NULL), 200);
+        assert_int_equal(count_at("distributions"), rows[i].told);
+        assert_int_equal(ask("GET", path, token_of("grace"), NULL), 200);
+        assert_int_equal(count_at("distributions"), 1);
+        assert_near(number_at("distributions.0.n"), rows[i].sessions / 2, 0);
+    }
 }
 
 // ---- people -------------------------------------------------------------------------------------
@@ -429,6 +447,7 @@ int main(void) {
         TEST(a_report_is_beside_a_course_of_ones_own),
         TEST(distributions_have_values_and_no_names),
         TEST(a_trainee_sees_distributions_of_their_own_courses),
+        TEST(a_trainee_sees_no_distribution_of_few_sessions),
         TEST(people_are_added_and_listed),
         TEST(every_change_is_in_the_audit_log_with_who_made_it),
         TEST(many_may_ask_at_once),

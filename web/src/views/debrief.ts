@@ -7,7 +7,7 @@ import { browserWorld, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource } from "../source";
 import { format, text } from "../text";
-import { broken, button, empty, explain, fill, h, icon, loading, select } from "../ui";
+import { broken, button, empty, explain, fill, h, icon, loading, select, setClass } from "../ui";
 import { Comparison } from "./debrief_compare";
 import { Transport } from "./debrief_transport";
 
@@ -109,7 +109,8 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
 
   const show = (): void => {
     cover.hidden = source.history.count > 0;
-    if (!cover.hidden) showCover(cover, source);
+    if (!cover.hidden) showCover(cover, source, metrics);
+    setClass(root, "nothing", !cover.hidden && (source.trouble !== "" || source.progress === 1));
     fill(notices, ...noticesOf(session, source).map((words) => h("p", { class: "notice" }, icon("act"), words)));
   };
   const ends = [
@@ -140,11 +141,12 @@ function head(session: SessionRow, metrics: Metrics, comparison: Comparison): HT
       h("a", { class: "button", href: `${base}/trace`, download: true }, icon("file"), words.trace)));
 }
 
-// Nothing can be played: still on its way, or never.
-function showCover(cover: HTMLElement, source: FeedSource): void {
+// Nothing can be played, still or for good: what was measured is known all the same.
+function showCover(cover: HTMLElement, source: FeedSource, metrics: Metrics): void {
   const words = text.debrief;
-  if (source.progress === 1) fill(cover, empty(words.noMoments, source.trouble || words.noMomentsHint));
-  else if (source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())));
+  const figures = (): HTMLElement => h("div", { class: "cover-metrics panel" }, metrics.draw([]));
+  if (source.progress === 1) fill(cover, empty(words.noMoments, source.trouble || words.noMomentsHint), figures());
+  else if (source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())), figures());
   else fill(cover, loading(words.waiting));
 }
 
@@ -160,6 +162,7 @@ function noticesOf(session: SessionRow, source: FeedSource): string[] {
 
 // Whether the meshes that the page has cut are those of the record.
 function checked(source: FeedSource): { words: string; wrong: boolean } {
+  if (source.trouble) return { words: text.debrief.readable, wrong: false };
   let seen = false;
   for (const group of source.groups()) {
     const recorded = [...source.resections].reverse().find(({ resection }) => resection.group === group)?.resection;

@@ -89,7 +89,7 @@ export class Cockpit {
     }
     this.panels.changed(change);
     if (change === "moment" && this.time !== undefined) this.plots.draw();
-    else this.soon();
+    else if (!this.source.recorded || (change !== "mesh" && change !== "resection")) this.soon();
   }
 
   private soon(): void {

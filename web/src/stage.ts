@@ -83,7 +83,14 @@ export class Stage {
 
   private changed(change: Change): void {
     if (change === "session") this.begin();
-    if (change !== "moment" || this.time === undefined || this.source.history.count === 1) this.draw();
+    if (this.concerned(change)) this.draw();
+  }
+
+  // What comes of a record is later than the moment that is shown.
+  private concerned(change: Change): boolean {
+    const { history, recorded } = this.source;
+    if (this.time === undefined || change === "session" || history.count === 1) return true;
+    return recorded ? change === "remark" || this.time >= history.end : change !== "moment";
   }
 
   private begin(): void {

@@ -1,5 +1,5 @@
 // What a replay is run with: play, speed, events, the timeline, keys.
-import type { FeedSource, Source } from "../source";
+import type { Change, FeedSource, Source } from "../source";
 import { format, text } from "../text";
 import { nextStop, Player, SPEEDS, stopsOf } from "../timeline";
 import { Track } from "../track";
@@ -76,16 +76,15 @@ export class Transport {
 
   // ---- what changes ----------------------------------------------------------------------------------
 
-  private changed(change: string): void {
-    if (change === "moment" && this.source.history.count > 1 && this.shown <= this.source.history.end) {
-      this.track.draw();
-      return;
-    }
+  private changed(change: Change): void {
     if (change === "session" || change === "progress") {
       this.bar.value = this.source.progress;
       this.bar.hidden = this.complete;
       if (!this.complete && this.source.session) this.say({ words: text.debrief.replaying(format.percent(this.source.progress, 0)), wrong: false });
     }
+    // The moment that is shown may be the first one, or nearer to what is wanted than the one before.
+    const { history } = this.source;
+    if (change !== "session" && change !== "progress" && history.count > 1) return;
     this.shown = -1;
     this.seek(Math.max(this.player.time, this.source.history.start));
   }

@@ -115,7 +115,8 @@ async function show(): Promise<void> {
     end();
     unframe();
   };
-  if (document.activeElement === document.body || !document.activeElement?.isConnected) document.getElementById("content")?.focus();
+  // A reader goes on at the new view; on a page that was just opened the first stop is the skip link.
+  if (mine > 1 && document.activeElement === document.body) document.getElementById("content")?.focus();
 }
 
 async function chosen(page: Page | undefined): Promise<View> {

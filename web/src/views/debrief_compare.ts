@@ -36,6 +36,7 @@ export class Comparison {
   private step: Step = "start";
   private time = 0;
   private readonly line = h("p", { class: "compare-line", role: "status" });
+  private readonly share = h("span", { class: "compare-share number" });
   private readonly steps: HTMLSelectElement;
   private readonly caption = h("p", { class: "stage-caption" }, text.debrief.this);
   private turn = 0;
@@ -196,7 +197,7 @@ export class Comparison {
     fill(this.element, h("p", { class: "compare-name" }, h("i", { class: "other-key", "aria-hidden": "true" }), `${words.comparedWith} `,
       h("a", { href: routeTo("session", [session.id]) }, sessionTitle(session))),
       h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, words.mode), ...modes),
-      h("label", { class: "compare-align" }, h("span", {}, words.align), this.steps), this.line,
+      h("label", { class: "compare-align" }, h("span", {}, words.align), this.steps), this.share, this.line,
       button(words.endCompare, () => {
         this.drop();
         this.remember();
@@ -213,9 +214,10 @@ export class Comparison {
     const own = other.session.case;
     const here = this.source.session?.caseName ?? "";
     const parts = [
-      trouble ? words.otherTrouble(trouble) : progress < 1 ? words.otherLoading(format.percent(replayed ? progress : 0, 0)) : "",
+      trouble ? words.otherTrouble(trouble) : "",
       own !== here ? words.carried(own, here) : "", this.mode === "ghost" ? words.ghostHint : "",
     ];
+    setText(this.share, progress < 1 && !trouble ? words.otherLoading(format.percent(replayed ? progress : 0, 0)) : "");
     setText(this.line, parts.filter((words) => words !== "").join(" "));
   }
 
@@ -254,10 +256,15 @@ export class Comparison {
 // Both are seen from the same place: the one that was touched last leads.
 function twins(a: Stage, b: Stage): void {
   let leader = a;
+  let met = false; // the second one has looked from where the first one does
   for (const [stage, follower] of [[a, b], [b, a]] as const) {
     for (const kind of ["pointerdown", "wheel", "keydown", "click"]) stage.element.addEventListener(kind, () => (leader = stage), { capture: true, passive: true });
     stage.onLook = (place) => {
       if (leader === stage) follower.look(place);
+      else if (!met) {
+        met = true;
+        follower.draw();
+      }
     };
   }
 }

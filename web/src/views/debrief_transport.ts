@@ -15,6 +15,7 @@ export class Transport {
   private readonly speed: HTMLSelectElement;
   private readonly clock = h("output", { class: "transport-clock number" });
   private readonly line = h("p", { class: "transport-line", role: "status" });
+  private readonly share = h("span", { class: "transport-line" }); // not read out at each step
   private readonly bar = h("progress", { class: "transport-progress", max: 1, "aria-label": text.debrief.transport });
   private readonly ends: (() => void)[];
   private pending = 0;
@@ -32,7 +33,7 @@ export class Transport {
       h("div", { class: "drop-panel" }, ...words.keys.split(" · ").map((key) => h("p", {}, key))));
     this.element = h("section", { class: "transport panel", "aria-label": words.transport },
       h("div", { class: "transport-tools" }, this.tool("previous", words.previous, () => this.jump(-1)), this.play, this.tool("next", words.next, () => this.jump(1)),
-        this.clock, this.speed, keys, h("div", { class: "transport-state" }, this.line, this.bar)),
+        this.clock, this.speed, keys, h("div", { class: "transport-state" }, this.line, this.share, this.bar)),
       this.track.element);
     const key = (event: KeyboardEvent): void => this.key(event);
     document.addEventListener("keydown", key);
@@ -80,7 +81,8 @@ export class Transport {
     if (change === "session" || change === "progress") {
       this.bar.value = this.source.progress;
       this.bar.hidden = this.complete;
-      if (!this.complete && this.source.session) this.say({ words: text.debrief.replaying(format.percent(this.source.progress, 0)), wrong: false });
+      setText(this.share, this.complete || !this.source.session ? "" : text.debrief.replaying(format.percent(this.source.progress, 0)));
+      if (!this.complete) this.say({ words: "", wrong: false });
     }
     // The moment that is shown may be the first one, or nearer to what is wanted than the one before.
     const { history } = this.source;

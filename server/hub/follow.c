@@ -122,6 +122,7 @@ static bool introduce(struct audience *a, struct viewer *viewer, struct batch *b
     viewer->barred = false;
     viewer->session = shown->about.session;
     viewer->remarks = 0;
+    memset(viewer->remarked, 0, sizeof viewer->remarked);
     viewer->metrics_ns = 0;
     memset(viewer->resected, 0, sizeof viewer->resected);
     return true;

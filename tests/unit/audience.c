@@ -408,6 +408,26 @@ static void commands_are_answered_in_order_by_role(void **state) {
     hub_destroy(&hub);
 }
 
+static void who_looks_again_is_told_of_all_remarks_again(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page page;
+    hall_join(hub);
+    open_page(&page, audience, &instructor);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    draw_until(&page, &page.sessions, 1);
+    command(&page, arthron_Command_Kind_NOTE, "Slowly");
+    draw_until(&page, &page.remarks, 1);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 60);
+    draw_until(&page, &page.remarks, 2);
+    assert_int_equal(page.sessions, 2);
+    assert_string_equal(page.remark.text, "Slowly");
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
 static void too_many_commands_at_once_are_no_page(void **state) {
     (void)state;
     struct hub *hub = hall_open();
@@ -574,6 +594,7 @@ int main(void) {
         cmocka_unit_test(pages_have_the_mesh_that_was_cut),
         cmocka_unit_test(a_new_session_has_a_new_mesh),
         cmocka_unit_test(commands_are_answered_in_order_by_role),
+        cmocka_unit_test(who_looks_again_is_told_of_all_remarks_again),
         cmocka_unit_test(too_many_commands_at_once_are_no_page),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),

@@ -262,8 +262,13 @@ static void pack(struct answer *a) {
     a->size = size;
 }
 
+static bool is_known(const struct web_response *r, const struct wishes *wishes) {
+    return r->status == 200 && matches(wishes->none_match, r->etag);
+}
+
+// What the browser has is neither read nor packed.
 static bool is_packed(const struct web_response *r, const struct wishes *wishes) {
-    return r->compress && wishes->takes_gzip;
+    return r->compress && wishes->takes_gzip && !is_known(r, wishes);
 }
 
 // The status, and with 206 and 416 what of the file is meant.
@@ -272,11 +277,9 @@ static int choose(struct answer *a, const struct web_response *r, const struct w
     char quoted[sizeof r->etag + 2];
     snprintf(quoted, sizeof quoted, "\"%s\"", r->etag);
     int status = r->status ? r->status : 204;
-    if (status != 200)
-        return status;
-    if (matches(wishes->none_match, r->etag))
+    if (is_known(r, wishes))
         return 304;
-    if (a->file < 0 || (wishes->if_range[0] && strcmp(wishes->if_range, quoted)))
+    if (status != 200 || a->file < 0 || (wishes->if_range[0] && strcmp(wishes->if_range, quoted)))
         return status;
     int64_t to;
     enum range range = range_parse(wishes->range, size, &a->at, &to);

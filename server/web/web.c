@@ -257,7 +257,7 @@ static void release(struct web *web) {
 
 enum result web_create(const struct web_config *config, const struct web_handler *handler,
                        struct web **out_web, struct error *err) {
-    lws_set_log_level(getenv("LWSLOG") ? 15 : 0, NULL);
+    lws_set_log_level(0, NULL);
     struct web *web = alloc(1, sizeof *web);
     web->handler = *handler;
     web->pages = config->pages;

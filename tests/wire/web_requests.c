@@ -259,6 +259,12 @@ static void a_file_is_packed_where_the_handler_wants_it(void **state) {
     assert_memory_equal(a.body, "\x1f\x8b", 2);
     assert_true(a.size < RECEPTION_FILE_SIZE / 4);
     free(a.body);
+    a = browser_ask(browser, "GET /api/v1/packed",
+                    "Accept-Encoding: gzip\r\nIf-None-Match: W/\"f1\"\r\n");
+    assert_int_equal(a.status, 304);
+    expect_header(&a, "Content-Encoding", ""); // it was not packed for nothing
+    expect_header(&a, "ETag", "W/\"f1\"");
+    free(a.body);
     expect_part(browser_ask(browser, "GET /api/v1/packed", ""), 0, RECEPTION_FILE_SIZE);
     a = browser_ask(browser, "GET /api/v1/lost", "");
     assert_int_equal(a.status, 404);

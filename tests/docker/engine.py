@@ -12,6 +12,7 @@ import time
 
 SOURCE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BASE = "debian:bookworm-slim"
+AUTHORITIES = "/usr/local/share/ca-certificates"
 
 
 class NoEngine(Exception):
@@ -150,18 +151,23 @@ def image_megabytes(name):
 
 
 def make_base(folder):
-    """Debian's slim image from its packages, with this machine's sources and proxies."""
+    """Debian's slim image from its packages, with this machine's sources, proxies and the authorities
+    that its administrator trusts besides Debian's: npm, too, may have to go through such a proxy."""
     sources = [path for path in ("/etc/apt/sources.list", "/etc/apt/sources.list.d/debian.sources")
                if os.path.exists(path) and "bookworm" in open(path).read()]
     proxies = [line for line in run("apt-config", "dump").stdout.splitlines()
                if line.startswith(("Acquire::http::Proxy", "Acquire::https::Proxy"))]
     options = [f"--aptopt={line}" for line in proxies]
     options += [f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in ("doc", "locale", "man")]
+    if os.path.isdir(AUTHORITIES):
+        options += ["--include=ca-certificates", f"--customize-hook=copy-in {AUTHORITIES} {os.path.dirname(AUTHORITIES)}",
+                    '--customize-hook=chroot "$1" update-ca-certificates']
     archive = os.path.join(folder, "base.tar")
     run("mmdebstrap", "--variant=apt", "--include=usr-is-merged",
         "--hook-dir=/usr/share/mmdebstrap/hooks/merged-usr", "--dpkgopt=force-unsafe-io", *options, "bookworm",
         archive, *sources, timeout=300)
-    docker("import", "--change", 'CMD ["bash"]', archive, BASE)
+    docker("import", "--change", 'CMD ["bash"]', "--change",
+           "ENV NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt", archive, BASE)
     os.remove(archive)
 
 

@@ -210,6 +210,7 @@ export class Tissue {
   labels = new Uint32Array(0); // number of the cut that made the surface; 0: the original one
   pieces: Piece[] = []; // that came off with the last payload
   private uses = new Uint32Array(0);
+  private hashes = true; // are summed up
 
   clear(): void {
     this.number = this.vertexCount = this.triangleCount = this.vertexBound = this.triangleBound = 0;
@@ -250,6 +251,13 @@ export class Tissue {
     return this.corners[3 * triangle] !== this.corners[3 * triangle + 1];
   }
 
+  // Makes changes that were made before, to the same mesh: what was hashed then is not hashed again.
+  applyAgain(payload: Uint8Array): void {
+    this.hashes = false;
+    this.apply(payload);
+    this.hashes = true;
+  }
+
   // Makes a payload's changes. Where that fails with a MeshError nothing is left, but where it is `missing`.
   apply(payload: Uint8Array): void {
     const reader = new Reader(payload);
@@ -258,6 +266,7 @@ export class Tissue {
       while (!reader.done) {
         const delta = readDelta(reader);
         this.change(delta);
+        if (!this.hashes) this.hash = delta.hash;
         if (this.hash !== delta.hash) throw new MeshError("the mesh's hash is not the one told");
         pieces.push(...delta.pieces);
       }
@@ -319,21 +328,21 @@ export class Tissue {
       const corner = (this.corners[3 * triangle + k] = delta.corners[3 * i + k]!);
       if (this.uses[corner]!++ === 0) {
         this.vertexCount++;
-        this.add(this.vertexHash(corner));
+        if (this.hashes) this.add(this.vertexHash(corner));
       }
     }
     this.triangleCount++;
-    this.add(this.triangleHash(triangle));
+    if (this.hashes) this.add(this.triangleHash(triangle));
   }
 
   private drop(triangle: number): void {
-    this.add(-this.triangleHash(triangle));
+    if (this.hashes) this.add(-this.triangleHash(triangle));
     this.triangleCount--;
     for (let k = 0; k < 3; k++) {
       const corner = this.corners[3 * triangle + k]!;
       if (--this.uses[corner]! === 0) {
         this.vertexCount--;
-        this.add(-this.vertexHash(corner));
+        if (this.hashes) this.add(-this.vertexHash(corner));
       }
     }
     this.corners.fill(0, 3 * triangle, 3 * triangle + 3);

@@ -26,7 +26,9 @@ void deed_of_server(struct hub *hub, const struct seat *seat, const char *action
 void deed_of_command(struct hub *hub, const char *actor, const char *action,
                      const arthron_Command *command, const arthron_SessionInfo *info) {
     char id[STORE_ID_MAX] = "";
+    // Of any other command nobody has looked at it.
+    const char *case_name = command->kind == arthron_Command_Kind_CASE ? command->case_name : "";
     if (command->kind == arthron_Command_Kind_STOP || info->state != arthron_SessionState_CLOSED)
         id_text(info->id, id);
-    note(hub, actor, action, command->station, command->case_name, id);
+    note(hub, actor, action, command->station, case_name, id);
 }

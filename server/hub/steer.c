@@ -3,8 +3,8 @@
 #include "base/log.h"
 #include "hub/copied.h"
 #include "hub/reply.h"
+#include "store/text.h"
 
-#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -137,11 +137,12 @@ static void change_case(struct hub *hub, int index, const arthron_Command *comma
 
 static void assign(struct hub *hub, int index, const char *trainee, arthron_CommandReply *reply) {
     struct card *card = &hub->seats[index].card;
-    for (const char *c = trainee; *c; c++)
-        if (iscntrl((unsigned char)*c)) {
-            reply_refuse(reply, "a trainee's name has no control characters");
-            return;
-        }
+    struct error err;
+    if (trainee[0] && // nobody; and else a name that the records take
+        text_check(trainee, "trainee's name", STORE_NAME_MAX, &err) != RESULT_OK) {
+        reply_refuse(reply, "%s", err.text);
+        return;
+    }
     pthread_mutex_lock(&hub->card_lock);
     snprintf(card->trainee, sizeof card->trainee, "%s", trainee);
     pthread_mutex_unlock(&hub->card_lock);

@@ -6,7 +6,7 @@ import unittest
 
 from arthron import call, call_json, free_port, wait_until
 from bites import Bites
-from page import NOTE, PAUSE, RECORDED, START, STATION, STOP, UNDO, WALL, Browser
+from page import ASSIGN, NOTE, PAUSE, RECORDED, START, STATION, STOP, UNDO, WALL, Browser, piece
 
 WAITING, RUNNING, PAUSED, CLOSED = range(4)
 MENISCUS = "meniscus_medial"
@@ -108,6 +108,15 @@ class Live(Bites):
         self.pages.remove(page)
         wait_until("its end", lambda: call("arthron-trace", "verify", session["trace"], code=None).returncode == 0)
         return resection, session
+
+    def test_what_nobody_looks_at_keeps_no_command_from_the_log(self):
+        page = self.open()
+        page.watch(STATION, station="room-1")
+        self.assertFalse(page.command(ASSIGN, more=piece(12, b"\xff"))["ok"])
+        self.assertTrue(page.command(ASSIGN, case="\n", more=piece(12, "anna"))["ok"])
+        log = wait_until("the command in the log", lambda: [
+            row for row in self.browser.request("GET", "/audit")["audit"] if row["action"] == "assign"])
+        self.assertEqual([(row["actor"], row["subject"]) for row in log], [("otto", "station room-1")])
 
     def test_a_recorded_session_is_seen_again(self):
         resection, session = self.record()

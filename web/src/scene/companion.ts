@@ -60,7 +60,7 @@ export class Companion {
   }
 
   private newTool(instrument: number): { shape: Shape; trail: Line } {
-    const steel = steelMaterial(COMPANION, 0.45);
+    const steel = steelMaterial(COMPANION, 0.35);
     const shape = shapeOf(instrument, steel, steel);
     shape.root.matrixAutoUpdate = false;
     shape.root.renderOrder = 4;

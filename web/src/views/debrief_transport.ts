@@ -5,6 +5,8 @@ import { nextStop, Player, SPEEDS, stopsOf } from "../timeline";
 import { Track } from "../track";
 import { fill, h, icon, select, setText, type IconName } from "../ui";
 
+const PICTURE_MOST_S = 1; // a page that was hidden goes on where it was
+
 export class Transport {
   readonly element: HTMLElement;
   onTime: (time: number) => void = () => {};
@@ -123,7 +125,7 @@ export class Transport {
   private run(): void {
     this.pending ||= requestAnimationFrame((now) => {
       this.pending = 0;
-      const seconds = Math.min(0.25, Math.max(0, now - this.last) / 1000);
+      const seconds = Math.min(PICTURE_MOST_S, Math.max(0, now - this.last) / 1000);
       this.last = now;
       this.player.advance(seconds, this.source.history.end, this.complete);
       this.show();

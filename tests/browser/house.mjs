@@ -222,6 +222,18 @@ tool.scope = scope
     return until(`${name} runs`, async () => (await this.station(name)).state === "running");
   }
 
+  /** A session of room-1 in which some tissue was cut and that has ended: {id, resection}. */
+  async recorded() {
+    if (this.past) return this.past;
+    await this.runRoom("room-1");
+    await until("cuts", async () => (await this.resection("room-1")).cuts >= 3);
+    await this.session("pause", "room-1");
+    const { id } = await this.station("room-1");
+    await this.session("stop", "room-1"); // what is on its way lands before
+    this.past = { id, resection: await this.resection("room-1") };
+    return this.past;
+  }
+
   async endRoom(name) {
     await this.stations[name]?.end();
     await this.mockups[name].program.end();
@@ -251,14 +263,14 @@ driver = simulated
 seed = ${seed}
 rate_hz = ${SEAT_HZ}
 `);
-    this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
+    this.stations[name] = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
   }
 
   /** All 32 stations, with their sessions running. */
   async runAll() {
     await this.enrolled;
     for (const name of this.rooms) await this.runRoom(name);
-    this.seats.forEach((name, i) => this.startSeat(name, i + 1));
+    this.seats.forEach((name, i) => this.stations[name] || this.startSeat(name, i + 1));
     await until("all stations run", async () => (await this.session("list")).sessions.every(({ connected, state }) => connected && state === "running"), 60);
   }
 

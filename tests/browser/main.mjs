@@ -1,6 +1,7 @@
 // Runs the tests one after the other, in one house and one browser, and reports.
 import { existsSync, readdirSync, rmSync } from "node:fs";
 import { resolve } from "node:path";
+import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
 import { House } from "./house.mjs";
 import { Browser, CHROMIUM } from "./look.mjs";
@@ -53,11 +54,12 @@ async function attempt({ name, run }, world) {
 }
 
 async function main() {
-  const source = resolve(import.meta.dirname ?? new URL(".", import.meta.url).pathname, "../..");
+  const source = resolve(fileURLToPath(import.meta.url), "../../..");
   const out = resolve(source, "build/browser");
   if (existsSync(out)) for (const name of readdirSync(out)) if (name.startsWith("failed")) rmSync(resolve(out, name));
   const report = new Report();
   const house = await House.open(source);
+  for (const signal of ["SIGINT", "SIGTERM"]) process.once(signal, () => void house.close().finally(() => process.exit(1)));
   let browser;
   try {
     browser = await Browser.open(house.url, out);

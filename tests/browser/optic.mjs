@@ -25,18 +25,21 @@ function rows([w, x, y, z]) {
   ];
 }
 
-/** Place in the picture, from its middle, in halves of its side: right and up; undefined: behind. */
-export function project(point, tip, { tiltDeg, fieldDeg, postDeg }) {
+/** [right, up, depth] of a point as the optic sees it, mm. */
+export function seenFrom(point, tip, { tiltDeg, postDeg }) {
   const away = point.map((value, i) => value - tip.t[i]);
   const turn = rows(tip.q);
   const inTip = [0, 1, 2].map((k) => turn[0][k] * away[0] + turn[1][k] * away[1] + turn[2][k] * away[2]); // the transpose
   const lean = turned([0, 1, 0], [0, 0, 1], postDeg * RAD);
   const axis = cross([0, 0, 1], lean);
-  const [sight, up, right] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]].map((v) => turned(v, axis, tiltDeg * RAD));
-  const depth = dot(inTip, sight);
-  if (depth <= 0) return undefined;
-  const scale = 1 / (depth * Math.tan((fieldDeg * RAD) / 2));
-  return { right: dot(inTip, right) * scale, up: dot(inTip, up) * scale };
+  return [[-1, 0, 0], [0, 1, 0], [0, 0, 1]].map((v) => dot(inTip, turned(v, axis, tiltDeg * RAD)));
+}
+
+/** Place in the picture, from its middle, in halves of its side: right and up; undefined: behind. */
+export function project(point, tip, optic) {
+  const [right, up, depth] = seenFrom(point, tip, optic);
+  const scale = 1 / (depth * Math.tan((optic.fieldDeg * RAD) / 2));
+  return depth > 0 ? { right: right * scale, up: up * scale } : undefined;
 }
 
 /** A quaternion [w, x, y, z] whose z axis is `z` and whose y axis is as near to `y` as can be. */

@@ -7,20 +7,21 @@ import { BIN, sleep } from "../programs.mjs";
 
 const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens", "audit"];
 
-/** Name, address, and what is there once it shows what it has. */
-export const VIEWS = [
+/** Name, address, and what is there once it shows what it has, of every view. */
+export const viewsOf = async (house) => [
   ["wall", "#/wall", "article.card"],
   ["station", "#/station/room-1", "canvas.scene-canvas"],
   ["station-without-session", "#/station/seat-29", ".state"],
   ["scope", "#/scope/room-1?optic=30", ".scope-round:not(.dark) canvas.scope-canvas"],
   ["sessions", "#/sessions", "table"],
-  ...ADMIN.map((part) => [`admin-${part}`, `#/admin/${part}`, "table"]),
+  ["debrief", `#/session/${(await house.recorded()).id}`, "canvas.scene-canvas"],
+  ...ADMIN.map((part) => [`admin-${part}`, `#/admin/${part}`, "table, .state.empty"]),
   ["nowhere", "#/nowhere", ".state"],
 ];
 
 async function settled(page) {
   await page.evaluate(() => document.fonts.ready);
-  await sleep(350);
+  await sleep(200);
 }
 
 async function pictures(browser, page, name) {
@@ -38,17 +39,18 @@ async function pictures(browser, page, name) {
 }
 
 async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds({ house, browser, who }) {
+  const views = await viewsOf(house);
   await house.runRoom("room-1");
   const faults = [];
   const door = await browser.page(await browser.context(), "#/sign-in");
   await door.getByRole("heading", { name: "Sign in" }).waitFor();
   await pictures(browser, door, "sign-in");
   await browser.closeAll();
-  for (const [name, hash, there] of VIEWS) {
+  for (const [name, hash, there] of views) {
     const page = await browser.page(await browser.context(who.instructor), hash);
     await page.locator(there).first().waitFor();
     if (name === "scope") for (let turn = 0; turn < 9; turn++) await page.keyboard.press(".");
-    await sleep(700);
+    await sleep(300);
     await pictures(browser, page, name).catch((error) => faults.push(error.message));
     await browser.closeAll();
   }

@@ -176,14 +176,16 @@ function shifted(values: Values, ahead: number): Values {
 // The figures of the medial and of the lateral meniscus.
 class Removed {
   private readonly found: Resected[][] = [[], []];
+  private taken: readonly Resected[] = []; // another session has another list
   private count = 0; // of the resections that are in it
 
   constructor(private readonly source: Source) {}
 
   of(trace: number): Resected[] {
     const { resections } = this.source;
-    if (resections.length < this.count) {
+    if (resections !== this.taken) {
       for (const list of this.found) list.length = 0;
+      this.taken = resections;
       this.count = 0;
     }
     for (; this.count < resections.length; this.count++) {

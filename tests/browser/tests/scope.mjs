@@ -130,7 +130,7 @@ async function a_far_server_does_not_make_the_tip_late(world) {
     const server = probe?.warped && said.get(key(probe.tip.t));
     return server ? [{ probe, utcMs: frame.utcMs, error: drawnOff(frame, seen, server), warp: distance(probe.tip.t, server) }] : [];
   });
-  assert.ok(shown.length > 30, `${shown.length} of ${drawn.length} pictures can be compared`);
+  assert.ok(shown.length >= 15 && shown.length > drawn.length / 2, `${shown.length} of ${drawn.length} pictures can be compared`);
   assert.ok(quantile(shown.map(({ probe }) => probe.ageMs), 0.5) > 45, "the server is not far");
   const warps = shown.map(({ warp }) => warp);
   assert.ok(Math.max(...warps) - Math.min(...warps) > 0.2, "the warp stands");

@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -197,9 +198,21 @@ static enum result tell_audit(const char *path, const char *actor, struct error 
     return result;
 }
 
+// Root may put it back for the user that the server runs as.
+static enum result keep_owner(const char *fresh, const char *path, struct error *err) {
+    struct stat status;
+    if (geteuid() != 0 || stat(path, &status) != 0)
+        return RESULT_OK;
+    if (chown(fresh, status.st_uid, status.st_gid) == 0)
+        return RESULT_OK;
+    return fail(err, RESULT_IO, "%s: %s", fresh, strerror(errno));
+}
+
 static enum result exchange(const char *fresh, const char *path, char *out_aside,
                             struct error *err) {
-    enum result result = put_aside(path, out_aside, err);
+    enum result result = keep_owner(fresh, path, err);
+    if (result == RESULT_OK)
+        result = put_aside(path, out_aside, err);
     if (result == RESULT_OK && rename(fresh, path))
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return result == RESULT_OK ? sync_file_and_folder(path, err) : result;

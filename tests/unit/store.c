@@ -284,6 +284,20 @@ static void what_was_backed_up_comes_back_and_what_was_there_is_kept(void **stat
     store_close(&store);
 }
 
+static void what_root_puts_back_belongs_to_whom_it_belonged(void **state) {
+    (void)state;
+    const uid_t server = geteuid() == 0 ? 65534 : geteuid();
+    char aside[STORE_TEXT_MAX];
+    struct stat status;
+    struct store *store = open_records();
+    assert_ok(store_backup(store, in_folder("backup.db"), &err));
+    store_close(&store);
+    assert_int_equal(chown(store_path, server, (gid_t)-1), 0);
+    assert_ok(store_restore(in_folder("backup.db"), store_path, "tester", aside, &err));
+    assert_int_equal(stat(store_path, &status), 0);
+    assert_int_equal(status.st_uid, server);
+}
+
 static void a_restore_waits_for_those_who_have_the_records_open(void **state) {
     (void)state;
     char aside[STORE_TEXT_MAX];
@@ -348,6 +362,7 @@ int main(void) {
         TEST(an_erased_trainee_leaves_results_and_no_trace_in_the_files),
         TEST(several_writers_lose_nothing_and_a_backup_among_them_is_whole),
         TEST(what_was_backed_up_comes_back_and_what_was_there_is_kept),
+        TEST(what_root_puts_back_belongs_to_whom_it_belonged),
         TEST(a_restore_waits_for_those_who_have_the_records_open),
         TEST(damaged_records_are_put_aside_as_they_are),
         TEST(the_log_of_damaged_records_goes_aside_with_them),

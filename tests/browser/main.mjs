@@ -73,7 +73,7 @@ async function main() {
     await house.close();
   }
   report.print(options.json);
-  return report.holds ? 0 : 1;
+  return report.holds(options.json) ? 0 : 1;
 }
 
 process.exitCode = await main();

@@ -321,6 +321,7 @@ export const text = {
     unmark: "Remove marker",
     pending: (what: string) => `${what} …`,
     done: (what: string) => `${what}: done`,
+    undone: (what: string, cuts: number, mm3: number) => `${what}: done, ${cuts} ${cuts === 1 ? "cut" : "cuts"} and ${mm3.toFixed(1)} mm³ came back`,
     refused: (what: string, why: string) => `${what}: ${why}`,
     refusedAnyhow: "the server refused it",
     lost: "no answer; it is not known whether it was done",

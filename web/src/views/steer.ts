@@ -116,7 +116,7 @@ export class Steer {
     try {
       const reply = await this.app.feed.command({ ...command, station: this.now.station });
       if (!reply.ok) throw new Refused(reply.text || text.station.refusedAnyhow);
-      this.say("done", text.station.done(what));
+      this.say("done", reply.undone ? text.station.undone(what, reply.undone.cuts, reply.undone.volumeMm3) : text.station.done(what));
     } catch (error) {
       const why = error instanceof Refused ? error.message : error instanceof NoAnswer && error.sent ? text.station.lost : explain(error);
       this.say("refused", text.station.refused(what, why));

@@ -19,8 +19,13 @@
 
 struct load {
     struct trace_writer *writers[STATIONS];
-    atomic_int_fast64_t *last_ns; // of each: the last step that was appended
+    struct appended *appended; // of each; NULL: nobody asks
     uint64_t step;
+};
+
+// When the first and the last step were, 0: none yet.
+struct appended {
+    atomic_int_fast64_t first_ns, last_ns;
 };
 
 static void name_trace(const char *folder, int station, char *out, size_t size) {
@@ -76,8 +81,10 @@ static void append_all(struct load *load) {
     for (int i = 0; i < STATIONS; i++) {
         fill(load->step, clock_now_ns(), &input, &output);
         trace_append(load->writers[i], &input, &output);
-        if (load->last_ns)
-            atomic_store(&load->last_ns[i], input.time_ns);
+        if (load->appended && load->step == 1)
+            atomic_store(&load->appended[i].first_ns, input.time_ns);
+        if (load->appended)
+            atomic_store(&load->appended[i].last_ns, input.time_ns);
     }
 }
 
@@ -117,8 +124,8 @@ static enum result measure_load(const char *folder, struct report *report, struc
 
 // ---- kill -9 ------------------------------------------------------------------------------------
 
-static void be_killed(const char *folder, atomic_int_fast64_t *last_ns) {
-    struct load load = {.last_ns = last_ns};
+static void be_killed(const char *folder, struct appended *appended) {
+    struct load load = {.appended = appended};
     struct error err;
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (open_load(folder, &load, &err) == RESULT_OK)
@@ -139,29 +146,29 @@ static enum result last_recorded(const char *path, int64_t *out_ns, struct error
     return result == RESULT_MISSING ? RESULT_OK : result; // it has no end
 }
 
-static void wait_for_steps(const atomic_int_fast64_t *last_ns, int64_t more_ns) {
-    while (!atomic_load(&last_ns[STATIONS - 1]))
+static void wait_for_steps(const struct appended *appended, int64_t more_ns) {
+    while (!atomic_load(&appended[STATIONS - 1].last_ns))
         nanosleep(&(struct timespec){0, NS_PER_MS}, NULL);
     nanosleep(&(struct timespec){0, more_ns}, NULL);
 }
 
-static enum result kill_once(const char *folder, atomic_int_fast64_t *last_ns, int64_t after_ns,
+static enum result kill_once(const char *folder, struct appended *appended, int64_t after_ns,
                              double *in_out_lost_ms, struct error *err) {
     enum result result = RESULT_OK;
     for (int i = 0; i < STATIONS; i++)
-        atomic_store(&last_ns[i], 0);
+        atomic_store(&appended[i].last_ns, 0);
     pid_t child = fork();
     if (child == 0)
-        be_killed(folder, last_ns);
-    wait_for_steps(last_ns, after_ns);
+        be_killed(folder, appended);
+    wait_for_steps(appended, after_ns);
     kill(child, SIGKILL);
     waitpid(child, NULL, 0);
     for (int i = 0; i < STATIONS && result == RESULT_OK; i++) {
         char path[128];
-        int64_t recorded_ns = 0;
+        int64_t recorded_ns = atomic_load(&appended[i].first_ns); // where none is: all is lost
         name_trace(folder, i, path, sizeof path);
         result = last_recorded(path, &recorded_ns, err);
-        double lost_ms = (double)(atomic_load(&last_ns[i]) - recorded_ns) / NS_PER_MS;
+        double lost_ms = (double)(atomic_load(&appended[i].last_ns) - recorded_ns) / NS_PER_MS;
         *in_out_lost_ms = lost_ms > *in_out_lost_ms ? lost_ms : *in_out_lost_ms;
     }
     remove_load(folder);
@@ -170,18 +177,18 @@ static enum result kill_once(const char *folder, atomic_int_fast64_t *last_ns, i
 
 static enum result measure_kills(const char *folder, int times, struct report *report,
                                  struct error *err) {
-    atomic_int_fast64_t *last_ns = mmap(NULL, STATIONS * sizeof *last_ns, PROT_READ | PROT_WRITE,
-                                        MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (last_ns == MAP_FAILED)
+    struct appended *appended = mmap(NULL, STATIONS * sizeof *appended, PROT_READ | PROT_WRITE,
+                                     MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (appended == MAP_FAILED)
         return fail(err, RESULT_IO, "no shared memory");
     struct random random = {1};
     double lost_ms = 0;
     enum result result = RESULT_OK;
     for (int i = 0; i < times && result == RESULT_OK; i++) {
         int64_t after_ns = (int64_t)random_between(&random, 30e6, 130e6);
-        result = kill_once(folder, last_ns, after_ns, &lost_ms, err);
+        result = kill_once(folder, appended, after_ns, &lost_ms, err);
     }
-    munmap(last_ns, STATIONS * sizeof *last_ns);
+    munmap(appended, STATIONS * sizeof *appended);
     report_figure(report, times, "times", "kill/times");
     if (result == RESULT_OK)
         report_mark(report, "kill_lost_ms_max", lost_ms, "ms", 25, BETTER_LOW);

@@ -192,7 +192,7 @@ static void *run(void *argument) {
     sched_setscheduler(0, SCHED_IDLE, &none);
     enum result result = play(p, &err);
     if (result != RESULT_OK && result != RESULT_CLOSED)
-        playback_tell(p, err.text);
+        playback_tell(p, film_without_folder(err.text));
     else if (result == RESULT_OK)
         send(p);
     else

@@ -2,6 +2,7 @@
 """What a page hears of a hall: the wall, a station while it cuts, and a session again when it is over."""
 
 import time
+import os
 import unittest
 
 from arthron import call, call_json, free_port, wait_until
@@ -141,6 +142,19 @@ class Live(Bites):
         first_chunk, first_moment = page.order.index("chunk"), page.order.index("moment")
         self.assertLess(first_chunk, first_moment)
         self.assertIn("moment", page.order[first_moment:len(page.order) - page.order[::-1].index("chunk")])
+        self.damage(session["trace"])
+        page.watch(RECORDED, session=session["id"], rate_hz=20)
+        page.read_until(lambda: page.troubles)
+        self.assertIn(os.path.basename(session["trace"]), page.troubles[0])
+        self.assertNotIn(self.folder, page.troubles[0])
+
+    @staticmethod
+    def damage(path):
+        with open(path, "r+b") as trace:
+            trace.seek(os.path.getsize(path) // 2)
+            byte = trace.read(1)
+            trace.seek(-1, os.SEEK_CUR)
+            trace.write(bytes([byte[0] ^ 1]))
 
     def test_a_session_that_was_copied_begins_with_what_was_cut(self):
         resection, session = self.record()

@@ -181,3 +181,27 @@ bool reception_wait(atomic_int *counter, int wanted) {
         usleep(1000);
     return atomic_load(counter) >= wanted;
 }
+
+// ---- of the test that runs ----------------------------------------------------------------------
+
+struct reception reception;
+
+int reception_begin(void **state) {
+    (void)state;
+    reception = (struct reception){.patience_s = 2};
+    reception_open(&reception);
+    return 0;
+}
+
+int reception_begin_patiently(void **state) {
+    (void)state;
+    reception = (struct reception){0};
+    reception_open(&reception);
+    return 0;
+}
+
+int reception_end(void **state) {
+    (void)state;
+    reception_close(&reception);
+    return 0;
+}

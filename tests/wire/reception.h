@@ -30,6 +30,13 @@ struct reception {
 void reception_open(struct reception *reception);
 void reception_close(struct reception *reception);
 
+extern struct reception reception; // the test's that runs
+
+// What a test begins and ends with: a fresh one, with 2 s of patience, or with the room's own.
+int reception_begin(void **state);
+int reception_begin_patiently(void **state);
+int reception_end(void **state);
+
 // "good" is an account's token, "slow" too, after 300 ms; others are nobody's.
 
 // True as soon as *counter is at least `wanted`; false after 10 s.

@@ -1,45 +1,11 @@
 // What browsers get over HTTPS: pages, and a status for what is no good request.
-#include "test.h"
-#include "wire/browser.h"
-#include "wire/reception.h"
+#include "wire/asking.h"
 
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-
-static struct reception reception;
-
-static int begin(void **state) {
-    (void)state;
-    reception = (struct reception){.patience_s = 2};
-    reception_open(&reception);
-    return 0;
-}
-
-static int end(void **state) {
-    (void)state;
-    reception_close(&reception);
-    return 0;
-}
-
-// ---- asking -------------------------------------------------------------------------------------
-
-static struct browser *call(void) {
-    struct browser *browser = browser_open(reception.port);
-    assert_non_null(browser);
-    return browser;
-}
-
-static void say(struct browser *browser, const char *text) {
-    assert_true(browser_say(browser, text, strlen(text)));
-}
-
-static void expect_header(const struct answered *a, const char *name, const char *value) {
-    char text[512];
-    assert_string_equal(answered_header(a, name, text), value);
-}
 
 // ---- pages --------------------------------------------------------------------------------------
 
@@ -279,13 +245,18 @@ static void too_much_of_anything_is_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(pages_come_packed_or_not_and_are_kept, begin, end),
-        cmocka_unit_test_setup_teardown(a_page_that_is_known_is_not_sent_again, begin, end),
-        cmocka_unit_test_setup_teardown(a_head_has_no_body, begin, end),
-        cmocka_unit_test_setup_teardown(old_tls_is_refused, begin, end),
-        cmocka_unit_test_setup_teardown(what_cannot_be_served_is_named, begin, end),
-        cmocka_unit_test_setup_teardown(bad_requests_get_their_status, begin, end),
-        cmocka_unit_test_setup_teardown(too_much_of_anything_is_refused, begin, end),
+        cmocka_unit_test_setup_teardown(pages_come_packed_or_not_and_are_kept, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_page_that_is_known_is_not_sent_again, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_head_has_no_body, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(old_tls_is_refused, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(what_cannot_be_served_is_named, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(bad_requests_get_their_status, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(too_much_of_anything_is_refused, reception_begin,
+                                        reception_end),
     };
     return cmocka_run_group_tests_name("web", tests, NULL, NULL);
 }

@@ -11,21 +11,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-static struct reception reception;
-
-static int begin(void **state) {
-    (void)state;
-    reception = (struct reception){.patience_s = 2};
-    reception_open(&reception);
-    return 0;
-}
-
-static int end(void **state) {
-    (void)state;
-    reception_close(&reception);
-    return 0;
-}
-
 // ---- asking -------------------------------------------------------------------------------------
 
 #define CALL                                                                                       \
@@ -337,19 +322,27 @@ static void a_server_that_stops_says_so(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(only_signed_in_pages_of_this_server_and_programs_are_let_in,
-                                        begin, end),
-        cmocka_unit_test_setup_teardown(who_is_unknown_hears_nothing_and_is_closed, begin, end),
-        cmocka_unit_test_setup_teardown(who_it_is_may_take_time, begin, end),
-        cmocka_unit_test_setup_teardown(a_page_ends_with_its_sign_in, begin, end),
-        cmocka_unit_test_setup_teardown(two_batches_are_on_their_way_and_no_more, begin, end),
-        cmocka_unit_test_setup_teardown(a_batch_comes_when_it_is_due_or_asked_for, begin, end),
-        cmocka_unit_test_setup_teardown(bad_messages_end_the_connection, begin, end),
-        cmocka_unit_test_setup_teardown(what_is_odd_but_good_is_taken, begin, end),
-        cmocka_unit_test_setup_teardown(who_says_too_much_is_closed, begin, end),
-        cmocka_unit_test_setup_teardown(who_never_reads_is_hung_up_on_and_holds_up_nobody, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(there_is_room_for_64, begin, end),
-        cmocka_unit_test_setup_teardown(a_server_that_stops_says_so, begin, end),
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(who_is_unknown_hears_nothing_and_is_closed, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(who_it_is_may_take_time, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_page_ends_with_its_sign_in, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(two_batches_are_on_their_way_and_no_more, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_batch_comes_when_it_is_due_or_asked_for, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(bad_messages_end_the_connection, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(what_is_odd_but_good_is_taken, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(who_says_too_much_is_closed, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(who_never_reads_is_hung_up_on_and_holds_up_nobody,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(there_is_room_for_64, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_server_that_stops_says_so, reception_begin,
+                                        reception_end),
     };
     return cmocka_run_group_tests_name("web_live", tests, NULL, NULL);
 }

@@ -1,9 +1,7 @@
 // What requests to /api/v1 bring to the handler and back, files in whole and in part, and how much
 // of everything one browser may take.
 #include "base/clock.h"
-#include "test.h"
-#include "wire/browser.h"
-#include "wire/reception.h"
+#include "wire/asking.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -12,45 +10,6 @@
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
-
-static struct reception reception;
-
-static int begin(void **state) {
-    (void)state;
-    reception = (struct reception){.patience_s = 2};
-    reception_open(&reception);
-    return 0;
-}
-
-static int begin_patiently(void **state) {
-    (void)state;
-    reception = (struct reception){0};
-    reception_open(&reception);
-    return 0;
-}
-
-static int end(void **state) {
-    (void)state;
-    reception_close(&reception);
-    return 0;
-}
-
-// ---- asking -------------------------------------------------------------------------------------
-
-static struct browser *call(void) {
-    struct browser *browser = browser_open(reception.port);
-    assert_non_null(browser);
-    return browser;
-}
-
-static void say(struct browser *browser, const char *text) {
-    assert_true(browser_say(browser, text, strlen(text)));
-}
-
-static void expect_header(const struct answered *a, const char *name, const char *value) {
-    char text[512];
-    assert_string_equal(answered_header(a, name, text), value);
-}
 
 #define TO_US "Host: localhost\r\n"
 
@@ -364,22 +323,28 @@ static void one_address_asks_only_so_often(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(the_handler_gets_what_was_asked, begin, end),
-        cmocka_unit_test_setup_teardown(every_own_host_is_known, begin, end),
-        cmocka_unit_test_setup_teardown(a_body_has_its_limit, begin, end),
-        cmocka_unit_test_setup_teardown(requests_on_one_connection_are_answered_in_order, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(who_goes_on_behind_a_body_ends_only_itself, begin, end),
-        cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, begin, end),
-        cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it, begin, end),
-        cmocka_unit_test_setup_teardown(who_stops_in_the_middle_is_hung_up_on, begin, end),
-        cmocka_unit_test_setup_teardown(who_speaks_on_and_does_not_read_gets_no_processor, begin,
-                                        end),
-        cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections, begin_patiently,
-                                        end),
-        cmocka_unit_test_setup_teardown(one_address_asks_only_so_often, begin, end),
+        cmocka_unit_test_setup_teardown(the_handler_gets_what_was_asked, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(every_own_host_is_known, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_body_has_its_limit, reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(requests_on_one_connection_are_answered_in_order,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(who_goes_on_behind_a_body_ends_only_itself, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(who_stops_in_the_middle_is_hung_up_on, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(who_speaks_on_and_does_not_read_gets_no_processor,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections,
+                                        reception_begin_patiently, reception_end),
+        cmocka_unit_test_setup_teardown(one_address_asks_only_so_often, reception_begin,
+                                        reception_end),
     };
     return cmocka_run_group_tests_name("web_requests", tests, NULL, NULL);
 }

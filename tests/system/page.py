@@ -1,6 +1,5 @@
 """A page of the server's, on sockets alone: signs in, and follows /live as PROTOCOL.md says."""
 
-import base64
 import http.client
 import json
 import math
@@ -11,7 +10,7 @@ import ssl
 import struct
 import time
 
-from websocket import fields, one
+from websocket import Connection, fields, one
 
 WALL, STATION, RECORDED = 1, 2, 3
 START, PAUSE, STOP, NOTE, UNDO, ASSIGN = 1, 2, 3, 9, 7, 10
@@ -78,25 +77,15 @@ class Browser:
         return Page(self)
 
 
-class Page:
+class Page(Connection):
     """What came, by kind; read() takes one batch, draws it and says so."""
 
     def __init__(self, browser):
+        host = f"localhost:{browser.port}"
         plain = socket.create_connection(("127.0.0.1", browser.port), timeout=20)
-        self.socket = browser.tls.wrap_socket(plain, server_hostname="localhost")
-        self.buffer = b""
+        super().__init__(browser.tls.wrap_socket(plain, server_hostname="localhost"), "/live", host, "arthron-live.1",
+                         [f"Origin: https://{host}", f"Cookie: {browser.cookie}"])
         self.batches = 0
-        self.lines = ["GET /live HTTP/1.1", f"Host: localhost:{browser.port}", "Upgrade: websocket",
-                      "Connection: Upgrade", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: arthron-live.1",
-                      f"Origin: https://localhost:{browser.port}", f"Cookie: {browser.cookie}",
-                      "Sec-WebSocket-Key: " + base64.b64encode(os.urandom(16)).decode()]
-        self.socket.sendall("\r\n".join(self.lines + ["", ""]).encode())
-        while b"\r\n\r\n" not in self.buffer:
-            self.more()
-        head, self.buffer = self.buffer.split(b"\r\n\r\n", 1)
-        if head.split()[1] != b"101":
-            self.close()
-            raise ConnectionError(head.decode())
         self.forget()
 
     def forget(self):
@@ -105,26 +94,6 @@ class Page:
         self.meshes, self.payloads, self.done, self.share = {}, {}, False, 0
 
     # ---- the socket
-
-    def more(self):
-        data = self.socket.recv(65536)
-        if not data:
-            raise ConnectionError("closed")
-        self.buffer += data
-
-    def take(self, size):
-        while len(self.buffer) < size:
-            self.more()
-        data, self.buffer = self.buffer[:size], self.buffer[size:]
-        return data
-
-    def frame(self):
-        opcode, size = self.take(2)
-        if size == 126:
-            size = struct.unpack(">H", self.take(2))[0]
-        elif size == 127:
-            size = struct.unpack(">Q", self.take(8))[0]
-        return opcode, self.take(size)
 
     def message(self):
         whole = b""
@@ -146,9 +115,6 @@ class Page:
         mask = os.urandom(4)
         size = bytes([128 | len(data)]) if len(data) < 126 else b"\xfe" + struct.pack(">H", len(data))
         self.socket.sendall(bytes([opcode]) + size + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
-
-    def close(self):
-        self.socket.close()
 
     # ---- what it says
 

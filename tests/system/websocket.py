@@ -69,24 +69,22 @@ def view(data):
     }
 
 
-class Viewer:
-    """Raises ConnectionError with the status where the station does not let it in."""
+class Connection:
+    """A WebSocket on a connected socket; ConnectionError with the answer's first line where it is not let in."""
 
-    def __init__(self, port, token, origin=None, host=None):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=20)
+    def __init__(self, connected, path, host, subprotocol, headers=()):
+        self.socket = connected
         self.buffer = b""
-        lines = [f"GET /view?token={token} HTTP/1.1", f"Host: {host or f'localhost:{port}'}", "Upgrade: websocket",
-                 "Connection: Upgrade", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: arthron-view.1",
-                 "Sec-WebSocket-Key: " + base64.b64encode(os.urandom(16)).decode()]
-        lines += [f"Origin: {origin}"] if origin else []
+        lines = [f"GET {path} HTTP/1.1", f"Host: {host}", "Upgrade: websocket", "Connection: Upgrade",
+                 "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Protocol: {subprotocol}",
+                 "Sec-WebSocket-Key: " + base64.b64encode(os.urandom(16)).decode(), *headers]
         self.socket.sendall("\r\n".join(lines + ["", ""]).encode())
         while b"\r\n\r\n" not in self.buffer:
             self.more()
         head, self.buffer = self.buffer.split(b"\r\n\r\n", 1)
-        status = head.split()[1].decode()
-        if status != "101":
+        if head.split()[1] != b"101":
             self.close()
-            raise ConnectionError(status)
+            raise ConnectionError(head.split(b"\r\n")[0].decode())
 
     def more(self):
         data = self.socket.recv(65536)
@@ -100,14 +98,25 @@ class Viewer:
         data, self.buffer = self.buffer[:size], self.buffer[size:]
         return data
 
-    def next(self):
+    def frame(self):
         opcode, size = self.take(2)
         if size == 126:
             size = struct.unpack(">H", self.take(2))[0]
-        data = self.take(size)
-        if opcode != 0x82:
-            raise ConnectionError("closed")
-        return view(data)
+        elif size == 127:
+            size = struct.unpack(">Q", self.take(8))[0]
+        return opcode, self.take(size)
 
     def close(self):
         self.socket.close()
+
+
+class Viewer(Connection):
+    def __init__(self, port, token, origin=None, host=None):
+        super().__init__(socket.create_connection(("127.0.0.1", port), timeout=20), f"/view?token={token}",
+                         host or f"localhost:{port}", "arthron-view.1", [f"Origin: {origin}"] if origin else [])
+
+    def next(self):
+        opcode, data = self.frame()
+        if opcode != 0x82:
+            raise ConnectionError("closed")
+        return view(data)

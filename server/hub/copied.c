@@ -82,10 +82,10 @@ static enum result copy_inputs(const struct again *again, const char *from,
         return result;
     while (result == RESULT_OK && trace_reader_offset(reader) < again->place.offset) {
         result = trace_read(reader, &record, err);
-        bool input = record.type == TRACE_STEP || record.type == TRACE_PAST;
+        if (result != RESULT_OK || (record.type != TRACE_STEP && record.type != TRACE_PAST))
+            continue;
         record.type = TRACE_PAST;
-        if (result == RESULT_OK && input)
-            result = trace_append_record(writer, &record, err);
+        result = trace_append_record(writer, &record, err);
     }
     trace_reader_destroy(&reader);
     return result;

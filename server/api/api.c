@@ -74,22 +74,34 @@ static enum result find_visitor(struct store *store, const char *token, bool *ou
     return result == RESULT_MISSING ? RESULT_OK : result;
 }
 
-bool api_enter(void *user, const char *token, struct web_account *out) {
+// Pages ask each second: once is enough.
+static void log_failing(struct api *api, enum result result, const struct error *err) {
+    bool failed = atomic_exchange(&api->failing, result != RESULT_OK);
+    if (result != RESULT_OK && !failed)
+        log_error("api", "who looks on stays in, for nobody can be looked up: %s", err->text);
+    else if (result == RESULT_OK && failed)
+        log_info("api", "who looks on can be looked up again");
+}
+
+enum result api_enter(void *user, const char *token, struct web_account *out) {
     struct api *api = user;
     struct store_visitor visitor;
     struct store *store;
-    struct error err;
+    struct error err = {""};
     bool is = false;
-    if (store_open(api->config.records, STORE_MAKE, "server", &store, &err) != RESULT_OK ||
-        find_visitor(store, token, &is, &visitor, &err) != RESULT_OK)
-        log_error("api", "%s", err.text);
+    enum result result = store_open(api->config.records, STORE_MAKE, "server", &store, &err);
+    if (result == RESULT_OK)
+        result = find_visitor(store, token, &is, &visitor, &err);
     store_close(&store);
+    log_failing(api, result, &err);
+    if (result != RESULT_OK)
+        return result == RESULT_MISSING ? RESULT_IO : result;
     if (!is)
-        return false;
+        return RESULT_MISSING;
     snprintf(out->name, sizeof out->name, "%s", visitor.name);
     snprintf(out->role, sizeof out->role, "%s", store_role_name(visitor.role));
     snprintf(out->trainee, sizeof out->trainee, "%s", visitor.trainee);
-    return true;
+    return RESULT_OK;
 }
 
 // Whether the visitor may; answered where not.

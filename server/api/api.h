@@ -51,4 +51,4 @@ const char *api_first_secret(const struct api *api);
 // wait for the disk, a request with a password for some tenths of a second too, and one for a
 // report for seconds.
 void api_answer(void *api, const struct web_request *request, struct web_response *out_response);
-bool api_enter(void *api, const char *token, struct web_account *out_account);
+enum result api_enter(void *api, const char *token, struct web_account *out_account);

@@ -15,6 +15,7 @@ struct api {
     int64_t started_ns;
     struct throttle throttle;
     atomic_flag reporting;
+    atomic_bool failing; // nobody can be looked up in the records, as was logged
     struct case_cards *cards;
     pthread_mutex_t first_lock;
     char first_secret[65]; // of first_lock; empty: there is none, or it was used

@@ -30,7 +30,7 @@ static void on_request(void *user, const struct web_request *request, struct web
     api_answer(((struct browsers *)user)->api, request, out);
 }
 
-static bool on_enter(void *user, const char *token, struct web_account *out_account) {
+static enum result on_enter(void *user, const char *token, struct web_account *out_account) {
     return api_enter(((struct browsers *)user)->api, token, out_account);
 }
 

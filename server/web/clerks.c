@@ -88,7 +88,7 @@ static void ask(const struct web_handler *handler, struct job *job) {
 static void work(const struct web_handler *handler, struct job *job) {
     switch (job->kind) {
     case JOB_ENTER:
-        job->known = handler->on_enter(handler->user, job->token, &job->account);
+        job->entry = handler->on_enter(handler->user, job->token, &job->account);
         break;
     case JOB_REQUEST:
         ask(handler, job);

@@ -20,7 +20,7 @@ struct job {
     struct job *next;
     char token[DOOR_TOKEN_MAX];
     // JOB_ENTER
-    bool known;
+    enum result entry;
     struct web_account account;
     // JOB_REQUEST
     char method[8];

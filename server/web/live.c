@@ -155,16 +155,27 @@ static void let_in(struct visitor *v) {
     ask_now(v);
 }
 
+// 0: it may stay.
+static int judge(const struct viewer *viewer, const struct job *job) {
+    bool is_in = viewer->user;
+    if (job->entry == RESULT_OK)
+        return is_in && !is_same(&job->account, &viewer->account) ? NOT_ALLOWED : 0;
+    if (job->entry == RESULT_MISSING)
+        return NOT_ALLOWED;
+    return is_in ? 0 : TRY_LATER;
+}
+
 void live_answered(struct visitor *v, struct job *job) {
     struct viewer *viewer = v->viewer;
     v->job = NULL;
-    bool known = job->known && (!viewer->user || is_same(&job->account, &viewer->account));
-    viewer->account = job->account;
+    int status = judge(viewer, job);
+    if (!viewer->user)
+        viewer->account = job->account;
     job_destroy(&job);
     if (viewer->closing)
         return;
-    if (!known) {
-        close_with(v, NOT_ALLOWED);
+    if (status) {
+        close_with(v, (enum close_status)status);
         return;
     }
     lws_sul_schedule(v->web->context, 0, &viewer->renewal, on_renewal, RENEWAL_US);

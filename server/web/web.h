@@ -63,9 +63,11 @@ struct web_handler {
     void (*on_request)(void *user, const struct web_request *request,
                        struct web_response *out_response);
 
-    // Whose token it is; false where nobody's. Asked when /live is opened and each second while it
-    // is open: a viewer whose account is no longer the same is closed.
-    bool (*on_enter)(void *user, const char *token, struct web_account *out_account);
+    // Whose token it is; RESULT_MISSING where nobody's; any other error: it cannot be found out now.
+    // Asked when /live is opened and each second while it is open: a viewer whose account is no
+    // longer the same is closed. Of whom it cannot be found out, who is new is closed, to try
+    // later, and who is in stays.
+    enum result (*on_enter)(void *user, const char *token, struct web_account *out_account);
 
     // ---- /live: out of the web thread; none may block -------------------------------------------
 

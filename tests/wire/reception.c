@@ -82,15 +82,18 @@ static void on_request(void *user, const struct web_request *q, struct web_respo
 
 // ---- /live --------------------------------------------------------------------------------------
 
-static bool on_enter(void *user, const char *token, struct web_account *out) {
+static enum result on_enter(void *user, const char *token, struct web_account *out) {
     struct reception *r = user;
     if (!strcmp(token, "slow"))
         usleep(300000);
     else if (strcmp(token, "good"))
-        return false;
+        return RESULT_MISSING;
+    atomic_fetch_add(&r->entered, 1);
+    if (atomic_load(&r->forgetful))
+        return RESULT_TIMEOUT;
     strcpy(out->name, "anna");
     strcpy(out->role, atomic_load(&r->promoted) ? "instructor" : "trainee");
-    return !atomic_load(&r->signed_out);
+    return atomic_load(&r->signed_out) ? RESULT_MISSING : RESULT_OK;
 }
 
 struct viewer {

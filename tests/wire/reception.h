@@ -19,6 +19,8 @@ struct reception {
     atomic_int waiting;        // in /api/v1/slow
     atomic_bool signed_out;    // no token is anybody's
     atomic_bool promoted;      // the account has another role
+    atomic_bool forgetful;     // whose a token is cannot be found out
+    atomic_int entered;        // how often it was asked for a good token
     atomic_int viewers, left;  // in all
     atomic_int asked;          // for a batch
     atomic_int pages;          // messages

@@ -135,6 +135,25 @@ static void a_page_ends_with_its_sign_in(void **state) {
     }
 }
 
+static void who_is_in_stays_while_nobody_can_be_looked_up(void **state) {
+    (void)state;
+    struct websocket *socket = look("good");
+    watch(socket);
+    assert_true(reception_wait(&reception.pages, 1));
+    atomic_store(&reception.forgetful, true);
+    assert_true(reception_wait(&reception.entered, atomic_load(&reception.entered) + 2));
+    watch(socket);
+    assert_true(reception_wait(&reception.pages, 2));
+    struct websocket *late = look("good");
+    assert_int_equal(websocket_close_status(late), 1013);
+    websocket_close(late);
+    atomic_store(&reception.signed_out, true);
+    atomic_store(&reception.forgetful, false);
+    assert_int_equal(websocket_close_status(socket), 1008);
+    websocket_close(socket);
+    assert_int_equal(atomic_load(&reception.viewers), 1);
+}
+
 // ---- batches ------------------------------------------------------------------------------------
 
 static void expect_batch(struct websocket *socket, uint32_t number) {
@@ -328,6 +347,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(who_it_is_may_take_time, reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_page_ends_with_its_sign_in, reception_begin,
                                         reception_end),
+        cmocka_unit_test_setup_teardown(who_is_in_stays_while_nobody_can_be_looked_up,
+                                        reception_begin_patiently, reception_end),
         cmocka_unit_test_setup_teardown(two_batches_are_on_their_way_and_no_more, reception_begin,
                                         reception_end),
         cmocka_unit_test_setup_teardown(a_batch_comes_when_it_is_due_or_asked_for, reception_begin,

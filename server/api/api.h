@@ -17,7 +17,7 @@ struct api_station {
 };
 
 // records: to see its figures beside those of others; NULL: they stand alone. course: of whose
-// trainees; NULL: of all. few_untold: of fewer than 5 sessions no figure is told.
+// trainees; NULL: of all. few_untold: as store_figures_on.
 struct api_report {
     const char *trace, *records, *course;
     bool few_untold;

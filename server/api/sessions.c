@@ -8,7 +8,6 @@
 
 #define VALUES_MAX 200
 #define QUANTILES 21
-#define TOLD_LEAST 5 // of fewer a trainee could tell whose they are
 
 // ---- lists --------------------------------------------------------------------------------------
 
@@ -169,7 +168,6 @@ void get_session_trace(struct call *call) {
 
 // The figures come in order: those of one metric, subject, version and unit follow each other.
 struct gathering {
-    size_t least; // of fewer nothing is told
     json_t *all;
     json_t *head; // of those that are being gathered, or NULL
     double *values;
@@ -197,7 +195,7 @@ static void tell(struct gathering *g) {
 }
 
 static void finish(struct gathering *g) {
-    if (g->head && g->count >= g->least)
+    if (g->head)
         tell(g);
     json_decref(g->head);
     g->head = NULL;
@@ -261,8 +259,9 @@ void get_distributions(struct call *call) {
     }
     if (!may_see(call, course))
         return;
-    struct gathering g = {.least = is_trainee(call) ? TOLD_LEAST : 1, .all = json_array()};
-    enum result result = store_figures_on(call->store, name, course, take_figure, &g, &err);
+    struct gathering g = {.all = json_array()};
+    enum result result =
+        store_figures_on(call->store, name, course, is_trainee(call), take_figure, &g, &err);
     finish(&g);
     free(g.values);
     json_t *all = json_pack("{s:o}", "distributions", g.all);

@@ -56,7 +56,7 @@ static void count_row(void *user, const struct store_cell *cells, int count) {
 }
 
 enum result cohort_read(struct store *store, const char *case_name, const char *course,
-                        struct cohort *out, struct error *err) {
+                        bool few_untold, struct cohort *out, struct error *err) {
     int courses = 0;
     enum result result = RESULT_OK;
     *out = (struct cohort){0};
@@ -64,8 +64,9 @@ enum result cohort_read(struct store *store, const char *case_name, const char *
         result = store_rows(store, LIST_COURSES, course, count_row, &courses, err);
     if (result == RESULT_OK && course && !courses)
         result = fail(err, RESULT_MISSING, "there is no course '%.64s' in the records", course);
-    return result == RESULT_OK ? store_figures_on(store, case_name, course, take_figure, out, err)
-                               : result;
+    return result == RESULT_OK
+               ? store_figures_on(store, case_name, course, few_untold, take_figure, out, err)
+               : result;
 }
 
 void cohort_fini(struct cohort *c) {

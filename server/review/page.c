@@ -203,13 +203,12 @@ static void write_beside(const struct page *page, const struct metric_kind *kind
                          double value) {
     const struct spread *spread = cohort_find(&page->cohort, kind, about);
     if (!spread || !isfinite(value)) {
-        fputs("<td class=\"n\">0</td><td colspan=\"2\">-</td>", page->file);
+        fprintf(page->file, "<td class=\"n\">%s</td><td colspan=\"2\">-</td>",
+                page->few_untold ? "few" : "0");
         return;
     }
     const double *values = page->cohort.values + spread->first;
-    if (spread->count < FEW && page->few_untold)
-        fprintf(page->file, "<td class=\"n\">&lt; %d</td><td colspan=\"2\">-</td>", FEW);
-    else if (spread->count < FEW)
+    if (spread->count < FEW)
         write_few(page->file, values, spread->count);
     else
         write_spread(page->file, values, spread->count, value);
@@ -245,8 +244,9 @@ static void write_whose(const struct page *page) {
     fprintf(page->file,
             " that the records have, this one too where they have it; how many these are, their "
             "quartiles with the median in the middle, and where this session (the diamond) stands "
-            "among them. Of fewer than %d, %s.</p>\n",
-            FEW, page->few_untold ? "nothing" : "the figures themselves");
+            "among them. Of fewer than %d %s.</p>\n",
+            page->few_untold ? STORE_TRAINEES_TOLD : FEW,
+            page->few_untold ? "trainees, nothing" : "sessions, the figures themselves");
 }
 
 static void write_figures(const struct page *page) {
@@ -295,7 +295,7 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     page->course = source->course;
     page->few_untold = source->few_untold;
     return page->beside ? cohort_read(source->records, page->header->case_name, source->course,
-                                      &page->cohort, err)
+                                      source->few_untold, &page->cohort, err)
                         : RESULT_OK;
 }
 

@@ -174,17 +174,20 @@ enum result store_last_audit(struct store *store, int limit, store_taker take, v
 }
 
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             store_taker take, void *user, struct error *err) {
+                             bool few_untold, store_taker take, void *user, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
-        "SELECT r.metric, r.subject, r.version, r.unit, r.value FROM result r "
-        "JOIN session s ON s.id = r.session_id JOIN knee_case c ON c.id = s.case_id "
+        "WITH figure AS (SELECT r.metric, r.subject, r.version, r.unit, r.value, s.trainee_id "
+        "FROM result r JOIN session s ON s.id = r.session_id JOIN knee_case c ON c.id = s.case_id "
         "WHERE c.name = ?1 AND s.state = 'closed' AND r.value IS NOT NULL AND "
         "(?2 IS NULL OR s.trainee_id IN (SELECT trainee_id FROM enrolment WHERE course_id = "
-        "(SELECT id FROM course WHERE name = ?2))) "
-        "ORDER BY r.metric, r.subject, r.version, r.unit, r.value",
-        &statement, err, "tt", case_name, course);
+        "(SELECT id FROM course WHERE name = ?2)))) "
+        "SELECT metric, subject, version, unit, value FROM figure "
+        "JOIN (SELECT metric, subject, version, unit FROM figure GROUP BY 1, 2, 3, 4 "
+        "HAVING count(DISTINCT trainee_id) >= ?3) USING (metric, subject, version, unit) "
+        "ORDER BY 1, 2, 3, 4, 5",
+        &statement, err, "tti", case_name, course, (int64_t)(few_untold ? STORE_TRAINEES_TOLD : 0));
     return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
 }
 

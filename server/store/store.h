@@ -248,11 +248,16 @@ enum result store_find_sessions(struct store *store, const struct store_filter *
 enum result store_last_audit(struct store *store, int limit, store_taker take, void *user,
                              struct error *err);
 
+// Of fewer trainees, one of them could tell whose the others' figures are.
+#define STORE_TRAINEES_TOLD 5
+
 // The figures of all sessions on a case that were closed as they should, of the trainees of a
 // course (NULL: of all): metric, subject, version, unit and value, in this order and rising,
-// without a name. Those that have no value are left out.
+// without a name. Those that have no value are left out. few_untold: so are those of a metric,
+// subject, version and unit that fewer than STORE_TRAINEES_TOLD trainees have, however many
+// sessions.
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             store_taker take, void *user, struct error *err);
+                             bool few_untold, store_taker take, void *user, struct error *err);
 
 // name and full_name of a course's trainees; name of a trainee's courses.
 enum result store_trainees_in(struct store *store, const char *course, store_taker take, void *user,

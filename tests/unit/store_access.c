@@ -363,12 +363,12 @@ static void figures_of_a_course_are_those_of_its_closed_sessions(void **state) {
             count += 2;
             sum += 100;
         }
-        assert_ok(store_figures_on(store, "healthy", courses[c], take_figure, &got, &err));
+        assert_ok(store_figures_on(store, "healthy", courses[c], false, take_figure, &got, &err));
         assert_int_equal(got.count, count);
         assert_near(got.sum, sum, 1e-9);
     }
     struct figures tear = {0}; // where session 9 has no second figure
-    assert_ok(store_figures_on(store, "tear", NULL, take_figure, &tear, &err));
+    assert_ok(store_figures_on(store, "tear", NULL, false, take_figure, &tear, &err));
     assert_int_equal(tear.count, 2 * 11 - 1);
 }
 

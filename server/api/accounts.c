@@ -90,6 +90,22 @@ void get_accounts(struct call *call) {
         json_decref(all);
 }
 
+// Who could give a role, or a password, could come in as anybody who has it.
+static bool may_manage(struct call *call, enum store_role role) {
+    if (call->visitor.role == ROLE_INSTRUCTOR || role == call->visitor.role)
+        return true;
+    call_refuse(call, 403, "not_allowed", NULL, "a %s manages accounts of that role alone",
+                store_role_name(call->visitor.role));
+    return false;
+}
+
+// The account of the path.
+static bool find_managed(struct call *call, struct store_visitor *out) {
+    struct error err = {""};
+    return call_went_well(call, store_find_account(call->store, call->args[0], out, &err), &err) &&
+           may_manage(call, out->role);
+}
+
 static bool need_role(struct call *call, enum store_role *out_role) {
     const char *role;
     if (!call_need_text(call, "role", &role))
@@ -124,7 +140,7 @@ void post_accounts(struct call *call) {
     enum store_role role;
     struct error err = {""};
     if (!call_take_body(call, fields) || !call_need_name(call, "name", &name) ||
-        !need_role(call, &role) || !take_trainee(call, role, &trainee) ||
+        !need_role(call, &role) || !may_manage(call, role) || !take_trainee(call, role, &trainee) ||
         !call_need_password(call, "password", &password) || !encode(call, password, encoded))
         return;
     enum result result = store_add_account(call->store, name, role, encoded, trainee, &err);
@@ -134,18 +150,17 @@ void post_accounts(struct call *call) {
                               store_role_name(role), "trainee", trainee ? trainee : ""));
 }
 
-static bool change_role(struct call *call) {
+static bool change_role(struct call *call, const struct store_visitor *account) {
     enum store_role role;
     struct error err = {""};
-    struct store_visitor account;
     if (!call_text(call, "role"))
         return true;
-    if (!need_role(call, &role) ||
-        !call_went_well(call, store_find_account(call->store, call->args[0], &account, &err), &err))
+    if (!need_role(call, &role) || !may_manage(call, role))
         return false;
-    if ((role == ROLE_TRAINEE) != (account.trainee[0] != '\0')) {
+    if ((role == ROLE_TRAINEE) != (account->trainee[0] != '\0')) {
         call_refuse(call, 400, "wrong_field", "role", "role: that of an account %s a trainee is %s",
-                    account.trainee[0] ? "of" : "without", account.trainee[0] ? "trainee" : "not");
+                    account->trainee[0] ? "of" : "without",
+                    account->trainee[0] ? "trainee" : "not");
         return false;
     }
     return call_went_well(call, store_set_role(call->store, call->args[0], role, &err), &err);
@@ -155,6 +170,7 @@ void patch_account(struct call *call) {
     static const char *const fields[] = {"password", "role", NULL};
     const char *password = NULL;
     char encoded[PASSWORD_ENCODED];
+    struct store_visitor account;
     struct error err = {""};
     if (!call_take_body(call, fields))
         return;
@@ -165,7 +181,7 @@ void patch_account(struct call *call) {
         call_refuse(call, 400, "wrong_body", NULL, "neither a password nor a role");
         return;
     }
-    if (!change_role(call))
+    if (!find_managed(call, &account) || !change_role(call, &account))
         return;
     if (!password ||
         call_went_well(call, store_set_password(call->store, call->args[0], encoded, &err), &err))
@@ -173,7 +189,9 @@ void patch_account(struct call *call) {
 }
 
 void delete_account(struct call *call) {
+    struct store_visitor account;
     struct error err = {""};
-    if (call_went_well(call, store_remove_account(call->store, call->args[0], &err), &err))
+    if (find_managed(call, &account) &&
+        call_went_well(call, store_remove_account(call->store, call->args[0], &err), &err))
         call_done(call);
 }

@@ -84,6 +84,43 @@ static void everybody_may_what_the_rules_say_and_no_more(void **state) {
         }
 }
 
+// The rules say who may ask for accounts at all; a technician's are those of technicians.
+static void a_technician_manages_technicians_and_nobody_above(void **state) {
+    (void)state;
+    static const struct {
+        const char *method, *path, *body;
+        int status;
+    } rows[] = {
+        {"POST", "/accounts",
+         "{\"name\":\"x\",\"role\":\"instructor\",\"password\":\"0123456789\"}", 403},
+        {"POST", "/accounts",
+         "{\"name\":\"x\",\"role\":\"trainee\",\"password\":\"0123456789\",\"trainee\":\"ada\"}",
+         403},
+        {"PATCH", "/accounts/tom", "{\"role\":\"instructor\"}", 403},
+        {"PATCH", "/accounts/grace", "{\"password\":\"0123456789\"}", 403},
+        {"PATCH", "/accounts/grace", "{\"role\":\"technician\"}", 403},
+        {"PATCH", "/accounts/ada.l", "{\"password\":\"0123456789\"}", 403},
+        {"DELETE", "/accounts/grace", NULL, 403},
+        {"DELETE", "/accounts/ada.l", NULL, 403},
+        {"POST", "/accounts",
+         "{\"name\":\"x\",\"role\":\"technician\",\"password\":\"0123456789\"}", 201},
+        {"PATCH", "/accounts/x", "{\"role\":\"instructor\"}", 403},
+        {"PATCH", "/accounts/x", "{\"role\":\"instructor\",\"password\":\"0123456789\"}", 403},
+        {"PATCH", "/accounts/x", "{\"password\":\"9876543210\"}", 204},
+        {"DELETE", "/accounts/x", NULL, 204},
+    };
+    const char *token = token_of("tom");
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        if (ask(rows[i].method, rows[i].path, token, rows[i].body) != rows[i].status)
+            fail_msg("%s %s %s: %d", rows[i].method, rows[i].path, rows[i].body ? rows[i].body : "",
+                     answer.status);
+    token = token_of("grace"); // and all is as it was
+    assert_int_equal(ask("GET", "/accounts", token, NULL), 200);
+    assert_int_equal(json_array_size(json_object_get(said, "accounts")), 3);
+    assert_string_equal(text_at("accounts.0.role"), "instructor");
+    assert_string_equal(text_at("accounts.1.role"), "technician");
+}
+
 static void no_route_is_without_a_rule(void **state) {
     (void)state;
     bool found[64] = {false};
@@ -251,6 +288,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, api_begin, api_end)
         TEST(everybody_may_what_the_rules_say_and_no_more),
+        TEST(a_technician_manages_technicians_and_nobody_above),
         TEST(no_route_is_without_a_rule),
         TEST(a_path_that_is_none_is_not_found),
         TEST(what_is_wrong_is_named),

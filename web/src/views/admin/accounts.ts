@@ -16,33 +16,38 @@ interface Listed {
 
 const ROLES: Role[] = ["instructor", "technician", "trainee"];
 
+/** Whose accounts one makes and changes; the server refuses others. */
+const managed = (app: App): Role[] => (app.account!.role === "instructor" ? ROLES : [app.account!.role]);
+
 export const accounts: Part = (root, app) => {
   const t = text.admin.accounts;
   const remove = (one: Listed): void => confirm(t.removeTitle(one.name), t.removeHint, t.remove, async () => {
     await app.api.delete(`/accounts/${part(one.name)}`);
     list.reload();
   });
+  const actions = (one: Listed): HTMLElement[] => [
+    button(t.change, () => change(app, one, list.reload), { kind: "quiet", class: "small" }),
+    button(t.remove, () => remove(one), { kind: "quiet", class: "small", disabled: one.name === app.account!.name }),
+  ];
   const list = listing<Listed>(text.admin.parts.accounts, [
     { label: t.name, cell: (one) => h("b", {}, one.name) },
     { label: t.role, cell: (one) => text.roles[one.role] ?? one.role },
     { label: t.trainee, cell: (one) => one.trainee || format.none },
     { label: t.signIn, cell: (one) => h("span", { class: `badge ${one.can_sign_in ? "good" : ""}` }, one.can_sign_in ? t.can : t.cannot) },
     { label: t.created, cell: (one) => h("span", { class: "number" }, format.date(one.created_utc_s * 1000)) },
-    { label: t.actions, hidden: true, cell: (one) => h("span", { class: "row-actions" },
-      button(t.change, () => change(app, one, list.reload), { kind: "quiet", class: "small" }),
-      button(t.remove, () => remove(one), { kind: "quiet", class: "small", disabled: one.name === app.account!.name })) },
+    { label: t.actions, hidden: true, cell: (one) => h("span", { class: "row-actions" }, ...(managed(app).includes(one.role) ? actions(one) : [])) },
   ], async () => (await app.api.get<{ accounts: Listed[] }>("/accounts")).accounts, () => empty(t.none));
   root.append(head(text.admin.parts.accounts, t.hint, button(t.add, () => void make(app, list.reload), { kind: "primary", icon: "plus" })), list.element);
   return () => list.end();
 };
 
-const roleOptions = (): [string, string][] => ROLES.map((role) => [role, text.roles[role]!]);
+const roleOptions = (app: App): [string, string][] => managed(app).map((role) => [role, text.roles[role]!]);
 
 async function make(app: App, made: () => void): Promise<void> {
   const t = text.admin.accounts;
   const known = await app.api.get<{ trainees: { name: string }[] }>("/trainees").then((answer) => answer.trainees, () => []);
   const name = h("input", { name: "name", maxlength: 63, autocomplete: "off", spellcheck: "false" });
-  const role = select(roleOptions(), "instructor", { name: "role" });
+  const role = select(roleOptions(app), app.account!.role, { name: "role" });
   const trainee = select([["", t.chooseTrainee], ...known.map((one): [string, string] => [one.name, one.name])], "", { name: "trainee" });
   const password = h("input", { name: "password", type: "password", autocomplete: "new-password", maxlength: 128 });
   const who = field(t.trainee, trainee, t.traineeHint);
@@ -57,7 +62,7 @@ async function make(app: App, made: () => void): Promise<void> {
 
 function change(app: App, one: Listed, changed: () => void): void {
   const t = text.admin.accounts;
-  const role = select(roleOptions().filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { name: "role", disabled: one.role === "trainee" });
+  const role = select(roleOptions(app).filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { name: "role", disabled: one.role === "trainee" });
   const password = h("input", { name: "password", type: "password", autocomplete: "new-password", maxlength: 128 });
   formDialog(t.changeTitle(one.name), [field(t.role, role), field(t.newPassword, password, t.keepHint), h("p", { class: "quiet-text" }, t.changeHint)], text.save, async () => {
     const body = { ...(role.value !== one.role ? { role: role.value } : {}), ...(password.value ? { password: password.value } : {}) };

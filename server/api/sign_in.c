@@ -29,9 +29,9 @@ static bool try_begin(struct call *call, const char *name, struct try *out) {
     *out = (struct try){.named = name, .at_ns = clock_now_ns()};
     throttle_address(call->request->address, out->address);
     snprintf(out->name, sizeof out->name, "name %s", name ? name : "");
-    if (!throttle_try(throttle, out->address, out->at_ns, &wait_s))
+    if (!throttle_try(throttle, out->address, THROTTLE_ADDRESS_TRIES, out->at_ns, &wait_s))
         return too_many(call, wait_s);
-    if (!out->named || throttle_try(throttle, out->name, out->at_ns, &wait_s))
+    if (!out->named || throttle_try(throttle, out->name, THROTTLE_NAME_TRIES, out->at_ns, &wait_s))
         return true;
     throttle_take_back(throttle, out->address, out->at_ns);
     return too_many(call, wait_s);

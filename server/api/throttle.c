@@ -1,6 +1,7 @@
 #include "api/throttle.h"
 
 #include "api/secret.h"
+#include "base/check.h"
 #include "base/clock.h"
 
 #include <arpa/inet.h>
@@ -19,15 +20,15 @@ static uint64_t key_of(const char *who) {
 
 static int64_t newest(const struct throttle_key *k) {
     int64_t ns = 0;
-    for (int i = 0; i < THROTTLE_TRIES; i++)
+    for (int i = 0; i < THROTTLE_NAME_TRIES; i++)
         if (k->tried_ns[i] > ns)
             ns = k->tried_ns[i];
     return ns;
 }
 
-static int oldest(const struct throttle_key *k) {
+static int oldest(const struct throttle_key *k, int most) {
     int found = 0;
-    for (int i = 1; i < THROTTLE_TRIES; i++)
+    for (int i = 1; i < most; i++)
         if (k->tried_ns[i] < k->tried_ns[found])
             found = i;
     return found;
@@ -54,10 +55,11 @@ static struct throttle_key *find_or_make(struct throttle *t, uint64_t key) {
     return place;
 }
 
-bool throttle_try(struct throttle *t, const char *who, int64_t now_ns, int *out_wait_s) {
+bool throttle_try(struct throttle *t, const char *who, int most, int64_t now_ns, int *out_wait_s) {
+    CHECK(most > 0 && most <= THROTTLE_NAME_TRIES);
     pthread_mutex_lock(&t->lock);
     struct throttle_key *k = find_or_make(t, key_of(who));
-    int64_t *place = &k->tried_ns[oldest(k)];
+    int64_t *place = &k->tried_ns[oldest(k, most)];
     int64_t left_ns = *place ? *place + WINDOW_NS - now_ns : 0;
     if (left_ns <= 0)
         *place = now_ns;
@@ -69,7 +71,7 @@ bool throttle_try(struct throttle *t, const char *who, int64_t now_ns, int *out_
 void throttle_take_back(struct throttle *t, const char *who, int64_t tried_ns) {
     pthread_mutex_lock(&t->lock);
     struct throttle_key *k = find(t, key_of(who));
-    for (int i = 0; k && i < THROTTLE_TRIES; i++)
+    for (int i = 0; k && i < THROTTLE_NAME_TRIES; i++)
         if (k->tried_ns[i] == tried_ns) {
             k->tried_ns[i] = 0;
             break;

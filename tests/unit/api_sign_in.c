@@ -145,13 +145,21 @@ static void who_is_wrong_too_often_waits(void **state) {
     assert_int_equal(sign_in("tom", PASSWORD), 429);
     assert_int_equal(ask("POST", "/first", NULL, "{\"secret\":\"x\"}"), 429);
     assert_int_equal(ask_from("10.0.0.6", "POST", "/sign-in", NULL, right), 200);
-    // From everywhere for one name.
-    for (int i = 0; i < 5; i++) {
+}
+
+static void only_from_many_addresses_is_the_owner_of_a_name_kept_out(void **state) {
+    (void)state;
+    static const char right[] = "{\"name\":\"tom\",\"password\":\"" PASSWORD "\"}";
+    static const char wrong[] = "{\"name\":\"tom\",\"password\":\"wrong\"}";
+    give_password("tom");
+    for (int i = 0; i < 30; i++) {
         char address[32];
-        snprintf(address, sizeof address, "10.0.1.%d", i);
-        assert_int_equal(ask_from(address, "POST", "/sign-in", NULL,
-                                  "{\"name\":\"tom\",\"password\":\"wrong\"}"),
-                         401);
+        snprintf(address, sizeof address, "10.0.1.%d", i / 5);
+        assert_int_equal(ask_from(address, "POST", "/sign-in", NULL, wrong), 401);
+        if (i == 4)
+            assert_int_equal(ask_from(address, "POST", "/sign-in", NULL, right), 429);
+        if (i == 4 || i == 28)
+            assert_int_equal(ask_from("10.0.2.1", "POST", "/sign-in", NULL, right), 200);
     }
     assert_int_equal(ask_from("10.0.2.1", "POST", "/sign-in", NULL, right), 429);
     assert_int_equal(ask_from("10.0.2.1", "POST", "/sign-in", NULL, "{\"code\":\"ABCDEFGH\"}"),
@@ -378,6 +386,7 @@ int main(void) {
         TEST(who_has_the_password_comes_in),
         TEST(a_wrong_name_is_answered_as_a_wrong_password_is),
         TEST(who_is_wrong_too_often_waits),
+        TEST(only_from_many_addresses_is_the_owner_of_a_name_kept_out),
         TEST(who_is_right_never_waits),
         TEST(at_once_no_more_are_wrong_than_one_after_the_other),
         TEST(a_code_signs_its_trainee_in_until_it_ends),

@@ -19,7 +19,7 @@ static int begin(void **state) {
 
 static bool tries(const char *who, double s) {
     int wait_s;
-    bool may = throttle_try(&throttle, who, 1 + (int64_t)(s * NS_PER_S), &wait_s);
+    bool may = throttle_try(&throttle, who, 5, 1 + (int64_t)(s * NS_PER_S), &wait_s);
     assert_true(may ? wait_s == 0 : wait_s >= 1 && wait_s <= 60);
     return may;
 }
@@ -32,7 +32,7 @@ static void five_wrong_in_a_minute_are_enough(void **state) {
     for (double s = 5; s < 59; s += 7)
         assert_false(tries("ada", s));
     assert_true(tries("eve", 10));
-    assert_false(throttle_try(&throttle, "ada", 50 * NS_PER_S, &wait_s));
+    assert_false(throttle_try(&throttle, "ada", 5, 50 * NS_PER_S, &wait_s));
     assert_in_range(wait_s, 10, 11);
     assert_true(tries("ada", 60.5));
     assert_false(tries("ada", 60.7)); // that of the second 1 still counts
@@ -40,6 +40,17 @@ static void five_wrong_in_a_minute_are_enough(void **state) {
     for (int i = 0; i < 5; i++)
         assert_true(tries("ada", 200 + i));
     assert_false(tries("ada", 205));
+}
+
+static void of_a_name_thirty_are_enough(void **state) {
+    (void)state;
+    int wait_s;
+    for (int i = 0; i < 30; i++)
+        assert_true(throttle_try(&throttle, "name ada", 30, (i + 1) * NS_PER_S, &wait_s));
+    assert_false(throttle_try(&throttle, "name ada", 30, 60 * NS_PER_S, &wait_s));
+    assert_int_equal(wait_s, 1);
+    assert_true(throttle_try(&throttle, "name ada", 30, 61 * NS_PER_S, &wait_s));
+    assert_false(throttle_try(&throttle, "name ada", 30, 61 * NS_PER_S + 1, &wait_s));
 }
 
 // At any rate, in no window of a minute are there more than five.
@@ -150,6 +161,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup(f, begin)
         TEST(five_wrong_in_a_minute_are_enough),
+        TEST(of_a_name_thirty_are_enough),
         TEST(no_rate_gets_more_than_five_through_in_any_minute),
         TEST(what_was_right_does_not_count_and_what_was_wrong_stays),
         TEST(it_knows_a_few_thousand_at_a_time),

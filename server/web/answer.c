@@ -116,6 +116,7 @@ struct answer answer_none(void) {
 
 void answer_release(struct answer *answer) {
     free(answer->owned);
+    packed_release(&answer->packed);
     if (answer->file >= 0)
         close(answer->file);
     *answer = answer_none();
@@ -145,6 +146,7 @@ static struct answer failure(void) {
 
 static void drop_body(struct answer *a) {
     free(a->owned);
+    packed_release(&a->packed);
     a->owned = NULL;
     a->bytes = NULL;
     a->size = 0;
@@ -254,6 +256,29 @@ static bool load(struct answer *a) {
     return whole;
 }
 
+// The file as it is now has this name; what it was before is not asked for any more.
+static bool load_packed(struct answer *a, const char *path, struct shelf *shelf) {
+    char name[SHELF_NAME_MAX];
+    struct stat status;
+    if (fstat(a->file, &status) != 0)
+        return false;
+    snprintf(name, sizeof name, "%s %lld.%09ld %lld", path, (long long)status.st_mtim.tv_sec,
+             status.st_mtim.tv_nsec, (long long)status.st_size);
+    const struct packed *packed = shelf_take(shelf, name);
+    if (!packed) {
+        if (!load(a))
+            return false;
+        size_t size;
+        uint8_t *bytes = gzip_pack(a->bytes, a->size, &size);
+        packed = shelf_put(shelf, name, bytes, size);
+    }
+    drop_body(a);
+    a->packed = packed;
+    a->bytes = packed->bytes;
+    a->size = packed->size;
+    return true;
+}
+
 static void pack(struct answer *a) {
     size_t size;
     uint8_t *packed = gzip_pack(a->bytes, a->size, &size);
@@ -321,19 +346,20 @@ static void say_headers(struct answer *a, const struct web_response *r) {
         say(a, "Retry-After: %d\r\n", r->retry_after_s);
 }
 
-struct answer answer_of(const struct web_response *r, const struct wishes *wishes) {
+struct answer answer_of(const struct web_response *r, const struct wishes *wishes,
+                        struct shelf *shelf) {
     struct answer a = answer_none();
     a.bytes = a.owned = (uint8_t *)r->body;
     a.size = r->size;
     if (r->file[0] && !open_file(&a, r->file))
         return answer_refusal(404, "not_found", "there is no such file", false);
     bool packed = is_packed(r, wishes) && a.left <= COMPRESSED_MAX;
-    if (packed && a.file >= 0 && !load(&a)) {
+    if (packed && a.file < 0)
+        pack(&a);
+    else if (packed && !load_packed(&a, r->file, shelf)) {
         answer_release(&a);
         return failure();
     }
-    if (packed)
-        pack(&a);
     int64_t size = a.file >= 0 ? a.left : (int64_t)a.size;
     int status = choose(&a, r, wishes, size);
     begin_with(&a, status, r->stands_alone ? policy_alone : policy);

@@ -2,6 +2,7 @@
 // answer is made may take time (it packs and opens files), but for pages and refusals.
 #pragma once
 
+#include "web/shelf.h"
 #include "web/web.h"
 
 #include <stdint.h>
@@ -20,8 +21,9 @@ struct answer {
     int status;
     char head[ANSWER_HEAD_MAX];
     size_t head_size;
-    uint8_t *owned;       // what is released with it
-    const uint8_t *bytes; // of `size`, behind the head
+    uint8_t *owned;              // what is released with it
+    const struct packed *packed; // too
+    const uint8_t *bytes;        // of `size`, behind the head
     size_t size;
     int file; // -1: none; else its bytes from `at` on follow, `left` of them
     int64_t at, left;
@@ -31,8 +33,9 @@ struct answer {
 struct answer answer_none(void);
 void answer_release(struct answer *answer); // it is none then
 
-// Takes the response's body.
-struct answer answer_of(const struct web_response *response, const struct wishes *wishes);
+// Takes the response's body. What of files is packed is kept on the shelf.
+struct answer answer_of(const struct web_response *response, const struct wishes *wishes,
+                        struct shelf *shelf);
 struct answer answer_page(const struct web_page *page, const struct wishes *wishes);
 
 // {"error": {"code": ..., "text": ...}}

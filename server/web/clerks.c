@@ -17,6 +17,7 @@ struct clerks {
     struct web_handler handler;
     void (*on_done)(void *user);
     void *user;
+    struct shelf *shelf;
     pthread_t threads[CLERKS];
     pthread_mutex_t lock; // guards what follows
     pthread_cond_t wake;
@@ -69,7 +70,7 @@ void job_destroy(struct job **job) {
     *job = NULL;
 }
 
-static void ask(const struct web_handler *handler, struct job *job) {
+static void ask(struct clerks *c, struct job *job) {
     struct web_response response = {0};
     const struct web_request request = {
         .method = job->method,
@@ -81,17 +82,17 @@ static void ask(const struct web_handler *handler, struct job *job) {
         .by_cookie = job->by_cookie,
         .address = job->address,
     };
-    handler->on_request(handler->user, &request, &response);
-    job->answer = answer_of(&response, &job->wishes);
+    c->handler.on_request(c->handler.user, &request, &response);
+    job->answer = answer_of(&response, &job->wishes, c->shelf);
 }
 
-static void work(const struct web_handler *handler, struct job *job) {
+static void work(struct clerks *c, struct job *job) {
     switch (job->kind) {
     case JOB_ENTER:
-        job->entry = handler->on_enter(handler->user, job->token, &job->account);
+        job->entry = c->handler.on_enter(c->handler.user, job->token, &job->account);
         break;
     case JOB_REQUEST:
-        ask(handler, job);
+        ask(c, job);
         break;
     case JOB_READ:
         job->failed = !answer_read(&job->answer);
@@ -114,7 +115,7 @@ static void *serve(void *argument) {
             continue;
         }
         pthread_mutex_unlock(&c->lock);
-        work(&c->handler, job);
+        work(c, job);
         pthread_mutex_lock(&c->lock);
         line_up(&c->done, job);
         c->on_done(c->user);
@@ -150,6 +151,7 @@ struct clerks *clerks_create(const struct web_handler *handler, void (*on_done)(
     c->handler = *handler;
     c->on_done = on_done;
     c->user = user;
+    c->shelf = shelf_create(SHELF_BYTES);
     pthread_mutex_init(&c->lock, NULL);
     pthread_cond_init(&c->wake, NULL);
     for (int i = 0; i < CLERKS; i++)
@@ -171,6 +173,7 @@ void clerks_destroy(struct clerks **clerks) {
     line_clear(&c->urgent);
     line_clear(&c->requests);
     line_clear(&c->done);
+    shelf_destroy(&c->shelf);
     pthread_cond_destroy(&c->wake);
     pthread_mutex_destroy(&c->lock);
     free(c);

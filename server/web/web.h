@@ -47,7 +47,7 @@ struct web_response {
     size_t size;
     char file[512];     // a path whose bytes are sent, with Range; 404 where it cannot be read
     bool stands_alone;  // a page with a style of its own, without scripts and links to others
-    bool compress;      // send it gzipped to who takes that; for what is large and seldom asked
+    bool compress;      // send it gzipped to who takes that; of a file that is kept
     char etag[80];      // without quotes; empty: not to be kept
     char cookie[256];   // the value of Set-Cookie
     char download[128]; // the name under which a browser stores it
@@ -63,9 +63,9 @@ struct web_handler {
     void (*on_request)(void *user, const struct web_request *request,
                        struct web_response *out_response);
 
-    // Whose token it is; RESULT_MISSING where nobody's; any other error: it cannot be found out now.
-    // Asked when /live is opened and each second while it is open: a viewer whose account is no
-    // longer the same is closed. Of whom it cannot be found out, who is new is closed, to try
+    // Whose token it is; RESULT_MISSING where nobody's; any other error: it cannot be found out
+    // now. Asked when /live is opened and each second while it is open: a viewer whose account is
+    // no longer the same is closed. Of whom it cannot be found out, who is new is closed, to try
     // later, and who is in stays.
     enum result (*on_enter)(void *user, const char *token, struct web_account *out_account);
 

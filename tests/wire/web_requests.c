@@ -4,12 +4,15 @@
 #include "wire/asking.h"
 
 #include <dirent.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #define TO_US "Host: localhost\r\n"
 
@@ -208,6 +211,42 @@ static void a_file_comes_whole_or_in_part(void **state) {
     browser_close(browser);
 }
 
+// The first of the file's bytes is another one; its size and the time of its change stay.
+static void change_unseen(const char *path, int first, const struct timespec times[2]) {
+    FILE *file = fopen(path, "r+b");
+    fputc(first, file);
+    assert_int_equal(fclose(file), 0);
+    assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
+}
+
+static int first_unpacked(struct browser *browser) {
+    uint8_t first;
+    struct answered a = browser_ask(browser, "GET /api/v1/packed", "Accept-Encoding: gzip\r\n");
+    z_stream stream = {.next_in = (uint8_t *)a.body, .next_out = &first, .avail_out = 1};
+    stream.avail_in = (uInt)a.size;
+    assert_int_equal(inflateInit2(&stream, 31), Z_OK);
+    assert_int_equal(inflate(&stream, Z_NO_FLUSH), Z_OK);
+    inflateEnd(&stream);
+    free(a.body);
+    return first;
+}
+
+static void a_file_is_packed_once_until_it_changes(void **state) {
+    (void)state;
+    char path[sizeof reception.dir + 16];
+    struct browser *browser = call();
+    struct timespec times[2] = {{1000, 0}, {1000, 0}};
+    snprintf(path, sizeof path, "%s/file", reception.dir);
+    change_unseen(path, 'a', times);
+    assert_int_equal(first_unpacked(browser), 'a');
+    change_unseen(path, 'b', times);
+    assert_int_equal(first_unpacked(browser), 'a'); // who packed it again had seen it
+    times[1].tv_nsec = 1;
+    change_unseen(path, 'c', times);
+    assert_int_equal(first_unpacked(browser), 'c');
+    browser_close(browser);
+}
+
 static void a_file_is_packed_where_the_handler_wants_it(void **state) {
     (void)state;
     struct browser *browser = call();
@@ -334,6 +373,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody,
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, reception_begin,
+                                        reception_end),
+        cmocka_unit_test_setup_teardown(a_file_is_packed_once_until_it_changes, reception_begin,
                                         reception_end),
         cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it,
                                         reception_begin, reception_end),

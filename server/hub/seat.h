@@ -74,6 +74,8 @@ struct card {
     uint64_t mesh_hashes[TISSUES_MAX];          // as its stations follow them
     uint64_t figures_of;                        // the session that both are of
     arthron_Undone undone;                      // by the last undo
+    uint64_t undo_of;                           // the session that was asked for it
+    bool undo_awaited;                          // who asked for it has not been told yet
     struct about about;                         // of the last session
     int device_count;
     arthron_Device devices[WIRE_DEVICES_MAX]; // as Hello told them

@@ -38,17 +38,52 @@ static void give_input(struct hub *hub, int index, enum input_kind kind,
         reply->ok = true;
 }
 
+// False where one is on its way, whose answer would be taken for that of the next.
+static bool begin_undo(struct hub *hub, struct seat *seat) {
+    struct card *card = &seat->card;
+    pthread_mutex_lock(&hub->card_lock);
+    bool pending =
+        card->undo_of == card->about.session && atomic_load(&seat->counts.undo) == UNDO_ASKED;
+    bool free = !card->undo_awaited && !pending;
+    if (free) {
+        card->undone = (arthron_Undone){0};
+        card->undo_of = card->about.session;
+        card->undo_awaited = true;
+        atomic_store(&seat->counts.undo, UNDO_ASKED);
+    }
+    pthread_mutex_unlock(&hub->card_lock);
+    return free;
+}
+
+static arthron_Undone end_undo(struct hub *hub, struct seat *seat) {
+    pthread_mutex_lock(&hub->card_lock);
+    arthron_Undone undone = seat->card.undone;
+    seat->card.undo_awaited = false;
+    pthread_mutex_unlock(&hub->card_lock);
+    return undone;
+}
+
 static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct seat *seat = &hub->seats[index];
     struct worker *worker = seat_worker(hub, index);
     struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
-    pthread_mutex_lock(&hub->card_lock);
-    seat->card.undone = (arthron_Undone){0};
-    pthread_mutex_unlock(&hub->card_lock);
-    atomic_store(&seat->counts.undo, UNDO_ASKED);
+    if (!begin_undo(hub, seat)) {
+        reply_refuse(reply, "station %s: an undo is on its way", seat->station->name);
+        return;
+    }
     reply->ok = worker_tell(worker, worker->from_desk, &note);
-    if (!reply->ok)
-        reply_refuse(reply, "station %s: its worker is too busy", seat->station->name);
+    if (reply->ok)
+        return;
+    atomic_store(&seat->counts.undo, JOB_NOTHING);
+    end_undo(hub, seat);
+    reply_refuse(reply, "station %s: its worker is too busy", seat->station->name);
+}
+
+static bool undo_may_come(struct hub *hub, struct seat *seat) {
+    pthread_mutex_lock(&hub->card_lock);
+    bool same = seat->card.about.session == seat->card.undo_of;
+    pthread_mutex_unlock(&hub->card_lock);
+    return same && seat_has_session(seat);
 }
 
 // Without the desk's lock: no other station waits for a theatre.
@@ -57,7 +92,7 @@ static void wait_for_undo(struct hub *hub, int index, arthron_CommandReply *repl
     const struct timespec pause = {0, 5 * NS_PER_MS};
     int outcome = UNDO_ASKED;
     for (int waited = 0; outcome == UNDO_ASKED && waited < UNDO_WAIT_MS; waited += 5) {
-        bool lives = seat_has_session(seat);
+        bool lives = undo_may_come(hub, seat);
         outcome = atomic_load(&seat->counts.undo);
         if (!lives)
             break;
@@ -68,9 +103,7 @@ static void wait_for_undo(struct hub *hub, int index, arthron_CommandReply *repl
     else if (outcome == UNDO_ASKED)
         reply_refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
                      seat->station->name, UNDO_WAIT_MS / 1000);
-    pthread_mutex_lock(&hub->card_lock);
-    reply->undone = seat->card.undone;
-    pthread_mutex_unlock(&hub->card_lock);
+    reply->undone = end_undo(hub, seat);
     reply->has_undone = reply->ok;
 }
 

@@ -80,6 +80,51 @@ static void a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole(void **state)
     assert_was_cut(&card);
 }
 
+struct asker {
+    struct hub *hub;
+    pthread_t thread;
+    arthron_CommandReply reply;
+};
+
+static void *ask_for_undo(void *user) {
+    struct asker *asker = user;
+    const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
+    desk_command(asker->hub, "otto", &command, &asker->reply);
+    return NULL;
+}
+
+// Who is told that something was undone is told of no other's cuts.
+static void of_undos_at_once_each_has_its_own_answer(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    static struct asker askers[4];
+    hall_join(hub);
+    for (int i = 0; i < 5; i++) { // so that one is left
+        hall_shave_part(hub, i / 5.0, (i + 1) / 5.0);
+        hall_command(hub, arthron_Command_Kind_PAUSE); // ends the stroke
+        hall_command(hub, arthron_Command_Kind_START);
+    }
+    uint32_t before = hall_last_card(hub).tissues[0].cuts, undone = 0;
+    for (int i = 0; i < 4; i++) {
+        askers[i].hub = hub;
+        assert_int_equal(pthread_create(&askers[i].thread, NULL, ask_for_undo, &askers[i]), 0);
+    }
+    int done = 0;
+    for (int i = 0; i < 4; i++) {
+        pthread_join(askers[i].thread, NULL);
+        const arthron_CommandReply *reply = &askers[i].reply;
+        assert_int_equal(reply->ok, reply->has_undone);
+        if (!reply->ok)
+            assert_string_equal(reply->text, "station room-1: an undo is on its way");
+        undone += reply->ok ? reply->undone.cuts : 0;
+        done += reply->ok;
+    }
+    assert_true(done >= 1 && undone > 0);
+    assert_int_equal(hall_last_card(hub).tissues[0].cuts, before - undone);
+    hall_command(hub, arthron_Command_Kind_UNDO); // the next one is taken
+    hub_destroy(&hub);
+}
+
 static void what_was_cut_is_not_told_of_another_case(void **state) {
     (void)state;
     struct hub *hub = hall_open();
@@ -99,6 +144,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
+        cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
         cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };
     return cmocka_run_group_tests_name("theatre", tests, hall_make, hall_remove);

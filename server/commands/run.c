@@ -44,6 +44,7 @@ static int serve_until_end(const struct server_config *config, const sigset_t *e
     }
     log_info("server", "ready on port %d", config->hub.port);
     wait_for_end(ends);
+    hub_break_off(hub);
     browsers_destroy(&browsers);
     hub_destroy(&hub);
     return 0;

@@ -37,11 +37,14 @@ static enum result take_step(struct again *a, const char *path, struct rerun *re
 }
 
 // RESULT_MISSING at the end of a trace that was not closed: as it should be.
-static enum result run(struct again *a, const char *path, struct trace_reader *reader,
-                       const double *at_s, struct rerun *rerun, struct error *err) {
+static enum result run(const struct hub *hub, struct again *a, const char *path,
+                       struct trace_reader *reader, const double *at_s, struct rerun *rerun,
+                       struct error *err) {
     struct trace_record record;
     enum result result;
     while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
+        if (atomic_load(&hub->ending))
+            return fail(err, RESULT_TIMEOUT, "%s: the server ends", path);
         if (at_s && is_behind(a, &record, *at_s))
             return RESULT_MISSING;
         if (record.type == TRACE_GAP)
@@ -104,7 +107,7 @@ enum result again_run(const struct hub *hub, const char *path, const double *at_
     moments_begin(&out->moments, 0, out->header.start_ns);
     struct rerun *rerun = rerun_create(hub->scenes[out->scene], &out->header.settings);
     out->place = trace_reader_place(reader);
-    result = run(out, path, reader, at_s, rerun, err);
+    result = run(hub, out, path, reader, at_s, rerun, err);
     if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))
         make_live(hub, out, &rerun);
     rerun_destroy(&rerun);

@@ -20,7 +20,7 @@ struct again {
 // all). Answers as trace_read at the end of what is run: RESULT_MISSING where more could follow,
 // RESULT_CLOSED where the trace is closed, and then goes on only if at_s is given; RESULT_REFUSED
 // where the case or the version is not this server's, steps are missing, or one comes out otherwise
-// than it was. From any thread, while the hub has its scenes.
+// than it was; RESULT_TIMEOUT after hub_break_off. From any thread, while the hub has its scenes.
 enum result again_run(const struct hub *hub, const char *path, const double *at_s,
                       struct again *out, struct error *err);
 

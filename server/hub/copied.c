@@ -73,7 +73,7 @@ static enum result find_trace(const struct hub *hub, const char *from, char out_
 
 // ---- the new trace ------------------------------------------------------------------------------
 
-static enum result copy_inputs(const struct again *again, const char *from,
+static enum result copy_inputs(const struct hub *hub, const struct again *again, const char *from,
                                struct trace_writer *writer, struct error *err) {
     struct trace_reader *reader;
     struct trace_record record;
@@ -81,7 +81,10 @@ static enum result copy_inputs(const struct again *again, const char *from,
     if (result != RESULT_OK)
         return result;
     while (result == RESULT_OK && trace_reader_offset(reader) < again->place.offset) {
-        result = trace_read(reader, &record, err);
+        if (atomic_load(&hub->ending))
+            result = fail(err, RESULT_TIMEOUT, "%s: the server ends", from);
+        else
+            result = trace_read(reader, &record, err);
         if (result != RESULT_OK || (record.type != TRACE_STEP && record.type != TRACE_PAST))
             continue;
         record.type = TRACE_PAST;
@@ -119,7 +122,7 @@ static enum result write_trace(struct hub *hub, int seat, const char *from, stru
     }
     struct trace_writer **trace = &c->again.live->trace;
     result = trace_writer_create(c->draft, &c->header, &hub->vouches, trace, err);
-    return result == RESULT_OK ? copy_inputs(&c->again, from, *trace, err) : result;
+    return result == RESULT_OK ? copy_inputs(hub, &c->again, from, *trace, err) : result;
 }
 
 // ---- making one ---------------------------------------------------------------------------------

@@ -227,11 +227,16 @@ static void release(struct hub *hub) {
     free(hub);
 }
 
+void hub_break_off(struct hub *hub) {
+    atomic_store(&hub->ending, true);
+}
+
 // Console and clerk first, so that no session begins; then the workers, who end theirs and tell the
 // stations; then the control connections; then what the workers left for the desk, and the desk for
 // the recorder.
 void hub_destroy(struct hub **hub) {
     struct hub *h = *hub;
+    hub_break_off(h);
     if (h->console)
         console_destroy(&h->console);
     desk_stop(h);

@@ -61,5 +61,9 @@ struct hub;
 // case, key file, address or folder at fault.
 enum result hub_create(const struct hub_config *config, struct hub **out_hub, struct error *err);
 
+// A copy or an undo that somebody waits for is broken off, and that is answered, so that who must
+// end before the hub does not wait for it. From any thread.
+void hub_break_off(struct hub *hub);
+
 // Tells the stations, ends every session with a whole trace, joins all threads.
 void hub_destroy(struct hub **hub);

@@ -214,6 +214,7 @@ struct hub {
     pthread_t clerk;
     pthread_cond_t clerk_wake; // with card_lock
     bool clerk_runs, clerk_stop;
+    atomic_bool ending; // hub_break_off was called
 };
 
 static inline bool seat_has_session(const struct seat *seat) {

@@ -94,12 +94,14 @@ static void wait_for_undo(struct hub *hub, int index, arthron_CommandReply *repl
     for (int waited = 0; outcome == UNDO_ASKED && waited < UNDO_WAIT_MS; waited += 5) {
         bool lives = undo_may_come(hub, seat);
         outcome = atomic_load(&seat->counts.undo);
-        if (!lives)
+        if (!lives || atomic_load(&hub->ending))
             break;
         nanosleep(&pause, NULL);
     }
     if (outcome == JOB_NOTHING)
         reply_refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+    else if (outcome == UNDO_ASKED && atomic_load(&hub->ending))
+        reply_refuse(reply, "station %s: the server ends", seat->station->name);
     else if (outcome == UNDO_ASKED)
         reply_refuse(reply, "station %s: its session ended, or is too busy to undo a cut in %d s",
                      seat->station->name, UNDO_WAIT_MS / 1000);

@@ -5,6 +5,7 @@
 #include "unit/hall.h"
 
 #include <stdio.h>
+#include <string.h>
 
 // ---- what was cut, by the session's own record --------------------------------------------------
 
@@ -125,6 +126,24 @@ static void of_undos_at_once_each_has_its_own_answer(void **state) {
     hub_destroy(&hub);
 }
 
+static void a_server_that_ends_waits_for_no_copy(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    static arthron_CommandReply reply;
+    arthron_Command copy = {.kind = arthron_Command_Kind_COPY, .station = "room-1"};
+    hall_join(hub);
+    hall_shave_part(hub, 0, 0.5);
+    hall_command(hub, arthron_Command_Kind_STOP);
+    snprintf(copy.from, sizeof copy.from, "%s", hall_card(hub).trace);
+    desk_command(hub, "otto", &copy, &reply);
+    assert_true(reply.ok);
+    hub_break_off(hub);
+    desk_command(hub, "otto", &copy, &reply);
+    assert_false(reply.ok);
+    assert_non_null(strstr(reply.text, "the server ends"));
+    hub_destroy(&hub);
+}
+
 static void what_was_cut_is_not_told_of_another_case(void **state) {
     (void)state;
     struct hub *hub = hall_open();
@@ -145,6 +164,7 @@ int main(void) {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
+        cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
         cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };
     return cmocka_run_group_tests_name("theatre", tests, hall_make, hall_remove);

@@ -24,7 +24,7 @@ static const char help[] =
     "\n"
     "Speaks to a running server through its local socket.\n"
     "\n"
-    "  list    all stations with their sessions; lost: frames that did not come\n"
+    "  list    all stations with their sessions, and who trains; lost: frames that did not come\n"
     "  show    the session of one station: where its joint is, what was cut in it, its metrics\n"
     "  start   starts a waiting or paused session; a new one where the last has ended\n"
     "  pause   freezes it until start\n"
@@ -105,7 +105,7 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack(
         "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-        "s:I, s:o, s:s, s:I, s:b}",
+        "s:I, s:o, s:s, s:I, s:b, s:s, s:s}",
         "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
         "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
         (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_old",
@@ -114,7 +114,8 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace, "calibration",
         calibration_to_json(info), "touches", (json_int_t)info->touches, "drift_mm",
         drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
-        (json_int_t)info->trace_missing, "trace_failing", info->trace_failing);
+        (json_int_t)info->trace_missing, "trace_failing", info->trace_failing, "trainee",
+        info->trainee, "next_trainee", info->next_trainee);
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {
@@ -176,14 +177,22 @@ static void print_json(const arthron_CommandReply *reply, const arthron_Metrics 
     json_decref(whole);
 }
 
+// Who trains, and who will.
+static void print_next_trainee(const arthron_SessionInfo *info) {
+    const char *next = info->next_trainee;
+    if (strcmp(info->trainee, next) != 0)
+        printf("  %s: %s from the next session on\n", info->station, *next ? next : "nobody");
+}
+
 static void print_table(const arthron_CommandReply *reply) {
-    printf("%-20s %-20s %-8s %-9s %10s %8s  %s\n", "station", "case", "state", "link", "steps",
-           "lost", "trace");
+    printf("%-20s %-20s %-20s %-8s %-9s %10s %8s  %s\n", "station", "trainee", "case", "state",
+           "link", "steps", "lost", "trace");
     for (pb_size_t i = 0; i < reply->sessions_count; i++) {
         const arthron_SessionInfo *info = &reply->sessions[i];
-        printf("%-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
-               info->case_name, state_name(info), info->connected ? "connected" : "away",
-               info->steps, info->frames_lost, info->trace);
+        printf("%-20s %-20s %-20s %-8s %-9s %10" PRIu64 " %8" PRIu64 "  %s\n", info->station,
+               info->trainee[0] ? info->trainee : "-", info->case_name, state_name(info),
+               info->connected ? "connected" : "away", info->steps, info->frames_lost, info->trace);
+        print_next_trainee(info);
         if (strncmp(info->case_grade, "fit", 3) != 0)
             printf("  %s: its case is %s\n", info->station, info->case_grade);
         if (info->calibration_problem[0])

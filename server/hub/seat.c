@@ -45,6 +45,8 @@ void seat_info(struct hub *hub, int index, arthron_SessionInfo *out) {
     memcpy(out->id, card.session_id, sizeof out->id);
     out->start_utc_ns = card.start_utc_ns;
     snprintf(out->trace, sizeof out->trace, "%s", card.trace);
+    snprintf(out->trainee, sizeof out->trainee, "%s", card.about.trainee);
+    snprintf(out->next_trainee, sizeof out->next_trainee, "%s", card.trainee);
     out->steps = atomic_load(&counts->steps);
     out->frames_lost = atomic_load(&counts->frames_lost);
     out->frames_old = atomic_load(&counts->frames_old);

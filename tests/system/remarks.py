@@ -50,9 +50,13 @@ class Remarks(House):
 
     def test_strength_and_trainee_are_of_the_sessions_to_come(self):
         first = self.session()["trace"]
-        self.steer("assign", "room-1", "bert")
+        assigned = self.steer("assign", "room-1", "bert")["sessions"][0]
+        self.assertEqual((assigned["trainee"], assigned["next_trainee"]), ("anna", "bert"))
+        said = call("arthron-server", "session", "--socket", self.socket, "list").stdout
+        self.assertIn("room-1: bert from the next session on", said)
         self.steer("case", "room-1", "healthy", "--strength", "0.25")
         second = self.session()["trace"]
+        self.assertEqual(self.session()["trainee"], "bert")
         self.wait_for_steps()
         self.steer("assign", "room-1", "")
         self.steer("case", "room-1", "arthrosis")

@@ -309,6 +309,14 @@ static int run(const struct request *r) {
     return USAGE;
 }
 
+static int lacking(const char *what) {
+    fprintf(stderr,
+            "arthron-server records: %s\n"
+            "Try: arthron-server records --help\n",
+            what);
+    return USAGE;
+}
+
 // False where an argument is unknown.
 static bool take_option(int option, struct request *r) {
     const char **const texts[] = {
@@ -348,8 +356,12 @@ int command_records(int argc, char **argv) {
     }
     request.words = argv + optind;
     request.count = argc - optind;
+    if (code == DONE && !request.file)
+        return lacking("--file FILE is missing: the records, as in the server's config");
+    if (code == DONE && !request.count)
+        return lacking("what is to be done is missing: list, show, add, ...");
     if (code == DONE)
-        code = request.file ? run(&request) : USAGE;
+        code = run(&request);
     if (code == USAGE)
         fputs(help, stderr);
     return code;

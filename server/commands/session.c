@@ -343,6 +343,14 @@ static int misused(void) {
     return 2;
 }
 
+static int lacking(const char *what) {
+    fprintf(stderr,
+            "arthron-server session: %s\n"
+            "Try: arthron-server session --help\n",
+            what);
+    return 2;
+}
+
 int command_session(int argc, char **argv) {
     static const struct option options[] = {
         {"socket", required_argument, NULL, 'S'},
@@ -374,7 +382,13 @@ int command_session(int argc, char **argv) {
         else
             good = false;
     }
-    if (!good || !socket || !fill_command(argv + optind, argc - optind, &command))
+    if (!good)
+        return misused();
+    if (!socket)
+        return lacking("--socket PATH is missing: the server's socket, as in its config");
+    if (optind == argc)
+        return lacking("what is to be done is missing: list, show, start, ...");
+    if (!fill_command(argv + optind, argc - optind, &command))
         return misused();
     bool copies = command.kind == arthron_Command_Kind_COPY;
     if (copies != !!from || (command.at_s > 0 && !copies))

@@ -183,9 +183,15 @@ class Commands(unittest.TestCase):
             done = self.run_records(*words, code=1)
             self.assertIn(says, done.stderr)
             self.assertEqual(done.stdout, "")
-        for words in ((), ("list",), ("list", "songs"), ("show", "results", "x"), ("add", "song", "x"), ("export",),
+        for words in (("list",), ("list", "songs"), ("show", "results", "x"), ("add", "song", "x"), ("export",),
                       ("add", "account", "x"), ("add", "account", "x", "--role", "queen"), ("erase",), ("--bad",)):
             self.assertIn("Usage", self.run_records(*words, code=2).stderr)
+        for command in ("records", "session"):
+            option = {"records": ("--file", self.db), "session": ("--socket", self.path("s"))}[command]
+            done = call("arthron-server", command, "list", code=2)
+            self.assertIn(f"{option[0]} ", done.stderr.splitlines()[0])
+            self.assertIn("is missing", done.stderr.splitlines()[0])
+            self.assertIn("what is to be done is missing", call("arthron-server", command, *option, code=2).stderr)
         self.assertIn("no records", call("arthron-server", "records", "--file", self.path("none.db"), "list", "sessions",
                                          code=1).stderr)
         self.assertFalse(os.path.exists(self.path("none.db")))

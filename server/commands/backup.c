@@ -38,6 +38,8 @@ static int back_up(const char *file, const char *out) {
     if (result == RESULT_OK)
         result = store_backup(store, out, &err);
     store_close(&store);
+    if (result == RESULT_OK)
+        fprintf(stderr, "arthron-server backup: wrote %s\n", out);
     return report("backup", result, &err);
 }
 
@@ -47,6 +49,8 @@ static int put_back(const char *backup, const char *file) {
     enum result result = store_restore(backup, file, records_actor(), aside, &err);
     if (aside[0])
         printf("what was there is kept: %s\n", aside);
+    if (result == RESULT_OK)
+        fprintf(stderr, "arthron-server restore: wrote %s\n", file);
     return report("restore", result, &err);
 }
 

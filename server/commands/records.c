@@ -5,6 +5,7 @@
 
 #include <getopt.h>
 #include <pwd.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -70,6 +71,20 @@ static int report(enum result result, const struct error *err) {
         return DONE;
     fprintf(stderr, "arthron-server records: %s\n", err->text);
     return FAILED;
+}
+
+// What was done, on stderr: stdout is for data.
+__attribute__((format(printf, 3, 4))) static int done(enum result result, const struct error *err,
+                                                      const char *format, ...) {
+    va_list args;
+    if (result != RESULT_OK)
+        return report(result, err);
+    fputs("arthron-server records: ", stderr);
+    va_start(args, format);
+    vfprintf(stderr, format, args);
+    va_end(args);
+    fputc('\n', stderr);
+    return DONE;
 }
 
 static void print_json(json_t *json) {
@@ -172,7 +187,8 @@ static int add_account(struct store *store, const struct request *r) {
     if (result == RESULT_OK)
         result =
             store_add_account(store, r->words[2], role, given ? password : NULL, r->trainee, &err);
-    return report(result, &err);
+    return done(result, &err, "added account %s%s", r->words[2],
+                given ? "" : ", which cannot sign in: it has no password");
 }
 
 static int set_password(struct store *store, const struct request *r) {
@@ -183,14 +199,15 @@ static int set_password(struct store *store, const struct request *r) {
     enum result result = records_read_password(r->password, password, &err);
     if (result == RESULT_OK)
         result = store_set_password(store, r->words[1], password, &err);
-    return report(result, &err);
+    return done(result, &err, "%s has a new password", r->words[1]);
 }
 
 static int remove_one(struct store *store, const struct request *r) {
     struct error err;
     if (r->count != 3 || strcmp(r->words[1], "account"))
         return USAGE;
-    return report(store_remove_account(store, r->words[2], &err), &err);
+    return done(store_remove_account(store, r->words[2], &err), &err, "removed account %s",
+                r->words[2]);
 }
 
 static int add(struct store *store, const struct request *r) {
@@ -198,9 +215,11 @@ static int add(struct store *store, const struct request *r) {
     if (r->count != 3)
         return USAGE;
     if (!strcmp(r->words[1], "trainee"))
-        return report(store_add_trainee(store, r->words[2], r->full_name, &err), &err);
+        return done(store_add_trainee(store, r->words[2], r->full_name, &err), &err,
+                    "added trainee %s", r->words[2]);
     if (!strcmp(r->words[1], "course"))
-        return report(store_add_course(store, r->words[2], &err), &err);
+        return done(store_add_course(store, r->words[2], &err), &err, "added course %s",
+                    r->words[2]);
     if (!strcmp(r->words[1], "account"))
         return add_account(store, r);
     return USAGE;
@@ -210,7 +229,8 @@ static int enrol(struct store *store, const struct request *r) {
     struct error err;
     if (r->count != 3)
         return USAGE;
-    return report(store_enrol(store, r->words[1], r->words[2], &err), &err);
+    return done(store_enrol(store, r->words[1], r->words[2], &err), &err, "%s is in course %s",
+                r->words[1], r->words[2]);
 }
 
 // ---- export, erase ------------------------------------------------------------------------------
@@ -239,7 +259,8 @@ static int export(struct store *store, const struct request *r) {
         result = rows_export_csv(store, r->csv, &err);
     if (result == RESULT_OK && r->xapi)
         result = export_statements(store, r, &err);
-    return report(result, &err);
+    return done(result, &err, "wrote %s%s%s", r->csv ? r->csv : "",
+                r->csv && r->xapi ? " and " : "", r->xapi ? r->xapi : "");
 }
 
 static void take_trace(void *traces, const struct store_cell *cells, int count) {

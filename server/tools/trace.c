@@ -45,6 +45,10 @@ int failed(const char *command, const struct error *err) {
     return EXIT_FAULT;
 }
 
+void wrote(const char *command, const char *path) {
+    fprintf(stderr, "arthron-trace %s: wrote %s\n", command, path);
+}
+
 int take_file(int argc, char **argv, const char **out_file) {
     if (argc - optind != 1)
         return usage_error(argv[0], optind == argc ? "FILE is missing" : "one FILE, no more");

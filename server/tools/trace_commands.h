@@ -31,6 +31,7 @@ bool take_seconds(const char *text, double *out_s);
 
 int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
 int failed(const char *command, const struct error *err); // prints it; EXIT_FAULT
+void wrote(const char *command, const char *path);        // says so on stderr
 
 // A line on stderr that overwrites itself, where that is a terminal and at most a few times a
 // second; `done` at `all` ends it.

@@ -111,5 +111,8 @@ int command_cut(int argc, char **argv) {
     if (take_file(argc, argv, &request.file) != EXIT_GOOD)
         return EXIT_USAGE;
     struct error err;
-    return cut(&request, &err) == RESULT_CLOSED ? EXIT_GOOD : failed(argv[0], &err);
+    if (cut(&request, &err) != RESULT_CLOSED)
+        return failed(argv[0], &err);
+    wrote(argv[0], request.out);
+    return EXIT_GOOD;
 }

@@ -1,6 +1,6 @@
 #include "export/export.h"
-#include "trace_commands.h"
 #include "review/survey.h"
+#include "trace_commands.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -54,7 +54,11 @@ static int write_csv(struct request *request) {
     enum result result = export_csv(&request->export, out, &err);
     if (!to_stdout && fclose(out) != 0 && result == RESULT_OK)
         result = fail(&err, RESULT_IO, "%s: %s", request->csv, strerror(errno));
-    return result == RESULT_OK ? EXIT_GOOD : failed("export", &err);
+    if (result != RESULT_OK)
+        return failed("export", &err);
+    if (!to_stdout)
+        wrote("export", request->csv);
+    return EXIT_GOOD;
 }
 
 // An image needs it only where something was cut.
@@ -83,7 +87,10 @@ static int write_with_case(struct request *request) {
                                : export_exr(&request->export, request->exr, &err);
     if (scene)
         scene_destroy(&scene);
-    return result == RESULT_OK ? EXIT_GOOD : failed("export", &err);
+    if (result != RESULT_OK)
+        return failed("export", &err);
+    wrote("export", request->gltf ? request->gltf : request->exr);
+    return EXIT_GOOD;
 }
 
 static bool parse_seconds(const char *text, double *out_seconds) {

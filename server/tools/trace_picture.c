@@ -171,5 +171,8 @@ int command_picture(int argc, char **argv) {
     if (!request.out)
         return usage_error(argv[0], "--out is missing");
     struct error err;
-    return picture(&request, &err) == RESULT_OK ? EXIT_GOOD : failed(argv[0], &err);
+    if (picture(&request, &err) != RESULT_OK)
+        return failed(argv[0], &err);
+    wrote(argv[0], request.out);
+    return EXIT_GOOD;
 }

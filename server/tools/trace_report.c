@@ -64,6 +64,7 @@ static int report(const struct request *request) {
     free(page);
     if (result != RESULT_OK)
         return failed("report", &err);
+    wrote("report", request->out);
     return whole ? EXIT_GOOD : EXIT_FAULT;
 }
 

@@ -233,6 +233,7 @@ static void a_piece_replays_and_names_what_it_is_of(void **state) {
     snprintf(piece, sizeof piece, "%s.piece", trace_path);
     snprintf(arguments, sizeof arguments, "--from 3 --to 5 --out %s", piece);
     assert_int_equal(run_on_trace("cut", arguments), 0);
+    assert_non_null(strstr(output, "wrote "));
     assert_int_equal(run_on_trace("cut", arguments), 1); // it is there
     snprintf(arguments, sizeof arguments, "replay %s --json", piece);
     assert_int_equal(run(arguments), 0);
@@ -292,6 +293,7 @@ static void picture_draws_what_was_cut(void **state) {
     snprintf(path, sizeof path, "%s.png", trace_path);
     snprintf(arguments, sizeof arguments, "--out %s --group meniscus_medial", path);
     assert_int_equal(run_on_trace("picture", arguments), 0);
+    assert_non_null(strstr(output, ".png\n"));
     assert_int_equal(stat(path, &status), 0);
     assert_true(status.st_size > 1000);
     unlink(path);

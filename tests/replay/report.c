@@ -95,6 +95,7 @@ static void a_session_becomes_a_page_of_its_own(void **state) {
                                          "plot-band"};
     record_with("Ada");
     assert_int_equal(report(), 0);
+    assert_non_null(strstr(said, page_path));
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         assert_has(wanted[i]);
     assert_drawings_are_xml();

@@ -121,10 +121,12 @@ class Commands(unittest.TestCase):
 
     def test_a_password_is_kept_as_argon2_makes_it(self):
         role = ("--role", "instructor", "--password", "-")
-        self.assertEqual(self.pipe("correct horse battery\n", "add", "account", "eve", *role), (0, ""))
+        self.assertEqual(self.pipe("correct horse battery\n", "add", "account", "eve", *role),
+                         (0, "arthron-server records: added account eve\n"))
         first = self.passwords()["eve"]
         self.assertRegex(first, r"^\$argon2id\$v=19\$m=65536,t=3,p=1\$")
-        self.assertEqual(self.pipe("correct horse battery", "password", "eve", "--password", "-"), (0, ""))
+        self.assertEqual(self.pipe("correct horse battery", "password", "eve", "--password", "-"),
+                         (0, "arthron-server records: eve has a new password\n"))
         self.assertNotEqual(self.passwords()["eve"], first)  # another salt
         for bad in ("swordfish\n", "x" * 3000, ""):
             code, said = self.pipe(bad, "add", "account", "mallory", *role)
@@ -159,8 +161,9 @@ class Commands(unittest.TestCase):
 
     def test_accounts_take_what_argon2_encoded(self):
         code, said = self.pipe(ARGON + "\n", "add", "account", "eve", "--role", "instructor", "--password", "-")
-        self.assertEqual((code, said), (0, ""))
-        self.run_records("add", "account", "tom", "--role", "technician")
+        self.assertEqual((code, said), (0, "arthron-server records: added account eve\n"))
+        said = self.run_records("add", "account", "tom", "--role", "technician").stderr
+        self.assertIn("added account tom, which cannot sign in", said)
         accounts = self.json("list", "accounts")
         self.assertEqual([(a["name"], a["role"], a["can_log_in"]) for a in accounts],
                          [("eve", "instructor", 1), ("tom", "technician", 0)])
@@ -195,6 +198,18 @@ class Commands(unittest.TestCase):
         self.assertIn("no records", call("arthron-server", "records", "--file", self.path("none.db"), "list", "sessions",
                                          code=1).stderr)
         self.assertFalse(os.path.exists(self.path("none.db")))
+
+    def test_what_was_done_is_said_beside_the_data(self):
+        for words, says in ((("add", "trainee", "bea"), "added trainee bea"),
+                            (("add", "course", "spring"), "added course spring"),
+                            (("enrol", "bea", "spring"), "bea is in course spring"),
+                            (("export", "--csv", self.path("out"), "--xapi", self.path("x.json")),
+                             f"wrote {self.path('out')} and {self.path('x.json')}")):
+            done = self.run_records(*words)
+            self.assertEqual(done.stdout, "")
+            self.assertEqual(done.stderr.splitlines()[-1], f"arthron-server records: {says}")
+        done = call("arthron-server", "backup", "--file", self.db, "--out", self.path("b.db"))
+        self.assertEqual((done.stdout, done.stderr), ("", f"arthron-server backup: wrote {self.path('b.db')}\n"))
 
     # ---- exports
 

@@ -108,8 +108,7 @@ class Path(House):
         self.start_server("[station room-1]\ncase = arthrosis\nstart = command")
         self.enrol("room-1")
         self.start_station()
-        wait_until("connected", lambda: self.session()["connected"])
-        self.assertEqual(self.session()["state"], "waiting")
+        wait_until("a session that waits", lambda: self.session()["state"] == "waiting")
         for command, state in (("start", "running"), ("pause", "paused"), ("start", "running"),
                                ("reset", "running"), ("stop", "closed")):
             self.assertTrue(self.steer(command, "room-1")["ok"])

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "hub/arrears.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -41,7 +42,8 @@ struct recorder {
     bool stop;
     // The thread's own.
     bool took_over, failing;
-    ino_t file; // that was written last; 0: none
+    bool has_arrears; // of an earlier server, among what waits
+    ino_t file;       // that was written last; 0: none
 };
 
 // ---- what waits ---------------------------------------------------------------------------------
@@ -228,6 +230,9 @@ static bool write_all(struct recorder *r) {
         }
         drop_first(r);
     }
+    if (r->has_arrears)
+        arrears_drop(r->records);
+    r->has_arrears = false;
     return true;
 }
 
@@ -343,14 +348,33 @@ static void wait_for_work(struct recorder *r, bool again) {
     pthread_mutex_unlock(&r->mutex);
 }
 
-static void tell_what_is_left(struct recorder *r) {
-    size_t left = 0;
-    for (struct waiting *w = first_waiting(r); w; w = w->next)
-        left++;
-    log_error(
-        "records",
-        "%s: %zu entries are not written: sessions are taken from the traces at the next start",
-        r->records, left);
+static void take_arrear(void *user, const struct store_deed *deed) {
+    append(user, &(struct waiting){.is_deed = true, .deed = *deed});
+}
+
+// Sessions are in the traces; of what somebody did nothing else tells.
+static void leave_the_rest(struct recorder *r) {
+    struct error err;
+    struct store_deed *deeds = NULL;
+    size_t sessions = 0, count = 0;
+    for (struct waiting *w = first_waiting(r); w; w = w->next) {
+        if (!w->is_deed) {
+            sessions++;
+            continue;
+        }
+        deeds = alloc_resize(deeds, count + 1, sizeof *deeds);
+        deeds[count++] = w->deed;
+    }
+    log_error("records",
+              "%s: %zu sessions and %zu audit entries are not written: the next start does it",
+              r->records, sessions, count);
+    if (count && arrears_write(r->records, deeds, count, &err) != RESULT_OK) {
+        log_error("records", "the audit entries are lost: %s", err.text);
+        for (size_t i = 0; i < count; i++)
+            log_error("records", "lost: %s %s: %s", deeds[i].actor, deeds[i].action,
+                      deeds[i].subject);
+    }
+    free(deeds);
 }
 
 static void *run(void *argument) {
@@ -365,7 +389,7 @@ static void *run(void *argument) {
         wait_for_work(r, !wrote || !r->took_over);
     }
     if (!write_all(r))
-        tell_what_is_left(r);
+        leave_the_rest(r);
     return NULL;
 }
 
@@ -384,6 +408,7 @@ struct recorder *recorder_start(const char *records, const char *traces_dir, sce
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&r->mutex, NULL);
+    r->has_arrears = arrears_read(records, take_arrear, r) > 0;
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);

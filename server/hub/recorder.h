@@ -4,7 +4,8 @@
 // When a session has ended, its row is written at once, and then its trace is read: for its hash,
 // and for its metrics. What the database does not take (it is locked, damaged, its disk is full)
 // waits in order and is tried again, and the log says so. What is not written when the server ends,
-// by a signal too, is taken from the traces when it starts the next time.
+// by a signal too, is taken from the traces when it starts the next time; audit entries, which no
+// trace has, from a file that it leaves beside the records as it ends (arrears.h).
 #pragma once
 
 #include "hub/session_row.h"

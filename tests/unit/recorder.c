@@ -126,9 +126,60 @@ static void a_large_one_is_read_when_the_server_is_back(void **state) {
     assert_recorded(steps);
 }
 
+// ---- the audit log ------------------------------------------------------------------------------
+
+static int count_of(const char *rows, const char *text) {
+    int count = 0;
+    for (const char *at = rows; (at = strstr(at, text)); at++)
+        count++;
+    return count;
+}
+
+// Twice, since what was left once may be left again.
+static void what_was_done_while_the_records_were_locked_is_in_them_at_last(void **state) {
+    (void)state;
+    char arrears[sizeof store_path + 16];
+    struct stat status;
+    snprintf(arrears, sizeof arrears, "%s.arrears", store_path);
+    for (int i = 0; i < 2; i++) {
+        char subject[32];
+        sqlite3 *lock;
+        assert_int_equal(sqlite3_open(store_path, &lock), SQLITE_OK);
+        assert_int_equal(sqlite3_exec(lock, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_OK);
+        struct recorder *recorder = start();
+        snprintf(subject, sizeof subject, "station room-%d", i);
+        recorder_note(recorder, "grace", "undo", subject);
+        recorder_note(recorder, "", "end", subject);
+        recorder_stop(&recorder);
+        assert_int_equal(sqlite3_close(lock), SQLITE_OK);
+        assert_int_equal(stat(arrears, &status), 0);
+        assert_int_equal(status.st_mode & 0777, 0600);
+    }
+    FILE *file = fopen(arrears, "a");
+    fputs("7\tnobody\n\xff\n", file);
+    fclose(file);
+    for (int i = 0; i < 2; i++) {
+        struct recorder *recorder = start();
+        recorder_stop(&recorder);
+    }
+    struct store *store = open_records();
+    const char *rows = rows_of(store, LIST_AUDIT, NULL);
+    const char *first = strstr(rows, "|actor=grace|action=undo|subject=station room-0\n");
+    const char *last = strstr(rows, "|actor=server|action=end|subject=station room-1\n");
+    assert_true(first && last);
+    assert_true(first < last);
+    assert_int_equal(count_of(rows, "action=undo"), 2);
+    assert_int_equal(count_of(rows, "action=end"), 2);
+    assert_int_equal(count_of(rows, "nobody"), 0);
+    store_close(&store);
+    assert_int_not_equal(stat(arrears, &status), 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
+        cmocka_unit_test_setup_teardown(
+            what_was_done_while_the_records_were_locked_is_in_them_at_last, begin, end),
         cmocka_unit_test_setup_teardown(a_large_one_is_read_when_the_server_is_back, begin, end),
     };
     return cmocka_run_group_tests_name("recorder", tests, NULL, NULL);

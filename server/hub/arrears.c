@@ -1,0 +1,100 @@
+#include "hub/arrears.h"
+
+#include "base/log.h"
+#include "base/number.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define LINE_MAX_BYTES 1024
+
+_Static_assert(2 * STORE_NAME_MAX + STORE_TEXT_MAX + 32 < LINE_MAX_BYTES, "a line holds an entry");
+
+static enum result path_of(const char *records, const char *end, char out[PATH_MAX],
+                           struct error *err) {
+    int length = snprintf(out, PATH_MAX, "%s.arrears%s", records, end);
+    return length < PATH_MAX ? RESULT_OK : fail(err, RESULT_LIMIT, "%s: too long", records);
+}
+
+// What would end the field or the line is not part of any name.
+static void put_field(FILE *file, const char *text, char end) {
+    for (; *text; text++)
+        fputc((unsigned char)*text < ' ' ? '?' : *text, file);
+    fputc(end, file);
+}
+
+static enum result write_lines(const char *path, const struct store_deed *deeds, size_t count,
+                               struct error *err) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    FILE *file = fd < 0 ? NULL : fdopen(fd, "w");
+    if (!file)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    for (size_t i = 0; i < count; i++) {
+        fprintf(file, "%" PRId64 "\t", deeds[i].utc_ns);
+        put_field(file, deeds[i].actor, '\t');
+        put_field(file, deeds[i].action, '\t');
+        put_field(file, deeds[i].subject, '\n');
+    }
+    bool bad = fflush(file) || fsync(fd);
+    if (fclose(file) || bad)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return RESULT_OK;
+}
+
+enum result arrears_write(const char *records, const struct store_deed *deeds, size_t count,
+                          struct error *err) {
+    char path[PATH_MAX], draft[PATH_MAX];
+    enum result result = path_of(records, "", path, err);
+    if (result == RESULT_OK)
+        result = path_of(records, ".draft", draft, err);
+    if (result == RESULT_OK)
+        result = write_lines(draft, deeds, count, err);
+    if (result == RESULT_OK && rename(draft, path) != 0)
+        result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return result;
+}
+
+static bool take_text(char **line, char *out, size_t size) {
+    char *text = strsep(line, "\t");
+    return text && (size_t)snprintf(out, size, "%s", text) < size;
+}
+
+static bool read_line(char *line, struct store_deed *out) {
+    const char *number = strsep(&line, "\t");
+    return number_int(number, 0, INT64_MAX, &out->utc_ns) &&
+           take_text(&line, out->actor, sizeof out->actor) &&
+           take_text(&line, out->action, sizeof out->action) &&
+           take_text(&line, out->subject, sizeof out->subject) && !line;
+}
+
+size_t arrears_read(const char *records, void (*take)(void *user, const struct store_deed *deed),
+                    void *user) {
+    char path[PATH_MAX], line[LINE_MAX_BYTES];
+    size_t count = 0;
+    FILE *file = path_of(records, "", path, NULL) == RESULT_OK ? fopen(path, "re") : NULL;
+    while (file && fgets(line, sizeof line, file)) {
+        struct store_deed deed = {0};
+        line[strcspn(line, "\n")] = '\0';
+        if (!read_line(line, &deed)) {
+            log_warning("records", "%s: a line is no entry of the audit log", path);
+            continue;
+        }
+        take(user, &deed);
+        count++;
+    }
+    if (file)
+        fclose(file);
+    return count;
+}
+
+void arrears_drop(const char *records) {
+    char path[PATH_MAX];
+    if (path_of(records, "", path, NULL) == RESULT_OK)
+        unlink(path);
+}

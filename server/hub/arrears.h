@@ -1,0 +1,16 @@
+// Audit entries that the records did not take before the server ended: in a file beside them
+// (RECORDS.arrears, this user's alone) until it is back.
+#pragma once
+
+#include "store/store.h"
+
+// A line for each entry, "NANOSECONDS<tab>actor<tab>action<tab>subject". deeds: of `count`, in
+// order; what was in the file before gives way.
+enum result arrears_write(const char *records, const struct store_deed *deeds, size_t count,
+                          struct error *err);
+
+// Gives each to `take`; returns how many. A line that is none is logged and left out.
+size_t arrears_read(const char *records, void (*take)(void *user, const struct store_deed *deed),
+                    void *user);
+
+void arrears_drop(const char *records); // they are in the records now

@@ -15,6 +15,7 @@
 #define NAME_MAX_LENGTH 256
 
 struct door {
+    char *path;
     X509 *certificate;
     char *names[NAMES_MAX];
     int name_count;
@@ -22,17 +23,24 @@ struct door {
 
 // ---- life ---------------------------------------------------------------------------------------
 
+static enum result read_certificate(const char *path, X509 **out, struct error *err) {
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return fail(err, RESULT_MISSING, "%s: %s", path, strerror(errno));
+    *out = PEM_read_X509(file, NULL, NULL, NULL);
+    fclose(file);
+    return *out ? RESULT_OK : fail(err, RESULT_FORMAT, "%s: no certificate in PEM", path);
+}
+
 enum result door_create(const char *certificate_path, const char *const *names,
                         struct door **out_door, struct error *err) {
+    X509 *certificate;
     *out_door = NULL;
-    FILE *file = fopen(certificate_path, "re");
-    if (!file)
-        return fail(err, RESULT_MISSING, "%s: %s", certificate_path, strerror(errno));
-    X509 *certificate = PEM_read_X509(file, NULL, NULL, NULL);
-    fclose(file);
-    if (!certificate)
-        return fail(err, RESULT_FORMAT, "%s: no certificate in PEM", certificate_path);
+    enum result result = read_certificate(certificate_path, &certificate, err);
+    if (result != RESULT_OK)
+        return result;
     struct door *door = alloc(1, sizeof *door);
+    door->path = alloc_text(certificate_path);
     door->certificate = certificate;
     for (; names[door->name_count]; door->name_count++) {
         CHECK(door->name_count < NAMES_MAX);
@@ -42,9 +50,18 @@ enum result door_create(const char *certificate_path, const char *const *names,
     return RESULT_OK;
 }
 
+void door_renew(struct door *door) {
+    X509 *certificate;
+    if (read_certificate(door->path, &certificate, NULL) != RESULT_OK)
+        return;
+    X509_free(door->certificate);
+    door->certificate = certificate;
+}
+
 void door_destroy(struct door **door) {
     if (!*door)
         return;
+    free((*door)->path);
     X509_free((*door)->certificate);
     for (int i = 0; i < (*door)->name_count; i++)
         free((*door)->names[i]);

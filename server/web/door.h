@@ -17,6 +17,7 @@ struct door;
 // name the certificate's file.
 enum result door_create(const char *certificate_path, const char *const *names,
                         struct door **out_door, struct error *err);
+void door_renew(struct door *door); // its certificate's file is another one; where it can be read
 void door_destroy(struct door **door); // NULL inside is fine; *door becomes NULL
 
 // host: as in the header of that name, with or without a port.

@@ -17,6 +17,7 @@
 #define HANDSHAKE_S 5
 #define KEEP_ALIVE_S 30
 #define PATIENCE_S 20
+#define RENEWAL_S 60
 #define UNSENT_MAX 16384
 #define TURNS_S 4000
 #define TURNS_AT_ONCE 400
@@ -197,17 +198,18 @@ static uint64_t options_for(const char *address) {
            LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
 }
 
-static enum result check_key(const struct web_config *config, struct error *err) {
-    if (access(config->key, R_OK))
-        return fail(err, RESULT_MISSING, "%s: %s", config->key, strerror(errno));
-    SSL_CTX *context = SSL_CTX_new(TLS_server_method());
-    CHECK(context);
-    bool good = SSL_CTX_use_certificate_chain_file(context, config->certificate) == 1 &&
-                SSL_CTX_use_PrivateKey_file(context, config->key, SSL_FILETYPE_PEM) == 1;
-    SSL_CTX_free(context);
-    return good ? RESULT_OK
-                : fail(err, RESULT_FORMAT, "%s: not the key of %s", config->key,
-                       config->certificate);
+static void on_renewal_due(lws_sorted_usec_list_t *due);
+
+static void plan_renewal(struct web *web) {
+    lws_sul_schedule(web->context, 0, &web->renewal_due, on_renewal_due,
+                     (lws_usec_t)web->renewal_s * LWS_USEC_PER_SEC);
+}
+
+static void on_renewal_due(lws_sorted_usec_list_t *due) {
+    struct web *web = lws_container_of(due, struct web, renewal_due);
+    if (renewal_look(web->renewal, web->context))
+        door_renew(web->door);
+    plan_renewal(web);
 }
 
 static enum result listen_at(struct web *web, const struct web_config *config, struct error *err) {
@@ -250,6 +252,7 @@ static void release(struct web *web) {
     if (web->clerks)
         clerks_destroy(&web->clerks);
     door_destroy(&web->door);
+    renewal_destroy(&web->renewal);
     guests_destroy(&web->guests);
     SSL_CTX_free(web->no_client);
     free(web);
@@ -262,6 +265,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->handler = *handler;
     web->pages = config->pages;
     web->patience_s = config->patience_s ? config->patience_s : PATIENCE_S;
+    web->renewal_s = config->renewal_s ? config->renewal_s : RENEWAL_S;
     web->liveness.secs_since_valid_ping = (uint16_t)(web->patience_s / 2);
     web->liveness.secs_since_valid_hangup = (uint16_t)web->patience_s;
     web->guests = guests_create();
@@ -270,7 +274,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
     *out_web = NULL;
     enum result result = door_create(config->certificate, config->names, &web->door, err);
     if (result == RESULT_OK)
-        result = check_key(config, err);
+        result = renewal_create(config->certificate, config->key, &web->renewal, err);
     if (result == RESULT_OK)
         result = listen_at(web, config, err);
     if (result != RESULT_OK) {
@@ -278,6 +282,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
         return result;
     }
     web->clerks = clerks_create(handler, on_done, web);
+    plan_renewal(web);
     *out_web = web; // before the thread runs: its handler may ask for it
     CHECK(pthread_create(&web->thread, NULL, serve, web) == 0);
     return RESULT_OK;

@@ -6,6 +6,7 @@
 #include "web/clerks.h"
 #include "web/door.h"
 #include "web/guests.h"
+#include "web/renewal.h"
 #include "web/web.h"
 
 #include <libwebsockets.h>
@@ -66,9 +67,11 @@ struct visitor {
 struct web {
     struct web_handler handler;
     struct web_pages pages;
-    int patience_s;
+    int patience_s, renewal_s;
     lws_retry_bo_t liveness; // of WebSockets
     struct door *door;
+    struct renewal *renewal;
+    lws_sorted_usec_list_t renewal_due;
     struct guests *guests;
     struct clerks *clerks;
     struct lws_context *context;

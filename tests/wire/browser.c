@@ -50,6 +50,16 @@ int browser_fd(const struct browser *b) {
     return b->fd;
 }
 
+void browser_certificate(const struct browser *b, char out[65]) {
+    X509 *certificate = SSL_get1_peer_certificate(b->tls);
+    unsigned char digest[32];
+    unsigned size;
+    X509_digest(certificate, EVP_sha256(), digest, &size);
+    for (int i = 0; i < 32; i++)
+        snprintf(out + 2 * i, 3, "%02x", digest[i]);
+    X509_free(certificate);
+}
+
 bool browser_say(struct browser *b, const void *bytes, size_t size) {
     return size == 0 || SSL_write(b->tls, bytes, (int)size) == (int)size;
 }

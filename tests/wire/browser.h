@@ -13,6 +13,9 @@ struct browser *browser_open_with(int port, int tls_version); // that and no oth
 void browser_close(struct browser *browser);
 int browser_fd(const struct browser *browser);
 
+// The SHA-256 of the server's certificate.
+void browser_certificate(const struct browser *browser, char out[65]);
+
 bool browser_say(struct browser *browser, const void *bytes, size_t size);
 
 struct answered {

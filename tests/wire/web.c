@@ -1,4 +1,5 @@
 // What browsers get over HTTPS: pages, and a status for what is no good request.
+#include "net/authority.h"
 #include "wire/asking.h"
 
 #include <openssl/ssl.h>
@@ -6,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 // ---- pages --------------------------------------------------------------------------------------
 
@@ -243,6 +245,57 @@ static void too_much_of_anything_is_refused(void **state) {
     browser_close(browser);
 }
 
+static void shown_certificate(char out[65]) {
+    struct browser *browser = call();
+    browser_certificate(browser, out);
+    browser_close(browser);
+}
+
+static void replace(const char *name) {
+    char from[256], to[256];
+    snprintf(from, sizeof from, "%s/new/%s", reception.dir, name);
+    snprintf(to, sizeof to, "%s/keys/%s", reception.dir, name);
+    assert_int_equal(rename(from, to), 0);
+}
+
+static bool is_own(const char *host) {
+    char text[128];
+    struct browser *browser = call();
+    snprintf(text, sizeof text, "GET / HTTP/1.1\r\nHost: %s\r\n\r\n", host);
+    say(browser, text);
+    struct answered a = browser_hear(browser, false);
+    free(a.body);
+    browser_close(browser);
+    return a.status == 200;
+}
+
+// One file after the other, as certbot and people do it; who is there goes on.
+static void a_certificate_that_is_replaced_is_shown(void **state) {
+    (void)state;
+    static const char *const hosts[] = {"localhost", "127.0.0.1", "renewed.example"};
+    char new[256], before[65], now[65];
+    struct browser *there = call();
+    snprintf(new, sizeof new, "%s/new", reception.dir);
+    assert_int_equal(authority_init(new, hosts, 3, NULL), RESULT_OK);
+    shown_certificate(before);
+    assert_false(is_own("renewed.example"));
+    replace("server.pem");
+    usleep(2200000); // it has looked
+    shown_certificate(now);
+    assert_string_equal(now, before);
+    replace("server.key");
+    for (int i = 0; i < 100 && !strcmp(now, before); i++) {
+        usleep(50000);
+        shown_certificate(now);
+    }
+    assert_string_not_equal(now, before);
+    assert_true(is_own("renewed.example"));
+    struct answered a = browser_ask(there, "GET /", "");
+    assert_int_equal(a.status, 200);
+    free(a.body);
+    browser_close(there);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(pages_come_packed_or_not_and_are_kept, reception_begin,
@@ -255,6 +308,8 @@ int main(void) {
                                         reception_end),
         cmocka_unit_test_setup_teardown(bad_requests_get_their_status, reception_begin,
                                         reception_end),
+        cmocka_unit_test_setup_teardown(a_certificate_that_is_replaced_is_shown,
+                                        reception_begin_patiently, reception_end),
         cmocka_unit_test_setup_teardown(too_much_of_anything_is_refused, reception_begin,
                                         reception_end),
     };

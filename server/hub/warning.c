@@ -51,9 +51,9 @@ static void warn_of_trace(arthron_Place *place) {
 static void warn_of_case(arthron_Place *place) {
     const char *grade = place->info.case_grade;
     if (!strcmp(grade, "unfit"))
-        warn(place, URGENCY_ACT, "its case is unfit");
+        warn(place, URGENCY_ACT, "case %s is unfit", place->info.case_name);
     else if (strncmp(grade, "fit", 3) != 0)
-        warn(place, URGENCY_LOOK, "its case is %s", grade);
+        warn(place, URGENCY_LOOK, "case %s is %s", place->info.case_name, grade);
 }
 
 void warning_of_place(arthron_Place *place, double drift_mm) {

@@ -14,6 +14,7 @@ static arthron_Place good(void) {
                                        .touches = 100,
                                        .drift_mm = 0.3};
     strcpy(place.info.case_grade, "fit with warnings");
+    strcpy(place.info.case_name, "arthrosis");
     strcpy(place.devices[0].name, "encoders");
     strcpy(place.devices[1].name, "tracker");
     return place;
@@ -47,7 +48,7 @@ static void each_thing_is_told_of(void **state) {
     place = good(), strcpy(place.info.case_grade, "unfit");
     assert_warns(place, URGENCY_ACT, "unfit");
     place = good(), strcpy(place.info.case_grade, "not checked");
-    assert_warns(place, URGENCY_LOOK, "not checked");
+    assert_warns(place, URGENCY_LOOK, "case arthrosis is not checked");
     place = good(), place.info.clock_uncertainty_us = 12000;
     assert_warns(place, URGENCY_LOOK, "12 ms");
     place = good(), strcpy(place.info.calibration_problem, "its calibration is 40 days old");

@@ -70,8 +70,9 @@ struct parcel *parcel_of(const arthron_Live *item, uint32_t guest) {
 
 // ---- viewers ------------------------------------------------------------------------------------
 
-void viewer_trouble(struct viewer *viewer, const char *format, ...) {
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...) {
     va_list args;
+    viewer->trouble_kind = kind;
     va_start(args, format);
     vsnprintf(viewer->trouble, sizeof viewer->trouble, format, args);
     va_end(args);
@@ -121,13 +122,15 @@ static bool watch_station(struct audience *a, struct viewer *viewer) {
     int watching = 0;
     viewer->seat = hub_find_station(&a->hub->config, watch->station);
     if (viewer->seat < 0) {
-        viewer_trouble(viewer, "there is no station %s in the server's config", watch->station);
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                       "there is no station %s in the server's config", watch->station);
         return false;
     }
     for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++)
         watching += a->viewers[i].used && a->viewers[i].tray && a->viewers[i].seat == viewer->seat;
     if (watch->meshes && watching >= ONLOOKERS_MAX)
-        viewer_trouble(viewer, "%d pages follow the meshes of %s already: this one gets none",
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
+                       "%d pages follow the meshes of %s already: this one gets none",
                        ONLOOKERS_MAX, watch->station);
     else if (watch->meshes)
         viewer->tray = tray_create(hub_ring, a->hub);
@@ -139,7 +142,8 @@ static bool watch_recorded(struct audience *a, struct viewer *viewer) {
     if (usher_play(a->usher, viewer->playback))
         return true;
     playback_leave(&viewer->playback);
-    viewer_trouble(viewer, "the server is too busy to play a recorded session");
+    viewer_trouble(viewer, arthron_Trouble_Kind_FAILED,
+                   "the server is too busy to play a recorded session");
     return false;
 }
 
@@ -152,7 +156,8 @@ static void take_watch(struct audience *a, struct viewer *viewer, const arthron_
     memset(viewer->sent, 0, sizeof viewer->sent);
     bool good = true;
     if (watch->what == arthron_Watch_What_WALL && !is_staff(viewer)) {
-        viewer_trouble(viewer, "the wall is for instructors and technicians");
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                       "the wall is for instructors and technicians");
         good = false;
     } else if (watch->what == arthron_Watch_What_STATION) {
         good = watch_station(a, viewer);
@@ -206,6 +211,7 @@ static void tell_trouble(struct audience *a, struct viewer *viewer, struct batch
         return;
     a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
     memcpy(a->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
+    a->item.message.trouble.kind = viewer->trouble_kind;
     if (batch_say(batch, &a->item))
         viewer->trouble[0] = '\0';
 }
@@ -221,11 +227,22 @@ static void tell_answers(struct viewer *viewer, struct batch *batch) {
         ring_pop(viewer->answers, &parcel);
         if (parcel->guest == viewer->number) {
             if (!batch_put(batch, parcel->bytes, parcel->size))
-                viewer_trouble(viewer, "the answer was too long");
+                viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, "the answer was too long");
             viewer->asked--;
         }
         free(parcel);
     }
+}
+
+// Who looks at what stands still knows so that the server is there.
+static void tell_beat(struct audience *a, struct viewer *viewer, int64_t now_ns,
+                      struct batch *batch) {
+    if (!batch->used && now_ns - viewer->told_ns >= IDLE_NS) {
+        a->item = (arthron_Live){.which_message = arthron_Live_beat_tag};
+        batch_say(batch, &a->item);
+    }
+    if (batch->used)
+        viewer->told_ns = now_ns;
 }
 
 static int64_t tell_view(struct audience *a, struct viewer *viewer, int64_t now_ns,
@@ -252,6 +269,7 @@ size_t audience_batch(struct audience *a, struct viewer *viewer, int64_t now_ns,
     *out_next_ns = now_ns + IDLE_NS;
     if (!batch.full)
         *out_next_ns = tell_view(a, viewer, now_ns, &batch);
+    tell_beat(a, viewer, now_ns, &batch);
     if (batch.full || viewer->trouble[0])
         *out_next_ns = now_ns;
     return batch.used;

@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define RATE_USUAL_HZ 30
 #define RATE_MOST_HZ 120
@@ -40,10 +41,11 @@ struct film {
 
 // ---- which --------------------------------------------------------------------------------------
 
+// One that cannot be read is, by its name: what is wrong with it is told when it is shown.
 static bool is_of(const char *path, const char *session) {
     struct trace_reader *reader;
     if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
-        return false;
+        return access(path, F_OK) == 0;
     struct trace_header header = *trace_reader_header(reader);
     trace_reader_destroy(&reader);
     char id[STORE_ID_MAX];
@@ -155,8 +157,9 @@ const char *film_without_folder(const char *text) {
     return name;
 }
 
-static void say_trouble(struct film *f, const char *text) {
+static void say_trouble(struct film *f, arthron_Trouble_Kind kind, const char *text) {
     arthron_Trouble *out = &begin_item(f, arthron_Live_trouble_tag)->message.trouble;
+    out->kind = kind;
     snprintf(out->text, sizeof out->text, "%.255s", text);
     say(f);
 }
@@ -290,9 +293,11 @@ static void show_remark(struct film *f, const struct remark *remark) {
 
 static void show_gap(struct film *f) {
     if (!f->gap && f->own_case)
-        say_trouble(f, "steps are missing in its trace: the meshes stay as they were before");
+        say_trouble(f, arthron_Trouble_Kind_NOTE,
+                    "steps are missing in its trace: the meshes stay as they were before");
     else if (!f->gap)
-        say_trouble(f, "steps are missing in its trace: on another case it ends here");
+        say_trouble(f, arthron_Trouble_Kind_NOTE,
+                    "steps are missing in its trace: on another case it ends here");
     f->gap = true;
 }
 
@@ -320,7 +325,7 @@ static void show_record(struct film *f, const struct trace_record *record) {
 // A session that goes on, or whose server was killed, has no end.
 static void show_end(struct film *f, enum result end, const struct error *why) {
     if (end != RESULT_CLOSED && end != RESULT_MISSING)
-        say_trouble(f, film_without_folder(why->text));
+        say_trouble(f, arthron_Trouble_Kind_FAILED, film_without_folder(why->text));
     reply_metrics(&f->metrics, scene_case(f->scene),
                   &begin_item(f, arthron_Live_metrics_tag)->message.metrics);
     say(f);

@@ -102,17 +102,18 @@ static bool may_see(const struct viewer *viewer, const struct about *about) {
 // A new session, from its first step on: then its theatre knows of it, too.
 static bool introduce(struct audience *a, struct viewer *viewer, struct batch *batch) {
     const struct shown *shown = &a->shown[viewer->seat];
-    if (shown->moment.session != shown->about.session)
-        return viewer->introduced;
     if (viewer->introduced && viewer->session == shown->about.session)
         return true;
     if (!may_see(viewer, &shown->about)) {
         if (!viewer->barred)
-            viewer_trouble(viewer, "there is no session of yours at %s",
+            viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                           "there is no session of yours at %s",
                            a->hub->seats[viewer->seat].station->name);
         viewer->barred = true;
         return viewer->introduced = false;
     }
+    if (shown->moment.session != shown->about.session)
+        return viewer->introduced;
     a->item = (arthron_Live){.which_message = arthron_Live_session_tag};
     fill_session(a, viewer, &a->item.message.session);
     if (!batch_say(batch, &a->item))

@@ -160,11 +160,19 @@ static bool say_mesh(void *user, const struct mesh_payload *payload) {
     return send(p);
 }
 
-void playback_tell(struct playback *p, const char *trouble) {
+void playback_tell(struct playback *p, arthron_Trouble_Kind kind, const char *trouble) {
     p->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    p->item.message.trouble.kind = kind;
     snprintf(p->item.message.trouble.text, sizeof p->item.message.trouble.text, "%.255s", trouble);
     if (say(p, &p->item))
         send(p);
+}
+
+void playback_fail(struct playback *p, arthron_Trouble_Kind kind, const char *why) {
+    playback_tell(p, kind, why);
+    p->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
+    p->item.message.progress.done = true;
+    say(p, &p->item);
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -182,7 +190,8 @@ static enum result play(struct playback *p, struct error *err) {
 static void give_up(struct playback *p) {
     p->batch.used = 0;
     p->last = true;
-    playback_tell(p, "this page took nothing for long, and others wait: open it again");
+    playback_fail(p, arthron_Trouble_Kind_FAILED,
+                  "this page took nothing for long, and others wait: open it again");
 }
 
 static void *run(void *argument) {
@@ -191,8 +200,10 @@ static void *run(void *argument) {
     struct error err;
     sched_setscheduler(0, SCHED_IDLE, &none);
     enum result result = play(p, &err);
-    if (result != RESULT_OK && result != RESULT_CLOSED)
-        playback_tell(p, film_without_folder(err.text));
+    if (result == RESULT_REFUSED)
+        playback_fail(p, arthron_Trouble_Kind_NOT_THERE, err.text);
+    else if (result != RESULT_OK && result != RESULT_CLOSED)
+        playback_fail(p, arthron_Trouble_Kind_FAILED, film_without_folder(err.text));
     else if (result == RESULT_OK)
         send(p);
     else

@@ -18,8 +18,10 @@ void playback_batch(struct playback *playback, struct batch *batch);
 
 struct playback *playback_hold(struct playback *playback);
 void playback_release(struct playback **playback);
-void playback_tell(struct playback *playback, const char *trouble); // before the start
-void playback_start(struct playback *playback, sem_t *ended);       // posted at its end
+// Before the start: something about it, or that there will be none.
+void playback_tell(struct playback *playback, arthron_Trouble_Kind kind, const char *trouble);
+void playback_fail(struct playback *playback, arthron_Trouble_Kind kind, const char *why);
+void playback_start(struct playback *playback, sem_t *ended); // posted at its end
 bool playback_is_left(const struct playback *playback);
 bool playback_has_ended(const struct playback *playback);
 void playback_join(struct playback *playback); // one that was started

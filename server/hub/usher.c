@@ -128,12 +128,14 @@ static void start_waiting(struct usher *u) {
 
 static void queue(struct usher *u, struct playback *playback) {
     if (u->count == AUDIENCE_VIEWERS_MAX) {
-        playback_tell(playback, "too many recorded sessions are asked for");
+        playback_fail(playback, arthron_Trouble_Kind_FAILED,
+                      "too many recorded sessions are asked for");
         playback_release(&playback);
         return;
     }
     if (u->count >= PLAYING_MAX)
-        playback_tell(playback, "other recorded sessions are being played: this one waits");
+        playback_tell(playback, arthron_Trouble_Kind_NOTE,
+                      "other recorded sessions are being played: this one waits");
     u->playbacks[u->count++] = playback;
 }
 

@@ -78,6 +78,8 @@ struct viewer {
     struct guest guest;
     enum store_role role; // ROLE_COUNT: none
     char trouble[256];    // still to be told
+    arthron_Trouble_Kind trouble_kind;
+    int64_t told_ns;      // when it last got something
     struct ring *answers; // of struct parcel *, from its runner
     int asked;            // commands that are not answered yet
 
@@ -122,8 +124,8 @@ static inline bool is_staff(const struct viewer *viewer) {
     return viewer->role == ROLE_INSTRUCTOR || viewer->role == ROLE_TECHNICIAN;
 }
 
-void viewer_trouble(struct viewer *viewer, const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
 // ---- shown.c: all of the thread of the pages
 // ------------------------------------------------------

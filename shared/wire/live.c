@@ -11,7 +11,7 @@
 _Static_assert((int)arthron_Live_resection_tag == CHUNK_TAG - 1 &&
                    (int)arthron_Live_remark_tag == CHUNK_TAG + 1,
                "the chunk is where the schema has it");
-_Static_assert((int)arthron_Live_trouble_tag < 16, "a tag takes one byte");
+_Static_assert((int)arthron_Live_beat_tag < 16, "a tag takes one byte");
 
 static size_t varint_size(size_t value) {
     size_t size = 1;

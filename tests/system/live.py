@@ -7,7 +7,7 @@ import unittest
 
 from arthron import call, call_json, free_port, wait_until
 from bites import Bites
-from page import ASSIGN, NOTE, PAUSE, RECORDED, START, STATION, STOP, UNDO, WALL, Browser, piece
+from page import ASSIGN, FAILED, NOT_THERE, NOTE, PAUSE, RECORDED, START, STATION, STOP, UNDO, WALL, Browser, piece
 
 WAITING, RUNNING, PAUSED, CLOSED = range(4)
 MENISCUS = "meniscus_medial"
@@ -147,6 +147,13 @@ class Live(Bites):
         page.read_until(lambda: page.troubles)
         self.assertIn(os.path.basename(session["trace"]), page.troubles[0])
         self.assertNotIn(self.folder, page.troubles[0])
+        page.read_until(lambda: page.done)
+        os.truncate(session["trace"], 3)
+        page.watch(RECORDED, session=session["id"], rate_hz=20)
+        page.read_until(lambda: page.done)
+        self.assertEqual(page.trouble_kinds, [FAILED])
+        self.assertIn(os.path.basename(session["trace"]), page.troubles[0])
+        self.assertFalse(page.sessions)
 
     @staticmethod
     def damage(path):
@@ -199,9 +206,12 @@ class Live(Bites):
         page.watch(STATION, station="room-9")
         page.read_until(lambda: page.troubles)
         self.assertIn("room-9", page.troubles[0])
+        self.assertEqual(page.trouble_kinds, [NOT_THERE])
+        page.read_until(lambda: page.beats >= 2)
         page.watch(RECORDED, session="0" * 32)
         page.read_until(lambda: page.troubles)
         self.assertIn("0" * 32, page.troubles[0])
+        page.read_until(lambda: page.done)
         page.watch(RECORDED, session="../../etc/passwd")
         page.read_until(lambda: page.troubles)
         self.assertFalse(page.command(PAUSE)["ok"])

@@ -13,6 +13,7 @@ import time
 from websocket import Connection, fields, one
 
 WALL, STATION, RECORDED = 1, 2, 3
+NOT_THERE, FAILED = 1, 2  # kinds of Trouble
 START, PAUSE, STOP, NOTE, UNDO, ASSIGN = 1, 2, 3, 9, 7, 10
 PATIENCE_S = 60
 
@@ -92,6 +93,7 @@ class Page(Connection):
         self.places, self.sessions, self.moments, self.resections, self.remarks = {}, [], [], {}, {}
         self.replies, self.troubles, self.metrics, self.order = [], [], None, []
         self.meshes, self.payloads, self.done, self.share = {}, {}, False, 0
+        self.trouble_kinds, self.beats = [], 0
 
     # ---- the socket
 
@@ -157,7 +159,7 @@ class Page(Connection):
 
     def hear(self, tag, data):
         names = (None, "place", "session", "moment", "resection", "chunk", "remark", "metrics", "reply", "progress",
-                 "trouble")
+                 "trouble", "beat")
         self.order.append(names[tag])
         getattr(self, "hear_" + names[tag])(data)
 
@@ -228,4 +230,9 @@ class Page(Connection):
         self.done = bool(v.get(2, 0))
 
     def hear_trouble(self, data):
-        self.troubles.append(text(one(data).get(1)))
+        v = one(data)
+        self.troubles.append(text(v.get(1)))
+        self.trouble_kinds.append(v.get(2, 0))
+
+    def hear_beat(self, data):
+        self.beats += 1

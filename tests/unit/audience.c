@@ -24,7 +24,8 @@ struct page {
     struct viewer *viewer;
     bool meshes; // asks for them, and acknowledges
     int batches, moments, places, sessions, resections, remarks, replies, metrics, troubles;
-    int progresses;
+    int progresses, beats;
+    arthron_Trouble_Kind trouble_kind; // of the last
     bool done;
     uint64_t last_step;
     bool fell; // a step or a time did
@@ -154,9 +155,13 @@ static void take_item(struct page *page, const arthron_Live *item) {
         page->progresses++;
         page->done |= item->message.progress.done;
         break;
+    case arthron_Live_beat_tag:
+        page->beats++;
+        break;
     default:
         assert_int_equal(item->which_message, arthron_Live_trouble_tag);
         page->troubles++;
+        page->trouble_kind = item->message.trouble.kind;
         snprintf(page->trouble, sizeof page->trouble, "%s", item->message.trouble.text);
         break;
     }
@@ -462,6 +467,9 @@ static void trainees_see_their_own_sessions_only(void **state) {
     watch(&page, arthron_Watch_What_STATION, "room-1", 60);
     draw_for(&page, 100);
     assert_int_equal(page.troubles, 2);
+    assert_int_equal(page.trouble_kind, arthron_Trouble_Kind_NOT_THERE);
+    draw_until(&page, &page.beats, 2); // nothing comes, but the server is there
+    assert_int_equal(page.troubles, 2);
     assert_int_equal(page.sessions + page.moments + page.places + page.resections, 0);
     arthron_Page message = {.which_message = arthron_Page_command_tag};
     message.message.command =
@@ -551,7 +559,9 @@ static void a_recorded_session_waits_for_its_page_and_not_for_others(void **stat
     assert_true(pages[1].done && pages[2].done);
     assert_int_equal(pages[1].tissue.hash, pages[2].tissue.hash);
     draw_until(&other, &other.troubles, 1);
+    assert_int_equal(other.trouble_kind, arthron_Trouble_Kind_NOT_THERE);
     draw_for(&other, 100);
+    assert_true(other.done);
     assert_int_equal(other.moments + other.sessions + other.payloads, 0);
     close_page(&pages[1]);
     close_page(&pages[2]);

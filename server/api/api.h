@@ -34,6 +34,7 @@ struct api_config {
     int station_count;
     // Writes a session's page, whole or not at all; from one thread at a time.
     enum result (*report)(const struct api_report *about, FILE *file, struct error *err);
+    int port; // that stations call
 };
 
 struct api;

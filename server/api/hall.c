@@ -75,7 +75,8 @@ void post_station_code(struct call *call) {
         result = RESULT_IO;
     if (call_went_well(call, result, &err))
         call_answer(call, 201,
-                    json_pack("{s:s, s:I}", "code", code, "until_utc_s", (json_int_t)until_s));
+                    json_pack("{s:s, s:I, s:i}", "code", code, "until_utc_s", (json_int_t)until_s,
+                              "port", call->api->config.port));
 }
 
 void post_station_revoke(struct call *call) {

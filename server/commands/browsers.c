@@ -137,6 +137,7 @@ static enum result open_api(struct browsers *b, const struct hub_config *hub, st
         .stations = b->stations,
         .station_count = hub->station_count,
         .report = write_report,
+        .port = hub->port,
     };
     return api_create(&config, &b->api, err);
 }

@@ -108,7 +108,7 @@ static enum result report(const struct api_report *about, FILE *file, struct err
 
 void api_restart(void) {
     static const char link[] = "https://server.example.org:4880/";
-    const struct api_config config = {records, keys, link, cases, 2, stations, 2, report};
+    const struct api_config config = {records, keys, link, cases, 2, stations, 2, report, 4810};
     api_destroy(&the_api);
     assert_ok(api_create(&config, &the_api, &err));
 }

@@ -397,6 +397,7 @@ static void stations_are_enrolled_by_code_and_revoked(void **state) {
     assert_int_equal(ask("POST", "/stations/room-2/code", token, NULL), 201);
     assert_true(strlen(text_at("code")) > 20);
     assert_true(number_at("until_utc_s") > 1e9);
+    assert_true(number_at("port") == 4810);
     assert_int_equal(ask("POST", "/stations/room-2/revoke", token, NULL), 409);
 }
 

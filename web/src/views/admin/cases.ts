@@ -33,7 +33,7 @@ export const cases: Part = (root, app) => {
     { label: t.name, cell: (one) => h("b", {}, one.name) },
     { label: t.title, cell: (one) => one.title || format.none },
     { label: t.groups, number: true, wide: true, cell: (one) => format.number(one.groups?.length ?? 0) },
-    { label: t.cuttable, cell: (one) => (one.groups ?? []).filter((group) => group.cuttable).map((group) => group.name).join(", ") || format.none },
+    { label: t.cuttable, cell: (one) => cuttable(one) || format.none },
     { label: t.grade, cell: grade },
     { label: t.hash, wide: true, cell: (one) => h("code", {}, one.hash || format.none) },
     { label: t.actions, hidden: true, cell: (one) => button(t.report, () => report(app, one), { kind: "quiet", class: "small" }) },
@@ -41,6 +41,12 @@ export const cases: Part = (root, app) => {
   root.append(head(text.admin.parts.cases, t.hint), list.element);
   return () => list.end();
 };
+
+// One after the other, as in a sentence.
+function cuttable({ groups = [] }: Case): string {
+  const names = groups.filter((group) => group.cuttable).map(({ name }) => text.session.groups[name] ?? name);
+  return names.map((name, i) => (i ? name.toLowerCase() : name)).join(", ");
+}
 
 function grade(one: Case): Child {
   return h("span", { class: `badge ${KINDS[one.grade] ?? ""}`, title: one.grade_reason || undefined }, text.admin.cases.grades[one.grade] ?? one.grade);

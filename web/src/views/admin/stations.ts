@@ -14,14 +14,16 @@ interface Station {
   certificate_until_utc_s: number | null;
 }
 
+const KEYS = "/etc/arthron/station-keys"; // where docs/INSTALL.md has them
 const SOON_S = 30 * 86400;
 
 export const stations: Part = (root, app) => {
   const t = text.admin.stations;
   const code = async (station: Station): Promise<void> => {
     try {
-      const made = await app.api.post<{ code: string; until_utc_s: number }>(`/stations/${part(station.name)}/code`);
-      showCode(t.codeTitle(station.name), made.code, t.codeHint(format.time(made.until_utc_s * 1000)));
+      const made = await app.api.post<{ code: string; until_utc_s: number; port: number }>(`/stations/${part(station.name)}/code`);
+      const command = `arthron-station enrol ${location.hostname}:${made.port} ${made.code} --name ${station.name} --keys ${KEYS}`;
+      showCode(t.codeTitle(station.name), made.code, t.codeHint(format.time(made.until_utc_s * 1000)), command);
     } catch (error) {
       toast(explain(error), "fault");
     }

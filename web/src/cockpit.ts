@@ -11,6 +11,7 @@ import { format, text } from "./text";
 import { button, h, setText } from "./ui";
 
 const LIVE_WINDOW_S = 120;
+const LATE_S = 2; // a page that was opened sooner has all of the session
 
 export interface CockpitOptions {
   onMarker?: (marker: Marker) => void; // a point of the surface was chosen
@@ -28,6 +29,7 @@ export class Cockpit {
   private readonly plots: Plots;
   private readonly back: HTMLElement;
   private readonly working = h("output", { class: "working" });
+  private readonly since = h("span", { class: "since" });
   private readonly ends: (() => void)[] = [];
   private cursor: number | undefined;
   private windowS = LIVE_WINDOW_S; // 0: all
@@ -105,6 +107,9 @@ export class Cockpit {
     const time = this.shownTime;
     const end = Math.max(history.end, 1);
     this.plots.setHere(this.time);
+    this.plots.setUnknown(this.source.recorded || !history.count ? -Infinity : history.start);
+    const late = !this.source.recorded && history.start > LATE_S;
+    setText(this.since, late ? text.session.since(format.clock(history.start)) : "");
     if (this.windowS === 0) this.plots.setWindow(history.start, end);
     else {
       const from = Math.max(0, Math.min(time + this.windowS / 2, end) - this.windowS);
@@ -129,7 +134,7 @@ export class Cockpit {
       input.checked = seconds === (this.source.recorded ? 0 : LIVE_WINDOW_S);
       return h("label", { class: "choice" }, input, h("span", {}, label));
     });
-    return h("div", { class: "plots-head" }, h("span", { class: "quiet-text" }, `${text.session.working}: `, this.working),
+    return h("div", { class: "plots-head" }, h("span", { class: "quiet-text" }, `${text.session.working}: `, this.working, this.since),
       h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, text.session.windows), ...choices));
   }
 

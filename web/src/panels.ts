@@ -155,8 +155,8 @@ export function inBursts(marks: readonly Mark[]): Mark[] {
 
 // ---- resection ---------------------------------------------------------------------------------------
 
-function figure(label: string, value: string, unit: string): HTMLElement {
-  return h("div", { class: "figure" }, h("dt", {}, label), h("dd", {}, value, unit && h("small", {}, ` ${unit}`)));
+function figure(label: string, value: string, unit: string, key = ""): HTMLElement {
+  return h("div", { class: "figure" }, h("dt", {}, key && h("i", { class: `swatch ${key}`, "aria-hidden": "true" }), label), h("dd", {}, value, unit && h("small", {}, ` ${unit}`)));
 }
 
 export function resectionFigures(r: Resection): HTMLElement {
@@ -168,8 +168,8 @@ export function resectionFigures(r: Resection): HTMLElement {
       ` · ${words.share(format.percent((r.plannedMm3 - r.underMm3) / r.plannedMm3, 0))}`)));
   return h("section", { class: "resection-group" }, head, planBar(r),
     h("dl", { class: "figures" },
-      figure(words.planned, mm3(r.plannedMm3), "mm³"), figure(words.under, mm3(r.underMm3), "mm³"),
-      figure(words.over, mm3(r.overMm3), "mm³"), figure(words.damage, mm3(r.damageMm3), "mm³"),
+      figure(words.planned, mm3(r.plannedMm3), "mm³"), figure(words.under, mm3(r.underMm3), "mm³", "under"),
+      figure(words.over, mm3(r.overMm3), "mm³", "over"), figure(words.damage, mm3(r.damageMm3), "mm³"),
       figure(words.rim, format.number(r.rimMm, 1), "mm"), figure(words.step, format.number(r.stepMm, 1), "mm"),
       figure(words.volume, mm3(r.volumeMm3), "mm³"), figure(words.left, mm3(r.leftMm3), "mm³"),
       figure(words.cuts, format.number(r.cuts), ""), figure(words.refused, format.number(r.cutsRefused), ""),

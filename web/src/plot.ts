@@ -4,7 +4,7 @@
 import { clockStep, lastBefore, niceStep } from "./axes";
 import { format } from "./text";
 import { onTheme, themeColour } from "./theme";
-import { h, setText } from "./ui";
+import { h, setClass, setText } from "./ui";
 
 export interface Trace {
   label: string;
@@ -41,10 +41,11 @@ export interface PlotTexts {
   help: string;
 }
 
-const LABEL = 168; // px, left of the plots
+const LABEL = 204; // px, left of the plots
 const AXIS = 20; // below
 const TOP = 14; // for signs
 const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
+const TICK = 14; // between figures of an axis at least, and so much of a row is theirs at its edges
 const GAP_S = 2; // nobody knows what was between: no line
 
 // A line over columns of pixels: of each the least and the greatest value. It breaks where a value is NaN.
@@ -85,6 +86,7 @@ export class Plots {
   private readonly overSurface: CanvasRenderingContext2D;
   private readonly resize: ResizeObserver;
   private cursor: number | undefined;
+  private unknown = -Infinity; // what was before that time
   private here: number | undefined; // what is shown elsewhere: a line of its own
   private signs: Sign[] = [];
   private wide = 0;
@@ -129,6 +131,13 @@ export class Plots {
 
   setSigns(signs: Sign[]): void {
     this.signs = signs;
+    this.draw();
+  }
+
+  /** Nobody here knows what was before that time. */
+  setUnknown(until: number): void {
+    if (this.unknown === until) return;
+    this.unknown = until;
     this.draw();
   }
 
@@ -246,6 +255,7 @@ export class Plots {
     surface.font = "11px system-ui, sans-serif";
     const each = (this.high - TOP - AXIS) / this.rows.length;
     this.paintTimes();
+    this.paintUnknown();
     this.rows.forEach((_, i) => this.paintRow(i, TOP + i * each, each));
     this.paintSigns();
   }
@@ -263,9 +273,16 @@ export class Plots {
       const x = Math.round(this.x(n * step)) + 0.5;
       surface.moveTo(x, TOP);
       surface.lineTo(x, this.high - AXIS);
-      surface.fillText(step < 1 ? format.number(n * step, 1) : format.clock(n * step), Math.min(x, this.wide - 16), this.high - 6);
+      const words = step < 1 ? format.tenths(n * step) : format.clock(n * step);
+      surface.fillText(words, Math.min(x, this.wide - 2 - surface.measureText(words).width / 2), this.high - 6);
     }
     surface.stroke();
+  }
+
+  private paintUnknown(): void {
+    if (this.unknown <= this.from) return;
+    this.surface.fillStyle = this.colour("--raised");
+    this.surface.fillRect(LABEL, TOP, this.x(Math.min(this.unknown, this.to)) - LABEL, this.high - TOP - AXIS);
   }
 
   private paintRow(i: number, top: number, high: number): void {
@@ -288,19 +305,29 @@ export class Plots {
       }
     surface.stroke();
     surface.setLineDash([]);
-    this.paintScale(least, most, y, high);
+    this.paintScale(least, most, y, top, high);
     if (this.other) this.paintTrace(this.other, i, 0, this.colour("--other"), y);
     row.traces.forEach((trace, k) => this.paintTrace(this.values, i, k, this.colour(trace.colour), y));
   }
 
-  private paintScale(least: number, most: number, y: (value: number) => number, high: number): void {
+  private paintScale(least: number, most: number, y: (value: number) => number, top: number, high: number): void {
     const { surface } = this;
-    const step = niceStep(most - least, Math.max(2, Math.floor(high / 16)));
+    const room = high - TICK; // between the middles of the first and the last
+    const fine = niceStep(most - least, 4); // both ends are multiples of it
+    const step = Math.max(fine, niceStep(most - least, Math.max(1, Math.floor(room / TICK))));
     surface.fillStyle = this.colour("--text-quiet");
     surface.textAlign = "right";
     surface.textBaseline = "middle";
-    const digits = Math.max(0, Math.min(3, -Math.floor(Math.log10(step) + 1e-9)));
-    for (let n = Math.ceil(least / step); n * step <= most + 1e-9; n++) surface.fillText(format.number(n * step, digits), LABEL - 6, y(n * step));
+    const digits = Math.max(0, Math.min(3, -Math.floor(Math.log10(fine) + 1e-9)));
+    const ticks = [least, most];
+    for (let n = Math.ceil(least / step - 1e-9); n * step <= most + 1e-9; n++) ticks.push(n * step);
+    const places: number[] = [];
+    for (const tick of ticks) {
+      const at = Math.min(Math.max(y(tick), top + TICK / 2), top + TICK / 2 + room);
+      if (places.some((place) => Math.abs(place - at) < TICK - 2)) continue;
+      places.push(at);
+      surface.fillText(format.number(tick, digits), LABEL - 6, at);
+    }
   }
 
   // The values in the window, and what the axis shows at least.
@@ -386,7 +413,9 @@ export class Plots {
     const time = this.cursor ?? this.here ?? Infinity;
     this.rows.forEach((row, i) => row.traces.forEach((_, k) => {
       const index = lastBefore(this.values.count(i, k), (at) => this.values.time(i, k, at), time);
-      setText(this.readings[i]![k]!, format.number(index < 0 ? undefined : this.values.value(i, k, index), row.digits));
+      const reading = this.readings[i]![k]!;
+      setText(reading, format.number(index < 0 ? undefined : this.values.value(i, k, index), row.digits));
+      if (row.step && k) setClass(reading.parentElement!, "none", !this.values.count(i, k)); // a group that this case has not
     }));
     const shown = Math.min(time, this.to);
     this.element.setAttribute("aria-valuemin", this.from.toFixed(1));

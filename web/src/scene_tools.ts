@@ -17,6 +17,7 @@ const SWITCHES: Switch[] = ["ghost", "raw", "trails", "seeThrough", "femur", "pa
 export class Toolbar {
   readonly element: HTMLElement;
   private readonly legend = h("div", { class: "legend", hidden: true });
+  private readonly tools = TOOL_COLOURS.map(toolKey);
 
   constructor(private show: Show, private readonly actions: ToolbarActions) {
     const presets = PRESETS.map((name, i) =>
@@ -32,7 +33,12 @@ export class Toolbar {
     this.element = h("div", { class: "scene-tools" },
       h("div", { class: "tools-left", role: "group", "aria-label": text.session.views }, h("div", { class: "tool-row" }, ...presets), follow),
       h("div", { class: "tools-right" }, maps, this.switches()),
-      this.legend, key());
+      this.legend, h("ul", { class: "tool-key" }, ...this.tools));
+  }
+
+  /** Whose trails are named: of the instruments that were seen. */
+  showTools(seen: (instrument: number) => boolean): void {
+    this.tools.forEach((tool, instrument) => (tool.hidden = !seen(instrument)));
   }
 
   private set(change: Partial<Show>): void {
@@ -81,12 +87,9 @@ export class Toolbar {
 }
 
 // Whose trail is whose.
-function key(): HTMLElement {
-  const items = TOOL_COLOURS.map((colour, instrument) => {
-    const sign = h("i", { "aria-hidden": "true" });
-    sign.style.background = `#${colour.toString(16).padStart(6, "0")}`;
-    return h("li", {}, sign, text.session.instruments[instrument]);
-  });
-  return h("ul", { class: "tool-key" }, ...items);
+function toolKey(colour: number, instrument: number): HTMLElement {
+  const sign = h("i", { "aria-hidden": "true" });
+  sign.style.background = `#${colour.toString(16).padStart(6, "0")}`;
+  return h("li", { hidden: true }, sign, text.session.instruments[instrument]);
 }
 

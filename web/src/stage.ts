@@ -172,6 +172,7 @@ export class Stage {
     const index = history.indexAt(shown);
     if (index < 0) return false;
     history.read(index, this.row);
+    this.toolbar.showTools((instrument) => this.row[toolAt(instrument) + SEEN]! > 0);
     joint.setRow(this.row, history.time(index));
     joint.setTrails(history, history.time(index));
     this.companion?.setTime(shown, this.show.trails);

@@ -13,7 +13,7 @@ const count = (n: number, one: string, many = `${one}s`): string => `${n} ${n ==
 export const format = {
   none: "–",
   /** With a fixed number of digits, so that columns stand still; a dash for what is not known. */
-  number: (value: number | undefined, digits = 0): string => (value === undefined || !Number.isFinite(value) ? "–" : formats[digits]!.format(value).replace(/^-(?=[0.]*$)/, "")),
+  number: (value: number | undefined, digits = 0): string => (value === undefined || !Number.isFinite(value) ? "–" : formats[digits]!.format(value).replace(/^-(?=[0.]*$)/, "").replace("-", "−")),
   percent: (share: number | undefined, digits = 1): string => (share === undefined || !Number.isFinite(share) ? "–" : `${formats[digits]!.format(share * 100)} %`),
   /** 4:07, 1:02:33. */
   clock: (seconds: number): string => {
@@ -274,6 +274,7 @@ export const text = {
       state: "State changed", deviceLost: "Device lost", deviceBack: "Device back", contact: "Touch", release: "Release",
       cut: "Cut took effect", piece: "A piece came off", refused: "Cut refused", undone: "Stroke set back",
     } as Record<string, string>,
+    since: (time: string) => ` · since ${time}, when this page was opened`,
     times: (n: number) => (n > 1 ? ` × ${n}` : ""),
     touches: "Touches too",
     noEvents: "Nothing has happened yet",

@@ -215,7 +215,11 @@ export class Track {
     surface.fillStyle = this.colour("--text-quiet");
     surface.textAlign = "center";
     surface.textBaseline = "alphabetic";
-    for (let n = 0; n * step <= this.length; n++) surface.fillText(step < 1 ? format.tenths(n * step) : format.clock(n * step), Math.min(Math.max(this.x(n * step), 14), this.wide - 14), 9);
+    for (let n = 0; n * step <= this.length; n++) {
+      const words = step < 1 ? format.tenths(n * step) : format.clock(n * step);
+      const half = surface.measureText(words).width / 2;
+      surface.fillText(words, Math.min(Math.max(this.x(n * step), half), this.wide - half), 9);
+    }
   }
 
   private paintHere(): void {

@@ -12,6 +12,7 @@ export const QUIET_MS = 3000; // from here on what is shown is called old
 const RETRY_LEAST_MS = 500;
 const RETRY_MOST_MS = 8000;
 const REPLY_MS = 10_000;
+const DEAD_MS = 10_000; // a connection on which nothing came for so long is made anew
 
 export type Kind = NonNullable<Live["message"]["case"]>;
 export type ValueOf<K extends Kind> = Extract<Live["message"], { case: K }>["value"];
@@ -68,6 +69,7 @@ export class Feed {
   private watched: Watch | undefined;
   private asked: Asked[] = [];
   private failures = 0;
+  private lostAt: number | undefined; // since when nothing comes; until something does
   private drawPending = false;
   private cancelRetry: (() => void) | undefined;
   private readonly listeners = new Map<string, Set<(value: never) => void>>();
@@ -97,6 +99,7 @@ export class Feed {
     this.watched = undefined;
     this.cancelRetry?.();
     this.cancelRetry = undefined;
+    this.lostAt = undefined;
     this.seats.clear();
     this.drop();
     this.setLink({ state: "idle" });
@@ -127,6 +130,14 @@ export class Feed {
   quietMs(): number {
     if (this.link.state === "idle") return 0;
     return this.lastBatchAt ? this.world.now() - this.lastBatchAt : 0;
+  }
+
+  /** For how long all that is shown has been old, in ms; undefined: it is not. */
+  lostMs(): number | undefined {
+    if (this.link.state === "idle") return undefined;
+    if (this.lostAt !== undefined) return this.world.now() - this.lostAt;
+    const quiet = this.quietMs();
+    return quiet >= QUIET_MS ? quiet : undefined;
   }
 
   /** How long ago the seat was heard of, in ms. */
@@ -165,6 +176,7 @@ export class Feed {
       this.setLink({ state: "open" });
       this.sendWatch();
       this.forgetGone(socket, this.world.now());
+      this.watchSilence(socket);
     };
     socket.onmessage = (event: MessageEvent) => this.take(socket, event.data);
     socket.onclose = () => this.broke(socket);
@@ -175,6 +187,19 @@ export class Feed {
     this.world.later(QUIET_MS, () => {
       if (socket !== this.socket || !this.batches) return;
       for (const seat of this.seats.values()) if (Math.max(seat.placeAt, seat.momentAt) < since) this.seats.delete(seat.seat);
+    });
+  }
+
+  // The server says something each second, at least that it is there. A page that draws nothing is not told.
+  private watchSilence(socket: WebSocket): void {
+    this.world.later(DEAD_MS / 2, () => {
+      if (socket !== this.socket) return;
+      if (this.drawPending || this.quietMs() < DEAD_MS) {
+        this.watchSilence(socket);
+        return;
+      }
+      socket.close();
+      this.broke(socket);
     });
   }
 
@@ -194,6 +219,7 @@ export class Feed {
       return;
     }
     this.failures = 0;
+    this.lostAt = undefined;
     this.batches++;
     this.lastBatchAt = this.world.now();
     for (const item of items) this.takeItem(item);
@@ -264,7 +290,8 @@ export class Feed {
     this.drop();
     const wait = Math.min(RETRY_MOST_MS, RETRY_LEAST_MS * 2 ** this.failures) * (0.75 + 0.5 * this.world.random());
     this.failures++;
-    this.setLink({ state: "broken", since: this.lastBatchAt || this.world.now(), retryAt: this.world.now() + wait });
+    this.lostAt ??= this.lastBatchAt || this.world.now();
+    this.setLink({ state: "broken", since: this.lostAt, retryAt: this.world.now() + wait });
     this.cancelRetry = this.world.later(wait, () => void this.retry());
   }
 

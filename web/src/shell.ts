@@ -1,7 +1,6 @@
 // The frame around the views: skip link, navigation, the state of the connection, the account.
 import type { Role } from "./api";
 import type { App } from "./app";
-import { QUIET_MS } from "./live";
 import type { Route } from "./router";
 import { text } from "./text";
 import { setTheme, theme, type Theme } from "./theme";
@@ -64,13 +63,14 @@ function showLink(sign: HTMLElement, { feed }: App): void {
   const link = feed.link;
   let state: string = link.state;
   let words = "";
-  if (link.state === "connecting") words = text.link.connecting;
-  if (link.state === "broken") words = `${text.link.broken(feed.now() - link.since)}. ${text.link.retry(link.retryAt - feed.now())}`;
+  const lost = feed.lostMs();
   if (link.state === "open") {
-    const quiet = feed.quietMs();
-    if (quiet >= QUIET_MS) state = "quiet";
-    words = quiet >= QUIET_MS ? text.link.quiet(quiet) : text.link.open;
-  }
+    if (lost !== undefined) state = "quiet";
+    words = lost !== undefined ? text.link.quiet(lost) : text.link.open;
+  } else if (link.state !== "idle" && lost !== undefined) {
+    state = "broken";
+    words = `${text.link.broken(lost)}. ${text.link.retry(link.state === "broken" ? link.retryAt - feed.now() : 0)}`;
+  } else if (link.state === "connecting") words = text.link.connecting;
   sign.dataset.state = state;
   setText(sign.querySelector(".link-text")!, words);
 }

@@ -2,14 +2,14 @@
 // each with its time. Views show any of it at any time; where it comes from is the same for all of them.
 import { create } from "@bufbuild/protobuf";
 import {
-  MeshAskSchema, MeshStateSchema, Watch_What,
+  MeshAskSchema, MeshStateSchema, Trouble_Kind, Watch_What,
   type LiveSession, type Metric, type Moment, type Remark, type Resection,
 } from "wire";
 import { History } from "./history";
 import type { Feed, WatchInit } from "./live";
 import type { Tissue } from "./mesh";
 import { Meshes, MeshHistory, type Answer } from "./meshes";
-import { text } from "./text";
+import { sentence, text } from "./text";
 
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";
 
@@ -88,6 +88,7 @@ export class FeedSource implements Source {
   metrics: Metric[] = [];
   progress = 0;
   trouble = "";
+  refused = false; // what is asked for is not there, or not for this account
 
   private readonly meshes = new Meshes();
   private readonly landed = new Map<string, MeshHistory>();
@@ -105,7 +106,7 @@ export class FeedSource implements Source {
       feed.on("remark", (remark) => this.remarked(remark)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
-      feed.on("trouble", (trouble) => this.set("trouble", () => (this.trouble = trouble.text))),
+      feed.on("trouble", ({ text: words, kind }) => this.troubled(words, kind)),
     ];
     feed.watch(watch);
   }
@@ -157,9 +158,21 @@ export class FeedSource implements Source {
       session.id.join() === this.session.id.join();
     this.session = session;
     this.trouble = "";
+    this.refused = false;
     if (!same) this.clear();
     this.answer(this.meshes.open());
     this.tell("session");
+  }
+
+  private troubled(words: string, kind: Trouble_Kind): void {
+    this.trouble = sentence(words);
+    this.refused = kind === Trouble_Kind.NOT_THERE;
+    if (this.refused) { // another's session is there now
+      this.session = undefined;
+      this.clear();
+    }
+    this.tell("trouble");
+    if (kind === Trouble_Kind.FAILED) this.progressed(1, true);
   }
 
   // A station that has no session.
@@ -167,6 +180,7 @@ export class FeedSource implements Source {
     this.session = undefined;
     this.clear();
     this.trouble = text.station.noSessionHint;
+    this.refused = false;
     this.tell("session");
   }
 

@@ -2,7 +2,7 @@
 // element.style for what is computed.
 import { ApiError, Unreachable } from "./api";
 import { NoAnswer } from "./live";
-import { text } from "./text";
+import { sentence, text } from "./text";
 
 export type Child = Node | string | undefined | null | false;
 type Listener = (event: never) => void;
@@ -219,8 +219,7 @@ function showAtField(form: HTMLFormElement, error: unknown): boolean {
   const name = error instanceof ApiError ? error.field : "";
   const input = name && form.querySelector<HTMLElement>(`[name="${CSS.escape(name)}"]`);
   if (!input) return false;
-  const words = (error as ApiError).message.replace(`${name}: `, "");
-  setFault(input, words.charAt(0).toUpperCase() + words.slice(1));
+  setFault(input, sentence((error as ApiError).message.replace(`${name}: `, "")));
   input.focus();
   return true;
 }

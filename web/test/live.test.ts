@@ -134,6 +134,43 @@ test("seats keep their newest place, and go when the server says so", () => {
   assert.equal(feed.quietMs(), 3500);
 });
 
+test("what is shown is old from when nothing comes until something does", async () => {
+  const { world, feed } = opened();
+  world.socket.batch([place(1)]);
+  world.at += 2999;
+  assert.equal(feed.lostMs(), undefined);
+  world.at += 1;
+  assert.equal(feed.lostMs(), 3000);
+  world.socket.batch([]);
+  assert.equal(feed.lostMs(), undefined);
+  world.at += 100;
+  world.socket.onclose();
+  assert.equal(feed.lostMs(), 100);
+  await world.pass(900);
+  assert.equal(feed.link.state, "connecting");
+  assert.equal(feed.lostMs(), 1000);
+  world.socket.onopen();
+  assert.equal(feed.lostMs(), 1000); // it is still that of before
+  world.socket.batch([place(1)]);
+  assert.equal(feed.lostMs(), undefined);
+  feed.unwatch();
+  assert.equal(feed.lostMs(), undefined);
+});
+
+test("a connection on which nothing comes is made anew, unless it waits for the page", async () => {
+  const { world } = opened();
+  for (let i = 0; i < 4; i++) await world.pass(5000); // 20 s, and the retry
+  await world.pass(1000);
+  assert.equal(world.sockets.length, 2);
+  world.socket.onopen();
+  world.socket.batch([place(1)]); // not drawn: a page that nobody sees
+  for (let i = 0; i < 6; i++) await world.pass(5000);
+  assert.equal(world.sockets.length, 2);
+  world.draw();
+  for (let i = 0; i < 4; i++) await world.pass(5000);
+  assert.equal(world.sockets.length, 3);
+});
+
 test("listeners get the messages of their kind in order, until they end", () => {
   const { world, feed } = opened();
   const seen: number[] = [];
@@ -149,7 +186,11 @@ test("replies answer commands in order, a late one too", async () => {
   const first = feed.command(start);
   const second = feed.command({ ...start, kind: Command_Kind.STOP });
   const late = Promise.all([first, second].map((one) => assert.rejects(one, (error: NoAnswer) => error.sent)));
-  await world.pass(11_000);
+  for (let s = 0; s < 11; s++) {
+    world.socket.batch([]); // it is there
+    world.draw();
+    await world.pass(1000);
+  }
   await late;
   const third = feed.command(start);
   world.socket.batch([reply("first"), reply("second"), reply("third")]);

@@ -1,6 +1,8 @@
 // A recorded session, replayed.
 import assert from "node:assert/strict";
-import { until } from "../programs.mjs";
+import { truncateSync } from "node:fs";
+import { basename } from "node:path";
+import { call, sleep, until } from "../programs.mjs";
 
 async function a_recorded_session_ends_with_the_volume_that_it_had({ house, browser, who }) {
   const { id, resection: live } = await house.recorded();
@@ -14,4 +16,19 @@ async function a_recorded_session_ends_with_the_volume_that_it_had({ house, brow
   assert.ok(browser.heard(page).kinds.moment > 50);
 }
 
-export const tests = [a_recorded_session_ends_with_the_volume_that_it_had];
+async function a_record_that_cannot_be_read_says_what_is_wrong({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const { id, trace } = await house.station("room-1");
+  await house.session("stop", "room-1");
+  await until("it is on the disk", () => call("arthron-trace", "info", trace).then(() => true, () => false));
+  truncateSync(trace, 3);
+  const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
+  await page.getByText("It cannot be replayed now").waitFor();
+  await page.locator(".state").getByText(basename(trace)).waitFor();
+  await page.getByRole("button", { name: "Try again" }).waitFor();
+  await sleep(4000); // a page that is told nothing calls what it shows old
+  assert.equal(await page.locator(".link-sign").getAttribute("data-state"), "idle");
+  assert.equal(browser.heard(page).kinds.moment, undefined);
+}
+
+export const tests = [a_recorded_session_ends_with_the_volume_that_it_had, a_record_that_cannot_be_read_says_what_is_wrong];

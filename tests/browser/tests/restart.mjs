@@ -4,6 +4,23 @@ import { until } from "../programs.mjs";
 
 const MAY = [/ERR_CONNECTION/, /WebSocket connection/, /Failed to load resource/];
 
+const steering = (page) => page.locator(".steer button");
+
+async function brokenStation(page) {
+  await page.getByText(/No connection to the server for \d+ s/).waitFor();
+  assert.equal(await page.locator(".state-badge").innerText(), "No data");
+  await page.locator(".steer-line", { hasText: "Steering is off: the server cannot be reached" }).waitFor();
+  const enabled = await steering(page).evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.textContent));
+  assert.deepEqual(enabled, [], "these can be pressed");
+}
+
+async function wholeStation(page) {
+  await until("nothing is old", async () => !(await page.getByText(/No connection to the server|Nothing from the station/).isVisible()));
+  await page.locator(".state-badge", { hasText: "Running" }).waitFor();
+  await until("it can be steered", () => page.getByRole("button", { name: "Pause" }).isEnabled());
+  assert.doesNotMatch(await page.locator(".steer-line").innerText(), /Steering is off/);
+}
+
 async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   await house.runRoom("room-1");
   const context = await browser.context(who.instructor);
@@ -15,7 +32,8 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   const [before, at] = [await house.station("room-1"), await clock()];
   await house.killServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: /Connection lost \d+ s ago/ }).waitFor();
-  await station.getByText(/Nothing from the station for \d+ s/).waitFor();
+  await brokenStation(station);
+  await wall.locator("article.card.old", { hasText: "room-1" }).getByText(/No data for \d+ s/).waitFor();
   await browser.picture(wall, "wall-broken");
   await browser.picture(station, "station-broken");
   await house.startServer();
@@ -23,10 +41,27 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   await wall.locator('article.card[data-standing="running"]').filter({ hasText: "room-1" }).waitFor({ timeout: 60_000 });
   assert.equal((await house.station("room-1")).id, before.id);
   await until("the session goes on", async () => (await clock()) > at);
-  await until("nothing is old", async () => !(await station.getByText(/Nothing from the station/).isVisible()));
+  await wholeStation(station);
+  assert.equal(await wall.locator("article.card.old").count(), 0);
   await station.reload();
   await station.getByRole("heading", { name: "room-1" }).waitFor();
   await station.locator(".state-badge", { hasText: "Running" }).waitFor();
 }
 
-export const tests = [pages_outlive_a_server_that_is_killed];
+// As where a cable is pulled: the connection stands, and nothing comes.
+async function a_connection_that_says_nothing_is_called_old({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1", MAY);
+  await page.locator(".state-badge", { hasText: "Running" }).waitFor();
+  house.server.process.kill("SIGSTOP");
+  try {
+    await page.locator(".link-sign", { hasText: /No data for \d+ s/ }).waitFor();
+    await brokenStation(page);
+  } finally {
+    house.server.process.kill("SIGCONT");
+  }
+  await page.locator(".link-sign", { hasText: "Live" }).waitFor();
+  await wholeStation(page);
+}
+
+export const tests = [a_connection_that_says_nothing_is_called_old, pages_outlive_a_server_that_is_killed];

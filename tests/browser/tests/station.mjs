@@ -155,7 +155,83 @@ async function a_session_is_started_stopped_and_given_another_case(world) {
     assert.ok(actions.some((row) => row.actor === "grace" && action.test(row.action)), `${action} is not in the audit log: ${actions.map((row) => row.action)}`);
 }
 
+async function a_reset_makes_the_tissue_whole(world) {
+  const { house } = world;
+  const page = await open(world, "room-1");
+  await until("a cut", async () => (await house.resection("room-1")).cuts > 0);
+  const cut = await house.resection("room-1");
+  await press(page, "Reset");
+  await page.locator("dialog").getByRole("button", { name: "Cancel" }).click();
+  assert.ok((await house.resection("room-1")).cuts >= cut.cuts, "Cancel cancels");
+  await press(page, "Pause");
+  await said(page, "Pause: done");
+  await press(page, "Reset");
+  await page.locator("dialog").getByRole("button", { name: "Reset" }).click();
+  await said(page, "Reset: done");
+  await until("nothing is cut", async () => (await house.resection("room-1")).removed_mm3 === 0);
+  await sameMesh(world, page, "room-1");
+  const now = await house.resection("room-1");
+  assert.ok(now.volume_mm3 > cut.volume_mm3, `${now.volume_mm3} now, ${cut.volume_mm3} before`);
+  await until("the page says so", async () => (await figure(page, "Volume left")) === Math.round(now.volume_mm3));
+}
+
+/** A trainee of the config who signs in by a code that the instructor makes. */
+async function traineeOf({ browser, who }, name) {
+  const desk = await browser.page(await browser.context(who.instructor), "#/nowhere");
+  const code = await desk.evaluate(async (trainee) => {
+    const post = async (path, body) => (await fetch(`/api/v1${path}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) })).json();
+    await post("/trainees", { name: trainee });
+    return (await post(`/trainees/${trainee}/code`, {})).code;
+  }, name);
+  const context = await browser.context();
+  const page = await browser.page(context, "#/sign-in", [/status of 40/]);
+  await page.getByRole("tab", { name: "With a code" }).click();
+  await page.getByLabel("Sign-in code").fill(code);
+  await page.getByRole("button", { name: "Sign in" }).click();
+  await page.getByRole("heading", { name: "Sessions" }).waitFor();
+  return page;
+}
+
+async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not(world) {
+  const { house, browser } = world;
+  await house.runRoom("room-1");
+  const dora = await traineeOf(world, "dora");
+  await dora.goto(`${browser.url}/#/station/room-99`);
+  await dora.getByText("No session of yours here").waitFor();
+  await dora.goto(`${browser.url}/#/station/room-1`);
+  await dora.getByText("No session of yours here").waitFor();
+  await browser.check(dora, "another's station");
+  await browser.picture(dora, "station-of-another");
+  assert.equal(await dora.getByRole("link", { name: "Wall" }).count(), 0);
+  assert.doesNotMatch(await dora.locator("body").innerText(), /anna|tear-radial|Waiting for/);
+  const { kinds } = browser.heard(dora);
+  assert.deepEqual([kinds.session, kinds.moment, kinds.resection, kinds.place], [undefined, undefined, undefined, undefined]);
+  await sleep(4000);
+  assert.equal(await dora.locator(".link-sign").innerText(), "Live"); // nothing comes, and nothing is wrong
+  const desk = await open(world, "room-1");
+  await press(desk, "Trainee …");
+  await desk.getByLabel("Trainee", { exact: true }).selectOption("dora");
+  await press(desk, "Assign");
+  await said(desk, "Trainee: done");
+  await press(desk, "Stop");
+  await desk.locator("dialog").getByRole("button", { name: "Stop" }).click();
+  await desk.locator(".state-badge", { hasText: "Closed" }).waitFor();
+  await press(desk, "Start");
+  await dora.locator(".state-badge", { hasText: "Running" }).waitFor();
+  await desk.getByText("dora · tear-radial").waitFor();
+  const hers = await desk.evaluate(async () => (await (await fetch("/api/v1/sessions?trainee=dora")).json()).sessions);
+  assert.deepEqual(hers.map(({ id }) => id), [(await house.station("room-1")).id]);
+  await press(desk, "Trainee …");
+  await desk.getByLabel("Trainee", { exact: true }).selectOption("anna");
+  await press(desk, "Assign");
+  await said(desk, "Trainee: done");
+  await house.session("stop", "room-1");
+  await house.session("start", "room-1");
+  await dora.getByText("No session of yours here").waitFor();
+}
+
 export const tests = [
   a_cut_changes_mesh_and_figures_and_is_set_back, a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
-  a_session_is_started_stopped_and_given_another_case,
+  a_session_is_started_stopped_and_given_another_case, a_reset_makes_the_tissue_whole,
+  a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not,
 ];

@@ -109,8 +109,9 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
 
   const show = (): void => {
     cover.hidden = source.history.count > 0;
-    if (!cover.hidden) showCover(cover, source, metrics);
-    setClass(root, "nothing", !cover.hidden && (source.trouble !== "" || source.progress === 1));
+    cockpit.element.inert = !cover.hidden;
+    if (!cover.hidden) showCover(cover, source, app.feed, metrics);
+    setClass(root, "nothing", !cover.hidden && source.progress === 1);
     fill(notices, ...noticesOf(session, source).map((words) => h("p", { class: "notice" }, icon("act"), words)));
   };
   const ends = [
@@ -119,6 +120,7 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
       if (change === "progress" && source.progress === 1) transport.say(checked(source));
       if (change !== "moment") show();
     }),
+    app.feed.onLink(show),
     () => comparison.close(), () => transport.close(), () => cockpit.close(), () => source.close(),
   ];
   show();
@@ -142,12 +144,15 @@ function head(session: SessionRow, metrics: Metrics, comparison: Comparison): HT
 }
 
 // Nothing can be played, still or for good: what was measured is known all the same.
-function showCover(cover: HTMLElement, source: FeedSource, metrics: Metrics): void {
+function showCover(cover: HTMLElement, source: FeedSource, feed: Feed, metrics: Metrics): void {
   const words = text.debrief;
   const figures = (): HTMLElement => h("div", { class: "cover-metrics panel" }, metrics.draw([]));
-  if (source.progress === 1) fill(cover, empty(words.noMoments, source.trouble || words.noMomentsHint), figures());
-  else if (source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())), figures());
-  else fill(cover, loading(words.waiting));
+  const over = source.progress === 1;
+  if (source.refused) fill(cover, empty(words.noSession, words.noSessionHint));
+  else if (over && source.trouble) fill(cover, empty(words.noReplay, source.trouble, button(text.tryAgain, () => location.reload())), figures());
+  else if (over) fill(cover, empty(words.noMoments, words.noMomentsHint), figures());
+  else if (feed.lostMs() !== undefined) fill(cover, empty(text.wall.unreachable, text.station.comesBack));
+  else fill(cover, loading(source.trouble || words.waiting));
 }
 
 function noticesOf(session: SessionRow, source: FeedSource): string[] {

@@ -18,6 +18,7 @@ const STATES: Record<SessionState, [icon: IconName, words: keyof typeof text.wal
   [SessionState.PAUSED]: ["paused", "paused"],
   [SessionState.CLOSED]: ["closed", "closed"],
 };
+const STALE: [icon: IconName, words: string] = ["gone", text.station.unknown];
 
 export const station: View = (root, route, app) => {
   const name = route.args[0] ?? "";
@@ -46,31 +47,61 @@ export const station: View = (root, route, app) => {
       setClass(root, "picking", on);
     };
   }
+  const trainee = app.account?.role === "trainee";
+  const [home, homeName] = trainee ? ["#/sessions", text.views.sessions] : ["#/wall", text.station.wall];
   const waiting = h("div", { class: "station-waiting" }, loading(text.station.waiting(name)));
   root.append(h("header", { class: "station-head" },
-    h("div", { class: "station-name" }, h("a", { href: "#/wall", class: "button quiet back" }, icon("back"), text.station.wall), h("h1", {}, name), badge, clock, stale),
+    h("div", { class: "station-name" }, h("a", { href: home, class: "button quiet back" }, icon("back"), homeName), h("h1", {}, name), badge, clock, stale),
     about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope)),
     ...(steer ? [steer.element] : []), h("div", { class: "station-main" }, cockpit.element, waiting));
+
+  // For how long nothing is heard, and in which words; undefined: what is shown is how it is.
+  const staleness = (): string | undefined => {
+    const lost = feed.lostMs();
+    if (lost !== undefined) return text.station.lost(lost);
+    const age = heard && source.history.count ? feed.now() - heard : 0;
+    return age >= QUIET_MS && state() !== SessionState.CLOSED ? text.station.stale(age) : undefined;
+  };
+
+  const showBadge = (old: boolean): void => {
+    const now = state();
+    const key = old ? "old" : String(now);
+    if (badge.dataset.state === key) return;
+    badge.dataset.state = key;
+    const [sign, words] = STATES[now ?? SessionState.WAITING];
+    fill(badge, ...(old ? [icon(STALE[0]), STALE[1]] : [icon(sign), text.wall.standings[words]]));
+  };
+
+  const showInstead = (): void => {
+    waiting.hidden = source.session !== undefined || source.history.count > 0;
+    cockpit.element.inert = !waiting.hidden;
+    badge.hidden = source.refused;
+    if (waiting.hidden) return;
+    const words = text.station;
+    const late = feed.link.state === "open" && feed.now() - began > QUIET_MS;
+    const key = source.refused ? "refused" : feed.lostMs() !== undefined ? "lost" : source.trouble || late ? "none" : "waiting";
+    if (waiting.dataset.kind === key) return;
+    waiting.dataset.kind = key;
+    const back = h("a", { class: "button", href: home }, homeName);
+    if (key === "refused") fill(waiting, trainee ? empty(words.notYours, words.notYoursHint, back) : empty(words.notThere, source.trouble, back));
+    else if (key === "lost") fill(waiting, empty(text.wall.unreachable, words.comesBack));
+    else if (key === "none") fill(waiting, empty(words.noSession, source.trouble || words.noSessionHint));
+    else fill(waiting, loading(words.waiting(name)));
+  };
 
   const showHead = (): void => {
     const now = state();
     const { session } = source;
-    if (badge.dataset.state !== String(now)) {
-      badge.dataset.state = String(now);
-      const [sign, words] = STATES[now ?? SessionState.WAITING];
-      fill(badge, icon(sign), text.wall.standings[words]);
-    }
+    const old = staleness();
+    showBadge(old !== undefined);
     setText(clock, source.history.count ? format.clock(source.history.end) : "");
     setText(about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.strength(format.percent(session.strength, 0))].join(" · ") : "");
-    const age = heard ? feed.now() - heard : 0;
-    const old = age >= QUIET_MS && now !== SessionState.CLOSED;
-    setText(stale, old ? text.station.stale(age) : "");
-    setClass(root, "old", old);
+    setText(stale, old ?? "");
+    setClass(root, "old", old !== undefined);
+    steer?.setReachable(feed.lostMs() === undefined);
     steer?.setState(now);
     steer?.setMarker(markerAt(source, Infinity));
-    waiting.hidden = session !== undefined || source.history.count > 0;
-    const late = feed.link.state === "open" && feed.now() - began > QUIET_MS;
-    if (!waiting.hidden && (source.trouble || late)) fill(waiting, empty(text.station.noSession, source.trouble || text.station.noSessionHint));
+    showInstead();
   };
 
   const key = (event: KeyboardEvent): void => {

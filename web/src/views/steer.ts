@@ -28,12 +28,12 @@ export interface SteerTexts {
 export class Steer {
   readonly element: HTMLElement;
   onPicking: (on: boolean) => void = () => {};
-  onTip: () => void = () => {}; // put the marker at the tip
   private readonly line = h("p", { class: "steer-line", role: "status", "aria-live": "polite" });
   private readonly buttons: Record<"run" | "pause" | "stop" | "reset" | "undo" | "case" | "note" | "assign" | "mark" | "unmark", HTMLButtonElement>;
   private state: SessionState | undefined;
   private marker: Remark | undefined;
   private waiting = 0; // commands without an answer
+  private reachable = true; // the server
 
   constructor(private readonly app: App, private readonly now: SteerTexts) {
     const words = text.station;
@@ -57,21 +57,39 @@ export class Steer {
     this.setMarker(undefined);
   }
 
+  /** The session's state; undefined: there is none. */
   setState(state: SessionState | undefined): void {
     if (state === this.state && this.state !== undefined) return;
     this.state = state;
-    const open = state !== undefined && state !== SessionState.CLOSED;
-    const { run, pause, stop, reset, undo, note, mark } = this.buttons;
-    run.disabled = state === SessionState.RUNNING;
-    run.lastChild!.textContent = state === SessionState.PAUSED ? text.station.resume : text.station.start;
-    pause.disabled = state !== SessionState.RUNNING;
-    for (const one of [stop, reset, undo, note, mark]) one.disabled = !open;
-    if (!open && this.buttons.mark.getAttribute("aria-pressed") === "true") this.setPicking(false);
+    this.buttons.run.lastChild!.textContent = state === SessionState.PAUSED ? text.station.resume : text.station.start;
+    this.enable();
   }
 
   setMarker(marker: Remark | undefined): void {
     this.marker = marker;
-    this.buttons.unmark.disabled = !marker;
+    this.enable();
+  }
+
+  /** False: the server is not there, and nothing can be done. */
+  setReachable(reachable: boolean): void {
+    if (reachable === this.reachable) return;
+    this.reachable = reachable;
+    this.enable();
+    if (reachable) this.say("", "");
+    else this.say("refused", text.station.cannotSteer);
+  }
+
+  private enable(): void {
+    const { state } = this;
+    const open = state !== undefined && state !== SessionState.CLOSED;
+    const { run, pause, stop, reset, undo, note, mark, unmark, case: cases, assign } = this.buttons;
+    const can = (button: HTMLButtonElement, may: boolean): void => void (button.disabled = !(may && this.reachable));
+    can(run, state !== SessionState.RUNNING);
+    can(pause, state === SessionState.RUNNING);
+    for (const one of [stop, reset, undo, note, mark]) can(one, open);
+    for (const one of [cases, assign]) can(one, true);
+    can(unmark, this.marker !== undefined);
+    if (mark.disabled && mark.getAttribute("aria-pressed") === "true") this.setPicking(false);
   }
 
   setPicking(on: boolean): void {
@@ -99,7 +117,7 @@ export class Steer {
 
   // ---- commands ----------------------------------------------------------------------------------------
 
-  private say(kind: "pending" | "done" | "refused", words: string): void {
+  private say(kind: "" | "pending" | "done" | "refused", words: string): void {
     this.line.dataset.kind = kind;
     setText(this.line, words);
   }
@@ -118,7 +136,7 @@ export class Steer {
       if (!reply.ok) throw new Refused(reply.text || text.station.refusedAnyhow);
       this.say("done", reply.undone ? text.station.undone(what, reply.undone.cuts, reply.undone.volumeMm3) : text.station.done(what));
     } catch (error) {
-      const why = error instanceof Refused ? error.message : error instanceof NoAnswer && error.sent ? text.station.lost : explain(error);
+      const why = error instanceof Refused ? error.message : error instanceof NoAnswer && error.sent ? text.station.unanswered : explain(error);
       this.say("refused", text.station.refused(what, why));
       throw error;
     } finally {

@@ -4,9 +4,10 @@ import { test } from "node:test";
 import { create, type MessageInitShape } from "@bufbuild/protobuf";
 import { PlaceSchema, SessionState } from "wire";
 import type { Seat } from "../src/live";
+import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
 import { kneeParts, thin } from "../src/views/wall_knee";
-import { arrange, byUrgency, quietFor, runningSeconds, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
+import { arrange, byUrgency, grouped, quietFor, runningSeconds, short, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
 
 function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): Seat {
   return { seat: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
@@ -24,11 +25,11 @@ test("a station stands where its connection and its session say", () => {
 
 test("a station that nothing is heard of is warned of, whatever the server last said", () => {
   const one = seat({ info: { station: "bay-1" }, urgency: 1, warning: "calibration" });
-  assert.equal(warningOf(one, 12_999, false)?.words, "calibration");
+  assert.equal(warningOf(one, 12_999, false)?.words, "Calibration");
   assert.equal(quietFor(one, 12_999), undefined);
   assert.equal(quietFor(one, 13_000), 3000);
   assert.equal(warningOf(one, 13_000, false)?.urgency, 2);
-  assert.equal(warningOf(one, 13_000, true)?.words, "calibration"); // the server as a whole is said to be quiet
+  assert.equal(warningOf(one, 13_000, true)?.words, "Calibration"); // the server as a whole is said to be quiet
   assert.equal(warningOf(seat({}), 10_000, false), undefined);
 });
 
@@ -38,9 +39,26 @@ test("warnings are sorted by urgency, then by station as people count", () => {
   assert.deepEqual(sorted.map((warning) => `${warning.station} ${warning.urgency}`), ["bay-1 3", "bay-3 3", "bay-2 1", "bay-10 1"]);
 });
 
+test("what is wrong with many stations is said once", () => {
+  const warn = (station: string, urgency: number, warning: string) => warningOf(seat({ info: { station }, urgency, warning }), 10_000, false)!;
+  const alarms = grouped(byUrgency([warn("a", 1, "case healthy is not checked"), warn("b", 3, "device all is lost"), warn("c", 1, "case healthy is not checked"), warn("d", 2, "device all is lost")]));
+  assert.deepEqual(alarms.map(({ urgency, words, stations }) => [urgency, words, stations.join()]),
+    [[3, "Device all is lost", "b"], [2, "Device all is lost", "d"], [1, "Case healthy is not checked", "a,c"]]);
+});
+
+test("large figures take no more room", () => {
+  assert.deepEqual([0.04, 9.94, 99.9, 119.9, undefined].map((value) => short(value, 1)), ["0.0", "9.9", "99.9", "120", "–"]);
+  assert.deepEqual([0, 701, 9999, 12_345].map((value) => short(value, 0)), ["0", "701", "9,999", "12k"]);
+});
+
+test("the server's words begin as a sentence does, a file's name stays", () => {
+  assert.deepEqual(["device all is lost", "room-1-2026.trace: it ends too early", "seat-1 is away", "lost"].map(sentence),
+    ["Device all is lost", "room-1-2026.trace: it ends too early", "seat-1 is away", "Lost"]);
+});
+
 test("a device that is lost has no rate, and its dropouts still count", () => {
   const of = (rateHz: number, dropouts: number, lost: boolean) => ({ $typeName: "arthron.DeviceRate" as const, name: "", driver: "", rateHz, dropouts, lost });
-  assert.deepEqual(sumOfDevices([of(100, 2, false), of(0, 3, true), of(250, 0, false)]), { count: 3, lost: 1, slowestHz: 100, dropouts: 5 });
+  assert.deepEqual(sumOfDevices([of(100, 2, false), of(0, 3, true), of(250, 0, false)]), { count: 3, there: 2, slowestHz: 100, dropouts: 5 });
   assert.equal(sumOfDevices([of(0, 0, true)]).slowestHz, undefined);
 });
 

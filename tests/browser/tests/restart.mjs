@@ -33,6 +33,8 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   await house.killServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: /Connection lost \d+ s ago/ }).waitFor();
   await brokenStation(station);
+  await wall.locator(".wall-summary", { hasText: /No connection to the server for \d+ s/ }).waitFor();
+  await wall.locator(".alarm", { hasText: /No data for \d+ s: all that is shown is old/ }).waitFor();
   await wall.locator("article.card.old", { hasText: "room-1" }).getByText(/No data for \d+ s/).waitFor();
   await browser.picture(wall, "wall-broken");
   await browser.picture(station, "station-broken");

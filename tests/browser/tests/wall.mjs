@@ -15,12 +15,12 @@ async function a_station_comes_degrades_goes_and_comes_back({ house, browser, wh
   const station = await house.startRoom("room-2");
   await standing(page, "room-2", "running");
   await card(page, "room-2").getByText("bert").waitFor();
-  const lost = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Lost$/ }) }).locator(".figure");
-  await until("the tracker is lost", async () => (await lost.innerText()) === "1/2");
+  const devices = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Devices$/ }) }).locator(".figure");
+  await until("the tracker is lost", async () => (await devices.innerText()) === "1/2");
   await page.locator(".attention").getByRole("link", { name: /room-2/ }).waitFor();
   assert.notEqual(await card(page, "room-2").getAttribute("data-urgency"), "quiet");
   await browser.picture(page, "wall-degraded");
-  await until("the tracker is back", async () => (await lost.innerText()) === "0/2");
+  await until("the tracker is back", async () => (await devices.innerText()) === "2/2");
   await station.end("SIGKILL");
   await standing(page, "room-2", "gone");
   const before = await house.station("room-2");

@@ -1,13 +1,14 @@
 // #/wall: all stations at a glance.
 import { Watch_What } from "wire";
 import type { View } from "../app";
-import { QUIET_MS, type Feed, type Seat } from "../live";
+import type { Feed, Seat } from "../live";
 import { routeTo } from "../router";
 import { format, text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
 import { MiniScene } from "./wall_scene";
 import {
-  arrange, byUrgency, compareNames, quietFor, runningSeconds, standing, stationOf, sumOfDevices, URGENCY_NAMES, SERVER_QUIET, warningOf, type Warning,
+  arrange, byUrgency, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
+  type Alarm, type Warning,
 } from "./wall_model";
 
 const RATE_HZ = 10;
@@ -16,7 +17,7 @@ const SOON_MS = 2000; // by then every station was told
 interface Card {
   item: HTMLElement;
   scene: HTMLElement; // where the picture goes
-  update(seat: Seat, now: number, serverQuiet: boolean): void;
+  update(seat: Seat, now: number, lostMs: number | undefined): void;
 }
 
 export const wall: View = (root, _route, app) => {
@@ -63,10 +64,11 @@ export const wall: View = (root, _route, app) => {
     const now = feed.now();
     const seats = ordered();
     if (seats.length !== cards.size || seats.some((seat) => !cards.has(seat.seat))) place();
-    const serverQuiet = seats.length > 0 && feed.quietMs() >= QUIET_MS;
-    for (const seat of seats) cards.get(seat.seat)!.update(seat, now, serverQuiet);
-    setText(summary, seats.length ? text.wall.summary(count(seats)) : "");
-    rail.show(byUrgency([...(serverQuiet ? [SERVER_QUIET] : []), ...seats.flatMap((seat) => warningOf(seat, now, serverQuiet) ?? [])]), seats.length > 0);
+    const lost = seats.length > 0 ? feed.lostMs() : undefined;
+    for (const seat of seats) cards.get(seat.seat)!.update(seat, now, lost);
+    setText(summary, lost !== undefined ? text.wall.lost(lost) : seats.length ? text.wall.summary(count(seats)) : "");
+    setClass(summary, "fault", lost !== undefined);
+    rail.show(byUrgency([...(lost !== undefined ? [serverQuiet(lost)] : []), ...seats.flatMap((seat) => warningOf(seat, now, lost !== undefined) ?? [])]), seats.length > 0);
     showState(state, seats.length, feed);
   };
 
@@ -125,10 +127,10 @@ interface Value {
   set(value: string, unit?: string): void;
 }
 
-function value(label: string, kind = ""): Value {
+function value(label: string, title: string, kind = ""): Value {
   const figure = h("span", { class: "figure" });
   const unit = h("span", { class: kind.includes("counted") ? "unit word" : "unit" });
-  const element = h("div", { class: `value ${kind}` }, h("dt", {}, label), h("dd", {}, figure, unit));
+  const element = h("div", { class: `value ${kind}`, title }, h("dt", {}, label), h("dd", {}, figure, unit));
   return {
     element,
     set(words, of = "") {
@@ -148,9 +150,10 @@ function makeCard(): Card {
   const who = h("span", { class: "who" });
   const what = h("span", { class: "what" });
   const values = {
-    roundTrip: value(t.roundTrip), loss: value(t.loss), clock: value(t.clock, "tight"),
-    rate: value(t.rate), dropouts: value(t.dropouts, "counted"), lost: value(t.lost),
-    cuts: value(t.cuts, "over counted"), removed: value(t.removed, "removed"), displacement: value(t.displacement, "over right"),
+    roundTrip: value(t.roundTrip, t.titles.roundTrip), loss: value(t.loss, t.titles.loss), clock: value(t.clock, t.titles.clock, "tight"),
+    rate: value(t.rate, t.titles.rate), dropouts: value(t.dropouts, t.titles.dropouts, "counted"), devices: value(t.devices, t.titles.devices),
+    cuts: value(t.cuts, t.titles.cuts, "over counted"), removed: value(t.removed, t.titles.removed, "removed"),
+    displacement: value(t.displacement, t.titles.displacement, "over second"),
   };
   const warning = h("span", { class: "warning" });
   const card = h("article", { class: "card" },
@@ -159,19 +162,20 @@ function makeCard(): Card {
     h("div", { class: "card-who" }, who, what),
     h("dl", { class: "values" }, ...Object.values(values).map((one) => one.element)),
     warning);
+  card.addEventListener("click", (event) => event.target !== link && link.click());
   const item = h("li", {}, card);
 
-  const update = (seat: Seat, now: number, serverQuiet: boolean): void => {
+  const update = (seat: Seat, now: number, lostMs: number | undefined): void => {
     const place = seat.place!;
     const info = place.info;
     const kind = standing(place);
-    const quiet = quietFor(seat, now);
-    const warned = warningOf(seat, now, serverQuiet);
+    const quiet = lostMs ?? quietFor(seat, now);
+    const warned = warningOf(seat, now, lostMs !== undefined);
     link.href = routeTo("station", [stationOf(seat)]);
     card.dataset.standing = kind;
     card.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
     setClass(card, "old", quiet !== undefined);
-    setSign(sign, kind);
+    setSign(sign, quiet !== undefined ? "gone" : kind, quiet !== undefined ? t.noData : t.standings[kind]);
     setText(link, stationOf(seat));
     const seconds = runningSeconds(seat, Date.now());
     setText(time, kind === "gone" || seconds === undefined ? "" : format.clock(seconds));
@@ -181,14 +185,14 @@ function makeCard(): Card {
     setText(what, info?.caseName ?? "");
     const devices = sumOfDevices(place.devices);
     const there = kind !== "gone";
-    values.roundTrip.set(there ? format.number((info?.rttP50Us ?? NaN) / 1000, 1) : format.none, "ms");
-    values.loss.set(there ? format.number(place.lossShare * 100, 1) : format.none, "%");
-    values.clock.set(there ? `±${format.number((info?.clockUncertaintyUs ?? NaN) / 1000, 1)}` : format.none, "ms");
-    values.rate.set(there ? format.number(devices.slowestHz) : format.none, "Hz");
-    values.dropouts.set(there ? format.number(devices.dropouts) : format.none, t.dropoutsUnit);
-    values.lost.set(there ? `${devices.lost}/${devices.count}` : format.none);
-    setClass(values.lost.element, "bad", there && devices.lost > 0);
-    values.cuts.set(format.number(place.cuts), t.cutsUnit(place.cuts));
+    values.roundTrip.set(there ? short((info?.rttP50Us ?? NaN) / 1000, 1) : format.none, "ms");
+    values.loss.set(there ? short(place.lossShare * 100, 1) : format.none, "%");
+    values.clock.set(there ? `±${short((info?.clockUncertaintyUs ?? NaN) / 1000, 1)}` : format.none, "ms");
+    values.rate.set(there ? short(devices.slowestHz, 0) : format.none, "Hz");
+    values.dropouts.set(there ? short(devices.dropouts, 0) : format.none, t.dropoutsUnit);
+    values.devices.set(there ? `${devices.there}/${devices.count}` : format.none);
+    setClass(values.devices.element, "bad", there && devices.there < devices.count);
+    values.cuts.set(short(place.cuts, 0), t.cutsUnit(place.cuts));
     values.removed.set(format.number(place.removedMm3), "mm³");
     values.displacement.set(there ? format.number(place.warpMm, 1) : format.none, "mm");
     showWarning(warning, warned);
@@ -196,10 +200,10 @@ function makeCard(): Card {
   return { item, scene, update };
 }
 
-function setSign(sign: HTMLElement, kind: ReturnType<typeof standing>): void {
-  if (sign.dataset.kind === kind) return;
+function setSign(sign: HTMLElement, kind: ReturnType<typeof standing>, words: string): void {
+  if (sign.dataset.kind === kind && sign.textContent === words) return;
   sign.dataset.kind = kind;
-  fill(sign, icon(kind), h("span", { class: "unseen" }, text.wall.standings[kind]));
+  fill(sign, icon(kind), h("span", { class: "unseen" }, words));
 }
 
 function showWarning(element: HTMLElement, warning: Warning | undefined): void {
@@ -222,7 +226,8 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
   let urgent = new Set<string>();
   // Who cannot see the wall hears of what is new and cannot wait.
   const announce = (warnings: Warning[]): void => {
-    const words = warnings.filter((warning) => warning.urgency === 3).map((warning) => `${warning.station || text.wall.server}: ${warning.words}`);
+    const words = warnings.filter((warning) => warning.urgency === 3)
+      .map(({ station, words }) => (station ? `${station}: ${words}` : `${text.wall.server}: ${text.wall.serverGone}`));
     const fresh = words.filter((one) => !urgent.has(one));
     urgent = new Set(words);
     if (fresh.length) document.getElementById("said")!.textContent = fresh.join(". ");
@@ -234,18 +239,26 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
       if (key === shown) return;
       shown = key;
       announce(warnings);
-      setText(total, String(warnings.length));
+      const alarms = grouped(warnings);
+      setText(total, String(alarms.length));
       const focused = (document.activeElement as HTMLElement | null)?.dataset.station;
-      fill(list, ...warnings.map(entry), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
+      const unfolded = new Set([...list.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
+      fill(list, ...alarms.map((alarm) => entry(alarm, unfolded.has(alarm.words))), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
       if (focused !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(focused)}"]`)?.focus();
     },
   };
 }
 
-function entry(warning: Warning): HTMLElement {
-  const kind = URGENCY_NAMES[warning.urgency];
-  const parts = [icon(kind as IconName), h("span", { class: "alarm-head" }, h("b", {}, warning.station || text.wall.server), h("span", {}, text.wall.urgencies[warning.urgency])),
-    h("span", { class: "alarm-words" }, warning.words)];
-  if (!warning.station) return h("li", { class: `alarm ${kind}` }, ...parts);
-  return h("li", {}, h("a", { class: `alarm ${kind}`, href: routeTo("station", [warning.station]), data: { station: warning.station } }, ...parts));
+const LISTED = 8; // stations of one warning; more are folded
+
+function entry({ urgency, words, stations }: Alarm, unfolded: boolean): HTMLElement {
+  const kind = URGENCY_NAMES[urgency];
+  const name = stations.length > 1 ? text.wall.several(stations.length) : (stations[0] ?? text.wall.server);
+  const parts = [icon(kind as IconName), h("span", { class: "alarm-head" }, h("b", {}, name), h("span", {}, text.wall.urgencies[urgency])),
+    h("span", { class: "alarm-words" }, words)];
+  const to = (station: string): { href: string; data: Record<string, string> } => ({ href: routeTo("station", [station]), data: { station } });
+  if (stations.length === 1) return h("li", {}, h("a", { class: `alarm ${kind}`, ...to(stations[0]!) }, ...parts));
+  const links = stations.length > 1 && h("span", { class: "alarm-stations" }, ...stations.map((station) => h("a", to(station), station)));
+  const folded = links && stations.length > LISTED ? h("details", { open: unfolded, data: { words } }, h("summary", {}, text.wall.which), links) : links;
+  return h("li", { class: `alarm ${kind}` }, ...parts, folded);
 }

@@ -1,7 +1,7 @@
 // What the wall shows of a station, and in which order: no DOM.
 import { SessionState, type DeviceRate, type Place } from "wire";
 import { QUIET_MS, type Seat } from "../live";
-import { text } from "../text";
+import { format, sentence, text } from "../text";
 
 export type Urgency = 0 | 1 | 2 | 3; // none, look, act, now
 export const URGENCY_NAMES = ["quiet", "look", "act", "now"] as const;
@@ -27,7 +27,7 @@ export function runningSeconds(seat: Seat, utcMs: number): number | undefined {
 
 export interface Devices {
   count: number;
-  lost: number;
+  there: number; // that are not lost
   slowestHz: number | undefined; // of those that are not lost
   dropouts: number;
 }
@@ -36,7 +36,7 @@ export function sumOfDevices(devices: DeviceRate[]): Devices {
   const there = devices.filter((device) => !device.lost);
   return {
     count: devices.length,
-    lost: devices.length - there.length,
+    there: there.length,
     slowestHz: there.length ? Math.min(...there.map((device) => device.rateHz)) : undefined,
     dropouts: devices.reduce((sum, device) => sum + device.dropouts, 0),
   };
@@ -62,14 +62,40 @@ export function warningOf(seat: Seat, now: number, serverQuiet: boolean): Warnin
   if (!serverQuiet && quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
   const place = seat.place;
   if (!place || !place.urgency) return undefined;
-  return { seat: seat.seat, station, urgency: Math.min(3, place.urgency) as Urgency, words: place.warning };
+  return { seat: seat.seat, station, urgency: Math.min(3, place.urgency) as Urgency, words: sentence(place.warning) };
 }
 
-export const SERVER_QUIET: Warning = { seat: 0, station: "", urgency: 3, words: text.wall.serverQuiet };
+/** That nothing has come for so many ms. */
+export const serverQuiet = (ms: number): Warning => ({ seat: 0, station: "", urgency: 3, words: text.wall.serverQuiet(ms) });
 
 /** The most urgent first; of equal ones by the station's name, so that nothing jumps about. */
 export function byUrgency(warnings: Warning[]): Warning[] {
   return [...warnings].sort((a, b) => b.urgency - a.urgency || compareNames(a.station, b.station));
+}
+
+/** What is wrong, said once for all stations that it is wrong with. */
+export interface Alarm {
+  urgency: Urgency;
+  words: string;
+  stations: string[]; // none: the server itself
+}
+
+/** In the order in which the first of each came. */
+export function grouped(warnings: readonly Warning[]): Alarm[] {
+  const found = new Map<string, Alarm>();
+  for (const { urgency, words, station } of warnings) {
+    const key = `${urgency} ${words}`;
+    const alarm = found.get(key) ?? { urgency, words, stations: [] };
+    found.set(key, alarm);
+    if (station) alarm.stations.push(station);
+  }
+  return [...found.values()];
+}
+
+/** With as many digits as three figures leave, so that large ones take no more room. */
+export function short(value: number | undefined, digits: number): string {
+  if (value !== undefined && value >= 9999.5) return `${format.number(value / 1000)}k`;
+  return format.number(value, value !== undefined && value >= 99.95 / 10 ** (1 - digits) ? 0 : digits);
 }
 
 export const compareNames = (a: string, b: string): number => a.localeCompare(b, "en", { numeric: true });

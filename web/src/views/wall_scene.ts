@@ -29,7 +29,7 @@ void main() {
 }`;
 
 const FIELD = Math.tan((11 * Math.PI) / 180); // half the angle of view
-const REACH_MM = 62; // seen above and below the middle
+const REACH_MM = 82; // seen above and below the middle
 const FAR_MM = REACH_MM / FIELD;
 const MIDDLE = [0, 6, -16];
 const SHAFT_MM = 110;

@@ -269,6 +269,7 @@ size_t audience_batch(struct audience *a, struct viewer *viewer, int64_t now_ns,
     *out_next_ns = now_ns + IDLE_NS;
     if (!batch.full)
         *out_next_ns = tell_view(a, viewer, now_ns, &batch);
+    tell_trouble(a, viewer, &batch); // that the view has come upon
     tell_beat(a, viewer, now_ns, &batch);
     if (batch.full || viewer->trouble[0])
         *out_next_ns = now_ns;

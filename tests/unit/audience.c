@@ -199,6 +199,7 @@ static int64_t draw(struct page *page) {
     size_t size =
         audience_batch(page->audience, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
     assert_true(size <= sizeof bytes);
+    assert_true(size || next_ns > now_ns); // else nobody asks again
     read_batch(page, bytes, size);
     if (size == 0)
         page->batches--;

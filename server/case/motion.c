@@ -20,7 +20,7 @@ static enum result withdraw(struct plan *plan, struct hand *hand) {
         return RESULT_OK;
     if (plan_retreat(plan, hand) != RESULT_OK ||
         plan_swing(plan, hand, hand->portal.direction) != RESULT_OK ||
-        plan_move(plan, hand, hand->portal.position) != RESULT_OK)
+        plan_move(plan, hand, hand_rest(&hand->portal)) != RESULT_OK)
         return RESULT_INVALID;
     hand->inside = false;
     return RESULT_OK;
@@ -236,7 +236,7 @@ static const struct case_portal *find_portal(const struct knee_case *knee, const
     return NULL;
 }
 
-// An instrument begins in the portal of its first approach and keeps it.
+// An instrument begins before the portal of its first approach and keeps it.
 static enum result add_hand(struct plan *plan, const struct motion_step *step) {
     const struct case_portal *portal = find_portal(plan->knee, step->name);
     if (!portal)
@@ -250,7 +250,7 @@ static enum result add_hand(struct plan *plan, const struct motion_step *step) {
     int i = plan->motion->tool_count++;
     plan->motion->tools[i] = (struct motion_tool){step->tool, portal->position};
     struct hand *hand = &plan->hands[i];
-    *hand = (struct hand){.channel = step->tool, .portal = *portal, .tip = portal->position};
+    *hand = (struct hand){.channel = step->tool, .portal = *portal, .tip = hand_rest(portal)};
     hand->rotation = quat_identity();
     tremor_init(&hand->tremor, plan->script->tremor_mm,
                 (uint64_t)plan->script->seed * INSTRUMENT_COUNT + (uint64_t)i);

@@ -16,12 +16,22 @@ pose plan_body_pose(const struct plan *plan, enum body body) {
     return pose_identity();
 }
 
+vec3 hand_rest(const struct case_portal *portal) {
+    return vec3_add_scaled(portal->position, -MOTION_REST, portal->direction);
+}
+
+static bool is_before_portal(const struct hand *hand, vec3 tip) {
+    return vec3_dot(vec3_sub(tip, hand->portal.position), hand->portal.direction) <= 0;
+}
+
 vec3 hand_direction(const struct hand *hand, vec3 tip) {
+    if (is_before_portal(hand, tip))
+        return hand->portal.direction;
     return vec3_unit_or(vec3_sub(tip, hand->portal.position), hand->portal.direction);
 }
 
 static double hand_depth(const struct hand *hand) {
-    return vec3_distance(hand->tip, hand->portal.position);
+    return is_before_portal(hand, hand->tip) ? 0 : vec3_distance(hand->tip, hand->portal.position);
 }
 
 // ---- rows ---------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ struct hand {
     struct case_portal portal;
     vec3 tip;       // femur's frame, without tremor
     double opening; // of a shaver: 1 while it runs
-    bool inside;    // outside, the tip rests in the portal
+    bool inside;    // outside, the tip rests before the portal
     struct tremor tremor;
     quat rotation; // of the last row
 };
@@ -32,9 +32,13 @@ struct plan {
 // Instruments turn from one target to the next this far inside the portal, mm.
 #define MOTION_SAFE_DEPTH 15.0
 
+// Outside, they rest so far before it, clear of the skin, mm.
+#define MOTION_REST 20.0
+
 pose plan_body_pose(const struct plan *plan, enum body body); // T_femur_body
 vec3 plan_up(const struct plan *plan);                        // away from the tibia
-vec3 hand_direction(const struct hand *hand, vec3 tip);       // of the shaft with the tip there
+vec3 hand_rest(const struct case_portal *portal);
+vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the tip there
 
 // RESULT_INVALID where the shaft with its tip there would run through a bone.
 enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip);

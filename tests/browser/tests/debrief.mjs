@@ -31,4 +31,26 @@ async function a_record_that_cannot_be_read_says_what_is_wrong({ house, browser,
   assert.equal(browser.heard(page).kinds.moment, undefined);
 }
 
-export const tests = [a_recorded_session_ends_with_the_volume_that_it_had, a_record_that_cannot_be_read_says_what_is_wrong];
+// What others came to is told to a trainee only where there are many of them.
+async function a_trainees_report_tells_nothing_of_the_few_others({ house, browser, who }) {
+  const { id } = await house.recorded();
+  const open = async (state) => browser.page(await browser.context(state), "#/nowhere");
+  const report = (page) => page.evaluate(async (session) => (await fetch(`/api/v1/sessions/${session}/report?course=autumn`)).text(), id);
+  const [trainee, instructor] = [await open(who.trainee), await open(who.instructor)];
+  await instructor.evaluate(async () => {
+    const send = (path, body) => fetch(`/api/v1${path}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+    await send("/courses", { name: "autumn" });
+    await send("/courses/autumn/trainees", { trainee: "anna" });
+  });
+  const [own, desk] = [await report(trainee), await report(instructor)];
+  assert.ok(/Of fewer than \d+ trainees, nothing/.test(own), "the trainee is told what is kept back");
+  assert.ok(/Of fewer than \d+ sessions, the figures themselves/.test(desk), "and the instructor what is not");
+  const figures = (words) => words.split("<h2>Figures</h2>")[1].split("</table>")[0];
+  const silent = (words) => figures(words).match(/<td class="n">(?:few|0)<\/td><td colspan="2">-<\/td>/g)?.length ?? 0;
+  const rows = (words) => figures(words).match(/<tr><td>[a-z_]+<\/td><td class="n">/g).length;
+  assert.ok(rows(own) > 10);
+  assert.equal(silent(own), rows(own), "a row tells of others");
+  assert.ok(silent(desk) < rows(desk) / 2, "the instructor is told");
+}
+
+export const tests = [a_recorded_session_ends_with_the_volume_that_it_had, a_trainees_report_tells_nothing_of_the_few_others, a_record_that_cannot_be_read_says_what_is_wrong];

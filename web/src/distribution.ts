@@ -59,26 +59,32 @@ export interface Beside {
   other: readonly Value[]; // of the session that it is compared with
 }
 
+/** Whether there is anything to see a value beside. */
+export function hasOthers(values: readonly Value[], distributions: readonly Distribution[]): boolean {
+  return values.some((value) => (distributionOf(distributions, value)?.n ?? 0) > 1);
+}
+
 /** Strips, one for each metric. */
 export function strips(values: readonly Value[], beside: Beside): HTMLElement {
   const known = values.filter(({ value }) => Number.isFinite(value));
+  const alone = hasOthers(known, beside.distributions) ? text.debrief.alone : "";
   if (!known.length) return empty(text.debrief.noMetrics);
   return h("div", { class: "strips" }, ...bySubject(known).map(([subject, of]) =>
-    h("section", { class: "strip-group" }, h("h3", {}, subject ? subjectName(subject) : text.debrief.wholeSession), h("dl", {}, ...of.map((value) => strip(value, beside))))));
+    h("section", { class: "strip-group" }, h("h3", {}, subject ? subjectName(subject) : text.debrief.wholeSession), h("dl", {}, ...of.map((value) => strip(value, beside, alone))))));
 }
 
-function strip(value: Value, { distributions, other }: Beside): HTMLElement {
+function strip(value: Value, { distributions, other }: Beside, alone: string): HTMLElement {
   const name = text.session.metricNames[value.name] ?? value.name.replaceAll("_", " ");
   const distribution = distributionOf(distributions, value);
   const spread = distribution && spreadOf(distribution);
   const others = other.find((one) => one.name === value.name && one.subject === value.subject && one.version === value.version && Number.isFinite(one.value));
   const shown = h("dd", { class: "strip-value" });
   setText(shown, value.belowFloor ? text.debrief.belowFloor(metricValue(value)) : metricValue(value));
-  const words = spread && distribution.n > 1 ? spreadWords(distribution, spread) : text.debrief.alone;
+  const words = spread && distribution.n > 1 ? spreadWords(distribution, spread) : alone;
   return h("div", { class: "strip" }, h("dt", {}, name), shown,
     others && h("dd", { class: "strip-other" }, metricValue(others)),
     spread && distribution.n > 1 && h("dd", { class: "strip-plot", "aria-hidden": "true" }, drawn(value.value, others?.value, distribution, spread)),
-    h("dd", { class: "strip-words" }, words));
+    words && h("dd", { class: "strip-words" }, words));
 }
 
 // Quarters of a handful say nothing.

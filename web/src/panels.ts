@@ -218,7 +218,8 @@ export function metricValue({ value, unit }: Pick<Metric, "value" | "unit">, wit
 }
 
 export function subjectName(subject: string): string {
-  return subject.split(/[ ,/]+/).map((word) => text.session.groups[word] ?? word.replaceAll("_", " ")).join(", ");
+  const names = subject.split(/[ ,/]+/).map((word) => text.session.groups[word] ?? word.replaceAll("_", " "));
+  return names.map((name, i) => (i ? name.toLowerCase() : name)).join(", ");
 }
 
 function metricsTable(metrics: readonly Metric[]): HTMLElement {

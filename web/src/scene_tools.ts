@@ -77,8 +77,9 @@ export class Toolbar {
       bar.append(mark);
     }
     const ticks = h("div", { class: "legend-ticks" });
+    const digits = Math.max(...map.ticks.map((value) => (Number.isInteger(value) ? 0 : Number.isInteger(10 * value) ? 1 : 2)));
     for (const value of map.ticks) {
-      const tick = h("span", {}, format.number(value, Number.isInteger(value) ? 0 : Number.isInteger(10 * value) ? 1 : 2));
+      const tick = h("span", {}, format.number(value, digits));
       tick.style.left = at(value);
       add(ticks, tick);
     }

@@ -113,6 +113,13 @@ export function field(label: string, input: HTMLInputElement | HTMLSelectElement
   return h("div", { class: "field" }, h("label", { for: input.id }, label), input, line);
 }
 
+export function setHint(input: HTMLElement, hint: string): void {
+  const line = document.getElementById(`${input.id}-hint`);
+  if (!line) return;
+  line.dataset.hint = hint;
+  setText(line, hint);
+}
+
 /** What is wrong with an input that `field` was made of, for eyes and readers; "" for nothing. */
 export function setFault(input: HTMLElement, fault: string): void {
   input.setAttribute("aria-invalid", String(fault !== ""));

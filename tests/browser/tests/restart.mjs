@@ -26,6 +26,7 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   const context = await browser.context(who.instructor);
   const wall = await browser.page(context, "#/wall", MAY);
   const station = await browser.page(context, "#/station/room-1", MAY);
+  const scope = await browser.page(context, "#/scope/room-1", MAY);
   const clock = async () => (await station.locator(".session-clock").innerText()).split(":").reduce((sum, part) => 60 * sum + Number(part), 0);
   await station.locator("canvas.scene-canvas").waitFor();
   await until("a session", async () => (await station.locator(".session-clock").innerText()) !== "");
@@ -33,6 +34,7 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   await house.killServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: /Connection lost \d+ s ago/ }).waitFor();
   await brokenStation(station);
+  await scope.getByText(/No connection to the server for \d+ s/).waitFor();
   await wall.locator(".wall-summary", { hasText: /No connection to the server for \d+ s/ }).waitFor();
   await wall.locator(".alarm", { hasText: /No data for \d+ s: all that is shown is old/ }).waitFor();
   await wall.locator("article.card.old", { hasText: "room-1" }).getByText(/No data for \d+ s/).waitFor();
@@ -44,6 +46,7 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   assert.equal((await house.station("room-1")).id, before.id);
   await until("the session goes on", async () => (await clock()) > at);
   await wholeStation(station);
+  await until("the scope is new", async () => !(await scope.getByText(/No connection to the server/).isVisible()));
   assert.equal(await wall.locator("article.card.old").count(), 0);
   await station.reload();
   await station.getByRole("heading", { name: "room-1" }).waitFor();

@@ -208,6 +208,9 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
   assert.deepEqual([kinds.session, kinds.moment, kinds.resection, kinds.place], [undefined, undefined, undefined, undefined]);
   await sleep(4000);
   assert.equal(await dora.locator(".link-sign").innerText(), "Live"); // nothing comes, and nothing is wrong
+  await dora.goto(`${browser.url}/#/scope/room-1`);
+  await dora.getByText("No session of yours here").waitFor();
+  await dora.goto(`${browser.url}/#/station/room-1`);
   const desk = await open(world, "room-1");
   await press(desk, "Trainee …");
   await desk.getByLabel("Trainee", { exact: true }).selectOption("dora");

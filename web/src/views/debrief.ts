@@ -2,12 +2,12 @@
 import type { App, View } from "../app";
 import { ApiError, part } from "../api";
 import { Cockpit } from "../cockpit";
-import { strips, type Distribution, type Value } from "../distribution";
+import { hasOthers, strips, type Distribution, type Value } from "../distribution";
 import { browserWorld, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource } from "../source";
 import { format, text } from "../text";
-import { broken, button, empty, explain, fill, h, icon, loading, select, setClass } from "../ui";
+import { broken, button, empty, explain, fill, h, icon, loading, select, setClass, setText } from "../ui";
 import { Comparison } from "./debrief_compare";
 import { Transport } from "./debrief_transport";
 
@@ -186,6 +186,7 @@ function checked(source: FeedSource): { words: string; wrong: boolean } {
 class Metrics {
   onCourse: (course: string) => void = () => {};
   private readonly body = h("div", {});
+  private readonly hint = h("p", { class: "hint" });
   private readonly select: HTMLSelectElement;
   private readonly element: HTMLElement;
   private distributions: Distribution[] = [];
@@ -197,7 +198,7 @@ class Metrics {
     const trainee = app.account?.role === "trainee";
     this.select = select(trainee ? [] : [["", text.debrief.everybody]], "", { "aria-label": text.debrief.besides, on: { change: () => void this.load() } });
     this.element = h("div", { class: "beside" }, h("label", { class: "beside-choice" }, h("span", {}, text.debrief.besides), this.select),
-      h("p", { class: "hint" }, text.debrief.stripsHint), this.body);
+      this.hint, this.body);
     void this.begin(trainee);
   }
 
@@ -216,6 +217,7 @@ class Metrics {
   private refresh(): void {
     const recorded = valuesOf(this.record.results).filter(({ name }) => name !== "depth_time");
     const values = recorded.length ? recorded : this.replayed;
+    setText(this.hint, hasOthers(values, this.distributions) ? text.debrief.stripsHint : text.debrief.allAlone);
     fill(this.body, strips(values, { distributions: this.distributions, other: this.other }));
   }
 

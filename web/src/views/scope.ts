@@ -194,7 +194,8 @@ class Scope {
     const own = this.station?.fresh === true;
     const age = own || !this.heard ? 0 : this.app.feed.now() - this.heard;
     const state = history.count ? history.value(history.count - 1, STATE) : undefined;
-    picture.sign("stale", age >= QUIET_MS && state !== SessionState.CLOSED ? text.scope.stale(age) : "");
+    const lost = this.app.feed.lostMs();
+    picture.sign("stale", lost !== undefined ? text.station.lost(lost) : age >= QUIET_MS && state !== SessionState.CLOSED ? text.scope.stale(age) : "");
     picture.sign("state", state === SessionState.PAUSED ? text.scope.paused : state === SessionState.CLOSED ? text.scope.closed : "");
     const note = noteAt(source, Infinity);
     const young = note && history.end - Number(note.timeNs) * 1e-9 < NOTE_S;
@@ -202,7 +203,7 @@ class Scope {
     picture.sign("marker", markerAt(source, Infinity) ? text.scope.marker : "");
     const from = own ? text.scope.sources.station : this.settings.place ? text.scope.sources.trying : text.scope.sources.server;
     picture.sign("source", this.timing ? `${from} · ${text.scope.optic(this.settings.tiltDeg)}` : "");
-    if (!source.session) picture.say(source.trouble ? empty(text.station.noSession, source.trouble) : loading(text.scope.waiting));
+    if (!source.session) picture.say(source.trouble ? empty(source.refused ? text.station.notYours : text.station.noSession, source.trouble) : loading(text.scope.waiting));
   }
 
   // ---- settings --------------------------------------------------------------------------------------

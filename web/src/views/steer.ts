@@ -5,7 +5,7 @@ import type { App } from "../app";
 import { NoAnswer, type CommandInit } from "../live";
 import type { Marker } from "../scene/joint";
 import { format, text } from "../text";
-import { button, confirm, explain, field, formDialog, h, select, setFault, setText } from "../ui";
+import { button, confirm, explain, field, formDialog, h, select, setFault, setHint, setText } from "../ui";
 
 interface CaseRow {
   name: string;
@@ -150,13 +150,15 @@ export class Steer {
     const cases = await this.app.api.get<{ cases: CaseRow[] }>("/cases").then(({ cases: rows }) => rows, (): CaseRow[] => []);
     const here = this.now.case();
     if (!cases.some(({ name }) => name === here)) cases.unshift({ name: here });
-    const choice = select(cases.map(({ name, title = "", grade = "" }) => [name, text.station.caseLabel(name, title, grade)]), here);
+    const titleOf = (name: string): string => cases.find((one) => one.name === name)?.title ?? "";
+    const choice = select(cases.map(({ name, grade = "" }) => [name, text.station.caseLabel(name, text.admin.cases.grades[grade] ?? grade)]), here,
+      { on: { change: () => setHint(choice, titleOf(choice.value)) } });
     const slider = h("input", { type: "range", min: 0, max: 100, step: 5, value: Math.round(100 * this.now.strength()), class: "range" });
     const shown = h("output", { class: "range-value number" }, format.percent(this.now.strength(), 0));
     slider.addEventListener("input", () => setText(shown, format.percent(Number(slider.value) / 100, 0)));
     const warp = field(text.station.warp, slider, text.station.warpHint);
     warp.querySelector("label")!.append(" ", shown);
-    formDialog(text.station.caseTitle, [h("p", { class: "quiet-text" }, text.station.caseHint), field(text.station.case, choice), warp], text.station.begin, () =>
+    formDialog(text.station.caseTitle, [h("p", { class: "quiet-text" }, text.station.caseHint), field(text.station.case, choice, titleOf(here)), warp], text.station.begin, () =>
       this.must(text.station.case, { kind: Command_Kind.CASE, caseName: choice.value, strength: Number(slider.value) / 100 }));
   }
 

@@ -28,6 +28,8 @@ struct audience_config {
     // Whether the guest may see a recorded session (32 hexadecimal digits). Out of a thread that
     // may wait for the records.
     bool (*allowed)(void *user, const struct guest *guest, const char *session);
+    // With a page that takes nothing of a recorded session while others wait for theirs; 0: 30 s.
+    int patience_ms;
 };
 
 struct audience *audience_create(struct hub *hub, const struct audience_config *config);

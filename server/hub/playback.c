@@ -14,7 +14,7 @@
 #define PARCEL_SIZE 16384          // so that a batch always has room for the next one, chunks apart
 #define WAITING_MAX (size_t)524288 // bytes that wait for the page
 #define PARCELS_MAX 1024
-#define PATIENCE_NS (30 * NS_PER_S)
+#define PATIENCE_MS 30000
 
 struct playback {
     atomic_int references;
@@ -104,7 +104,9 @@ void playback_batch(struct playback *p, struct batch *batch) {
 
 // False where the page has gone, or keeps others waiting.
 static bool wait_for_page(struct playback *p, size_t size) {
+    int patience_ms = p->audience->config.patience_ms;
     int64_t begin_ns = clock_now_ns();
+    int64_t patience_ns = (patience_ms ? patience_ms : PATIENCE_MS) * NS_PER_MS;
     size_t before = atomic_load(&p->waiting);
     while (!p->last && !atomic_load(&p->left) && atomic_load(&p->waiting) + size > WAITING_MAX) {
         struct timespec until;
@@ -114,7 +116,7 @@ static bool wait_for_page(struct playback *p, size_t size) {
         if (atomic_load(&p->waiting) != before)
             begin_ns = clock_now_ns();
         before = atomic_load(&p->waiting);
-        if (atomic_load(&p->others_wait) && clock_now_ns() - begin_ns > PATIENCE_NS)
+        if (atomic_load(&p->others_wait) && clock_now_ns() - begin_ns > patience_ns)
             return false;
     }
     return !atomic_load(&p->left);

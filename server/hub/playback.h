@@ -25,5 +25,5 @@ void playback_start(struct playback *playback, sem_t *ended); // posted at its e
 bool playback_is_left(const struct playback *playback);
 bool playback_has_ended(const struct playback *playback);
 void playback_join(struct playback *playback); // one that was started
-// While others wait it gives up where its page takes nothing for half a minute.
+// While others wait it gives up where its page takes nothing for too long (audience.h).
 void playback_others_wait(struct playback *playback, bool wait);

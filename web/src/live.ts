@@ -140,11 +140,6 @@ export class Feed {
     return quiet >= QUIET_MS ? quiet : undefined;
   }
 
-  /** How long ago the seat was heard of, in ms. */
-  ageMs(seat: Seat): number {
-    return this.world.now() - Math.max(seat.placeAt, seat.momentAt);
-  }
-
   now(): number {
     return this.world.now();
   }

@@ -355,7 +355,7 @@ export const text = {
     stopTitle: "Stop the session?",
     stopHint: "It is closed, and its record is complete. The next one begins from the start.",
     resetTitle: "Reset the session?",
-    resetHint: "The tissue is whole again. What was done stays in the record.",
+    resetHint: "The tissue is whole again, and the session runs. What was done stays in the record.",
     caseTitle: "Case and strength of its warp",
     caseHint: "The session that runs is closed, and another one begins.",
     case: "Case",

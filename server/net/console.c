@@ -19,10 +19,12 @@
 #define ACTOR_MAX 64
 #define CALL_PATIENCE_S 10
 #define LONG_PATIENCE_S 600 // of what runs a session's cuts or all of it again
+#define ERRANDS_MAX 4       // of that, at once
 
 // One message in each direction, and libwebsockets' room before what goes out.
 struct exchange {
     size_t in_size, out_size;
+    bool waits; // for an errand
     uint8_t in[WIRE_CONSOLE_MAX];
     uint8_t header[LWS_PRE];
     uint8_t out[WIRE_CONSOLE_MAX];
@@ -55,12 +57,27 @@ static enum result check_length(const char *path, struct error *err) {
 
 // ---- the server's end ---------------------------------------------------------------------------
 
+// A command that takes long, on a thread of its own, so that other callers are answered meanwhile.
+struct errand {
+    struct console *console;
+    struct errand *next;
+    struct lws *socket;        // who asked; NULL: gone
+    struct exchange *exchange; // of that socket
+    pthread_t thread;
+    atomic_bool done;
+    char actor[ACTOR_MAX];
+    arthron_Command asked;
+    arthron_Console answer;
+};
+
 struct console {
     struct console_handler handler;
     struct lws_context *context;
     pthread_t thread;
     atomic_bool stopping;
     arthron_Console asked, answer;
+    struct errand *errands;
+    int errand_count;
 };
 
 // The user of the process at the other end, or its number.
@@ -94,30 +111,103 @@ static void answer_metrics_ask(struct console *console) {
              sizeof console->answer.message.command_reply.text, "there is no station %s", station);
 }
 
+static void send_answer(struct exchange *x, struct lws *socket, const arthron_Console *answer) {
+    enum result result = wire_encode_console(answer, x->out, sizeof x->out, &x->out_size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
+    lws_callback_on_writable(socket);
+}
+
+// ---- errands
+
+static bool is_long(arthron_Command_Kind kind) {
+    return kind == arthron_Command_Kind_UNDO || kind == arthron_Command_Kind_COPY;
+}
+
+static void *run_errand(void *argument) {
+    struct errand *errand = argument;
+    const struct console_handler *handler = &errand->console->handler;
+    struct lws_context *context = errand->console->context;
+    handler->on_command(handler->user, errand->actor, &errand->asked,
+                        &errand->answer.message.command_reply);
+    atomic_store(&errand->done, true);
+    lws_cancel_service(context); // it is joined before that goes
+    return NULL;
+}
+
+// False where there are too many already.
+static bool start_errand(struct console *console, struct exchange *x, struct lws *socket) {
+    if (console->errand_count == ERRANDS_MAX)
+        return false;
+    struct errand *errand = alloc(1, sizeof *errand);
+    errand->console = console;
+    errand->socket = socket;
+    errand->exchange = x;
+    errand->asked = console->asked.message.command;
+    errand->answer.which_message = arthron_Console_command_reply_tag;
+    name_caller(socket, errand->actor);
+    errand->next = console->errands;
+    console->errands = errand;
+    console->errand_count++;
+    x->waits = true;
+    CHECK(pthread_create(&errand->thread, NULL, run_errand, errand) == 0);
+    return true;
+}
+
+static void end_errands(struct console *console, bool all) {
+    for (struct errand **at = &console->errands; *at;) {
+        struct errand *errand = *at;
+        if (!all && !atomic_load(&errand->done)) {
+            at = &errand->next;
+            continue;
+        }
+        pthread_join(errand->thread, NULL);
+        if (errand->socket && !all) {
+            errand->exchange->waits = false;
+            send_answer(errand->exchange, errand->socket, &errand->answer);
+        }
+        *at = errand->next;
+        console->errand_count--;
+        free(errand);
+    }
+}
+
+static void forget_caller(struct console *console, const struct lws *socket) {
+    for (struct errand *errand = console->errands; errand; errand = errand->next)
+        if (errand->socket == socket)
+            errand->socket = NULL;
+}
+
+// ---- the console's thread
+
 static int answer(struct console *console, struct exchange *x, struct lws *socket) {
     struct error err;
     size_t size = x->in_size;
     x->in_size = 0;
     if (wire_decode_console(x->in, size, &console->asked, &err) != RESULT_OK)
         return -1;
+    bool commands = console->asked.which_message == arthron_Console_command_tag;
+    bool long_one = commands && is_long(console->asked.message.command.kind);
+    if (long_one && start_errand(console, x, socket))
+        return 0;
     console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
-    if (console->asked.which_message == arthron_Console_command_tag)
+    if (long_one)
+        strcpy(console->answer.message.command_reply.text,
+               "the server runs too many undos and copies: ask again");
+    else if (commands)
         answer_command(console, socket);
     else if (console->asked.which_message == arthron_Console_metrics_ask_tag)
         answer_metrics_ask(console);
     else
         strcpy(console->answer.message.command_reply.text,
                "this server does not know that message");
-    enum result result = wire_encode_console(&console->answer, x->out, sizeof x->out, &x->out_size);
-    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
-    lws_callback_on_writable(socket);
+    send_answer(x, socket, &console->answer);
     return 0;
 }
 
 static int hear(struct console *console, struct exchange *x, struct lws *socket, const void *bytes,
                 size_t size) {
     bool whole;
-    if (x->out_size || !collect(x, socket, bytes, size, &whole))
+    if (x->out_size || x->waits || !collect(x, socket, bytes, size, &whole))
         return -1;
     return whole ? answer(console, x, socket) : 0;
 }
@@ -130,6 +220,9 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
         return hear(console, user, socket, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return write_out(user, socket);
+    case LWS_CALLBACK_CLOSED:
+        forget_caller(console, socket);
+        return 0;
     default:
         return 0;
     }
@@ -137,7 +230,9 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
 
 static int on_other(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                     size_t size) {
-    (void)socket, (void)user, (void)bytes, (void)size;
+    (void)user, (void)bytes, (void)size;
+    if (reason == LWS_CALLBACK_EVENT_WAIT_CANCELLED)
+        end_errands(lws_context_user(lws_get_context(socket)), false);
     return reason == LWS_CALLBACK_HTTP || reason == LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION ? -1
                                                                                             : 0;
 }
@@ -221,6 +316,7 @@ void console_destroy(struct console **console) {
     atomic_store(&c->stopping, true);
     lws_cancel_service(c->context);
     pthread_join(c->thread, NULL);
+    end_errands(c, true);
     lws_context_destroy(c->context); // not before: until now it could still be woken
     free(c);
     *console = NULL;
@@ -339,9 +435,7 @@ static void make_call(struct call *call) {
 static int patience_of(const arthron_Console *asked) {
     if (asked->which_message != arthron_Console_command_tag)
         return CALL_PATIENCE_S;
-    arthron_Command_Kind kind = asked->message.command.kind;
-    bool is_long = kind == arthron_Command_Kind_UNDO || kind == arthron_Command_Kind_COPY;
-    return is_long ? LONG_PATIENCE_S : CALL_PATIENCE_S;
+    return is_long(asked->message.command.kind) ? LONG_PATIENCE_S : CALL_PATIENCE_S;
 }
 
 // `call` is all zero but for what is asked and wanted.

@@ -8,7 +8,8 @@ struct console;
 
 struct console_handler {
     void *user;
-    // Out of the console's own thread; may take their time. actor: the system's user who asks.
+    // Out of the console's own thread, which all callers share; of an UNDO or COPY out of a thread
+    // of its own, beside the others. actor: the system's user who asks.
     void (*on_command)(void *user, const char *actor, const arthron_Command *command,
                        arthron_CommandReply *out_reply);
     // False where there is no such station.
@@ -19,7 +20,7 @@ struct console_handler {
 // answers is RESULT_REFUSED: another server is running.
 enum result console_create(const char *socket_path, const struct console_handler *handler,
                            struct console **out_console, struct error *err);
-void console_destroy(struct console **console);
+void console_destroy(struct console **console); // waits for the commands that are being done
 
 // The other end: one command to a running server. RESULT_MISSING: no server at that path.
 enum result console_call(const char *socket_path, const arthron_Command *command,

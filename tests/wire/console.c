@@ -6,22 +6,35 @@
 
 #include <pthread.h>
 #include <pwd.h>
+#include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 static char dir[FOLDER_MAX], path[FOLDER_MAX + 8];
 static arthron_Command last;
 
 static char last_actor[64];
+static atomic_bool blocks; // no COPY is answered while it is set
+static atomic_int copying; // how many were begun
 
 static void on_command(void *user, const char *actor, const arthron_Command *command,
                        arthron_CommandReply *reply) {
     (void)user;
+    if (command->kind == arthron_Command_Kind_COPY) {
+        atomic_fetch_add(&copying, 1);
+        while (atomic_load(&blocks))
+            usleep(1000);
+        reply->ok = true;
+        snprintf(reply->text, sizeof reply->text, "copied to %s", command->station);
+        return;
+    }
     last = *command;
     snprintf(last_actor, sizeof last_actor, "%s", actor);
     reply->ok = command->kind != arthron_Command_Kind_STOP;
@@ -226,6 +239,76 @@ static int remove_dir(void **state) {
     return rmdir(dir);
 }
 
+// ---- what takes long ----
+
+struct copier {
+    pthread_t thread;
+    arthron_CommandReply reply;
+    enum result result;
+};
+
+static void *copy(void *user) {
+    struct copier *copier = user;
+    copier->result = call(arthron_Command_Kind_COPY, &copier->reply, NULL);
+    return NULL;
+}
+
+static void wait_for_copies(int count) {
+    for (int i = 0; i < 10000 && atomic_load(&copying) < count; i++)
+        usleep(1000);
+    assert_int_equal(atomic_load(&copying), count);
+}
+
+static void others_are_answered_while_a_copy_is_made(void **state) {
+    (void)state;
+    static struct copier copiers[4];
+    static arthron_CommandReply reply;
+    struct console *console = open_console();
+    atomic_store(&blocks, true);
+    atomic_store(&copying, 0);
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&copiers[i].thread, NULL, copy, &copiers[i]), 0);
+    wait_for_copies(4);
+    for (int i = 0; i < 5; i++) {
+        assert_int_equal(call(arthron_Command_Kind_LIST, &reply, NULL), RESULT_OK);
+        assert_true(reply.ok);
+    }
+    assert_int_equal(call(arthron_Command_Kind_COPY, &reply, NULL), RESULT_OK); // one too many
+    assert_false(reply.ok);
+    assert_non_null(strstr(reply.text, "too many"));
+    atomic_store(&blocks, false);
+    for (int i = 0; i < 4; i++) {
+        pthread_join(copiers[i].thread, NULL);
+        assert_int_equal(copiers[i].result, RESULT_OK);
+        assert_string_equal(copiers[i].reply.text, "copied to anna");
+    }
+    assert_int_equal(call(arthron_Command_Kind_COPY, &reply, NULL), RESULT_OK);
+    assert_true(reply.ok);
+    console_destroy(&console);
+}
+
+// Its caller is gone before it is done; and a console that ends waits for it.
+static void a_copy_outlives_its_caller_and_not_the_console(void **state) {
+    (void)state;
+    static arthron_CommandReply reply;
+    atomic_store(&blocks, true);
+    atomic_store(&copying, 0);
+    pid_t caller = fork(); // while there are no threads
+    if (caller == 0) {
+        while (call(arthron_Command_Kind_COPY, &reply, NULL) == RESULT_MISSING)
+            usleep(1000);
+        _exit(0);
+    }
+    struct console *console = open_console();
+    wait_for_copies(1);
+    assert_int_equal(kill(caller, SIGKILL), 0);
+    assert_int_equal(waitpid(caller, NULL, 0), caller);
+    assert_int_equal(call(arthron_Command_Kind_LIST, &reply, NULL), RESULT_OK);
+    atomic_store(&blocks, false);
+    assert_int_equal(call(arthron_Command_Kind_LIST, &reply, NULL), RESULT_OK);
+    console_destroy(&console);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_command_is_answered),
@@ -233,6 +316,8 @@ int main(void) {
         cmocka_unit_test(the_most_metrics_arrive_whole),
         cmocka_unit_test(who_asks_is_known),
         cmocka_unit_test(callers_at_the_same_time_are_all_answered),
+        cmocka_unit_test(others_are_answered_while_a_copy_is_made),
+        cmocka_unit_test(a_copy_outlives_its_caller_and_not_the_console),
         cmocka_unit_test(the_socket_is_for_its_owner_alone),
         cmocka_unit_test(a_second_server_is_refused),
         cmocka_unit_test(a_stale_socket_is_replaced),

@@ -143,6 +143,8 @@ static void say_session(struct film *f, const char *path) {
     out->case_hash = scene_case(f->scene)->hash;
     out->start_utc_ns = f->header.start_utc_ns;
     out->strength = (float)f->header.settings.field.strength;
+    out->optic_deg = (float)f->header.optic.tilt_deg;
+    out->optic_view_deg = (float)f->header.optic.field_deg;
     if (trace_last_time(path, &last_ns, NULL) == RESULT_OK)
         out->length_ns = last_ns - f->header.start_ns;
     say(f);

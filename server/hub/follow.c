@@ -77,8 +77,11 @@ static void fill_session(struct audience *a, const struct viewer *viewer,
                          arthron_LiveSession *out) {
     const struct about *about = &a->shown[viewer->seat].about;
     const struct hub *hub = a->hub;
-    *out = (arthron_LiveSession){.seat = (uint32_t)viewer->seat};
-    snprintf(out->station, sizeof out->station, "%s", hub->seats[viewer->seat].station->name);
+    const struct hub_station *station = hub->seats[viewer->seat].station;
+    *out = (arthron_LiveSession){.seat = (uint32_t)viewer->seat,
+                                 .optic_deg = (float)station->optic.tilt_deg,
+                                 .optic_view_deg = (float)station->optic.field_deg};
+    snprintf(out->station, sizeof out->station, "%s", station->name);
     if (!about->session)
         return;
     const struct knee_case *knee = scene_case(hub->scenes[about->scene]);

@@ -361,6 +361,8 @@ static void a_new_session_has_a_new_mesh(void **state) {
     assert_int_equal(page.sessions, 2);
     assert_memory_not_equal(page.session.id, first.id, sizeof first.id);
     assert_string_equal(page.session.case_name, "boxes1");
+    assert_float_equal(page.session.optic_deg, 70, 0);
+    assert_float_equal(page.session.optic_view_deg, 105, 0);
     draw_for(&page, 100);
     assert_int_equal(page.tissue.number, 1);
     assert_int_equal(page.tissue.hash, whole);
@@ -522,6 +524,8 @@ static void a_recorded_session_comes_to_what_it_came_to(void **state) {
     assert_true(page.done);
     assert_int_equal(page.troubles, 0);
     assert_true(page.session.recorded);
+    assert_float_equal(page.session.optic_deg, 70, 0);
+    assert_float_equal(page.session.optic_view_deg, 105, 0);
     assert_int_equal(page.sessions, 1);
     assert_true(card.tissues[0].cuts >= 3);
     assert_int_equal(page.tissue.number, card.tissues[0].mesh_number);

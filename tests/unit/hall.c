@@ -49,7 +49,7 @@ struct hub *hall_open(void) {
         snprintf(config.cases[i].name, sizeof config.cases[i].name, "boxes%d", i);
         snprintf(config.cases[i].dir, sizeof config.cases[i].dir, "%s/case", hall_dir);
     }
-    config.stations[0].optic = view_optic_usual();
+    config.stations[0].optic = (struct view_optic){.tilt_deg = 70, .field_deg = 105};
     snprintf(config.stations[0].name, sizeof config.stations[0].name, "room-1");
     snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes0");
     if (hub_create(&config, &hub, &err) != RESULT_OK)

@@ -12,11 +12,13 @@ const FAR = "127.0.0.2"; // where a station calls the server through the relay
 const ROUND_TRIP_MS = 50; // through it
 
 /** What the config says of each station; the others are simulated. */
-const ROOMS = {
+export const ROOMS = {
   "room-1": { case: "tear-radial", trainee: "anna", motion: "bites" },
-  "room-2": { case: "arthrosis", trainee: "bert", motion: "stand" },
+  "room-2": { case: "arthrosis", trainee: "bert", motion: "stand", optic: { tiltDeg: 70, fieldDeg: 80 } },
   "room-3": { case: "arthrosis", trainee: "carla", motion: "stroke", far: true },
 };
+
+const opticOf = ({ optic }) => (optic ? `optic_deg = ${optic.tiltDeg}\noptic_view_deg = ${optic.fieldDeg}\n` : "");
 
 export class House {
   programs = new Set();
@@ -67,7 +69,7 @@ export class House {
     const portal = info.portals.find(({ name }) => name === "anterolateral").position;
     const scope = scopeAt([4, 12, -15], portal);
     const palpated = await motion(this.folder, "palpation", palpation(this.source, 25), this.path("cases/arthrosis"));
-    write(this.path("stroke.csv"), stroke(palpated), scope, 200);
+    write(this.path("stroke.csv"), stroke(palpated), scopeAt([0, 25, -10], portal), 200); // near the femur
     write(this.path("stand.csv"), stand(palpated), scope, 200);
     write(this.path("bites.csv"), await motion(this.folder, "resection", BITES, this.path("cases/tear-radial")), scope, 100);
   }
@@ -76,7 +78,7 @@ export class House {
 
   #serverConfig() {
     const cases = CASES.map((name) => `[case ${name}]\ndir = cases/${name}\n`);
-    const rooms = Object.entries(ROOMS).map(([name, room]) => `[station ${name}]\ncase = ${room.case}\ntrainee = ${room.trainee}\n`);
+    const rooms = Object.entries(ROOMS).map(([name, room]) => `[station ${name}]\ncase = ${room.case}\ntrainee = ${room.trainee}\n${opticOf(room)}`);
     const seats = this.seats.map((name, i) => `[station ${name}]\ncase = ${CASES[i % CASES.length]}\n`);
     writeFileSync(this.path("server.ini"), `[server]
 address = 127.0.0.1

@@ -56,6 +56,12 @@ export function newRow(): Row {
   return row;
 }
 
+/** To the bit; what neither knows (NaN) is the same, too. */
+export function sameRow(a: Row, b: Row): boolean {
+  for (let i = 0; i < WIDTH; i++) if (!Object.is(a[i], b[i])) return false;
+  return true;
+}
+
 function putPose(row: Row, at: number, pose: ShortPose | undefined): boolean {
   if (pose?.q.length !== 4 || pose.t.length !== 3) return false;
   for (let k = 0; k < 4; k++) row[at + k] = pose.q[k]!;

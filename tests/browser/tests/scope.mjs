@@ -1,5 +1,6 @@
 // What the trainee sees.
 import assert from "node:assert/strict";
+import { ROOMS } from "../house.mjs";
 import { pixels } from "../look.mjs";
 import { sleep, until } from "../programs.mjs";
 import { project, seenFrom } from "../optic.mjs";
@@ -11,7 +12,10 @@ const SIDE = 900;
 const OFF_PX = 3;
 const SETTLED_MS = 5000;
 const STEP_DEG = 15; // of a key
-const OPTIC = { tiltDeg: 30, fieldDeg: 90, postDeg: 0 }; // as long as nobody has chosen another
+// As the server's config has it, or the usual one: as long as nobody has chosen another.
+const opticOf = (name) => ({ tiltDeg: 30, fieldDeg: 90, postDeg: 0, ...ROOMS[name].optic });
+const WHITE = 250; // of 255
+const CLIPPED_MOST = 0.03; // share of the round picture
 
 const instrument = (seen, channel) => seen.instruments.find((of) => of.channel === channel);
 
@@ -53,7 +57,7 @@ async function a_marker_is_where_an_independent_projection_says(world) {
   const page = await open(world, "room-2");
   await page.getByText("Touch the marked point").waitFor();
   await page.evaluate(() => document.querySelector(".scope-bottom").remove()); // it has the marker's colour, too
-  const optic = { ...OPTIC };
+  const optic = opticOf("room-2");
   const offs = [];
   for (const tiltDeg of [30, 70]) {
     if (optic.tiltDeg !== tiltDeg) await page.keyboard.press("o");
@@ -82,6 +86,56 @@ async function off(page, wanted) {
   return px;
 }
 
+// Of the middle of the round picture: the share that is white, and how bright it is, 0 to 255.
+function brightness({ width, height, data }) {
+  let [white, light, count] = [0, 0, 0];
+  for (let y = 0; y < height; y++)
+    for (let x = 0; x < width; x++) {
+      if (Math.hypot(2 * x - width, 2 * y - height) > 0.8 * width) continue;
+      const [r, g, b] = data.subarray(4 * (y * width + x), 4 * (y * width + x) + 3);
+      if (Math.min(r, g, b) >= WHITE) white++;
+      light += 0.3 * r + 0.59 * g + 0.11 * b;
+      count++;
+    }
+  return { white: white / count, light: light / count };
+}
+
+async function near_bone_and_far_from_it_the_picture_is_neither_white_nor_black(world) {
+  let most = 0;
+  for (const name of ["room-2", "room-3"]) {
+    await world.house.runRoom(name);
+    const page = await open(world, name);
+    for (let turn = 0; turn < 360 / STEP_DEG; turn++) {
+      if (turn % (world.quick ? 8 : 4) === 0)
+        for (let tilt = 0; tilt < 2; tilt++) {
+          await page.keyboard.press("o");
+          const { white } = await exposed(page, `${name}, turned by ${turn * STEP_DEG}°`);
+          most = Math.max(most, white);
+        }
+      await page.keyboard.press(".");
+    }
+    await page.close();
+  }
+  world.report.figure("scope_white_share_most", most, "of the picture");
+}
+
+// The camera takes a moment to adapt.
+async function exposed(page, where) {
+  let found;
+  for (const end = performance.now() + SETTLED_MS; performance.now() < end; ) {
+    await sleep(300);
+    found = brightness(await pixels(page.locator("canvas.scope-canvas")));
+    if (found.white <= CLIPPED_MOST && found.light > 50 && found.light < 215) return found;
+  }
+  assert.fail(`${where}: ${(100 * found.white).toFixed(1)} % are white, ${found.light.toFixed(0)} of 255 bright`);
+}
+
+async function what_stands_is_drawn_finely(world) {
+  await world.house.runRoom("room-2");
+  const page = await open(world, "room-2");
+  await page.waitForFunction((side) => document.querySelector("canvas.scope-canvas").width === side, SIDE);
+}
+
 // Which of the station's views was on the screen when, and where the things of that picture were drawn, as
 // the graphics processor was told: the last columns of all matrices, among them each thing's place before
 // the camera. The next frame begins when the last one is there.
@@ -107,7 +161,7 @@ function watchDrawn() {
 
 // How far what was drawn is from where a tip there would be seen.
 function drawnOff({ places }, seen, tip) {
-  const [right, up, depth] = seenFrom(tip, instrument(seen, SCOPE).warped, OPTIC);
+  const [right, up, depth] = seenFrom(tip, instrument(seen, SCOPE).warped, opticOf("room-3"));
   return Math.min(...places.map((place) => distance(place, [right, up, -depth])));
 }
 
@@ -152,4 +206,7 @@ function tell(report, shown, drawn) {
 
 const distance = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
 
-export const tests = [a_marker_is_where_an_independent_projection_says, a_far_server_does_not_make_the_tip_late];
+export const tests = [
+  a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
+  what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late,
+];

@@ -2,7 +2,7 @@
 import { Vector3, type Matrix4 } from "three";
 import { outsidePlan, type Group } from "./anatomy";
 import { MAPS, sample, share, type Colour, type ColourMap, type MapName } from "./colours";
-import { TISSUE, tissueOf } from "./materials";
+import { tissueOf } from "./materials";
 
 const LINEAR = Uint8Array.from({ length: 256 }, (_, i) => {
   const c = i / 255;
@@ -62,15 +62,14 @@ export interface Canvas {
 
 const scratch: Colour = [0, 0, 0];
 
-function put(colours: Uint8Array, vertex: number, colour: Colour): void {
+// `raw`: the scope is to see a cut there.
+function put(colours: Uint8Array, vertex: number, colour: Colour, raw = false): void {
   for (let k = 0; k < 3; k++) colours[4 * vertex + k] = LINEAR[Math.round(colour[k]!)]!;
-  colours[4 * vertex + 3] = 255;
+  colours[4 * vertex + 3] = raw ? 0 : 255;
 }
 
-export function paintTissue(canvas: Canvas): void {
-  const own = tissueOf(canvas.group.name, canvas.inside);
-  const { cartilage } = canvas.group;
-  for (let i = 0; i < canvas.count; i++) put(canvas.colours, i, canvas.cut(i) ? TISSUE.cut! : cartilage[i] ? TISSUE.cartilage! : own);
+export function paintTissue({ group: { name, cartilage }, inside, count, colours, cut }: Canvas): void {
+  for (let i = 0; i < count; i++) put(colours, i, tissueOf(name, inside, cut(i), cartilage[i] === 1), inside && cut(i));
 }
 
 export function paintMeasured(canvas: Canvas, map: ColourMap): void {

@@ -5,7 +5,7 @@ import {
 import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
-import { tissueMaterial } from "./materials";
+import { grainOf, tissueMaterial } from "./materials";
 import { displacements, Grid, GRID_MM, paintMeasured, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
 
 const GHOST = 0x4aa3ff;
@@ -17,7 +17,7 @@ export class Surface {
   private ghost: Mesh | undefined;
   private canvas: Canvas;
   private grid: Grid | undefined;
-  private number = 0; // of the tissue that is shown; 0: the case's own surface
+  number = 0; // of the tissue that is shown; 0: the case's own surface
   private hash = 0n;
   private twin = 0; // vertex i of a cut surface is i + twin; 0: the mesh has none
 
@@ -30,11 +30,14 @@ export class Surface {
     geometry.setAttribute("color", new BufferAttribute(new Uint8Array(4 * count), 4, true));
     geometry.setIndex(new BufferAttribute(group.triangles, 1));
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
-    const inside = wet && group.name === "skin"; // the scope is in it
-    this.shown = new Mesh(geometry, tissueMaterial({ wet: wet && !inside, side: inside ? BackSide : FrontSide, opacity: group.name === "skin" && !wet ? 0.25 : 1 },
-      group.otherShare && this.other));
+    const skin = group.name === "skin";
+    this.shown = new Mesh(geometry, tissueMaterial({
+      grain: wet ? grainOf(group.name) : undefined, side: wet && skin ? BackSide : FrontSide, // the scope is in it
+      opacity: skin && !wet ? 0.25 : 1,
+    }, group.otherShare && this.other));
     this.shown.frustumCulled = false;
     this.shown.userData.body = group.body;
+    if (wet && skin) this.shown.renderOrder = 1; // last: most of it is behind other things
     this.canvas = this.newCanvas(positions, count, () => false);
     this.paint("none");
   }

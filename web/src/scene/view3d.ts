@@ -1,5 +1,6 @@
 // A canvas with the joint. It is drawn when something has changed, and coarser where that takes long: a
-// machine without a graphics processor then still follows the hands.
+// machine without a graphics processor then still follows the hands. Once nothing changes any more it is
+// drawn finely.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
 import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
@@ -8,6 +9,7 @@ import { Orbit } from "./orbit";
 const SLOW_MS = 60;
 const FAST_MS = 20;
 const COARSEST = 0.6;
+const STILL_MS = 300;
 
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}
@@ -36,22 +38,47 @@ export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
 
 /** How fine a picture is drawn: pixels of it for each of the page's. */
 export class Fineness {
-  value: number;
+  private moving: number;
+  private still = false;
+  private timer: ReturnType<typeof setTimeout> | undefined;
   private spent = FAST_MS;
 
-  constructor(private readonly finest = Math.min(devicePixelRatio, 2)) {
-    this.value = software ? COARSEST * finest : finest;
+  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = software === true) {
+    this.moving = coarse ? COARSEST * finest : finest;
   }
 
-  /** After a picture that took so long. True where the next one is to have another fineness. */
-  took(ms: number): boolean {
+  get value(): number {
+    return this.still ? this.finest : this.moving;
+  }
+
+  /** After a picture that took so long, of those that follow each other. */
+  took(ms: number): void {
     this.spent += 0.1 * (Math.min(ms, 200) - this.spent);
-    const wanted = this.spent > SLOW_MS ? this.value * 0.8 : this.spent < FAST_MS ? this.value * 1.25 : this.value;
+    const wanted = this.spent > SLOW_MS ? this.moving * 0.8 : this.spent < FAST_MS ? this.moving * 1.25 : this.moving;
     const next = Math.min(this.finest, Math.max(COARSEST * this.finest, wanted));
-    if (next === this.value) return false;
-    this.value = next;
+    if (next === this.moving) return;
+    this.moving = next;
     this.spent = (SLOW_MS + FAST_MS) / 2;
-    return true;
+  }
+
+  /** Something has changed. */
+  move(): void {
+    clearTimeout(this.timer);
+    this.still = false;
+  }
+
+  /** After a picture: `draw` is for a fine one, when nothing has changed for a while. */
+  rest(draw: () => void): void {
+    clearTimeout(this.timer);
+    if (this.value === this.finest) return;
+    this.timer = setTimeout(() => {
+      this.still = true;
+      draw();
+    }, STILL_MS);
+  }
+
+  close(): void {
+    clearTimeout(this.timer);
   }
 }
 
@@ -70,6 +97,7 @@ export class View3D {
   private pending = 0;
   private drawnAt = 0;
   private running = false; // the picture before was drawn in the frame before
+  private ratio = 0; // pixels of the picture for each of the page's
   private closed = false;
 
   constructor(readonly element: HTMLElement, private readonly joint: Joint, name: string) {
@@ -96,6 +124,7 @@ export class View3D {
   close(): void {
     this.closed = true;
     cancelAnimationFrame(this.pending);
+    this.fineness.close();
     this.resize.disconnect();
     this.orbit.close();
     this.renderer.dispose();
@@ -103,8 +132,13 @@ export class View3D {
     this.canvas.remove();
   }
 
-  /** Once for all changes until the next frame. */
+  /** Something has changed. Once for all changes until the next frame. */
   draw(): void {
+    this.fineness.move();
+    this.request();
+  }
+
+  private request(): void {
     if (this.closed) return;
     this.pending ||= requestAnimationFrame((now) => {
       this.pending = 0;
@@ -117,21 +151,28 @@ export class View3D {
     const more = this.onFrame(now);
     const gliding = this.orbit.update(now);
     this.joint.faceMarker(this.camera.quaternion);
-    if (this.running && this.fineness.took(now - this.drawnAt)) this.measure();
+    if (this.running) this.fineness.took(now - this.drawnAt);
+    if (this.fineness.value !== this.ratio) this.size();
     this.drawnAt = now;
     this.renderer.render(this.scene, this.camera);
     this.running = more || gliding;
     if (this.running) this.draw();
+    else this.fineness.rest(() => this.request());
   }
 
   private measure(): void {
+    this.size();
+    this.draw();
+  }
+
+  private size(): void {
     const { clientWidth, clientHeight } = this.element;
     if (!clientWidth || !clientHeight) return;
-    this.renderer.setPixelRatio(this.fineness.value);
+    this.ratio = this.fineness.value;
+    this.renderer.setPixelRatio(this.ratio);
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();
-    this.draw();
   }
 
   private pick(x: number, y: number): void {

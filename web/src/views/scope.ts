@@ -2,7 +2,7 @@
 // itself, so that the network is not between hand and eye; the rest comes from the server.
 import { SessionState } from "wire";
 import type { App, View } from "../app";
-import { newRow, packView, STATE } from "../history";
+import { BUTTONS, INSTRUMENTS, newRow, packView, sameRow, STATE, toolAt, type Row } from "../history";
 import { QUIET_MS } from "../live";
 import { routeTo, type Route } from "../router";
 import { loadKnee, type Knee } from "../scene/anatomy";
@@ -19,20 +19,25 @@ import { Picture } from "./scope_picture";
 const RATE_HZ = 60;
 const NOTE_S = 25; // how long a note is shown
 const POST_STEP_DEG = 15;
+const FIELD = { least: 40, most: 150 }; // degrees
 const PAUSE_MS = 250; // longer between two pictures: nothing changed meanwhile
 
-interface Settings extends Optic {
+// The optic is the station's, but for what the trainee chose.
+interface Settings {
   place: ViewPlace | undefined;
+  tiltDeg: number | undefined;
+  fieldDeg: number | undefined;
+  postDeg: number;
 }
 
-const KEY = "scope";
+const KEY = "scope-settings";
+const NOTHING_CHOSEN: Settings = { place: undefined, tiltDeg: undefined, fieldDeg: undefined, postDeg: USUAL_OPTIC.postDeg };
 
 function kept(): Settings {
   try {
-    const found = JSON.parse(localStorage.getItem(KEY) ?? "{}") as Partial<Settings>;
-    return { ...USUAL_OPTIC, place: undefined, ...found };
+    return { ...NOTHING_CHOSEN, ...(JSON.parse(localStorage.getItem(KEY) ?? "{}") as Partial<Settings>) };
   } catch {
-    return { ...USUAL_OPTIC, place: undefined };
+    return { ...NOTHING_CHOSEN };
   }
 }
 
@@ -69,7 +74,9 @@ class Scope {
   private heard = 0; // when the last moment came
   private timing = false;
   private readonly row = newRow(); // of the server
-  private readonly near = newRow(); // of what is drawn: the station's own where it tells
+  private readonly near = newRow(); // of what is to be drawn: the station's own where it tells
+  private readonly drawn = newRow();
+  private dirty = true; // something is to be drawn that no row tells of
   private readonly ends: (() => void)[];
 
   constructor(root: HTMLElement, route: Route, private readonly app: App) {
@@ -83,7 +90,7 @@ class Scope {
       this.shown?.optic.setSide(side);
       this.soon();
     };
-    this.picture.turnNotch(notchAngle(this.settings));
+    this.picture.turnNotch(notchAngle(this.optic));
     const key = (event: KeyboardEvent): void => this.key(event);
     document.addEventListener("keydown", key);
     document.documentElement.classList.add("scope-page");
@@ -107,14 +114,29 @@ class Scope {
   private watchStation(): void {
     this.station?.close();
     this.station = this.settings.place && new StationView(this.settings.place);
-    if (this.station) this.station.onView = () => this.soon();
+    if (this.station) this.station.onView = () => this.soon(false);
+  }
+
+  /** As the trainee chose it, or as the station has it; a server that says nothing of it has 0 for its angle. */
+  private get optic(): Optic {
+    const { tiltDeg, fieldDeg, postDeg } = this.settings;
+    const own = this.stations;
+    return { tiltDeg: tiltDeg ?? own.tiltDeg, fieldDeg: fieldDeg ?? own.fieldDeg, postDeg };
+  }
+
+  private get stations(): Optic {
+    const { session } = this.source;
+    return session?.opticViewDeg ? { tiltDeg: session.opticDeg, fieldDeg: session.opticViewDeg, postDeg: 0 } : USUAL_OPTIC;
   }
 
   private changed(change: Change): void {
-    if (change === "session") this.load();
+    if (change === "session") {
+      this.shown?.optic.setOptic(this.optic);
+      this.load();
+    }
     if (change === "moment") this.heard = this.app.feed.now();
     else this.showState();
-    if (!this.station?.fresh) this.soon();
+    if (!this.station?.fresh) this.soon(change !== "moment");
   }
 
   // ---- the case --------------------------------------------------------------------------------------
@@ -139,7 +161,7 @@ class Scope {
     this.picture.fresh();
     const joint = new Joint(knee, true);
     try {
-      this.shown = { joint, optic: new Arthroscope(this.picture.canvas, joint, this.settings) };
+      this.shown = { joint, optic: new Arthroscope(this.picture.canvas, joint, this.optic) };
     } catch (error) {
       if (!(error instanceof NoWebGl)) throw error;
       this.picture.say(broken(text.session.noScene, text.session.noSceneHint));
@@ -157,7 +179,9 @@ class Scope {
 
   // ---- a picture -------------------------------------------------------------------------------------
 
-  private soon(): void {
+  /** Draws, in the next frame; what only moments bring about, only where one is another than that before. */
+  private soon(changed = true): void {
+    this.dirty ||= changed;
     this.pending ||= requestAnimationFrame((now) => {
       this.pending = 0;
       if (this.shown && !document.hidden) this.draw(now, this.shown);
@@ -170,20 +194,30 @@ class Scope {
     if (history.count) history.read(history.count - 1, this.row);
     if (station) packView(station.newest!, this.near);
     else this.near.set(this.row);
+    if (!this.dirty && sameRow(this.near, this.drawn) && !runs(this.near)) return;
+    optic.fineness.move();
+    this.render(now, joint, optic);
+    if (station) this.picture.canvas.dataset.drawn = String(station.newest!.number);
+  }
+
+  private render(now: number, joint: Joint, optic: Arthroscope): void {
     for (const group of this.source.groups()) {
       const tissue = this.source.tissue(group, Infinity);
       if (tissue) joint.setTissue(group, tissue);
     }
     const remark = markerAt(this.source, Infinity);
     joint.setMarker(remark?.point && { body: remark.body, point: remark.point });
-    joint.paint(now);
+    const more = joint.paint(now);
     const seen = optic.draw(this.near, now / 1000);
-    if (now - this.drawnAt < PAUSE_MS) optic.took(now - this.drawnAt);
-    this.picture.timed(now - this.drawnAt, performance.now() - (station?.at ?? now));
+    this.drawn.set(this.near);
+    this.dirty = false;
+    if (now - this.drawnAt < PAUSE_MS) optic.fineness.took(now - this.drawnAt);
+    this.picture.timed(now - this.drawnAt, performance.now() - (this.station?.fresh ? this.station.at : now));
     this.drawnAt = now;
-    if (station) this.picture.canvas.dataset.drawn = String(station.newest!.number);
     if (seen) this.picture.say(undefined);
-    else if (history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
+    else if (this.source.history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
+    if (more || (seen && !optic.settled)) this.soon();
+    else optic.fineness.rest(() => this.render(performance.now(), joint, optic));
   }
 
   // ---- words -----------------------------------------------------------------------------------------
@@ -202,7 +236,7 @@ class Scope {
     picture.sign("note", young ? note.text : "");
     picture.sign("marker", markerAt(source, Infinity) ? text.scope.marker : "");
     const from = own ? text.scope.sources.station : this.settings.place ? text.scope.sources.trying : text.scope.sources.server;
-    picture.sign("source", this.timing ? `${from} · ${text.scope.optic(this.settings.tiltDeg)}` : "");
+    picture.sign("source", this.timing ? `${from} · ${text.scope.optic(this.optic.tiltDeg)}` : "");
     if (!source.session) picture.say(source.trouble ? empty(source.refused ? text.station.notYours : text.station.noSession, source.trouble) : loading(text.scope.waiting));
   }
 
@@ -212,32 +246,49 @@ class Scope {
     const moved = next.place?.port !== this.settings.place?.port || next.place?.token !== this.settings.place?.token;
     this.settings = next;
     localStorage.setItem(KEY, JSON.stringify(next));
-    this.shown?.optic.setOptic(next);
-    this.picture.turnNotch(notchAngle(next));
+    this.shown?.optic.setOptic(this.optic);
+    this.picture.turnNotch(notchAngle(this.optic));
     if (moved) this.watchStation();
     this.showState();
     this.soon();
   }
 
+  // What is as the station has it is not chosen.
+  private choose(next: Optic, place = this.settings.place): void {
+    const own = this.stations;
+    this.change({
+      place,
+      tiltDeg: next.tiltDeg === own.tiltDeg ? undefined : next.tiltDeg,
+      fieldDeg: next.fieldDeg === own.fieldDeg ? undefined : next.fieldDeg,
+      postDeg: next.postDeg,
+    });
+  }
+
   private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
-    const { settings } = this;
+    const { optic, settings } = this;
     if (event.key === "f") this.picture.showTiming((this.timing = !this.timing));
-    else if (event.key === "o") this.change({ ...settings, tiltDeg: settings.tiltDeg === 30 ? 70 : 30 });
-    else if (event.key === ",") this.change({ ...settings, postDeg: settings.postDeg - POST_STEP_DEG });
-    else if (event.key === ".") this.change({ ...settings, postDeg: settings.postDeg + POST_STEP_DEG });
-    else if (event.key === "s") ask(settings, (next) => this.change(next));
+    else if (event.key === "o") this.choose({ ...optic, tiltDeg: optic.tiltDeg === 30 ? 70 : 30 });
+    else if (event.key === ",") this.choose({ ...optic, postDeg: optic.postDeg - POST_STEP_DEG });
+    else if (event.key === ".") this.choose({ ...optic, postDeg: optic.postDeg + POST_STEP_DEG });
+    else if (event.key === "s") ask(optic, settings.place, (next, place) => this.choose(next, place));
     else return;
     event.preventDefault();
     this.showState();
   }
 }
 
-function ask(now: Settings, change: (next: Settings) => void): void {
-  const port = h("input", { inputmode: "numeric", value: now.place?.port ?? "", autocomplete: "off" });
-  const token = h("input", { value: now.place?.token ?? "", autocomplete: "off", spellcheck: "false", class: "mono" });
-  const tilt = select([["0", text.scope.optic(0)], ["30", text.scope.optic(30)], ["70", text.scope.optic(70)]], String(now.tiltDeg));
-  const angle = h("input", { type: "number", min: 40, max: 120, step: 5, value: now.fieldDeg });
+function runs(row: Row): boolean {
+  for (let instrument = 0; instrument < INSTRUMENTS; instrument++) if (row[toolAt(instrument) + BUTTONS]! !== 0) return true;
+  return false;
+}
+
+function ask(now: Optic, place: ViewPlace | undefined, change: (next: Optic, place: ViewPlace | undefined) => void): void {
+  const port = h("input", { inputmode: "numeric", value: place?.port ?? "", autocomplete: "off" });
+  const token = h("input", { value: place?.token ?? "", autocomplete: "off", spellcheck: "false", class: "mono" });
+  const tilts = [...new Set([0, 30, 70, now.tiltDeg])].sort((a, b) => a - b);
+  const tilt = select(tilts.map((deg) => [String(deg), text.scope.optic(deg)]), String(now.tiltDeg));
+  const angle = h("input", { type: "number", min: FIELD.least, max: FIELD.most, step: "any", value: now.fieldDeg });
   const post = h("input", { type: "number", min: -180, max: 180, step: POST_STEP_DEG, value: now.postDeg });
   formDialog(text.scope.settings, [
     field(text.scope.tilt, tilt), field(text.scope.field, angle), field(text.scope.post, post, text.scope.postHint),
@@ -252,9 +303,8 @@ function ask(now: Settings, change: (next: Settings) => void): void {
     if (badPort || badToken) throw new Error("");
     change({
       tiltDeg: Number(tilt.value),
-      fieldDeg: Math.min(120, Math.max(40, Number(angle.value) || USUAL_OPTIC.fieldDeg)),
+      fieldDeg: Math.min(FIELD.most, Math.max(FIELD.least, Number(angle.value) || now.fieldDeg)),
       postDeg: Number(post.value) || 0,
-      place: wanted ? { port: number, token: token.value.trim() } : undefined,
-    });
+    }, wanted ? { port: number, token: token.value.trim() } : undefined);
   });
 }

@@ -209,6 +209,7 @@ export class Tissue {
   corners = new Uint32Array(0); // of a dead triangle three times 0
   labels = new Uint32Array(0); // number of the cut that made the surface; 0: the original one
   pieces: Piece[] = []; // that came off with the last payload
+  before = 0; // number before that; 0: it was a whole mesh
   private uses = new Uint32Array(0);
   private hashes = true; // are summed up
 
@@ -262,9 +263,11 @@ export class Tissue {
   apply(payload: Uint8Array): void {
     const reader = new Reader(payload);
     const pieces: Piece[] = [];
+    let before = this.number;
     try {
       while (!reader.done) {
         const delta = readDelta(reader);
+        if (!delta.base) before = 0;
         this.change(delta);
         if (!this.hashes) this.hash = delta.hash;
         if (this.hash !== delta.hash) throw new MeshError("the mesh's hash is not the one told");
@@ -275,6 +278,7 @@ export class Tissue {
       throw error;
     }
     this.pieces = pieces;
+    this.before = before;
   }
 
   private change(delta: Delta): void {

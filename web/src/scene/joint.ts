@@ -13,6 +13,7 @@ import type { Tissue } from "../mesh";
 import type { Knee } from "./anatomy";
 import { MAPS, scaledTo, type ColourMap, type MapName } from "./colours";
 import { shapeOf, type Shape } from "./instruments";
+import { Loose } from "./loose";
 import { steelMaterial } from "./materials";
 import { Surface } from "./surface";
 
@@ -83,6 +84,7 @@ export class Joint {
   private readonly bodies = Array.from({ length: BODIES }, () => ({ physical: fixed(), virtual: fixed() }));
   private readonly tools: (Tool | undefined)[] = Array.from({ length: INSTRUMENTS });
   private readonly marker: Group;
+  private readonly loose = new Loose();
   private show: Show = { ...USUAL_SHOW };
   private stale = new Set<Surface>(); // to be painted anew
   private paintedAt = 0;
@@ -207,8 +209,15 @@ export class Joint {
     });
   }
 
+  /** The mesh as it is cut. What came off on the way from the one that is shown is seen for a moment. */
   setTissue(group: string, tissue: Tissue): void {
-    for (const surface of this.surfaces) if (surface.group.name === group && surface.setTissue(tissue)) this.stale.add(surface);
+    const surface = this.surfaces.find((of) => of.group.name === group);
+    if (!surface) return;
+    const { number } = surface;
+    if (!surface.setTissue(tissue)) return;
+    this.stale.add(surface);
+    if (!number || number !== tissue.before) return;
+    for (const piece of tissue.pieces) this.loose.add(piece, group, this.bodies[surface.group.body]!.virtual, this.wet);
   }
 
   /** Shows something that goes with the patient's bone. */
@@ -240,8 +249,13 @@ export class Joint {
     }
   }
 
-  /** Paints what has changed, some times a second. True where a picture is needed again for it. */
+  /** Paints what has changed, some times a second, and moves what came off. True where a picture is needed again for it. */
   paint(now: number): boolean {
+    const drifting = this.loose.move(now);
+    return this.paintStale(now) || drifting;
+  }
+
+  private paintStale(now: number): boolean {
     if (now - this.paintedAt < PAINT_MS) return this.stale.size > 0;
     if (this.show.map === "displacement") this.displace();
     if (!this.stale.size) return false;

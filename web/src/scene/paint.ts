@@ -72,6 +72,16 @@ export function paintTissue({ group: { name, cartilage }, inside, count, colours
   for (let i = 0; i < count; i++) put(colours, i, tissueOf(name, inside, cut(i), cartilage[i] === 1), inside && cut(i));
 }
 
+/** Of a part that came off, of which nobody says where it was cut: half raw all over. */
+export function cutColours(group: string, inside: boolean, count: number): Uint8Array {
+  const colours = new Uint8Array(4 * count);
+  for (let i = 0; i < count; i++) {
+    put(colours, i, tissueOf(group, inside, false, false));
+    if (inside) colours[4 * i + 3] = 128;
+  }
+  return colours;
+}
+
 export function paintMeasured(canvas: Canvas, map: ColourMap): void {
   for (let i = 0; i < canvas.count; i++) {
     const value = canvas.measured[i]!;

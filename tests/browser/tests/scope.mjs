@@ -63,7 +63,7 @@ async function a_marker_is_where_an_independent_projection_says(world) {
     if (optic.tiltDeg !== tiltDeg) await page.keyboard.press("o");
     optic.tiltDeg = tiltDeg;
     for (let turn = 0; turn < 360 / STEP_DEG; turn += 1) {
-      const seen = view(browser.heard(page).views.at(-1));
+      const seen = lastSeen(browser.heard(page).views);
       const wanted = project(instrument(seen, PROBE).warped.t, instrument(seen, SCOPE).warped, optic);
       if (wanted && Math.hypot(wanted.right, wanted.up) < 0.8 && turn % 2 === 0) offs.push({ ...optic, off: await off(page, wanted) });
       await page.keyboard.press(".");
@@ -74,6 +74,15 @@ async function a_marker_is_where_an_independent_projection_says(world) {
   assert.ok(new Set(offs.map(({ tiltDeg }) => tiltDeg)).size === 2, "with one optic only");
   for (const { tiltDeg, postDeg, off: px } of offs) assert.ok(px <= OFF_PX, `optic ${tiltDeg}°, post ${postDeg}°: ${px.toFixed(2)} px off`);
   world.report.figure("scope_marker_off_px_of_900", Math.max(...offs.map(({ off: px }) => px)), "px");
+}
+
+// The last view that has both: on a busy machine a tracker may be silent for a moment.
+function lastSeen(views) {
+  for (let i = views.length - 1; i >= 0; i--) {
+    const seen = view(views[i]);
+    if (instrument(seen, PROBE)?.warped && instrument(seen, SCOPE)?.warped) return seen;
+  }
+  return assert.fail("the station shows no probe");
 }
 
 // How far the marker is from there, in px of the page, once it stands: a picture takes its time.

@@ -146,17 +146,31 @@ async function what_stands_is_drawn_finely(world) {
 }
 
 // Which of the station's views was on the screen when, and where the things of that picture were drawn, as
-// the graphics processor was told: the last columns of all matrices, among them each thing's place before
-// the camera. The next frame begins when the last one is there.
+// the graphics processor knew it: the last columns of all matrices of each thing's program, among them its
+// place before the camera. What has not changed is not told again. The next frame begins when the last one
+// is there.
 function watchDrawn() {
   window.drawn = [];
+  const gl = WebGL2RenderingContext.prototype;
+  const known = new Map(); // of each program, where each of its matrices is
+  let program;
   let places = [];
   let last;
-  const told = WebGL2RenderingContext.prototype.uniformMatrix4fv;
-  WebGL2RenderingContext.prototype.uniformMatrix4fv = function (where, transpose, values, ...rest) {
-    places.push([values[12], values[13], values[14]]);
-    return told.call(this, where, transpose, values, ...rest);
+  const before = (name, also) => {
+    const real = gl[name];
+    gl[name] = function (...args) {
+      also(...args);
+      return real.apply(this, args);
+    };
   };
+  const thing = () => places.push(...known.get(program).values());
+  before("useProgram", (next) => {
+    program = next;
+    if (!known.has(next)) known.set(next, new Map());
+  });
+  before("uniformMatrix4fv", (where, _, values) => known.get(program).set(where, [values[12], values[13], values[14]]));
+  before("drawElements", thing);
+  before("drawArrays", thing);
   const look = () => {
     requestAnimationFrame(look);
     const number = document.querySelector("canvas[data-drawn]")?.dataset.drawn;

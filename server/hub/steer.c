@@ -63,10 +63,25 @@ static arthron_Undone end_undo(struct hub *hub, struct seat *seat) {
     return undone;
 }
 
+static bool can_be_cut(struct hub *hub, const struct seat *seat) {
+    pthread_mutex_lock(&hub->card_lock);
+    int scene = seat->card.about.scene;
+    pthread_mutex_unlock(&hub->card_lock);
+    return scene_tissue_count(hub->scenes[scene]) > 0;
+}
+
+static void refuse_nothing_to_undo(const struct seat *seat, arthron_CommandReply *reply) {
+    reply_refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+}
+
 static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct seat *seat = &hub->seats[index];
     struct worker *worker = seat_worker(hub, index);
     struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
+    if (!can_be_cut(hub, seat)) { // no theatre would answer
+        refuse_nothing_to_undo(seat, reply);
+        return;
+    }
     if (!begin_undo(hub, seat)) {
         reply_refuse(reply, "station %s: an undo is on its way", seat->station->name);
         return;
@@ -99,7 +114,7 @@ static void wait_for_undo(struct hub *hub, int index, arthron_CommandReply *repl
         nanosleep(&pause, NULL);
     }
     if (outcome == JOB_NOTHING)
-        reply_refuse(reply, "station %s: there is no cut to be undone", seat->station->name);
+        refuse_nothing_to_undo(seat, reply);
     else if (outcome == UNDO_ASKED && atomic_load(&hub->ending))
         reply_refuse(reply, "station %s: the server ends", seat->station->name);
     else if (outcome == UNDO_ASKED)

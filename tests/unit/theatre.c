@@ -2,6 +2,7 @@
 #include "hub/tissue_delta.h"
 #include "test.h"
 #include "trace/replay.h"
+#include "unit/case_knee.h"
 #include "unit/hall.h"
 
 #include <stdio.h>
@@ -94,6 +95,19 @@ static void *ask_for_undo(void *user) {
     return NULL;
 }
 
+// In place of the hall's.
+static void save_case(bool cuttable) {
+    char folder[256];
+    struct knee_case *knee = box_knee();
+    struct case_group *meniscus = case_group(knee, "meniscus_medial");
+    meniscus->cuttable = cuttable;
+    if (!cuttable)
+        meniscus->lesion.tear.part_count = meniscus->lesion.plan.part_count = 0;
+    snprintf(folder, sizeof folder, "%s/case", hall_dir);
+    assert_int_equal(case_save(knee, folder, NULL), RESULT_OK);
+    case_destroy(&knee);
+}
+
 // Who is told that something was undone is told of no other's cuts.
 static void of_undos_at_once_each_has_its_own_answer(void **state) {
     (void)state;
@@ -123,6 +137,22 @@ static void of_undos_at_once_each_has_its_own_answer(void **state) {
     assert_true(done >= 1 && undone > 0);
     assert_int_equal(hall_last_card(hub).tissues[0].cuts, before - undone);
     hall_command(hub, arthron_Command_Kind_UNDO); // the next one is taken
+    hub_destroy(&hub);
+}
+
+static void where_nothing_can_be_cut_an_undo_is_refused_each_time(void **state) {
+    (void)state;
+    const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
+    static arthron_CommandReply reply;
+    save_case(false);
+    struct hub *hub = hall_open();
+    save_case(true);
+    hall_join(hub);
+    for (int i = 0; i < 2; i++) {
+        desk_command(hub, "otto", &command, &reply);
+        assert_false(reply.ok);
+        assert_string_equal(reply.text, "station room-1: there is no cut to be undone");
+    }
     hub_destroy(&hub);
 }
 
@@ -164,6 +194,7 @@ int main(void) {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
+        cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
         cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };

@@ -46,6 +46,10 @@ void post_tokens(struct call *call) {
     const char *name;
     int64_t id, until_ns;
     struct error err = {""};
+    if (!call->visitor.by_account) { // it would outlive the code by far
+        call_refuse(call, 403, "not_allowed", NULL, "who signed in by a code makes no tokens");
+        return;
+    }
     if (!call_take_body(call, fields) || !call_need_name(call, "name", &name))
         return;
     secret_make(secret);

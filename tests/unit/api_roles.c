@@ -20,7 +20,7 @@ static const struct {
     {"GET", "/me", "itoc"},
     {"PATCH", "/me", "itoc"},
     {"GET", "/tokens", "itoc"},
-    {"POST", "/tokens", "itoc"},
+    {"POST", "/tokens", "ito"},
     {"DELETE", "/tokens/77", "itoc"},
     {"GET", "/accounts", "it"},
     {"POST", "/accounts", "it"},

@@ -10,7 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Which files they are; a path may be a link to another file each time.
+// Which files they are; a path may be a link to another file each time. Changed is also what somebody
+// may read now who could not before.
 struct stamps {
     struct {
         int64_t file, size, changed_s, changed_ns;
@@ -30,8 +31,8 @@ static struct stamps take_stamps(const struct renewal *r) {
         stat(paths[i], &status); // what is not there has no size
         stamps.of[i].file = (int64_t)status.st_ino;
         stamps.of[i].size = (int64_t)status.st_size;
-        stamps.of[i].changed_s = (int64_t)status.st_mtim.tv_sec;
-        stamps.of[i].changed_ns = (int64_t)status.st_mtim.tv_nsec;
+        stamps.of[i].changed_s = (int64_t)status.st_ctim.tv_sec;
+        stamps.of[i].changed_ns = (int64_t)status.st_ctim.tv_nsec;
     }
     return stamps;
 }

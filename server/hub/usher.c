@@ -1,6 +1,7 @@
 // The usher has recorded sessions played, two at a time. Its runners bring the commands of pages to
 // the desk, so that the thread of the pages waits for nothing: those of one page one after the
-// other, by the same runner.
+// other, by the same runner as long as one is not done; else by the one with the least to do, since
+// an undo or a copy may take its time.
 #include "base/check.h"
 #include "base/clock.h"
 #include "hub/playback.h"
@@ -13,7 +14,7 @@
 
 #define PLAYING_MAX 2
 #define RUNNERS 4
-#define ERRANDS 1024 // more than the pages of a runner may have
+#define ERRANDS 1024 // more than all pages may have
 #define WISHES 1024
 
 struct errand {
@@ -25,6 +26,7 @@ struct errand {
 };
 
 struct runner {
+    struct usher *usher;
     struct audience *audience;
     pthread_t thread;
     atomic_bool stop;
@@ -40,6 +42,11 @@ struct usher {
     sem_t bell;
     struct ring *wishes; // of struct playback *, references, from the thread of the pages
     struct runner runners[RUNNERS];
+    // Of each viewer's place: who runs its errands, and how many are not done.
+    struct {
+        int runner;
+        atomic_int left;
+    } places[AUDIENCE_VIEWERS_MAX];
     // In order; those before `playing` are.
     struct playback *playbacks[AUDIENCE_VIEWERS_MAX];
     int count, playing;
@@ -68,6 +75,7 @@ static void run_errand(struct runner *r, const struct errand *errand) {
     CHECK(parcel);
     if (!ring_push(r->audience->viewers[errand->viewer].answers, &parcel))
         free(parcel);
+    atomic_fetch_sub(&r->usher->places[errand->viewer].left, 1);
     hub_ring(r->audience->hub);
 }
 
@@ -83,8 +91,9 @@ static void *run_errands(void *argument) {
     return NULL;
 }
 
-static void start_runner(struct runner *r, struct audience *audience) {
-    r->audience = audience;
+static void start_runner(struct runner *r, struct usher *usher) {
+    r->usher = usher;
+    r->audience = usher->audience;
     sem_init(&r->bell, 0, 0);
     r->errands = ring_create(ERRANDS, sizeof(struct errand));
     CHECK(pthread_create(&r->thread, NULL, run_errands, r) == 0);
@@ -165,7 +174,7 @@ struct usher *usher_start(struct audience *audience) {
     sem_init(&u->bell, 0, 0);
     u->wishes = ring_create(WISHES, sizeof(struct playback *));
     for (int i = 0; i < RUNNERS; i++)
-        start_runner(&u->runners[i], audience);
+        start_runner(&u->runners[i], u);
     CHECK(pthread_create(&u->thread, NULL, ush, u) == 0);
     return u;
 }
@@ -191,15 +200,30 @@ void usher_stop(struct usher **usher) {
 
 // ---- the thread of the pages --------------------------------------------------------------------
 
+static int idlest_runner(const struct usher *u) {
+    int left[RUNNERS] = {0}, best = 0;
+    for (int i = 0; i < AUDIENCE_VIEWERS_MAX; i++)
+        left[u->places[i].runner] += atomic_load(&u->places[i].left);
+    for (int i = 1; i < RUNNERS; i++)
+        if (left[i] < left[best])
+            best = i;
+    return best;
+}
+
 bool usher_command(struct usher *u, const struct viewer *viewer, const arthron_Command *asked,
                    const char *refusal) {
     int place = (int)(viewer - u->audience->viewers);
-    struct runner *runner = &u->runners[place % RUNNERS];
+    if (!atomic_load(&u->places[place].left))
+        u->places[place].runner = idlest_runner(u);
+    struct runner *runner = &u->runners[u->places[place].runner];
     struct errand errand = {
         .viewer = place, .guest = viewer->number, .refusal = refusal, .command = *asked};
     snprintf(errand.actor, sizeof errand.actor, "%s", viewer->guest.name);
-    if (!ring_push(runner->errands, &errand))
+    atomic_fetch_add(&u->places[place].left, 1);
+    if (!ring_push(runner->errands, &errand)) {
+        atomic_fetch_sub(&u->places[place].left, 1);
         return false;
+    }
     sem_post(&runner->bell);
     return true;
 }

@@ -436,6 +436,34 @@ static void who_looks_again_is_told_of_all_remarks_again(void **state) {
     hub_destroy(&hub);
 }
 
+// A desk that is busy stands for an undo that takes its time; a list waits for no desk.
+static void a_command_that_waits_holds_up_no_other_page(void **state) {
+    (void)state;
+    enum { PAGES = 9 };
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct page pages[PAGES];
+    hall_join(hub);
+    for (int i = 0; i < PAGES; i++)
+        open_page(&pages[i], audience, &instructor);
+    pthread_mutex_lock(&hub->desk_lock);
+    command(&pages[0], arthron_Command_Kind_PAUSE, "");
+    command(&pages[0], arthron_Command_Kind_LIST, ""); // in order
+    for (int i = 1; i < PAGES; i++) {
+        command(&pages[i], arthron_Command_Kind_LIST, "");
+        draw_until(&pages[i], &pages[i].replies, 1);
+    }
+    draw(&pages[0]);
+    assert_int_equal(pages[0].replies, 0);
+    pthread_mutex_unlock(&hub->desk_lock);
+    draw_until(&pages[0], &pages[0].replies, 2);
+    assert_int_equal(pages[0].reply.sessions[0].state, arthron_SessionState_PAUSED);
+    for (int i = 0; i < PAGES; i++)
+        close_page(&pages[i]);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
 static void too_many_commands_at_once_are_no_page(void **state) {
     (void)state;
     struct hub *hub = hall_open();
@@ -610,6 +638,7 @@ int main(void) {
         cmocka_unit_test(a_new_session_has_a_new_mesh),
         cmocka_unit_test(commands_are_answered_in_order_by_role),
         cmocka_unit_test(who_looks_again_is_told_of_all_remarks_again),
+        cmocka_unit_test(a_command_that_waits_holds_up_no_other_page),
         cmocka_unit_test(too_many_commands_at_once_are_no_page),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),

@@ -10,6 +10,7 @@ export const SEAT_HZ = 25; // frames of a simulated station
 const CASES = ["tear-radial", "arthrosis", "healthy"];
 const FAR = "127.0.0.2"; // where a station calls the server through the relay
 const ROUND_TRIP_MS = 50; // through it
+const LEAST_S = 4; // of a session that is recorded
 
 /** What the config says of each station; the others are simulated. */
 export const ROOMS = {
@@ -224,15 +225,27 @@ tool.scope = scope
     return until(`${name} runs`, async () => (await this.station(name)).state === "running");
   }
 
-  /** A session of room-1 in which some tissue was cut and that has ended: {id, resection}. */
+  /** A session of a room from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
+  async record(name, enough = () => {}) {
+    await this.startRoom(name);
+    await until(`a session of ${name}`, async () => (await this.station(name)).connected);
+    await this.session("stop", name).catch(() => {}); // it is closed
+    const { id: before } = await this.station(name);
+    await this.session("start", name);
+    const { id } = await until(`${name} runs anew`, async () => {
+      const now = await this.station(name);
+      return now.id !== before && now.state === "running" && now;
+    });
+    await sleep(LEAST_S * 1000);
+    await enough();
+    await this.session("pause", name);
+    await this.session("stop", name); // what is on its way lands before
+    return { id, resection: await this.resection(name) };
+  }
+
+  /** A session of room-1 in which some tissue was cut and that has ended. */
   async recorded() {
-    if (this.past) return this.past;
-    await this.runRoom("room-1");
-    await until("cuts", async () => (await this.resection("room-1")).cuts >= 3);
-    await this.session("pause", "room-1");
-    const { id } = await this.station("room-1");
-    await this.session("stop", "room-1"); // what is on its way lands before
-    this.past = { id, resection: await this.resection("room-1") };
+    this.past ??= await this.record("room-1", () => until("cuts", async () => (await this.resection("room-1")).cuts >= 3));
     return this.past;
   }
 

@@ -2,7 +2,10 @@
 import assert from "node:assert/strict";
 import { truncateSync } from "node:fs";
 import { basename } from "node:path";
+import { difference, pixels } from "../look.mjs";
 import { call, sleep, until } from "../programs.mjs";
+
+const ALIKE = 0.0005; // share of a picture's pixels
 
 async function a_recorded_session_ends_with_the_volume_that_it_had({ house, browser, who }) {
   const { id, resection: live } = await house.recorded();
@@ -14,6 +17,101 @@ async function a_recorded_session_ends_with_the_volume_that_it_had({ house, brow
   await until("the volume of the end", async () => Math.abs(Number((await left.innerText()).replace(/[^0-9.]/g, "")) - live.volume_mm3) <= 0.5);
   assert.ok(begin > live.volume_mm3 + 1, `${begin} mm³ at the beginning, ${live.volume_mm3} at the end`);
   assert.ok(browser.heard(page).kinds.moment > 50);
+}
+
+// Beside another session: what is found in the page, and what was asked for.
+async function beside({ browser, who }, query, id) {
+  const context = await browser.context(who.instructor);
+  const asked = [];
+  context.on("request", (request) => asked.push(new URL(request.url()).pathname));
+  const page = await browser.page(context, `#/session/${id}?${query}`);
+  await page.getByText("All is here, end volume as recorded").waitFor();
+  await until("the other's replay has come", async () => (await page.locator(".compare-name").isVisible()) && (await page.locator(".compare-share").innerText()) === "");
+  return { page, asked };
+}
+
+// Once it stands.
+async function picture(page, stage) {
+  const canvas = page.locator(`${stage} canvas.scene-canvas`);
+  let last = await pixels(canvas);
+  return until(`the picture of ${stage} stands`, async () => {
+    await sleep(300);
+    const now = await pixels(canvas);
+    const stands = difference(last, now) < ALIKE;
+    last = now;
+    return stands && now;
+  });
+}
+
+const key = async (page, name) => {
+  await page.locator("main").press(name);
+  await sleep(200);
+};
+
+/** Pixels of the colour that another's hands have, and where the middle of them is. */
+function ghost({ width, data }) {
+  const sum = { count: 0, x: 0, y: 0 };
+  for (let i = 0; i < data.length; i += 4) {
+    const [r, g, b] = data.subarray(i, i + 3);
+    if (r - g < 70 || b - g < 40 || b > r) continue;
+    sum.count++;
+    sum.x += (i / 4) % width;
+    sum.y += Math.floor(i / 4 / width);
+  }
+  return { count: sum.count, x: sum.x / sum.count, y: sum.y / sum.count };
+}
+
+/** The page has the figures of the other's punch, as the server has them. */
+async function sameFigures(page, id) {
+  await page.getByRole("tab", { name: "Metrics" }).click();
+  const { results } = await page.evaluate(async (session) => (await fetch(`/api/v1/sessions/${session}`)).json(), id);
+  const group = page.locator(".strip-group").filter({ has: page.getByRole("heading", { name: "Punch", exact: true }) });
+  for (const [metric, name] of [["path_hand", "Path, hand"], ["path_seen", "Path, shown"]]) {
+    const { value } = results.find((one) => one.metric === metric && one.subject === "punch");
+    const strip = group.locator(".strip").filter({ has: page.locator("dt", { hasText: new RegExp(`^${name}$`) }) });
+    const shown = Number((await strip.locator(".strip-other").innerText()).replace(/[^0-9.]/g, ""));
+    assert.ok(value > 0 && Math.abs(shown - value) <= 0.5, `${name}: ${shown} on the page, ${value} on the server`);
+  }
+}
+
+async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
+  const { house } = world;
+  const { id } = await house.recorded();
+  const other = await house.record("room-1", () => until("a cut", async () => (await house.resection("room-1")).cuts >= 1));
+  const { page } = await beside(world, `with=${other.id}`, id);
+  assert.match(await page.locator(".compare-name a").getAttribute("href"), new RegExp(`${other.id}$`));
+  assert.equal(await page.locator(".compare-line").innerText(), "");
+  assert.ok(await page.locator(".transport.with-other").isVisible());
+  await key(page, "Home");
+  const begin = await picture(page, ".stage.other");
+  await key(page, "End");
+  const moved = difference(begin, await picture(page, ".stage.other"));
+  assert.ok(moved > 4 * ALIKE, `${moved} of the other's picture is another at the end`);
+  await sameFigures(page, other.id);
+  await page.getByRole("button", { name: "End comparison" }).click();
+  await page.locator(".stage.other").waitFor({ state: "detached" });
+  assert.equal(await page.locator(".strip-other, .transport.with-other").count(), 0);
+  assert.match(page.url(), new RegExp(`#/session/${id}$`));
+}
+
+async function the_hands_of_a_session_on_another_case_are_carried_over(world) {
+  const { house } = world;
+  const { id } = await house.recorded();
+  const other = await house.record("room-3");
+  const { page, asked } = await beside(world, `with=${other.id}&as=ghost`, id);
+  await page.locator(".compare-line", { hasText: "The hands of arthrosis on tear-radial: carried over" }).waitFor();
+  await key(page, "Home");
+  for (let i = 0; i < 2; i++) await key(page, "ArrowRight");
+  const early = ghost(await picture(page, ".stage"));
+  for (let i = 0; i < 2; i++) await key(page, "ArrowRight");
+  const late = ghost(await picture(page, ".stage"));
+  assert.ok(early.count > 100 && late.count > 100, `${early.count} and ${late.count} pixels of the other's hands`);
+  assert.ok(Math.hypot(late.x - early.x, late.y - early.y) > 2, "they do not go with the cursor");
+  await page.getByText("Side by side").click();
+  assert.equal(ghost(await picture(page, ".stage:not(.other)")).count, 0, "no ghost is left");
+  await picture(page, ".stage.other");
+  const cases = new Set(asked.flatMap((path) => /^\/api\/v1\/cases\/([^/]+)/.exec(path)?.[1] ?? []));
+  assert.deepEqual([...cases], ["tear-radial"], "both are shown on this session's case");
 }
 
 async function a_record_that_cannot_be_read_says_what_is_wrong({ house, browser, who }) {
@@ -53,4 +151,8 @@ async function a_trainees_report_tells_nothing_of_the_few_others({ house, browse
   assert.ok(silent(desk) < rows(desk) / 2, "the instructor is told");
 }
 
-export const tests = [a_recorded_session_ends_with_the_volume_that_it_had, a_trainees_report_tells_nothing_of_the_few_others, a_record_that_cannot_be_read_says_what_is_wrong];
+export const tests = [
+  a_recorded_session_ends_with_the_volume_that_it_had, another_session_is_seen_beside_and_goes_with_the_cursor,
+  the_hands_of_a_session_on_another_case_are_carried_over, a_trainees_report_tells_nothing_of_the_few_others,
+  a_record_that_cannot_be_read_says_what_is_wrong,
+];

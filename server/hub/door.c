@@ -8,7 +8,9 @@
 #include <stdio.h>
 #include <string.h>
 
-static int seat_of_peer(struct hub *hub, struct control_peer peer) {
+// Who is connected is written by this thread alone, so it reads it without the lock: a frame that
+// comes over TCP waits for no theatre that has the lock and no processor.
+static int find_seat(const struct hub *hub, struct control_peer peer) {
     for (int i = 0; i < hub->config.station_count; i++) {
         const struct card *card = &hub->seats[i].card;
         if (card->connected && card->peer.index == peer.index &&
@@ -16,14 +18,6 @@ static int seat_of_peer(struct hub *hub, struct control_peer peer) {
             return i;
     }
     return -1;
-}
-
-// The card is written by this thread (connection) and by the desk (session); both under the lock.
-static int find_seat(struct hub *hub, struct control_peer peer) {
-    pthread_mutex_lock(&hub->card_lock);
-    int seat = seat_of_peer(hub, peer);
-    pthread_mutex_unlock(&hub->card_lock);
-    return seat;
 }
 
 static bool tell(struct hub *hub, const struct note *note) {
@@ -194,13 +188,10 @@ static void on_message(void *user, struct control_peer peer, const arthron_Contr
 
 static void on_gone(void *user, struct control_peer peer) {
     struct hub *hub = user;
-    pthread_mutex_lock(&hub->card_lock);
-    int index = seat_of_peer(hub, peer);
-    if (index >= 0)
-        hub->seats[index].card.connected = false;
-    pthread_mutex_unlock(&hub->card_lock);
+    int index = find_seat(hub, peer);
     if (index < 0)
         return;
+    leave_seat(hub, index);
     log_info("hub", "station %s is gone, its session waits", hub->seats[index].station->name);
     theatre_tell(seat_worker(hub, index)->theatre, index, peer, NULL);
     struct note note = {.kind = NOTE_GONE, .seat = index, .peer = peer};

@@ -58,6 +58,7 @@ struct live {
 
 // What any thread may know of a seat, under hub.card_lock, which is held for copies only.
 struct card {
+    // Written by the control thread alone:
     bool connected;
     struct control_peer peer;
     uint64_t connection; // Hello.connection: tells a reconnect from a rival

@@ -91,6 +91,7 @@ struct seat_counts {
     atomic_uint_fast64_t frames_old;   // older than one that came before: dropped
     atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
     atomic_uint_fast64_t frames_invalid; // values out of range: dropped
+    atomic_uint_fast64_t inputs;         // of the desk that are taken
     atomic_int state; // enum session_state; from the wish for a session until its end not closed
     atomic_int_fast64_t rtt_ns, clock_uncertainty_ns;
     atomic_uint_fast64_t touches;       // of this session
@@ -114,6 +115,7 @@ struct seat {
     struct remarks remarks;     // of the last session, under hub.card_lock
     struct newest *tallies;     // of struct tally, the same way
     struct tally tally;
+    uint64_t inputs_told; // by the desk, with desk_lock
 
     struct live *live; // NULL: no session
     bool connected;

@@ -15,11 +15,21 @@
 
 // ---- a session's course -------------------------------------------------------------------------
 
+// desk_lock held. What is told is counted, and by the worker what it has done.
+static bool tell_input(struct hub *hub, int index, enum input_kind kind) {
+    struct worker *worker = seat_worker(hub, index);
+    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = kind};
+    bool told = worker_tell(worker, worker->from_desk, &note);
+    hub->seats[index].inputs_told += told;
+    return told;
+}
+
+// All inputs are taken, and led to that.
 static bool wait_for_state(struct seat *seat, enum session_state state) {
     const struct timespec pause = {0, 5 * NS_PER_MS};
     for (int waited = 0; waited < STATE_WAIT_MS; waited += 5) {
-        if (atomic_load(&seat->counts.state) == (int)state)
-            return true;
+        if (atomic_load(&seat->counts.inputs) == seat->inputs_told)
+            return atomic_load(&seat->counts.state) == (int)state;
         nanosleep(&pause, NULL);
     }
     return false;
@@ -27,9 +37,7 @@ static bool wait_for_state(struct seat *seat, enum session_state state) {
 
 static void give_input(struct hub *hub, int index, enum input_kind kind,
                        enum session_state expected, arthron_CommandReply *reply) {
-    struct worker *worker = seat_worker(hub, index);
-    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = kind};
-    if (!worker_tell(worker, worker->from_desk, &note))
+    if (!tell_input(hub, index, kind))
         reply_refuse(reply, "station %s: its worker is too busy", hub->seats[index].station->name);
     else if (!wait_for_state(&hub->seats[index], expected))
         reply_refuse(reply, "station %s: the session stayed as it was",
@@ -76,8 +84,6 @@ static void refuse_nothing_to_undo(const struct seat *seat, arthron_CommandReply
 
 static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply) {
     struct seat *seat = &hub->seats[index];
-    struct worker *worker = seat_worker(hub, index);
-    struct note note = {.kind = NOTE_INPUT, .seat = index, .input = INPUT_UNDO};
     if (!can_be_cut(hub, seat)) { // no theatre would answer
         refuse_nothing_to_undo(seat, reply);
         return;
@@ -86,7 +92,7 @@ static void ask_for_undo(struct hub *hub, int index, arthron_CommandReply *reply
         reply_refuse(reply, "station %s: an undo is on its way", seat->station->name);
         return;
     }
-    reply->ok = worker_tell(worker, worker->from_desk, &note);
+    reply->ok = tell_input(hub, index, INPUT_UNDO);
     if (reply->ok)
         return;
     atomic_store(&seat->counts.undo, JOB_NOTHING);

@@ -377,6 +377,7 @@ static void take_note(struct worker *worker, const struct note *note) {
     case NOTE_INPUT:
         if (seat->live)
             step_without_frame(worker, seat, note->input);
+        atomic_fetch_add(&seat->counts.inputs, 1);
         break;
     }
 }

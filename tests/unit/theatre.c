@@ -82,6 +82,19 @@ static void a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole(void **state)
     assert_was_cut(&card);
 }
 
+static void a_reset_is_answered_when_it_is_done(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    const atomic_uint_fast64_t *steps = &hub->seats[0].counts.steps;
+    hall_join(hub);
+    for (int i = 0; i < 20; i++) {
+        uint64_t before = atomic_load(steps);
+        hall_command(hub, arthron_Command_Kind_RESET);
+        assert_true(atomic_load(steps) > before);
+    }
+    hub_destroy(&hub);
+}
+
 struct asker {
     struct hub *hub;
     pthread_t thread;
@@ -193,6 +206,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
+        cmocka_unit_test(a_reset_is_answered_when_it_is_done),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),

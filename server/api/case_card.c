@@ -107,11 +107,11 @@ static void add_grade(const struct api_case *about, const struct card *card, jso
     struct error err = {""};
     enum result result = grade_read(about->dir, &grade, &err);
     if (!card->hash)
-        set_grade(row, "broken", card->broken);
+        set_grade(row, "broken", error_without_folder(card->broken));
     else if (result == RESULT_MISSING)
         set_grade(row, "unchecked", "");
     else if (result != RESULT_OK)
-        set_grade(row, "unchecked", err.text);
+        set_grade(row, "unchecked", error_without_folder(err.text));
     else if (grade.hash != card->hash)
         set_grade(row, "outdated", grade.reason);
     else

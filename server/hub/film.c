@@ -150,15 +150,6 @@ static void say_session(struct film *f, const char *path) {
     say(f);
 }
 
-const char *film_without_folder(const char *text) {
-    const char *name = text + strcspn(text, ",:");
-    if (*text != '/')
-        return text;
-    while (name[-1] != '/')
-        name--;
-    return name;
-}
-
 static void say_trouble(struct film *f, arthron_Trouble_Kind kind, const char *text) {
     arthron_Trouble *out = &begin_item(f, arthron_Live_trouble_tag)->message.trouble;
     out->kind = kind;
@@ -327,7 +318,7 @@ static void show_record(struct film *f, const struct trace_record *record) {
 // A session that goes on, or whose server was killed, has no end.
 static void show_end(struct film *f, enum result end, const struct error *why) {
     if (end != RESULT_CLOSED && end != RESULT_MISSING)
-        say_trouble(f, arthron_Trouble_Kind_FAILED, film_without_folder(why->text));
+        say_trouble(f, arthron_Trouble_Kind_FAILED, error_without_folder(why->text));
     reply_metrics(&f->metrics, scene_case(f->scene),
                   &begin_item(f, arthron_Live_metrics_tag)->message.metrics);
     say(f);

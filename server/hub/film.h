@@ -19,6 +19,3 @@ struct film_screen {
 // itself is told on the screen, and all before it is shown. Takes its time, reads files.
 enum result film_show(struct hub *hub, const arthron_Watch *watch, const struct film_screen *screen,
                       struct error *err);
-
-// An error's text, of a path that it begins with the file's name alone: trainees read it, too.
-const char *film_without_folder(const char *text);

@@ -205,7 +205,7 @@ static void *run(void *argument) {
     if (result == RESULT_REFUSED)
         playback_fail(p, arthron_Trouble_Kind_NOT_THERE, err.text);
     else if (result != RESULT_OK && result != RESULT_CLOSED)
-        playback_fail(p, arthron_Trouble_Kind_FAILED, film_without_folder(err.text));
+        playback_fail(p, arthron_Trouble_Kind_FAILED, error_without_folder(err.text));
     else if (result == RESULT_OK)
         send(p);
     else

@@ -87,7 +87,7 @@ static void write_summary(const struct page *page) {
     write_row(page->file, "record",
               s->end == RESULT_CLOSED ? "whole" : "not whole: this page ends where it does");
     if (s->end != RESULT_CLOSED)
-        write_row(page->file, "why", shown(s->why.text));
+        write_row(page->file, "why", shown(error_without_folder(s->why.text)));
     write_row(page->file, "signature", shown(page->seal));
     fputs("</table>\n", page->file);
 }

@@ -46,3 +46,12 @@ enum result fail_in(struct error *err, enum result code, const char *format, ...
     }
     return code;
 }
+
+const char *error_without_folder(const char *text) {
+    const char *name = text + strcspn(text, ",:");
+    if (*text != '/')
+        return text;
+    while (name[-1] != '/')
+        name--;
+    return name;
+}

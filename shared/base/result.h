@@ -35,3 +35,6 @@ enum result fail(struct error *err, enum result code, const char *format, ...)
 // Puts where it happened before the text that is there: "knee/case.json: " + text. Returns `code`.
 enum result fail_in(struct error *err, enum result code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+// An error's text, of a path that it begins with the file's name alone: for who has no files here.
+const char *error_without_folder(const char *text);

@@ -421,6 +421,7 @@ static void cases_come_with_their_grade_and_files(void **state) {
     assert_string_equal(text_at("cases.0.groups.0.name"), "tibia");
     assert_string_equal(text_at("cases.0.grade"), "unchecked");
     assert_string_equal(text_at("cases.1.grade"), "broken");
+    assert_null(strchr(text_at("cases.1.grade_reason"), '/')); // whose disk it is on is no page's
     uint64_t hash = strtoull(text_at("cases.0.hash"), NULL, 16);
     put_check(hash);
     assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);

@@ -28,6 +28,12 @@ export interface Resected {
   resection: Resection;
 }
 
+/** A remark as it stood from a time on; one that was changed since stands more than once. */
+export interface Said {
+  from: number;
+  remark: Remark;
+}
+
 const EVENTS_MOST = 20_000; // the oldest go
 
 export interface Source {
@@ -36,7 +42,8 @@ export interface Source {
   readonly history: History;
   readonly marks: readonly Mark[];
   readonly resections: readonly Resected[];
-  readonly remarks: readonly Remark[]; // by rising number
+  readonly remarks: readonly Remark[]; // as they are in the end, by rising number
+  readonly said: readonly Said[]; // as they came
   readonly metrics: readonly Metric[];
   readonly progress: number; // of a recorded session, 0 to 1; 1: all is here
   readonly trouble: string;
@@ -59,23 +66,24 @@ export function resectionsAt(source: Source, time: number): Map<string, Resectio
   return found;
 }
 
+// As they stood at a time.
+function remarksAt(source: Source, time: number): Iterable<Remark> {
+  const found = new Map<bigint, Remark>();
+  for (const { from, remark } of source.said) if (from <= time) found.set(remark.number, remark);
+  return found.values();
+}
+
 /** The marker that is to be touched at a time; undefined: none. */
 export function markerAt(source: Source, time: number): Remark | undefined {
   let found: Remark | undefined;
-  for (const remark of source.remarks) {
-    if (Number(remark.timeNs) * 1e-9 > time) break;
-    if (remark.hasMarker) found = remark.withdrawn ? undefined : remark;
-  }
+  for (const remark of remarksAt(source, time)) if (remark.hasMarker) found = remark.withdrawn ? undefined : remark;
   return found;
 }
 
 /** The last note at a time. */
 export function noteAt(source: Source, time: number): Remark | undefined {
   let found: Remark | undefined;
-  for (const remark of source.remarks) {
-    if (Number(remark.timeNs) * 1e-9 > time) break;
-    if (remark.text) found = remark;
-  }
+  for (const remark of remarksAt(source, time)) if (remark.text && !remark.withdrawn) found = remark;
   return found;
 }
 
@@ -85,6 +93,7 @@ export class FeedSource implements Source {
   marks: Mark[] = [];
   resections: Resected[] = [];
   remarks: Remark[] = [];
+  said: Said[] = [];
   metrics: Metric[] = [];
   progress = 0;
   trouble = "";
@@ -191,6 +200,7 @@ export class FeedSource implements Source {
     this.marks = [];
     this.resections = [];
     this.remarks = [];
+    this.said = [];
     this.metrics = [];
     this.progress = 0;
     this.counts = this.recorded ? [] : undefined;
@@ -247,8 +257,11 @@ export class FeedSource implements Source {
     if (this.marks.length > EVENTS_MOST) this.marks = this.marks.slice(EVENTS_MOST / 2);
   }
 
+  // One that is changed keeps its number and its time: the change is of now.
   private remarked(remark: Remark): void {
     const at = this.remarks.findIndex(({ number }) => number === remark.number);
+    const since = Number(remark.timeNs) * 1e-9;
+    this.said.push({ from: at < 0 ? since : Math.max(since, this.history.end), remark });
     if (at < 0) this.remarks.push(remark);
     else this.remarks[at] = remark;
     this.tell("remark");

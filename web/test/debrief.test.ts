@@ -1,13 +1,13 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
-import { LiveSessionSchema, MeshChunkSchema, MomentSchema, ReplayProgressSchema, ResectionSchema } from "wire";
+import { LiveSessionSchema, MeshChunkSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema } from "wire";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
 import { STATE } from "../src/history";
 import type { Feed } from "../src/live";
 import { Tissue } from "../src/mesh";
 import { inBursts } from "../src/panels";
-import { FeedSource, resectionsAt, type Mark } from "../src/source";
+import { FeedSource, markerAt, noteAt, resectionsAt, type Mark } from "../src/source";
 import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/timeline";
 import { steps } from "./meshes";
 
@@ -116,6 +116,27 @@ test("what a cut did has the time of the moment that comes after it", () => {
   assert.deepEqual(source.marks.map(({ time, event }) => [time, event]), [[0.5, "state"], [1.25, "cut"], [2, "state"], [2, "contact"]]);
   assert.equal(source.history.value(3, STATE), 2);
   assert.equal(played.sent, 0); // nothing is asked for in a replay
+});
+
+test("a marker is where it was at the time, and a note that is withdrawn is none from then on", () => {
+  const played = new Played();
+  const { source } = played;
+  const say = (number: number, time: number, change: object): void =>
+    played.tell("remark", create(RemarkSchema, { number: BigInt(number), timeNs: BigInt(time * 1e9), ...change }));
+  const marked = (time: number): number | undefined => markerAt(source, time)?.point?.x;
+  played.session();
+  played.moment(1);
+  say(1, 1, { hasMarker: true, point: { x: 11 } });
+  say(2, 1, { text: "slower" });
+  played.moment(2);
+  say(1, 1, { hasMarker: true, point: { x: 12 } });
+  played.moment(3);
+  say(1, 1, { hasMarker: true, point: { x: 12 }, withdrawn: true });
+  say(2, 1, { text: "slower", withdrawn: true });
+  played.moment(4);
+  assert.deepEqual([0.5, 1.5, 2.5, 3.5, Infinity].map(marked), [undefined, 11, 12, undefined, undefined]);
+  assert.deepEqual([0.5, 2.5, 3.5].map((time) => noteAt(source, time)?.text), [undefined, "slower", undefined]);
+  assert.deepEqual(source.remarks.map(({ withdrawn }) => withdrawn), [true, true]);
 });
 
 test("a record that is here stays, whatever becomes of the connection", () => {

@@ -4,6 +4,7 @@ import type { InstrumentMoment, Moment, ShortPose, View } from "wire";
 
 export const INSTRUMENTS = 5; // probe, punch, shaver, knife, scope
 export const FIRST_INSTRUMENT = 4; // as a Channel
+export const SCOPE = 4; // of the instruments, from 0
 export const BODIES = 3;
 const POSE = 7; // w, x, y, z; x, y, z
 
@@ -22,6 +23,7 @@ const FIRST_TOOL = FIRST_BODY + 2 * POSE * BODIES;
 
 // Places in an instrument's part of it.
 export const SEEN = 0; // 1 + Validity; 0: never seen
+export const LOST = 2; // SEEN is 1 above it
 export const TIP = 1;
 export const WARPED = TIP + POSE;
 export const NEAREST = WARPED + POSE;
@@ -103,9 +105,6 @@ export function pack(moment: Moment, row: Row): void {
     if (instrument >= 0 && instrument < INSTRUMENTS) putTool(row, tool);
   }
 }
-
-const LOST = 2;
-const SCOPE = 4;
 
 // The one that moves; another takes its place where that moves clearly more.
 function working(row: Row): number {

@@ -3,9 +3,9 @@
 import {
   Color, CustomToneMapping, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
 } from "three";
-import { HAS_WARPED, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { HAS_WARPED, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
 import { Exposure, TONE } from "./exposure";
-import { SCOPE, type Joint } from "./joint";
+import type { Joint } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
 import { Fineness, newRenderer } from "./view3d";
 

@@ -1,9 +1,9 @@
 // The hands of another session in this one's picture: instruments and trails, in one colour. They go with
 // a bone of the patient: each is where it was on that bone, also where this joint is bent otherwise.
 import { Group, Matrix4, Vector3, type Line, type Mesh } from "three";
-import { bodyAt, BUTTONS, HAS_WARPED, INSTRUMENTS, newRow, OPENING, SEEN, toolAt, WARPED, type History } from "../history";
+import { bodyAt, BUTTONS, HAS_WARPED, INSTRUMENTS, LOST, newRow, OPENING, SEEN, toolAt, WARPED, type History } from "../history";
 import { shapeOf, type Shape } from "./instruments";
-import { LOST, poseMatrix, trail, TRAIL_POINTS, TRAIL_S } from "./joint";
+import { poseMatrix, trail, TRAIL_POINTS, TRAIL_S } from "./joint";
 import { steelMaterial } from "./materials";
 
 export const COMPANION = 0xd6249f;

@@ -6,7 +6,7 @@ import {
   RingGeometry, SphereGeometry, Vector3,
 } from "three";
 import {
-  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, NEAREST, OPENING, PENETRATION, SEEN, TIP, toolAt, WARPED,
+  BODIES, bodyAt, BUTTONS, GAIN, HAS_WARPED, INSTRUMENTS, LOST, NEAREST, OPENING, PENETRATION, SCOPE, SEEN, TIP, toolAt, WARPED,
   type History, type Row,
 } from "../history";
 import type { Tissue } from "../mesh";
@@ -39,9 +39,7 @@ export interface Marker {
 }
 
 export const TOOL_COLOURS = [0x0072b2, 0xe69f00, 0x009e73, 0xcc79a7, 0x7a8794]; // Okabe and Ito
-export const SCOPE = 4;
 
-export const LOST = 2;
 export const TRAIL_S = 8;
 export const TRAIL_POINTS = 400;
 const MARKER = 0x00a8ff;

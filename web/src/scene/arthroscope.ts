@@ -3,7 +3,7 @@
 import {
   Color, CustomToneMapping, HemisphereLight, PerspectiveCamera, Quaternion, Scene, ShaderChunk, SpotLight, type WebGLRenderer,
 } from "three";
-import { HAS_WARPED, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
+import { HAS_WARPED, LOST, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
 import { Exposure, TONE } from "./exposure";
 import type { Joint } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
@@ -68,10 +68,10 @@ export class Arthroscope {
     this.renderer.setSize(this.side, this.side, false);
   }
 
-  /** False where the row has no scope. */
+  /** False where the row has no scope, or it is lost: where it was last is no picture of now. */
   draw(row: Row, time: number): boolean {
     const at = toolAt(SCOPE);
-    if (row[at + SEEN]! < 1) return false;
+    if (row[at + SEEN]! < 1 || row[at + SEEN]! - 1 === LOST) return false;
     const pose = at + (row[at + HAS_WARPED] === 1 ? WARPED : TIP);
     this.joint.setRow(row, time);
     this.camera.position.set(row[pose + 4]!, row[pose + 5]!, row[pose + 6]!);

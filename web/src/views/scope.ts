@@ -189,7 +189,8 @@ class Scope {
   }
 
   private draw(now: number, { joint, optic }: { joint: Joint; optic: Arthroscope }): void {
-    const { history } = this.source;
+    const { history, session } = this.source;
+    if (!session) return; // what is said instead stays
     const station = this.station?.fresh ? this.station : undefined;
     if (history.count) history.read(history.count - 1, this.row);
     if (station) packView(station.newest!, this.near);
@@ -217,7 +218,7 @@ class Scope {
     if (seen) this.picture.say(undefined);
     else if (this.source.history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
     if (more || (seen && !optic.settled)) this.soon();
-    else optic.fineness.rest(() => this.render(performance.now(), joint, optic));
+    else optic.fineness.rest(() => this.source.session && this.render(performance.now(), joint, optic));
   }
 
   // ---- words -----------------------------------------------------------------------------------------
@@ -226,7 +227,7 @@ class Scope {
     const { source, picture } = this;
     const { history } = source;
     const own = this.station?.fresh === true;
-    const age = own || !this.heard ? 0 : this.app.feed.now() - this.heard;
+    const age = own || !this.heard || !history.count ? 0 : this.app.feed.now() - this.heard;
     const state = history.count ? history.value(history.count - 1, STATE) : undefined;
     const lost = this.app.feed.lostMs();
     picture.sign("stale", lost !== undefined ? text.station.lost(lost) : age >= QUIET_MS && state !== SessionState.CLOSED ? text.scope.stale(age) : "");

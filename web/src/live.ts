@@ -100,6 +100,7 @@ export class Feed {
     this.cancelRetry?.();
     this.cancelRetry = undefined;
     this.lostAt = undefined;
+    this.lastBatchAt = 0;
     this.seats.clear();
     this.drop();
     this.setLink({ state: "idle" });

@@ -270,3 +270,14 @@ test("nothing is heard of a connection that was left", () => {
   assert.equal(feed.link.state, "idle");
   assert.equal(feed.quietMs(), 0);
 });
+
+test("a view that is opened after a pause does not count the pause as silence", async () => {
+  const { world, feed } = opened();
+  world.socket.batch([place(1)]);
+  feed.unwatch();
+  await world.pass(600_000);
+  feed.watch({ what: Watch_What.WALL });
+  assert.deepEqual([feed.quietMs(), feed.lostMs()], [0, undefined]);
+  world.socket.onclose();
+  assert.equal(feed.lostMs(), 0);
+});

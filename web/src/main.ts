@@ -33,7 +33,7 @@ const SIGNED_IN = "signed-in";
 const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");
 
 const api = new Api();
-const feed = new Feed(browserWorld(async () => (await whoAmI()) !== null));
+const feed = new Feed(browserWorld(stillSignedIn));
 let wanted = ""; // where to go after signing in
 let leave: () => void = () => {};
 let turn = 0; // of what is shown: a view that loads slower than a person clicks is not shown
@@ -71,6 +71,19 @@ async function whoAmI(): Promise<Account | null> {
     if (error instanceof ApiError && error.status === 401) return null;
     throw error;
   }
+}
+
+// In another tab somebody may have signed out, and somebody else in.
+async function stillSignedIn(): Promise<boolean> {
+  const account = await whoAmI();
+  if (!account) expired();
+  else if (account.name !== app.account?.name) location.reload();
+  return account !== null;
+}
+
+// Of questions that were asked side by side only the first answer tells where one was.
+function expired(): void {
+  if (app.account) signedOut(location.hash);
 }
 
 function signedOut(then: string): void {
@@ -150,7 +163,7 @@ async function begin(): Promise<void> {
     page.replaceChildren(broken(text.errors.unreachable, "", () => location.reload()));
     return;
   }
-  api.onSignedOut = () => signedOut(location.hash);
+  api.onSignedOut = expired;
   window.addEventListener("hashchange", () => void show());
   await show();
 }

@@ -66,7 +66,19 @@ async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ br
 }
 
 for (const test of [the_first_instructor_makes_an_account_through_the_link, a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own]) test.always = true;
+async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
+  const context = await browser.context();
+  const page = await browser.page(context, "#/wall", REFUSED);
+  await signIn(page, "grace", PASSWORD);
+  await page.getByRole("heading", { name: "Wall" }).waitFor();
+  const other = await browser.page(context, "#/wall", [...REFUSED, /WebSocket connection/]);
+  await other.getByRole("heading", { name: "Wall" }).waitFor();
+  await page.getByRole("button", { name: /grace/ }).click();
+  await page.getByRole("button", { name: "Sign out" }).click();
+  await other.getByRole("heading", { name: "Sign in" }).waitFor();
+}
+
 export const tests = [
   the_first_instructor_makes_an_account_through_the_link, a_wrong_password_is_refused_and_the_right_one_leads_where_one_wanted_to,
-  a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own,
+  a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own, signed_out_in_one_tab_is_signed_out_in_all,
 ];

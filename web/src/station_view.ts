@@ -13,6 +13,8 @@ export interface ViewPlace {
 
 export const TOKEN = /^[0-9a-f]{64}$/i;
 
+export const isPort = (port: number | undefined): port is number => Number.isInteger(port) && port! > 0 && port! < 65536;
+
 export class StationView {
   newest: View | undefined;
   at = 0; // performance.now() of its arrival

@@ -229,7 +229,19 @@ function tell(report, shown, drawn) {
 
 const distance = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
 
+async function the_place_of_one_station_is_not_asked_for_another(world) {
+  for (const name of ["room-2", "room-3"]) await world.house.runRoom(name);
+  const page = await open(world, "room-2");
+  const source = page.locator(".scope-sign.source");
+  for (const [name, words] of [["room-3", /server/], ["room-2", /station/]]) {
+    await page.goto(`${world.browser.url}/#/scope/${name}`);
+    await page.locator("main", { has: page.getByRole("heading", { name: new RegExp(name) }) }).waitFor();
+    await page.keyboard.press("f");
+    await source.filter({ hasText: words }).waitFor();
+  }
+}
+
 export const tests = [
   a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
-  what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late,
+  what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
 ];

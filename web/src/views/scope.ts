@@ -11,7 +11,7 @@ import { Joint } from "../scene/joint";
 import { notchAngle, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { NoWebGl } from "../scene/view3d";
 import { FeedSource, markerAt, noteAt, type Change } from "../source";
-import { StationView, TOKEN, type ViewPlace } from "../station_view";
+import { isPort, StationView, TOKEN, type ViewPlace } from "../station_view";
 import { text } from "../text";
 import { broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
 import { Picture } from "./scope_picture";
@@ -31,25 +31,38 @@ interface Settings {
 }
 
 const KEY = "scope-settings";
+const placeKey = (station: string): string => `scope-place ${station}`;
 const NOTHING_CHOSEN: Settings = { place: undefined, tiltDeg: undefined, fieldDeg: undefined, postDeg: USUAL_OPTIC.postDeg };
 
-function kept(): Settings {
+function read<T>(key: string): Partial<T> {
   try {
-    return { ...NOTHING_CHOSEN, ...(JSON.parse(localStorage.getItem(KEY) ?? "{}") as Partial<Settings>) };
+    return (JSON.parse(localStorage.getItem(key) ?? "{}") as Partial<T> | null) ?? {};
   } catch {
-    return { ...NOTHING_CHOSEN };
+    return {};
   }
+}
+
+// The optic is the trainee's at all stations, the place is that station's.
+function kept(station: string): Settings {
+  const { port, token = "" } = read<ViewPlace>(placeKey(station));
+  return { ...NOTHING_CHOSEN, ...read<Settings>(KEY), place: isPort(port) && TOKEN.test(token) ? { port, token } : undefined };
+}
+
+function keep(station: string, { place, ...chosen }: Settings): void {
+  localStorage.setItem(KEY, JSON.stringify(chosen));
+  localStorage.setItem(placeKey(station), JSON.stringify(place ?? {}));
 }
 
 // What the address says goes before what was kept; the token does not stay in the address.
 function settingsOf(route: Route): Settings {
-  const settings = kept();
+  const station = route.args[0] ?? "";
+  const settings = kept(station);
   const { query } = route;
   const port = Number(query.get("port"));
   const token = query.get("token") ?? "";
-  if (port > 0 && TOKEN.test(token)) {
+  if (isPort(port) && TOKEN.test(token)) {
     settings.place = { port, token };
-    localStorage.setItem(KEY, JSON.stringify(settings));
+    keep(station, settings);
     history.replaceState(null, "", routeTo(route.name, route.args));
   }
   if (query.has("optic")) settings.tiltDeg = Number(query.get("optic")) || 0;
@@ -117,6 +130,12 @@ class Scope {
     if (this.station) this.station.onView = () => this.soon(false);
   }
 
+  /** The station's own poses, where they are of now and of the knee that is shown. */
+  private get own(): StationView | undefined {
+    const { station, source } = this;
+    return station?.fresh && station.newest!.caseHash === source.session?.caseHash ? station : undefined;
+  }
+
   /** As the trainee chose it, or as the station has it; a server that says nothing of it has 0 for its angle. */
   private get optic(): Optic {
     const { tiltDeg, fieldDeg, postDeg } = this.settings;
@@ -136,7 +155,7 @@ class Scope {
     }
     if (change === "moment") this.heard = this.app.feed.now();
     else this.showState();
-    if (!this.station?.fresh) this.soon(change !== "moment");
+    if (!this.own) this.soon(change !== "moment");
   }
 
   // ---- the case --------------------------------------------------------------------------------------
@@ -191,7 +210,7 @@ class Scope {
   private draw(now: number, { joint, optic }: { joint: Joint; optic: Arthroscope }): void {
     const { history, session } = this.source;
     if (!session) return; // what is said instead stays
-    const station = this.station?.fresh ? this.station : undefined;
+    const station = this.own;
     if (history.count) history.read(history.count - 1, this.row);
     if (station) packView(station.newest!, this.near);
     else this.near.set(this.row);
@@ -213,7 +232,7 @@ class Scope {
     this.drawn.set(this.near);
     this.dirty = false;
     if (now - this.drawnAt < PAUSE_MS) optic.fineness.took(now - this.drawnAt);
-    this.picture.timed(now - this.drawnAt, performance.now() - (this.station?.fresh ? this.station.at : now));
+    this.picture.timed(now - this.drawnAt, performance.now() - (this.own?.at ?? now));
     this.drawnAt = now;
     if (seen) this.picture.say(undefined);
     else if (this.source.history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
@@ -226,7 +245,7 @@ class Scope {
   private showState(): void {
     const { source, picture } = this;
     const { history } = source;
-    const own = this.station?.fresh === true;
+    const own = this.own !== undefined;
     const age = own || !this.heard || !history.count ? 0 : this.app.feed.now() - this.heard;
     const state = history.count ? history.value(history.count - 1, STATE) : undefined;
     const lost = this.app.feed.lostMs();
@@ -246,7 +265,7 @@ class Scope {
   private change(next: Settings): void {
     const moved = next.place?.port !== this.settings.place?.port || next.place?.token !== this.settings.place?.token;
     this.settings = next;
-    localStorage.setItem(KEY, JSON.stringify(next));
+    keep(this.name, next);
     this.shown?.optic.setOptic(this.optic);
     this.picture.turnNotch(notchAngle(this.optic));
     if (moved) this.watchStation();
@@ -297,7 +316,7 @@ function ask(now: Optic, place: ViewPlace | undefined, change: (next: Optic, pla
   ], text.save, async () => {
     const wanted = port.value.trim() !== "";
     const number = Number(port.value);
-    const badPort = wanted && !(Number.isInteger(number) && number > 0 && number < 65536);
+    const badPort = wanted && !isPort(number);
     const badToken = wanted && !TOKEN.test(token.value.trim());
     setFault(port, badPort ? text.scope.portWrong : "");
     setFault(token, badToken ? text.scope.tokenWrong : "");

@@ -106,6 +106,10 @@ ${cases.join("")}${rooms.join("")}${seats.join("")}`);
     await this.server.end("SIGKILL");
   }
 
+  async endServer() {
+    await this.server.end("SIGTERM");
+  }
+
   /** The address at which the first instructor makes an account. */
   async firstLink() {
     const [, secret] = await this.server.said(/#\/first\/(\S+)/);

@@ -98,6 +98,8 @@ export class Stage {
     this.joint?.forget();
     const session = this.source.session;
     if (!session) {
+      this.dropScene();
+      this.knee = "";
       fill(this.state, loading(text.session.waiting));
       return;
     }

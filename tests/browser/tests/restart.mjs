@@ -53,6 +53,21 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
   await station.locator(".state-badge", { hasText: "Running" }).waitFor();
 }
 
+// It closes its sessions and says so: for a moment the page has none.
+async function a_server_that_is_restarted_leaves_nothing_over_the_joint({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1", MAY);
+  await page.locator("canvas.scene-canvas").waitFor();
+  await house.endServer();
+  await page.locator(".link-sign", { hasText: /Connection lost/ }).waitFor();
+  await house.startServer();
+  await page.locator(".link-sign", { hasText: "Live" }).waitFor({ timeout: 30_000 });
+  await house.runRoom("room-1");
+  await wholeStation(page);
+  await page.locator("canvas.scene-canvas").waitFor();
+  await until("nothing is over the joint", async () => (await page.locator(".stage-state").innerText()) === "");
+}
+
 // As where a cable is pulled: the connection stands, and nothing comes.
 async function a_connection_that_says_nothing_is_called_old({ house, browser, who }) {
   await house.runRoom("room-1");
@@ -69,4 +84,4 @@ async function a_connection_that_says_nothing_is_called_old({ house, browser, wh
   await wholeStation(page);
 }
 
-export const tests = [a_connection_that_says_nothing_is_called_old, pages_outlive_a_server_that_is_killed];
+export const tests = [a_connection_that_says_nothing_is_called_old, a_server_that_is_restarted_leaves_nothing_over_the_joint, pages_outlive_a_server_that_is_killed];

@@ -395,6 +395,7 @@ export const text = {
     whole: "All is here",
     readable: "What can be read is here",
     volumeAgrees: "All is here, end volume as recorded",
+    noMesh: (group: string) => `${group}: this page cannot read its mesh`,
     volumeDiffers: (group: string, page: string, recorded: string) => `${group}: this page's mesh has ${page} mm³, the record ${recorded} mm³`,
     report: "Report", trace: "Trace",
     timeline: "Timeline",

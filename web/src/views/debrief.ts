@@ -5,7 +5,7 @@ import { Cockpit } from "../cockpit";
 import { hasOthers, strips, type Distribution, type Value } from "../distribution";
 import { browserWorld, Feed } from "../live";
 import { routeTo } from "../router";
-import { FeedSource } from "../source";
+import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
 import { broken, button, empty, explain, fill, h, icon, loading, select, setClass, setText } from "../ui";
 import { Comparison } from "./debrief_compare";
@@ -169,10 +169,9 @@ function noticesOf(session: SessionRow, source: FeedSource): string[] {
 function checked(source: FeedSource): { words: string; wrong: boolean } {
   if (source.trouble) return { words: text.debrief.readable, wrong: false };
   let seen = false;
-  for (const group of source.groups()) {
-    const recorded = [...source.resections].reverse().find(({ resection }) => resection.group === group)?.resection;
+  for (const [group, recorded] of resectionsAt(source, Infinity)) {
     const mesh = source.tissue(group, Infinity);
-    if (!recorded || !mesh) continue;
+    if (!mesh) return { words: text.debrief.noMesh(text.session.groups[group] ?? group), wrong: true };
     seen = true;
     const volume = mesh.volume();
     if (Math.abs(volume - recorded.volumeMm3) <= VOLUME_MM3) continue;

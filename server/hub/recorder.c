@@ -42,8 +42,8 @@ struct recorder {
     bool stop;
     // The thread's own.
     bool took_over, failing;
-    bool has_arrears; // of an earlier server, among what waits
-    ino_t file;       // that was written last; 0: none
+    size_t arrears; // of an earlier server, before all else that waits
+    ino_t file;     // that was written last; 0: none
 };
 
 // ---- what waits ---------------------------------------------------------------------------------
@@ -229,10 +229,9 @@ static bool write_all(struct recorder *r) {
             return false;
         }
         drop_first(r);
+        if (r->arrears && !--r->arrears)
+            arrears_drop(r->records);
     }
-    if (r->has_arrears)
-        arrears_drop(r->records);
-    r->has_arrears = false;
     return true;
 }
 
@@ -408,7 +407,7 @@ struct recorder *recorder_start(const char *records, const char *traces_dir, sce
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&r->mutex, NULL);
-    r->has_arrears = arrears_read(records, take_arrear, r) > 0;
+    r->arrears = arrears_read(records, take_arrear, r);
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);

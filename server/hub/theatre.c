@@ -193,15 +193,19 @@ static void publish(struct theatre *theatre, const struct order *order) {
     send_figures(theatre, table, order->result->tissue);
 }
 
-// The last job of an undo tells how it came out.
-static void publish_undo(struct hub *hub, int seat, const struct job_result *result) {
-    struct card *card = &hub->seats[seat].card;
+// The last job of an undo tells how it came out; not where a later session was asked since.
+static void publish_undo(struct hub *hub, const struct order *order) {
+    const struct job_result *result = order->result;
+    struct seat *seat = &hub->seats[order->seat];
+    struct card *card = &seat->card;
     pthread_mutex_lock(&hub->card_lock);
-    card->undone.cuts += result->cuts_back;
-    card->undone.volume_mm3 += result->mm3_back;
+    if (card->undo_of == order->serial) {
+        card->undone.cuts += result->cuts_back;
+        card->undone.volume_mm3 += result->mm3_back;
+        if (!result->more)
+            atomic_store(&seat->counts.undo, (int)result->outcome);
+    }
     pthread_mutex_unlock(&hub->card_lock);
-    if (!result->more)
-        atomic_store(&hub->seats[seat].counts.undo, (int)result->outcome);
 }
 
 static void close_table(struct theatre *theatre, const struct order *order) {
@@ -229,7 +233,7 @@ static void take_order(struct theatre *theatre, struct order *order) {
         if (table->live && table->live->serial == order->serial)
             publish(theatre, order);
         if (order->result->kind == JOB_UNDO)
-            publish_undo(theatre->hub, order->seat, order->result);
+            publish_undo(theatre->hub, order);
         job_result_destroy(&order->result);
         break;
     case ORDER_CLOSE:

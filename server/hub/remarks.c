@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
+#include "store/text.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -53,13 +54,6 @@ void remark_to_wire(const struct remark *r, int64_t start_ns, arthron_Remark *ou
 
 // ---- the command --------------------------------------------------------------------------------
 
-static bool is_shown_text(const char *text) {
-    for (; *text; text++)
-        if ((unsigned char)*text < ' ' || *text == 0x7f)
-            return false;
-    return true;
-}
-
 _Static_assert(sizeof((arthron_Remark *)0)->text == REMARK_TEXT_MAX &&
                    sizeof((arthron_Remark *)0)->author == REMARK_AUTHOR_MAX,
                "a remark of the wire is one of the trace");
@@ -102,7 +96,9 @@ bool remarks_command(struct hub *hub, int index, const char *author, const arthr
     struct seat *seat = &hub->seats[index];
     struct note note = {.kind = NOTE_REMARK, .seat = index};
     note.remark = remark_of(message, author);
-    if (!remark_is_valid(&note.remark) || !is_shown_text(note.remark.text))
+    const char *text = note.remark.text; // none where there is a marker alone
+    bool is_shown = !text[0] || text_check(text, "remark", REMARK_TEXT_MAX, NULL) == RESULT_OK;
+    if (!is_shown || !remark_is_valid(&note.remark))
         return reply_refuse(reply, "a remark has a text of one line, or a marker near a bone");
     pthread_mutex_lock(&hub->card_lock);
     note.session = seat->remarks.session;

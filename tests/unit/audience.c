@@ -409,6 +409,9 @@ static void commands_are_answered_in_order_by_role(void **state) {
     command(&page, arthron_Command_Kind_SHOW, "");
     draw_until(&page, &page.replies, 5);
     assert_int_equal(page.reply.sessions[0].state, arthron_SessionState_PAUSED);
+    command(&page, arthron_Command_Kind_NOTE, "Sl\xf6wly"); // no UTF-8
+    draw_until(&page, &page.replies, 6);
+    assert_false(page.reply.ok);
     close_page(&page);
     close_page(&technicians);
     close_page(&trainees);

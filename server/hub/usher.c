@@ -125,10 +125,14 @@ static void reap(struct usher *u) {
         }
 }
 
-static void start_waiting(struct usher *u) {
+static void drop_left(struct usher *u) {
     for (int i = u->count - 1; i >= u->playing; i--)
         if (playback_is_left(u->playbacks[i]))
             drop(u, i);
+}
+
+static void start_waiting(struct usher *u) {
+    drop_left(u);
     for (; u->playing < u->count && u->playing < PLAYING_MAX; u->playing++)
         playback_start(u->playbacks[u->playing], &u->bell);
     for (int i = 0; i < u->playing; i++)
@@ -136,6 +140,7 @@ static void start_waiting(struct usher *u) {
 }
 
 static void queue(struct usher *u, struct playback *playback) {
+    drop_left(u);
     if (u->count == AUDIENCE_VIEWERS_MAX) {
         playback_fail(playback, arthron_Trouble_Kind_FAILED,
                       "too many recorded sessions are asked for");

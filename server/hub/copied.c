@@ -4,7 +4,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-#include <ctype.h>
 #include <dirent.h>
 #include <errno.h>
 #include <limits.h>
@@ -13,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -22,10 +20,7 @@
 // ---- which trace --------------------------------------------------------------------------------
 
 bool copied_is_id(const char *text) {
-    size_t digits = 0;
-    while (isxdigit((unsigned char)text[digits]))
-        digits++;
-    return digits == ID_DIGITS && !text[digits];
+    return strspn(text, "0123456789abcdef") == ID_DIGITS && !text[ID_DIGITS];
 }
 
 static bool is_of_session(const char *path, const char *id) {
@@ -36,7 +31,7 @@ static bool is_of_session(const char *path, const char *id) {
     for (int i = 0; i < ID_DIGITS / 2; i++)
         snprintf(text + 2 * i, 3, "%02x", trace_reader_header(reader)->session_id[i]);
     trace_reader_destroy(&reader);
-    return !strcasecmp(text, id);
+    return !strcmp(text, id);
 }
 
 // A trace's name ends with the first digits of its session's id.
@@ -48,7 +43,7 @@ static enum result find_session(const char *dir, const char *id, char out_path[H
     DIR *folder = opendir(dir);
     for (struct dirent *entry; folder && !found && (entry = readdir(folder));) {
         size_t name = strlen(entry->d_name);
-        if (name < (size_t)length || strcasecmp(entry->d_name + name - length, end) != 0)
+        if (name < (size_t)length || strcmp(entry->d_name + name - length, end) != 0)
             continue;
         int used = snprintf(out_path, HUB_PATH_MAX, "%s/%s", dir, entry->d_name);
         found = used < HUB_PATH_MAX && is_of_session(out_path, id);

@@ -11,7 +11,7 @@ struct copied {
     char draft[HUB_PATH_MAX];   // and until then, so that nobody takes it for a session's
 };
 
-// Whether a text is a session's id: 32 hexadecimal digits.
+// Whether a text is a session's id: 32 hexadecimal digits, as all that is shown of it: lower case.
 bool copied_is_id(const char *text);
 
 // from: the path of a trace, or a session's id whose trace lies with this server's. at_s: since its

@@ -286,17 +286,9 @@ static enum result console_check(const arthron_Console *m, struct error *err) {
     return reply->has_joint ? reading_check(&reply->joint, err) : RESULT_OK;
 }
 
-// Pages name recorded sessions by their ids: the server's files are none of theirs.
-static enum result page_command_check(const arthron_Command *m, struct error *err) {
-    bool is_id = strlen(m->from) == 32 && strspn(m->from, "0123456789abcdef") == 32;
-    if (m->from[0] && !is_id)
-        return fail(err, RESULT_FORMAT, "from is no session's id");
-    return command_check(m, err);
-}
-
 static enum result page_check(const arthron_Page *m, struct error *err) {
     if (m->which_message == arthron_Page_command_tag)
-        return page_command_check(&m->message.command, err);
+        return command_check(&m->message.command, err);
     if (m->which_message == arthron_Page_watch_tag)
         return enum_check("what", (int)m->message.watch.what, _arthron_Watch_What_ARRAYSIZE, err);
     return RESULT_OK;

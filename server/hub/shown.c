@@ -83,6 +83,7 @@ static float strength_of(const struct hub *hub, const struct card *card, bool ha
     return (float)(isnan(card->strength) ? hub->config.settings.field.strength : card->strength);
 }
 
+// passed_s: since the one before; INFINITY where nobody looked for long: of that nothing is told.
 static void fill_place(struct audience *a, int seat, double passed_s, arthron_Place *out) {
     struct hub *hub = a->hub;
     struct shown *s = &a->shown[seat];
@@ -98,8 +99,11 @@ static void fill_place(struct audience *a, int seat, double passed_s, arthron_Pl
     tell_tissues(hub, &card, out);
     double lost = (double)rise(out->info.frames_lost, &s->lost);
     double steps = (double)rise(out->info.steps, &s->frames);
-    out->warp_mm = (float)((double)atomic_exchange(&counts->warp_nm, 0) / 1e6);
-    out->loss_share = (float)(lost / fmax(lost + steps, 1));
+    double warp_mm = (double)atomic_exchange(&counts->warp_nm, 0) / 1e6;
+    if (isfinite(passed_s)) {
+        out->warp_mm = (float)warp_mm;
+        out->loss_share = (float)(lost / fmax(lost + steps, 1));
+    }
     out->strength = strength_of(hub, &card, has_session);
     warning_of_place(out, hub->config.calibration_mm);
 }
@@ -111,6 +115,8 @@ void shown_place(struct audience *a, int seat, int64_t now_ns) {
     if (s->place_number && !changed && now_ns - s->place_ns < PLACE_NS)
         return;
     double passed_s = fmax((double)(now_ns - s->place_ns) / NS_PER_S, 0.01);
+    if (!s->place_number || now_ns - s->place_ns > 2 * PLACE_NS)
+        passed_s = INFINITY;
     a->item = (arthron_Live){.which_message = arthron_Live_place_tag};
     fill_place(a, seat, passed_s, &a->item.message.place);
     enum result result = live_encode(&a->item, s->place, sizeof s->place, &s->place_size);

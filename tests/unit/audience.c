@@ -281,6 +281,29 @@ static void a_wall_gets_the_newest_at_its_rate_and_nothing_twice(void **state) {
     hub_destroy(&hub);
 }
 
+// What was lost while nobody looked is none of the last second's.
+static void the_first_place_tells_of_no_time_before_it(void **state) {
+    (void)state;
+    struct hub *hub = hall_open();
+    struct audience *audience = open_audience(hub);
+    struct seat_counts *counts = &hub->seats[0].counts;
+    struct page page;
+    hall_join(hub);
+    atomic_store(&counts->frames_lost, 1000);
+    atomic_store(&counts->warp_nm, 5000000);
+    open_page(&page, audience, &instructor);
+    watch(&page, arthron_Watch_What_WALL, "", 5);
+    draw_until(&page, &page.places, 1);
+    assert_true(page.place.loss_share == 0 && page.place.warp_mm == 0);
+    atomic_store(&counts->frames_lost, 2000);
+    atomic_store(&counts->warp_nm, 5000000);
+    draw_until(&page, &page.places, 2);
+    assert_true(page.place.loss_share > 0.5f && page.place.warp_mm == 5);
+    close_page(&page);
+    audience_destroy(&audience);
+    hub_destroy(&hub);
+}
+
 static void a_page_that_draws_nothing_gets_one_moment_when_it_does(void **state) {
     (void)state;
     struct hub *hub = hall_open();
@@ -639,6 +662,7 @@ static void the_bell_rings_for_what_a_page_waits_for(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_wall_gets_the_newest_at_its_rate_and_nothing_twice),
+        cmocka_unit_test(the_first_place_tells_of_no_time_before_it),
         cmocka_unit_test(a_page_that_draws_nothing_gets_one_moment_when_it_does),
         cmocka_unit_test(pages_have_the_mesh_that_was_cut),
         cmocka_unit_test(a_new_session_has_a_new_mesh),

@@ -178,13 +178,15 @@ void patch_account(struct call *call) {
     struct error err = {""};
     if (!call_take_body(call, fields))
         return;
-    if (call_text(call, "password") &&
-        (!call_need_password(call, "password", &password) || !encode(call, password, encoded)))
+    if (call_text(call, "password") && !call_need_password(call, "password", &password))
         return;
     if (!password && !call_text(call, "role")) {
         call_refuse(call, 400, "wrong_body", NULL, "neither a password nor a role");
         return;
     }
+    if (!find_managed(call, &account) || (password && !encode(call, password, encoded)))
+        return;
+    // Looked at again: encoding takes its time.
     if (!find_managed(call, &account) || !change_role(call, &account))
         return;
     if (!password ||

@@ -212,7 +212,13 @@ static void tell_trouble(struct audience *a, struct viewer *viewer, struct batch
     a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
     memcpy(a->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
     a->item.message.trouble.kind = viewer->trouble_kind;
-    if (batch_say(batch, &a->item))
+    bool told = batch_say(batch, &a->item);
+    if (told && viewer->trouble_kind == arthron_Trouble_Kind_FAILED) { // of a record
+        a->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
+        a->item.message.progress.done = true;
+        told = batch_say(batch, &a->item);
+    }
+    if (told)
         viewer->trouble[0] = '\0';
 }
 

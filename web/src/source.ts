@@ -181,7 +181,6 @@ export class FeedSource implements Source {
       this.clear();
     }
     this.tell("trouble");
-    if (kind === Trouble_Kind.FAILED) this.progressed(1, true);
   }
 
   // A station that has no session.

@@ -1,7 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
-import { LiveSessionSchema, MeshChunkSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema } from "wire";
+import {
+  LiveSessionSchema, MeshChunkSchema, MetricsSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, Trouble_Kind, TroubleSchema,
+} from "wire";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
 import { STATE } from "../src/history";
 import type { Feed } from "../src/live";
@@ -147,6 +149,17 @@ test("a record that is here stays, whatever becomes of the connection", () => {
   assert.deepEqual([played.source.progress, played.unwatched], [0.999, 0]);
   played.tell("progress", create(ReplayProgressSchema, { share: 1, done: true }));
   assert.deepEqual([played.source.progress, played.unwatched, played.source.history.count], [1, 1, 1]);
+});
+
+test("a record that breaks off has the metrics of what could be read", () => {
+  const played = new Played();
+  played.session();
+  played.moment(0);
+  played.tell("trouble", create(TroubleSchema, { text: "the trace is damaged", kind: Trouble_Kind.FAILED }));
+  assert.deepEqual([played.source.progress, played.unwatched], [0, 0]);
+  played.tell("metrics", create(MetricsSchema, { metrics: [{ name: "duration", value: 3 }] }));
+  played.tell("progress", create(ReplayProgressSchema, { share: 1, done: true }));
+  assert.deepEqual([played.source.progress, played.unwatched, played.source.metrics.length], [1, 1, 1]);
 });
 
 test("a replay that begins afresh leaves nothing of the one before", () => {

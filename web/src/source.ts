@@ -97,6 +97,7 @@ export class FeedSource implements Source {
   metrics: Metric[] = [];
   progress = 0;
   trouble = "";
+  note = ""; // about a live session that goes on
   refused = false; // what is asked for is not there, or not for this account
 
   private readonly meshes = new Meshes();
@@ -108,6 +109,9 @@ export class FeedSource implements Source {
   private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit) {
     this.meshes.onPayload = (group, tissue, payload) => this.land(group, tissue, payload);
     this.ends = [
+      feed.onLink(({ state }) => {
+        if (state === "open") this.note = ""; // it is said again where it still holds
+      }),
       feed.on("session", (session) => this.begin(session)),
       feed.on("moment", (moment) => this.take(moment)),
       feed.on("meshChunk", (chunk) => this.answer(this.meshes.chunk(chunk))),
@@ -174,6 +178,10 @@ export class FeedSource implements Source {
   }
 
   private troubled(words: string, kind: Trouble_Kind): void {
+    if (kind === Trouble_Kind.NOTE && !this.recorded) {
+      this.set("trouble", () => (this.note = sentence(words)));
+      return;
+    }
     this.trouble = sentence(words);
     this.refused = kind === Trouble_Kind.NOT_THERE;
     if (this.refused) { // another's session is there now

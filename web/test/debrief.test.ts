@@ -68,7 +68,16 @@ class Played {
   unwatched = 0;
   sent = 0;
   private readonly listeners = new Map<string, (value: never) => void>();
-  readonly source = FeedSource.recorded(this as unknown as Feed, "0".repeat(32), 60);
+  readonly source: FeedSource;
+
+  constructor(live = false) {
+    const feed = this as unknown as Feed;
+    this.source = live ? FeedSource.live(feed, "bay-1", 60) : FeedSource.recorded(feed, "0".repeat(32), 60);
+  }
+
+  onLink(listener: (link: object) => void): () => void {
+    return this.on("link", listener);
+  }
 
   on(kind: string, listener: (value: never) => void): () => void {
     this.listeners.set(kind, listener);
@@ -160,6 +169,15 @@ test("a record that breaks off has the metrics of what could be read", () => {
   played.tell("metrics", create(MetricsSchema, { metrics: [{ name: "duration", value: 3 }] }));
   played.tell("progress", create(ReplayProgressSchema, { share: 1, done: true }));
   assert.deepEqual([played.source.progress, played.unwatched, played.source.metrics.length], [1, 1, 1]);
+});
+
+test("a note about a station stays while its session begins, and is no trouble", () => {
+  const played = new Played(true);
+  played.tell("trouble", create(TroubleSchema, { text: "this page gets no meshes", kind: Trouble_Kind.NOTE }));
+  played.session();
+  assert.deepEqual([played.source.note, played.source.trouble], ["This page gets no meshes", ""]);
+  played.tell("link", { state: "open" });
+  assert.equal(played.source.note, "");
 });
 
 test("a replay that begins afresh leaves nothing of the one before", () => {

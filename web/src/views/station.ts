@@ -34,6 +34,7 @@ export const station: View = (root, route, app) => {
   const clock = h("span", { class: "session-clock number" });
   const about = h("p", { class: "about quiet-text" });
   const stale = h("p", { class: "stale badge now", role: "status" });
+  const note = h("p", { class: "badge act", role: "status" });
   const cockpit = new Cockpit(source, { onMarker: (marker) => steer?.place(marker) });
   const steer = app.account?.role === "instructor" ? new Steer(app, {
     station: name,
@@ -51,7 +52,7 @@ export const station: View = (root, route, app) => {
   const [home, homeName] = trainee ? ["#/sessions", text.views.sessions] : ["#/wall", text.station.wall];
   const waiting = h("div", { class: "station-waiting" }, loading(text.station.waiting(name)));
   root.append(h("header", { class: "station-head" },
-    h("div", { class: "station-name" }, h("a", { href: home, class: "button quiet back" }, icon("back"), homeName), h("h1", {}, name), badge, clock, stale),
+    h("div", { class: "station-name" }, h("a", { href: home, class: "button quiet back" }, icon("back"), homeName), h("h1", {}, name), badge, clock, stale, note),
     about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope)),
     ...(steer ? [steer.element] : []), h("div", { class: "station-main" }, cockpit.element, waiting));
 
@@ -97,6 +98,8 @@ export const station: View = (root, route, app) => {
     setText(clock, source.history.count ? format.clock(source.history.end) : "");
     setText(about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.strength(format.percent(session.strength, 0))].join(" · ") : "");
     setText(stale, old ?? "");
+    setText(note, source.note);
+    note.hidden = !source.note;
     setClass(root, "old", old !== undefined);
     steer?.setReachable(feed.lostMs() === undefined);
     steer?.setState(now);

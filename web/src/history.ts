@@ -144,12 +144,16 @@ export function packView(view: View, row: Row): void {
 }
 
 const CHUNK_ROWS = 512;
+export const FEW = 2 * CHUNK_ROWS; // moments, for a page that shows only the newest
 
 export class History {
   count = 0;
   private times = new Float64Array(CHUNK_ROWS);
   private readonly chunks: Float32Array[] = [];
   private readonly last = newRow();
+
+  /** Keeps no more than `most` moments, a multiple of 512: the oldest go, and indices move down with them. */
+  constructor(private readonly most = Infinity) {}
 
   clear(): void {
     this.count = 0;
@@ -169,6 +173,7 @@ export class History {
   }
 
   private grow(time: number): void {
+    if (this.count === this.most) this.dropOldest();
     if (this.count === this.times.length) {
       const larger = new Float64Array(2 * this.count);
       larger.set(this.times);
@@ -176,6 +181,12 @@ export class History {
     }
     if (this.count % CHUNK_ROWS === 0) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
     this.times[this.count++] = time;
+  }
+
+  private dropOldest(): void {
+    this.chunks.shift();
+    this.times.copyWithin(0, CHUNK_ROWS, this.count);
+    this.count -= CHUNK_ROWS;
   }
 
   time(index: number): number {

@@ -89,7 +89,7 @@ export function noteAt(source: Source, time: number): Remark | undefined {
 
 export class FeedSource implements Source {
   session: LiveSession | undefined;
-  readonly history = new History();
+  readonly history: History;
   marks: Mark[] = [];
   resections: Resected[] = [];
   remarks: Remark[] = [];
@@ -106,7 +106,8 @@ export class FeedSource implements Source {
   private counts: number[] | undefined; // of events, at the last moment
   private readonly ends: (() => void)[];
 
-  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit) {
+  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, moments?: number) {
+    this.history = new History(moments);
     this.meshes.onPayload = (group, tissue, payload) => this.land(group, tissue, payload);
     this.ends = [
       feed.onLink(({ state }) => {
@@ -124,8 +125,9 @@ export class FeedSource implements Source {
     feed.watch(watch);
   }
 
-  static live(feed: Feed, station: string, rateHz: number): FeedSource {
-    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true });
+  /** moments: how many are kept; absent: all. */
+  static live(feed: Feed, station: string, rateHz: number, moments?: number): FeedSource {
+    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true }, moments);
   }
 
   /** caseName: another case to replay the same hands on; "": its own. */

@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import { MomentSchema, ViewSchema, type Moment } from "wire";
 import { clockStep, lastBefore, niceStep } from "../src/axes";
-import { bodyAt, FLEXION, HAS_WARPED, History, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
+import { bodyAt, FEW, FLEXION, HAS_WARPED, History, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
 
 function moment(time: number, speeds: (number | undefined)[] = [5]): Moment {
   return create(MomentSchema, {
@@ -31,6 +31,19 @@ test("moments come back as they were, and are found by time", () => {
   assert.deepEqual([...row.slice(bodyAt(1, true), bodyAt(1, true) + 7)], [1, 0, 0, 0, Math.fround(199.9), 2, 3]); // no virtual pose: the same
   assert.deepEqual([...row.slice(bodyAt(2, true), bodyAt(2, true) + 7)], [0, 0, 1, 0, 9, 8, 7]);
   assert.deepEqual([...row.slice(toolAt(0) + WARPED + 4, toolAt(0) + WARPED + 7)], [4, 5, 6]);
+});
+
+test("a history that keeps few has the newest", () => {
+  const history = new History(FEW);
+  for (let i = 0; i <= 3 * FEW; i++) history.append(moment(i));
+  assert.ok(history.count <= FEW && history.count >= FEW / 2);
+  const row = newRow();
+  for (const back of [1, 2, history.count]) {
+    const [index, wanted] = [history.count - back, 3 * FEW + 1 - back];
+    history.read(index, row);
+    assert.deepEqual([row[FLEXION], history.time(index), history.indexAt(wanted + 0.5)], [10 * wanted, wanted, index]);
+  }
+  assert.deepEqual([history.start, history.end], [3 * FEW + 1 - history.count, 3 * FEW]);
 });
 
 test("a moment of the same time takes the place of the last, an older one is none", () => {

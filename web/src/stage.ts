@@ -1,7 +1,7 @@
 // A picture of a session in three dimensions, with what stands over it: the joint as it was at one moment
 // of its source, live or recorded.
 import { Vector3 } from "three";
-import { newRow, SEEN, toolAt, WARPED, WORKING } from "./history";
+import { LOST, newRow, SEEN, toolAt, WARPED, WORKING } from "./history";
 import { loadKnee, type Knee } from "./scene/anatomy";
 import type { Companion } from "./scene/companion";
 import { Joint, USUAL_SHOW, type Marker, type Show } from "./scene/joint";
@@ -29,6 +29,7 @@ export class Stage {
   private view: View3D | undefined;
   private joint: Joint | undefined;
   private companion: Companion | undefined;
+  private following = false; // the tip
   private knee = ""; // which one is shown, or asked for
   private measured = -1; // moments that the maps know
   private readonly end: () => void;
@@ -73,7 +74,7 @@ export class Stage {
     this.draw();
   }
 
-  /** Where the working instrument's tip is shown, on the nearest surface; undefined: no probe is seen. */
+  /** Where the working instrument's tip is shown, on the nearest surface; undefined: none is seen. */
   markerAtTip(): Marker | undefined {
     const tip = this.tip();
     return tip && this.joint?.markerAt(tip);
@@ -135,6 +136,7 @@ export class Stage {
     this.view.onPick = (marker) => this.picking && this.onMarker(marker);
     this.view.orbit.onLook = (place) => this.onLook(place);
     this.measured = -1;
+    if (this.following) this.follow(true);
     this.draw();
   }
 
@@ -155,11 +157,12 @@ export class Stage {
 
   private tip(): Vector3 | undefined {
     const at = toolAt(this.row[WORKING]!);
-    if (this.row[WORKING]! < 0 || this.row[at + SEEN]! < 1) return undefined;
+    if (this.row[WORKING]! < 0 || this.row[at + SEEN]! < 1 || this.row[at + SEEN]! - 1 === LOST) return undefined;
     return new Vector3(this.row[at + WARPED + 4], this.row[at + WARPED + 5], this.row[at + WARPED + 6]);
   }
 
   private follow(on: boolean): void {
+    this.following = on;
     if (!this.view) return;
     this.view.orbit.follow = on ? () => this.tip() : undefined;
     this.view.orbit.closeUp(on);

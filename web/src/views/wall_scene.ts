@@ -40,6 +40,7 @@ const FINE_MM = 3.5;
 const COARSE_MM = 6;
 const FINE_FROM_PX = 110;
 const MANY = 8;
+const AGAIN_MS = 20_000; // after a case that could not be had
 
 interface Slot {
   seat: Seat | undefined;
@@ -67,7 +68,7 @@ export class MiniScene {
   private shaft: Buffers | undefined;
   private bySoftware = false;
   private many = false;
-  private readonly parts = new Map<string, Parts | "asked" | "missing">(); // by case
+  private readonly parts = new Map<string, Parts | "asked">(); // by case
   private readonly knees = new Map<string, Drawn[]>(); // by case and cell
   private readonly colours = new Map<string, number[]>();
   private readonly ends: (() => void)[];
@@ -170,8 +171,15 @@ export class MiniScene {
       this.parts.set(name, { [COARSE_MM]: kneeParts(described, bytes, COARSE_MM), [FINE_MM]: kneeParts(described, bytes, FINE_MM) });
       this.drawn = "";
     } catch {
-      this.parts.set(name, "missing"); // the card is whole without its picture
+      this.again(name); // the card is whole without its picture
     }
+  }
+
+  private again(name: string): void {
+    setTimeout(() => {
+      this.parts.delete(name);
+      this.drawn = "";
+    }, AGAIN_MS);
   }
 
   // ---- WebGL ---------------------------------------------------------------------------------------

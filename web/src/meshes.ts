@@ -167,7 +167,7 @@ export class MeshHistory {
     while (wanted > 0 && this.landings[wanted - 1]!.time > time) wanted--;
     if (wanted === 0) return undefined;
     this.start(wanted);
-    while (this.made < wanted) this.shown.apply(this.landings[this.made++]!.payload);
+    while (this.made < wanted) this.shown.applyAgain(this.landings[this.made++]!.payload);
     return this.shown;
   }
 

@@ -2,6 +2,7 @@
 // machine without a graphics processor then still follows the hands. Once nothing changes any more it is
 // drawn finely.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Raycaster, Scene, SRGBColorSpace, Vector2, WebGLRenderer } from "three";
+import { drawnBySoftware } from "../graphics";
 import { h } from "../ui";
 import type { Joint, Marker } from "./joint";
 import { Orbit } from "./orbit";
@@ -14,21 +15,9 @@ const STILL_MS = 300;
 /** No 3-D in this browser. */
 export class NoWebGl extends Error {}
 
-// Whether pictures are drawn by the processor: smooth edges would take four times as long.
-function drawnInSoftware(): boolean {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  const info = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = gl && info ? String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
-}
-
-let software: boolean | undefined;
-
 export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
-  software ??= drawnInSoftware();
   try {
-    const renderer = new WebGLRenderer({ canvas, antialias: !software, alpha: true, powerPreference: "high-performance" });
+    const renderer = new WebGLRenderer({ canvas, antialias: !drawnBySoftware(), alpha: true, powerPreference: "high-performance" });
     renderer.outputColorSpace = SRGBColorSpace;
     return renderer;
   } catch {
@@ -43,7 +32,7 @@ export class Fineness {
   private timer: ReturnType<typeof setTimeout> | undefined;
   private spent = FAST_MS;
 
-  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = software === true) {
+  constructor(private readonly finest = Math.min(devicePixelRatio, 2), coarse = drawnBySoftware()) {
     this.moving = coarse ? COARSEST * finest : finest;
   }
 

@@ -2,6 +2,7 @@
 // WebGL, so that the wall needs no 3-D library.
 import { Validity, type ShortPose } from "wire";
 import { part } from "../api";
+import { drawnBySoftware } from "../graphics";
 import type { Seat } from "../live";
 import { onTheme, themeColour } from "../theme";
 import { h } from "../ui";
@@ -236,13 +237,6 @@ export class MiniScene {
     if (!found) this.colours.set(token, (found = (themeColour(token).match(/[\d.]+/g) ?? []).slice(0, 3).map((c) => Number(c) / 255)));
     return found;
   }
-}
-
-function drawnBySoftware(): boolean {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  const name = gl?.getExtension("WEBGL_debug_renderer_info") ? String(gl.getParameter(37446 /* UNMASKED_RENDERER_WEBGL */)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
 }
 
 // ---- matrices -----------------------------------------------------------------------------------------

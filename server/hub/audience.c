@@ -150,8 +150,7 @@ static bool watch_recorded(struct audience *a, struct viewer *viewer) {
 static void take_watch(struct audience *a, struct viewer *viewer, const arthron_Watch *watch) {
     look_away(viewer);
     viewer->watch = *watch;
-    uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
-    viewer->period_ns = NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
+    viewer->period_ns = moment_period_ns(watch);
     viewer->due_ns = 0;
     memset(viewer->sent, 0, sizeof viewer->sent);
     bool good = true;

@@ -1,7 +1,6 @@
 #include "hub/film.h"
 
 #include "base/check.h"
-#include "base/clock.h"
 #include "hub/reply.h"
 #include "hub/tissue_delta.h"
 #include "store/store.h"
@@ -12,9 +11,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#define RATE_USUAL_HZ 30
-#define RATE_MOST_HZ 120
 
 struct film {
     struct hub *hub;
@@ -350,9 +346,8 @@ enum result film_show(struct hub *hub, const arthron_Watch *watch, const struct 
                       struct error *err) {
     char path[HUB_PATH_MAX];
     struct film *f = alloc(1, sizeof *f);
-    uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
     *f = (struct film){.hub = hub, .watch = watch, .screen = screen, .progress = -1};
-    f->period_ns = NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
+    f->period_ns = moment_period_ns(watch);
     enum result result = find_trace(hub, watch->session, path, err);
     if (result == RESULT_OK)
         result = trace_reader_create(path, &f->reader, err);

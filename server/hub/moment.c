@@ -6,6 +6,8 @@
 #include <string.h>
 
 #define SPEED_NS (50 * NS_PER_MS)
+#define RATE_USUAL_HZ 30
+#define RATE_MOST_HZ 120
 
 void moments_begin(struct moments *m, uint64_t session, int64_t start_ns) {
     memset(m, 0, sizeof *m);
@@ -133,4 +135,9 @@ void moment_to_wire(const struct moment *m, uint32_t seat, arthron_Moment *out) 
         if (m->instruments[i].seen)
             out->instruments[out->instruments_count++] = instrument_to_wire(&m->instruments[i], i);
     memcpy(out->events, m->events, sizeof m->events);
+}
+
+int64_t moment_period_ns(const arthron_Watch *watch) {
+    uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
+    return NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
 }

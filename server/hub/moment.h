@@ -46,3 +46,6 @@ void moments_begin(struct moments *moments, uint64_t session, int64_t start_ns);
 void moments_step(struct moments *moments, const struct session_output *output);
 
 void moment_to_wire(const struct moment *moment, uint32_t seat, arthron_Moment *out_message);
+
+// How far apart they are for who asked for them.
+int64_t moment_period_ns(const arthron_Watch *watch);

@@ -19,7 +19,6 @@
 struct playback {
     atomic_int references;
     struct audience *audience;
-    uint32_t guest_number;
     struct guest guest;
     arthron_Watch watch;
     atomic_bool left, ended, others_wait;
@@ -43,7 +42,6 @@ struct playback *playback_create(struct audience *audience, const struct viewer 
     struct playback *p = alloc(1, sizeof *p);
     atomic_init(&p->references, 1);
     p->audience = audience;
-    p->guest_number = viewer->number;
     p->guest = viewer->guest;
     p->watch = viewer->watch;
     p->parcels = ring_create(PARCELS_MAX, sizeof(struct parcel *));
@@ -128,7 +126,7 @@ static bool send(struct playback *p) {
     if (!wait_for_page(p, p->batch.used))
         return false;
     struct parcel *parcel = alloc(1, sizeof *parcel + p->batch.used);
-    *parcel = (struct parcel){p->guest_number, p->batch.used};
+    parcel->size = p->batch.used;
     memcpy(parcel->bytes, p->bytes, p->batch.used);
     p->batch.used = 0;
     atomic_fetch_add(&p->waiting, parcel->size);

@@ -7,8 +7,6 @@
 
 #include <semaphore.h>
 
-#define RATE_USUAL_HZ 30
-#define RATE_MOST_HZ 120
 #define ASKED_MAX 8 // commands of one page that are not answered yet
 
 // ---- batches ------------------------------------------------------------------------------------
@@ -30,7 +28,7 @@ bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshC
 
 // Encoded items on their way from another thread to one viewer.
 struct parcel {
-    uint32_t guest; // struct viewer's number
+    uint32_t guest; // struct viewer's number, of an answer
     size_t size;
     uint8_t bytes[];
 };

@@ -429,14 +429,17 @@ static void commands_are_answered_in_order_by_role(void **state) {
     copy(&page, "00112233445566778899AABBCCDDEEFF");
     draw_until(&page, &page.replies, 4);
     assert_string_equal(page.reply.text, "a session is copied by its id");
-    copy(&page, "00112233445566778899aabbccddeeff");
+    copy(&page, "00112233445566778899aabbccddeeff0");
     draw_until(&page, &page.replies, 5);
+    assert_string_equal(page.reply.text, "a session is copied by its id");
+    copy(&page, "00112233445566778899aabbccddeeff");
+    draw_until(&page, &page.replies, 6);
     assert_non_null(strstr(page.reply.text, "no trace of a session 0011"));
     command(&page, arthron_Command_Kind_SHOW, "");
-    draw_until(&page, &page.replies, 6);
+    draw_until(&page, &page.replies, 7);
     assert_int_equal(page.reply.sessions[0].state, arthron_SessionState_PAUSED);
     command(&page, arthron_Command_Kind_NOTE, "Sl\xf6wly"); // no UTF-8
-    draw_until(&page, &page.replies, 7);
+    draw_until(&page, &page.replies, 8);
     assert_false(page.reply.ok);
     close_page(&page);
     close_page(&technicians);

@@ -112,12 +112,9 @@ const struct message_row message_rows[] = {
     ROW("a page's copy of a session", KIND_PAGE, RESULT_OK,
         "\x1a\x24\x08\x08\x22\x20"
         "0123456789abcdef0123456789abcdef"),
-    ROW("a page's copy of a file", KIND_PAGE, RESULT_FORMAT,
+    ROW("a page's copy of a file, which a reply refuses", KIND_PAGE, RESULT_OK,
         "\x1a\x0f\x08\x08\x22\x0b"
         "/etc/passwd"),
-    ROW("a page's copy of a session, and more", KIND_PAGE, RESULT_FORMAT,
-        "\x1a\x25\x08\x08\x22\x21"
-        "0123456789abcdef0123456789abcdef0"),
     LONG("a page's message of 4096 bytes", KIND_PAGE, RESULT_OK, "\xa2\x06\xfc\x1f", 4092, 0),
     LONG("a page's message of 4097 bytes", KIND_PAGE, RESULT_LIMIT, "\xa2\x06\xfd\x1f", 4093, 0),
 };

@@ -4,6 +4,7 @@ import { createRequire } from "node:module";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { PNG } from "pngjs";
+import { sleep, until } from "./programs.mjs";
 import { kindsOfBatch, meshAck } from "./wire.mjs";
 
 const require = createRequire(import.meta.url);
@@ -118,6 +119,21 @@ export class Browser {
 /** An element's pixels: {width, height, data} with 4 bytes each. */
 export async function pixels(locator) {
   return PNG.sync.read(await locator.screenshot());
+}
+
+export const ALIKE = 0.0005; // share of the pixels of a picture that stands
+
+/** An element's pixels once it stands: it glides to another side, and gets finer when nothing moves. */
+export async function still(locator) {
+  let last = await pixels(locator);
+  return until("the picture stands", async () => {
+    await locator.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(resolve)))));
+    await sleep(500);
+    const now = await pixels(locator);
+    const stands = difference(last, now) < ALIKE;
+    last = now;
+    return stands && now;
+  });
 }
 
 /** The share of pixels that differ by more than a little. */

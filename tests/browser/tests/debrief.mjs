@@ -2,10 +2,8 @@
 import assert from "node:assert/strict";
 import { truncateSync } from "node:fs";
 import { basename } from "node:path";
-import { difference, pixels } from "../look.mjs";
+import { ALIKE, difference, still } from "../look.mjs";
 import { call, sleep, until } from "../programs.mjs";
-
-const ALIKE = 0.0005; // share of a picture's pixels
 
 async function a_recorded_session_ends_with_the_volume_that_it_had({ house, browser, who }) {
   const { id, resection: live } = await house.recorded();
@@ -30,18 +28,7 @@ async function beside({ browser, who }, query, id) {
   return { page, asked };
 }
 
-// Once it stands.
-async function picture(page, stage) {
-  const canvas = page.locator(`${stage} canvas.scene-canvas`);
-  let last = await pixels(canvas);
-  return until(`the picture of ${stage} stands`, async () => {
-    await sleep(300);
-    const now = await pixels(canvas);
-    const stands = difference(last, now) < ALIKE;
-    last = now;
-    return stands && now;
-  });
-}
+const picture = (page, stage) => still(page.locator(`${stage} canvas.scene-canvas`));
 
 const key = async (page, name) => {
   await page.locator("main").press(name);
@@ -82,11 +69,14 @@ async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
   assert.match(await page.locator(".compare-name a").getAttribute("href"), new RegExp(`${other.id}$`));
   assert.equal(await page.locator(".compare-line").innerText(), "");
   assert.ok(await page.locator(".transport.with-other").isVisible());
-  await key(page, "Home");
-  const begin = await picture(page, ".stage.other");
   await key(page, "End");
-  const moved = difference(begin, await picture(page, ".stage.other"));
-  assert.ok(moved > 4 * ALIKE, `${moved} of the other's picture is another at the end`);
+  const end = await picture(page, ".stage.other");
+  await key(page, "Home");
+  const moved = difference(end, await picture(page, ".stage.other"));
+  assert.ok(moved > 4 * ALIKE, `${moved} of the other's picture is another at the beginning`);
+  await key(page, "End");
+  const back = difference(end, await picture(page, ".stage.other"));
+  assert.ok(back < moved / 4, `${back} of it is another at the end again, ${moved} at the beginning`);
   await sameFigures(page, other.id);
   await page.getByRole("button", { name: "End comparison" }).click();
   await page.locator(".stage.other").waitFor({ state: "detached" });

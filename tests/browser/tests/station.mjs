@@ -1,10 +1,8 @@
 // A session as the instructor sees and steers it. What the page shows is held against what the server says
 // by another way, its local socket.
 import assert from "node:assert/strict";
-import { difference, pixels } from "../look.mjs";
+import { ALIKE, difference, still } from "../look.mjs";
 import { call, sleep, until } from "../programs.mjs";
-
-const ALIKE = 0.0005; // share of a picture's pixels
 
 const open = async ({ house, browser, who }, name) => {
   await house.runRoom(name);
@@ -19,7 +17,6 @@ const figure = async (page, label) => {
 const plotted = async (page, row) => Number((await page.locator(".plot-label", { hasText: row }).locator(".plot-reading").first().innerText()).replace(",", ""));
 const press = (page, name) => page.getByRole("button", { name, exact: true }).click();
 const said = (page, words) => page.locator(".steer-line", { hasText: words }).waitFor();
-const rested = (page) => page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(resolve)))));
 
 /** The page has the mesh that the server has, to the bit. */
 async function sameMesh({ house, browser }, page, name) {
@@ -30,18 +27,7 @@ async function sameMesh({ house, browser }, page, name) {
   });
 }
 
-// Once it stands: it glides to another side, and gets finer when nothing moves.
-async function scene(page) {
-  let last = await pixels(page.locator("canvas.scene-canvas"));
-  return until("the picture stands", async () => {
-    await rested(page);
-    await sleep(500);
-    const now = await pixels(page.locator("canvas.scene-canvas"));
-    const stands = difference(last, now) < ALIKE;
-    last = now;
-    return stands && now;
-  });
-}
+const scene = (page) => still(page.locator("canvas.scene-canvas"));
 
 // Stroke by stroke, until the server has none.
 const undoAll = (house) => until("nothing is left to be undone", () => house.session("undo", "room-1").then(() => false, () => true));

@@ -4,7 +4,7 @@ import type { App } from "./app";
 import type { Route } from "./router";
 import { text } from "./text";
 import { setTheme, theme, type Theme } from "./theme";
-import { button, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
+import { announcer, button, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
 
 interface Entry {
   name: string; // of the route
@@ -50,7 +50,7 @@ function header(app: App): HTMLElement {
   return h("header", { class: "top" }, skip,
     h("a", { class: "brand", href: "#/" }, mark(), h("span", {}, text.product)),
     h("nav", { class: "main", "aria-label": text.navigation }, ...links),
-    h("div", { class: "link-sign", role: "status" }, h("span", { class: "dot", "aria-hidden": "true" }), h("span", { class: "link-text" })),
+    h("div", { class: "link-sign" }, h("span", { class: "dot", "aria-hidden": "true" }), h("span", { class: "link-text" })),
     accountMenu(app));
 }
 
@@ -58,6 +58,8 @@ function header(app: App): HTMLElement {
 export function mark(): HTMLElement {
   return h("span", { class: "mark", "aria-hidden": "true" }, icon("mark"));
 }
+
+const tell = announcer();
 
 function showLink(sign: HTMLElement, { feed }: App): void {
   const link = feed.link;
@@ -73,6 +75,7 @@ function showLink(sign: HTMLElement, { feed }: App): void {
   } else if (link.state === "connecting") words = text.link.connecting;
   sign.dataset.state = state;
   setText(sign.querySelector(".link-text")!, words);
+  tell(state === "quiet" || state === "broken" ? state : "", words);
 }
 
 function accountMenu(app: App): HTMLElement {

@@ -107,12 +107,16 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
   if (other) void comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
   transport.seek(0);
 
+  let noticed = "";
   const show = (): void => {
     cover.hidden = source.history.count > 0;
     cockpit.element.inert = !cover.hidden;
     if (!cover.hidden) showCover(cover, source, app.feed, metrics);
     setClass(root, "nothing", !cover.hidden && source.progress === 1);
-    fill(notices, ...noticesOf(session, source).map((words) => h("p", { class: "notice" }, icon("act"), words)));
+    const found = noticesOf(session, source);
+    if (found.join("\n") === noticed) return;
+    noticed = found.join("\n");
+    fill(notices, ...found.map((words) => h("p", { class: "notice" }, icon("act"), words)));
   };
   const ends = [
     source.onChange((change) => {

@@ -13,7 +13,7 @@ import { NoWebGl } from "../scene/view3d";
 import { FeedSource, markerAt, noteAt, type Change } from "../source";
 import { isPort, StationView, TOKEN, type ViewPlace } from "../station_view";
 import { text } from "../text";
-import { broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
+import { announcer, broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
 import { Picture } from "./scope_picture";
 
 const RATE_HZ = 60;
@@ -86,6 +86,7 @@ class Scope {
   private drawnAt = 0; // when the picture before was drawn
   private heard = 0; // when the last moment came
   private timing = false;
+  private readonly tell = announcer();
   private readonly row = newRow(); // of the server
   private readonly near = newRow(); // of what is to be drawn: the station's own where it tells
   private readonly drawn = newRow();
@@ -249,7 +250,10 @@ class Scope {
     const age = own || !this.heard || !history.count ? 0 : this.app.feed.now() - this.heard;
     const state = history.count ? history.value(history.count - 1, STATE) : undefined;
     const lost = this.app.feed.lostMs();
-    picture.sign("stale", lost !== undefined ? text.station.lost(lost) : age >= QUIET_MS && state !== SessionState.CLOSED ? text.scope.stale(age) : "");
+    const old = age >= QUIET_MS && state !== SessionState.CLOSED;
+    const stale = lost !== undefined ? text.station.lost(lost) : old ? text.scope.stale(age) : "";
+    picture.sign("stale", stale);
+    this.tell(lost !== undefined ? "lost" : old ? "stale" : "", stale || text.link.open);
     picture.sign("state", state === SessionState.PAUSED ? text.scope.paused : state === SessionState.CLOSED ? text.scope.closed : "");
     const note = noteAt(source, Infinity);
     const young = note && history.end - Number(note.timeNs) * 1e-9 < NOTE_S;

@@ -19,7 +19,7 @@ export class Picture {
   private toldAt = 0;
 
   constructor(private readonly root: HTMLElement, name: string) {
-    const sign = (kind: Sign): HTMLElement => h("p", { class: `scope-sign ${kind}`, role: "status" });
+    const sign = (kind: Sign): HTMLElement => h("p", { class: `scope-sign ${kind}`, role: kind === "stale" ? undefined : "status" }); // that ticks
     this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
     this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
     root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),

@@ -7,7 +7,7 @@ import { QUIET_MS } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, markerAt } from "../source";
 import { format, text } from "../text";
-import { empty, everySecond, fill, h, icon, loading, setClass, setText, type IconName } from "../ui";
+import { announcer, empty, everySecond, fill, h, icon, loading, setClass, setText, type IconName } from "../ui";
 import { Steer } from "./steer";
 
 const RATE_HZ = 30;
@@ -33,7 +33,8 @@ export const station: View = (root, route, app) => {
   const badge = h("span", { class: "badge state-badge" });
   const clock = h("span", { class: "session-clock number" });
   const about = h("p", { class: "about quiet-text" });
-  const stale = h("p", { class: "stale badge now", role: "status" });
+  const tell = announcer();
+  const stale = h("p", { class: "stale badge now" });
   const note = h("p", { class: "badge act", role: "status" });
   const cockpit = new Cockpit(source, { onMarker: (marker) => steer?.place(marker) });
   const steer = app.account?.role === "instructor" ? new Steer(app, {
@@ -100,6 +101,7 @@ export const station: View = (root, route, app) => {
     setText(stale, old ?? "");
     setText(note, source.note);
     note.hidden = !source.note;
+    tell(old !== undefined && feed.lostMs() === undefined ? "quiet" : "", old ?? text.link.open); // that the server is silent is told by the frame
     setClass(root, "old", old !== undefined);
     steer?.setReachable(feed.lostMs() === undefined);
     steer?.setState(now);

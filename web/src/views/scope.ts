@@ -295,6 +295,7 @@ class Scope {
     else if (event.key === "o") this.choose({ ...optic, tiltDeg: optic.tiltDeg === 30 ? 70 : 30 });
     else if (event.key === ",") this.choose({ ...optic, postDeg: optic.postDeg - POST_STEP_DEG });
     else if (event.key === ".") this.choose({ ...optic, postDeg: optic.postDeg + POST_STEP_DEG });
+    else if (event.key === "Escape") location.hash = routeTo("station", [this.name]);
     else if (event.key === "s") ask(optic, settings.place, (next, place) => this.choose(next, place));
     else return;
     event.preventDefault();

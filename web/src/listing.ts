@@ -16,9 +16,21 @@ export interface Listing {
   end(): void;
 }
 
+// What is made anew takes the focus from who has it there: it goes to what is now in its place, or to the list.
+function keepFocus(element: HTMLElement, change: () => void): void {
+  const all = (): Element[] => [...element.querySelectorAll("td :is(a, button, input, select)")];
+  const focused = document.activeElement;
+  const before = element.contains(focused) ? all() : undefined;
+  change();
+  if (!before) return;
+  const after = all();
+  const place = after.length === before.length ? after[before.indexOf(focused!)] : undefined;
+  (place?.matches(":enabled, a") ? (place as HTMLElement) : (element.querySelector<HTMLElement>(".table-scroll, .button") ?? element)).focus();
+}
+
 /** `load` says what the rows are, `none` what to show where there are none. */
 export function listing<T>(caption: string, columns: Column<T>[], load: () => Promise<T[]>, none: () => HTMLElement): Listing {
-  const element = h("div", { class: "panel listing" }, loading());
+  const element = h("div", { class: "panel listing", tabindex: -1 }, loading());
   let turn = 0;
   const show = (rows: T[]): void => {
     if (rows.length === 0) {
@@ -37,9 +49,9 @@ export function listing<T>(caption: string, columns: Column<T>[], load: () => Pr
     element.setAttribute("aria-busy", "true");
     try {
       const rows = await load();
-      if (mine === turn) show(rows);
+      if (mine === turn) keepFocus(element, () => show(rows));
     } catch (error) {
-      if (mine === turn) fill(element, broken(text.listBroken, explain(error), () => void reload()));
+      if (mine === turn) keepFocus(element, () => fill(element, broken(text.listBroken, explain(error), () => void reload())));
     }
     if (mine !== turn) return;
     setClass(element, "busy", false);

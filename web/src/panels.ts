@@ -19,7 +19,11 @@ export class Panels {
   private readonly bodies: Record<Tab, HTMLElement>;
   private readonly tabs: HTMLElement[];
   private open: Tab = "resection";
-  private touches = false;
+  private readonly touches = h("input", { type: "checkbox", on: { change: () => {
+    this.stale.add("events");
+    this.refresh();
+  } } });
+  private readonly events = h("div", {});
   private shown = ""; // what the resection tab shows
   private stale = new Set<Tab>(TABS);
   private time = 0;
@@ -30,6 +34,7 @@ export class Panels {
       [tab, h("div", { class: `tab-body ${tab}`, role: "tabpanel", id: `${this.id}-${tab}`, "aria-labelledby": `${this.id}-${tab}-tab`, tabindex: 0 })])) as unknown as Record<Tab, HTMLElement>;
     this.tabs = TABS.map((tab) => h("button", { type: "button", class: "tab", role: "tab", id: `${this.id}-${tab}-tab`, "aria-controls": `${this.id}-${tab}`,
       on: { click: () => this.show(tab) } }, text.session.tabs[tab]));
+    this.bodies.events.append(h("label", { class: "switch" }, this.touches, h("span", {}, text.session.touches)), this.events);
     const list = h("div", { class: "tabs", role: "tablist", on: { keydown: (event: KeyboardEvent) => this.key(event) } }, ...this.tabs);
     this.element = h("section", { class: "panels panel" }, list, ...TABS.map((tab) => this.bodies[tab]));
     this.show("resection");
@@ -108,22 +113,23 @@ export class Panels {
 
   private refreshEvents(): void {
     this.eventsShown = this.source.marks.length;
-    const box = h("input", { type: "checkbox", on: { change: () => {
-      this.touches = box.checked;
-      this.stale.add("events");
-      this.refresh();
-    } } });
-    box.checked = this.touches;
-    const marks = inBursts(this.source.marks.filter(({ event }) => this.touches || !QUIET.includes(event)));
+    const marks = inBursts(this.source.marks.filter(({ event }) => this.touches.checked || !QUIET.includes(event)));
     const listed = this.source.recorded ? marks : marks.slice(-LIST_MOST).reverse(); // what happens now is on top
     this.eventTimes = listed.map(({ time }) => time);
-    fill(this.bodies.events, h("label", { class: "switch" }, box, h("span", {}, text.session.touches)),
-      listed.length ? h("ol", { class: "events-list" }, ...listed.map((mark) => this.event(mark))) : empty(text.session.noEvents));
+    const focused = this.events.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset : undefined;
+    fill(this.events, listed.length ? h("ol", { class: "events-list" }, ...listed.map((mark) => this.event(mark))) : empty(text.session.noEvents));
+    if (focused) this.focusEvent(focused);
     this.markEvent();
   }
 
+  // The same event, or the list where that has left it.
+  private focusEvent({ event, time }: DOMStringMap): void {
+    const place = this.events.querySelector<HTMLElement>(`[data-event="${event}"][data-time="${time}"]`) ?? this.bodies.events;
+    place.focus({ preventScroll: true });
+  }
+
   private event({ time, event, times }: Mark): HTMLElement {
-    return h("li", {}, h("button", { type: "button", class: "event", data: { event }, on: { click: () => this.jump(time) } },
+    return h("li", {}, h("button", { type: "button", class: "event", data: { event, time: String(time) }, on: { click: () => this.jump(time) } },
       h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, text.session.events[event]! + text.session.times(times))));
   }
 

@@ -197,14 +197,15 @@ export function confirm(title: string, hint: string, label: string, then: () => 
 
 /**
  * A form in a dialog. `save` may fail: the form stays, and shows what is wrong beside the input that the
- * server names, or below all.
+ * server names, or below all. What `save` gives is called once the form has closed.
  */
-export function formDialog(title: string, parts: Child[], label: string, save: () => Promise<void>): Dialog {
+export function formDialog(title: string, parts: Child[], label: string, save: () => Promise<void | (() => void)>): Dialog {
   const fault = h("p", { class: "fault", role: "alert" });
   const go = h("button", { type: "submit", class: "button primary" }, label);
   const form = h("form", { class: "form", novalidate: true, on: { submit: (event: Event) => void run(event) } },
     ...parts, fault, h("div", { class: "form-actions" }, button(text.cancel, () => shown.close()), go));
-  const shown = dialog(title, [form]);
+  let then: void | (() => void);
+  const shown = dialog(title, [form], [], () => then?.());
   form.querySelector<HTMLElement>("input, select, textarea")?.focus();
   const run = async (event: Event): Promise<void> => {
     event.preventDefault();
@@ -212,7 +213,7 @@ export function formDialog(title: string, parts: Child[], label: string, save: (
     for (const input of form.querySelectorAll<HTMLElement>("[aria-invalid]")) setFault(input, "");
     go.disabled = true;
     try {
-      await save();
+      then = await save();
       shown.close();
     } catch (error) {
       if (!showAtField(form, error)) setText(fault, explain(error));

@@ -241,10 +241,13 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
       announce(warnings);
       const alarms = grouped(warnings);
       setText(total, String(alarms.length));
-      const focused = (document.activeElement as HTMLElement | null)?.dataset.station;
+      const focused = document.activeElement as HTMLElement | null;
+      const station = focused?.dataset.station;
+      const words = list.contains(focused) ? focused!.closest("summary")?.parentElement!.dataset.words : undefined;
       const unfolded = new Set([...list.querySelectorAll<HTMLElement>("details[open]")].map((one) => one.dataset.words));
       fill(list, ...alarms.map((alarm) => entry(alarm, unfolded.has(alarm.words))), known && warnings.length === 0 && h("li", { class: "all-quiet" }, icon("quiet"), text.wall.allQuiet));
-      if (focused !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(focused)}"]`)?.focus();
+      if (station !== undefined) list.querySelector<HTMLElement>(`[data-station="${CSS.escape(station)}"]`)?.focus();
+      if (words !== undefined) list.querySelector<HTMLElement>(`[data-words="${CSS.escape(words)}"] summary`)?.focus();
     },
   };
 }

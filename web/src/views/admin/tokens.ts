@@ -41,6 +41,6 @@ function make(app: App, made: () => void): void {
   formDialog(t.add, [field(t.name, name, t.nameHint)], t.add, async () => {
     const answer = await app.api.post<{ token: string; until_utc_s: number }>("/tokens", { name: name.value.trim() });
     made();
-    queueMicrotask(() => showCode(t.codeTitle(name.value.trim()), answer.token, t.codeHint(format.time(answer.until_utc_s * 1000))));
+    return () => showCode(t.codeTitle(name.value.trim()), answer.token, t.codeHint(format.time(answer.until_utc_s * 1000)));
   });
 }

@@ -1,5 +1,6 @@
 // Every view with the keyboard alone: Tab comes to all that can be used, and one sees where one is.
 import assert from "node:assert/strict";
+import { until } from "../programs.mjs";
 import { viewsOf } from "./looks.mjs";
 
 const MOST = 150; // stops in a view
@@ -97,7 +98,82 @@ async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who 
   assert.ok(await note.evaluate((button) => document.activeElement === button), "the focus is where it was");
 }
 
+const focusIs = (locator) => until("it has the focus", () => locator.evaluate((element) => document.activeElement === element), 5);
+
+async function a_list_that_is_made_anew_keeps_the_focus({ browser, who }) {
+  const page = await browser.page(await browser.context(who.instructor), "#/admin/tokens");
+  const add = page.getByRole("button", { name: "Add token" });
+  await add.press("Enter");
+  await page.locator("dialog").getByLabel("Name").fill("nightly");
+  await page.keyboard.press("Enter");
+  await page.locator("dialog output").waitFor();
+  assert.equal(await page.locator("dialog").count(), 1, "the form has closed before");
+  await page.keyboard.press("Escape");
+  await focusIs(add);
+  await page.goto(`${browser.url}/#/admin/accounts`);
+  const change = page.getByRole("row", { name: /grace/ }).getByRole("button", { name: "Change" });
+  await change.press("Enter");
+  const read = page.waitForResponse(/accounts/);
+  await page.locator("dialog").getByRole("button", { name: "Save" }).press("Enter");
+  await read;
+  await page.locator(".listing:not(.busy)").waitFor();
+  await focusIs(change);
+}
+
+async function events_that_come_leave_the_focus_where_it_is({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+  await page.getByRole("tab", { name: "Events" }).click();
+  const touches = page.getByLabel("Touches too");
+  await touches.press("Space");
+  await focusIs(touches);
+  await page.locator(".event").first().focus();
+  const shown = () => page.locator(".event").count();
+  const [{ time }, count] = [await page.evaluate(() => ({ ...document.activeElement.dataset })), await shown()];
+  await until("more events", async () => (await shown()) > count);
+  assert.equal(await page.evaluate(() => document.activeElement.dataset.time), time);
+}
+
+async function escape_leads_from_the_scope_to_the_station({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.trainee), "#/scope/room-1");
+  await page.locator(".scope-round:not(.dark)").waitFor();
+  await page.keyboard.press("s");
+  await page.locator("dialog").waitFor();
+  await page.keyboard.press("Escape");
+  await page.locator("dialog").waitFor({ state: "detached" });
+  assert.match(page.url(), /#\/scope\/room-1$/);
+  await page.keyboard.press("Escape");
+  await page.getByRole("heading", { name: "room-1" }).waitFor();
+  assert.match(page.url(), /#\/station\/room-1$/);
+}
+
+async function a_server_that_falls_silent_is_told_of_once({ house, browser, who }) {
+  await house.runRoom("room-1");
+  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+  await page.locator(".state-badge", { hasText: "Running" }).waitFor();
+  await page.evaluate(() => {
+    window.told = [];
+    const said = document.getElementById("said");
+    new MutationObserver(() => window.told.push(said.textContent)).observe(said, { childList: true });
+  });
+  const { process: server } = house.server;
+  server.kill("SIGSTOP");
+  try {
+    await page.locator(".link-sign", { hasText: /[5-9] s$/ }).waitFor();
+    const [told, ...more] = await page.evaluate(() => window.told);
+    assert.match(told, /^No data for \d s$/);
+    assert.deepEqual(more, []);
+    for (const ticking of [".link-sign", ".stale"])
+      assert.equal(await page.locator(`${ticking}:is([role=status], [aria-live])`).count(), 0, `the seconds of ${ticking} are not read out`);
+  } finally {
+    server.kill("SIGCONT");
+  }
+  await page.locator(".link-sign", { hasText: "Live" }).waitFor();
+}
+
 export const tests = [
   tab_comes_to_all_that_can_be_used_in_every_view, the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall,
-  a_dialog_keeps_the_focus_and_gives_it_back,
+  a_dialog_keeps_the_focus_and_gives_it_back, a_list_that_is_made_anew_keeps_the_focus, events_that_come_leave_the_focus_where_it_is,
+  escape_leads_from_the_scope_to_the_station, a_server_that_falls_silent_is_told_of_once,
 ];

@@ -11,7 +11,7 @@ const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens",
 export const viewsOf = async (house) => [
   ["wall", "#/wall", "article.card"],
   ["station", "#/station/room-1", "canvas.scene-canvas"],
-  ["station-without-session", "#/station/seat-29", ".state"],
+  ["station-without-session", "#/station/seat-29", ".station-waiting .state.empty"],
   ["scope", "#/scope/room-1?optic=30", ".scope-round:not(.dark) canvas.scope-canvas"],
   ["sessions", "#/sessions", "table"],
   ["debrief", `#/session/${(await house.recorded()).id}`, "canvas.scene-canvas"],

@@ -120,8 +120,8 @@ export const text = {
     unreachable: "The server does not answer",
     unreachableHint: "The wall comes back by itself as soon as it does.",
     nobody: "Nobody",
-    summary: (n: { running: number; paused: number; waiting: number; gone: number }) =>
-      [`${n.running} running`, n.paused && `${n.paused} paused`, n.waiting && `${n.waiting} waiting`, n.gone && `${n.gone} not connected`].filter(Boolean).join(" · "),
+    summary: (n: { running: number; paused: number; waiting: number; closed: number; gone: number }) =>
+      [`${n.running} running`, n.paused && `${n.paused} paused`, n.waiting && `${n.waiting} waiting`, n.closed && `${n.closed} closed`, n.gone && `${n.gone} not connected`].filter(Boolean).join(" · "),
     standings: { waiting: "Waiting", running: "Running", paused: "Paused", closed: "Closed", gone: "Not connected" },
     urgencies: ["", "Look", "Act", "Now"],
     attention: "Attention",

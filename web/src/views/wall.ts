@@ -8,7 +8,7 @@ import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, 
 import { MiniScene } from "./wall_scene";
 import {
   arrange, byUrgency, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
-  type Alarm, type Warning,
+  type Alarm, type Standing, type Warning,
 } from "./wall_model";
 
 const RATE_HZ = 10;
@@ -95,12 +95,9 @@ export const wall: View = (root, _route, app) => {
   };
 };
 
-function count(seats: Seat[]): Record<"running" | "paused" | "waiting" | "gone", number> {
-  const sum = { running: 0, paused: 0, waiting: 0, gone: 0 };
-  for (const seat of seats) {
-    const kind = standing(seat.place);
-    sum[kind === "closed" ? "waiting" : kind]++;
-  }
+function count(seats: Seat[]): Record<Standing, number> {
+  const sum = { running: 0, paused: 0, waiting: 0, closed: 0, gone: 0 };
+  for (const seat of seats) sum[standing(seat.place)]++;
   return sum;
 }
 

@@ -172,10 +172,12 @@ export function resectionFigures(r: Resection): HTMLElement {
   const head = h("div", { class: "resection-head" }, h("h2", { class: "group-name" }, text.session.groups[r.group] ?? r.group),
     h("p", { class: "resection-main" }, h("strong", {}, mm3(removed)), " mm³", r.plannedMm3 > 0 && h("span", { class: "quiet-text" },
       ` · ${words.share(format.percent((r.plannedMm3 - r.underMm3) / r.plannedMm3, 0))}`)));
+  const ofPlan = r.plannedMm3 > 0 ? [
+    figure(words.planned, mm3(r.plannedMm3), "mm³"), figure(words.under, mm3(r.underMm3), "mm³", "under"),
+    figure(words.over, mm3(r.overMm3), "mm³", "over"), figure(words.damage, mm3(r.damageMm3), "mm³"),
+  ] : [];
   return h("section", { class: "resection-group" }, head, planBar(r),
-    h("dl", { class: "figures" },
-      figure(words.planned, mm3(r.plannedMm3), "mm³"), figure(words.under, mm3(r.underMm3), "mm³", "under"),
-      figure(words.over, mm3(r.overMm3), "mm³", "over"), figure(words.damage, mm3(r.damageMm3), "mm³"),
+    h("dl", { class: "figures" }, ...ofPlan,
       figure(words.rim, format.number(r.rimMm, 1), "mm"), figure(words.step, format.number(r.stepMm, 1), "mm"),
       figure(words.volume, mm3(r.volumeMm3), "mm³"), figure(words.left, mm3(r.leftMm3), "mm³"),
       figure(words.cuts, format.number(r.cuts), ""), figure(words.refused, format.number(r.cutsRefused), ""),
@@ -185,8 +187,8 @@ export function resectionFigures(r: Resection): HTMLElement {
 
 // What was planned and is gone, what is still there, and what went beside it.
 function planBar(r: Resection): HTMLElement | false {
+  if (!(r.plannedMm3 > 0)) return false;
   const whole = r.plannedMm3 + r.overMm3;
-  if (!(whole > 0)) return false;
   const part = (kind: string, value: number): HTMLElement => {
     const bar = h("i", { class: kind });
     bar.style.flexGrow = String(Math.max(0, value) / whole);

@@ -306,7 +306,7 @@ export const text = {
       rim: "Least rim", step: "Largest step", volume: "Volume left", pieces: "Pieces", cuts: "Cuts", refused: "Refused", left: "Physical touch still to give",
       share: (share: string) => `${share} of the plan`,
     },
-    zones: "Removed by zone",
+    zones: "Removed by zone (tick: what may go at most)",
     zoneRows: ["Anterior horn", "Body", "Posterior horn"],
     zoneColumns: ["Inner", "Middle", "Outer"],
     zone: (removed: string, whole: string, budget: string) => `${removed} of ${whole} mm³; at most ${budget} may go`,

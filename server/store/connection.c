@@ -114,17 +114,31 @@ enum result connection_version(sqlite3 *db, const char *path, int *out_version, 
     return result;
 }
 
+struct owner {
+    int64_t id, tables;
+    int version;
+};
+
+// Of one moment, as somebody else may just be making the file.
+static enum result read_owner(sqlite3 *db, const char *path, struct owner *out, struct error *err) {
+    sqlite3_exec(db, "BEGIN", NULL, NULL, NULL);
+    enum result result = read_number(db, path, "PRAGMA application_id", &out->id, err);
+    if (result == RESULT_OK)
+        result = read_number(db, path, "SELECT count(*) FROM sqlite_schema", &out->tables, err);
+    if (result == RESULT_OK)
+        result = connection_version(db, path, &out->version, err);
+    sqlite3_exec(db, "ROLLBACK", NULL, NULL, NULL);
+    return result;
+}
+
 // An empty file becomes ours; any other must be.
 static enum result check_owner(sqlite3 *db, const char *path, bool make, struct error *err) {
-    int64_t id = 0, tables = 0;
-    int version = 0;
-    enum result result = read_number(db, path, "PRAGMA application_id", &id, err);
-    if (result == RESULT_OK)
-        result = read_number(db, path, "SELECT count(*) FROM sqlite_schema", &tables, err);
-    if (result == RESULT_OK)
-        result = connection_version(db, path, &version, err);
+    struct owner owner = {0};
+    enum result result = read_owner(db, path, &owner, err);
     if (result != RESULT_OK)
         return result;
+    int64_t id = owner.id, tables = owner.tables;
+    int version = owner.version;
     if (id != STORE_APPLICATION_ID && (id || tables || version || !make))
         return fail(err, RESULT_FORMAT,
                     "%s: this is no file of arthron-server's records: name another", path);

@@ -168,24 +168,35 @@ static void a_step_that_fails_leaves_the_older_version_as_it_was(void **state) {
     store_close(&store);
 }
 
-static void *open_old(void *argument) {
+static void *open_made(void *path) {
     struct store *store;
-    (void)argument;
-    enum result result = store_open(in_folder("old.db"), STORE_THERE, "tester", &store, NULL);
+    enum result result = store_open(path, STORE_MAKE, "tester", &store, NULL);
     store_close(&store);
     return result == RESULT_OK ? NULL : "failed";
 }
 
-static void several_programs_may_meet_an_older_file_at_once(void **state) {
-    (void)state;
+static void open_four_times_at_once(const char *path) {
     pthread_t threads[4];
-    assert_true(sql_passes("old.db", version_1));
     for (int i = 0; i < 4; i++)
-        assert_int_equal(pthread_create(&threads[i], NULL, open_old, NULL), 0);
+        assert_int_equal(pthread_create(&threads[i], NULL, open_made, (void *)path), 0);
     for (int i = 0; i < 4; i++) {
         void *failed;
         pthread_join(threads[i], &failed);
         assert_null(failed);
+    }
+}
+
+static void several_programs_may_meet_an_older_file_at_once(void **state) {
+    (void)state;
+    assert_true(sql_passes("old.db", version_1));
+    open_four_times_at_once(in_folder("old.db"));
+}
+
+static void several_programs_may_make_the_same_file_at_once(void **state) {
+    (void)state;
+    for (int round = 0; round < 25; round++) {
+        open_four_times_at_once(store_path);
+        assert_int_equal(unlink(store_path), 0);
     }
 }
 
@@ -212,6 +223,7 @@ int main(void) {
         TEST(every_version_lands_at_the_tables_of_a_new_file),
         TEST(a_step_that_fails_leaves_the_older_version_as_it_was),
         TEST(several_programs_may_meet_an_older_file_at_once),
+        TEST(several_programs_may_make_the_same_file_at_once),
         TEST(a_newer_file_is_refused_and_left_alone),
     };
     return cmocka_run_group_tests_name("store_versions", tests, NULL, NULL);

@@ -6,6 +6,7 @@
 #include "hub/audience.h"
 #include "review/page.h"
 #include "store/store.h"
+#include "web/door.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -108,16 +109,26 @@ static enum result write_report(const struct api_report *about, FILE *file, stru
     return result;
 }
 
-// What a browser calls the server: its first name, else its address, else the machine's name.
-static void make_link(const struct web_settings *web, char out[LINK_MAX]) {
-    char host[256] = "localhost";
+// What a browser calls the server: its first name, else its address, else the machine's name where
+// its certificate has that, else what that has.
+static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
+                             struct error *err) {
+    static const char *const no_names[] = {NULL};
+    char host[256] = "", machine[256] = "localhost";
+    struct door *door;
+    enum result result = door_create(web->certificate, no_names, &door, err);
+    if (result != RESULT_OK)
+        return result;
+    gethostname(machine, sizeof machine - 1);
     if (web->names[0][0])
         snprintf(host, sizeof host, "%s", web->names[0]);
     else if (web->address[0] && strcmp(web->address, "0.0.0.0") && strcmp(web->address, "::"))
         snprintf(host, sizeof host, strchr(web->address, ':') ? "[%s]" : "%s", web->address);
     else
-        gethostname(host, sizeof host - 1);
+        door_reached_as(door, machine, host, sizeof host);
+    door_destroy(&door);
     snprintf(out, LINK_MAX, "https://%s:%d/", host, web->port);
+    return RESULT_OK;
 }
 
 static enum result open_api(struct browsers *b, const struct hub_config *hub, struct error *err) {
@@ -175,8 +186,9 @@ enum result browsers_create(const struct server_config *config, struct hub *hub,
     struct browsers *b = alloc(1, sizeof *b);
     b->records = config->hub.records;
     open_audience(b, hub);
-    make_link(&config->web, b->link);
-    enum result result = open_api(b, &config->hub, err);
+    enum result result = make_link(&config->web, b->link, err);
+    if (result == RESULT_OK)
+        result = open_api(b, &config->hub, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
     if (result == RESULT_OK)

@@ -104,6 +104,27 @@ bool door_is_own_host(const struct door *door, const char *host) {
            X509_check_host(door->certificate, name, 0, 0, NULL) == 1;
 }
 
+// The certificate's first name; false where it has none but addresses, or it is too long.
+static bool first_name(const X509 *certificate, char *out_name, size_t size) {
+    GENERAL_NAMES *names = X509_get_ext_d2i(certificate, NID_subject_alt_name, NULL, NULL);
+    int length = -1;
+    for (int i = 0; length < 0 && i < sk_GENERAL_NAME_num(names); i++) {
+        const GENERAL_NAME *name = sk_GENERAL_NAME_value(names, i);
+        if (name->type == GEN_DNS)
+            length = snprintf(out_name, size, "%.*s", ASN1_STRING_length(name->d.dNSName),
+                              (const char *)ASN1_STRING_get0_data(name->d.dNSName));
+    }
+    GENERAL_NAMES_free(names);
+    return length > 0 && (size_t)length < size;
+}
+
+void door_reached_as(const struct door *door, const char *name, char *out_name, size_t size) {
+    if (door_is_own_host(door, name))
+        snprintf(out_name, size, "%s", name);
+    else if (!first_name(door->certificate, out_name, size))
+        snprintf(out_name, size, "localhost");
+}
+
 bool door_is_origin_of(const char *origin, const char *host) {
     static const char scheme[] = "https://";
     return !strncmp(origin, scheme, sizeof scheme - 1) &&

@@ -23,6 +23,10 @@ void door_destroy(struct door **door); // NULL inside is fine; *door becomes NUL
 // host: as in the header of that name, with or without a port.
 bool door_is_own_host(const struct door *door, const char *host);
 
+// What browsers reach it as: `name` where it is its own, else the first name of its certificate,
+// else localhost. size: of out_name, above 0.
+void door_reached_as(const struct door *door, const char *name, char *out_name, size_t size);
+
 // Whether `origin` is the page that the host itself serves.
 bool door_is_origin_of(const char *origin, const char *host);
 

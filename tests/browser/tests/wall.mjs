@@ -11,6 +11,7 @@ async function a_station_comes_degrades_goes_and_comes_back({ house, browser, wh
   await card(page, "room-2").waitFor();
   assert.equal(await page.locator("article.card").count(), 32);
   await standing(page, "room-2", "gone");
+  await house.enrol("room-2"); // the tracker's time runs from the mock-up's start
   await house.startMockup("room-2", [["dropout", 4, 3]]);
   const station = await house.startRoom("room-2");
   await standing(page, "room-2", "running");

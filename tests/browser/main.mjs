@@ -32,6 +32,11 @@ if (!existsSync(CHROMIUM)) {
   process.exit(77);
 }
 
+if (!chosen().some(({ name }) => name.includes(options.only))) {
+  say(`no test has ${JSON.stringify(options.only)} in its name`);
+  process.exit(2);
+}
+
 function chosen() {
   const all = Object.entries(ROOMS).flatMap(([room, tests]) => tests.map((run) => ({ name: `${room}: ${run.name.replaceAll("_", " ")}`, run })));
   return all.filter(({ name, run }) => run.always || name.includes(options.only));

@@ -31,7 +31,7 @@ async function pictures(browser, page, name) {
       await page.emulateMedia({ colorScheme });
       await settled(page);
       await browser.picture(page, `${name}-${size}-${colorScheme}`);
-      if (size === "wide" || !browser.quick) await browser.check(page, `${name}, ${size}, ${colorScheme}`);
+      await browser.check(page, `${name}, ${size}, ${colorScheme}`);
       const wider = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
       assert.ok(wider <= 0, `${name}, ${size}: ${wider} px wider than the screen`);
     }

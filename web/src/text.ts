@@ -188,12 +188,11 @@ export const text = {
       revoked: (name: string) => `${name} is revoked`,
     },
     cases: {
-      hint: "What the server has, and what checking each found.",
+      hint: "What the server has, and what checking each found. The command arthron-case check DIR checks one.",
       none: "No cases", noneHint: "The server's config names the folders that they are in.",
       name: "Case", title: "Title", groups: "Surfaces", cuttable: "Can be cut", grade: "Grade", hash: "Hash", actions: "Actions",
       grades: { fit: "Fit", "fit with warnings": "Fit with warnings", unfit: "Unfit", unchecked: "Not checked", outdated: "Outdated", broken: "Broken" } as Record<string, string>,
       report: "Check report", reportOf: (name: string) => `Check report of ${name}`,
-      unchecked: "arthron-case check writes a report into its folder.",
       checked: "Checked", quick: "(quick)", folds: "Space that folds", gain: "Gain, 99.9 %", gainMost: "Largest gain", jumps: "Jumps",
       findings: "Findings", level: "Level", where: "Where", finding: "Finding",
       levels: { fault: "Fault", error: "Fault", warning: "Warning", note: "Note" } as Record<string, string>,

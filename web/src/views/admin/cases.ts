@@ -36,7 +36,7 @@ export const cases: Part = (root, app) => {
     { label: t.cuttable, cell: (one) => cuttable(one) || format.none },
     { label: t.grade, cell: grade },
     { label: t.hash, wide: true, cell: (one) => h("code", {}, one.hash || format.none) },
-    { label: t.actions, hidden: true, cell: (one) => button(t.report, () => report(app, one), { kind: "quiet", class: "small" }) },
+    { label: t.actions, hidden: true, cell: (one) => one.grade !== "unchecked" && button(t.report, () => report(app, one), { kind: "quiet", class: "small" }) },
   ], async () => (await app.api.get<{ cases: Case[] }>("/cases")).cases, () => empty(t.none, t.noneHint));
   root.append(head(text.admin.parts.cases, t.hint), list.element);
   return () => list.end();
@@ -58,7 +58,7 @@ function report(app: App, one: Case): void {
   const shown = dialog(t.reportOf(one.name), [body]);
   shown.element.classList.add("wide");
   app.api.get<{ check: Check | null }>(`/cases/${part(one.name)}`).then(
-    ({ check }) => fill(body, ...(check ? findings(one, check) : [empty(t.grades[one.grade] ?? one.grade, one.grade_reason || t.unchecked)])),
+    ({ check }) => fill(body, ...(check ? findings(one, check) : [empty(t.grades[one.grade] ?? one.grade, one.grade_reason)])),
     (error: unknown) => fill(body, broken(text.listBroken, explain(error))));
 }
 

@@ -9,7 +9,7 @@ async function a_recorded_session_ends_with_the_volume_that_it_had({ house, brow
   const { id, resection: live } = await house.recorded();
   const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
   const left = page.locator(".resection-group").first().locator(".figure").filter({ hasText: "Volume left" }).locator("dd").first();
-  await page.getByText("All is here, end volume as recorded").waitFor(); // of the page's own mesh
+  await page.getByText("Complete; final volume matches the record").waitFor(); // of the page's own mesh
   const begin = Number((await left.innerText()).replace(/[^0-9.]/g, ""));
   await page.locator("main").press("End");
   await until("the volume of the end", async () => Math.abs(Number((await left.innerText()).replace(/[^0-9.]/g, "")) - live.volume_mm3) <= 0.5);
@@ -23,7 +23,7 @@ async function beside({ browser, who }, query, id) {
   const asked = [];
   context.on("request", (request) => asked.push(new URL(request.url()).pathname));
   const page = await browser.page(context, `#/session/${id}?${query}`);
-  await page.getByText("All is here, end volume as recorded").waitFor();
+  await page.getByText("Complete; final volume matches the record").waitFor();
   await until("the other's replay has come", async () => (await page.locator(".compare-name").isVisible()) && (await page.locator(".compare-share").innerText()) === "");
   return { page, asked };
 }

@@ -55,8 +55,8 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   await until("the plot has what was removed", async () => Math.abs((await plotted(page, "Removed")) - cut.removed_mm3 - cut.pieces_mm3) <= 0.6);
   await showMenisci(page);
   const before = await scene(page);
-  await press(page, "Set back");
-  await said(page, "Set back: done");
+  await press(page, "Undo cut");
+  await said(page, "Undo cut: done");
   await sameMesh(world, page, "room-1");
   const back = await house.resection("room-1");
   assert.ok(back.cuts < cut.cuts, `${back.cuts} cuts are left of ${cut.cuts}`);
@@ -78,8 +78,8 @@ async function a_refusal_is_shown_in_the_servers_words(world) {
   await press(page, "Pause");
   await said(page, "Pause: done");
   await undoAll(world.house);
-  await press(page, "Set back");
-  await said(page, /Set back: .*no cut/);
+  await press(page, "Undo cut");
+  await said(page, /Undo cut: .*no cut/);
   await press(page, "Resume");
   await said(page, "done");
 }

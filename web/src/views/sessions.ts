@@ -86,12 +86,12 @@ async function fillFilters(app: App, filters: Record<Filter, HTMLSelectElement>,
   const [trainees, courses, cases] = await Promise.all([
     own ? [] : app.api.get<{ trainees: { name: string; full_name: string }[] }>("/trainees").then((answer) => answer.trainees),
     own ? app.api.get<{ courses: string[] }>("/me").then((answer) => answer.courses) : app.api.get<{ courses: { name: string }[] }>("/courses").then((answer) => answer.courses.map((course) => course.name)),
-    app.api.get<{ cases: { name: string; title: string }[] }>("/cases").then((answer) => answer.cases),
+    app.api.get<{ cases: { name: string }[] }>("/cases").then((answer) => answer.cases),
   ]);
   const options: Record<Filter, [string, string][]> = {
     trainee: trainees.map(({ name, full_name }) => [name, full_name || name]),
     course: courses.map((name) => [name, name]),
-    case: cases.map(({ name, title }) => [name, title || name]),
+    case: cases.map(({ name }) => [name, name]),
   };
   for (const name of FILTERS) {
     // One that was asked for stays to be seen, even where it is gone.

@@ -113,7 +113,7 @@ export class Panels {
 
   private refreshEvents(): void {
     this.eventsShown = this.source.marks.length;
-    const marks = inBursts(this.source.marks.filter(({ event }) => this.touches.checked || !QUIET.includes(event)));
+    const marks = withBlinks(inBursts(this.source.marks.filter(({ event }) => this.touches.checked || !QUIET.includes(event))));
     const listed = this.source.recorded ? marks : marks.slice(-LIST_MOST).reverse(); // what happens now is on top
     this.eventTimes = listed.map(({ time }) => time);
     const focused = this.events.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset : undefined;
@@ -128,9 +128,9 @@ export class Panels {
     place.focus({ preventScroll: true });
   }
 
-  private event({ time, event, times }: Mark): HTMLElement {
+  private event({ time, event, times, blink }: Listed): HTMLElement {
     return h("li", {}, h("button", { type: "button", class: "event", data: { event, time: String(time) }, on: { click: () => this.jump(time) } },
-      h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, text.session.events[event]! + text.session.times(times))));
+      h("time", {}, this.source.recorded ? format.tenths(time) : format.clock(time)), h("span", {}, (blink ? text.session.blink : text.session.events[event]!) + text.session.times(times))));
   }
 
   private refreshRemarks(): void {
@@ -155,6 +155,22 @@ export function inBursts(marks: readonly Mark[]): Mark[] {
     if (burst?.event === mark.event && mark.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + mark.times };
     else found.push({ ...mark });
     last = mark.time;
+  }
+  return found;
+}
+
+export interface Listed extends Mark {
+  blink?: boolean; // lost, and back within a second
+}
+
+/** As many devices back as were lost within the second before: one line for both. */
+export function withBlinks(marks: readonly Mark[]): Listed[] {
+  const found: Listed[] = [];
+  for (const mark of marks) {
+    const before = found.at(-1);
+    const blink = mark.event === "deviceBack" && before?.event === "deviceLost" && !before.blink && before.times === mark.times && mark.time - before.time < BURST_S;
+    if (blink) found[found.length - 1] = { ...before, blink };
+    else found.push(mark);
   }
   return found;
 }

@@ -292,6 +292,7 @@ export const text = {
       state: "State changed", deviceLost: "Device lost", deviceBack: "Device back", contact: "Touch", release: "Release",
       cut: "Cut took effect", piece: "A piece came off", refused: "Cut refused", undone: "Cut undone",
     } as Record<string, string>,
+    blink: "Device lost and back",
     times: (n: number) => (n > 1 ? ` × ${n}` : ""),
     touches: "Touches too",
     noEvents: "Nothing has happened yet",

@@ -8,7 +8,7 @@ import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from
 import { STATE } from "../src/history";
 import type { Feed } from "../src/live";
 import { Tissue } from "../src/mesh";
-import { inBursts } from "../src/panels";
+import { inBursts, withBlinks } from "../src/panels";
 import { FeedSource, markerAt, noteAt, resectionsAt, type Mark } from "../src/source";
 import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/timeline";
 import { steps } from "./meshes";
@@ -60,6 +60,14 @@ test("jumps go to what happened and was said, not to touches, nor twice to one m
 test("the same event again and again within a second is one in the list", () => {
   assert.deepEqual(inBursts([mark(1, "cut"), mark(1.6, "cut", 2), mark(2.4, "cut"), mark(4, "cut"), mark(4.1, "piece"), mark(4.2, "cut")]),
     [mark(1, "cut", 4), mark(4, "cut"), mark(4.1, "piece"), mark(4.2, "cut")]);
+});
+
+test("devices that are back within a second are one line with their loss", () => {
+  const blink = { ...mark(1, "deviceLost", 2), blink: true };
+  assert.deepEqual(withBlinks([mark(1, "deviceLost", 2), mark(1.4, "deviceBack", 2)]), [blink]);
+  for (const apart of [[mark(1, "deviceLost"), mark(2.4, "deviceBack")], [mark(1, "deviceLost", 2), mark(1.4, "deviceBack")],
+    [mark(1, "deviceLost"), mark(1.2, "cut"), mark(1.4, "deviceBack")], [mark(1, "deviceBack"), mark(1.4, "deviceLost")]])
+    assert.deepEqual(withBlinks(apart), apart);
 });
 
 // ---- a record, as it comes -------------------------------------------------------------------------------

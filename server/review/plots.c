@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #define LINES_MAX 4
+#define SQUARE_PX 560
 
 struct drawing {
     struct plot plot;
@@ -50,7 +51,7 @@ static void square(struct drawing *d) {
         range_of(d->y[i], d->lines[i].count, &y[0], &y[1]);
     }
     double half = 0.52 * fmax(fmax(x[1] - x[0], y[1] - y[0]), 1);
-    d->plot.width = d->plot.height = 560;
+    d->plot.width = d->plot.height = SQUARE_PX;
     d->plot.x.min = (x[0] + x[1]) / 2 - half;
     d->plot.x.max = (x[0] + x[1]) / 2 + half;
     d->plot.y.min = (y[0] + y[1]) / 2 - half;
@@ -73,6 +74,7 @@ static void draw_path(FILE *file, const struct tip_lines *tip, enum tip_line han
 
 static void draw_offset(FILE *file, const struct tip_lines *tip) {
     struct drawing *d = drawing_create("Offset of the tip", "time, s", "mm");
+    d->plot.width = d->plot.height = SQUARE_PX; // as the paths beside it
     draw_line(d, NULL, &tip->lines[TIP_OFFSET], PLOT_BLUE, PLOT_SOLID);
     d->plot.y.max = 1;
     range_of(d->y[0], d->lines[0].count, &d->plot.y.min, &d->plot.y.max);

@@ -225,7 +225,7 @@ static void write_figure(void *context, const struct metric_value *v) {
         snprintf(value, sizeof value, v->below_floor ? "(%.4g)" : "%.4g", v->value);
     fprintf(page->file,
             "<tr><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td>%s</td><td>",
-            kind->name, kind->version, value, kind->unit);
+            kind->name, kind->version, value, strcmp(kind->unit, "1") == 0 ? "" : kind->unit);
     html_text(page->file, about);
     fputs("</td>", page->file);
     if (page->beside)

@@ -76,9 +76,8 @@ async function thirty_two_stations_are_on_one_wall({ house, browser, who, report
 
 async function messages_and_bytes_of_each_view({ house, browser, who, report, quick }) {
   const seconds = quick ? 3 : 10;
-  const { id } = await house.recorded();
   await house.runRoom("room-1");
-  for (const [name, hash] of [["wall", "#/wall"], ["station", "#/station/room-1"], ["scope", "#/scope/room-1"], ["debrief", `#/session/${id}`]]) {
+  for (const [name, hash] of [["wall", "#/wall"], ["station", "#/station/room-1"], ["scope", "#/scope/room-1"]]) {
     const page = await browser.page(await browser.context(who.instructor), hash);
     await page.locator("canvas").first().waitFor();
     await sleep(2000);
@@ -89,6 +88,11 @@ async function messages_and_bytes_of_each_view({ house, browser, who, report, qu
     report.figure(`${name}_bytes`, (heard.bytes - before.bytes) / seconds, "B/s");
     await browser.closeAll();
   }
+  const { id } = await house.recorded();
+  const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
+  await page.getByText("Complete; final volume matches the record").waitFor();
+  report.figure("debrief_messages_in_all", browser.heard(page).messages, "");
+  report.figure("debrief_bytes_in_all", browser.heard(page).bytes, "B");
 }
 
 export const tests = [

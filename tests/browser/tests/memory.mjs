@@ -1,8 +1,10 @@
 // What a browser needs after a while.
+import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
 import { sleep } from "../programs.mjs";
 
 const PAGE_KB = 4;
+const GROWS_MB = { at_once: 1.5, a_minute: 0.4 }; // a moment that leaked 300 bytes would take more
 
 // Of a process and all that it started, in MB.
 function residentMb(root) {
@@ -37,13 +39,16 @@ async function a_browser_that_stays_does_not_grow_without_end({ house, browser, 
   await page.locator("canvas.scene-canvas").waitFor();
   await sleep(3000);
   const tell = async (when) => {
-    report.figure(`browser_heap_${when}`, await heapMb(page), "MB");
+    const heap = await heapMb(page);
+    report.figure(`browser_heap_${when}`, heap, "MB");
     report.figure(`browser_memory_${when}`, residentMb(process.pid) - process.memoryUsage().rss / 1e6, "MB");
+    return heap;
   };
-  await tell("at_start");
+  const before = await tell("at_start");
   const stay = minutes || (quick ? 0.1 : 1);
   await sleep(stay * 60_000);
-  await tell(`after_${stay}_min`);
+  const grew = (await tell(`after_${stay}_min`)) - before;
+  assert.ok(grew <= GROWS_MB.at_once + GROWS_MB.a_minute * stay, `${grew.toFixed(1)} MB more after ${stay} minutes`);
 }
 
 export const tests = [a_browser_that_stays_does_not_grow_without_end];

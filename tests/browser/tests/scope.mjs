@@ -115,7 +115,7 @@ async function near_bone_and_far_from_it_the_picture_is_neither_white_nor_black(
     await world.house.runRoom(name);
     const page = await open(world, name);
     for (let turn = 0; turn < 360 / STEP_DEG; turn++) {
-      if (turn % (world.quick ? 8 : 4) === 0)
+      if (turn % (world.quick ? 12 : 4) === 0)
         for (let tilt = 0; tilt < 2; tilt++) {
           await page.keyboard.press("o");
           const { white } = await exposed(page, `${name}, turned by ${turn * STEP_DEG}°`);

@@ -232,6 +232,18 @@ static enum result bring_up_to_date(struct store *store, struct error *err) {
     return result;
 }
 
+// Where a file changes to WAL, SQLite refuses at once what others are in the way of.
+static enum result use_wal(struct store *store, struct error *err) {
+    const struct timespec round = {0, LOCK_ROUND_MS * NS_PER_MS};
+    int code = SQLITE_BUSY;
+    for (int waited = 0; code == SQLITE_BUSY && waited <= BUSY_MS; waited += LOCK_ROUND_MS) {
+        if (waited)
+            nanosleep(&round, NULL);
+        code = sqlite3_exec(store->db, "PRAGMA journal_mode = WAL", NULL, NULL, NULL);
+    }
+    return code == SQLITE_OK ? RESULT_OK : store_failed(store, code, err);
+}
+
 enum result store_open(const char *path, enum store_mode mode, const char *actor,
                        struct store **out_store, struct error *err) {
     struct store *store = alloc(1, sizeof *store);
@@ -248,8 +260,10 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
             path, SQLITE_OPEN_READWRITE | (mode == STORE_MAKE ? SQLITE_OPEN_CREATE : 0), &store->db,
             err);
     if (result == RESULT_OK)
+        result = use_wal(store, err);
+    if (result == RESULT_OK)
         result = store_run(store,
-                           "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+                           "PRAGMA synchronous = FULL;"
                            "PRAGMA foreign_keys = ON; PRAGMA secure_delete = ON;",
                            err);
     if (result == RESULT_OK)

@@ -56,6 +56,14 @@ async function attempt({ name, run }, world) {
   const seconds = Number(((performance.now() - begun) / 1000).toFixed(1));
   world.report.tests.push({ name, seconds, passed: !fault });
   say(`${fault ? "FAILED" : "passed"} ${seconds.toFixed(1).padStart(5)} s  ${name}${fault ? `\n${fault.stack}` : ""}`);
+  return !fault;
+}
+
+// As in ./check: who fails on a busy machine is tried once more, and named.
+async function attemptTwice(test, world) {
+  if (await attempt(test, world)) return;
+  const failed = world.report.tests.pop();
+  if (await attempt(test, world)) say(`failed at first and passed then: ${failed.name}`);
 }
 
 async function main() {
@@ -69,7 +77,7 @@ async function main() {
   try {
     browser = await Browser.open(house.url, out);
     const world = { house, browser, report, quick: options.quick, minutes: Number(options.minutes), who: {} };
-    for (const test of chosen()) await attempt(test, world);
+    for (const test of chosen()) await attemptTwice(test, world);
     for (const words of [...browser.errors, ...browser.violations]) say(words);
     report.mark("console_errors", browser.errors.length, "errors", 0);
     report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);

@@ -91,12 +91,15 @@ async function the_hands_of_a_session_on_another_case_are_carried_over(world) {
   const { page, asked } = await beside(world, `with=${other.id}&as=ghost`, id);
   await page.locator(".compare-line", { hasText: "The hands of arthrosis on tear-radial: carried over" }).waitFor();
   await key(page, "Home");
-  for (let i = 0; i < 2; i++) await key(page, "ArrowRight");
-  const early = ghost(await picture(page, ".stage"));
-  for (let i = 0; i < 2; i++) await key(page, "ArrowRight");
-  const late = ghost(await picture(page, ".stage"));
-  assert.ok(early.count > 100 && late.count > 100, `${early.count} and ${late.count} pixels of the other's hands`);
-  assert.ok(Math.hypot(late.x - early.x, late.y - early.y) > 2, "they do not go with the cursor");
+  const ghosts = [];
+  for (let i = 0; i < 5; i++) {
+    await key(page, "ArrowRight");
+    ghosts.push(ghost(await picture(page, ".stage")));
+  }
+  const seen = ghosts.filter(({ count }) => count > 100);
+  assert.ok(seen.length >= 3, `the other's hands are in ${seen.length} of 5 pictures`);
+  const farthest = Math.max(...seen.map(({ x, y }) => Math.hypot(x - seen[0].x, y - seen[0].y)));
+  assert.ok(farthest > 2, "they do not go with the cursor");
   await page.getByText("Side by side").click();
   assert.equal(ghost(await picture(page, ".stage:not(.other)")).count, 0, "no ghost is left");
   await picture(page, ".stage.other");

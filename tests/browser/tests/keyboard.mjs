@@ -86,6 +86,7 @@ async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who 
   await house.runRoom("room-1");
   const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
   const note = page.getByRole("button", { name: "Note …" });
+  await until("there is a session to note something in", () => note.isEnabled());
   await note.focus();
   await page.keyboard.press("Enter");
   await page.locator("dialog textarea").waitFor();

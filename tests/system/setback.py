@@ -129,7 +129,7 @@ class SetBack(Bites):
         wait_until("the end of the one before", lambda: call_json("arthron-trace", "info", second["trace"])["whole"])
         self.server.end(signal.SIGKILL)
         self.server = self.start_server()
-        self.assertEqual(self.session()["id"], third["id"])
+        wait_until("its session", lambda: self.session()["id"] == third["id"])
         wait_until("the same tissue", lambda: self.figures() == on)
         self.server.end()
         self.assertEqual(sorted(os.listdir(self.traces)),

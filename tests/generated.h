@@ -1,7 +1,7 @@
 // Knees that tests make from recipes.
 #pragma once
 
-#include "case/generate.h"
+#include "generate/generate.h"
 #include "test.h"
 
 // Of a recipe's folder. The test fails where it cannot be made; the caller destroys it.

@@ -1,7 +1,7 @@
 #include "case/arc.h"
 
 #include "base/check.h"
-#include "case/columns.h"
+#include "mesh/columns.h"
 
 #include <stdlib.h>
 #include <string.h>

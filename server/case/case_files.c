@@ -2,7 +2,7 @@
 #include "case/case.h"
 #include "case/gltf.h"
 #include "case/manifest.h"
-#include "case/store.h"
+#include "case/files.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -130,11 +130,11 @@ static enum result read_both(const char *dir, size_t max_bytes, struct case_byte
     char path[PATH_MAX];
     snprintf(path, sizeof path, "%s/" MANIFEST_FILE, dir);
     enum result result =
-        store_read(path, max_bytes, &out_bytes->manifest, &out_bytes->manifest_size, err);
+        files_read(path, max_bytes, &out_bytes->manifest, &out_bytes->manifest_size, err);
     if (result != RESULT_OK)
         return result;
     snprintf(path, sizeof path, "%s/" ANATOMY_FILE, dir);
-    return store_read(path, max_bytes, &out_bytes->anatomy, &out_bytes->anatomy_size, err);
+    return files_read(path, max_bytes, &out_bytes->anatomy, &out_bytes->anatomy_size, err);
 }
 
 enum result case_load(const char *dir, const struct case_limits *limits,
@@ -221,9 +221,9 @@ enum result case_save(struct knee_case *knee, const char *dir, struct error *err
     struct case_bytes bytes = {0};
     result = encode(knee, &bytes, err);
     if (result == RESULT_OK) {
-        struct store_file files[] = {{ANATOMY_FILE, bytes.anatomy, bytes.anatomy_size},
+        struct named_bytes files[] = {{ANATOMY_FILE, bytes.anatomy, bytes.anatomy_size},
                                      {MANIFEST_FILE, bytes.manifest, bytes.manifest_size}};
-        result = store_write(dir, files, 2, err);
+        result = files_write(dir, files, 2, err);
     } else {
         fail_in(err, result, "%s: ", dir);
     }

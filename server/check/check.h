@@ -18,7 +18,7 @@
 // apart.
 #pragma once
 
-#include "case/inspect.h"
+#include "check/inspect.h"
 #include "check/facing.h"
 #include "check/field.h"
 #include "check/grade.h"

@@ -1,6 +1,6 @@
 #include "check/grade.h"
 
-#include "case/store.h"
+#include "case/files.h"
 
 #include <errno.h>
 #include <jansson.h>
@@ -93,7 +93,7 @@ enum result grade_read(const char *dir, struct case_grade *out, struct error *er
     snprintf(path, sizeof path, "%s/%s", dir, GRADE_FILE);
     if (access(path, F_OK) && errno == ENOENT)
         return fail(err, RESULT_MISSING, "%s: there is none", path);
-    enum result result = store_read(path, FILE_BYTES_MAX, &bytes, &size, err);
+    enum result result = files_read(path, FILE_BYTES_MAX, &bytes, &size, err);
     if (result != RESULT_OK)
         return result;
     result = parse(bytes, size, out, err);

@@ -1,7 +1,7 @@
 // What a case's torn ligaments do to its joint.
 #pragma once
 
-#include "session/session.h"
+#include "step/session.h"
 
 #define OPENING_STEPS 61 // 0 to 120 degrees of flexion, every 2
 

@@ -1,7 +1,7 @@
 #include "check/verdict.h"
 
 #include "base/check.h"
-#include "case/store.h"
+#include "case/files.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -201,8 +201,8 @@ char *verdict_text(const struct check *check, int64_t utc_s) {
 enum result verdict_save(const struct check *check, int64_t utc_s, const char *dir,
                          struct error *err) {
     char *text = verdict_text(check, utc_s);
-    struct store_file file = {GRADE_FILE, text, strlen(text)};
-    enum result result = store_write(dir, &file, 1, err);
+    struct named_bytes file = {GRADE_FILE, text, strlen(text)};
+    enum result result = files_write(dir, &file, 1, err);
     free(text);
     return result;
 }

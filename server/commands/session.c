@@ -1,4 +1,4 @@
-#include "session/session.h"
+#include "step/session.h"
 
 #include "commands/commands.h"
 #include "net/console.h"

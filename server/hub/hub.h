@@ -8,8 +8,8 @@
 #pragma once
 
 #include "base/result.h"
-#include "session/optic.h"
-#include "session/session.h"
+#include "step/optic.h"
+#include "step/session.h"
 
 #define HUB_STATIONS_MAX 64
 #define HUB_CASES_MAX 64

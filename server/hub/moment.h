@@ -3,7 +3,7 @@
 // allocates or looks at a clock.
 #pragma once
 
-#include "session/session.h"
+#include "step/session.h"
 #include "wire/wire.h"
 
 struct moment_instrument {

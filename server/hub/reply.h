@@ -2,7 +2,7 @@
 #pragma once
 
 #include "metrics/metrics.h"
-#include "session/session.h"
+#include "step/session.h"
 #include "wire/wire.h"
 
 // Each instrument's pose and lead go into the frame of the body whose surface is nearest, so that a

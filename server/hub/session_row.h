@@ -1,7 +1,7 @@
 // One session as the records (store) keep it.
 #pragma once
 
-#include "session/session.h"
+#include "step/session.h"
 #include "store/store.h"
 #include "trace/trace.h"
 

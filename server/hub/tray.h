@@ -4,7 +4,7 @@
 #pragma once
 
 #include "net/mesh_payload.h"
-#include "session/operation.h"
+#include "step/operation.h"
 
 #include <stdbool.h>
 

@@ -9,7 +9,7 @@
 #include "metrics/touch.h"
 #include "metrics/travel.h"
 #include "metrics/view.h"
-#include "session/session.h"
+#include "step/session.h"
 
 // Where steps are farther apart than this, what stands at the earlier one counts for so long.
 #define METRICS_STEP_MAX_NS 100000000LL

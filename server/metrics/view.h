@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/pose.h"
-#include "session/optic.h"
+#include "step/optic.h"
 
 #include <stdbool.h>
 #include <stdint.h>

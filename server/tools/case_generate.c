@@ -1,4 +1,4 @@
-#include "case/generate.h"
+#include "generate/generate.h"
 #include "case_commands.h"
 
 #include <getopt.h>

@@ -1,7 +1,7 @@
 #include "base/number.h"
-#include "case/bridge.h"
-#include "case/import.h"
-#include "case/inspect.h"
+#include "generate/bridge.h"
+#include "import/import.h"
+#include "check/inspect.h"
 #include "case_commands.h"
 #include "case_import_report.h"
 

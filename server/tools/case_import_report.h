@@ -1,7 +1,7 @@
 // What arthron-case import says of each mesh.
 #pragma once
 
-#include "case/import.h"
+#include "import/import.h"
 
 #include <jansson.h>
 

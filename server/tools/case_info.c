@@ -1,4 +1,4 @@
-#include "case/inspect.h"
+#include "check/inspect.h"
 #include "case_commands.h"
 #include "case_keys.h"
 #include "mesh/topology.h"

@@ -1,4 +1,4 @@
-#include "case/maxcut.h"
+#include "generate/maxcut.h"
 #include "case_commands.h"
 
 #include <getopt.h>

@@ -1,4 +1,4 @@
-#include "case/motion.h"
+#include "motion/motion.h"
 #include "case_commands.h"
 
 #include <errno.h>

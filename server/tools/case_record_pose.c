@@ -1,8 +1,8 @@
-#include "case/record.h"
+#include "case/recorded_keys.h"
 #include "case_commands.h"
 #include "case_keys.h"
 #include "net/console.h"
-#include "session/session.h"
+#include "step/session.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -145,25 +145,25 @@ static enum result present_pose(const struct knee_case *knee, const struct reque
 
 // ---- into the case ------------------------------------------------------------------------------
 
-static void say_what_waits(const struct knee_case *knee, const struct record *record) {
+static void say_what_waits(const struct knee_case *knee, const struct recorded_keys *record) {
     for (int i = 0; i < record->count; i++)
         printf("%s at %.1f deg of flexion waits for its target\n", record->waiting[i].ligament,
                joint_from_pose(&knee->joint, record->waiting[i].physical).flexion_deg);
 }
 
 static enum result take_pose(struct knee_case *knee, const struct request *request, pose p,
-                             struct record *record, struct error *err) {
+                             struct recorded_keys *record, struct error *err) {
     int key = -1;
     if (request->role == ROLE_REST) {
-        enum result result = record_rest(knee, p, err);
+        enum result result = recorded_keys_rest(knee, p, err);
         if (result == RESULT_OK)
             printf("at rest at %.1f deg of flexion\n",
                    joint_from_pose(&knee->joint, p).flexion_deg);
         return result;
     }
     if (request->role == ROLE_PHYSICAL)
-        return record_physical(knee, record, request->ligament, p, err);
-    enum result result = record_target(knee, record, request->ligament, p, &key, err);
+        return recorded_keys_physical(knee, record, request->ligament, p, err);
+    enum result result = recorded_keys_target(knee, record, request->ligament, p, &key, err);
     if (result == RESULT_OK)
         print_key(knee, key);
     return result;
@@ -178,14 +178,14 @@ static enum result try_keys(const struct knee_case *knee, struct error *err) {
 }
 
 static enum result save(struct knee_case *knee, const struct request *request,
-                        const struct record *record, struct error *err) {
+                        const struct recorded_keys *record, struct error *err) {
     enum result result = RESULT_OK;
     if (request->role != ROLE_PHYSICAL)
         result = try_keys(knee, err);
     if (result == RESULT_OK && request->role != ROLE_PHYSICAL)
         result = case_save(knee, request->dir, err);
     if (result == RESULT_OK)
-        result = record_save(request->dir, record, err);
+        result = recorded_keys_save(request->dir, record, err);
     if (result != RESULT_OK)
         return result;
     say_what_waits(knee, record);
@@ -197,9 +197,9 @@ static enum result save(struct knee_case *knee, const struct request *request,
 
 static enum result record_pose(struct knee_case *knee, const struct request *request,
                                struct error *err) {
-    struct record record;
+    struct recorded_keys record;
     pose p;
-    enum result result = record_load(request->dir, &record, err);
+    enum result result = recorded_keys_load(request->dir, &record, err);
     if (result == RESULT_OK)
         result = present_pose(knee, request, &p, err);
     if (result == RESULT_OK)

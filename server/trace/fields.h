@@ -1,7 +1,7 @@
 // Every field of a step's output by name: what a replay compares and what a table has as columns.
 #pragma once
 
-#include "session/session.h"
+#include "step/session.h"
 
 #define TRACE_FIELDS_MAX 640
 #define TRACE_FIELD_TEXT_MAX 80

@@ -2,7 +2,7 @@
 
 #include "base/bytes.h"
 #include "base/check.h"
-#include "session/digest.h"
+#include "step/digest.h"
 
 #include <string.h>
 

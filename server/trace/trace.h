@@ -7,8 +7,8 @@
 #pragma once
 
 #include "base/result.h"
-#include "session/optic.h"
-#include "session/session.h"
+#include "step/optic.h"
+#include "step/session.h"
 #include "trace/remark.h"
 
 #define TRACE_VERSION 4

@@ -1,4 +1,4 @@
-#include "case/generate_tube.h"
+#include "generate/tube.h"
 #include "cut.h"
 #include "cutting/bites.h"
 

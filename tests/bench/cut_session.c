@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "case/generate.h"
+#include "generate/generate.h"
 #include "folder.h"
 #include "hub/hub.h"
 #include "link/link.h"

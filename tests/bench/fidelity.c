@@ -2,7 +2,7 @@
 #include "fidelity.h"
 
 #include "avatar.h"
-#include "case/generate.h"
+#include "generate/generate.h"
 
 #include <stdio.h>
 #include <string.h>

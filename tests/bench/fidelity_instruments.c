@@ -3,7 +3,7 @@
 #include "base/check.h"
 #include "fidelity.h"
 #include "scene/probe.h"
-#include "session/session.h"
+#include "step/session.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,11 +1,11 @@
 // The cases that ship, made in memory: torn ligaments meet their keys and rest at rest, and the
 // space around folds nowhere.
 #include "base/check.h"
-#include "case/generate.h"
+#include "generate/generate.h"
 #include "check/field.h"
 #include "fidelity.h"
 #include "harmonic.h"
-#include "session/session.h"
+#include "step/session.h"
 
 #include <dirent.h>
 #include <stdio.h>

@@ -1,8 +1,8 @@
 // One case, its meshes written in m, cm and mm, imported, displaced, saved and loaded: the warp
 // must not tell which.
 #include "base/check.h"
-#include "case/generate.h"
-#include "case/import.h"
+#include "generate/generate.h"
+#include "import/import.h"
 #include "fidelity.h"
 #include "folder.h"
 

@@ -2,8 +2,8 @@
 
 #include "base/clock.h"
 #include "bench.h"
-#include "case/generate_tube.h"
-#include "case/maxcut.h"
+#include "generate/tube.h"
+#include "generate/maxcut.h"
 #include "cut/cut.h"
 #include "mesh/query.h"
 #include "random.h"

@@ -1,7 +1,7 @@
 // Hands at work, and the same hands measured worse: the figures of each.
 #pragma once
 
-#include "case/motion.h"
+#include "motion/motion.h"
 #include "metrics/metrics.h"
 
 struct hands_row {

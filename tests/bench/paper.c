@@ -1,6 +1,6 @@
 #include "paper.h"
 
-#include "case/generate.h"
+#include "generate/generate.h"
 
 #include <errno.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 // Fig. 8 to 10: a knee whose medial ligament is torn opens farther than the mock-up's.
 #include "base/check.h"
-#include "case/motion_joint.h"
+#include "motion/joint.h"
 #include "paper.h"
 #include "report/render.h"
 #include "samples.h"

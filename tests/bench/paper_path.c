@@ -2,7 +2,7 @@
 // Fig. 4.
 #include "base/check.h"
 #include "base/clock.h"
-#include "case/motion_joint.h"
+#include "motion/joint.h"
 #include "paper.h"
 #include "report/lines.h"
 #include "report/render.h"

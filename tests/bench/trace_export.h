@@ -2,7 +2,7 @@
 #pragma once
 
 #include "bench.h"
-#include "session/session.h"
+#include "step/session.h"
 
 // The trace's folder gets files that are gone again.
 enum result bench_export(const char *trace, const struct scene *scene, struct report *report,

@@ -5,7 +5,7 @@
 #include "case/gltf.h"
 
 #include "case/case.h"
-#include "case/store.h"
+#include "case/files.h"
 #include "models.h"
 #include "test.h"
 #include "unit/case_knee.h"
@@ -72,9 +72,9 @@ static struct verdict read_in_child(const uint8_t *bytes, size_t size) {
         verdict.nodes = gltf_node_count(gltf);
     gltf_destroy(&gltf);
     memcpy(verdict.text, err.text, sizeof verdict.text);
-    struct store_file file = {"anatomy.glb", bytes, size};
+    struct named_bytes file = {"anatomy.glb", bytes, size};
     struct knee_case *knee = NULL;
-    if (store_write(folder, &file, 1, &err) == RESULT_OK)
+    if (files_write(folder, &file, 1, &err) == RESULT_OK)
         verdict.is_a_case = case_load(folder, NULL, &knee, &err) == RESULT_OK;
     case_destroy(&knee);
     return verdict;

@@ -1,7 +1,7 @@
 #include "cutting/specimens.h"
 
 #include "base/check.h"
-#include "case/generate_tube.h"
+#include "generate/tube.h"
 #include "cutting/voxels.h"
 #include "scene/shapes.h"
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/check.h"
-#include "session/session.h"
+#include "step/session.h"
 #include "unit/case_knee.h"
 
 // Made once; it lives as long as the process.

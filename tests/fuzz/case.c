@@ -2,7 +2,7 @@
 #include "case/case.h"
 
 #include "base/check.h"
-#include "case/inspect.h"
+#include "check/inspect.h"
 #include "fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

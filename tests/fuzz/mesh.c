@@ -1,6 +1,6 @@
 // A surface file; the first byte, 0 to 3 as a letter, names its format.
 #include "base/check.h"
-#include "case/import.h"
+#include "import/import.h"
 #include "fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

@@ -1,5 +1,5 @@
 // How a cut's new blends reach the displacements that the warp reads, and their means.
-#include "session/easing.h"
+#include "step/easing.h"
 
 #include "base/check.h"
 #include "generated.h"

@@ -1,6 +1,6 @@
 // Whatever mesh comes: what repair may do and what it may not.
 
-#include "case/repair.h"
+#include "import/repair.h"
 
 #include "random.h"
 #include "scene/shapes.h"

@@ -3,7 +3,7 @@
 #include "base/clock.h"
 #include "generated.h"
 #include "random.h"
-#include "session/scene.h"
+#include "step/scene.h"
 #include "test.h"
 
 #include <string.h>

@@ -1,6 +1,6 @@
 // Meshes of scanned knees as they were published: what import finds, does and leaves.
 
-#include "case/import.h"
+#include "import/import.h"
 #include "test.h"
 
 #include <stdio.h>

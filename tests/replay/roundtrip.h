@@ -2,7 +2,7 @@
 #pragma once
 
 #include "replay/parts.h"
-#include "session/session.h"
+#include "step/session.h"
 
 struct roundtrip {
     uint64_t steps, jobs, landed, maps; // that were compared

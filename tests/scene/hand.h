@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/clock.h"
-#include "session/session.h"
+#include "step/session.h"
 
 #define STEP_NS NS_PER_MS
 

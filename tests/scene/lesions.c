@@ -1,7 +1,7 @@
 #include "scene/lesions.h"
 
-#include "case/deform.h"
-#include "case/inspect.h"
+#include "generate/deform.h"
+#include "check/inspect.h"
 #include "match/match.h"
 #include "mesh/query.h"
 #include "random.h"

@@ -1,7 +1,7 @@
 #include "scene/played.h"
 
 #include "base/clock.h"
-#include "case/generate.h"
+#include "generate/generate.h"
 
 #include <stdio.h>
 

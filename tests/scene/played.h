@@ -2,8 +2,8 @@
 // do with a station, without either.
 #pragma once
 
-#include "case/motion.h"
-#include "session/session.h"
+#include "motion/motion.h"
+#include "step/session.h"
 
 struct played {
     struct scene *scene;

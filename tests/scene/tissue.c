@@ -1,7 +1,7 @@
 #include "scene/tissue.h"
 
 #include "base/check.h"
-#include "case/generate_tube.h"
+#include "generate/tube.h"
 #include "random.h"
 #include "scene/shapes.h"
 

@@ -1,6 +1,6 @@
-#include "case/bridge.h"
+#include "generate/bridge.h"
 
-#include "case/import.h"
+#include "import/import.h"
 #include "case_knee.h"
 #include "test.h"
 

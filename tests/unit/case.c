@@ -1,6 +1,6 @@
 #include "case/case.h"
 
-#include "case/inspect.h"
+#include "check/inspect.h"
 #include "case_knee.h"
 #include "random.h"
 #include "test.h"

@@ -1,4 +1,4 @@
-#include "case/import.h"
+#include "import/import.h"
 #include "case_knee.h"
 #include "mesh/topology.h"
 #include "random.h"

@@ -1,4 +1,4 @@
-#include "case/deform.h"
+#include "generate/deform.h"
 
 #include "test.h"
 

@@ -1,4 +1,4 @@
-#include "session/discrepancy.h"
+#include "step/discrepancy.h"
 
 #include "random.h"
 #include "test.h"

@@ -1,4 +1,4 @@
-#include "case/generate.h"
+#include "generate/generate.h"
 
 #include "folder.h"
 #include "mesh/query.h"

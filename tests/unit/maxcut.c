@@ -1,8 +1,8 @@
-#include "case/maxcut.h"
+#include "generate/maxcut.h"
 
 #include "case/arc.h"
-#include "case/columns.h"
-#include "case/generate.h"
+#include "mesh/columns.h"
+#include "generate/generate.h"
 #include "test.h"
 #include "unit/case_knee.h"
 #include "winding.h"

@@ -1,8 +1,8 @@
-#include "case/motion.h"
+#include "motion/motion.h"
 
-#include "case/generate.h"
-#include "case/motion_joint.h"
-#include "case/solid.h"
+#include "generate/generate.h"
+#include "motion/joint.h"
+#include "mesh/solid.h"
 #include "folder.h"
 #include "mesh/query.h"
 #include "random.h"

@@ -1,6 +1,6 @@
 // The script of a resection on a torn knee.
-#include "case/generate.h"
-#include "case/motion.h"
+#include "generate/generate.h"
+#include "motion/motion.h"
 #include "mesh/query.h"
 #include "test.h"
 #include "winding.h"

@@ -1,7 +1,7 @@
 // What an operation tells of a cut, where it can be told by hand: on a meniscus that is a box.
-#include "session/operation.h"
+#include "step/operation.h"
 
-#include "session/session.h"
+#include "step/session.h"
 #include "test.h"
 #include "unit/case_knee.h"
 

@@ -1,4 +1,4 @@
-#include "case/generate_tube.h"
+#include "generate/tube.h"
 #include "quality/quality.h"
 #include "random.h"
 #include "test.h"

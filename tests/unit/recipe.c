@@ -1,5 +1,5 @@
 // Recipe files, good and at fault.
-#include "case/generate.h"
+#include "generate/generate.h"
 #include "folder.h"
 #include "test.h"
 

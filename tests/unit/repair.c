@@ -1,4 +1,4 @@
-#include "case/repair.h"
+#include "import/repair.h"
 
 #include "random.h"
 #include "scene/shapes.h"

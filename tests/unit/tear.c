@@ -1,7 +1,7 @@
-#include "case/tear.h"
+#include "generate/tear.h"
 
-#include "case/generate.h"
-#include "case/maxcut.h"
+#include "generate/generate.h"
+#include "generate/maxcut.h"
 #include "cut/cut.h"
 #include "mesh/topology.h"
 #include "random.h"

@@ -1,7 +1,7 @@
 // The generated cases with torn ligaments, through the adaptive warp as a session has it.
-#include "case/generate.h"
-#include "case/motion.h"
-#include "case/motion_joint.h"
+#include "generate/generate.h"
+#include "motion/motion.h"
+#include "motion/joint.h"
 #include "test.h"
 #include "warp/adaptive.h"
 

@@ -6,7 +6,7 @@ import { cameraFieldDeg, cameraInTip, multiply, notchAngle, type Optic, type Rot
 
 const RAD = Math.PI / 180;
 
-// As server/session/optic.c has it: the axis of the cone in the tip's frame, here with a turned post.
+// As server/step/optic.c has it: the axis of the cone in the tip's frame, here with a turned post.
 function axis({ tiltDeg, postDeg }: Optic): Vector3 {
   return new Vector3(0, Math.sin(tiltDeg * RAD), Math.cos(tiltDeg * RAD)).applyAxisAngle(new Vector3(0, 0, 1), postDeg * RAD);
 }

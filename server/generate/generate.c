@@ -1,0 +1,203 @@
+#include "generate/generate.h"
+
+#include "base/check.h"
+#include "generate/bridge.h"
+#include "generate/keys.h"
+#include "generate/shape.h"
+#include "generate/tube.h"
+#include "generate/maxcut.h"
+#include "mesh/query.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double patella_gap = 0.5;
+static const int patella_step_deg = 5;
+
+// From the right knee of size 1 to the recipe's.
+static vec3 to_patient(const struct recipe *recipe, vec3 p) {
+    double mirror = recipe->side == SIDE_LEFT ? -1 : 1;
+    return vec3_scale(recipe->size, (vec3){mirror * p.x, p.y, p.z});
+}
+
+static pose pose_to_patient(const struct recipe *recipe, pose p) {
+    double mirror = recipe->side == SIDE_LEFT ? -1 : 1;
+    quat q = p.rotation;
+    return (pose){{q.w, q.x, mirror * q.y, mirror * q.z}, to_patient(recipe, p.translation)};
+}
+
+static void mesh_to_patient(const struct recipe *recipe, struct mesh *mesh) {
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        mesh_set_vertex(mesh, v, to_patient(recipe, mesh_vertex(mesh, v)));
+    if (recipe->side == SIDE_RIGHT)
+        return;
+    for (size_t t = 0; t < mesh->triangle_count; t++) {
+        uint32_t *corner = mesh->triangles + 3 * t, first = corner[0];
+        corner[0] = corner[1];
+        corner[1] = first;
+    }
+}
+
+// Takes the mesh of the right knee of size 1 over as a group of one part.
+static struct case_group *add(struct knee_case *knee, const struct recipe *recipe, const char *name,
+                              enum body body, struct mesh *mesh) {
+    mesh_to_patient(recipe, mesh);
+    struct case_group *group = case_add_group(knee, name, body);
+    CHECK(group);
+    struct error err;
+    enum result result = case_add_part(group, name, mesh, &err);
+    CHECK(result == RESULT_OK);
+    mesh_fini(mesh);
+    return group;
+}
+
+// The patella's frame coincides with the femur's at flexion 0, as those of all bodies do.
+static void add_patella(struct knee_case *knee, const struct recipe *recipe, double edge) {
+    struct mesh mesh;
+    implicit_mesh(shape_patella, shape_patella_box(), edge, &mesh);
+    pose rest = shape_patella_pose(&mesh, 0, patella_gap);
+    for (int flexion = 0; flexion <= SHAPE_FLEXION_MAX; flexion += patella_step_deg) {
+        pose there = shape_patella_pose(&mesh, flexion, patella_gap);
+        pose path = pose_compose(there, pose_inverse(rest));
+        knee->patella_keys[knee->patella_key_count++] =
+            (struct patella_key){flexion, pose_to_patient(recipe, path)};
+    }
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        mesh_set_vertex(&mesh, v, pose_apply(rest, mesh_vertex(&mesh, v)));
+    add(knee, recipe, "patella", BODY_PATELLA, &mesh);
+}
+
+static void add_bones(struct knee_case *knee, const struct recipe *recipe, double edge) {
+    struct mesh mesh;
+    implicit_mesh(shape_femur, shape_femur_box(), edge, &mesh);
+    add(knee, recipe, "femur", BODY_FEMUR, &mesh);
+    implicit_mesh(shape_tibia, shape_tibia_box(), edge, &mesh);
+    add(knee, recipe, "tibia", BODY_TIBIA, &mesh);
+    add_patella(knee, recipe, 0.7 * edge);
+}
+
+static enum result add_menisci(struct knee_case *knee, const struct recipe *recipe, double edge,
+                               struct error *err) {
+    static const char *const names[] = {"meniscus_medial", "meniscus_lateral"};
+    double cm3[] = {recipe->meniscus_medial_cm3, recipe->meniscus_lateral_cm3};
+    for (int i = 0; i < 2; i++) {
+        struct mesh mesh;
+        bool reached = tube_meniscus(i == 1, 1000 * cm3[i], edge / 2, &mesh);
+        add(knee, recipe, names[i], BODY_TIBIA, &mesh)->cuttable = true;
+        if (!reached)
+            return fail(err, RESULT_INVALID, "%s: %g cm3 do not fit under the femur", names[i],
+                        cm3[i]);
+    }
+    return RESULT_OK;
+}
+
+static enum result add_ligaments(struct knee_case *knee, const struct recipe *recipe, double edge,
+                                 struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < LIGAMENT_COUNT && result == RESULT_OK; i++) {
+        struct mesh mesh;
+        tube_ligament(&ligaments[i], edge / 2, &mesh);
+        struct case_group *group = add(knee, recipe, ligaments[i].name, BODY_TIBIA, &mesh);
+        result = bridge_make(knee, group, BODY_FEMUR, err);
+    }
+    return result;
+}
+
+// Beside the patellar tendon, at the joint line: the skin's point in front of (x, z).
+static void add_portals(struct knee_case *knee, const struct recipe *recipe,
+                        const struct query *skin) {
+    static const struct {
+        const char *name;
+        vec3 before, towards;
+    } portals[] = {{"anterolateral", {20, 60, -23}, {5, 8, -19}},
+                   {"anteromedial", {-20, 60, -23}, {-5, 8, -19}}};
+    for (int i = 0; i < 2; i++) {
+        struct case_portal *portal = &knee->portals[knee->portal_count++];
+        struct closest closest;
+        bool found = query_closest(skin, to_patient(recipe, portals[i].before), INFINITY, MESH_NONE,
+                                   &closest);
+        CHECK(found);
+        vec3 inward = vec3_sub(to_patient(recipe, portals[i].towards), closest.point);
+        snprintf(portal->name, sizeof portal->name, "%s", portals[i].name);
+        portal->position = closest.point;
+        portal->direction = vec3_unit_or(inward, (vec3){0, -1, 0});
+    }
+}
+
+static enum result add_skin(struct knee_case *knee, const struct recipe *recipe, double edge,
+                            struct error *err) {
+    struct mesh mesh;
+    implicit_mesh(shape_skin, shape_skin_box(), 2 * edge, &mesh);
+    struct case_group *group = add(knee, recipe, "skin", BODY_FEMUR, &mesh);
+    struct query *query;
+    enum result result = query_create(&group->mesh, &query, err);
+    if (result != RESULT_OK)
+        return result;
+    add_portals(knee, recipe, query);
+    query_destroy(&query);
+    return bridge_make(knee, group, BODY_TIBIA, err);
+}
+
+static enum result add_cavity(struct knee_case *knee, const struct recipe *recipe,
+                              const struct recipe_cavity *cavity, struct error *err) {
+    struct case_group *groups[CASE_GROUPS_MAX];
+    int count = 0;
+    groups[count++] = case_group(knee, body_name(cavity->body));
+    for (int i = 0; i < knee->group_count; i++)
+        if (knee->groups[i].body == cavity->body && &knee->groups[i] != groups[0])
+            groups[count++] = &knee->groups[i];
+    struct deform_cavity dent = cavity->dent;
+    dent.at = to_patient(recipe, dent.at);
+    enum result result = deform_cavity_add(groups, count, &dent, err);
+    return result == RESULT_OK ? result : fail_in(err, result, "[cavity %s] ", cavity->name);
+}
+
+static enum result add_maxcut(struct knee_case *knee, const struct recipe *recipe,
+                              struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < knee->group_count && recipe->rim_mm > 0 && result == RESULT_OK; i++)
+        if (knee->groups[i].cuttable)
+            result = maxcut_make(&knee->groups[i], knee->joint.T_tibia_joint, recipe->rim_mm, err);
+    return result;
+}
+
+static enum result add_tear(struct knee_case *knee, const struct recipe *recipe,
+                            const struct recipe_tear *tear, struct error *err) {
+    struct case_group *group = case_group(knee, tear->group);
+    CHECK(group);
+    struct mesh mesh;
+    struct arc *arc;
+    case_group_virtual(group, &mesh);
+    enum result result = arc_create(&mesh, knee->joint.T_tibia_joint, &arc, err);
+    if (result == RESULT_OK)
+        result = tear_add(group, arc, &tear->tear, recipe->rim_mm, err);
+    arc_destroy(&arc);
+    mesh_fini(&mesh);
+    return result == RESULT_OK ? result : fail_in(err, result, "[tear %s] ", tear->name);
+}
+
+enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
+                          struct error *err) {
+    struct knee_case *knee = case_create(recipe->name, recipe->title);
+    double edge = recipe->resolution_mm / recipe->size;
+    knee->joint = (struct joint_frame){recipe->side, pose_identity(), pose_identity()};
+    add_bones(knee, recipe, edge);
+    enum result result = add_menisci(knee, recipe, edge, err);
+    if (result == RESULT_OK)
+        result = add_ligaments(knee, recipe, edge, err);
+    if (result == RESULT_OK && recipe->ligament_count)
+        result = generate_keys(knee, recipe, err);
+    if (result == RESULT_OK)
+        result = add_skin(knee, recipe, edge, err);
+    for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)
+        result = add_cavity(knee, recipe, &recipe->cavities[i], err);
+    if (result == RESULT_OK)
+        result = add_maxcut(knee, recipe, err);
+    for (int i = 0; i < recipe->tear_count && result == RESULT_OK; i++)
+        result = add_tear(knee, recipe, &recipe->tears[i], err);
+    if (result != RESULT_OK)
+        case_destroy(&knee);
+    *out_case = knee;
+    return result;
+}

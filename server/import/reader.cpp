@@ -1,0 +1,186 @@
+#include "import/reader.h"
+
+#include "import/claim.h"
+
+#include <OpenMesh/Core/IO/IOManager.hh>
+#include <OpenMesh/Core/IO/MeshIO.hh>
+#include <OpenMesh/Core/System/omstream.hh>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace OpenMesh;
+
+// OpenMesh's own importer builds half-edges, which splits what is not manifold and aborts on bad
+// indices. This one keeps what the file says.
+class collector final : public IO::BaseImporter {
+  public:
+    explicit collector(uint32_t triangles_max) : triangles_max_(triangles_max) {}
+
+    std::vector<float> positions;
+    std::vector<uint32_t> triangles;
+    uint32_t faces = 0, dropped = 0;
+    bool too_many = false;
+
+    VertexHandle add_vertex(const Vec3f &point) override {
+        if (n_vertices() >= 3 * (size_t)triangles_max_)
+            too_many = true;
+        else
+            positions.insert(positions.end(), {point[0], point[1], point[2]});
+        return VertexHandle((int)n_vertices() - 1);
+    }
+
+    VertexHandle add_vertex() override {
+        return add_vertex(Vec3f(0, 0, 0));
+    }
+
+    void set_point(VertexHandle vertex, const Vec3f &point) override {
+        if (vertex.idx() >= 0 && (size_t)vertex.idx() < n_vertices())
+            memcpy(&positions[3 * (size_t)vertex.idx()], point.data(), 3 * sizeof(float));
+    }
+
+    FaceHandle add_face(const VHandles &corners) override {
+        faces++;
+        dropped += corners.size() < 3;
+        for (size_t i = 2; i < corners.size() && !too_many; i++)
+            add_triangle(corners[0], corners[i - 1], corners[i]);
+        return FaceHandle((int)n_faces() - 1);
+    }
+
+    size_t n_vertices() const override {
+        return positions.size() / 3;
+    }
+    size_t n_faces() const override {
+        return triangles.size() / 3;
+    }
+    size_t n_edges() const override {
+        return 0;
+    }
+    BaseKernel *kernel() override {
+        return &kernel_;
+    }
+
+    // Nothing but points and faces is kept.
+    HalfedgeHandle add_edge(VertexHandle, VertexHandle) override {
+        return HalfedgeHandle();
+    }
+    FaceHandle add_face(HalfedgeHandle) override {
+        return FaceHandle();
+    }
+    void add_face_texcoords(FaceHandle, VertexHandle, const std::vector<Vec2f> &) override {}
+    void add_face_texcoords(FaceHandle, VertexHandle, const std::vector<Vec3f> &) override {}
+    void set_face_texindex(FaceHandle, int) override {}
+    void set_halfedge(VertexHandle, HalfedgeHandle) override {}
+    void set_normal(VertexHandle, const Vec3f &) override {}
+    void set_normal(VertexHandle, const Vec3d &) override {}
+    void set_color(VertexHandle, const Vec3uc &) override {}
+    void set_color(VertexHandle, const Vec4uc &) override {}
+    void set_color(VertexHandle, const Vec3f &) override {}
+    void set_color(VertexHandle, const Vec4f &) override {}
+    void set_texcoord(VertexHandle, const Vec2f &) override {}
+    void set_status(VertexHandle, const Attributes::StatusInfo &) override {}
+    void set_next(HalfedgeHandle, HalfedgeHandle) override {}
+    void set_face(HalfedgeHandle, FaceHandle) override {}
+    void request_face_texcoords2D() override {}
+    void set_texcoord(HalfedgeHandle, const Vec2f &) override {}
+    void set_texcoord(VertexHandle, const Vec3f &) override {}
+    void set_texcoord(HalfedgeHandle, const Vec3f &) override {}
+    void set_status(HalfedgeHandle, const Attributes::StatusInfo &) override {}
+    void set_color(EdgeHandle, const Vec3uc &) override {}
+    void set_color(EdgeHandle, const Vec4uc &) override {}
+    void set_color(EdgeHandle, const Vec3f &) override {}
+    void set_color(EdgeHandle, const Vec4f &) override {}
+    void set_status(EdgeHandle, const Attributes::StatusInfo &) override {}
+    void set_normal(FaceHandle, const Vec3f &) override {}
+    void set_normal(FaceHandle, const Vec3d &) override {}
+    void set_color(FaceHandle, const Vec3uc &) override {}
+    void set_color(FaceHandle, const Vec4uc &) override {}
+    void set_color(FaceHandle, const Vec3f &) override {}
+    void set_color(FaceHandle, const Vec4f &) override {}
+    void set_status(FaceHandle, const Attributes::StatusInfo &) override {}
+    void add_texture_information(int, std::string) override {}
+
+  private:
+    void add_triangle(VertexHandle a, VertexHandle b, VertexHandle c) {
+        if (n_faces() >= triangles_max_)
+            too_many = true;
+        else if (a == b || b == c || c == a)
+            dropped++;
+        else // a bad index becomes a huge one, found when all vertices are known
+            triangles.insert(triangles.end(),
+                             {(uint32_t)a.idx(), (uint32_t)b.idx(), (uint32_t)c.idx()});
+    }
+
+    BaseKernel kernel_;
+    uint32_t triangles_max_;
+};
+
+template <typename T> T *copy_out(const std::vector<T> &values) {
+    T *copy = static_cast<T *>(malloc(values.size() * sizeof(T)));
+    if (!copy)
+        throw std::bad_alloc();
+    memcpy(copy, values.data(), values.size() * sizeof(T));
+    return copy;
+}
+
+// What a reader leaves out by itself counts as dropped.
+enum result compare(const char *path, collector &from, const import_claim &claim,
+                    struct error *err) {
+    bool soup = claim.vertices == IMPORT_UNKNOWN;
+    if (!soup && from.n_vertices() != claim.vertices)
+        return fail(err, RESULT_FORMAT, "%s: %zu vertices arrived of %u", path, from.n_vertices(),
+                    claim.vertices);
+    uint32_t expected = claim.faces - claim.repeated;
+    if (soup ? from.faces > expected : from.faces != expected)
+        return fail(err, RESULT_FORMAT, "%s: %u faces arrived of %u", path, from.faces, expected);
+    from.dropped += claim.faces - from.faces;
+    return RESULT_OK;
+}
+
+enum result hand_over(const char *path, const collector &from, import_arrays &out,
+                      struct error *err) {
+    if (from.too_many)
+        return fail(err, RESULT_LIMIT, "%s: more triangles or vertices than are accepted", path);
+    if (from.triangles.empty())
+        return fail(err, RESULT_FORMAT, "%s: holds no triangle", path);
+    for (size_t i = 0; i < from.triangles.size(); i++)
+        if (from.triangles[i] >= from.n_vertices())
+            return fail(err, RESULT_FORMAT, "%s: triangle %zu: there is no vertex %d", path, i / 3,
+                        (int)from.triangles[i]);
+    out.positions = copy_out(from.positions);
+    out.triangles = copy_out(from.triangles);
+    out.vertex_count = (uint32_t)from.n_vertices();
+    out.triangle_count = (uint32_t)from.n_faces();
+    out.dropped = from.dropped;
+    return RESULT_OK;
+}
+
+} // namespace
+
+enum result import_reader_read(const char *path, uint32_t triangles_max,
+                               struct import_arrays *out_arrays, struct error *err) {
+    *out_arrays = {};
+    try {
+        import_claim claim;
+        enum result result = import_claim_of(path, &claim, err);
+        if (result != RESULT_OK)
+            return result;
+        omlog().disable();
+        omout().disable();
+        omerr().disable();
+        collector mesh(triangles_max);
+        IO::Options options;
+        if (!IO::IOManager().read(path, mesh, options))
+            return fail(err, RESULT_FORMAT, "%s: not readable as what its name says", path);
+        if (!mesh.too_many)
+            result = compare(path, mesh, claim, err);
+        return result == RESULT_OK ? hand_over(path, mesh, *out_arrays, err) : result;
+    } catch (const std::exception &why) {
+        free(out_arrays->positions);
+        *out_arrays = {};
+        return fail(err, RESULT_FORMAT, "%s: not readable: %s", path, why.what());
+    }
+}

@@ -1,0 +1,309 @@
+#include "motion/motion.h"
+
+#include "base/check.h"
+#include "motion/move.h"
+#include "motion/path.h"
+#include "motion/resect.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static struct hand *hand_of(struct plan *plan, enum channel tool) {
+    for (int i = 0; i < plan->motion->tool_count; i++)
+        if (plan->motion->tools[i].channel == tool)
+            return &plan->hands[i];
+    return NULL;
+}
+
+static enum result withdraw(struct plan *plan, struct hand *hand) {
+    if (!hand->inside)
+        return RESULT_OK;
+    if (plan_retreat(plan, hand) != RESULT_OK ||
+        plan_swing(plan, hand, hand->portal.direction) != RESULT_OK ||
+        plan_move(plan, hand, hand_rest(&hand->portal)) != RESULT_OK)
+        return RESULT_INVALID;
+    hand->inside = false;
+    return RESULT_OK;
+}
+
+static enum result approach(struct plan *plan, struct hand *hand) {
+    if (withdraw(plan, hand) != RESULT_OK)
+        return RESULT_INVALID;
+    hand->inside = true;
+    return plan_move(
+        plan, hand,
+        vec3_add_scaled(hand->portal.position, MOTION_SAFE_DEPTH, hand->portal.direction));
+}
+
+// Instruments let go of what they touch before bones move.
+static enum result move_joint(struct plan *plan, const struct motion_step *step) {
+    struct joint_hold to = plan->hold;
+    if (step->verb == MOTION_FLEX)
+        to.flexion_deg = step->amount;
+    else if (step->verb == MOTION_VALGUS)
+        to.valgus_deg = step->amount;
+    else
+        to.drawer_mm = step->amount;
+    for (int i = 0; i < plan->motion->tool_count; i++)
+        if (plan->hands[i].inside && plan_retreat(plan, &plan->hands[i]) != RESULT_OK)
+            return RESULT_INVALID;
+    return plan_joint(plan, &to);
+}
+
+static enum result find_group(const struct plan *plan, const char *name,
+                              struct case_group **out_group) {
+    *out_group = case_group(plan->knee, name);
+    if (*out_group)
+        return RESULT_OK;
+    return fail(plan->err, RESULT_MISSING, "the case has no group %s", name);
+}
+
+// A script's point in the group's frame.
+static vec3 scripted(const struct plan *plan, vec3 p) {
+    return (vec3){plan->knee->joint.side == SIDE_LEFT ? -p.x : p.x, p.y, p.z};
+}
+
+// ---- palpate ------------------------------------------------------------------------------------
+
+static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    struct query *surface;
+    enum result result = query_create(&group->mesh, &surface, plan->err);
+    if (result != RESULT_OK)
+        return result;
+    struct tip_path line = {0};
+    result = tip_path_between(&line, surface, scripted(plan, step->from), scripted(plan, step->to),
+                              plan->err);
+    if (result == RESULT_OK)
+        result =
+            plan_reach(plan, hand, pose_apply(plan_body_pose(plan, group->body), line.points[0]));
+    if (result == RESULT_OK)
+        result = tip_path_slide(plan, hand, group, surface, &line);
+    tip_path_fini(&line);
+    query_destroy(&surface);
+    return result;
+}
+
+// ---- bite ---------------------------------------------------------------------------------------
+
+// The vertex nearest to the group's middle that the shaft reaches past all bones.
+static enum result reachable_point(struct plan *plan, const struct hand *hand,
+                                   const struct case_group *group, vec3 *out_point) {
+    const struct mesh *mesh = &group->mesh;
+    struct box box = mesh_bounds(mesh);
+    vec3 middle = vec3_lerp(box.min, box.max, 0.5);
+    pose T = plan_body_pose(plan, group->body);
+    double least = INFINITY;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        vec3 p = mesh_vertex(mesh, v);
+        double distance = vec3_distance(p, middle);
+        if (distance < least && plan_check_clear(plan, hand, pose_apply(T, p)) == RESULT_OK) {
+            least = distance;
+            *out_point = p;
+        }
+    }
+    if (isfinite(least))
+        return RESULT_OK;
+    return fail(plan->err, RESULT_INVALID, "no point of %s can be reached from the portal %s",
+                group->name, hand->portal.name);
+}
+
+static enum result bite_point(struct plan *plan, const struct hand *hand,
+                              const struct case_group *group, const struct motion_step *step,
+                              vec3 *out_point) {
+    if (!step->has_points)
+        return reachable_point(plan, hand, group, out_point);
+    struct query *surface;
+    enum result result = query_create(&group->mesh, &surface, plan->err);
+    if (result != RESULT_OK)
+        return result;
+    *out_point = tip_path_on_surface(surface, scripted(plan, step->from));
+    query_destroy(&surface);
+    return RESULT_OK;
+}
+
+static enum result bite(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    vec3 point = {0};
+    enum result result = bite_point(plan, hand, group, step, &point);
+    if (result != RESULT_OK)
+        return result;
+    vec3 target = pose_apply(plan_body_pose(plan, group->body), point);
+    if (plan_reach(plan, hand, plan_before_bite(hand, target)) != RESULT_OK)
+        return RESULT_INVALID;
+    return plan_bite(plan, hand, target);
+}
+
+// ---- resect and trace ---------------------------------------------------------------------------
+
+static enum result resect(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    struct resection resection;
+    enum result result = resection_init(&resection, plan, group);
+    if (result == RESULT_OK && step->verb == MOTION_RESECT)
+        result = resection_bite(&resection, plan, hand, step->count);
+    else if (result == RESULT_OK)
+        result = resection_trace(&resection, plan, hand);
+    resection_fini(&resection);
+    return result;
+}
+
+// ---- look ---------------------------------------------------------------------------------------
+
+static const double look_distance = 18; // from the scope's tip to what it looks at, mm
+
+static bool is_planned(const struct case_group *group, vec3 p) {
+    for (int i = 0; i < group->lesion.plan.part_count; i++)
+        if (convex_contains(&group->lesion.plan.parts[i], p))
+            return true;
+    return false;
+}
+
+// What there is to see of a group: where its resection is planned, or else its middle.
+static vec3 sight_of(const struct case_group *group) {
+    struct box box = mesh_bounds(&group->mesh);
+    vec3 sum = {0};
+    int count = 0;
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
+        vec3 p = mesh_vertex(&group->mesh, v);
+        if (is_planned(group, p)) {
+            sum = vec3_add(sum, p);
+            count++;
+        }
+    }
+    return count ? vec3_scale(1.0 / count, sum) : vec3_lerp(box.min, box.max, 0.5);
+}
+
+// Where the tip sees the point straight ahead through an optic that is tilted up by so much: the
+// shaft's direction follows from the tip and the tip from it.
+static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 point, double tilt) {
+    vec3 tip = vec3_add_scaled(point, -look_distance, hand_direction(hand, point));
+    for (int i = 0; i < 20; i++) {
+        vec3 shaft = hand_direction(hand, tip);
+        vec3 aside = vec3_unit_or(vec3_cross(shaft, plan_up(plan)), (vec3){1, 0, 0});
+        vec3 sight = quat_rotate(quat_from_axis_angle(aside, tilt), shaft);
+        tip = vec3_add_scaled(point, -look_distance, sight);
+    }
+    return tip;
+}
+
+// With the usual optic of 30 degrees in the middle of its picture, or as near to that as bones let.
+static enum result look(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    vec3 point = pose_apply(plan_body_pose(plan, group->body), sight_of(group));
+    for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
+        vec3 tip = look_from(plan, hand, point, tilt_deg * RAD_PER_DEG);
+        if (plan_check_clear(plan, hand, tip) == RESULT_OK)
+            return plan_reach(plan, hand, tip);
+    }
+    return RESULT_INVALID;
+}
+
+// ---- the whole script ---------------------------------------------------------------------------
+
+static enum result do_step(struct plan *plan, const struct motion_step *step) {
+    if (step->verb == MOTION_FLEX || step->verb == MOTION_VALGUS || step->verb == MOTION_DRAWER)
+        return move_joint(plan, step);
+    struct hand *hand = hand_of(plan, step->tool);
+    if (hand && step->verb == MOTION_APPROACH)
+        return approach(plan, hand);
+    if (!hand || !hand->inside)
+        return fail(plan->err, RESULT_INVALID, "%s is not inside: approach first",
+                    channel_name(step->tool));
+    if (step->verb == MOTION_PALPATE)
+        return palpate(plan, hand, step);
+    if (step->verb == MOTION_BITE)
+        return bite(plan, hand, step);
+    if (step->verb == MOTION_LOOK)
+        return look(plan, hand, step);
+    if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
+        return resect(plan, hand, step);
+    return withdraw(plan, hand);
+}
+
+static const struct case_portal *find_portal(const struct knee_case *knee, const char *name) {
+    for (int i = 0; i < knee->portal_count; i++)
+        if (strcmp(knee->portals[i].name, name) == 0)
+            return &knee->portals[i];
+    return NULL;
+}
+
+// An instrument begins before the portal of its first approach and keeps it.
+static enum result add_hand(struct plan *plan, const struct motion_step *step) {
+    const struct case_portal *portal = find_portal(plan->knee, step->name);
+    if (!portal)
+        return fail(plan->err, RESULT_MISSING, "the case has no portal %s", step->name);
+    const struct hand *known = hand_of(plan, step->tool);
+    if (known && strcmp(known->portal.name, step->name) != 0)
+        return fail(plan->err, RESULT_INVALID, "%s goes through the portal %s already",
+                    channel_name(step->tool), known->portal.name);
+    if (known)
+        return RESULT_OK;
+    int i = plan->motion->tool_count++;
+    plan->motion->tools[i] = (struct motion_tool){step->tool, portal->position};
+    struct hand *hand = &plan->hands[i];
+    *hand = (struct hand){.channel = step->tool, .portal = *portal, .tip = hand_rest(portal)};
+    hand->rotation = quat_identity();
+    tremor_init(&hand->tremor, plan->script->tremor_mm,
+                (uint64_t)plan->script->seed * INSTRUMENT_COUNT + (uint64_t)i);
+    return RESULT_OK;
+}
+
+static enum result prepare(struct plan *plan) {
+    for (enum body body = 0; body < BODY_COUNT; body++) {
+        const struct case_group *bone = case_group(plan->knee, body_name(body));
+        enum result result =
+            bone ? solid_init(&plan->bones[body], &bone->mesh, plan->err) : RESULT_OK;
+        if (result != RESULT_OK)
+            return result;
+    }
+    if (!plan->bones[BODY_FEMUR].mesh || !plan->bones[BODY_TIBIA].mesh)
+        return fail(plan->err, RESULT_MISSING, "the case has no femur or no tibia");
+    return RESULT_OK;
+}
+
+static enum result at_step(const struct plan *plan, int step, enum result result) {
+    if (result == RESULT_OK)
+        return result;
+    return fail_in(plan->err, result, "step %d (%s): ", step + 1,
+                   motion_verb_name(plan->script->steps[step].verb));
+}
+
+static enum result play(struct plan *plan) {
+    const struct motion_script *script = plan->script;
+    enum result result = prepare(plan);
+    for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
+        if (script->steps[i].verb == MOTION_APPROACH)
+            result = at_step(plan, i, add_hand(plan, &script->steps[i]));
+    if (result == RESULT_OK)
+        result = plan_add_row(plan, NULL);
+    for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
+        result = at_step(plan, i, do_step(plan, &script->steps[i]));
+    return result;
+}
+
+enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
+                        struct motion *out_motion, struct error *err) {
+    *out_motion = (struct motion){0};
+    struct plan plan = {.knee = knee, .script = script, .motion = out_motion, .err = err};
+    enum result result = play(&plan);
+    for (enum body body = 0; body < BODY_COUNT; body++)
+        if (plan.bones[body].mesh)
+            solid_fini(&plan.bones[body]);
+    if (result != RESULT_OK)
+        motion_fini(out_motion);
+    return result;
+}
+
+void motion_fini(struct motion *motion) {
+    free(motion->rows);
+    *motion = (struct motion){0};
+}

@@ -1,0 +1,62 @@
+// Rows of a motion: hands and the joint move segment by segment, each with the speed of a smooth
+// reach, and every row is checked against the bones.
+#pragma once
+
+#include "motion/motion.h"
+#include "motion/joint.h"
+#include "motion/tremor.h"
+#include "mesh/solid.h"
+
+struct hand {
+    enum channel channel;
+    struct case_portal portal;
+    vec3 tip;       // femur's frame, without tremor
+    double opening; // of a shaver: 1 while it runs
+    bool inside;    // outside, the tip rests before the portal
+    struct tremor tremor;
+    quat rotation; // of the last row
+};
+
+struct plan {
+    struct knee_case *knee;
+    const struct motion_script *script;
+    struct motion *motion;
+    size_t row_capacity;
+    struct solid bones[BODY_COUNT]; // without a mesh where the case has no such bone
+    struct joint_angles joint;
+    struct joint_hold hold;
+    struct hand hands[INSTRUMENT_COUNT]; // as motion->tools
+    struct error *err;
+};
+
+// Instruments turn from one target to the next this far inside the portal, mm.
+#define MOTION_SAFE_DEPTH 15.0
+
+// Outside, they rest so far before it, clear of the skin, mm.
+#define MOTION_REST 20.0
+
+pose plan_body_pose(const struct plan *plan, enum body body); // T_femur_body
+vec3 plan_up(const struct plan *plan);                        // away from the tibia
+vec3 hand_rest(const struct case_portal *portal);
+vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the tip there
+
+// RESULT_INVALID where the shaft with its tip there would run through a bone.
+enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
+
+// All of these append rows; RESULT_INVALID where an instrument would run through a bone.
+enum result plan_add_row(struct plan *plan, const struct case_group *touch);
+enum result plan_move(struct plan *plan, struct hand *hand, vec3 to); // straight
+enum result plan_retreat(struct plan *plan, struct hand *hand);       // to the safe depth
+enum result plan_swing(struct plan *plan, struct hand *hand, vec3 to_direction); // in the portal
+enum result plan_reach(struct plan *plan, struct hand *hand, vec3 target); // retreat, swing, move
+enum result plan_approach(struct plan *plan, struct hand *hand,
+                          vec3 target); // straight where that is clear, otherwise as plan_reach
+enum result plan_open(struct plan *plan, struct hand *hand, double opening);
+// From plan_before_bite: opens, goes to the target, closes, and backs off to where it was.
+enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target);
+vec3 plan_before_bite(const struct hand *hand, vec3 target);
+enum result plan_joint(struct plan *plan, const struct joint_hold *to);
+
+// A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.
+int plan_rows(const struct plan *plan, double way, double highest_speed);
+double plan_progress(int row, int rows); // 0 to 1

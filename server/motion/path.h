@@ -1,0 +1,28 @@
+// A line on a surface that an instrument's tip slides along.
+#pragma once
+
+#include "motion/move.h"
+
+// Points, in the group's frame where they are of its surface, and their way from the start.
+struct tip_path {
+    int count, capacity;
+    vec3 *points;
+    double *ways;
+};
+
+void tip_path_add(struct tip_path *line, vec3 point);
+void tip_path_fini(struct tip_path *line); // a zeroed line is fine
+
+// The straight line between two points, put on the surface. RESULT_INVALID where it leaves it. The
+// caller releases it with tip_path_fini, after an error too.
+enum result tip_path_between(struct tip_path *line, const struct query *surface, vec3 from, vec3 to,
+                             struct error *err);
+
+vec3 tip_path_on_surface(const struct query *surface, vec3 p);
+
+// The tip goes along the line, which is in the femur's frame.
+enum result tip_path_pass(struct plan *plan, struct hand *hand, const struct tip_path *line);
+
+// The tip goes along the line, touching the group in every row. The line has two points or more.
+enum result tip_path_slide(struct plan *plan, struct hand *hand, const struct case_group *group,
+                           const struct query *surface, const struct tip_path *line);

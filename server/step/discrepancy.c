@@ -1,0 +1,81 @@
+#include "step/discrepancy.h"
+
+#define STEP_MM 1e-3
+#define POLAR_STEPS 12
+
+static vec3 shown_at(const struct avatar_lead *lead, pose tip, vec3 way) {
+    pose now = {tip.rotation, vec3_add(tip.translation, way)};
+    struct avatar_motion motion = avatar_follow(lead, tip, now);
+    return avatar_place(lead->mode, lead->portal, &motion, now).translation;
+}
+
+// By central differences: exact for what is linear in the hand, and within 1e-7 for `rigid`.
+static mat3 motion_of(const struct avatar_lead *lead, pose tip) {
+    mat3 F;
+    for (int axis = 0; axis < 3; axis++) {
+        vec3 way = {axis == 0 ? STEP_MM : 0, axis == 1 ? STEP_MM : 0, axis == 2 ? STEP_MM : 0};
+        vec3 ahead = shown_at(lead, tip, way), behind = shown_at(lead, tip, vec3_scale(-1, way));
+        vec3 column = vec3_scale(0.5 / STEP_MM, vec3_sub(ahead, behind));
+        F.m[0][axis] = column.x;
+        F.m[1][axis] = column.y;
+        F.m[2][axis] = column.z;
+    }
+    return F;
+}
+
+// The largest singular value is known, so that the other two are from their sum of squares and
+// their product.
+static double least_gain(mat3 F, double most, double determinant) {
+    double squares = 0;
+    for (int i = 0; i < 9; i++)
+        squares += F.m[i / 3][i % 3] * F.m[i / 3][i % 3];
+    if (!(most > 0))
+        return 0;
+    double two = fmax(squares - most * most, 0), twice = 2 * fabs(determinant) / most;
+    double least = 0.5 * (sqrt(two + twice) - sqrt(fmax(two - twice, 0)));
+    return determinant < 0 ? -least : least;
+}
+
+// det(F) F⁻ᵀ
+static mat3 cofactors(mat3 F) {
+    mat3 c;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            int i1 = (i + 1) % 3, i2 = (i + 2) % 3, k1 = (k + 1) % 3, k2 = (k + 2) % 3;
+            c.m[i][k] = F.m[i1][k1] * F.m[i2][k2] - F.m[i1][k2] * F.m[i2][k1];
+        }
+    return c;
+}
+
+// The angle of the rotation R nearest to F: R ← (R + R⁻ᵀ)/2 (Higham, SIAM J. Sci. Stat. Comput. 7,
+// 1986).
+static double turn_of(mat3 F) {
+    mat3 R = F, zero = {0};
+    for (int i = 0; i < POLAR_STEPS; i++) {
+        double determinant = mat3_determinant(R);
+        if (!(determinant > 1e-6))
+            return 180;
+        mat3 half = mat3_add_scaled(zero, 0.5, R);
+        R = mat3_add_scaled(half, 0.5 / determinant, cofactors(R));
+    }
+    vec3 axis = {R.m[2][1] - R.m[1][2], R.m[0][2] - R.m[2][0], R.m[1][0] - R.m[0][1]};
+    double trace = R.m[0][0] + R.m[1][1] + R.m[2][2];
+    return DEG_PER_RAD * atan2(vec3_length(axis), trace - 1);
+}
+
+struct discrepancy discrepancy_of(const struct avatar_lead *lead, pose tip, pose shown) {
+    mat3 F = motion_of(lead, tip);
+    struct discrepancy d = {
+        .offset_mm = vec3_distance(shown.translation, tip.translation),
+        .tilt_deg = DEG_PER_RAD * quat_angle(tip.rotation, shown.rotation),
+        .gain = mat3_norm(F),
+        .turn_deg = turn_of(F),
+    };
+    d.gain_least = least_gain(F, d.gain, mat3_determinant(F));
+    return d;
+}
+
+bool discrepancy_is_noticed(const struct discrepancy *d) {
+    return d->turn_deg > NOTICED_TURN_DEG || d->tilt_deg > NOTICED_TURN_DEG ||
+           d->gain > NOTICED_GAIN_MOST || d->gain_least < NOTICED_GAIN_LEAST;
+}

@@ -1,0 +1,32 @@
+// New blends of a cut's match, eased into the displacements that the warp reads, so that a tip near
+// the cut feels no jump. For session.c only.
+#pragma once
+
+#include "step/scene.h"
+
+// One cuttable group of one session.
+struct easing;
+
+// Displacements start at the static ones. The scene must outlive it.
+struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field);
+void easing_destroy(struct easing **easing); // NULL inside is fine
+
+// 3 * vertex_count: S'' − S as far as it has come; stays where it is.
+const float *easing_displacement(const struct easing *easing);
+// Of these, kept up with them; NULL where the field is not smooth, or the group bridges two bones:
+// a mean knows of one.
+const struct surface_mean *easing_mean(const struct easing *easing);
+
+void easing_restore(struct easing *easing); // at once to the static displacements
+
+// From where the blends are now towards those of a result. Allocates nothing.
+void easing_aim(struct easing *easing, const struct job_result *result);
+
+bool easing_active(const struct easing *easing);
+
+// How far the displacement that a tip feels would still change at most, in mm, where this is its
+// closest triangle; 0 for MESH_NONE. With a smooth field a tip feels all of the surface.
+double easing_rest_mm(const struct easing *easing, uint32_t triangle);
+
+// Goes this share of what is left, 0 to 1.
+void easing_advance(struct easing *easing, double share);

@@ -1,0 +1,499 @@
+#include "step/session.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "step/cutting.h"
+#include "step/digest.h"
+#include "step/easing.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define CONTACT_MM 0.2
+#define RELEASE_MM 0.4
+
+// An instrument that is deeper in keeps its portal, unless its shaft has left it.
+#define PORTAL_HOLD_MM 5.0
+#define PORTAL_ASIDE_MM 20.0
+
+struct session {
+    const struct scene *scene;
+    struct session_settings settings;
+    enum session_state state;
+    uint64_t step;
+    int64_t time_ns;
+    uint64_t hash;
+    // The newest sample of each channel and kind; known says whether there was ever one.
+    struct sample samples[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
+    bool known[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
+    bool in_contact[INSTRUMENT_COUNT];
+    struct avatar_memory memory[INSTRUMENT_COUNT];
+    int portals[INSTRUMENT_COUNT]; // that each goes through: index in the case
+    pose correction[BODY_COUNT];   // M of this step, in the mock-up's frame
+    bool seen[INSTRUMENT_COUNT];   // at the step before, with its tip at `tips`
+    vec3 tips[INSTRUMENT_COUNT];
+    struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
+    struct cutting cutting;
+    uint64_t last_job;
+    enum job_kind job_out; // given to the caller, and not yet landed; JOB_NONE: no job is
+    uint32_t stroke_out;   // that it is of
+    bool to_restore[TISSUES_MAX];
+    bool touched[TISSUES_MAX]; // by a job since it was last whole
+    uint32_t to_undo;          // strokes
+};
+
+static void forget(struct session *s) {
+    memset(s->known, 0, sizeof s->known);
+    memset(s->in_contact, 0, sizeof s->in_contact);
+    memset(s->seen, 0, sizeof s->seen);
+    memset(s->portals, -1, sizeof s->portals);
+    cutting_rest(&s->cutting);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        avatar_memory_init(&s->memory[i]);
+}
+
+static void take_surfaces(struct session *s) {
+    memcpy(s->surfaces, s->scene->surfaces, sizeof s->surfaces);
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        if (!s->scene->tissues[t].match)
+            continue;
+        s->easings[t] = easing_create(s->scene, t, &s->settings.field);
+        struct warp_surface *surface = &s->surfaces[s->scene->tissues[t].group];
+        surface->displacement = easing_displacement(s->easings[t]);
+        surface->mean = easing_mean(s->easings[t]);
+    }
+}
+
+struct session *session_create(const struct scene *scene, const struct session_settings *settings) {
+    CHECK(settings->field.strength >= 0 && settings->field.strength <= 1);
+    CHECK(settings->hold_ns >= 0);
+    CHECK(settings->ease_share >= 0 && settings->ease_mm_s >= 0);
+    struct session *s = alloc(1, sizeof *s);
+    s->scene = scene;
+    s->settings = *settings;
+    take_surfaces(s);
+    forget(s);
+    return s;
+}
+
+void session_destroy(struct session **session) {
+    for (int t = 0; t < TISSUES_MAX; t++)
+        easing_destroy(&(*session)->easings[t]);
+    free(*session);
+    *session = NULL;
+}
+
+// ---- inputs -------------------------------------------------------------------------------------
+
+static enum session_state next_state(enum session_state state, enum input_kind kind) {
+    if (state == SESSION_CLOSED)
+        return SESSION_CLOSED;
+    switch (kind) {
+    case INPUT_START:
+    case INPUT_RESET:
+        return SESSION_RUNNING;
+    case INPUT_PAUSE:
+        return state == SESSION_RUNNING ? SESSION_PAUSED : state;
+    case INPUT_STOP:
+        return SESSION_CLOSED;
+    default:
+        return state;
+    }
+}
+
+// The warp is whole at once; the caller's operation has to be told by a job for each tissue.
+static void restore_tissues(struct session *s) {
+    s->to_undo = 0;
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        s->to_restore[t] |= s->touched[t];
+        s->touched[t] = false;
+        if (s->easings[t])
+            easing_restore(s->easings[t]);
+    }
+}
+
+static uint32_t change_state(struct session *s, enum input_kind kind) {
+    enum session_state before = s->state;
+    s->state = next_state(before, kind);
+    if (kind == INPUT_UNDO) {
+        s->to_undo += s->scene->tissue_count > 0;
+        cutting_end_strokes(&s->cutting);
+    }
+    if (kind == INPUT_RESET && before != SESSION_CLOSED) {
+        forget(s);
+        restore_tissues(s);
+        return EVENT_STATE;
+    }
+    return s->state != before ? EVENT_STATE : 0;
+}
+
+static bool is_too_old(const struct session *s, const struct sample *sample) {
+    return s->time_ns - sample->time_ns > s->settings.hold_ns;
+}
+
+// The last good value stays when a sample is lost. A time ahead of ours is clock error: taken as
+// now, so that no sample is held for longer than another.
+static uint32_t take_sample(struct session *s, const struct sample *sample) {
+    struct sample *newest = &s->samples[sample->channel][sample->kind];
+    bool *known = &s->known[sample->channel][sample->kind];
+    bool was_lost = *known && newest->validity == VALIDITY_LOST;
+    bool is_lost = sample->validity == VALIDITY_LOST || is_too_old(s, sample);
+    if (is_lost) {
+        newest->validity = VALIDITY_LOST;
+        return *known && !was_lost ? EVENT_DEVICE_LOST : 0;
+    }
+    *newest = *sample;
+    if (newest->time_ns > s->time_ns)
+        newest->time_ns = s->time_ns;
+    *known = true;
+    return was_lost ? EVENT_DEVICE_BACK : 0;
+}
+
+// A sample that stopped coming is held, then lost.
+static uint32_t age_samples(struct session *s) {
+    uint32_t events = 0;
+    for (int c = 0; c < CHANNEL_COUNT; c++)
+        for (int k = 0; k < SAMPLE_KIND_COUNT; k++) {
+            struct sample *sample = &s->samples[c][k];
+            if (!s->known[c][k] || sample->validity == VALIDITY_LOST)
+                continue;
+            if (is_too_old(s, sample)) {
+                sample->validity = VALIDITY_LOST;
+                events |= EVENT_DEVICE_LOST;
+            }
+        }
+    return events;
+}
+
+// A cut that was asked for before the tissue was restored changes nothing any more.
+static uint32_t land(struct session *s, const struct session_input *input, struct landed *out) {
+    const struct job_result *result = input->result;
+    enum job_kind kind = s->job_out;
+    if (kind == JOB_NONE || input->job != s->last_job)
+        return 0;
+    s->job_out = JOB_NONE;
+    if (!result || s->to_restore[result->tissue])
+        return 0;
+    CHECK(result->job == input->job);
+    *out =
+        (struct landed){input->job, result->outcome, result->tissue, result->figures, result->hash};
+    if (s->easings[result->tissue])
+        easing_aim(s->easings[result->tissue], result);
+    if (result->outcome == JOB_REFUSED)
+        return EVENT_REFUSED;
+    if (result->outcome == JOB_DONE && kind == JOB_UNDO) {
+        s->to_undo += result->more;
+        return EVENT_UNDONE;
+    }
+    if (result->outcome != JOB_DONE || kind != JOB_CUT)
+        return 0;
+    cutting_landed(&s->cutting, s->stroke_out, s->time_ns);
+    return EVENT_CUT | (result->change.piece_count ? EVENT_PIECE : 0);
+}
+
+static uint32_t take_input(struct session *s, const struct session_input *input,
+                           struct landed *out_landed) {
+    CHECK(input->time_ns >= s->time_ns);
+    s->time_ns = input->time_ns;
+    if (input->kind == INPUT_JOB)
+        return land(s, input, out_landed) | age_samples(s);
+    if (input->kind != INPUT_FRAME)
+        return change_state(s, input->kind) | age_samples(s);
+    CHECK(frame_is_valid(&input->frame));
+    uint32_t events = 0;
+    for (int i = 0; i < input->frame.count; i++)
+        events |= take_sample(s, &input->frame.samples[i]);
+    return events | age_samples(s);
+}
+
+// ---- bones --------------------------------------------------------------------------------------
+
+static bool pose_is_known(const struct session *s, enum channel channel) {
+    return s->known[channel][SAMPLE_POSE];
+}
+
+static pose last_pose(const struct session *s, enum channel channel) {
+    return s->samples[channel][SAMPLE_POSE].T_mockup_body;
+}
+
+static enum validity pose_validity(const struct session *s, enum channel channel) {
+    return s->samples[channel][SAMPLE_POSE].validity;
+}
+
+static enum validity worse(enum validity a, enum validity b) {
+    return a > b ? a : b;
+}
+
+// A tracked tibia wins over the joint's encoders, unless it is lost and they are not.
+static bool tibia_is_tracked(const struct session *s) {
+    if (!pose_is_known(s, CHANNEL_TIBIA))
+        return false;
+    bool encoders_good = s->known[CHANNEL_JOINT][SAMPLE_JOINT] &&
+                         s->samples[CHANNEL_JOINT][SAMPLE_JOINT].validity != VALIDITY_LOST;
+    return pose_validity(s, CHANNEL_TIBIA) != VALIDITY_LOST || !encoders_good;
+}
+
+static void place_tibia(const struct session *s, struct session_output *out) {
+    const struct joint_frame *joint = &s->scene->knee->joint;
+    const struct sample *encoders = &s->samples[CHANNEL_JOINT][SAMPLE_JOINT];
+    pose *bodies = out->T_mockup_body;
+    if (tibia_is_tracked(s)) {
+        bodies[BODY_TIBIA] = last_pose(s, CHANNEL_TIBIA);
+        pose T_mockup_femur = bodies[BODY_FEMUR];
+        out->joint =
+            joint_from_pose(joint, pose_compose(pose_inverse(T_mockup_femur), bodies[BODY_TIBIA]));
+        out->joint_validity = pose_validity(s, CHANNEL_TIBIA);
+        if (pose_is_known(s, CHANNEL_FEMUR))
+            out->joint_validity = worse(out->joint_validity, pose_validity(s, CHANNEL_FEMUR));
+        return;
+    }
+    bool known = s->known[CHANNEL_JOINT][SAMPLE_JOINT];
+    out->joint = known ? encoders->joint : (struct joint_angles){0};
+    out->joint_validity = known ? encoders->validity : VALIDITY_LOST;
+    bodies[BODY_TIBIA] = pose_compose(bodies[BODY_FEMUR], joint_to_pose(joint, &out->joint));
+}
+
+// The corrections are kept: instruments need them.
+static void correct_bones(struct session *s, struct session_output *out) {
+    struct adaptive_warp adaptive;
+    scene_correct(s->scene, s->settings.adaptive, out->T_mockup_body, &adaptive, s->correction);
+    memcpy(out->T_mockup_virtual, out->T_mockup_body, sizeof out->T_mockup_virtual);
+    if (s->scene->knee->torn_count)
+        out->T_mockup_virtual[BODY_TIBIA] =
+            pose_compose(s->correction[BODY_TIBIA], out->T_mockup_body[BODY_TIBIA]);
+    out->torn_count = s->scene->knee->torn_count;
+    memcpy(out->opening, adaptive.opening, sizeof out->opening);
+    memcpy(out->share, adaptive.share, sizeof out->share);
+}
+
+// An untracked femur is the mock-up's own frame. What is lost stays where it was last seen: a bone
+// that jumped would take the surfaces under the instruments with it.
+static void place_bones(const struct session *s, struct session_output *out) {
+    pose *bodies = out->T_mockup_body;
+    bodies[BODY_FEMUR] =
+        pose_is_known(s, CHANNEL_FEMUR) ? last_pose(s, CHANNEL_FEMUR) : pose_identity();
+    place_tibia(s, out);
+    pose T_femur_patella = case_patella_pose(s->scene->knee, out->joint.flexion_deg);
+    bodies[BODY_PATELLA] = pose_is_known(s, CHANNEL_PATELLA)
+                               ? last_pose(s, CHANNEL_PATELLA)
+                               : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
+}
+
+// ---- easing -------------------------------------------------------------------------------------
+
+// Displacements are kept as floats: what rounding adds stays within the allowance.
+#define EASE_ROUNDING 0.998
+
+// How far the displacement at a tip may change at this step for the sake of new blends. Who was not
+// seen at the step before can see no jump.
+static double allowance_mm(const struct session *s, int instrument, int64_t passed_ns, vec3 tip) {
+    if (!s->seen[instrument])
+        return INFINITY;
+    double way = vec3_distance(tip, s->tips[instrument]);
+    double floor_mm = s->settings.ease_mm_s * (double)passed_ns / NS_PER_S;
+    return EASE_ROUNDING * (s->settings.ease_share * way + floor_mm);
+}
+
+// How much the displacement that an instrument feels would still change: its tip, or any point.
+static double rest_mm(const struct session *s, int instrument, int tissue) {
+    const struct avatar_memory *memory = &s->memory[instrument];
+    int group = s->scene->tissues[tissue].group;
+    int count = s->settings.avatar == AVATAR_TIP ? 1 : s->settings.bodies[instrument].point_count;
+    double rest = 0;
+    for (int i = 0; i < count; i++)
+        rest = fmax(rest, easing_rest_mm(s->easings[tissue], memory->points[i].triangle[group]));
+    return rest;
+}
+
+// The share of what is left that a tissue's blends may go: what bounds the change that each tip
+// would notice, since W is a mean of displacements.
+static double ease_share(const struct session *s, int tissue, int active, int64_t passed_ns,
+                         const struct session_output *out) {
+    double share = 1;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &out->instruments[i];
+        if (!o->present)
+            continue;
+        double rest = rest_mm(s, i, tissue);
+        double allowed = allowance_mm(s, i, passed_ns, o->T_mockup_tip.translation) / active;
+        if (allowed < share * rest)
+            share = allowed / rest;
+    }
+    return share;
+}
+
+// True where a displacement changed.
+static bool ease(struct session *s, int64_t passed_ns, const struct session_output *out) {
+    bool is_active[TISSUES_MAX] = {0};
+    int active = 0;
+    for (int t = 0; t < s->scene->tissue_count; t++)
+        active += is_active[t] = s->easings[t] && easing_active(s->easings[t]);
+    for (int t = 0; active && t < s->scene->tissue_count; t++)
+        if (is_active[t])
+            easing_advance(s->easings[t], ease_share(s, t, active, passed_ns, out));
+    return active > 0;
+}
+
+// ---- instruments --------------------------------------------------------------------------------
+
+struct passage {
+    vec3 portal;
+    double past, aside; // of the tip, along the shaft; of the shaft
+};
+
+static struct passage passage_of(const struct session *s, const struct session_output *out,
+                                 int index, pose T_mockup_tip) {
+    vec3 in_femur = s->scene->knee->portals[index].position;
+    struct passage p = {.portal = pose_apply(out->T_mockup_body[BODY_FEMUR], in_femur)};
+    vec3 u = quat_rotate(T_mockup_tip.rotation, (vec3){0, 0, 1});
+    vec3 way = vec3_sub(T_mockup_tip.translation, p.portal);
+    p.past = vec3_dot(way, u);
+    p.aside = vec3_length(vec3_add_scaled(way, -p.past, u));
+    return p;
+}
+
+// The portal that the shaft passes nearest to. The instrument keeps it while it is inside.
+static vec3 portal_of(struct session *s, const struct session_output *out, int instrument,
+                      pose T_mockup_tip) {
+    int *kept = &s->portals[instrument];
+    struct passage best = {.aside = INFINITY};
+    if (*kept >= 0)
+        best = passage_of(s, out, *kept, T_mockup_tip);
+    if (*kept >= 0 && best.past > PORTAL_HOLD_MM && best.aside < PORTAL_ASIDE_MM)
+        return best.portal;
+    for (int i = 0; i < s->scene->knee->portal_count; i++) {
+        struct passage passage = passage_of(s, out, i, T_mockup_tip);
+        if (passage.aside >= best.aside)
+            continue;
+        best = passage;
+        *kept = i;
+    }
+    return best.portal;
+}
+
+static void warp_instrument(struct session *s, struct session_output *out, int instrument) {
+    struct instrument_output *o = &out->instruments[instrument];
+    struct warp_scene scene = {s->surfaces, s->scene->knee->group_count, out->T_mockup_body,
+                               s->correction};
+    const struct instrument_body *shape = &s->settings.bodies[instrument];
+    enum avatar_mode mode = s->scene->knee->portal_count ? s->settings.avatar : AVATAR_TIP;
+    struct avatar_body body = {mode, shape->points, shape->point_count};
+    struct avatar avatar;
+    avatar_warp(&scene, &s->settings.field, &body, portal_of(s, out, instrument, o->T_mockup_tip),
+                o->T_mockup_tip, &s->memory[instrument], &avatar);
+    o->T_mockup_warped = avatar.T_world_warped;
+    o->warp = avatar.tip;
+    o->lead = avatar.lead;
+    o->penetration_mm = avatar.penetration_mm;
+    o->tip_gap_mm = avatar.tip_gap_mm;
+    o->discrepancy = discrepancy_of(&o->lead, o->T_mockup_tip, o->T_mockup_warped);
+}
+
+static uint32_t feel_contact(struct session *s, int instrument, double distance_mm) {
+    bool *in_contact = &s->in_contact[instrument];
+    if (!*in_contact && distance_mm < CONTACT_MM) {
+        *in_contact = true;
+        return EVENT_CONTACT;
+    }
+    if (*in_contact && distance_mm > RELEASE_MM) {
+        *in_contact = false;
+        return EVENT_RELEASE;
+    }
+    return 0;
+}
+
+static void place_instrument(struct session *s, int instrument, struct session_output *out) {
+    enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument);
+    struct instrument_output *o = &out->instruments[instrument];
+    if (!pose_is_known(s, channel) || pose_validity(s, channel) == VALIDITY_LOST)
+        return;
+    o->present = true;
+    o->validity = pose_validity(s, channel);
+    o->T_mockup_tip = last_pose(s, channel);
+    o->handle_validity = VALIDITY_LOST;
+    if (s->known[channel][SAMPLE_HANDLE]) {
+        o->handle = s->samples[channel][SAMPLE_HANDLE].handle;
+        o->handle_validity = s->samples[channel][SAMPLE_HANDLE].validity;
+    }
+    warp_instrument(s, out, instrument);
+}
+
+static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct session_output *out) {
+    uint32_t events = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        place_instrument(s, i, out);
+    if (ease(s, passed_ns, out))
+        for (int i = 0; i < INSTRUMENT_COUNT; i++)
+            if (out->instruments[i].present)
+                warp_instrument(s, out, i);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &out->instruments[i];
+        events |= feel_contact(s, i, o->present ? o->warp.nearest_mm : INFINITY);
+        s->seen[i] = o->present;
+        s->tips[i] = o->T_mockup_tip.translation;
+    }
+    return events;
+}
+
+// ---- jobs ---------------------------------------------------------------------------------------
+
+static bool restoring_is_due(struct session *s, struct job *out_job) {
+    for (int t = 0; t < s->scene->tissue_count; t++) {
+        if (!s->to_restore[t] || s->job_out != JOB_NONE)
+            continue;
+        s->to_restore[t] = false;
+        *out_job = (struct job){.kind = JOB_RESTORE, .tissue = t};
+        return true;
+    }
+    return false;
+}
+
+// It takes back the last stroke that changed something: what is on its way lands before. A stroke
+// in two tissues takes two jobs, and nothing is cut between.
+static bool undoing_is_due(struct session *s, struct job *out_job) {
+    if (!s->to_undo || s->job_out != JOB_NONE)
+        return false;
+    s->to_undo--;
+    *out_job = (struct job){.kind = JOB_UNDO};
+    return true;
+}
+
+// At most one job is on its way, so that results land in the order of the cuts.
+static void ask_for_job(struct session *s, struct session_output *out) {
+    struct job *job = &out->job;
+    if (s->state == SESSION_CLOSED)
+        return;
+    bool due = restoring_is_due(s, job) || undoing_is_due(s, job);
+    if (s->state != SESSION_RUNNING)
+        cutting_rest(&s->cutting);
+    else if (cutting_step(&s->cutting, s->scene, out, !due && s->job_out == JOB_NONE, job))
+        due = s->touched[job->tissue] = true;
+    if (!due)
+        return;
+    job->id = ++s->last_job;
+    s->job_out = job->kind;
+    s->stroke_out = job->stroke;
+}
+
+// ---- the step -----------------------------------------------------------------------------------
+
+void session_step(struct session *s, const struct session_input *input,
+                  struct session_output *out) {
+    int64_t before_ns = s->time_ns;
+    memset(out, 0, sizeof *out);
+    out->events = take_input(s, input, &out->landed);
+    out->step = ++s->step;
+    out->frame_number = input->kind == INPUT_FRAME ? input->frame.number : 0;
+    out->time_ns = s->time_ns;
+    out->state = s->state;
+    place_bones(s, out);
+    correct_bones(s, out);
+    if (s->state == SESSION_RUNNING)
+        out->events |= move_instruments(s, s->time_ns - before_ns, out);
+    else
+        memset(s->seen, 0, sizeof s->seen);
+    ask_for_job(s, out);
+    s->hash = digest_output(s->hash, out);
+    out->hash = s->hash;
+}

@@ -1,0 +1,58 @@
+#include "base/clock.h"
+#include "step/session.h"
+
+#define SHAFT_POINTS 8
+#define SHAFT_SPACING_MM 7.0
+#define POINT_AWAY_MAX_MM 300
+#define RADIUS_MAX_MM 20
+
+bool instrument_body_is_valid(const struct instrument_body *body) {
+    if (body->point_count < 1 || body->point_count > AVATAR_POINTS_MAX)
+        return false;
+    for (int i = 0; i < body->point_count; i++) {
+        const struct avatar_point *p = &body->points[i];
+        double away = vec3_length(p->at); // NaN is in no range
+        if (!(away <= POINT_AWAY_MAX_MM) || !(p->radius_mm >= 0 && p->radius_mm <= RADIUS_MAX_MM))
+            return false;
+    }
+    return vec3_length(body->points[0].at) == 0;
+}
+
+struct session_settings session_settings_default(void) {
+    struct field field = field_default(FIELD_INVERSE_DISTANCE);
+    field.skin_mm = 0.1;
+    struct session_settings settings = {
+        .field = field,
+        .adaptive = ADAPTIVE_HINGE,
+        .avatar = AVATAR_TIP,
+        .hold_ns = 100 * NS_PER_MS,
+        .ease_share = 0.2,
+        .ease_mm_s = 2,
+    };
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        struct instrument_body *body = &settings.bodies[i];
+        body->point_count = SHAFT_POINTS;
+        for (int k = 0; k < SHAFT_POINTS; k++)
+            body->points[k].at.z = -SHAFT_SPACING_MM * k;
+    }
+    return settings;
+}
+
+const char *session_state_name(enum session_state state) {
+    static const char *const names[SESSION_STATE_COUNT] = {"waiting", "running", "paused",
+                                                           "closed"};
+    return (unsigned)state < SESSION_STATE_COUNT ? names[state] : "unknown";
+}
+
+const char *input_kind_name(enum input_kind kind) {
+    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
+                                                        "stop",  "reset", "job",   "undo"};
+    return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
+}
+
+const char *event_name(int bit) {
+    static const char *const names[EVENT_COUNT] = {"state",   "device_lost", "device_back",
+                                                   "contact", "release",     "cut",
+                                                   "piece",   "refused",     "undone"};
+    return bit >= 0 && bit < EVENT_COUNT ? names[bit] : "unknown";
+}

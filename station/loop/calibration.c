@@ -53,69 +53,92 @@ struct calibration_summary calibration_summarise(const struct calibration *c) {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-// "KIND DEVICE [OF]": a device's name may hold blanks, a channel and a key do not.
-static struct calibration_entry *section_entry(struct calibration *c, const char *section) {
-    struct calibration_entry wanted = {.kind = 0};
-    while (wanted.kind < CALIBRATION_KIND_COUNT &&
-           (strncmp(section, kind_names[wanted.kind], strlen(kind_names[wanted.kind])) ||
-            section[strlen(kind_names[wanted.kind])] != ' '))
-        wanted.kind++;
-    if (wanted.kind == CALIBRATION_KIND_COUNT)
-        return NULL;
-    char rest[2 * CALIBRATION_NAME_MAX];
-    if (!setting_text(section + strlen(kind_names[wanted.kind]) + 1, rest, sizeof rest))
-        return NULL;
-    char *blank = strrchr(rest, ' ');
-    if (wanted.kind != CALIBRATION_REGISTRATION) {
-        if (!blank || !setting_text(blank + 1, wanted.of, sizeof wanted.of))
-            return NULL;
+// "DEVICE [OF]": a device's name may hold blanks, a channel and a key do not.
+static bool split_name(const char *name, struct calibration_entry *out) {
+    char copy[2 * CALIBRATION_NAME_MAX];
+    if (!setting_text(name, copy, sizeof copy))
+        return false;
+    char *blank = strrchr(copy, ' ');
+    if (out->kind != CALIBRATION_REGISTRATION) {
+        if (!blank || !setting_text(blank + 1, out->of, sizeof out->of))
+            return false;
         *blank = '\0';
     }
-    if (!setting_text(rest, wanted.device, sizeof wanted.device))
-        return NULL;
-    if (!find(c, wanted.kind, wanted.device, wanted.of) && !calibration_put(c, &wanted))
-        return NULL;
-    return find(c, wanted.kind, wanted.device, wanted.of);
+    return setting_text(copy, out->device, sizeof out->device);
 }
 
-static bool take_date(const char *value, int64_t *out_utc_s) {
+static void *entry_of(struct calibration *c, enum calibration_kind kind, const char *name,
+                      struct error *err) {
+    struct calibration_entry wanted = {.kind = kind};
+    if (!split_name(name, &wanted)) {
+        fail(err, RESULT_INVALID, "the name of the device, channel or key is too long or missing");
+        return NULL;
+    }
+    if (!find(c, kind, wanted.device, wanted.of) && !calibration_put(c, &wanted)) {
+        fail(err, RESULT_LIMIT, "more than %d parts", CALIBRATION_ENTRIES_MAX);
+        return NULL;
+    }
+    return find(c, kind, wanted.device, wanted.of);
+}
+
+static void *find_tip(void *user, const char *name, struct error *err) {
+    return entry_of(user, CALIBRATION_TIP, name, err);
+}
+
+static void *find_registration(void *user, const char *name, struct error *err) {
+    return entry_of(user, CALIBRATION_REGISTRATION, name, err);
+}
+
+static void *find_encoder(void *user, const char *name, struct error *err) {
+    return entry_of(user, CALIBRATION_ENCODER, name, err);
+}
+
+static bool take_date(void *target, const char *rest, const char *value) {
+    (void)rest;
     struct tm utc = {0};
     const char *end = strptime(value, DATE_FORMAT, &utc);
     if (!end || *end)
         return false;
-    *out_utc_s = timegm(&utc);
+    ((struct calibration_entry *)target)->utc_s = timegm(&utc);
     return true;
 }
 
-static bool take_value(struct calibration_entry *entry, const char *key, const char *value) {
+static bool take_tip(void *target, const char *rest, const char *value) {
+    (void)rest;
     pose p;
-    switch (entry->kind) {
-    case CALIBRATION_TIP:
-        if (strcmp(key, "tip_mm") || !number_pose(value, &p))
-            return false;
-        entry->tip_mm = p.translation;
-        return true;
-    case CALIBRATION_REGISTRATION:
-        return !strcmp(key, "T_mockup_tracker") && number_pose(value, &entry->T_mockup_tracker);
-    default:
-        if (!strcmp(key, "scale"))
-            return number_double(value, -1e9, 1e9, &entry->scale);
-        return !strcmp(key, "offset") && number_double(value, -1e9, 1e9, &entry->offset);
-    }
+    if (!number_pose(value, &p))
+        return false;
+    ((struct calibration_entry *)target)->tip_mm = p.translation;
+    return true;
 }
 
-static bool take_key(void *user, const char *section, const char *key, const char *value) {
-    struct calibration_entry *entry = section_entry(user, section);
-    if (!entry)
-        return false;
-    if (!strcmp(key, "date"))
-        return take_date(value, &entry->utc_s);
-    if (!strcmp(key, "residual"))
-        return number_double(value, 0, 1e6, &entry->residual);
-    if (!strcmp(key, "details"))
-        return setting_text(value, entry->details, sizeof entry->details);
-    return take_value(entry, key, value);
+static bool take_pose(void *target, const char *rest, const char *value) {
+    (void)rest;
+    return number_pose(value, &((struct calibration_entry *)target)->T_mockup_tracker);
 }
+
+#define IN_ENTRY(member) SETTING_IN(struct calibration_entry, member)
+#define KEYS_OF_ALL                                                                                \
+    {"date", .take = take_date, .wanted = "a time as 2026-11-21T08:30:00Z"},                       \
+        {"residual", SETTING_NUMBER, IN_ENTRY(residual), 0, 1e6}, {                                \
+        "details", SETTING_TEXT, IN_ENTRY(details)                                                 \
+    }
+
+static const struct setting_key tip_keys[] = {
+    KEYS_OF_ALL, {"tip_mm", .take = take_tip, .wanted = "x y z in mm"}, {0}};
+static const struct setting_key registration_keys[] = {
+    KEYS_OF_ALL, {"T_mockup_tracker", .take = take_pose, .wanted = "x y z qw qx qy qz"}, {0}};
+static const struct setting_key encoder_keys[] = {
+    KEYS_OF_ALL,
+    {"scale", SETTING_NUMBER, IN_ENTRY(scale), -1e9, 1e9},
+    {"offset", SETTING_NUMBER, IN_ENTRY(offset), -1e9, 1e9},
+    {0}};
+
+static const struct setting_section sections[] = {
+    {"tip DEVICE CHANNEL", tip_keys, find_tip},
+    {"registration DEVICE", registration_keys, find_registration},
+    {"encoder DEVICE KEY", encoder_keys, find_encoder},
+    {0}};
 
 static bool is_complete(const struct calibration_entry *entry) {
     if (!entry->utc_s)
@@ -125,7 +148,7 @@ static bool is_complete(const struct calibration_entry *entry) {
 
 enum result calibration_read(const char *path, struct calibration *out, struct error *err) {
     memset(out, 0, sizeof *out);
-    enum result result = settings_read(path, NULL, 0, take_key, out, err);
+    enum result result = settings_load(path, NULL, 0, sections, out, err);
     for (int i = 0; i < out->count && result == RESULT_OK; i++)
         if (!is_complete(&out->entries[i]))
             result = fail(err, RESULT_MISSING, "%s: [%s %s%s%s] is not complete", path,

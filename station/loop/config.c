@@ -4,16 +4,9 @@
 #include "base/log.h"
 #include "base/number.h"
 
-#include <limits.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-struct reading {
-    char dir[PATH_MAX];
-    struct station_config *config;
-};
 
 bool station_parse_server(const char *text, char *out_host, size_t host_size, int *out_port) {
     const char *colon = strrchr(text, ':');
@@ -31,25 +24,16 @@ bool station_parse_server(const char *text, char *out_host, size_t host_size, in
     return true;
 }
 
-static bool take_station_key(struct reading *r, const char *key, const char *value) {
-    struct station_config *c = r->config;
-    if (!strcmp(key, "name"))
-        return setting_text(value, c->name, sizeof c->name);
-    if (!strcmp(key, "server"))
-        return station_parse_server(value, c->host, sizeof c->host, &c->port);
-    if (!strcmp(key, "keys"))
-        return setting_path(r->dir, value, c->keys_dir, sizeof c->keys_dir);
-    if (!strcmp(key, "rate_hz"))
-        return number_double(value, 1, 2000, &c->rate_hz);
-    if (!strcmp(key, "datagrams"))
-        return number_bool(value, &c->datagrams);
-    if (!strcmp(key, "calibration"))
-        return setting_path(r->dir, value, c->calibration_path, sizeof c->calibration_path);
-    return false;
+static bool take_server(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct station_config *c = target;
+    return station_parse_server(value, c->host, sizeof c->host, &c->port);
 }
 
 // Names of origins, separated by blanks or commas.
-static bool take_origins(struct view_config *view, const char *value) {
+static bool take_origins(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct view_config *view = target;
     static const char between[] = " \t,";
     view->origin_count = 0;
     for (value += strspn(value, between); *value; value += strspn(value, between)) {
@@ -67,38 +51,11 @@ static bool take_origins(struct view_config *view, const char *value) {
     return true;
 }
 
-static bool take_view_key(struct reading *r, const char *key, const char *value) {
-    struct view_config *view = &r->config->view;
-    int64_t port;
-    if (!strcmp(key, "port")) {
-        bool good = number_int(value, 0, 65535, &port);
-        view->port = good ? (int)port : 0;
-        return good;
-    }
-    if (!strcmp(key, "origins"))
-        return take_origins(view, value);
-    if (!strcmp(key, "token"))
-        return setting_path(r->dir, value, view->token_path, sizeof view->token_path);
-    return false;
-}
-
 struct station_device *station_config_device(struct station_config *c, const char *name) {
     for (int i = 0; i < c->device_count; i++)
         if (!strcmp(c->devices[i].config.name, name))
             return &c->devices[i];
     return NULL;
-}
-
-static struct station_device *device_entry(struct station_config *c, const char *name) {
-    struct station_device *device = station_config_device(c, name);
-    if (device)
-        return device;
-    if (c->device_count == STATION_DEVICES_MAX ||
-        !setting_text(name, c->devices[c->device_count].config.name, DEVICE_NAME_MAX))
-        return NULL;
-    device = &c->devices[c->device_count++];
-    device->config.options = device->options;
-    return device;
 }
 
 static void remove_option(struct station_device *device, int at) {
@@ -131,23 +88,72 @@ bool station_config_set(struct station_config *config, const char *name, const c
     return device && set_option(device, key, value);
 }
 
+// ---- tables of the file's keys ------------------------------------------------------------------
+
 // A key given again (by --set) replaces the first.
-static bool take_device_key(struct reading *r, const char *name, const char *key,
-                            const char *value) {
-    struct station_device *device = device_entry(r->config, name);
-    return device && set_option(device, key, value);
+static bool take_option(void *target, const char *key, const char *value) {
+    return set_option(target, key, value);
 }
 
-static bool take_key(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
-    if (!strcmp(section, "station"))
-        return take_station_key(r, key, value);
-    if (!strcmp(section, "view"))
-        return take_view_key(r, key, value);
-    if (!strncmp(section, "device ", 7))
-        return take_device_key(r, section + 7, key, value);
-    return false;
+static void *find_station(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return user;
 }
+
+static void *find_view(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct station_config *)user)->view;
+}
+
+static void *find_device(void *user, const char *name, struct error *err) {
+    struct station_config *c = user;
+    struct station_device *device = station_config_device(c, name);
+    if (device)
+        return device;
+    if (c->device_count == STATION_DEVICES_MAX) {
+        fail(err, RESULT_LIMIT, "a station has at most %d devices", STATION_DEVICES_MAX);
+        return NULL;
+    }
+    device = &c->devices[c->device_count];
+    if (!setting_text(name, device->config.name, DEVICE_NAME_MAX)) {
+        fail(err, RESULT_LIMIT, "a device's name has at most %d bytes", DEVICE_NAME_MAX - 1);
+        return NULL;
+    }
+    c->device_count++;
+    device->config.options = device->options;
+    return device;
+}
+
+static const struct setting_key station_keys[] = {
+    {"name", SETTING_TEXT, SETTING_IN(struct station_config, name)},
+    {"server", .take = take_server, .wanted = "HOST:PORT, the port from 1 to 65535"},
+    {"keys", SETTING_PATH, SETTING_IN(struct station_config, keys_dir)},
+    {"rate_hz", SETTING_NUMBER, SETTING_IN(struct station_config, rate_hz), 1, 2000},
+    {"datagrams", SETTING_SWITCH, SETTING_IN(struct station_config, datagrams)},
+    {"calibration", SETTING_PATH, SETTING_IN(struct station_config, calibration_path)},
+    {0},
+};
+
+static const struct setting_key view_keys[] = {
+    {"port", SETTING_INTEGER, SETTING_IN(struct view_config, port), 0, 65535},
+    {"origins", .take = take_origins, .wanted = "up to 8 origins as http://localhost:8080"},
+    {"token", SETTING_PATH, SETTING_IN(struct view_config, token_path)},
+    {0},
+};
+
+static const struct setting_key device_keys[] = {
+    {"*", .take = take_option, .wanted = "left out: the device has as many keys as it may have"},
+    {0},
+};
+
+static const struct setting_section sections[] = {
+    {"station", station_keys, find_station},
+    {"view", view_keys, find_view},
+    {"device NAME", device_keys, find_device},
+    {0},
+};
+
+// ---- the whole ----------------------------------------------------------------------------------
 
 static enum result complete(struct station_config *c, struct error *err) {
     if (!c->name[0] || !c->host[0] || !c->keys_dir[0])
@@ -176,9 +182,7 @@ enum result station_config_load(const char *path, const struct setting_override 
     struct station_config *config = alloc(1, sizeof *config);
     config->rate_hz = 200;
     config->datagrams = true;
-    struct reading r = {.config = config};
-    settings_folder(path, r.dir, sizeof r.dir);
-    enum result result = settings_read(path, overrides, override_count, take_key, &r, err);
+    enum result result = settings_load(path, overrides, override_count, sections, config, err);
     if (result == RESULT_OK) {
         result = complete(config, err);
         if (result != RESULT_OK)

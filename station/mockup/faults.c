@@ -1,7 +1,6 @@
 #include "faults.h"
 
 #include "base/log.h"
-#include "base/number.h"
 #include "settings/settings.h"
 
 #include <math.h>
@@ -12,37 +11,57 @@
 #define OF(who) (1u << (who))
 #define EVERYONE (OF(FAULT_MODBUS) | OF(FAULT_TRACKER) | OF(FAULT_HID))
 
-static const char *const who_names[FAULT_WHO_COUNT] = {"modbus", "tracker", "hid"};
+static const char *const who_names[FAULT_WHO_COUNT + 1] = {"modbus", "tracker", "hid"};
+
+static const char *const what_names[FAULT_WHAT_COUNT + 1] = {
+    [FAULT_DROPOUT] = "dropout",
+    [FAULT_FREEZE] = "freeze",
+    [FAULT_JUMP] = "jump",
+    [FAULT_NOISE] = "noise",
+    [FAULT_NAN] = "nan",
+    [FAULT_LATE] = "late",
+    [FAULT_STALE] = "stale",
+    [FAULT_JUNK] = "junk",
+    [FAULT_WRONG_SLAVE] = "wrong-slave",
+    [FAULT_UNPLUG] = "unplug",
+    [FAULT_CLOCK_STEP] = "clock-step",
+    [FAULT_CLOCK_DRIFT] = "clock-drift",
+    [FAULT_NEWER_VERSION] = "newer-version",
+    [FAULT_HALF_MESSAGE] = "half-message",
+};
 
 static const struct kind {
-    const char *name;
     unsigned whose;
     bool has_value;
 } kinds[FAULT_WHAT_COUNT] = {
-    [FAULT_DROPOUT] = {"dropout", EVERYONE, false},
-    [FAULT_FREEZE] = {"freeze", EVERYONE, false},
-    [FAULT_JUMP] = {"jump", EVERYONE, true},
-    [FAULT_NOISE] = {"noise", EVERYONE, true},
-    [FAULT_NAN] = {"nan", OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
-    [FAULT_LATE] = {"late", EVERYONE, true},
-    [FAULT_STALE] = {"stale", EVERYONE, true},
-    [FAULT_JUNK] = {"junk", EVERYONE, false},
-    [FAULT_WRONG_SLAVE] = {"wrong-slave", OF(FAULT_MODBUS), false},
-    [FAULT_UNPLUG] = {"unplug", EVERYONE, false},
-    [FAULT_CLOCK_STEP] = {"clock-step", OF(FAULT_TRACKER), true},
-    [FAULT_CLOCK_DRIFT] = {"clock-drift", OF(FAULT_TRACKER), true},
-    [FAULT_NEWER_VERSION] = {"newer-version", OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
-    [FAULT_HALF_MESSAGE] = {"half-message", EVERYONE, false},
+    [FAULT_DROPOUT] = {EVERYONE, false},
+    [FAULT_FREEZE] = {EVERYONE, false},
+    [FAULT_JUMP] = {EVERYONE, true},
+    [FAULT_NOISE] = {EVERYONE, true},
+    [FAULT_NAN] = {OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
+    [FAULT_LATE] = {EVERYONE, true},
+    [FAULT_STALE] = {EVERYONE, true},
+    [FAULT_JUNK] = {EVERYONE, false},
+    [FAULT_WRONG_SLAVE] = {OF(FAULT_MODBUS), false},
+    [FAULT_UNPLUG] = {EVERYONE, false},
+    [FAULT_CLOCK_STEP] = {OF(FAULT_TRACKER), true},
+    [FAULT_CLOCK_DRIFT] = {OF(FAULT_TRACKER), true},
+    [FAULT_NEWER_VERSION] = {OF(FAULT_MODBUS) | OF(FAULT_TRACKER), false},
+    [FAULT_HALF_MESSAGE] = {EVERYONE, false},
 };
 
 // ---- the file -----------------------------------------------------------------------------------
 
-static struct fault *fault_named(struct faults *f, const char *name) {
+static void *find_fault(void *user, const char *name, struct error *err) {
+    struct faults *f = user;
     for (int i = 0; i < f->count; i++)
         if (!strcmp(f->list[i].name, name))
             return &f->list[i];
-    if (f->count == FAULTS_MAX || !setting_text(name, f->list[f->count].name, FAULT_NAME_MAX))
+    if (f->count == FAULTS_MAX || !setting_text(name, f->list[f->count].name, FAULT_NAME_MAX)) {
+        fail(err, RESULT_LIMIT, "at most %d faults, of names of at most %d bytes", FAULTS_MAX,
+             FAULT_NAME_MAX - 1);
         return NULL;
+    }
     struct fault *fault = &f->list[f->count++];
     fault->who = FAULT_WHO_COUNT;
     fault->what = FAULT_WHAT_COUNT;
@@ -51,51 +70,18 @@ static struct fault *fault_named(struct faults *f, const char *name) {
     return fault;
 }
 
-static bool take_who(const char *value, struct fault *fault) {
-    for (int i = 0; i < FAULT_WHO_COUNT; i++)
-        if (!strcmp(value, who_names[i])) {
-            fault->who = (enum fault_who)i;
-            return true;
-        }
-    return false;
-}
+#define IN_FAULT(member) SETTING_IN(struct fault, member)
 
-static bool take_what(const char *value, struct fault *fault) {
-    for (int i = 0; i < FAULT_WHAT_COUNT; i++)
-        if (!strcmp(value, kinds[i].name)) {
-            fault->what = (enum fault_what)i;
-            return true;
-        }
-    return false;
-}
-
-static bool take_every(const char *value, struct fault *fault) {
-    int64_t every;
-    if (!number_int(value, 1, 1000000, &every))
-        return false;
-    fault->every = (int)every;
-    return true;
-}
-
-static bool take_key(void *user, const char *section, const char *key, const char *value) {
-    struct fault *fault =
-        strncmp(section, "fault ", 6) ? NULL : fault_named((struct faults *)user, section + 6);
-    if (!fault)
-        return false;
-    if (!strcmp(key, "at_s"))
-        return number_double(value, 0, 1e6, &fault->at_s);
-    if (!strcmp(key, "for_s"))
-        return number_double(value, 0, 1e6, &fault->for_s);
-    if (!strcmp(key, "value"))
-        return number_double(value, -1e6, 1e6, &fault->value);
-    if (!strcmp(key, "who"))
-        return take_who(value, fault);
-    if (!strcmp(key, "what"))
-        return take_what(value, fault);
-    if (!strcmp(key, "every"))
-        return take_every(value, fault);
-    return false;
-}
+static const struct setting_key fault_keys[] = {
+    {"at_s", SETTING_NUMBER, IN_FAULT(at_s), 0, 1e6},
+    {"for_s", SETTING_NUMBER, IN_FAULT(for_s), 0, 1e6},
+    {"value", SETTING_NUMBER, IN_FAULT(value), -1e6, 1e6},
+    {"who", SETTING_CHOICE, IN_FAULT(who), .choices = who_names},
+    {"what", SETTING_CHOICE, IN_FAULT(what), .choices = what_names},
+    {"every", SETTING_INTEGER, IN_FAULT(every), 1, 1000000},
+    {0},
+};
+static const struct setting_section sections[] = {{"fault NAME", fault_keys, find_fault}, {0}};
 
 static enum result check(const struct fault *f, struct error *err) {
     if (f->who == FAULT_WHO_COUNT || f->what == FAULT_WHAT_COUNT || isnan(f->at_s) ||
@@ -104,10 +90,10 @@ static enum result check(const struct fault *f, struct error *err) {
     const struct kind *kind = &kinds[f->what];
     if (!(kind->whose & OF(f->who)))
         return fail(err, RESULT_INVALID, "[fault %s] what: %s has no %s", f->name,
-                    who_names[f->who], kind->name);
+                    who_names[f->who], what_names[f->what]);
     if (kind->has_value == isnan(f->value))
         return fail(err, kind->has_value ? RESULT_MISSING : RESULT_INVALID,
-                    "[fault %s] value: %s %s value", f->name, kind->name,
+                    "[fault %s] value: %s %s value", f->name, what_names[f->what],
                     kind->has_value ? "needs a" : "takes no");
     bool is_time = f->what == FAULT_LATE || f->what == FAULT_STALE;
     if (is_time && (f->value < 0 || f->value > 10000))
@@ -116,7 +102,7 @@ static enum result check(const struct fault *f, struct error *err) {
 }
 
 enum result faults_read(const char *path, struct faults *out, struct error *err) {
-    enum result result = settings_read(path, NULL, 0, take_key, out, err);
+    enum result result = settings_load(path, NULL, 0, sections, out, err);
     for (int i = 0; i < out->count && result == RESULT_OK; i++)
         if ((result = check(&out->list[i], err)) != RESULT_OK)
             fail_in(err, result, "%s: ", path);
@@ -183,7 +169,7 @@ double faults_tell(const struct faults *f, double from_s, double to_s) {
                 next_s = fmin(next_s, times_s[end]);
             else if (times_s[end] > from_s)
                 log_info("mockup", "fault %s (%s %s) %s", fault->name, who_names[fault->who],
-                         kinds[fault->what].name, end ? "ends" : "begins");
+                         what_names[fault->what], end ? "ends" : "begins");
         }
     }
     return next_s;

@@ -18,16 +18,27 @@ struct points {
     double residuals_mm[POINTS_MAX];
 };
 
-// [landmarks]: NAME = x y z, in mm, in the mock-up's frame.
-static bool take_point(void *user, const char *section, const char *key, const char *value) {
-    struct points *points = user;
+static bool take_point(void *target, const char *name, const char *value) {
+    struct points *points = target;
     pose at;
-    if (strcmp(section, "landmarks") || points->count == POINTS_MAX || !number_pose(value, &at) ||
-        !setting_text(key, points->names[points->count], sizeof points->names[0]))
+    if (points->count == POINTS_MAX || !number_pose(value, &at) ||
+        !setting_text(name, points->names[points->count], sizeof points->names[0]))
         return false;
     points->in_mockup[points->count++] = at.translation;
     return true;
 }
+
+static void *find_points(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return user;
+}
+
+// NAME = x y z, in mm, in the mock-up's frame.
+static const struct setting_key point_keys[] = {
+    {"*", .take = take_point, .wanted = "x y z in mm, of a name of at most 31 bytes, 32 in all"},
+    {0},
+};
+static const struct setting_section sections[] = {{"landmarks", point_keys, find_points}, {0}};
 
 static vec3 mean_of(const struct sample *samples, int count, double *out_rms_mm) {
     vec3 mean = {0};
@@ -106,7 +117,7 @@ enum result calibrate_landmarks(struct station_config *config,
                                 struct calibration_entry *out, json_t *report, struct error *err) {
     static struct points points;
     struct registration found;
-    enum result result = settings_read(arguments->points, NULL, 0, take_point, &points, err);
+    enum result result = settings_load(arguments->points, NULL, 0, sections, &points, err);
     if (result == RESULT_OK)
         result = station_config_calibrate(config, err);
     if (result != RESULT_OK)

@@ -1,0 +1,14 @@
+// The entries of an INI file, one by one: what inih reads, and what it would take without a word
+// (sections and keys given twice, lines that are cut, values that go on in the next line).
+#pragma once
+
+#include "base/result.h"
+
+#include <stdbool.h>
+
+// False: refused, and *err says why, without file and line.
+typedef bool (*entry_taker)(void *user, const char *section, const char *key, const char *value,
+                            struct error *err);
+
+// Results and the rest of the error as settings_load has them.
+enum result entries_read(const char *path, entry_taker take, void *user, struct error *err);

@@ -8,7 +8,7 @@
 #include "hub/hub.h"
 #include "hub/moment.h"
 #include "hub/onlookers.h"
-#include "hub/recorder.h"
+#include "records/recorder.h"
 #include "hub/remarks.h"
 #include "metrics/metrics.h"
 #include "net/console.h"

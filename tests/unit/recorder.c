@@ -1,6 +1,6 @@
 // What the recorder makes of a trace that was closed as the server ends: a small one is read before
 // it goes, a large one when it is back.
-#include "hub/recorder.h"
+#include "records/recorder.h"
 
 #include "test.h"
 #include "unit/store_files.h"

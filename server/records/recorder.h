@@ -5,10 +5,10 @@
 // and for its metrics. What the database does not take (it is locked, damaged, its disk is full)
 // waits in order and is tried again, and the log says so. What is not written when the server ends,
 // by a signal too, is taken from the traces when it starts the next time; audit entries, which no
-// trace has, from a file that it leaves beside the records as it ends (arrears.h).
+// trace has, from a file that it leaves beside the records as it ends (audit_spool.h).
 #pragma once
 
-#include "hub/session_row.h"
+#include "records/session_row.h"
 
 struct recorder;
 

@@ -1,4 +1,4 @@
-#include "hub/session_row.h"
+#include "records/session_row.h"
 
 #include "base/check.h"
 #include "metrics/subject.h"

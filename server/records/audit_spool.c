@@ -1,4 +1,4 @@
-#include "hub/arrears.h"
+#include "records/audit_spool.h"
 
 #include "base/log.h"
 #include "base/number.h"
@@ -47,7 +47,7 @@ static enum result write_lines(const char *path, const struct store_deed *deeds,
     return RESULT_OK;
 }
 
-enum result arrears_write(const char *records, const struct store_deed *deeds, size_t count,
+enum result audit_spool_write(const char *records, const struct store_deed *deeds, size_t count,
                           struct error *err) {
     char path[PATH_MAX], draft[PATH_MAX];
     enum result result = path_of(records, "", path, err);
@@ -73,7 +73,7 @@ static bool read_line(char *line, struct store_deed *out) {
            take_text(&line, out->subject, sizeof out->subject) && !line;
 }
 
-size_t arrears_read(const char *records, void (*take)(void *user, const struct store_deed *deed),
+size_t audit_spool_read(const char *records, void (*take)(void *user, const struct store_deed *deed),
                     void *user) {
     char path[PATH_MAX], line[LINE_MAX_BYTES];
     size_t count = 0;
@@ -93,7 +93,7 @@ size_t arrears_read(const char *records, void (*take)(void *user, const struct s
     return count;
 }
 
-void arrears_drop(const char *records) {
+void audit_spool_drop(const char *records) {
     char path[PATH_MAX];
     if (path_of(records, "", path, NULL) == RESULT_OK)
         unlink(path);

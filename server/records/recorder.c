@@ -1,9 +1,9 @@
-#include "hub/recorder.h"
+#include "records/recorder.h"
 
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "hub/arrears.h"
+#include "records/audit_spool.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -42,7 +42,7 @@ struct recorder {
     bool stop;
     // The thread's own.
     bool took_over, failing;
-    size_t arrears; // of an earlier server, before all else that waits
+    size_t spooled; // of an earlier server, before all else that waits
     ino_t file;     // that was written last; 0: none
 };
 
@@ -229,8 +229,8 @@ static bool write_all(struct recorder *r) {
             return false;
         }
         drop_first(r);
-        if (r->arrears && !--r->arrears)
-            arrears_drop(r->records);
+        if (r->spooled && !--r->spooled)
+            audit_spool_drop(r->records);
     }
     return true;
 }
@@ -347,7 +347,7 @@ static void wait_for_work(struct recorder *r, bool again) {
     pthread_mutex_unlock(&r->mutex);
 }
 
-static void take_arrear(void *user, const struct store_deed *deed) {
+static void take_spooled(void *user, const struct store_deed *deed) {
     append(user, &(struct waiting){.is_deed = true, .deed = *deed});
 }
 
@@ -367,7 +367,7 @@ static void leave_the_rest(struct recorder *r) {
     log_error("records",
               "%s: %zu sessions and %zu audit entries are not written: the next start does it",
               r->records, sessions, count);
-    if (count && arrears_write(r->records, deeds, count, &err) != RESULT_OK) {
+    if (count && audit_spool_write(r->records, deeds, count, &err) != RESULT_OK) {
         log_error("records", "the audit entries are lost: %s", err.text);
         for (size_t i = 0; i < count; i++)
             log_error("records", "lost: %s %s: %s", deeds[i].actor, deeds[i].action,
@@ -407,7 +407,7 @@ struct recorder *recorder_start(const char *records, const char *traces_dir, sce
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&r->mutex, NULL);
-    r->arrears = arrears_read(records, take_arrear, r);
+    r->spooled = audit_spool_read(records, take_spooled, r);
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);

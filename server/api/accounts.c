@@ -3,6 +3,7 @@
 #include "api/secret.h"
 #include "base/number.h"
 
+#include <stdio.h>
 #include <string.h>
 
 // ---- tokens -------------------------------------------------------------------------------------
@@ -56,7 +57,9 @@ void post_tokens(struct call *call) {
     secret_hash(secret, hash);
     enum result result = store_add_token(call->store, TOKEN_BEARER, hash, &call->visitor, name, &id,
                                          &until_ns, &err);
-    if (call_went_well(call, result, &err))
+    if (result == RESULT_MISSING)
+        call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
+    else if (call_went_well(call, result, &err))
         call_answer(call, 201,
                     json_pack("{s:I, s:s, s:s, s:f}", "id", (json_int_t)id, "name", name, "token",
                               secret, "until_utc_s", call_seconds(until_ns)));
@@ -120,10 +123,11 @@ static bool need_role(struct call *call, enum store_role *out_role) {
     return false;
 }
 
+// It takes its time: who asked may be signed out by then.
 static bool encode(struct call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
     call_close_store(call);
     password_encode(password, encoded);
-    return call_open_store(call);
+    return call_open_store(call) && call_is_still_in(call);
 }
 
 // One whose role is trainee has a trainee, any other has none.
@@ -170,27 +174,53 @@ static bool change_role(struct call *call, const struct store_visitor *account) 
     return call_went_well(call, store_set_role(call->store, call->args[0], role, &err), &err);
 }
 
-void patch_account(struct call *call) {
-    static const char *const fields[] = {"password", "role", NULL};
-    const char *password = NULL;
-    char encoded[PASSWORD_ENCODED];
-    struct store_visitor account;
+// What follows finds it by its new name.
+static bool change_name(struct call *call) {
+    const char *name;
     struct error err = {""};
+    if (!call_text(call, "name"))
+        return true;
+    if (!call_need_name(call, "name", &name) ||
+        !call_went_well(call, store_rename_account(call->store, call->args[0], name, &err), &err))
+        return false;
+    snprintf(call->args[0], sizeof call->args[0], "%s", name);
+    return true;
+}
+
+static bool change_password(struct call *call, const char *encoded) {
+    struct error err = {""};
+    return !encoded[0] ||
+           call_went_well(call, store_set_password(call->store, call->args[0], encoded, &err),
+                          &err);
+}
+
+void patch_account(struct call *call) {
+    static const char *const fields[] = {"password", "role", "name", NULL};
+    const char *password = NULL;
+    char encoded[PASSWORD_ENCODED] = "";
+    struct store_visitor account;
     if (!call_take_body(call, fields))
         return;
     if (call_text(call, "password") && !call_need_password(call, "password", &password))
         return;
-    if (!password && !call_text(call, "role")) {
-        call_refuse(call, 400, "wrong_body", NULL, "neither a password nor a role");
+    if (!password && !call_text(call, "role") && !call_text(call, "name")) {
+        call_refuse(call, 400, "wrong_body", NULL, "The body names nothing to change.");
         return;
     }
     if (!find_managed(call, &account) || (password && !encode(call, password, encoded)))
         return;
     // Looked at again: encoding takes its time.
-    if (!find_managed(call, &account) || !change_role(call, &account))
-        return;
-    if (!password ||
-        call_went_well(call, store_set_password(call->store, call->args[0], encoded, &err), &err))
+    if (find_managed(call, &account) && change_name(call) && change_role(call, &account) &&
+        change_password(call, encoded))
+        call_done(call);
+}
+
+void post_account_sign_out(struct call *call) {
+    static const char *const fields[] = {NULL};
+    struct store_visitor account;
+    struct error err = {""};
+    if (call_take_body(call, fields) && find_managed(call, &account) &&
+        call_went_well(call, store_sign_out_account(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 

@@ -119,7 +119,7 @@ static bool let_in(struct call *call, const struct route *route) {
         call_refuse(call, 403, "not_allowed", NULL, "a %s may not do that",
                     store_role_name(call->visitor.role));
     else
-        call_refuse(call, 401, "not_signed_in", NULL, "nobody is signed in");
+        call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
     return false;
 }
 

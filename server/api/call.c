@@ -1,6 +1,7 @@
 #include "api/call.h"
 
 #include "api/password.h"
+#include "api/secret.h"
 #include "base/check.h"
 #include "base/log.h"
 #include "base/number.h"
@@ -263,6 +264,17 @@ bool call_open_store(struct call *call) {
 
 void call_close_store(struct call *call) {
     store_close(&call->store);
+}
+
+bool call_is_still_in(struct call *call) {
+    char hash[SECRET_MAX];
+    struct error err = {""};
+    secret_hash(call->request->token, hash);
+    enum result result = store_find_token(call->store, hash, &call->visitor, &err);
+    if (result != RESULT_MISSING)
+        return call_went_well(call, result, &err);
+    call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
+    return false;
 }
 
 json_t *call_string(const char *text) {

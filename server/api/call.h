@@ -77,6 +77,9 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
 bool call_open_store(struct call *call);
 void call_close_store(struct call *call);
 
+// Whether the visitor is still signed in, after they were closed for a while.
+bool call_is_still_in(struct call *call);
+
 // A row as an object: times in ns (x_utc_ns) become seconds (x_utc_s).
 json_t *call_row(const struct store_cell *cells, int count);
 void call_take_row(void *array, const struct store_cell *cells, int count); // a store_taker

@@ -44,6 +44,63 @@ void post_trainees(struct call *call) {
                     json_pack("{s:{s:s, s:s?}}", "trainee", "name", name, "full_name", full_name));
 }
 
+// False after a refusal. *out_name: the new one, or NULL.
+static bool take_new_name(struct call *call, const char **out_name) {
+    *out_name = call_text(call, "name");
+    return !*out_name || call_need_name(call, "name", out_name);
+}
+
+void patch_trainee(struct call *call) {
+    static const char *const fields[] = {"name", "full_name", NULL};
+    const char *name;
+    struct error err = {""};
+    if (!call_take_body(call, fields) || !take_new_name(call, &name))
+        return;
+    json_t *full_name = json_object_get(call->body, "full_name");
+    const char *text = full_name && json_is_null(full_name) ? "" : call_text(call, "full_name");
+    if (!name && !text)
+        call_refuse(call, 400, "wrong_body", NULL, "The body names nothing to change.");
+    else if (call_went_well(
+                 call, store_change_trainee(call->store, call->args[0], name, text, &err), &err))
+        call_done(call);
+}
+
+void delete_trainee(struct call *call) {
+    struct error err = {""};
+    if (call_went_well(call, store_remove_trainee(call->store, call->args[0], &err), &err))
+        call_done(call);
+}
+
+static void take_id(void *array, const struct store_cell *cells, int count) {
+    (void)count;
+    json_array_append_new(array, json_string(cells[0].text));
+}
+
+void post_trainee_erase(struct call *call) {
+    static const char *const fields[] = {NULL};
+    char pseudonym[STORE_NAME_MAX];
+    struct error err = {""};
+    if (!call_take_body(call, fields) ||
+        !call_went_well(call, store_erase_trainee(call->store, call->args[0], pseudonym, &err),
+                        &err))
+        return;
+    json_t *ids = json_array();
+    enum result result = store_sessions_of(call->store, pseudonym, take_id, ids, &err);
+    json_t *all = json_pack("{s:s, s:o}", "pseudonym", pseudonym, "sessions", ids);
+    if (call_went_well(call, result, &err))
+        call_answer(call, 200, all);
+    else
+        json_decref(all);
+}
+
+void post_trainee_sign_out(struct call *call) {
+    static const char *const fields[] = {NULL};
+    struct error err = {""};
+    if (call_take_body(call, fields) &&
+        call_went_well(call, store_sign_out_trainee(call->store, call->args[0], &err), &err))
+        call_done(call);
+}
+
 void post_trainee_code(struct call *call) {
     static const char *const fields[] = {NULL};
     char code[SECRET_CODE_MAX], hash[SECRET_MAX];
@@ -110,5 +167,26 @@ void post_course_trainees(struct call *call) {
     struct error err = {""};
     if (call_take_body(call, fields) && call_need_text(call, "trainee", &trainee) &&
         call_went_well(call, store_enrol(call->store, trainee, call->args[0], &err), &err))
+        call_done(call);
+}
+
+void patch_course(struct call *call) {
+    static const char *const fields[] = {"name", NULL};
+    const char *name;
+    struct error err = {""};
+    if (call_take_body(call, fields) && call_need_name(call, "name", &name) &&
+        call_went_well(call, store_rename_course(call->store, call->args[0], name, &err), &err))
+        call_done(call);
+}
+
+void delete_course(struct call *call) {
+    struct error err = {""};
+    if (call_went_well(call, store_remove_course(call->store, call->args[0], &err), &err))
+        call_done(call);
+}
+
+void delete_course_trainee(struct call *call) {
+    struct error err = {""};
+    if (call_went_well(call, store_unenrol(call->store, call->args[1], call->args[0], &err), &err))
         call_done(call);
 }

@@ -36,6 +36,7 @@ void post_sign_in(struct call *call);
 void post_first(struct call *call);
 void post_sign_out(struct call *call);
 void get_me(struct call *call);
+void post_my_sign_out(struct call *call);
 void patch_me(struct call *call);
 
 void get_tokens(struct call *call);
@@ -45,14 +46,22 @@ void get_accounts(struct call *call);
 void post_accounts(struct call *call);
 void patch_account(struct call *call);
 void delete_account(struct call *call);
+void post_account_sign_out(struct call *call);
 
 void get_trainees(struct call *call);
 void post_trainees(struct call *call);
+void patch_trainee(struct call *call);
+void delete_trainee(struct call *call);
+void post_trainee_erase(struct call *call);
+void post_trainee_sign_out(struct call *call);
 void post_trainee_code(struct call *call);
 void get_courses(struct call *call);
 void post_courses(struct call *call);
 void get_course(struct call *call);
+void patch_course(struct call *call);
+void delete_course(struct call *call);
 void post_course_trainees(struct call *call);
+void delete_course_trainee(struct call *call);
 
 void get_server(struct call *call);
 void get_stations(struct call *call);
@@ -66,6 +75,7 @@ void get_case_check(struct call *call);
 
 void get_sessions(struct call *call);
 void get_session(struct call *call);
+void delete_session(struct call *call);
 void get_session_trace(struct call *call);
 void get_session_report(struct call *call);
 void get_distributions(struct call *call);

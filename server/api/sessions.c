@@ -136,6 +136,16 @@ void get_session(struct call *call) {
         json_decref(all);
 }
 
+void delete_session(struct call *call) {
+    struct error err = {""};
+    json_t *row = find_session(call);
+    if (!row)
+        return;
+    json_decref(row);
+    if (call_went_well(call, store_remove_session(call->store, call->args[0], &err), &err))
+        call_done(call);
+}
+
 // ---- its trace ----------------------------------------------------------------------------------
 
 // The path of its trace; false after a refusal.

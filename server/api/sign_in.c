@@ -50,21 +50,23 @@ static json_t *account_json(const struct store_visitor *v) {
                      "trainee", v->trainee);
 }
 
-static void begin_visit(struct call *call, int status) {
+// Sets a cookie for whoever was found; RESULT_MISSING, where they have another password or code by
+// now, is the caller's to answer.
+static enum result begin_visit(struct call *call, int status) {
     char secret[SECRET_MAX], hash[SECRET_MAX];
     int64_t id, until_ns;
     struct error err = {""};
     secret_make(secret);
     secret_hash(secret, hash);
     store_set_actor(call->store, call->visitor.actor);
-    if (!call_went_well(call,
-                        store_add_token(call->store, TOKEN_COOKIE, hash, &call->visitor, NULL, &id,
-                                        &until_ns, &err),
-                        &err))
-        return;
+    enum result result = store_add_token(call->store, TOKEN_COOKIE, hash, &call->visitor, NULL, &id,
+                                         &until_ns, &err);
+    if (result == RESULT_MISSING || !call_went_well(call, result, &err))
+        return result;
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=%s; Path=/; Secure; HttpOnly; SameSite=Strict", secret);
     call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->visitor)));
+    return RESULT_OK;
 }
 
 // Finds the account without telling whether there is one.
@@ -89,12 +91,13 @@ static void sign_in_by_password(struct call *call) {
     if (!call_need_text(call, "name", &name) || !call_need_text(call, "password", &password) ||
         !find_account(call, name, &there) || !try_begin(call, name, &try))
         return;
-    if (strlen(password) <= PASSWORD_MOST && password_fits(call, there, password)) {
+    enum result result = RESULT_MISSING;
+    if (strlen(password) <= PASSWORD_MOST && password_fits(call, there, password))
+        result = begin_visit(call, 200);
+    if (result != RESULT_MISSING)
         try_was_right(call, &try);
-        begin_visit(call, 200);
-    } else if (!call->response->status) {
+    else if (!call->response->status)
         call_refuse(call, 401, "wrong_password", NULL, "name or password is wrong");
-    }
 }
 
 static void sign_in_by_code(struct call *call, const char *typed) {
@@ -108,12 +111,12 @@ static void sign_in_by_code(struct call *call, const char *typed) {
         secret_hash(code, hash);
         result = store_find_code(call->store, hash, &call->visitor, &err);
     }
-    if (result == RESULT_MISSING) {
+    if (result == RESULT_OK)
+        result = begin_visit(call, 200);
+    if (result == RESULT_MISSING)
         call_refuse(call, 401, "wrong_code", "code", "the code is wrong or has ended");
-    } else if (call_went_well(call, result, &err)) {
+    else if (call->response->status || call_went_well(call, result, &err))
         try_was_right(call, &try);
-        begin_visit(call, 200);
-    }
 }
 
 void post_sign_in(struct call *call) {
@@ -177,24 +180,35 @@ void post_first(struct call *call) {
     if (made)
         call->api->first_secret[0] = '\0';
     pthread_mutex_unlock(&call->api->first_lock);
-    if (made)
-        begin_visit(call, 201);
+    if (made && begin_visit(call, 201) == RESULT_MISSING)
+        call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
 }
 
 // ---- out, and who -------------------------------------------------------------------------------
 
-void post_sign_out(struct call *call) {
-    static const char *const fields[] = {NULL};
-    struct error err = {""};
-    if (!call_take_body(call, fields))
-        return;
-    if (call->is_visitor &&
-        !call_went_well(
-            call, store_remove_token(call->store, &call->visitor, call->visitor.token, &err), &err))
-        return;
+static void drop_cookie(struct call *call) {
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=; Path=/; Max-Age=0; Secure; HttpOnly; SameSite=Strict");
     call_done(call);
+}
+
+void post_sign_out(struct call *call) {
+    static const char *const fields[] = {NULL};
+    struct error err = {""};
+    if (call_take_body(call, fields) &&
+        (!call->is_visitor ||
+         call_went_well(call,
+                        store_remove_token(call->store, &call->visitor, call->visitor.token, &err),
+                        &err)))
+        drop_cookie(call);
+}
+
+void post_my_sign_out(struct call *call) {
+    static const char *const fields[] = {NULL};
+    struct error err = {""};
+    if (call_take_body(call, fields) &&
+        call_went_well(call, store_sign_out(call->store, &call->visitor, &err), &err))
+        drop_cookie(call);
 }
 
 static void take_name(void *array, const struct store_cell *cells, int count) {
@@ -240,7 +254,11 @@ void patch_me(struct call *call) {
     try_was_right(call, &try);
     call_close_store(call);
     password_encode(new, encoded);
-    if (call_open_store(call) &&
-        call_went_well(call, store_set_password(call->store, name, encoded, &err), &err))
+    if (!call_open_store(call))
+        return;
+    enum result result = store_change_password(call->store, &call->visitor, encoded, &err);
+    if (result == RESULT_MISSING)
+        call_refuse(call, 401, "wrong_password", "password", "the old password is wrong");
+    else if (call_went_well(call, result, &err))
         call_done(call);
 }

@@ -62,6 +62,14 @@ enum result store_begin(struct store *store, struct error *err);
 enum result store_find_named(struct store *store, const char *sql, const char *what,
                              const char *name, int64_t *out_id, struct error *err);
 
+// RESULT_REFUSED where something has that name already; what: "a trainee".
+enum result store_must_be_new(struct store *store, const char *sql, const char *what,
+                              const char *name, struct error *err);
+
+// As store_end, behind an INSERT of a `kind`, which goes into the audit log.
+enum result store_end_added(struct store *store, enum result result, const char *kind,
+                            struct error *err);
+
 // A line of the audit log about "kind id"; without personal data (a trainee by number), for it is
 // never changed. id 0: there is but one.
 enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,

@@ -9,42 +9,16 @@
 #include <string.h>
 #include <sys/random.h>
 
-static const char *const role_names[ROLE_COUNT] = {"technician", "instructor", "trainee"};
-
-const char *store_role_name(enum store_role role) {
-    return role_names[role];
-}
-
-bool store_role_from_name(const char *name, enum store_role *out_role) {
-    for (int i = 0; i < ROLE_COUNT; i++)
-        if (!strcmp(name, role_names[i])) {
-            *out_role = (enum store_role)i;
-            return true;
-        }
-    return false;
-}
-
 static enum result find_trainee(struct store *store, const char *name, int64_t *out_id,
                                 struct error *err) {
     return store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", name, out_id,
                             err);
 }
 
-// RESULT_OK where nothing has that name.
-static enum result must_be_new(struct store *store, const char *sql, const char *what,
-                               const char *name, struct error *err) {
-    int64_t id;
-    enum result result = store_find(store, sql, &id, err, "t", name);
-    if (result == RESULT_OK)
-        return fail(err, RESULT_REFUSED, "%s: there is a %s '%s' already", store->path, what, name);
-    return result == RESULT_MISSING ? RESULT_OK : result;
-}
-
-static enum result added(struct store *store, enum result result, const char *kind,
-                         struct error *err) {
-    if (result == RESULT_OK)
-        result = store_audit(store, "add", kind, sqlite3_last_insert_rowid(store->db), err);
-    return store_end(store, result, err);
+static enum result find_course(struct store *store, const char *name, int64_t *out_id,
+                               struct error *err) {
+    return store_find_named(store, "SELECT id FROM course WHERE name = ?", "course", name, out_id,
+                            err);
 }
 
 // ---- adding -------------------------------------------------------------------------------------
@@ -58,12 +32,13 @@ enum result store_add_trainee(struct store *store, const char *name, const char 
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = must_be_new(store, "SELECT id FROM trainee WHERE name = ?", "trainee", name, err);
+    result =
+        store_must_be_new(store, "SELECT id FROM trainee WHERE name = ?", "a trainee", name, err);
     if (result == RESULT_OK)
         result = store_do(store,
                           "INSERT INTO trainee (name, full_name, created_utc_ns) VALUES (?, ?, ?)",
                           err, "tti", name, full_name, clock_utc_ns());
-    return added(store, result, "trainee", err);
+    return store_end_added(store, result, "trainee", err);
 }
 
 enum result store_add_course(struct store *store, const char *name, struct error *err) {
@@ -72,11 +47,12 @@ enum result store_add_course(struct store *store, const char *name, struct error
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = must_be_new(store, "SELECT id FROM course WHERE name = ?", "course", name, err);
+    result =
+        store_must_be_new(store, "SELECT id FROM course WHERE name = ?", "a course", name, err);
     if (result == RESULT_OK)
         result = store_do(store, "INSERT INTO course (name, created_utc_ns) VALUES (?, ?)", err,
                           "ti", name, clock_utc_ns());
-    return added(store, result, "course", err);
+    return store_end_added(store, result, "course", err);
 }
 
 enum result store_enrol(struct store *store, const char *trainee, const char *course,
@@ -87,8 +63,7 @@ enum result store_enrol(struct store *store, const char *trainee, const char *co
         return result;
     result = find_trainee(store, trainee, &trainee_id, err);
     if (result == RESULT_OK)
-        result = store_find_named(store, "SELECT id FROM course WHERE name = ?", "course", course,
-                                  &course_id, err);
+        result = find_course(store, course, &course_id, err);
     if (result == RESULT_OK)
         result =
             store_do(store, "INSERT OR IGNORE INTO enrolment (trainee_id, course_id) VALUES (?, ?)",
@@ -98,40 +73,105 @@ enum result store_enrol(struct store *store, const char *trainee, const char *co
     return store_end(store, result, err);
 }
 
-enum result store_check_password(const char *password, struct error *err) {
-    enum result result = text_check(password, "account's password", STORE_TEXT_MAX, err);
-    if (result == RESULT_OK && strncmp(password, "$argon2", 7) != 0)
-        result = fail(err, RESULT_INVALID,
-                      "the account's password is not encoded by argon2 ($argon2id$v=19$...)");
-    return result;
+enum result store_unenrol(struct store *store, const char *trainee, const char *course,
+                          struct error *err) {
+    int64_t trainee_id = 0, course_id;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_trainee(store, trainee, &trainee_id, err);
+    if (result == RESULT_OK)
+        result = find_course(store, course, &course_id, err);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM enrolment WHERE trainee_id = ? AND course_id = ?",
+                          err, "ii", trainee_id, course_id);
+    if (result == RESULT_OK && !sqlite3_changes(store->db))
+        result = fail(err, RESULT_MISSING, "%s: trainee '%s' is not in course '%s'", store->path,
+                      trainee, course);
+    if (result == RESULT_OK)
+        result = store_audit(store, "unenrol", "trainee", trainee_id, err);
+    return store_end(store, result, err);
 }
 
-static enum result check_account(const char *name, const char *password, struct error *err) {
-    enum result result = text_check(name, "account's name", STORE_NAME_MAX, err);
-    return result == RESULT_OK && password ? store_check_password(password, err) : result;
+// ---- changing -----------------------------------------------------------------------------------
+
+// Inside a transaction.
+static enum result rename_trainee(struct store *store, int64_t id, const char *new_name,
+                                  struct error *err) {
+    enum result result = store_must_be_new(store, "SELECT id FROM trainee WHERE name = ?",
+                                           "a trainee", new_name, err);
+    if (result == RESULT_OK)
+        result =
+            store_do(store, "UPDATE trainee SET name = ? WHERE id = ?", err, "ti", new_name, id);
+    return result == RESULT_OK ? store_audit(store, "rename", "trainee", id, err) : result;
 }
 
-enum result store_add_account(struct store *store, const char *name, enum store_role role,
-                              const char *password, const char *trainee, struct error *err) {
-    CHECK((unsigned)role < ROLE_COUNT);
-    enum result result = check_account(name, password, err);
+static enum result set_full_name(struct store *store, int64_t id, const char *full_name,
+                                 struct error *err) {
+    enum result result =
+        store_do(store, "UPDATE trainee SET full_name = nullif(?, '') WHERE id = ?", err, "ti",
+                 full_name, id);
+    return result == RESULT_OK ? store_audit(store, "full name", "trainee", id, err) : result;
+}
+
+enum result store_change_trainee(struct store *store, const char *name, const char *new_name,
+                                 const char *full_name, struct error *err) {
+    int64_t id;
+    enum result result =
+        new_name ? text_check(new_name, "trainee's name", STORE_NAME_MAX, err) : RESULT_OK;
+    if (result == RESULT_OK && full_name && full_name[0])
+        result = text_check(full_name, "trainee's full name", STORE_TEXT_MAX, err);
     if (result == RESULT_OK)
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    int64_t trainee_id;
-    result = must_be_new(store, "SELECT id FROM account WHERE name = ?", "account", name, err);
-    if (result == RESULT_OK && trainee)
-        result = find_trainee(store, trainee, &trainee_id, err);
-    if (result == RESULT_OK)
-        result = store_do(store,
-                          "INSERT INTO account (name, role, password, trainee_id, created_utc_ns) "
-                          "VALUES (?, ?, ?, (SELECT id FROM trainee WHERE name = ?), ?)",
-                          err, "tttti", name, role_names[role], password, trainee, clock_utc_ns());
-    return added(store, result, "account", err);
+    result =
+        store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
+                         "trainee", name, &id, err);
+    if (result == RESULT_OK && new_name)
+        result = rename_trainee(store, id, new_name, err);
+    if (result == RESULT_OK && full_name)
+        result = set_full_name(store, id, full_name, err);
+    return store_end(store, result, err);
 }
 
-// ---- erasing ------------------------------------------------------------------------------------
+enum result store_rename_course(struct store *store, const char *name, const char *new_name,
+                                struct error *err) {
+    int64_t id;
+    enum result result = text_check(new_name, "course's name", STORE_NAME_MAX, err);
+    if (result == RESULT_OK)
+        result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_course(store, name, &id, err);
+    if (result == RESULT_OK)
+        result = store_must_be_new(store, "SELECT id FROM course WHERE name = ?", "a course",
+                                   new_name, err);
+    if (result == RESULT_OK)
+        result =
+            store_do(store, "UPDATE course SET name = ? WHERE id = ?", err, "ti", new_name, id);
+    if (result == RESULT_OK)
+        result = store_audit(store, "rename", "course", id, err);
+    return store_end(store, result, err);
+}
+
+enum result store_remove_course(struct store *store, const char *name, struct error *err) {
+    int64_t id;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_course(store, name, &id, err);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM enrolment WHERE course_id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM course WHERE id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_audit(store, "remove", "course", id, err);
+    return store_end(store, result, err);
+}
+
+// ---- erasing, removing
+// ------------------------------------------------------------------------------------
 
 // Made by chance, so that it tells nothing of whom it stands for.
 static void make_pseudonym(char out[STORE_NAME_MAX]) {
@@ -141,8 +181,8 @@ static void make_pseudonym(char out[STORE_NAME_MAX]) {
     snprintf(out, STORE_NAME_MAX, "erased-%016" PRIx64, chance);
 }
 
-static enum result erase_rows(struct store *store, int64_t id, const char *pseudonym,
-                              struct error *err) {
+// What a trainee has besides sessions.
+static enum result remove_belongings(struct store *store, int64_t id, struct error *err) {
     enum result result =
         store_do(store, "DELETE FROM enrolment WHERE trainee_id = ?", err, "i", id);
     if (result == RESULT_OK)
@@ -152,6 +192,12 @@ static enum result erase_rows(struct store *store, int64_t id, const char *pseud
                           err, "i", id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM account WHERE trainee_id = ?", err, "i", id);
+    return result;
+}
+
+static enum result erase_rows(struct store *store, int64_t id, const char *pseudonym,
+                              struct error *err) {
+    enum result result = remove_belongings(store, id, err);
     if (result == RESULT_OK)
         result = store_do(store,
                           "UPDATE trainee SET name = ?, full_name = NULL, erased_utc_ns = ? "
@@ -182,6 +228,31 @@ enum result store_erase_trainee(struct store *store, const char *name,
     result = find_trainee(store, name, &id, err);
     if (result == RESULT_OK)
         result = erase_rows(store, id, out_pseudonym, err);
+    result = store_end(store, result, err);
+    if (result == RESULT_OK)
+        cut_log(store);
+    return result;
+}
+
+enum result store_remove_trainee(struct store *store, const char *name, struct error *err) {
+    int64_t id, sessions;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_trainee(store, name, &id, err);
+    if (result == RESULT_OK)
+        result = store_find(store, "SELECT count(*) FROM session WHERE trainee_id = ?", &sessions,
+                            err, "i", id);
+    if (result == RESULT_OK && sessions)
+        result = fail(err, RESULT_REFUSED,
+                      "%s: trainee '%s' has sessions (%lld): erase the trainee instead",
+                      store->path, name, (long long)sessions);
+    if (result == RESULT_OK)
+        result = remove_belongings(store, id, err);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM trainee WHERE id = ?", err, "i", id);
+    if (result == RESULT_OK)
+        result = store_audit(store, "remove", "trainee", id, err);
     result = store_end(store, result, err);
     if (result == RESULT_OK)
         cut_log(store);

@@ -3,9 +3,11 @@
 #include "store/connection.h"
 #include "store/text.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char *const state_names[] = {"open", "closed", "deserted", "interrupted"};
 
@@ -119,6 +121,60 @@ enum result store_put_session(struct store *store, const struct store_session *s
         result = update_session(store, id, s, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
         result = put_result(store, id, &results[i], err);
+    return store_end(store, result, err);
+}
+
+// ---- removing -----------------------------------------------------------------------------------
+
+struct removal {
+    int64_t id;
+    char trace[STORE_TEXT_MAX];
+};
+
+static enum result find_removal(struct store *store, const char *id, struct removal *out,
+                                struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result =
+        store_prepare(store, "SELECT id, trace, state = 'open' FROM session WHERE uuid = ?",
+                      &statement, err, "t", id);
+    if (result != RESULT_OK)
+        return result;
+    int code = sqlite3_step(statement);
+    if (code == SQLITE_DONE)
+        result = fail(err, RESULT_MISSING, "%s: there is no session '%.40s'", store->path, id);
+    else if (code != SQLITE_ROW)
+        result = store_failed(store, code, err);
+    else if (sqlite3_column_int(statement, 2))
+        result = fail(err, RESULT_REFUSED, "%s: session %s is still open", store->path, id);
+    if (result == RESULT_OK) {
+        out->id = sqlite3_column_int64(statement, 0);
+        snprintf(out->trace, sizeof out->trace, "%s", sqlite3_column_text(statement, 1));
+    }
+    sqlite3_reset(statement);
+    return result;
+}
+
+static enum result remove_rows(struct store *store, const char *id, const struct removal *removal,
+                               struct error *err) {
+    char subject[STORE_NAME_MAX];
+    snprintf(subject, sizeof subject, "session %s", id);
+    enum result result =
+        store_do(store, "DELETE FROM result WHERE session_id = ?", err, "i", removal->id);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM session WHERE id = ?", err, "i", removal->id);
+    return result == RESULT_OK ? store_note(store, "remove", subject, err) : result;
+}
+
+enum result store_remove_session(struct store *store, const char *id, struct error *err) {
+    struct removal removal;
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = find_removal(store, id, &removal, err);
+    if (result == RESULT_OK)
+        result = remove_rows(store, id, &removal, err);
+    if (result == RESULT_OK && unlink(removal.trace) && errno != ENOENT)
+        result = fail(err, RESULT_IO, "%s: %s", removal.trace, strerror(errno));
     return store_end(store, result, err);
 }
 

@@ -42,6 +42,8 @@ void store_set_actor(struct store *store, const char *actor);
 enum result store_note(struct store *store, const char *action, const char *subject,
                        struct error *err);
 
+struct store_visitor; // who comes in, below
+
 // ---- people and courses -------------------------------------------------------------------------
 
 // full_name may be NULL. RESULT_REFUSED where the name is taken.
@@ -52,6 +54,20 @@ enum result store_add_course(struct store *store, const char *name, struct error
 // A trainee may be in several courses; once more in the same one is fine.
 enum result store_enrol(struct store *store, const char *trainee, const char *course,
                         struct error *err);
+enum result store_unenrol(struct store *store, const char *trainee, const char *course,
+                          struct error *err);
+
+// Each of new_name and full_name may be NULL: it stays; an empty full_name is taken away.
+// RESULT_REFUSED where the new name is taken.
+enum result store_change_trainee(struct store *store, const char *name, const char *new_name,
+                                 const char *full_name, struct error *err);
+enum result store_rename_course(struct store *store, const char *name, const char *new_name,
+                                struct error *err);
+
+// A trainee with courses, accounts and tokens: RESULT_REFUSED where there are sessions, whose
+// trainee can only be erased. A course: its trainees stay.
+enum result store_remove_trainee(struct store *store, const char *name, struct error *err);
+enum result store_remove_course(struct store *store, const char *name, struct error *err);
 
 enum store_role { ROLE_TECHNICIAN, ROLE_INSTRUCTOR, ROLE_TRAINEE, ROLE_COUNT };
 
@@ -71,6 +87,12 @@ enum result store_set_role(struct store *store, const char *name, enum store_rol
 enum result store_set_password(struct store *store, const char *name, const char *password,
                                struct error *err);
 
+// For an account as store_find_account found it: RESULT_MISSING where it has another password now.
+enum result store_change_password(struct store *store, const struct store_visitor *whose,
+                                  const char *password, struct error *err);
+enum result store_rename_account(struct store *store, const char *name, const char *new_name,
+                                 struct error *err);
+
 // Takes away who the trainee was: name and full name give way to a pseudonym (written to
 // out_pseudonym), their courses, accounts and tokens go, and nothing of them stays in the file.
 // Their sessions and results stay. RESULT_MISSING where there is none of that name.
@@ -82,7 +104,9 @@ enum result store_erase_trainee(struct store *store, const char *name,
 #define STORE_HASH_MAX 65 // a SHA-256 in hexadecimal digits
 
 enum store_token_kind {
-    TOKEN_COOKIE, // of a browser: ends 12 h after it was last used
+    // Of a browser: ends 12 h after it was last used, and a week after it began; of a trainee who
+    // came in by a code, with that code too, or when there is a new one.
+    TOKEN_COOKIE,
     TOKEN_BEARER, // of a program: ends after a year
     TOKEN_CODE,   // signs a trainee in, any number of times, for 12 h
     TOKEN_COUNT
@@ -96,7 +120,7 @@ struct store_visitor {
     char actor[STORE_NAME_MAX];    // for the audit log: a trainee by number, staff by name
     char password[STORE_TEXT_MAX]; // as it was put, empty: cannot sign in; of store_find_account
     bool by_account;               // and not by a trainee's code
-    int64_t token;                 // its number; of store_find_token
+    int64_t token;                 // of store_find_token its number, of store_find_code the code's
 };
 
 enum result store_find_account(struct store *store, const char *name,
@@ -113,7 +137,8 @@ enum result store_find_code(struct store *store, const char *hash,
 // Keeps a new one of a visitor who was found above; of a code that of the trainee of that name.
 // name: what its owner calls it, or NULL. The hash is of what is never kept itself. Of cookies the
 // oldest of more than 32 go, a new code voids the one before, more than 32 tokens are refused
-// (RESULT_LIMIT). *out_until_utc_ns: when it ends.
+// (RESULT_LIMIT). *out_until_utc_ns: when it ends. RESULT_MISSING where the visitor has another
+// password by now, or what they were found by has ended.
 enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
                             const struct store_visitor *owner, const char *name, int64_t *out_id,
                             int64_t *out_until_utc_ns, struct error *err);
@@ -123,6 +148,13 @@ enum result store_add_code(struct store *store, const char *trainee, const char 
 // RESULT_MISSING where it is not this visitor's.
 enum result store_remove_token(struct store *store, const struct store_visitor *owner, int64_t id,
                                struct error *err);
+
+// Ends all that this visitor's account is signed in by, or all that came in by the trainee's code.
+enum result store_sign_out(struct store *store, const struct store_visitor *whose,
+                           struct error *err);
+// All that an account is signed in by; of a trainee that of their accounts, too, and the code.
+enum result store_sign_out_account(struct store *store, const char *name, struct error *err);
+enum result store_sign_out_trainee(struct store *store, const char *trainee, struct error *err);
 
 // Whether there is an instructor who can sign in.
 enum result store_has_instructor(struct store *store, bool *out_has, struct error *err);
@@ -168,6 +200,10 @@ struct store_result {
 // deserted.
 enum result store_put_session(struct store *store, const struct store_session *session,
                               const struct store_result *results, int count, struct error *err);
+
+// Takes a session and its results away, and then its trace, from which it would come again.
+// RESULT_REFUSED while it is open.
+enum result store_remove_session(struct store *store, const char *id, struct error *err);
 
 // Sessions that are open although they began before this time: their server has ended.
 enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, struct error *err);

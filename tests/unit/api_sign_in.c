@@ -287,6 +287,64 @@ static void a_new_password_ends_what_came_in_by_the_old_one(void **state) {
     assert_int_equal(ask("PATCH", "/me", token_of_code("ada"), body), 403);
 }
 
+// ---- a change while somebody signs in -----------------------------------------------------------
+
+#define SIGNERS 20
+#define ROUNDS 30
+
+struct signer {
+    pthread_t thread;
+    char address[32], name[32], cookie[65];
+};
+
+static void *sign_in_once(void *user) {
+    struct signer *s = user;
+    char body[128];
+    struct web_response response = {0};
+    snprintf(body, sizeof body, "{\"name\":\"%s\",\"password\":\"" PASSWORD "\"}", s->name);
+    const struct web_request request = {.method = "POST",
+                                        .path = "/api/v1/sign-in",
+                                        .query = "",
+                                        .body = body,
+                                        .size = strlen(body),
+                                        .address = s->address};
+    api_answer(the_api, &request, &response);
+    sscanf(response.cookie, "arthron=%64[0-9a-f];", s->cookie);
+    free(response.body);
+    return NULL;
+}
+
+static void add_account(const char *name) {
+    struct store *store = api_store();
+    assert_int_equal(store_add_account(store, name, ROLE_TECHNICIAN, ENCODED, NULL, &err),
+                     RESULT_OK);
+    store_close(&store);
+}
+
+static void no_cookie_of_an_old_password_outlives_its_change(void **state) {
+    (void)state;
+    for (int round = 0; round < ROUNDS; round++) {
+        struct signer signers[SIGNERS] = {0};
+        char name[32];
+        snprintf(name, sizeof name, "account-%d", round);
+        add_account(name);
+        for (int i = 0; i < SIGNERS; i++) {
+            memcpy(signers[i].name, name, sizeof name);
+            snprintf(signers[i].address, sizeof signers[i].address, "10.%d.%d.1", round + 1, i);
+            assert_int_equal(pthread_create(&signers[i].thread, NULL, sign_in_once, &signers[i]),
+                             0);
+        }
+        usleep((useconds_t)(round % 10) * 1000);
+        struct store *store = api_store();
+        assert_int_equal(store_set_password(store, name, NO_PASSWORD, &err), RESULT_OK);
+        store_close(&store);
+        for (int i = 0; i < SIGNERS; i++)
+            pthread_join(signers[i].thread, NULL);
+        for (int i = 0; i < SIGNERS; i++)
+            assert_false(signers[i].cookie[0] && is_in(signers[i].cookie));
+    }
+}
+
 // ---- the first instructor -----------------------------------------------------------------------
 
 static int first(const char *secret, const char *name) {
@@ -394,6 +452,7 @@ int main(void) {
         TEST(what_has_ended_is_nobodys),
         TEST(an_erased_trainee_is_out),
         TEST(a_new_password_ends_what_came_in_by_the_old_one),
+        TEST(no_cookie_of_an_old_password_outlives_its_change),
         TEST_NEW(the_link_makes_the_first_instructor_once),
         TEST_NEW(the_link_does_nothing_once_there_is_an_instructor),
         TEST(secrets_are_in_no_file_and_in_no_log),

@@ -99,17 +99,18 @@ static void a_code_is_no_token_and_a_token_no_code(void **state) {
     }
     assert_ok(store_add_code(store, "ada", hash_of(4), &until_ns, &err));
     assert_int_equal(store_find_code(store, hash_of(2), &visitor, &err), RESULT_MISSING);
-    assert_true(is_known(10));
+    assert_false(is_known(10)); // what came in by the code before
     assert_int_equal(store_add_code(store, "eve", hash_of(5), &until_ns, &err), RESULT_MISSING);
 }
 
-// Both, as if so many seconds had passed.
+// As if the clock had gone on by so many seconds.
 static void let_pass(int64_t seconds) {
     char sql[256];
     snprintf(sql, sizeof sql,
-             "UPDATE token SET until_utc_ns = until_utc_ns - %lld000000000, "
+             "UPDATE token SET created_utc_ns = created_utc_ns - %lld000000000, "
+             "until_utc_ns = until_utc_ns - %lld000000000, "
              "used_utc_ns = used_utc_ns - %lld000000000",
-             (long long)seconds, (long long)seconds);
+             (long long)seconds, (long long)seconds, (long long)seconds);
     assert_true(sql_passes("records.db", sql));
 }
 
@@ -124,6 +125,123 @@ static void a_cookie_ends_twelve_hours_after_its_last_use(void **state) {
     assert_true(is_known(1));
     let_pass(12 * 3600 + 1);
     assert_false(is_known(1));
+}
+
+static void a_cookie_ends_a_week_after_it_began_however_much_it_is_used(void **state) {
+    (void)state;
+    add(TOKEN_COOKIE, "grace", 1);
+    for (int hours = 0; hours < 7 * 24 - 1; hours++) {
+        let_pass(3600);
+        assert_true(is_known(1));
+    }
+    let_pass(3600 + 1);
+    assert_false(is_known(1));
+}
+
+// A server of before the rule gave it an end of its own.
+static void a_cookie_that_was_made_before_the_rule_ends_too(void **state) {
+    (void)state;
+    add(TOKEN_COOKIE, "grace", 1);
+    let_pass(8 * 86400);
+    assert_true(
+        sql_passes("records.db", "UPDATE token SET until_utc_ns = until_utc_ns + 700000000000000"));
+    assert_false(is_known(1));
+}
+
+static void come_in_by_code(const char *trainee, int code, int cookie) {
+    struct store_visitor visitor;
+    int64_t id, until_ns;
+    assert_ok(store_add_code(store, trainee, hash_of(code), &until_ns, &err));
+    assert_ok(store_find_code(store, hash_of(code), &visitor, &err));
+    assert_ok(store_add_token(store, TOKEN_COOKIE, hash_of(cookie), &visitor, NULL, &id, &until_ns,
+                              &err));
+}
+
+static void a_cookie_of_a_code_ends_with_the_code(void **state) {
+    (void)state;
+    come_in_by_code("ada", 1, 2);
+    for (int i = 0; i < 11; i++) {
+        let_pass(3600);
+        assert_true(is_known(2));
+    }
+    let_pass(3600 + 1);
+    assert_false(is_known(2));
+    come_in_by_code("ada", 3, 4);
+    assert_true(sql_passes("records.db", "DELETE FROM token WHERE kind = 'code'"));
+    assert_false(is_known(4));
+}
+
+static void a_new_code_ends_the_cookies_of_the_old_one_and_no_others(void **state) {
+    (void)state;
+    struct store_visitor visitor;
+    int64_t id, until_ns;
+    assert_ok(store_add_trainee(store, "eve", NULL, &err));
+    add(TOKEN_COOKIE, "ada.l", 1);
+    come_in_by_code("eve", 2, 3);
+    come_in_by_code("ada", 4, 5);
+    assert_ok(store_find_code(store, hash_of(4), &visitor, &err));
+    assert_ok(store_add_code(store, "ada", hash_of(6), &until_ns, &err));
+    assert_false(is_known(5));
+    assert_true(is_known(1) && is_known(3));
+    // who was just coming in by the old one
+    assert_int_equal(
+        store_add_token(store, TOKEN_COOKIE, hash_of(7), &visitor, NULL, &id, &until_ns, &err),
+        RESULT_MISSING);
+}
+
+static void who_has_another_password_by_now_gets_no_token(void **state) {
+    (void)state;
+    struct store_visitor before, in;
+    int64_t id, until_ns;
+    add(TOKEN_COOKIE, "grace", 1);
+    assert_ok(store_find_account(store, "grace", &before, &err));
+    assert_ok(store_find_token(store, hash_of(1), &in, &err));
+    assert_ok(store_set_password(store, "grace", ARGON "1", &err));
+    for (int kind = TOKEN_COOKIE; kind <= TOKEN_BEARER; kind++) {
+        assert_int_equal(store_add_token(store, (enum store_token_kind)kind, hash_of(2), &before,
+                                         "x", &id, &until_ns, &err),
+                         RESULT_MISSING);
+        assert_int_equal(store_add_token(store, (enum store_token_kind)kind, hash_of(2), &in, "x",
+                                         &id, &until_ns, &err),
+                         RESULT_MISSING);
+    }
+    assert_int_equal(store_change_password(store, &before, ARGON "2", &err), RESULT_MISSING);
+    assert_int_equal(row_count(store, LIST_TOKENS), 0);
+    assert_ok(store_find_account(store, "grace", &before, &err));
+    assert_string_equal(before.password, ARGON "1");
+    assert_ok(store_change_password(store, &before, ARGON "2", &err));
+}
+
+static void who_is_signed_out_everywhere_is_in_nowhere(void **state) {
+    (void)state;
+    struct store_visitor in;
+    int64_t id, until_ns;
+    add(TOKEN_COOKIE, "grace", 1);
+    add(TOKEN_COOKIE, "ada.l", 2);
+    add(TOKEN_BEARER, "ada.l", 3);
+    come_in_by_code("ada", 4, 5);
+    assert_ok(store_find_token(store, hash_of(2), &in, &err));
+    assert_ok(store_sign_out(store, &in, &err));
+    assert_false(is_known(2) || is_known(3));
+    assert_true(is_known(1) && is_known(5));
+    assert_int_equal(
+        store_add_token(store, TOKEN_BEARER, hash_of(6), &in, "x", &id, &until_ns, &err),
+        RESULT_MISSING);
+    assert_ok(store_find_token(store, hash_of(5), &in, &err));
+    assert_ok(store_sign_out(store, &in, &err));
+    assert_false(is_known(5));
+    assert_ok(store_find_code(store, hash_of(4), &in, &err));
+    add(TOKEN_COOKIE, "ada.l", 7);
+    come_in_by_code("ada", 8, 9);
+    assert_ok(store_sign_out_trainee(store, "ada", &err));
+    assert_false(is_known(7) || is_known(9));
+    assert_int_equal(store_find_code(store, hash_of(8), &in, &err), RESULT_MISSING);
+    assert_true(is_known(1));
+    assert_ok(store_sign_out_account(store, "grace", &err));
+    assert_false(is_known(1));
+    assert_int_equal(store_sign_out_account(store, "none", &err), RESULT_MISSING);
+    assert_int_equal(store_sign_out_trainee(store, "none", &err), RESULT_MISSING);
+    assert_non_null(strstr(rows_of(store, LIST_AUDIT, NULL), "action=sign out|subject=trainee 1"));
 }
 
 static void tokens_and_codes_end_however_much_they_are_used(void **state) {
@@ -378,6 +496,12 @@ int main(void) {
         TEST(a_token_says_whose_it_is),
         TEST(a_code_is_no_token_and_a_token_no_code),
         TEST(a_cookie_ends_twelve_hours_after_its_last_use),
+        TEST(a_cookie_ends_a_week_after_it_began_however_much_it_is_used),
+        TEST(a_cookie_that_was_made_before_the_rule_ends_too),
+        TEST(a_cookie_of_a_code_ends_with_the_code),
+        TEST(a_new_code_ends_the_cookies_of_the_old_one_and_no_others),
+        TEST(who_has_another_password_by_now_gets_no_token),
+        TEST(who_is_signed_out_everywhere_is_in_nowhere),
         TEST(tokens_and_codes_end_however_much_they_are_used),
         TEST(who_is_known_comes_in_while_another_program_writes),
         TEST(nobody_fills_the_records_with_tokens),
@@ -388,5 +512,5 @@ int main(void) {
         TEST(sessions_come_page_by_page),
         TEST(figures_of_a_course_are_those_of_its_closed_sessions),
     };
-    return cmocka_run_group_tests_name("store_access", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("store_tokens", tests, NULL, NULL);
 }

@@ -8,7 +8,8 @@
 #include <string.h>
 
 #define HOUR_NS (3600 * NS_PER_S)
-#define COOKIE_NS (12 * HOUR_NS)
+#define COOKIE_NS (12 * HOUR_NS)          // after its last use
+#define COOKIE_MOST_NS (7 * 24 * HOUR_NS) // however much it is used
 #define BEARER_NS (365 * 24 * HOUR_NS)
 #define CODE_NS (12 * HOUR_NS)
 #define NOTED_NS (300 * NS_PER_S) // a use after that long is written down
@@ -25,7 +26,7 @@ static void take_text(sqlite3_stmt *statement, int column, char *out, size_t siz
 }
 
 // What the columns of VISITOR are.
-enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, KIND, USED };
+enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, USED };
 
 #define VISITOR "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
 
@@ -39,6 +40,8 @@ static void take_visitor(sqlite3_stmt *statement, struct store_visitor *out) {
         store_role_from_name((const char *)sqlite3_column_text(statement, ROLE), &out->role);
     long long account = sqlite3_column_int64(statement, ACCOUNT_ID);
     long long trainee = sqlite3_column_int64(statement, TRAINEE_ID);
+    if (sqlite3_column_count(statement) > TOKEN)
+        out->token = sqlite3_column_int64(statement, TOKEN);
     if (out->role != ROLE_TRAINEE)
         snprintf(out->actor, sizeof out->actor, "%s", out->name);
     else if (trainee)
@@ -77,53 +80,58 @@ enum result store_find_account(struct store *store, const char *name, struct sto
 
 // ---- tokens -------------------------------------------------------------------------------------
 
-// Who is known is let in, whether that can be written down or not.
-static void note_use(struct store *store, const struct store_visitor *visitor, bool is_cookie,
-                     int64_t now_ns) {
+// Who is known is let in, whether that can be written down or not. A cookie moves its end, but
+// never beyond its age, or the end of the code that it came in by.
+static void note_use(struct store *store, int64_t token, int64_t now_ns) {
     struct error err;
     if (store_do(store,
-                 "UPDATE token SET used_utc_ns = ?1, "
-                 "until_utc_ns = iif(?2, ?1 + ?3, until_utc_ns) WHERE id = ?4",
-                 &err, "iiii", now_ns, (int64_t)is_cookie, (int64_t)COOKIE_NS,
-                 visitor->token) != RESULT_OK)
+                 "UPDATE token SET used_utc_ns = ?1, until_utc_ns = iif(kind = 'cookie', "
+                 "min(?1 + ?2, created_utc_ns + ?3, ifnull((SELECT c.until_utc_ns FROM token c "
+                 "WHERE c.kind = 'code' AND c.trainee_id = token.trainee_id), ?1 + ?2)), "
+                 "until_utc_ns) WHERE id = ?4",
+                 &err, "iiii", now_ns, (int64_t)COOKIE_NS, (int64_t)COOKIE_MOST_NS,
+                 token) != RESULT_OK)
         log_warning("store", "a token's use is not noted: %s", err.text);
 }
+
+// A cookie has its age, and one of a trainee by a code needs the code that was there before it.
+#define LIVING                                                                                     \
+    "k.until_utc_ns > ?2 AND (k.kind = 'token' OR (k.kind = 'cookie' AND "                         \
+    "k.created_utc_ns > ?2 - ?3 AND (k.trainee_id IS NULL OR EXISTS (SELECT 1 FROM token c "       \
+    "WHERE c.trainee_id = k.trainee_id AND c.kind = 'code' AND c.until_utc_ns > ?2 AND "           \
+    "c.id < k.id))))"
 
 enum result store_find_token(struct store *store, const char *hash, struct store_visitor *out,
                              struct error *err) {
     sqlite3_stmt *statement;
     int64_t now_ns = clock_utc_ns(), used_ns = 0;
-    bool is_cookie = false;
     enum result result =
         store_prepare(store,
-                      VISITOR ", k.id, k.kind, k.used_utc_ns FROM token k "
+                      VISITOR ", k.id, k.used_utc_ns FROM token k "
                               "LEFT JOIN account a ON a.id = k.account_id LEFT JOIN trainee t ON "
                               "t.id = coalesce(k.trainee_id, a.trainee_id) "
-                              "WHERE k.hash = ? AND k.until_utc_ns > ? AND k.kind <> 'code'",
-                      &statement, err, "ti", hash, now_ns);
+                              "WHERE k.hash = ?1 AND " LIVING,
+                      &statement, err, "tii", hash, now_ns, (int64_t)COOKIE_MOST_NS);
     if (result != RESULT_OK)
         return result;
     result = find_visitor(store, statement, out, err);
-    if (result == RESULT_OK) {
-        out->token = sqlite3_column_int64(statement, TOKEN);
-        is_cookie = !strcmp((const char *)sqlite3_column_text(statement, KIND), "cookie");
+    if (result == RESULT_OK)
         used_ns = sqlite3_column_int64(statement, USED);
-    }
     sqlite3_reset(statement);
     if (result == RESULT_OK && now_ns - used_ns > NOTED_NS)
-        note_use(store, out, is_cookie, now_ns);
+        note_use(store, out->token, now_ns);
     return result;
 }
 
 enum result store_find_code(struct store *store, const char *hash, struct store_visitor *out,
                             struct error *err) {
     sqlite3_stmt *statement;
-    enum result result =
-        store_prepare(store,
-                      "SELECT NULL, NULL, NULL, NULL, t.id, t.name FROM token k JOIN trainee t ON "
-                      "t.id = k.trainee_id WHERE k.hash = ? AND k.until_utc_ns > ? AND "
-                      "k.kind = 'code'",
-                      &statement, err, "ti", hash, clock_utc_ns());
+    enum result result = store_prepare(
+        store,
+        "SELECT NULL, NULL, NULL, NULL, t.id, t.name, k.id FROM token k JOIN trainee t ON "
+        "t.id = k.trainee_id WHERE k.hash = ? AND k.until_utc_ns > ? AND "
+        "k.kind = 'code'",
+        &statement, err, "ti", hash, clock_utc_ns());
     if (result != RESULT_OK)
         return result;
     result = find_visitor(store, statement, out, err);
@@ -157,16 +165,33 @@ static enum result check_room(struct store *store, int64_t account, int64_t trai
     return result;
 }
 
+// When one that begins now ends: a cookie of a code with the code.
+static enum result find_end(struct store *store, enum store_token_kind kind, int64_t trainee,
+                            int64_t now_ns, int64_t *out_until_ns, struct error *err) {
+    *out_until_ns = now_ns + lives_ns[kind];
+    if (kind != TOKEN_COOKIE || !trainee)
+        return RESULT_OK;
+    int64_t code_ns = *out_until_ns;
+    enum result result = store_find(store,
+                                    "SELECT until_utc_ns FROM token WHERE kind = 'code' AND "
+                                    "trainee_id = ?",
+                                    &code_ns, err, "i", trainee);
+    if (code_ns < *out_until_ns)
+        *out_until_ns = code_ns;
+    return result == RESULT_MISSING ? RESULT_OK : result;
+}
+
 // account or trainee is 0. Inside a transaction.
 static enum result insert_token(struct store *store, enum store_token_kind kind, const char *hash,
                                 int64_t account, int64_t trainee, const char *name,
                                 int64_t *out_until_ns, struct error *err) {
     int64_t now_ns = clock_utc_ns();
-    *out_until_ns = now_ns + lives_ns[kind];
     int keep = kind == TOKEN_COOKIE ? OWN_MAX - 1 : kind == TOKEN_CODE ? 0 : OWN_MAX;
     enum result result = make_room(store, kind, account, trainee, keep, now_ns, err);
     if (result == RESULT_OK && kind == TOKEN_BEARER)
         result = check_room(store, account, trainee, err);
+    if (result == RESULT_OK)
+        result = find_end(store, kind, trainee, now_ns, out_until_ns, err);
     if (result == RESULT_OK)
         result = store_do(store,
                           "INSERT INTO token (kind, hash, account_id, trainee_id, name, "
@@ -187,6 +212,25 @@ static enum result find_owner(struct store *store, const struct store_visitor *o
                             out_trainee, err);
 }
 
+// Between finding somebody and letting them in there is time for another password, or to be signed
+// out. Inside a transaction.
+static enum result check_unchanged(struct store *store, const struct store_visitor *owner,
+                                   struct error *err) {
+    int64_t id;
+    enum result result = RESULT_OK;
+    if (owner->by_account)
+        result =
+            store_find(store, "SELECT id FROM account WHERE name = ? AND password IS nullif(?, '')",
+                       &id, err, "tt", owner->name, owner->password);
+    if (result == RESULT_OK && owner->token)
+        result = store_find(store, "SELECT id FROM token WHERE id = ? AND until_utc_ns > ?", &id,
+                            err, "ii", owner->token, clock_utc_ns());
+    if (result == RESULT_MISSING)
+        fail(err, result, "%s: %s was signed out, or has another password now", store->path,
+             owner->name);
+    return result;
+}
+
 enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
                             const struct store_visitor *owner, const char *name, int64_t *out_id,
                             int64_t *out_until_utc_ns, struct error *err) {
@@ -197,7 +241,9 @@ enum result store_add_token(struct store *store, enum store_token_kind kind, con
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = find_owner(store, owner, &account, &trainee, err);
+    result = check_unchanged(store, owner, err);
+    if (result == RESULT_OK)
+        result = find_owner(store, owner, &account, &trainee, err);
     if (result == RESULT_OK)
         result = insert_token(store, kind, hash, account, trainee, name, out_until_utc_ns, err);
     *out_id = sqlite3_last_insert_rowid(store->db);
@@ -216,6 +262,9 @@ enum result store_add_code(struct store *store, const char *trainee, const char 
     result =
         store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
                          "trainee", trainee, &id, err);
+    if (result == RESULT_OK) // what came in by the code before
+        result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind = 'cookie'", err,
+                          "i", id);
     if (result == RESULT_OK)
         result = insert_token(store, TOKEN_CODE, hash, 0, id, NULL, out_until_utc_ns, err);
     if (result == RESULT_OK)
@@ -244,88 +293,57 @@ enum result store_remove_token(struct store *store, const struct store_visitor *
     return store_end(store, result, err);
 }
 
-// ---- accounts -----------------------------------------------------------------------------------
+// ---- signing out --------------------------------------------------------------------------------
 
-static const char instructors[] = "SELECT count(*) FROM account WHERE role = 'instructor' AND "
-                                  "password IS NOT NULL";
-
-enum result store_has_instructor(struct store *store, bool *out_has, struct error *err) {
-    int64_t count = 0;
-    enum result result = store_find(store, instructors, &count, err, "");
-    *out_has = count > 0;
-    return result;
-}
-
-static enum result end_tokens(struct store *store, int64_t account, struct error *err) {
-    return store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", account);
-}
-
-// Inside a transaction, after a change. `had`: there was one before it.
-static enum result keep_an_instructor(struct store *store, bool had, struct error *err) {
-    bool has;
-    enum result result = store_has_instructor(store, &has, err);
-    if (result == RESULT_OK && had && !has)
-        return fail(err, RESULT_REFUSED, "this is the last instructor who can sign in");
-    return result;
-}
-
-// Begins a transaction in which the account is found, with nobody signed in to it any more.
-static enum result begin_change(struct store *store, const char *name, int64_t *out_id,
-                                bool *out_had, struct error *err) {
+enum result store_sign_out_account(struct store *store, const char *name, struct error *err) {
+    int64_t id;
     enum result result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = store_has_instructor(store, out_had, err);
+    result =
+        store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name, &id, err);
     if (result == RESULT_OK)
-        result = store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name,
-                                  out_id, err);
+        result = store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", id);
     if (result == RESULT_OK)
-        result = end_tokens(store, *out_id, err);
-    return result == RESULT_OK ? result : store_end(store, result, err);
-}
-
-static enum result end_change(struct store *store, enum result result, const char *action,
-                              int64_t id, bool had, struct error *err) {
-    if (result == RESULT_OK)
-        result = keep_an_instructor(store, had, err);
-    if (result == RESULT_OK)
-        result = store_audit(store, action, "account", id, err);
+        result = store_audit(store, "sign out", "account", id, err);
     return store_end(store, result, err);
 }
 
-enum result store_remove_account(struct store *store, const char *name, struct error *err) {
-    int64_t id;
-    bool had;
-    enum result result = begin_change(store, name, &id, &had, err);
+// Begins a transaction in which what a trainee's code let in has ended.
+static enum result begin_sign_out(struct store *store, const char *trainee, int64_t *out_id,
+                                  struct error *err) {
+    enum result result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = store_do(store, "DELETE FROM account WHERE id = ?", err, "i", id);
-    return end_change(store, result, "remove", id, had, err);
+    result = store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", trainee,
+                              out_id, err);
+    if (result == RESULT_OK)
+        result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind <> 'code'", err,
+                          "i", *out_id);
+    return result == RESULT_OK ? result : store_end(store, result, err);
 }
 
-enum result store_set_role(struct store *store, const char *name, enum store_role role,
+enum result store_sign_out(struct store *store, const struct store_visitor *whose,
                            struct error *err) {
     int64_t id;
-    bool had;
-    CHECK((unsigned)role < ROLE_COUNT);
-    enum result result = begin_change(store, name, &id, &had, err);
+    if (whose->by_account)
+        return store_sign_out_account(store, whose->name, err);
+    enum result result = begin_sign_out(store, whose->trainee, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = store_do(store, "UPDATE account SET role = ? WHERE id = ?", err, "ti",
-                      store_role_name(role), id);
-    return end_change(store, result, store_role_name(role), id, had, err);
+    return store_end(store, store_audit(store, "sign out", "trainee", id, err), err);
 }
 
-enum result store_set_password(struct store *store, const char *name, const char *password,
-                               struct error *err) {
+enum result store_sign_out_trainee(struct store *store, const char *trainee, struct error *err) {
     int64_t id;
-    bool had;
-    enum result result = store_check_password(password, err);
-    if (result == RESULT_OK)
-        result = begin_change(store, name, &id, &had, err);
+    enum result result = begin_sign_out(store, trainee, &id, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_do(store, "UPDATE account SET password = ? WHERE id = ?", err, "ti", password, id);
-    return end_change(store, result, "password", id, had, err);
+    result = store_do(store,
+                      "DELETE FROM token WHERE trainee_id = ?1 OR account_id IN "
+                      "(SELECT id FROM account WHERE trainee_id = ?1)",
+                      err, "i", id);
+    if (result == RESULT_OK)
+        result = store_audit(store, "sign out", "trainee", id, err);
+    return store_end(store, result, err);
 }

@@ -7,7 +7,7 @@
 
 // A whole regular file of at most max_bytes; the size is checked before anything is allocated. The
 // caller frees *out_bytes. The error names the path.
-enum result store_read(const char *path, size_t max_bytes, uint8_t **out_bytes, size_t *out_size,
+enum result files_read(const char *path, size_t max_bytes, uint8_t **out_bytes, size_t *out_size,
                        struct error *err);
 
 struct named_bytes {
@@ -19,5 +19,5 @@ struct named_bytes {
 // Writes the files into dir, which is made with its parents where missing: first all of them,
 // complete and synced, under other names, then each takes its place in the order given. After a
 // failure none of the old files has changed, unless a rename itself failed.
-enum result store_write(const char *dir, const struct named_bytes *files, int count,
+enum result files_write(const char *dir, const struct named_bytes *files, int count,
                         struct error *err);

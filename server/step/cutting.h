@@ -1,7 +1,8 @@
 // Which instruments cut, and when a move of one is long enough to be a job. For session.c only.
 #pragma once
 
-#include "step/scene.h"
+#include "step/output.h"
+#include "step/scene_parts.h"
 
 // One instrument and one tissue: since when its blade moves without having cut.
 struct sweep {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/bytes.h"
-#include "step/session.h"
+#include "step/output.h"
 
 // XXH3 (64 bits) of the hash of the step before and of every field of the output but its own hash,
 // in the order of the struct, little-endian, absent instruments by their absence alone.

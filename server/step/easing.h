@@ -2,7 +2,7 @@
 // the cut feels no jump. For session.c only.
 #pragma once
 
-#include "step/scene.h"
+#include "step/scene_parts.h"
 
 // One cuttable group of one session.
 struct easing;

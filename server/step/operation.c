@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 #include "mesh/query.h"
-#include "step/scene.h"
+#include "step/scene_parts.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -51,26 +51,6 @@ struct operation {
     uint64_t cuts; // so many were made, undone ones too
     struct tissue tissues[TISSUES_MAX];
 };
-
-const char *job_kind_name(enum job_kind kind) {
-    static const char *const names[JOB_KIND_COUNT] = {"none", "cut", "restore", "undo"};
-    return (unsigned)kind < JOB_KIND_COUNT ? names[kind] : "unknown";
-}
-
-const char *job_outcome_name(enum job_outcome outcome) {
-    static const char *const names[JOB_OUTCOME_COUNT] = {"done", "nothing", "refused"};
-    return (unsigned)outcome < JOB_OUTCOME_COUNT ? names[outcome] : "unknown";
-}
-
-void job_result_destroy(struct job_result **result) {
-    if (!*result)
-        return;
-    cut_change_fini(&(*result)->change);
-    free((*result)->vertices);
-    free((*result)->blends);
-    free(*result);
-    *result = NULL;
-}
 
 // ---- whole tissue -------------------------------------------------------------------------------
 

@@ -1,6 +1,7 @@
 #include "step/scene.h"
 
 #include "base/check.h"
+#include "step/scene_parts.h"
 
 #include <stdlib.h>
 #include <string.h>

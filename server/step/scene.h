@@ -1,33 +1,35 @@
-// The inside of struct scene, for this room only: what session.c and operation.c ask the kernels
-// for.
+// A case prepared for sessions.
 #pragma once
 
-#include "step/session.h"
+#include "case/case.h"
+#include "warp/adaptive.h"
+#include "warp/warp.h"
 
-_Static_assert(CASE_GROUPS_MAX <= WARP_SURFACES_MAX, "every group of a case is a surface");
+// Surfaces, search structures, tissue that can be cut. Immutable; any
+// number of sessions on any threads share one. Takes ownership of *knee (which becomes NULL) where
+// it succeeds. RESULT_INVALID where a tear leaves no tissue, a case has more than TISSUES_MAX
+// cuttable groups, or a torn ligament's key is not met (warp/adaptive.h).
+struct scene;
 
-// A cuttable group.
-struct scene_tissue {
-    int group;
-    struct box box;              // of S'
-    struct cut_mesh *mesh;       // S' without its tear
-    struct match_surface *match; // NULL where the group has no S'_max
-    struct quality_plan *plan;
+enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);
+void scene_destroy(struct scene **scene);
+const struct knee_case *scene_case(const struct scene *scene);
+int scene_tissue_count(const struct scene *scene);
+int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
+
+// The adaptive warp of a case's torn ligaments, which the caller destroys. RESULT_INVALID, naming
+// the key, where one is not met.
+enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind,
+                           struct adaptive **out_adaptive, struct error *err);
+
+// The case as the kernels see it at one pose of the joint, before any cut, the femur at the
+// identity: for checks and benches. Must not move in memory.
+struct scene_stance {
+    pose T_femur_body[BODY_COUNT];
+    pose correction[BODY_COUNT]; // M
+    struct adaptive_warp adaptive;
+    struct warp_scene warp;
 };
 
-struct scene {
-    struct knee_case *knee;
-    struct query *queries[CASE_GROUPS_MAX];
-    struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups that are displaced, or may come to be
-    struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
-    struct warp_surface surfaces[CASE_GROUPS_MAX];
-    struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
-    int tissue_count;
-    struct scene_tissue tissues[TISSUES_MAX];
-};
-
-// The corrections M of all bodies, in the frame that T_frame_body are given in: that of the tibia
-// follows from the pose between the two bones, and the others have none.
-void scene_correct(const struct scene *scene, enum adaptive_kind kind,
-                   const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
-                   pose out_correction[BODY_COUNT]);
+void scene_stand(const struct scene *scene, enum adaptive_kind kind,
+                 const struct joint_angles *joint, struct scene_stance *out_stance);

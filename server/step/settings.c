@@ -1,5 +1,6 @@
+#include "step/settings.h"
+
 #include "base/clock.h"
-#include "step/session.h"
 
 #define SHAFT_POINTS 8
 #define SHAFT_SPACING_MM 7.0
@@ -36,23 +37,4 @@ struct session_settings session_settings_default(void) {
             body->points[k].at.z = -SHAFT_SPACING_MM * k;
     }
     return settings;
-}
-
-const char *session_state_name(enum session_state state) {
-    static const char *const names[SESSION_STATE_COUNT] = {"waiting", "running", "paused",
-                                                           "closed"};
-    return (unsigned)state < SESSION_STATE_COUNT ? names[state] : "unknown";
-}
-
-const char *input_kind_name(enum input_kind kind) {
-    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
-                                                        "stop",  "reset", "job",   "undo"};
-    return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
-}
-
-const char *event_name(int bit) {
-    static const char *const names[EVENT_COUNT] = {"state",   "device_lost", "device_back",
-                                                   "contact", "release",     "cut",
-                                                   "piece",   "refused",     "undone"};
-    return bit >= 0 && bit < EVENT_COUNT ? names[bit] : "unknown";
 }

@@ -4,6 +4,7 @@
 #include "base/check.h"
 #include "generated.h"
 #include "random.h"
+#include "step/scene.h"
 #include "test.h"
 
 #include <stdlib.h>

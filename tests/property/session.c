@@ -1,9 +1,11 @@
 // What a session shows: static warp and torn ligaments composed on the surfaces, instruments as
 // rigid bodies, and what of it a cut meets.
+#include "step/session.h"
+
 #include "base/clock.h"
 #include "generated.h"
 #include "random.h"
-#include "step/scene.h"
+#include "step/scene_parts.h"
 #include "test.h"
 
 #include <string.h>

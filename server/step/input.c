@@ -1,0 +1,7 @@
+#include "step/input.h"
+
+const char *input_kind_name(enum input_kind kind) {
+    static const char *const names[INPUT_KIND_COUNT] = {"frame", "empty", "start", "pause",
+                                                        "stop",  "reset", "job",   "undo"};
+    return (unsigned)kind < INPUT_KIND_COUNT ? names[kind] : "unknown";
+}

@@ -1,0 +1,69 @@
+// What a step asks to be done to tissue, and what came of it. Cuts take milliseconds: somebody runs
+// a job beside the steps (step/operation.h), and a later step takes the result as a whole.
+#pragma once
+
+#include "cut/blade.h"
+#include "quality/quality.h"
+
+#define TISSUES_MAX 4 // groups of a case that can be cut
+
+enum job_kind {
+    JOB_NONE,
+    JOB_CUT,
+    JOB_RESTORE, // the tissue as it was at the start
+    JOB_UNDO,    // the tissue that was cut last as it was before the last stroke
+    JOB_KIND_COUNT
+};
+
+const char *job_kind_name(enum job_kind kind); // "none", "cut", "restore", "undo"
+
+struct job {
+    uint64_t id; // counts up from 1 in each session
+    enum job_kind kind;
+    int tissue;             // index among the case's cuttable groups; JOB_UNDO: any
+    uint32_t stroke;        // JOB_CUT: cuts in a row that have the same are undone together
+    struct blade_move move; // JOB_CUT: in the frame of the tissue's virtual mesh
+};
+
+enum job_outcome {
+    JOB_DONE,
+    JOB_NOTHING, // the blade took nothing; no cut is there to be undone
+    JOB_REFUSED, // the cut cannot be made: nothing changed
+    JOB_OUTCOME_COUNT
+};
+
+const char *job_outcome_name(enum job_outcome outcome);
+
+// What is known of one tissue after its last job: after JOB_UNDO what was known before the stroke,
+// but for mesh_number and refused. Volumes in mm³.
+struct tissue_figures {
+    uint32_t mesh_number;   // 1 at the start; each change makes the next, also restoring, undoing
+    uint32_t cuts, refused; // since it was whole
+    uint32_t pieces;        // that came off
+    double volume_mm3;      // of the cut mesh
+    double removed_mm3;     // by blades
+    double pieces_mm3;      // came off
+    double warped_mm3;      // inside S''
+    double left_mm3;        // that S'' has still to give: over what can be matched
+    double distance_mm;     // from the last cut's surface to S'', the largest of a few points
+    struct quality_report quality;
+};
+
+struct job_result {
+    uint64_t job;
+    enum job_kind kind;
+    enum job_outcome outcome;
+    int tissue; // of JOB_UNDO that whose cut it was
+    struct tissue_figures figures;
+    uint32_t blend_count; // vertices of the physical surface whose blend changed
+    uint32_t *vertices;   // ascending
+    double *blends;
+    struct cut_change change; // empty where the outcome is not JOB_DONE, or it was no cut
+    uint64_t hash;            // of blends, and of vertices and triangles that changed
+    uint32_t cuts_back;       // by JOB_UNDO, and the volume that came back with them
+    double mm3_back;
+    bool more; // JOB_UNDO: of that stroke there are cuts of another tissue, for the next JOB_UNDO
+    struct error why; // JOB_REFUSED
+};
+
+void job_result_destroy(struct job_result **result); // NULL inside is fine

@@ -1,0 +1,38 @@
+// The inside of struct scene, for this room only: what the steps and the operation ask the kernels
+// for.
+#pragma once
+
+#include "case/case.h"
+#include "match/match.h"
+#include "quality/quality.h"
+#include "step/job.h"
+#include "warp/adaptive.h"
+#include "warp/warp.h"
+
+_Static_assert(CASE_GROUPS_MAX <= WARP_SURFACES_MAX, "every group of a case is a surface");
+
+// A cuttable group.
+struct scene_tissue {
+    int group;
+    struct box box;              // of S'
+    struct cut_mesh *mesh;       // S' without its tear
+    struct match_surface *match; // NULL where the group has no S'_max
+    struct quality_plan *plan;
+};
+
+struct scene {
+    struct knee_case *knee;
+    struct query *queries[CASE_GROUPS_MAX];
+    struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups that are displaced, or may come to be
+    struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
+    struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
+    int tissue_count;
+    struct scene_tissue tissues[TISSUES_MAX];
+};
+
+// The corrections M of all bodies, in the frame that T_frame_body are given in: that of the tibia
+// follows from the pose between the two bones, and the others have none.
+void scene_correct(const struct scene *scene, enum adaptive_kind kind,
+                   const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
+                   pose out_correction[BODY_COUNT]);

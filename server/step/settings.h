@@ -1,0 +1,31 @@
+// How a session is warped and eased.
+#pragma once
+
+#include "base/sample.h"
+#include "warp/adaptive.h"
+#include "warp/avatar.h"
+
+// What an instrument is made of, for contacts beside its tip (warp/avatar.h).
+struct instrument_body {
+    int point_count; // 1 to AVATAR_POINTS_MAX; the first is the tip
+    struct avatar_point points[AVATAR_POINTS_MAX];
+};
+
+// Counts in range, places within 300 mm of the tip, radii from 0 to 20 mm, the first at the origin.
+bool instrument_body_is_valid(const struct instrument_body *body);
+
+struct session_settings {
+    struct field field;
+    enum adaptive_kind adaptive;
+    enum avatar_mode avatar; // without a portal in the case: tip
+    struct instrument_body bodies[INSTRUMENT_COUNT];
+    int64_t hold_ns; // how long a sample that stopped coming stands for the newest
+    // A cut's new warp is eased in: in one step the displacement at a tip may change by this share
+    // of the tip's own way, and by so much for each second.
+    double ease_share;
+    double ease_mm_s;
+};
+
+// Inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s; straight instruments
+// with a point every 7 mm of the 49 mm behind the tip.
+struct session_settings session_settings_default(void);

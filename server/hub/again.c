@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "hub/grades.h"
 #include "trace/rerun.h"
 
 #include <stdlib.h>
@@ -9,7 +10,8 @@
 
 static int scene_of(const struct hub *hub, uint64_t case_hash) {
     for (int i = 0; i < hub->config.case_count; i++)
-        if (scene_case(hub->scenes[i])->hash == case_hash && !hub->unfit[i].text[0])
+        if (scene_case(hub->scenes[i])->hash == case_hash &&
+            grades_allow(hub->grades, i, NULL) == RESULT_OK)
             return i;
     return -1;
 }

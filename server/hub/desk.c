@@ -4,6 +4,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "hub/grades.h"
 #include "hub/seat.h"
 
 #include <math.h>
@@ -14,6 +15,7 @@
 #include <time.h>
 
 #define CLERK_ROUND_MS 100
+#define GRADES_EVERY_NS NS_PER_S
 #define RETRY_NS (3 * NS_PER_S)
 
 // ---- opening and closing ------------------------------------------------------------------------
@@ -269,6 +271,7 @@ static void warn_of_trace(struct seat *seat) {
 
 static void *clerk(void *argument) {
     struct hub *hub = argument;
+    int64_t grades_ns = clock_now_ns();
     while (!clerk_should_stop(hub)) {
         pthread_mutex_lock(&hub->desk_lock);
         desk_put_in_order(hub);
@@ -276,6 +279,10 @@ static void *clerk(void *argument) {
         for (int i = 0; i < hub->config.station_count; i++) {
             warn_of_drift(hub, &hub->seats[i]);
             warn_of_trace(&hub->seats[i]);
+        }
+        if (clock_now_ns() - grades_ns > GRADES_EVERY_NS) {
+            grades_refresh(hub->grades);
+            grades_ns = clock_now_ns();
         }
         wait_for_work(hub);
     }

@@ -2,6 +2,7 @@
 // control thread and only leaves notes for workers, theatres and the clerk.
 #include "base/clock.h"
 #include "base/log.h"
+#include "hub/grades.h"
 #include "hub/seat.h"
 
 #include <stdarg.h>
@@ -98,12 +99,11 @@ static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *we
     return RESULT_OK;
 }
 
-// Why the seat's case is not served; empty where it is.
-static const char *unfit_of(struct hub *hub, int index) {
+static enum result allow_case(struct hub *hub, int index, struct error *err) {
     pthread_mutex_lock(&hub->card_lock);
-    const char *unfit = hub->unfit[hub->seats[index].card.scene].text;
+    int scene = hub->seats[index].card.scene;
     pthread_mutex_unlock(&hub->card_lock);
-    return unfit;
+    return grades_allow(hub->grades, scene, err);
 }
 
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
@@ -114,10 +114,10 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
                       "station %s has no case: the server's config does not name it",
                       hello->station);
-    const char *unfit = unfit_of(hub, index);
-    if (unfit[0])
+    struct error unfit;
+    if (allow_case(hub, index, &unfit) != RESULT_OK)
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE, "station %s: %s", hello->station,
-                      unfit);
+                      unfit.text);
     if (hello->visit)
         return receive_visit(hub, index, welcome);
     pthread_mutex_lock(&hub->card_lock);

@@ -3,8 +3,8 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "check/grade.h"
 #include "hub/copied.h"
+#include "hub/grades.h"
 #include "hub/seat.h"
 
 #include <errno.h>
@@ -28,47 +28,9 @@ int hub_find_station(const struct hub_config *config, const char *name) {
     return -1;
 }
 
-static void take_grade(struct hub *hub, int index, const struct case_grade *grade) {
-    const char *name = hub->config.cases[index].name;
-    const char *field = field_name(hub->config.settings.field.kind);
-    hub->grades[index] = grade_name(grade->grade);
-    if (strcmp(grade->field, field) != 0)
-        log_warning("hub", "case %s was checked with the field %s and is served with %s", name,
-                    grade->field, field);
-    if (grade->grade != GRADE_UNFIT) {
-        log_info("hub", "case %s is %s%s", name, grade_name(grade->grade),
-                 grade->quick ? ", by a quick check" : "");
-        return;
-    }
-    log_warning("hub", "case %s is unfit, %s: %s", name,
-                hub->config.serve_unfit ? "and served all the same" : "no session is on it",
-                grade->reason);
-    if (!hub->config.serve_unfit)
-        fail(&hub->unfit[index], RESULT_REFUSED, "case %s is unfit: %s", name, grade->reason);
-}
-
-// What a check found of the case, if it is of these files.
-static void judge(struct hub *hub, int index) {
-    const struct hub_case *entry = &hub->config.cases[index];
-    struct case_grade grade;
-    struct error err;
-    enum result result = grade_read(entry->dir, &grade, &err);
-    hub->grades[index] = "not checked";
-    if (result == RESULT_MISSING)
-        log_warning("hub", "case %s is not checked: run arthron-case check %s", entry->name,
-                    entry->dir);
-    else if (result != RESULT_OK)
-        log_warning("hub", "case %s: what its check found cannot be read: %s", entry->name,
-                    err.text);
-    else if (grade.hash != scene_case(hub->scenes[index])->hash)
-        log_warning("hub", "case %s has changed since it was checked: run arthron-case check %s",
-                    entry->name, entry->dir);
-    else
-        take_grade(hub, index, &grade);
-}
-
 static enum result load_scenes(struct hub *hub, struct error *err) {
     struct case_limits limits = case_limits_default();
+    uint64_t hashes[HUB_CASES_MAX];
     for (int i = 0; i < hub->config.case_count; i++) {
         const struct hub_case *entry = &hub->config.cases[i];
         struct knee_case *knee = NULL;
@@ -80,8 +42,9 @@ static enum result load_scenes(struct hub *hub, struct error *err) {
         if (result != RESULT_OK)
             return fail_in(err, result, "case %s: ", entry->name);
         log_info("hub", "case %s from %s", entry->name, entry->dir);
-        judge(hub, i);
+        hashes[i] = scene_case(hub->scenes[i])->hash;
     }
+    hub->grades = grades_create(&hub->config, hashes);
     return RESULT_OK;
 }
 
@@ -222,6 +185,7 @@ static void release(struct hub *hub) {
     pthread_rwlock_destroy(&hub->bell_lock);
     pthread_cond_destroy(&hub->clerk_wake);
     resume_release(hub);
+    grades_destroy(&hub->grades);
     signer_destroy(&hub->signer);
     free(hub->workers);
     free(hub);

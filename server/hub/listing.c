@@ -1,5 +1,6 @@
 // What is told of sessions to those who ask.
 #include "base/clock.h"
+#include "hub/grades.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
 
@@ -79,6 +80,7 @@ static void list_refused(struct hub *hub, arthron_Refused *out) {
 
 void listing_all(struct hub *hub, arthron_CommandReply *reply) {
     reply->has_refused = true;
+    grades_refresh(hub->grades);
     list_refused(hub, &reply->refused);
     for (int i = 0; i < hub->config.station_count; i++)
         seat_info(hub, i, &reply->sessions[reply->sessions_count++]);

@@ -1,6 +1,7 @@
 #include "hub/seat.h"
 
 #include "base/clock.h"
+#include "hub/grades.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -39,7 +40,7 @@ void seat_info(struct hub *hub, int index, arthron_SessionInfo *out) {
     memset(out, 0, sizeof *out);
     snprintf(out->station, sizeof out->station, "%s", seat->station->name);
     snprintf(out->case_name, sizeof out->case_name, "%s", hub->config.cases[card.scene].name);
-    snprintf(out->case_grade, sizeof out->case_grade, "%s", hub->grades[card.scene]);
+    snprintf(out->case_grade, sizeof out->case_grade, "%s", grades_name(hub->grades, card.scene));
     out->connected = card.connected;
     out->state = (arthron_SessionState)atomic_load(&counts->state);
     memcpy(out->id, card.session_id, sizeof out->id);

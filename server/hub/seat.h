@@ -195,8 +195,7 @@ struct worker {
 struct hub {
     struct hub_config config;
     struct scene *scenes[HUB_CASES_MAX];
-    const char *grades[HUB_CASES_MAX]; // what their checks found (check/grade.h)
-    struct error unfit[HUB_CASES_MAX]; // why no session is on this case; no text: it is fit
+    struct grades *grades;
     struct seat seats[HUB_STATIONS_MAX];
     struct worker *workers;
     int worker_count;

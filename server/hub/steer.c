@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "hub/copied.h"
+#include "hub/grades.h"
 #include "hub/reply.h"
 #include "store/text.h"
 
@@ -173,8 +174,10 @@ static void change_case(struct hub *hub, int index, const arthron_Command *comma
         reply_refuse(reply, "the strength of a warp is from 0 to 1");
         return;
     }
-    if (hub->unfit[scene].text[0]) {
-        reply_refuse(reply, "%s", hub->unfit[scene].text);
+    struct error unfit;
+    grades_refresh(hub->grades);
+    if (grades_allow(hub->grades, scene, &unfit) != RESULT_OK) {
+        reply_refuse(reply, "%s", unfit.text);
         return;
     }
     reply->ok = true;

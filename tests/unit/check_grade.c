@@ -1,12 +1,14 @@
 #include "case_knee.h"
 #include "check/findings.h"
 #include "check/section.h"
+#include "check/standing.h"
 #include "check/verdict.h"
 #include "test.h"
 
 #include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static char folder[FOLDER_MAX];
 
@@ -73,6 +75,40 @@ static void the_grade_of_a_check_is_read_back_for_its_case(void **state) {
     assert_true(again->hash == hash); // the case has not changed
     case_destroy(&again);
     scene_destroy(&scene);
+    check_destroy(&check);
+}
+
+static void expect_standing(struct standing *standing, uint64_t hash, bool changed,
+                            const char *name, enum standing_kind kind) {
+    assert_int_equal(standing_refresh(standing, folder, hash), changed);
+    assert_int_equal(standing->kind, kind);
+    assert_string_equal(standing_name(standing), name);
+    assert_false(standing_refresh(standing, folder, hash));
+}
+
+static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
+    (void)state;
+    char path[FOLDER_MAX + 16], name[32];
+    struct error err;
+    struct standing standing = {0};
+    struct check *check = check_of_none("knee", &(struct check_settings){0}, &(struct error){"no"});
+    check->hash = 7;
+    snprintf(path, sizeof path, "%s/%s", folder, GRADE_FILE);
+    expect_standing(&standing, 7, true, "not checked", STANDING_UNCHECKED);
+    for (int grade = GRADE_FIT; grade < GRADE_COUNT; grade++) {
+        check->grade = (enum grade)grade;
+        assert_int_equal(verdict_save(check, grade, folder, &err), RESULT_OK);
+        snprintf(name, sizeof name, "%s", grade_name(check->grade));
+        expect_standing(&standing, 7, true, name, STANDING_GRADED);
+    }
+    assert_string_equal(standing.grade.reason, "files: no");
+    check->hash = 8;
+    assert_int_equal(verdict_save(check, 9, folder, &err), RESULT_OK);
+    expect_standing(&standing, 7, true, "not checked", STANDING_OUTDATED);
+    assert_int_equal(truncate(path, 3), 0);
+    expect_standing(&standing, 7, true, "not checked", STANDING_UNREADABLE);
+    assert_int_equal(unlink(path), 0);
+    expect_standing(&standing, 7, true, "not checked", STANDING_UNCHECKED);
     check_destroy(&check);
 }
 
@@ -268,6 +304,8 @@ static void a_section_shows_what_lies_where(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(the_grade_of_a_check_is_read_back_for_its_case, setup,
+                                        teardown),
+        cmocka_unit_test_setup_teardown(a_check_that_appears_changes_or_goes_is_noticed, setup,
                                         teardown),
         cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
         cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),

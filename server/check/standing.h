@@ -1,0 +1,30 @@
+// What the check of a case says now: check.json, read again where the file has changed.
+#pragma once
+
+#include "check/grade.h"
+
+#include <sys/stat.h>
+
+enum standing_kind {
+    STANDING_UNCHECKED,  // there is no check.json
+    STANDING_UNREADABLE, // `problem` says why
+    STANDING_OUTDATED,   // it is of other files than the case's
+    STANDING_GRADED,
+};
+
+struct standing {
+    enum standing_kind kind;
+    struct case_grade grade; // of STANDING_GRADED
+    struct error problem;    // of STANDING_UNREADABLE
+    // For standing_refresh only.
+    bool looked;
+    struct stat file;
+};
+
+// Zeroed before the first call. One stat, and a reading only where the file was made, replaced,
+// changed or removed since the last call. True where it was read and at the first call. dir and
+// hash are the case's, the same in each call.
+bool standing_refresh(struct standing *standing, const char *dir, uint64_t hash);
+
+// "fit", "fit with warnings", "unfit" or "not checked".
+const char *standing_name(const struct standing *standing);

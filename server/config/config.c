@@ -1,23 +1,13 @@
 #include "config/config.h"
 
 #include "base/clock.h"
+#include "base/nearest.h"
 #include "base/number.h"
 
-#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
-struct reading {
-    char dir[PATH_MAX];
-    struct hub_config *config;
-    struct web_settings *web;
-};
-
-// ---- values -------------------------------------------------------------------------------------
-
-static bool take_path(const struct reading *r, const char *value, char out[HUB_PATH_MAX]) {
-    return setting_path(r->dir, value, out, HUB_PATH_MAX);
-}
+// ---- values that no table describes -------------------------------------------------------------
 
 static bool take_int(const char *value, int low, int high, int *out) {
     int64_t number;
@@ -27,99 +17,55 @@ static bool take_int(const char *value, int low, int high, int *out) {
     return true;
 }
 
-// ---- sections: true where the key is known and the value good -----------------------------------
-
-static bool take_server_key(struct reading *r, const char *key, const char *value) {
-    struct hub_config *c = r->config;
-    if (!strcmp(key, "address"))
-        return setting_text(value, c->address, sizeof c->address);
-    if (!strcmp(key, "port"))
-        return take_int(value, 1, 65535, &c->port);
-    if (!strcmp(key, "udp_port"))
-        return take_int(value, 0, 65535, &c->udp_port);
-    if (!strcmp(key, "workers"))
-        return take_int(value, 0, 64, &c->workers);
-    if (!strcmp(key, "keys"))
-        return take_path(r, value, c->keys_dir);
-    if (!strcmp(key, "traces"))
-        return take_path(r, value, c->traces_dir);
-    if (!strcmp(key, "socket"))
-        return take_path(r, value, c->socket);
-    if (!strcmp(key, "records"))
-        return take_path(r, value, c->records);
-    if (!strcmp(key, "unfit")) {
-        c->serve_unfit = !strcmp(value, "serve");
-        return c->serve_unfit || !strcmp(value, "refuse");
-    }
-    if (!strcmp(key, "wait_s"))
-        return take_int(value, 1, 86400, &c->wait_s);
-    if (!strcmp(key, "calibration_days"))
-        return take_int(value, 1, 3650, &c->calibration_days);
-    if (!strcmp(key, "calibration_mm"))
-        return number_double(value, 0.01, 100, &c->calibration_mm);
-    if (!strcmp(key, "calibration_deg"))
-        return number_double(value, 0.01, 100, &c->calibration_deg);
-    return false;
+static bool take_unfit(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct hub_config *c = target;
+    c->serve_unfit = !strcmp(value, "serve");
+    return c->serve_unfit || !strcmp(value, "refuse");
 }
 
-// Separated by blanks.
-static bool take_names(const char *value, char out[SERVER_NAMES_MAX][HUB_NAME_MAX]) {
+static bool take_names(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct web_settings *web = target;
     int count = 0;
-    memset(out, 0, SERVER_NAMES_MAX * sizeof *out);
+    memset(web->names, 0, sizeof web->names);
     for (const char *at = value + strspn(value, " "); *at; at += strspn(at, " ")) {
         size_t length = strcspn(at, " ");
         if (count == SERVER_NAMES_MAX || length >= HUB_NAME_MAX)
             return false;
-        memcpy(out[count++], at, length);
+        memcpy(web->names[count++], at, length);
         at += length;
     }
     return true;
 }
 
-static bool take_web_key(struct reading *r, const char *key, const char *value) {
-    struct web_settings *w = r->web;
-    if (!strcmp(key, "address"))
-        return setting_text(value, w->address, sizeof w->address);
-    if (!strcmp(key, "port"))
-        return take_int(value, 0, 65535, &w->port);
-    if (!strcmp(key, "certificate"))
-        return take_path(r, value, w->certificate);
-    if (!strcmp(key, "key"))
-        return take_path(r, value, w->key);
-    return !strcmp(key, "names") && take_names(value, w->names);
+static bool take_field(void *target, const char *rest, const char *value) {
+    (void)rest;
+    return field_from_name(value, &((struct session_settings *)target)->field.kind);
 }
 
-static bool take_warp_key(struct reading *r, const char *key, const char *value) {
-    struct session_settings *s = &r->config->settings;
-    if (!strcmp(key, "field"))
-        return field_from_name(value, &s->field.kind);
-    if (!strcmp(key, "unit_mm"))
-        return number_double(value, 1e-3, 1e4, &s->field.unit_mm);
-    if (!strcmp(key, "radius_mm"))
-        return number_double(value, 0.1, 1000, &s->field.radius_mm);
-    if (!strcmp(key, "background_per_mm"))
-        return number_double(value, 0, 100, &s->field.background_per_mm);
-    if (!strcmp(key, "skin_mm"))
-        return number_double(value, 0, 0.1, &s->field.skin_mm);
-    if (!strcmp(key, "strength"))
-        return number_double(value, 0, 1, &s->field.strength);
-    if (!strcmp(key, "ease_share"))
-        return number_double(value, 0, 1000, &s->ease_share);
-    if (!strcmp(key, "ease_mm_s"))
-        return number_double(value, 0, 1e6, &s->ease_mm_s);
-    if (!strcmp(key, "adaptive"))
-        return adaptive_from_name(value, &s->adaptive);
-    if (!strcmp(key, "avatar"))
-        return avatar_mode_from_name(value, &s->avatar);
+static bool take_adaptive(void *target, const char *rest, const char *value) {
+    (void)rest;
+    return adaptive_from_name(value, &((struct session_settings *)target)->adaptive);
+}
+
+static bool take_avatar(void *target, const char *rest, const char *value) {
+    (void)rest;
+    return avatar_mode_from_name(value, &((struct session_settings *)target)->avatar);
+}
+
+static bool take_hold(void *target, const char *rest, const char *value) {
+    (void)rest;
     int ms;
-    if (strcmp(key, "hold_ms") || !take_int(value, 0, 10000, &ms))
+    if (!take_int(value, 0, 10000, &ms))
         return false;
-    s->hold_ns = ms * NS_PER_MS;
+    ((struct session_settings *)target)->hold_ns = ms * NS_PER_MS;
     return true;
 }
 
-// point.1 = x y z radius: the first one beside the tip takes the place of the default ones.
-static bool take_point(const char *number, const char *value, struct instrument_body *body) {
+// point.1 = x y z radius: the first point beside the tip replaces the default ones.
+static bool take_point(void *target, const char *number, const char *value) {
+    struct instrument_body *body = target;
     int index;
     double n[4];
     if (!take_int(number, 1, AVATAR_POINTS_MAX - 1, &index) || number_list(value, 4, n) != 4)
@@ -132,44 +78,16 @@ static bool take_point(const char *number, const char *value, struct instrument_
     return instrument_body_is_valid(body);
 }
 
-static bool take_instrument_key(struct reading *r, const char *name, const char *key,
-                                const char *value) {
-    enum channel channel;
-    if (!channel_from_name(name, &channel) || channel < CHANNEL_FIRST_INSTRUMENT)
-        return false;
-    int instrument = (int)channel - CHANNEL_FIRST_INSTRUMENT;
-    return !strncmp(key, "point.", 6) &&
-           take_point(key + 6, value, &r->config->settings.bodies[instrument]);
-}
-
-static struct hub_case *case_entry(struct hub_config *c, const char *name) {
-    for (int i = 0; i < c->case_count; i++)
-        if (!strcmp(c->cases[i].name, name))
-            return &c->cases[i];
-    if (c->case_count == HUB_CASES_MAX ||
-        !setting_text(name, c->cases[c->case_count].name, sizeof c->cases[0].name))
-        return NULL;
-    return &c->cases[c->case_count++];
-}
-
-static bool take_case_key(struct reading *r, const char *name, const char *key, const char *value) {
-    struct hub_case *entry = case_entry(r->config, name);
-    return entry && !strcmp(key, "dir") && take_path(r, value, entry->dir);
-}
-
-static struct hub_station *station_entry(struct hub_config *c, const char *name) {
-    for (int i = 0; i < c->station_count; i++)
-        if (!strcmp(c->stations[i].name, name))
-            return &c->stations[i];
-    if (c->station_count == HUB_STATIONS_MAX ||
-        !setting_text(name, c->stations[c->station_count].name, sizeof c->stations[0].name))
-        return NULL;
-    c->stations[c->station_count].optic = view_optic_usual();
-    return &c->stations[c->station_count++];
+static bool take_start(void *target, const char *rest, const char *value) {
+    (void)rest;
+    struct hub_station *station = target;
+    station->start_by_command = !strcmp(value, "command");
+    return station->start_by_command || !strcmp(value, "auto");
 }
 
 // contact.CHANNEL = BUTTON
-static bool take_contact_key(struct hub_station *station, const char *name, const char *value) {
+static bool take_contact(void *target, const char *name, const char *value) {
+    struct hub_station *station = target;
     enum channel channel;
     int button;
     if (!channel_from_name(name, &channel) || channel < CHANNEL_FIRST_INSTRUMENT ||
@@ -179,59 +97,202 @@ static bool take_contact_key(struct hub_station *station, const char *name, cons
     return true;
 }
 
-static bool take_station_key(struct reading *r, const char *name, const char *key,
-                             const char *value) {
-    struct hub_station *station = station_entry(r->config, name);
-    if (!station)
-        return false;
-    if (!strcmp(key, "case"))
-        return setting_text(value, station->case_name, sizeof station->case_name);
-    if (!strcmp(key, "trainee"))
-        return setting_text(value, station->trainee, sizeof station->trainee);
-    if (!strcmp(key, "optic_deg"))
-        return number_double(value, 0, 90, &station->optic.tilt_deg);
-    if (!strcmp(key, "optic_view_deg"))
-        return number_double(value, 1, 179, &station->optic.field_deg);
-    if (!strncmp(key, "contact.", 8))
-        return take_contact_key(station, key + 8, value);
-    if (strcmp(key, "start") || (strcmp(value, "auto") && strcmp(value, "command")))
-        return false;
-    station->start_by_command = !strcmp(value, "command");
-    return true;
+// ---- where values go ----------------------------------------------------------------------------
+
+static void *find_server(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->hub;
 }
 
-static bool take_key(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
-    if (!strcmp(section, "server"))
-        return take_server_key(r, key, value);
-    if (!strcmp(section, "web"))
-        return take_web_key(r, key, value);
-    if (!strcmp(section, "warp"))
-        return take_warp_key(r, key, value);
-    if (!strncmp(section, "instrument ", 11))
-        return take_instrument_key(r, section + 11, key, value);
-    if (!strncmp(section, "case ", 5))
-        return take_case_key(r, section + 5, key, value);
-    if (!strncmp(section, "station ", 8))
-        return take_station_key(r, section + 8, key, value);
+static void *find_web(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->web;
+}
+
+static void *find_warp(void *user, const char *name, struct error *err) {
+    (void)name, (void)err;
+    return &((struct server_config *)user)->hub.settings;
+}
+
+static void *find_instrument(void *user, const char *name, struct error *err) {
+    enum channel channel;
+    if (channel_from_name(name, &channel) && channel >= CHANNEL_FIRST_INSTRUMENT)
+        return &((struct server_config *)user)
+                    ->hub.settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
+    fail(err, RESULT_INVALID,
+         "there is no such instrument; the instruments are probe, punch, shaver, knife, scope");
+    return NULL;
+}
+
+static bool take_name(const char *name, char out[HUB_NAME_MAX], struct error *err) {
+    if (setting_text(name, out, HUB_NAME_MAX))
+        return true;
+    fail(err, RESULT_LIMIT, "the name is longer than %d bytes", HUB_NAME_MAX - 1);
     return false;
 }
 
+static int index_of_case(const struct hub_config *c, const char *name) {
+    for (int i = 0; i < c->case_count; i++)
+        if (!strcmp(c->cases[i].name, name))
+            return i;
+    return -1;
+}
+
+static int index_of_station(const struct hub_config *c, const char *name) {
+    for (int i = 0; i < c->station_count; i++)
+        if (!strcmp(c->stations[i].name, name))
+            return i;
+    return -1;
+}
+
+static void *find_case(void *user, const char *name, struct error *err) {
+    struct hub_config *c = &((struct server_config *)user)->hub;
+    int index = index_of_case(c, name);
+    if (index >= 0)
+        return &c->cases[index];
+    if (c->case_count == HUB_CASES_MAX) {
+        fail(err, RESULT_LIMIT, "a server has at most %d cases", HUB_CASES_MAX);
+        return NULL;
+    }
+    struct hub_case *entry = &c->cases[c->case_count];
+    if (!take_name(name, entry->name, err))
+        return NULL;
+    c->case_count++;
+    return entry;
+}
+
+static void *find_station(void *user, const char *name, struct error *err) {
+    struct hub_config *c = &((struct server_config *)user)->hub;
+    int index = index_of_station(c, name);
+    if (index >= 0)
+        return &c->stations[index];
+    if (c->station_count == HUB_STATIONS_MAX) {
+        fail(err, RESULT_LIMIT, "a server has at most %d stations", HUB_STATIONS_MAX);
+        return NULL;
+    }
+    struct hub_station *station = &c->stations[c->station_count];
+    if (!take_name(name, station->name, err))
+        return NULL;
+    station->optic = view_optic_usual();
+    c->station_count++;
+    return station;
+}
+
+// ---- tables of the file's keys ------------------------------------------------------------------
+
+#define HUB(member) SETTING_IN(struct hub_config, member)
+#define WEB(member) SETTING_IN(struct web_settings, member)
+#define WARP(member) SETTING_IN(struct session_settings, member)
+#define STATION(member) SETTING_IN(struct hub_station, member)
+
+static const struct setting_key server_keys[] = {
+    {"address", SETTING_TEXT, HUB(address)},
+    {"port", SETTING_INTEGER, HUB(port), 1, 65535},
+    {"udp_port", SETTING_INTEGER, HUB(udp_port), 0, 65535},
+    {"workers", SETTING_INTEGER, HUB(workers), 0, 64},
+    {"keys", SETTING_PATH, HUB(keys_dir)},
+    {"traces", SETTING_PATH, HUB(traces_dir)},
+    {"socket", SETTING_PATH, HUB(socket)},
+    {"records", SETTING_PATH, HUB(records)},
+    {"unfit", .take = take_unfit, .wanted = "refuse or serve"},
+    {"wait_s", SETTING_INTEGER, HUB(wait_s), 1, 86400},
+    {"calibration_days", SETTING_INTEGER, HUB(calibration_days), 1, 3650},
+    {"calibration_mm", SETTING_NUMBER, HUB(calibration_mm), 0.01, 100},
+    {"calibration_deg", SETTING_NUMBER, HUB(calibration_deg), 0.01, 100},
+    {0},
+};
+
+static const struct setting_key web_keys[] = {
+    {"port", SETTING_INTEGER, WEB(port), 0, 65535},
+    {"address", SETTING_TEXT, WEB(address)},
+    {"certificate", SETTING_PATH, WEB(certificate)},
+    {"key", SETTING_PATH, WEB(key)},
+    {"names", .take = take_names,
+     .wanted = "up to 8 names of at most 63 bytes, separated by blanks"},
+    {0},
+};
+
+static const struct setting_key warp_keys[] = {
+    {"field", .take = take_field, .wanted = "inverse-distance, smooth or gaussian"},
+    {"unit_mm", SETTING_NUMBER, WARP(field.unit_mm), 1e-3, 1e4},
+    {"radius_mm", SETTING_NUMBER, WARP(field.radius_mm), 0.1, 1000},
+    {"background_per_mm", SETTING_NUMBER, WARP(field.background_per_mm), 0, 100},
+    {"skin_mm", SETTING_NUMBER, WARP(field.skin_mm), 0, 0.1},
+    {"strength", SETTING_NUMBER, WARP(field.strength), 0, 1},
+    {"ease_share", SETTING_NUMBER, WARP(ease_share), 0, 1000},
+    {"ease_mm_s", SETTING_NUMBER, WARP(ease_mm_s), 0, 1e6},
+    {"adaptive", .take = take_adaptive, .wanted = "hinge, paper or paper-narrow"},
+    {"avatar", .take = take_avatar, .wanted = "tip, rigid or points"},
+    {"hold_ms", .take = take_hold, .wanted = "a whole number from 0 to 10000"},
+    {0},
+};
+
+static const struct setting_key instrument_keys[] = {
+    {"point.", .take = take_point,
+     .wanted = "\"x y z radius\" in mm; points are numbered from 1 to 15 without a gap"},
+    {0},
+};
+
+static const struct setting_key case_keys[] = {
+    {"dir", SETTING_PATH, SETTING_IN(struct hub_case, dir)},
+    {0},
+};
+
+static const struct setting_key station_keys[] = {
+    {"case", SETTING_TEXT, STATION(case_name)},
+    {"start", .take = take_start, .wanted = "auto or command"},
+    {"trainee", SETTING_TEXT, STATION(trainee)},
+    {"optic_deg", SETTING_NUMBER, STATION(optic.tilt_deg), 0, 90},
+    {"optic_view_deg", SETTING_NUMBER, STATION(optic.field_deg), 1, 179},
+    {"contact.", .take = take_contact,
+     .wanted = "a button from 0 to 31, of contact.probe, contact.punch and so on"},
+    {0},
+};
+
+static const struct setting_section sections[] = {
+    {"server", server_keys, find_server},
+    {"web", web_keys, find_web},
+    {"warp", warp_keys, find_warp},
+    {"instrument NAME", instrument_keys, find_instrument},
+    {"case NAME", case_keys, find_case},
+    {"station NAME", station_keys, find_station},
+    {0},
+};
+
 // ---- file ---------------------------------------------------------------------------------------
+
+static enum result refuse_case(const struct hub_config *c, const struct hub_station *station,
+                               struct error *err) {
+    const char *names[HUB_CASES_MAX + 1] = {NULL};
+    for (int i = 0; i < c->case_count; i++)
+        names[i] = c->cases[i].name;
+    const char *nearest = nearest_name(station->case_name, names);
+    return fail(err, RESULT_INVALID, "[station %s] case = %s: there is no section [case %s]%s%s%s",
+                station->name, station->case_name, station->case_name,
+                nearest ? "; did you mean " : "", nearest ? nearest : "", nearest ? "?" : "");
+}
 
 static enum result complete(const struct hub_config *c, struct error *err) {
     if (c->udp_port && c->udp_port + hub_worker_count(c) - 1 > 65535)
         return fail(err, RESULT_INVALID,
                     "[server] udp_port = %d: %d workers need ports beyond 65535", c->udp_port,
                     hub_worker_count(c));
-    if (!c->keys_dir[0] || !c->traces_dir[0] || !c->socket[0])
-        return fail(err, RESULT_MISSING, "[server] needs keys, traces and socket");
+    const char *missing = !c->keys_dir[0]     ? "keys"
+                          : !c->traces_dir[0] ? "traces"
+                          : !c->socket[0]     ? "socket"
+                                              : NULL;
+    if (missing)
+        return fail(err, RESULT_MISSING, "[server] needs the key \"%s\"", missing);
     for (int i = 0; i < c->case_count; i++)
         if (!c->cases[i].dir[0])
-            return fail(err, RESULT_MISSING, "[case %s] needs dir", c->cases[i].name);
+            return fail(err, RESULT_MISSING, "[case %s] needs the key \"dir\"", c->cases[i].name);
     for (int i = 0; i < c->station_count; i++)
         if (!c->stations[i].case_name[0])
-            return fail(err, RESULT_MISSING, "[station %s] needs case", c->stations[i].name);
+            return fail(err, RESULT_MISSING, "[station %s] needs the key \"case\"",
+                        c->stations[i].name);
+    for (int i = 0; i < c->station_count; i++)
+        if (index_of_case(c, c->stations[i].case_name) < 0)
+            return refuse_case(c, &c->stations[i], err);
     return RESULT_OK;
 }
 
@@ -269,15 +330,13 @@ static void set_defaults(struct hub_config *config) {
 
 enum result config_load(const char *path, const struct setting_override *overrides,
                         int override_count, struct server_config *out_config, struct error *err) {
-    struct reading r = {.config = &out_config->hub, .web = &out_config->web};
-    settings_folder(path, r.dir, sizeof r.dir);
     memset(out_config, 0, sizeof *out_config);
-    set_defaults(r.config);
-    enum result result = settings_read(path, overrides, override_count, take_key, &r, err);
+    set_defaults(&out_config->hub);
+    enum result result = settings_load(path, overrides, override_count, sections, out_config, err);
     if (result != RESULT_OK)
         return result;
-    result = complete(r.config, err);
+    result = complete(&out_config->hub, err);
     if (result == RESULT_OK)
-        result = complete_web(r.config, r.web, err);
+        result = complete_web(&out_config->hub, &out_config->web, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }

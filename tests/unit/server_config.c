@@ -1,4 +1,4 @@
-// The server's config: where browsers are served.
+// The server's config: where browsers are served, and what is said of a wrong entry.
 #include "config/config.h"
 #include "folder.h"
 #include "test.h"
@@ -80,12 +80,64 @@ static void what_cannot_be_is_named(void **state) {
         {SERVER RECORDS "[web]\nport = 4880\nnames = a b c d e f g h i\n", "names"},
         {SERVER RECORDS "[web]\nport = 4880\nname = a\n", "name"},
         {SERVER RECORDS "[browsers]\nport = 4880\n", "browsers"},
+        {SERVER "[sever]\nport = 1\n",
+         "line 7: there is no section [sever]; did you mean [server]?"},
+        {"[server]\nport = 99999\n",
+         "[server] port = 99999: must be a whole number from 1 to 65535"},
+        {"[server]\nprot = 4810\n", "[server] has no key \"prot\"; did you mean port?"},
+        {"[server]\nunfit = perhaps\n", "must be refuse or serve"},
+        {"[server]\naddress = 10.0.0.1\n", "[server] needs the key \"keys\""},
+        {SERVER "[warp]\nfield = sooth\n", "must be inverse-distance, smooth or gaussian"},
+        {SERVER "[warp]\navatar = tips\n", "must be tip, rigid or points"},
+        {SERVER "[warp]\nadaptive = hing\n", "must be hinge, paper or paper-narrow"},
+        {SERVER "[warp]\nhold_ms = -1\n", "must be a whole number from 0 to 10000"},
+        {SERVER "[instrument prob]\npoint.1 = 0 0 0 1\n", "the instruments are probe, punch"},
+        {SERVER "[instrument probe]\npoint.2 = 0 0 0 1\n", "numbered from 1 to 15"},
+        {SERVER "[case knee]\ndirr = k\n", "[case knee] has no key \"dirr\"; did you mean dir?"},
+        {SERVER "[case knee]\n[station a]\nstart = auto\n", "[station a] needs the key \"case\""},
+        {SERVER "[station a]\nstart = maybe\n", "must be auto or command"},
+        {SERVER "[station a]\ncontact.prob = 0\n", "of contact.probe"},
+        {SERVER "[case knee]\ndir = k\n[station a]\ncase = kne\n",
+         "[station a] case = kne: there is no section [case kne]; did you mean knee?"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         assert_int_not_equal(load(rows[i].text), RESULT_OK);
         if (!strstr(err.text, rows[i].named) || !strstr(err.text, "server.ini"))
             fail_msg("%s: %s", rows[i].text, err.text);
     }
+}
+
+static void every_kind_of_value_goes_where_it_belongs(void **state) {
+    (void)state;
+    assert_int_equal(load(SERVER "port = 4900\nworkers = 3\nunfit = serve\ncalibration_mm = 0.5\n"
+                                 "[warp]\nfield = smooth\nradius_mm = 12\nhold_ms = 250\n"
+                                 "avatar = rigid\nadaptive = paper\nease_share = 0.3\n"
+                                 "[instrument probe]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
+                                 "[case knee]\ndir = k\n"
+                                 "[station a]\ncase = knee\nstart = command\ntrainee = ada\n"
+                                 "optic_deg = 70\ncontact.punch = 4\n"),
+                     RESULT_OK);
+    const struct hub_config *c = &config.hub;
+    assert_int_equal(c->port, 4900);
+    assert_int_equal(c->workers, 3);
+    assert_true(c->serve_unfit);
+    assert_float_equal(c->calibration_mm, 0.5, 0);
+    assert_int_equal(c->settings.field.kind, FIELD_SMOOTH);
+    assert_float_equal(c->settings.field.radius_mm, 12, 0);
+    assert_int_equal(c->settings.hold_ns, 250000000);
+    assert_string_equal(avatar_mode_name(c->settings.avatar), "rigid");
+    assert_string_equal(adaptive_name(c->settings.adaptive), "paper");
+    assert_float_equal(c->settings.ease_share, 0.3, 0);
+    assert_int_equal(c->settings.bodies[0].point_count, 3);
+    assert_float_equal(c->settings.bodies[0].points[2].radius_mm, 1, 0);
+    expect_path(c->cases[0].dir, "k");
+    const struct hub_station *station = &c->stations[0];
+    assert_string_equal(station->case_name, "knee");
+    assert_true(station->start_by_command);
+    assert_string_equal(station->trainee, "ada");
+    assert_float_equal(station->optic.tilt_deg, 70, 0);
+    assert_float_equal(station->optic.field_deg, 90, 0);
+    assert_int_equal(station->contact_buttons[1], 1 << 4);
 }
 
 static void eight_names_are_kept_whole(void **state) {
@@ -105,6 +157,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(browsers_are_served_where_somebody_says_so, begin, end),
         cmocka_unit_test_setup_teardown(all_of_it_can_be_said, begin, end),
         cmocka_unit_test_setup_teardown(what_cannot_be_is_named, begin, end),
+        cmocka_unit_test_setup_teardown(every_kind_of_value_goes_where_it_belongs, begin, end),
         cmocka_unit_test_setup_teardown(eight_names_are_kept_whole, begin, end),
     };
     return cmocka_run_group_tests_name("server_config", tests, NULL, NULL);

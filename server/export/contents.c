@@ -36,6 +36,8 @@ enum result contents_read(const struct export_request *request, struct contents 
            RESULT_OK) {
         contents->steps++;
         contents->jobs += record.output.job.id != 0;
+        if (record.output.job.move_count > contents->moves)
+            contents->moves = record.output.job.move_count;
         contents->landed += record.output.landed.job != 0;
         for (int i = 0; i < INSTRUMENT_COUNT; i++)
             contents->present[i] |= record.output.instruments[i].present;
@@ -56,8 +58,10 @@ void bytes_text(const uint8_t *bytes, size_t count, char *out_text) {
         snprintf(out_text + 2 * i, 3, "%02x", bytes[i]);
 }
 
-static bool ever_there(const struct trace_field *field, const struct contents *contents) {
-    switch (field->owner) {
+static bool ever_there(const struct step_field *field, const struct contents *contents) {
+    if (field->owner <= OWNER_MOVE)
+        return OWNER_MOVE - field->owner < contents->moves;
+    switch (step_field_part(field)) {
     case OWNER_STEP:
         return true;
     case OWNER_JOB:
@@ -69,9 +73,9 @@ static bool ever_there(const struct trace_field *field, const struct contents *c
 }
 
 int contents_fields(const struct contents *contents,
-                    struct trace_field out_fields[TRACE_FIELDS_MAX]) {
-    struct trace_field all[TRACE_FIELDS_MAX];
-    int count = 0, all_count = trace_fields(all);
+                    struct step_field out_fields[STEP_FIELDS_MAX]) {
+    struct step_field all[STEP_FIELDS_MAX];
+    int count = 0, all_count = step_fields(all);
     for (int i = 0; i < all_count; i++)
         if (ever_there(&all[i], contents))
             out_fields[count++] = all[i];

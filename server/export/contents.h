@@ -2,11 +2,12 @@
 #pragma once
 
 #include "export/export.h"
-#include "trace/fields.h"
+#include "step/fields.h"
 
 struct contents {
     struct trace_header header;
     uint64_t steps, jobs, landed; // steps, and those with a job and with one that landed
+    int moves;                    // of a job, at most
     bool present[INSTRUMENT_COUNT];
     uint8_t hash[TRACE_HASH_SIZE]; // of the last whole record and, through it, of all before
     enum result end;               // RESULT_CLOSED: the record is whole
@@ -22,7 +23,7 @@ enum result contents_end(const struct contents *contents, struct error *err);
 
 // The fields of all that was ever there. Returns how many.
 int contents_fields(const struct contents *contents,
-                    struct trace_field out_fields[TRACE_FIELDS_MAX]);
+                    struct step_field out_fields[STEP_FIELDS_MAX]);
 
 // Two digits for each byte; out_text holds them and a zero.
 void bytes_text(const uint8_t *bytes, size_t count, char *out_text);

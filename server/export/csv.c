@@ -5,7 +5,7 @@
 
 struct table {
     FILE *file;
-    struct trace_field columns[TRACE_FIELDS_MAX];
+    struct step_field columns[STEP_FIELDS_MAX];
     int count;
 };
 
@@ -20,10 +20,10 @@ static void print_row(const struct table *table, const struct session_output *ou
                       double seconds) {
     fprintf(table->file, "%.9f", seconds);
     for (int i = 0; i < table->count; i++) {
-        const struct trace_field *column = &table->columns[i];
-        char text[TRACE_FIELD_TEXT_MAX];
-        trace_field_text(column, output, text);
-        fprintf(table->file, ",%s", trace_field_is_there(column, output) ? text : "");
+        const struct step_field *column = &table->columns[i];
+        char text[FIELD_TEXT_MAX];
+        step_field_text(column, output, text);
+        fprintf(table->file, ",%s", step_field_is_there(column, output) ? text : "");
     }
     fputc('\n', table->file);
 }

@@ -17,15 +17,15 @@ struct sheet {
     uint64_t pixels;
     uint32_t width, height;
     int field_count;
-    struct trace_field fields[TRACE_FIELDS_MAX];
+    struct step_field fields[STEP_FIELDS_MAX];
     int channel_count;
 };
 
 // ---- channels -----------------------------------------------------------------------------------
 
 // NAME as a float, and its bits where a float may not hold them.
-static int field_channels(const struct trace_field *field, struct image_channel *out) {
-    int count = trace_field_size(field) == 8 ? 3 : trace_field_size(field) == 4 ? 2 : 1;
+static int field_channels(const struct step_field *field, struct image_channel *out) {
+    int count = step_field_size(field) == 8 ? 3 : step_field_size(field) == 4 ? 2 : 1;
     static const char *const endings[] = {"", ".low", ".high"};
     for (int i = 0; i < count; i++) {
         snprintf(out[i].name, sizeof out[i].name, "%s%s", field->name, endings[i]);
@@ -35,7 +35,7 @@ static int field_channels(const struct trace_field *field, struct image_channel 
 }
 
 static void declare_sheet(struct sheet *sheet, const char *name, struct image_writer *writer) {
-    struct image_channel *channels = alloc(TIME_CHANNELS + 3 * TRACE_FIELDS_MAX, sizeof *channels);
+    struct image_channel *channels = alloc(TIME_CHANNELS + 3 * STEP_FIELDS_MAX, sizeof *channels);
     channels[0] = (struct image_channel){"t_seconds", IMAGE_FLOAT};
     channels[1] = (struct image_channel){"t_seconds.rest", IMAGE_FLOAT};
     sheet->channel_count = TIME_CHANNELS;
@@ -67,13 +67,13 @@ static void fill_pixel(const struct sheet *sheet, const struct session_output *o
     values[width] = image_float((float)(seconds - (double)(float)seconds));
     values += TIME_CHANNELS * width;
     for (int i = 0; i < sheet->field_count; i++) {
-        const struct trace_field *field = &sheet->fields[i];
-        bool there = trace_field_is_there(field, output);
+        const struct step_field *field = &sheet->fields[i];
+        bool there = step_field_is_there(field, output);
         uint32_t words[2];
-        image_split(there ? trace_field_bits(field, output) : 0, &words[0], &words[1]);
-        *values = image_float(there ? (float)trace_field_number(field, output) : NAN);
+        image_split(there ? step_field_bits(field, output) : 0, &words[0], &words[1]);
+        *values = image_float(there ? (float)step_field_number(field, output) : NAN);
         values += width;
-        for (size_t word = 0; word < trace_field_size(field) / 4; word++, values += width)
+        for (size_t word = 0; word < step_field_size(field) / 4; word++, values += width)
             *values = words[word];
     }
 }
@@ -85,7 +85,7 @@ static void clear_row(const struct sheet *sheet, uint32_t *values) {
     for (int i = -TIME_CHANNELS; i < sheet->field_count; i++) {
         for (uint32_t x = 0; x < sheet->width; x++)
             channel[x] = image_float(NAN);
-        channel += sheet->width * (1 + (i < 0 ? 0 : trace_field_size(&sheet->fields[i]) / 4));
+        channel += sheet->width * (1 + (i < 0 ? 0 : step_field_size(&sheet->fields[i]) / 4));
     }
 }
 
@@ -126,12 +126,12 @@ struct exr {
     struct sheet *sheets;
 };
 
-static bool names_the_step(const struct trace_field *field) {
+static bool names_the_step(const struct step_field *field) {
     return !strcmp(field->name, "step") || !strcmp(field->name, "time_ns");
 }
 
 static void add_sheet(struct exr *exr, int owner, uint64_t pixels) {
-    struct trace_field fields[TRACE_FIELDS_MAX];
+    struct step_field fields[STEP_FIELDS_MAX];
     int count = contents_fields(&exr->contents, fields);
     struct sheet *sheet = &exr->sheets[exr->sheet_count++];
     sheet->owner = owner;
@@ -139,7 +139,7 @@ static void add_sheet(struct exr *exr, int owner, uint64_t pixels) {
     sheet->width = pixels >= WIDTH ? WIDTH : pixels ? (uint32_t)pixels : 1;
     sheet->height = pixels ? (uint32_t)((pixels + sheet->width - 1) / sheet->width) : 1;
     for (int i = 0; i < count; i++)
-        if (fields[i].owner == owner || names_the_step(&fields[i]))
+        if (step_field_part(&fields[i]) == owner || names_the_step(&fields[i]))
             sheet->fields[sheet->field_count++] = fields[i];
 }
 

@@ -37,15 +37,21 @@ static void take_step(struct gathering *g, const struct session_output *output, 
     g->kind = output->job.kind;
 }
 
+static bool move_can_run(const struct blade_move *move) {
+    for (int i = 0; i < 2; i++)
+        if (!pose_is_valid(move->T_mesh_tip[i]) ||
+            !(move->opening[i] >= 0 && move->opening[i] <= 1))
+            return false;
+    return true;
+}
+
 // The record's own sums say nothing of whether a job can be run.
 static bool can_run(const struct scene *scene, const struct job *job) {
     if (job->tissue >= scene_tissue_count(scene))
         return false;
-    for (int i = 0; i < 2 && job->kind == JOB_CUT; i++) {
-        double opening = job->move.opening[i];
-        if (!pose_is_valid(job->move.T_mesh_tip[i]) || !(opening >= 0 && opening <= 1))
+    for (int i = 0; i < job->move_count; i++)
+        if (!move_can_run(&job->moves[i]))
             return false;
-    }
     return true;
 }
 

@@ -164,7 +164,8 @@ bool cutting_step(struct cutting *cutting, const struct scene *scene,
     out_job->kind = JOB_CUT;
     out_job->tissue = choice.tissue;
     out_job->stroke = stroke_of(cutting, choice.instrument, choice.kind, &choice.to);
-    out_job->move = (struct blade_move){
+    out_job->move_count = 1;
+    out_job->moves[0] = (struct blade_move){
         choice.kind, {from->T_mesh_tip, choice.to.T_mesh_tip}, {from->opening, choice.to.opening}};
     *from = choice.to;
     return true;

@@ -5,7 +5,8 @@
 #include "cut/blade.h"
 #include "quality/quality.h"
 
-#define TISSUES_MAX 4 // groups of a case that can be cut
+#define TISSUES_MAX 4    // groups of a case that can be cut
+#define JOB_MOVES_MAX 16 // of one cut
 
 enum job_kind {
     JOB_NONE,
@@ -20,9 +21,11 @@ const char *job_kind_name(enum job_kind kind); // "none", "cut", "restore", "und
 struct job {
     uint64_t id; // counts up from 1 in each session
     enum job_kind kind;
-    int tissue;             // index among the case's cuttable groups; JOB_UNDO: any
-    uint32_t stroke;        // JOB_CUT: cuts in a row that have the same are undone together
-    struct blade_move move; // JOB_CUT: in the frame of the tissue's virtual mesh
+    int tissue;      // index among the case's cuttable groups; JOB_UNDO: any
+    uint32_t stroke; // JOB_CUT: cuts in a row that have the same are undone together
+    int move_count;  // JOB_CUT: 1 to JOB_MOVES_MAX
+    // JOB_CUT: of one blade, in the frame of the tissue's virtual mesh.
+    struct blade_move moves[JOB_MOVES_MAX];
 };
 
 enum job_outcome {

@@ -274,9 +274,9 @@ static void keep(struct tissue *t, uint32_t cuts, uint32_t stroke) {
 
 static void cut(struct operation *operation, struct tissue *t, const struct job *job,
                 struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, job->stroke, job->move, t->now.figures};
+    struct past_cut past = {operation->cuts + 1, job->stroke, job->moves[0], t->now.figures};
     keep(t, t->cut_count, job->stroke);
-    take_out(t, &job->move, result);
+    take_out(t, &job->moves[0], result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)

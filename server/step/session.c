@@ -3,8 +3,8 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "step/cutting.h"
-#include "step/digest.h"
 #include "step/easing.h"
+#include "step/fields.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -67,6 +67,7 @@ static void take_surfaces(struct session *s) {
 
 struct session *session_create(const struct scene *scene, const struct session_settings *settings) {
     CHECK(settings->field.strength >= 0 && settings->field.strength <= 1);
+    CHECK(settings->rules >= 1 && settings->rules <= RULES_NEWEST);
     CHECK(settings->hold_ns >= 0);
     CHECK(settings->ease_share >= 0 && settings->ease_mm_s >= 0);
     struct session *s = alloc(1, sizeof *s);
@@ -494,6 +495,6 @@ void session_step(struct session *s, const struct session_input *input,
     else
         memset(s->seen, 0, sizeof s->seen);
     ask_for_job(s, out);
-    s->hash = digest_output(s->hash, out);
+    s->hash = output_hash(s->hash, out, s->settings.rules);
     out->hash = s->hash;
 }

@@ -23,6 +23,7 @@ struct session_settings session_settings_default(void) {
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
     field.skin_mm = 0.1;
     struct session_settings settings = {
+        .rules = RULES_NEWEST,
         .field = field,
         .adaptive = ADAPTIVE_HINGE,
         .avatar = AVATAR_TIP,

@@ -14,7 +14,12 @@ struct instrument_body {
 // Counts in range, places within 300 mm of the tip, radii from 0 to 20 mm, the first at the origin.
 bool instrument_body_is_valid(const struct instrument_body *body);
 
+// Which rules a step follows. A new meaning gets a number, so that an older record can be run again
+// as it was made: 1, the job of a cut has one move; 2, it may have several.
+#define RULES_NEWEST 2
+
 struct session_settings {
+    int rules; // 1 to RULES_NEWEST
     struct field field;
     enum adaptive_kind adaptive;
     enum avatar_mode avatar; // without a portal in the case: tip
@@ -26,6 +31,6 @@ struct session_settings {
     double ease_mm_s;
 };
 
-// Inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s; straight instruments
-// with a point every 7 mm of the 49 mm behind the tip.
+// The newest rules; inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
+// straight instruments with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <xxhash.h>
 
-_Static_assert(sizeof(struct session_settings) == 2680, "the settings");
+_Static_assert(sizeof(struct session_settings) == 2688, "the settings");
 _Static_assert(sizeof(struct trace_header) < HEADER_FIELDS_MAX, "a header fits");
 
 static void write_body(struct writer *w, const struct instrument_body *body) {
@@ -27,6 +27,7 @@ static void read_body(struct reader *r, struct instrument_body *out) {
 }
 
 static void write_settings(struct writer *w, const struct session_settings *s) {
+    write_u8(w, (uint8_t)s->rules);
     write_u8(w, (uint8_t)s->field.kind);
     write_f64(w, s->field.unit_mm);
     write_f64(w, s->field.radius_mm);
@@ -42,9 +43,11 @@ static void write_settings(struct writer *w, const struct session_settings *s) {
     write_f64(w, s->ease_mm_s);
 }
 
-// Version 2 had instruments that follow by their tips, and no torn ligaments.
+// Before version 5 all followed the first rules. Version 2 had instruments that follow by their
+// tips, and no torn ligaments.
 static void read_settings(struct reader *r, unsigned version, struct session_settings *out) {
     *out = session_settings_default();
+    out->rules = version >= 5 ? read_u8(r) : 1;
     out->field.kind = read_u8(r);
     out->field.unit_mm = read_f64(r);
     out->field.radius_mm = read_f64(r);
@@ -188,8 +191,12 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
     read_text(&r, h->cpu, sizeof h->cpu);
     if (r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "its header has not the size of its fields");
-    if (!settings_are_valid(&h->settings) || !view_optic_is_valid(&h->optic) ||
-        !time_is_sane(h->start_ns))
+    if (h->settings.rules > RULES_NEWEST)
+        return fail(err, RESULT_VERSION,
+                    "its session follows the rules %d, and this program knows 1 to %d",
+                    h->settings.rules, RULES_NEWEST);
+    if (h->settings.rules < 1 || !settings_are_valid(&h->settings) ||
+        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns))
         return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
     return RESULT_OK;
 }

@@ -44,6 +44,7 @@ static enum result read_header(struct trace_reader *r, struct error *err) {
     if (result == RESULT_OK)
         result = header_decode(data, HEADER_PREFIX + rest, version, &r->chain, &r->header, err);
     r->place.offset = HEADER_PREFIX + rest;
+    r->place.rules = r->header.settings.rules;
     if (result != RESULT_OK)
         return fail_in(err, result, "%s, header: ", r->path);
     return RESULT_OK;
@@ -143,7 +144,8 @@ static enum result decode(struct trace_reader *r, const uint8_t *data, size_t si
                           struct trace_record *out, struct error *err) {
     uint8_t before[TRACE_HASH_SIZE];
     memcpy(before, r->chain.value, sizeof before);
-    enum result result = record_decode(data, size, r->header.version, &r->chain, out, &r->end, err);
+    struct trace_layout layout = {r->header.version, r->header.settings.rules};
+    enum result result = record_decode(data, size, layout, &r->chain, out, &r->end, err);
     if (result == RESULT_OK)
         result = follow(r, out, err);
     if (result == RESULT_OK && out->type == TRACE_END)

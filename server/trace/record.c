@@ -2,31 +2,18 @@
 
 #include "base/bytes.h"
 #include "base/check.h"
-#include "step/digest.h"
+#include "step/fields.h"
 
 #include <string.h>
 
-// Version 4 has these, and these only: whoever adds a field, a channel or a body writes it here, in
-// fields.c and in FORMAT.md, and raises TRACE_VERSION.
-_Static_assert(CHANNEL_COUNT == 9 && INSTRUMENT_COUNT == 5 && BODY_COUNT == 3, "channels, bodies");
 _Static_assert(FRAME_SAMPLES_MAX == 16 && sizeof(struct sample) == 80, "the sample");
-_Static_assert(sizeof(struct instrument_output) == 592, "the output of an instrument");
-_Static_assert(sizeof(struct job) == 160, "a job");
-_Static_assert(sizeof(struct tissue_figures) == 336, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 4048, "the output of a step");
 
+// An output is encoded without padding, but with a byte for each bone that is elsewhere.
 enum {
     POSE_SIZE = 7 * 8,
     SAMPLE_SIZE_MAX = 4 + 8 + POSE_SIZE,
     INPUT_SIZE_MAX = 1 + 8 + 8 + 8 + 1 + FRAME_SAMPLES_MAX * SAMPLE_SIZE_MAX,
-    LEAD_SIZE_MAX = 1 + 2 * 3 * 8 + 8 + 24 * 8 + 2 * 8,
-    INSTRUMENT_SIZE_MAX =
-        2 + 2 * POSE_SIZE + 3 * 8 + 9 * 8 + 8 + 4 + 8 + LEAD_SIZE_MAX + 7 * 8 + 8 + 4 + 1,
-    BONES_SIZE_MAX = BODY_COUNT * (2 * POSE_SIZE + 1) + 1 + ADAPTIVE_LIGAMENTS_MAX * 2 * 8,
-    JOB_SIZE_MAX = 8 + 3 + 4 + 2 * (POSE_SIZE + 8),
-    LANDED_SIZE_MAX = 8 + 2 + sizeof(struct tissue_figures) + 8,
-    OUTPUT_SIZE_MAX = 3 * 8 + 1 + 4 + 6 * 8 + 1 + BONES_SIZE_MAX +
-                      INSTRUMENT_COUNT * INSTRUMENT_SIZE_MAX + JOB_SIZE_MAX + LANDED_SIZE_MAX + 8
+    OUTPUT_SIZE_MAX = sizeof(struct session_output) + BODY_COUNT
 };
 _Static_assert(INPUT_SIZE_MAX + OUTPUT_SIZE_MAX <= RECORD_PAYLOAD_MAX, "a step fits");
 
@@ -135,189 +122,6 @@ static bool read_input(struct reader *r, struct session_input *out, bool *out_jo
     return frame_is_valid(&out->frame) && time_is_sane(out->time_ns);
 }
 
-// ---- the output of a step
-
-// That of `tip` is the space warp's.
-static void lead_of_tip(const struct warp *warp, struct avatar_lead *out) {
-    out->mode = AVATAR_TIP;
-    out->motion.v = warp->displacement;
-    for (int i = 0; i < 3; i++)
-        memcpy(out->slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
-    out->trust_radius_mm = warp->trust_radius_mm;
-}
-
-static bool read_lead(struct reader *r, const struct warp *warp, struct avatar_lead *out) {
-    out->mode = read_u8(r);
-    if (out->mode == AVATAR_TIP) {
-        lead_of_tip(warp, out);
-        return true;
-    }
-    out->portal = read_vec3(r);
-    out->motion.v = read_vec3(r);
-    out->motion.s = read_f64(r);
-    for (int i = 0; i < 24; i++)
-        out->slope[i / 6][i % 6] = read_f64(r);
-    out->reach_mm = read_f64(r);
-    out->trust_radius_mm = read_f64(r);
-    return (unsigned)out->mode < AVATAR_MODE_COUNT;
-}
-
-static bool read_bones(struct reader *r, unsigned version, struct session_output *out) {
-    bool good = true;
-    for (int i = 0; i < BODY_COUNT; i++) {
-        out->T_mockup_body[i] = out->T_mockup_virtual[i] = read_pose(r);
-        unsigned elsewhere = version >= 3 ? read_u8(r) : 0;
-        if (elsewhere)
-            out->T_mockup_virtual[i] = read_pose(r);
-        good = good && elsewhere <= 1;
-    }
-    out->torn_count = version >= 3 ? read_u8(r) : 0;
-    if (out->torn_count > ADAPTIVE_LIGAMENTS_MAX)
-        return false;
-    for (int i = 0; i < out->torn_count; i++) {
-        out->opening[i] = read_f64(r);
-        out->share[i] = read_f64(r);
-    }
-    return good;
-}
-
-static bool read_follow(struct reader *r, struct instrument_output *out) {
-    bool good = read_lead(r, &out->warp, &out->lead);
-    out->penetration_mm = read_f64(r);
-    out->tip_gap_mm = read_f64(r);
-    out->discrepancy.offset_mm = read_f64(r);
-    out->discrepancy.tilt_deg = read_f64(r);
-    out->discrepancy.gain = read_f64(r);
-    out->discrepancy.gain_least = read_f64(r);
-    out->discrepancy.turn_deg = read_f64(r);
-    return good;
-}
-
-// Version 2 had another gain in the place of all that.
-static void skip_follow(struct reader *r, struct instrument_output *out) {
-    read_f64(r);
-    lead_of_tip(&out->warp, &out->lead);
-}
-
-static bool read_instrument(struct reader *r, unsigned version, struct instrument_output *out) {
-    unsigned present = read_u8(r);
-    out->present = present == 1;
-    if (!out->present)
-        return present == 0;
-    out->validity = read_u8(r);
-    out->T_mockup_tip = read_pose(r);
-    out->T_mockup_warped = read_pose(r);
-    out->warp.displacement = read_vec3(r);
-    for (int i = 0; i < 9; i++)
-        out->warp.gradient.m[i / 3][i % 3] = read_f64(r);
-    out->warp.trust_radius_mm = read_f64(r);
-    out->warp.nearest = (int32_t)read_u32(r);
-    out->warp.nearest_mm = read_f64(r);
-    bool good = true;
-    if (version >= 3)
-        good = read_follow(r, out);
-    else
-        skip_follow(r, out);
-    out->handle = read_handle(r);
-    out->handle_validity = read_u8(r);
-    return good && (unsigned)out->validity < VALIDITY_COUNT &&
-           (unsigned)out->handle_validity < VALIDITY_COUNT && out->warp.nearest >= -1 &&
-           out->warp.nearest < WARP_SURFACES_MAX;
-}
-
-static bool read_job(struct reader *r, unsigned version, struct job *out) {
-    out->id = read_u64(r);
-    if (!out->id)
-        return true;
-    out->kind = read_u8(r);
-    out->tissue = read_u8(r);
-    if (out->kind == JOB_CUT) {
-        out->stroke = version >= 4 ? read_u32(r) : 0;
-        out->move.kind = read_u8(r);
-        for (int i = 0; i < 2; i++) {
-            out->move.T_mesh_tip[i] = read_pose(r);
-            out->move.opening[i] = read_f64(r);
-        }
-    }
-    return out->kind > JOB_NONE && (unsigned)out->kind < JOB_KIND_COUNT &&
-           out->tissue < TISSUES_MAX && (unsigned)out->move.kind < BLADE_COUNT;
-}
-
-static void read_zones(struct reader *r, struct zone_volumes *out) {
-    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
-        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
-            out->mm3[i][k] = read_f64(r);
-}
-
-static void read_figures(struct reader *r, struct tissue_figures *out) {
-    out->mesh_number = read_u32(r);
-    out->cuts = read_u32(r);
-    out->refused = read_u32(r);
-    out->pieces = read_u32(r);
-    out->volume_mm3 = read_f64(r);
-    out->removed_mm3 = read_f64(r);
-    out->pieces_mm3 = read_f64(r);
-    out->warped_mm3 = read_f64(r);
-    out->left_mm3 = read_f64(r);
-    out->distance_mm = read_f64(r);
-    out->quality.removed_mm3 = read_f64(r);
-    out->quality.planned_mm3 = read_f64(r);
-    out->quality.over_mm3 = read_f64(r);
-    out->quality.under_mm3 = read_f64(r);
-    out->quality.damage_mm3 = read_f64(r);
-    out->quality.rim_mm = read_f64(r);
-    out->quality.step_mm = read_f64(r);
-    read_zones(r, &out->quality.whole);
-    read_zones(r, &out->quality.removed);
-    read_zones(r, &out->quality.budget);
-}
-
-static bool read_landed(struct reader *r, struct landed *out) {
-    out->job = read_u64(r);
-    if (!out->job)
-        return true;
-    out->outcome = read_u8(r);
-    out->tissue = read_u8(r);
-    read_figures(r, &out->figures);
-    out->hash = read_u64(r);
-    return (unsigned)out->outcome < JOB_OUTCOME_COUNT && out->tissue < TISSUES_MAX;
-}
-
-static void write_output(struct writer *w, const struct session_output *out) {
-    write_u64(w, out->step);
-    write_u64(w, out->frame_number);
-    write_i64(w, out->time_ns);
-    write_u8(w, (uint8_t)out->state);
-    write_u32(w, out->events);
-    write_joint(w, &out->joint);
-    write_u8(w, (uint8_t)out->joint_validity);
-    digest_write_bones(w, out);
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        digest_write_instrument(w, &out->instruments[i]);
-    digest_write_job(w, &out->job);
-    digest_write_landed(w, &out->landed);
-    write_u64(w, out->hash);
-}
-
-static bool read_output(struct reader *r, unsigned version, struct session_output *out) {
-    out->step = read_u64(r);
-    out->frame_number = read_u64(r);
-    out->time_ns = read_i64(r);
-    out->state = read_u8(r);
-    out->events = read_u32(r);
-    out->joint = read_joint(r);
-    out->joint_validity = read_u8(r);
-    bool good = (unsigned)out->state < SESSION_STATE_COUNT &&
-                (unsigned)out->joint_validity < VALIDITY_COUNT;
-    good = read_bones(r, version, out) && good;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        good = read_instrument(r, version, &out->instruments[i]) && good;
-    good = read_job(r, version, &out->job) && good;
-    good = read_landed(r, &out->landed) && good;
-    out->hash = read_u64(r);
-    return good;
-}
-
 // ---- records
 
 static struct writer begin_record(enum trace_record_type type, uint8_t *out) {
@@ -336,10 +140,12 @@ static size_t end_record(struct writer *w, struct chain *chain) {
 }
 
 size_t record_encode_step(const struct session_input *input, bool job_done,
-                          const struct session_output *output, struct chain *chain, uint8_t *out) {
+                          const struct session_output *output, int rules, struct chain *chain,
+                          uint8_t *out) {
     struct writer w = begin_record(TRACE_STEP, out);
     write_input(&w, input, job_done);
-    write_output(&w, output);
+    output_encode(&w, output, rules);
+    write_u64(&w, output->hash);
     return end_record(&w, chain);
 }
 
@@ -437,13 +243,19 @@ static bool read_remark(struct reader *r, struct remark *out) {
     return withdrawn <= 1 && has_marker <= 1 && time_is_sane(out->time_ns) && remark_is_valid(out);
 }
 
-static bool read_payload(struct reader *r, unsigned version, struct trace_record *out,
+static bool read_step(struct reader *r, struct trace_layout layout, struct trace_record *out) {
+    bool good = read_input(r, &out->input, &out->job_done) &&
+                output_decode(r, (int)layout.version, layout.rules, &out->output);
+    out->output.hash = read_u64(r);
+    return good && out->output.time_ns == out->input.time_ns;
+}
+
+static bool read_payload(struct reader *r, struct trace_layout layout, struct trace_record *out,
                          struct trace_end *out_end) {
     out->type = read_u8(r);
     switch (out->type) {
     case TRACE_STEP:
-        return read_input(r, &out->input, &out->job_done) &&
-               read_output(r, version, &out->output) && out->output.time_ns == out->input.time_ns;
+        return read_step(r, layout, out);
     case TRACE_PAST:
         return read_input(r, &out->input, &out->job_done);
     case TRACE_GAP:
@@ -455,17 +267,18 @@ static bool read_payload(struct reader *r, unsigned version, struct trace_record
     case TRACE_REMARK:
         return read_remark(r, &out->remark);
     default:
-        return read_end(r, version, out_end);
+        return read_end(r, layout.version, out_end);
     }
 }
 
-enum result record_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
-                          struct trace_record *out, struct trace_end *out_end, struct error *err) {
-    if (!checksum_matches(data, size, version, chain))
+enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
+                          struct chain *chain, struct trace_record *out, struct trace_end *out_end,
+                          struct error *err) {
+    if (!checksum_matches(data, size, layout.version, chain))
         return fail(err, RESULT_CORRUPT, "the checksum of a record is wrong");
     memset(out, 0, sizeof *out);
-    struct reader r = {data, size - checksum_size(version), 4, false};
-    if (!read_payload(&r, version, out, out_end) || r.underflow || r.used != r.size)
+    struct reader r = {data, size - checksum_size(layout.version), 4, false};
+    if (!read_payload(&r, layout, out, out_end) || r.underflow || r.used != r.size)
         return fail(err, RESULT_FORMAT, "a field of a record is out of range");
     if (out->type == TRACE_END) {
         out->records = out_end->records;

@@ -29,11 +29,18 @@ struct trace_end {
     uint8_t signature[TRACE_SIGNATURE_MAX];
 };
 
+// What the bytes of a step depend on.
+struct trace_layout {
+    unsigned version;
+    int rules; // of the header's settings
+};
+
 // Each returns the size of the whole, and the chain goes on by it. `out` holds HEADER_MAX or
 // RECORD_MAX bytes.
 size_t header_encode(const struct trace_header *header, struct chain *chain, uint8_t *out);
 size_t record_encode_step(const struct session_input *input, bool job_done,
-                          const struct session_output *output, struct chain *chain, uint8_t *out);
+                          const struct session_output *output, int rules, struct chain *chain,
+                          uint8_t *out);
 size_t record_encode_past(const struct session_input *input, bool job_done, struct chain *chain,
                           uint8_t *out);
 size_t record_encode_gap(uint64_t missing, struct chain *chain, uint8_t *out);
@@ -57,9 +64,9 @@ bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct
 // record is an end.
 enum result header_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
                           struct trace_header *out_header, struct error *err);
-enum result record_decode(const uint8_t *data, size_t size, unsigned version, struct chain *chain,
-                          struct trace_record *out_record, struct trace_end *out_end,
-                          struct error *err);
+enum result record_decode(const uint8_t *data, size_t size, struct trace_layout layout,
+                          struct chain *chain, struct trace_record *out_record,
+                          struct trace_end *out_end, struct error *err);
 
 // What a signer signs: out_message holds TRACE_SEAL_SIZE bytes.
 void seal_message(const uint8_t hash[TRACE_HASH_SIZE], uint64_t records, uint64_t missing,

@@ -6,7 +6,7 @@
 
 struct replay {
     struct rerun *rerun;
-    struct trace_field fields[TRACE_FIELDS_MAX];
+    struct step_field fields[STEP_FIELDS_MAX];
     int field_count;
     struct replay_report *report;
     const struct replay_span *span;
@@ -35,14 +35,14 @@ static double tip_distance(const struct instrument_output *a, const struct instr
     return a->present == b->present && !isnan(mm) ? mm : INFINITY;
 }
 
-static void note_difference(const struct replay *replay, const struct trace_field *field,
+static void note_difference(const struct replay *replay, const struct step_field *field,
                             const struct session_output *recorded,
                             const struct session_output *replayed) {
     struct replay_difference *first = &replay->report->first;
     first->step = recorded->step;
     memcpy(first->field, field->name, sizeof first->field);
-    trace_field_text(field, recorded, first->recorded);
-    trace_field_text(field, replayed, first->replayed);
+    step_field_text(field, recorded, first->recorded);
+    step_field_text(field, replayed, first->replayed);
 }
 
 static void compare_outputs(const struct replay *replay, const struct session_output *recorded,
@@ -55,7 +55,7 @@ static void compare_outputs(const struct replay *replay, const struct session_ou
     if (recorded->state != replayed->state || recorded->events != replayed->events)
         report->same_events = false;
     for (int i = 0; i < replay->field_count; i++) {
-        if (trace_field_equal(&replay->fields[i], recorded, replayed))
+        if (step_field_equal(&replay->fields[i], recorded, replayed))
             continue;
         if (report->different++ == 0)
             note_difference(replay, &replay->fields[i], recorded, replayed);
@@ -113,8 +113,8 @@ static enum replay_verdict judge(const struct replay_report *report) {
 }
 
 // What a trace of this version has.
-static int fields_of(int version, struct trace_field fields[TRACE_FIELDS_MAX]) {
-    int count = trace_fields(fields), kept = 0;
+static int fields_of(int version, struct step_field fields[STEP_FIELDS_MAX]) {
+    int count = step_fields(fields), kept = 0;
     for (int i = 0; i < count; i++)
         if (fields[i].since <= version)
             fields[kept++] = fields[i];

@@ -1,7 +1,7 @@
 // Runs a recorded session again, and compares every field of every step.
 #pragma once
 
-#include "trace/fields.h"
+#include "step/fields.h"
 #include "trace/rerun.h"
 
 // What other mathematics (another build, libc or CPU) may move a warped pose by.
@@ -19,7 +19,7 @@ const char *replay_verdict_name(enum replay_verdict verdict);
 struct replay_difference {
     uint64_t step;
     char field[48];
-    char recorded[TRACE_FIELD_TEXT_MAX], replayed[TRACE_FIELD_TEXT_MAX];
+    char recorded[FIELD_TEXT_MAX], replayed[FIELD_TEXT_MAX];
 };
 
 struct replay_report {

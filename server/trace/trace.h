@@ -11,7 +11,7 @@
 #include "step/session.h"
 #include "trace/remark.h"
 
-#define TRACE_VERSION 4
+#define TRACE_VERSION 5
 #define TRACE_OLDEST_VERSION 2 // that is still read
 
 #define TRACE_HASH_SIZE 32
@@ -143,6 +143,7 @@ struct trace_place {
     uint64_t missing; // in gaps
     uint64_t past;    // inputs alone
     int64_t time_ns;  // of the last step
+    int rules;        // that its steps follow
     uint8_t hash[TRACE_HASH_SIZE];
 };
 

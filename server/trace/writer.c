@@ -24,6 +24,7 @@
 // does; only the appender drops, and only whole records.
 struct trace_writer {
     int fd;
+    int rules; // that the session follows
     char *path;
     uint8_t *buffer;
     _Alignas(64) atomic_size_t head; // next byte to fill, owned by the appender
@@ -70,7 +71,7 @@ static bool append(struct trace_writer *w, const struct session_input *input, bo
     uint8_t data[2 * RECORD_MAX], before[TRACE_HASH_SIZE];
     memcpy(before, w->chain.value, sizeof before);
     size_t size = w->gap ? record_encode_gap(w->gap, &w->chain, data) : 0;
-    size += record_encode_step(input, job_done, output, &w->chain, data + size);
+    size += record_encode_step(input, job_done, output, w->rules, &w->chain, data + size);
     if (!put(w, data, size)) {
         memcpy(w->chain.value, before, sizeof before);
         return false;
@@ -306,6 +307,7 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_writer *w = writer_of(fd, path, signer);
+    w->rules = header->settings.rules;
     uint8_t data[HEADER_MAX];
     size_t size = header_encode(header, &w->chain, data);
     enum result result = lock(fd) ? put_on_disk(fd, path, data, size, err)
@@ -345,6 +347,7 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_writer *w = writer_of(fd, path, signer);
+    w->rules = end->rules;
     memcpy(w->chain.value, end->hash, sizeof end->hash);
     uint8_t data[RECORD_MAX];
     size_t size = record_encode_resume(utc_ns, &w->chain, data);

@@ -148,7 +148,7 @@ static void jobs_go_one_by_one_and_no_way_is_lost(void **state) {
     struct hand h = hand_start();
     step(&h);
     close_to_job(&h);
-    double opening = h.out.job.move.opening[1];
+    double opening = h.out.job.moves[0].opening[1];
     uint64_t first = h.out.job.id;
     for (int i = 0; i < 8; i++) {
         h.opening -= 0.05;
@@ -160,8 +160,8 @@ static void jobs_go_one_by_one_and_no_way_is_lost(void **state) {
         step(&h);
     assert_non_null(h.pending);
     assert_int_equal(h.out.job.id, first + 1);
-    assert_near(h.out.job.move.opening[0], opening, 0);
-    assert_near(h.out.job.move.opening[1], h.opening, 0);
+    assert_near(h.out.job.moves[0].opening[0], opening, 0);
+    assert_near(h.out.job.moves[0].opening[1], h.opening, 0);
     hand_end(&h);
 }
 
@@ -173,15 +173,15 @@ static void a_way_that_waits_for_long_is_not_lost(void **state) {
     h.buttons = 1;
     for (int i = 0; !h.pending && i < 100; i++)
         step(&h);
-    vec3 from = h.out.job.move.T_mesh_tip[1].translation;
+    vec3 from = h.out.job.moves[0].T_mesh_tip[1].translation;
     for (int i = 0; i < 60; i++) {
         h.tip = vec3_add_scaled(h.tip, 0.2, outward);
         step(&h);
     }
     land(&h);
     assert_int_equal(h.out.job.kind, JOB_CUT);
-    assert_vec3_near(h.out.job.move.T_mesh_tip[0].translation, from, 0);
-    assert_true(vec3_distance(h.out.job.move.T_mesh_tip[1].translation, from) > 10);
+    assert_vec3_near(h.out.job.moves[0].T_mesh_tip[0].translation, from, 0);
+    assert_true(vec3_distance(h.out.job.moves[0].T_mesh_tip[1].translation, from) > 10);
     hand_end(&h);
 }
 
@@ -199,10 +199,10 @@ static void instruments_take_turns(void **state) {
         h.tip = vec3_add_scaled(middle, 0.3 * way, outward);
         h.knife = vec3_add_scaled(middle, 3 - 0.3 * way, outward);
         step(&h);
-        jobs[h.out.job.move.kind] += h.out.job.id != 0;
+        jobs[h.out.job.moves[0].kind] += h.out.job.id != 0;
         if (h.pending && i % 5 == 4) {
             land(&h);
-            jobs[h.out.job.move.kind] += h.out.job.id != 0;
+            jobs[h.out.job.moves[0].kind] += h.out.job.id != 0;
         }
     }
     assert_true(jobs[BLADE_SHAVER] > 10 && jobs[BLADE_KNIFE] > 10);

@@ -277,7 +277,7 @@ static void a_cut_is_made_on_the_virtual_tibia(void **state) {
     const struct instrument_output *o =
         &h.out.instruments[CHANNEL_KNIFE - CHANNEL_FIRST_INSTRUMENT];
     assert_int_equal(o->warp.nearest, meniscus - scene->knee->groups);
-    vec3 in_mesh = h.out.job.move.T_mesh_tip[1].translation;
+    vec3 in_mesh = h.out.job.moves[0].T_mesh_tip[1].translation;
     vec3 shown = pose_apply(h.out.T_mockup_virtual[BODY_TIBIA], in_mesh);
     assert_vec3_near(shown, o->T_mockup_warped.translation, 1e-9);
     assert_true(h.out.share[0] > 0.5);

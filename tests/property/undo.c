@@ -148,7 +148,8 @@ static void cut(struct operation *operation, struct follower *follower, struct r
     struct job *job = &past->jobs[past->count];
     *job = (struct job){.id = 1, .kind = JOB_CUT, .tissue = (int)(random_bits(r) % TISSUES)};
     job->stroke = random_stroke(r, past);
-    job->move = random_move(r, operation_mesh(operation, job->tissue));
+    job->move_count = 1;
+    job->moves[0] = random_move(r, operation_mesh(operation, job->tissue));
     past->before[past->count] = print_of(operation);
     past->count += run(operation, follower, job).outcome == JOB_DONE;
 }

@@ -250,7 +250,7 @@ static void forge_tissue(struct session_output *output) {
 }
 
 static void forge_pose(struct session_output *output) {
-    output->job.move.T_mesh_tip[1].rotation.w = output->job.id ? NAN : 0;
+    output->job.moves[0].T_mesh_tip[1].rotation.w = output->job.id ? NAN : 0;
 }
 
 static void jobs_that_no_session_asks_for_are_refused(void **state) {

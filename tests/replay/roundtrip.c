@@ -1,7 +1,7 @@
 #include "replay/roundtrip.h"
 
 #include "base/check.h"
-#include "trace/fields.h"
+#include "step/fields.h"
 #include "trace/rerun.h"
 
 #include <math.h>
@@ -16,8 +16,8 @@ static void expect(struct roundtrip *r, bool same) {
 
 // ---- steps --------------------------------------------------------------------------------------
 
-static const char *part_of(const struct trace_field *field) {
-    switch (field->owner) {
+static const char *part_of(const struct step_field *field) {
+    switch (step_field_part(field)) {
     case OWNER_STEP:
         return "steps";
     case OWNER_JOB:
@@ -31,7 +31,7 @@ static const char *part_of(const struct trace_field *field) {
 
 // A field and where its values are.
 struct column {
-    struct trace_field field;
+    struct step_field field;
     bool has_part;
     size_t size;
     const uint32_t *value, *low, *high;
@@ -39,7 +39,7 @@ struct column {
 
 static void find_column(const struct exr_parts *parts, struct column *column) {
     const struct exr_part *part = exr_part(parts, part_of(&column->field));
-    column->size = trace_field_size(&column->field);
+    column->size = step_field_size(&column->field);
     column->has_part = part;
     if (!part)
         return;
@@ -50,14 +50,16 @@ static void find_column(const struct exr_parts *parts, struct column *column) {
 
 static bool same_value(const struct column *column, const struct session_output *output,
                        uint64_t pixel) {
-    const struct trace_field *field = &column->field;
-    bool there = trace_field_is_there(field, output);
+    const struct step_field *field = &column->field;
+    bool there = step_field_is_there(field, output);
     if (!column->has_part) // an instrument that never came
         return !there || field->presence;
+    if (!column->value && field->owner <= OWNER_MOVE) // no job had so many moves
+        return !there;
     if (!column->value || !column->low != (column->size < 4) || !column->high != (column->size < 8))
         return false;
-    uint64_t bits = there ? trace_field_bits(field, output) : 0;
-    float expected = there ? (float)trace_field_number(field, output) : NAN, value;
+    uint64_t bits = there ? step_field_bits(field, output) : 0;
+    float expected = there ? (float)step_field_number(field, output) : NAN, value;
     memcpy(&value, &column->value[pixel], sizeof value);
     bool same = isnan(expected) ? isnan(value) : memcmp(&value, &expected, sizeof value) == 0;
     same &= !column->low || column->low[pixel] == (uint32_t)bits;
@@ -67,7 +69,7 @@ static bool same_value(const struct column *column, const struct session_output 
 static void compare_step(const struct column *columns, int count,
                          const struct session_output *output, struct roundtrip *r) {
     for (int i = 0; i < count; i++) {
-        int owner = columns[i].field.owner;
+        int owner = step_field_part(&columns[i].field);
         if ((owner == OWNER_JOB && !output->job.id) ||
             (owner == OWNER_LANDED && !output->landed.job))
             continue;
@@ -82,11 +84,11 @@ static void compare_step(const struct column *columns, int count,
 }
 
 void roundtrip_fields(const struct exr_parts *parts, const char *trace, struct roundtrip *r) {
-    static struct trace_field fields[TRACE_FIELDS_MAX];
-    static struct column columns[TRACE_FIELDS_MAX];
+    static struct step_field fields[STEP_FIELDS_MAX];
+    static struct column columns[STEP_FIELDS_MAX];
     struct trace_reader *reader;
     struct trace_record record;
-    int count = trace_fields(fields);
+    int count = step_fields(fields);
     for (int i = 0; i < count; i++) {
         columns[i] = (struct column){.field = fields[i]};
         find_column(parts, &columns[i]);

@@ -25,7 +25,7 @@ static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(voi
     struct operation *operation = operation_create(scene);
     pose tip = {quat_identity(), {-25, 0, -11}};
     struct job job = {
-        .id = 1, .kind = JOB_CUT, .move = {.kind = BLADE_SHAVER, .T_mesh_tip = {tip, tip}}};
+        .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
     struct job_result *result = operation_run(operation, &job);
     assert_int_equal(result->outcome, JOB_DONE);
     assert_near(result->figures.removed_mm3, 2.0 / 3 * M_PI * 8, 2);

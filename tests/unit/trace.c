@@ -1,6 +1,6 @@
 #include "base/check.h"
+#include "step/fields.h"
 #include "test.h"
-#include "trace/fields.h"
 #include "unit/trace_files.h"
 #include "unit/trace_mend.h"
 
@@ -333,8 +333,8 @@ static void an_optic_that_none_is_is_refused(void **state) {
 // Whatever single field of an output changes, exactly that field (and no other) is told.
 static void every_byte_of_an_output_belongs_to_a_field(void **state) {
     (void)state;
-    static struct trace_field fields[TRACE_FIELDS_MAX];
-    int count = trace_fields(fields);
+    static struct step_field fields[STEP_FIELDS_MAX];
+    int count = step_fields(fields);
     struct session_input input;
     struct session_output before, after;
     step_at(1, &input, &before);
@@ -344,12 +344,14 @@ static void every_byte_of_an_output_belongs_to_a_field(void **state) {
         ((uint8_t *)&after)[i] ^= 1;
         int different = 0;
         for (int k = 0; k < count; k++)
-            different += !trace_field_equal(&fields[k], &before, &after);
+            different += !step_field_equal(&fields[k], &before, &after);
         assert_true(different <= 1);
         told += (size_t)different;
     }
-    // The rest is padding: after enums and counts of the output, in each instrument and in the job.
-    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 + 4);
+    // The rest is padding, after enums and counts of the output, in each instrument and in the
+    // moves, and the blade of all moves but the first.
+    assert_int_equal(sizeof before - told, 4 + 4 + INSTRUMENT_COUNT * (3 + 4 + 4 + 4 + 4) + 4 +
+                                               4 * (2 * JOB_MOVES_MAX - 1));
 }
 
 int main(void) {

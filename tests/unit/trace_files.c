@@ -1,8 +1,8 @@
 #include "unit/trace_files.h"
 
 #include "random.h"
+#include "step/fields.h"
 #include "test.h"
-#include "trace/fields.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -144,10 +144,14 @@ static void random_job(struct random *r, struct job *out) {
     if (out->kind != JOB_CUT)
         return;
     out->stroke = (uint32_t)random_bits(r);
-    out->move.kind = random_bits(r) % BLADE_COUNT;
-    for (int i = 0; i < 2; i++) {
-        out->move.T_mesh_tip[i] = any_pose(r);
-        out->move.opening[i] = any_real(r);
+    enum blade_kind blade = random_bits(r) % BLADE_COUNT;
+    out->move_count = 1 + (int)(random_bits(r) % JOB_MOVES_MAX);
+    for (int i = 0; i < out->move_count; i++) {
+        out->moves[i].kind = blade;
+        for (int k = 0; k < 2; k++) {
+            out->moves[i].T_mesh_tip[k] = any_pose(r);
+            out->moves[i].opening[k] = any_real(r);
+        }
     }
 }
 
@@ -206,7 +210,8 @@ struct trace_header some_header(void) {
         .case_hash = 0x1122334455667788,
         .start_utc_ns = 1790000000000000000,
         .start_ns = 5000000000,
-        .settings = {.field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02, 0.75},
+        .settings = {.rules = RULES_NEWEST,
+                     .field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02, 0.75},
                      .adaptive = ADAPTIVE_PAPER,
                      .avatar = AVATAR_RIGID,
                      .hold_ns = 100000000,
@@ -280,12 +285,12 @@ static void assert_same_input(const struct session_input *a, const struct sessio
 }
 
 static void assert_same_output(const struct session_output *a, const struct session_output *b) {
-    static struct trace_field fields[TRACE_FIELDS_MAX];
+    static struct step_field fields[STEP_FIELDS_MAX];
     static int count;
     if (!count)
-        count = trace_fields(fields);
+        count = step_fields(fields);
     for (int i = 0; i < count; i++)
-        if (!trace_field_equal(&fields[i], a, b))
+        if (!step_field_equal(&fields[i], a, b))
             fail_msg("%s differs in step %d", fields[i].name, (int)a->step);
 }
 

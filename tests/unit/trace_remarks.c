@@ -136,7 +136,9 @@ static void a_remark_that_is_cut_short_is_refused(void **state) {
         memcpy(data + size - TRACE_HASH_SIZE, chain.value, TRACE_HASH_SIZE);
         chain_fini(&chain);
         chain_init(&chain);
-        assert_int_equal(record_decode(data, size, 4, &chain, &record, &end, NULL), RESULT_FORMAT);
+        struct trace_layout layout = {TRACE_VERSION, RULES_NEWEST};
+        assert_int_equal(record_decode(data, size, layout, &chain, &record, &end, NULL),
+                         RESULT_FORMAT);
         chain_fini(&chain);
     }
 }

@@ -158,6 +158,7 @@ function valuesOf(source: Source): Values {
   const removed = new Removed(source);
   return {
     end: () => history.end,
+    spacing: () => history.spacing,
     count: (row, trace) => (row === REMOVED ? removed.of(trace).length : history.count),
     time: (row, trace, index) => (row === REMOVED ? removed.of(trace)[index]!.time : history.time(index)),
     value: (row, trace, index) => {

@@ -1,5 +1,5 @@
-// The moments of a session, packed: 680 bytes each, so that an hour of them fits in a page. One
-// moment is a row of floats; times are seconds since the session's start.
+// The moments of a session in typed arrays: one moment is a row of floats (680 bytes). Times are seconds
+// since the session's start.
 import type { InstrumentMoment, Moment, ShortPose, View } from "wire";
 
 export const INSTRUMENTS = 5; // probe, punch, shaver, knife, scope
@@ -144,20 +144,97 @@ export function packView(view: View, row: Row): void {
 }
 
 const CHUNK_ROWS = 512;
-export const FEW = 2 * CHUNK_ROWS; // moments, for a page that shows only the newest
 
-export class History {
+/** How many moments are kept, in multiples of 512. Both bounds hold for a session of any length. */
+export interface Limits {
+  recent: number; // the newest ones, all of them
+  older: number; // of those before: one for each `spacing` seconds, which doubles as the session grows
+}
+
+/** For a live page whose time can be moved back: at 30 moments/s the last 10 minutes in full. 15 MB. */
+export const LIVE_LIMITS: Limits = { recent: 36 * CHUNK_ROWS, older: 8 * CHUNK_ROWS };
+/** For a page that shows only the newest moment. */
+export const NEWEST_LIMITS: Limits = { recent: 2 * CHUNK_ROWS, older: 0 };
+
+const LEAST_SPACING_S = 0.125;
+
+// Rows with their times, in chunks.
+class Rows {
   count = 0;
   private times = new Float64Array(CHUNK_ROWS);
   private readonly chunks: Float32Array[] = [];
-  private readonly last = newRow();
-
-  /** Keeps no more than `most` moments, a multiple of 512: the oldest go, and indices move down with them. */
-  constructor(private readonly most = Infinity) {}
 
   clear(): void {
     this.count = 0;
     this.chunks.length = 0;
+  }
+
+  push(time: number, row: Row): void {
+    if (this.count === this.times.length) {
+      const larger = new Float64Array(2 * this.count);
+      larger.set(this.times);
+      this.times = larger;
+    }
+    if (this.count === this.chunks.length * CHUNK_ROWS) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
+    this.times[this.count] = time;
+    this.put(this.count++, row);
+  }
+
+  put(index: number, row: Row): void {
+    this.chunks[Math.floor(index / CHUNK_ROWS)]!.set(row, (index % CHUNK_ROWS) * WIDTH);
+  }
+
+  row(index: number): Row {
+    const at = (index % CHUNK_ROWS) * WIDTH;
+    return this.chunks[Math.floor(index / CHUNK_ROWS)]!.subarray(at, at + WIDTH);
+  }
+
+  time(index: number): number {
+    return this.times[index]!;
+  }
+
+  value(index: number, place: number): number {
+    return this.chunks[Math.floor(index / CHUNK_ROWS)]![(index % CHUNK_ROWS) * WIDTH + place]!;
+  }
+
+  /** Removes the oldest chunk, whose memory the next one takes. */
+  dropChunk(): void {
+    const [oldest] = this.chunks.splice(0, 1);
+    this.chunks.push(oldest!);
+    this.times.copyWithin(0, CHUNK_ROWS, this.count);
+    this.count -= CHUNK_ROWS;
+  }
+
+  /** Keeps the first row, and of the others those that are `spacing` s after the one kept before. */
+  thin(spacing: number): void {
+    let kept = 0;
+    for (let i = 0; i < this.count; i++) {
+      if (kept && this.times[i]! - this.times[kept - 1]! < spacing) continue;
+      this.times[kept] = this.times[i]!;
+      this.put(kept++, this.row(i));
+    }
+    this.count = kept;
+  }
+}
+
+export class History {
+  /** Seconds between the older moments of a limited history; 0: none has been left out. */
+  spacing = 0;
+  private readonly older = new Rows();
+  private readonly recent = new Rows();
+  private readonly last = newRow();
+
+  /** Without limits all moments are kept. With them, indices change when older moments are left out. */
+  constructor(private readonly limits: Limits = { recent: Infinity, older: 0 }) {}
+
+  get count(): number {
+    return this.older.count + this.recent.count;
+  }
+
+  clear(): void {
+    this.older.clear();
+    this.recent.clear();
+    this.spacing = 0;
     this.last.set(newRow());
   }
 
@@ -167,38 +244,43 @@ export class History {
     if (time < this.end && this.count) return false;
     pack(moment, this.last);
     this.last[WORKING] = working(this.last);
-    if (!this.count || time > this.end) this.grow(time);
-    this.chunks.at(-1)!.set(this.last, ((this.count - 1) % CHUNK_ROWS) * WIDTH);
+    if (this.count && time === this.end) {
+      this.recent.put(this.recent.count - 1, this.last);
+      return true;
+    }
+    if (this.recent.count === this.limits.recent) this.dropOldest();
+    this.recent.push(time, this.last);
     return true;
   }
 
-  private grow(time: number): void {
-    if (this.count === this.most) this.dropOldest();
-    if (this.count === this.times.length) {
-      const larger = new Float64Array(2 * this.count);
-      larger.set(this.times);
-      this.times = larger;
-    }
-    if (this.count % CHUNK_ROWS === 0) this.chunks.push(new Float32Array(CHUNK_ROWS * WIDTH));
-    this.times[this.count++] = time;
+  private dropOldest(): void {
+    for (let i = 0; this.limits.older > 0 && i < CHUNK_ROWS; i++) this.keepOlder(this.recent.time(i), this.recent.row(i));
+    this.recent.dropChunk();
   }
 
-  private dropOldest(): void {
-    this.chunks.shift();
-    this.times.copyWithin(0, CHUNK_ROWS, this.count);
-    this.count -= CHUNK_ROWS;
+  private keepOlder(time: number, row: Row): void {
+    const { older } = this;
+    this.spacing ||= LEAST_SPACING_S;
+    if (older.count && time - older.time(older.count - 1) < this.spacing) return;
+    while (older.count === this.limits.older) {
+      this.spacing *= 2;
+      older.thin(this.spacing);
+    }
+    older.push(time, row);
   }
 
   time(index: number): number {
-    return this.times[index] ?? NaN;
+    if (!(index >= 0 && index < this.count)) return NaN;
+    const recent = index - this.older.count;
+    return recent < 0 ? this.older.time(index) : this.recent.time(recent);
   }
 
   get start(): number {
-    return this.count ? this.times[0]! : 0;
+    return this.count ? this.time(0) : 0;
   }
 
   get end(): number {
-    return this.count ? this.times[this.count - 1]! : 0;
+    return this.count ? this.time(this.count - 1) : 0;
   }
 
   /** The last moment at or before that time; -1: there is none. */
@@ -207,19 +289,21 @@ export class History {
     let high = this.count;
     while (low < high) {
       const middle = (low + high) >> 1;
-      if (this.times[middle]! <= time) low = middle + 1;
+      if (this.time(middle) <= time) low = middle + 1;
       else high = middle;
     }
     return low - 1;
   }
 
   value(index: number, place: number): number {
-    return this.chunks[Math.floor(index / CHUNK_ROWS)]?.[(index % CHUNK_ROWS) * WIDTH + place] ?? NaN;
+    if (!(index >= 0 && index < this.count)) return NaN;
+    const recent = index - this.older.count;
+    return recent < 0 ? this.older.value(index, place) : this.recent.value(recent, place);
   }
 
   /** Copies a row; `index` must be one. */
   read(index: number, row: Row): void {
-    const at = (index % CHUNK_ROWS) * WIDTH;
-    row.set(this.chunks[Math.floor(index / CHUNK_ROWS)]!.subarray(at, at + WIDTH));
+    const recent = index - this.older.count;
+    row.set(recent < 0 ? this.older.row(index) : this.recent.row(recent));
   }
 }

@@ -232,6 +232,10 @@ export class Tissue {
     return copy;
   }
 
+  get bytes(): number {
+    return this.positions.byteLength + this.corners.byteLength + this.labels.byteLength + this.uses.byteLength;
+  }
+
   // Inside the surface, mm³.
   volume(): number {
     let six = 0;

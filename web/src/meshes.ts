@@ -133,26 +133,40 @@ function fits(coming: Coming, chunk: Chunk): boolean {
     chunk.size === coming.bytes.length && chunk.data.length === wanted && wanted > 0;
 }
 
-// ---- meshes of a recorded session -------------------------------------------------------------------
+// ---- a group's mesh at any time of a session ----------------------------------------------------------
 
 const KEPT_EVERY = 16;
+const LEAST_SPACING_S = 1;
+/** Of one group of a live session: enough for some hundred cuts one by one. */
+export const LIVE_MESH_BYTES = 16 << 20;
 
 interface Landing {
   time: number; // s
-  payload: Uint8Array;
-  after: Tissue | undefined; // kept of every 16th
+  payload: Uint8Array; // empty: only `after` is left
+  after: Tissue | undefined; // the whole mesh, of every 16th
 }
 
-// The mesh of one group at any time of a session.
+const bytesOf = ({ payload, after }: Landing): number => payload.length + (after?.bytes ?? 0);
+
 export class MeshHistory {
-  private readonly landings: Landing[] = [];
+  private landings: Landing[] = [];
+  bytes = 0; // that are kept
+  private spacing = LEAST_SPACING_S; // between the older meshes that are kept, s
+  private untilWhole = 0; // landings until the next whole mesh is kept
   private made = 0; // landings that `shown` has had
   private shown = new Tissue();
 
+  /** `most` bytes are kept: the newest half cut by cut, of what is older a whole mesh now and then. */
+  constructor(private readonly most = Infinity) {}
+
   // `tissue` is the mesh with that payload. A time of Infinity is not known yet.
   push(time: number, tissue: Tissue, payload: Uint8Array): void {
-    const after = this.landings.length % KEPT_EVERY === 0 ? tissue.clone() : undefined;
-    this.landings.push({ time, payload, after });
+    const whole = this.untilWhole === 0;
+    this.untilWhole = whole ? KEPT_EVERY - 1 : this.untilWhole - 1;
+    const landing = { time, payload, after: whole ? tissue.clone() : undefined };
+    this.landings.push(landing);
+    this.bytes += bytesOf(landing);
+    if (this.bytes > this.most) this.thin();
   }
 
   // Those of which it was not known came then.
@@ -179,4 +193,40 @@ export class MeshHistory {
     this.made = kept;
     this.shown = this.landings[kept - 1]!.after!.clone();
   }
+
+  private thin(): void {
+    const first = this.firstOfNewest(this.most / 2);
+    let older = this.landings.slice(0, first).flatMap((landing) => (landing.after ? [{ ...landing, payload: new Uint8Array(0) }] : []));
+    const newest = this.landings.slice(first);
+    const size = (landings: Landing[]): number => landings.reduce((sum, landing) => sum + bytesOf(landing), 0);
+    while (older.length > 1 && size(older) > this.most / 4) {
+      older = spaced(older, this.spacing);
+      this.spacing *= 2;
+    }
+    this.landings = [...older, ...newest];
+    this.bytes = size(this.landings);
+    this.made = 0;
+    this.shown = new Tissue();
+  }
+
+  // The first of the newest that take no more than so many bytes; a whole mesh, without which those after it are nothing.
+  private firstOfNewest(bytes: number): number {
+    let first = this.landings.length;
+    for (let i = first - 1, sum = 0; i >= 0; i--) {
+      sum += bytesOf(this.landings[i]!);
+      if (sum > bytes && first < this.landings.length) break;
+      if (this.landings[i]!.after) first = i;
+    }
+    return first;
+  }
+}
+
+// The first, and those that are as many seconds after the one kept before.
+function spaced(landings: Landing[], seconds: number): Landing[] {
+  let last = -Infinity;
+  return landings.filter(({ time }) => {
+    if (time - last < seconds) return false;
+    last = time;
+    return true;
+  });
 }

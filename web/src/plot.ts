@@ -28,6 +28,7 @@ export interface Values {
   time(row: number, trace: number, index: number): number;
   value(row: number, trace: number, index: number): number;
   end(): number; // until when the last values hold
+  spacing(): number; // between the older values where some were left out, s; else 0
 }
 
 export interface Sign {
@@ -354,6 +355,7 @@ export class Plots {
     const count = values.count(i, k);
     const timeOf = (index: number): number => values.time(i, k, index);
     const step = this.rows[i]!.step === true;
+    const gap = Math.max(GAP_S, 2 * values.spacing());
     const line = new Columns(surface, y);
     let last = NaN; // the value before
     surface.beginPath();
@@ -361,7 +363,7 @@ export class Plots {
       const time = timeOf(index);
       const x = Math.round(this.x(Math.max(time, this.from)));
       if (step) line.add(x, last);
-      else if (index > 0 && time - timeOf(index - 1) > GAP_S) line.add(x, NaN);
+      else if (index > 0 && time - timeOf(index - 1) > gap) line.add(x, NaN);
       line.add(x, (last = values.value(i, k, index)));
       if (time > this.to) break;
     }

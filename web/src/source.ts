@@ -5,10 +5,10 @@ import {
   MeshAskSchema, MeshStateSchema, Trouble_Kind, Watch_What,
   type LiveSession, type Metric, type Moment, type Remark, type Resection,
 } from "wire";
-import { History } from "./history";
+import { History, LIVE_LIMITS, type Limits } from "./history";
 import type { Feed, WatchInit } from "./live";
 import type { Tissue } from "./mesh";
-import { Meshes, MeshHistory, type Answer } from "./meshes";
+import { LIVE_MESH_BYTES, Meshes, MeshHistory, type Answer } from "./meshes";
 import { sentence, text } from "./text";
 
 export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "metrics" | "progress" | "trouble";
@@ -35,6 +35,7 @@ export interface Said {
 }
 
 const EVENTS_MOST = 20_000; // the oldest go
+const RESECTIONS_MOST = 4000; // of a live session: of the older ones some go
 
 export interface Source {
   readonly recorded: boolean;
@@ -104,10 +105,11 @@ export class FeedSource implements Source {
   private readonly landed = new Map<string, MeshHistory>();
   private readonly listeners = new Set<(change: Change) => void>();
   private counts: number[] | undefined; // of events, at the last moment
+  private resectionSpacing = 0.5; // between the older figures of a live session, s
   private readonly ends: (() => void)[];
 
-  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, moments?: number) {
-    this.history = new History(moments);
+  private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, limits?: Limits) {
+    this.history = new History(limits);
     this.meshes.onPayload = (group, tissue, payload) => this.land(group, tissue, payload);
     this.ends = [
       feed.onLink(({ state }) => {
@@ -125,9 +127,9 @@ export class FeedSource implements Source {
     feed.watch(watch);
   }
 
-  /** moments: how many are kept; absent: all. */
-  static live(feed: Feed, station: string, rateHz: number, moments?: number): FeedSource {
-    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true }, moments);
+  /** What is kept is bounded: of older moments, meshes and figures only some. */
+  static live(feed: Feed, station: string, rateHz: number, limits = LIVE_LIMITS): FeedSource {
+    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true }, limits);
   }
 
   /** caseName: another case to replay the same hands on; "": its own. */
@@ -208,6 +210,7 @@ export class FeedSource implements Source {
     this.landed.clear();
     this.marks = [];
     this.resections = [];
+    this.resectionSpacing = 0.5;
     this.remarks = [];
     this.said = [];
     this.metrics = [];
@@ -230,7 +233,7 @@ export class FeedSource implements Source {
   }
 
   private land(group: string, tissue: Tissue, payload: Uint8Array): void {
-    const landed = this.landed.get(group) ?? new MeshHistory();
+    const landed = this.landed.get(group) ?? new MeshHistory(this.recorded ? Infinity : LIVE_MESH_BYTES);
     this.landed.set(group, landed);
     landed.push(this.landing, tissue, payload);
     this.tell("mesh");
@@ -238,7 +241,24 @@ export class FeedSource implements Source {
 
   private resected(resection: Resection): void {
     this.resections.push({ time: this.landing, resection });
+    if (!this.recorded && this.resections.length > RESECTIONS_MOST) this.thinResections();
     this.tell("resection");
+  }
+
+  // Of each group the newest stay, and of those before as many as are further apart.
+  private thinResections(): void {
+    const older = this.resections.slice(0, -RESECTIONS_MOST / 2);
+    while (older.length > RESECTIONS_MOST / 4) {
+      this.resectionSpacing *= 2;
+      const kept = new Map<string, number>();
+      const left = older.splice(0).filter(({ time, resection: { group } }) => {
+        if (time - (kept.get(group) ?? -Infinity) < this.resectionSpacing) return false;
+        kept.set(group, time);
+        return true;
+      });
+      older.push(...left);
+    }
+    this.resections = [...older, ...this.resections.slice(-RESECTIONS_MOST / 2)];
   }
 
   private settle(): void {

@@ -31,7 +31,7 @@ export class Stage {
   private companion: Companion | undefined;
   private following = false; // the tip
   private knee = ""; // which one is shown, or asked for
-  private measured = -1; // moments that the maps know
+  private measured = -Infinity; // time of the last moment that the maps have
   private readonly end: () => void;
 
   constructor(private readonly source: Source, private readonly name: string = text.session.scene) {
@@ -95,7 +95,7 @@ export class Stage {
   }
 
   private begin(): void {
-    this.measured = -1;
+    this.measured = -Infinity;
     this.joint?.forget();
     const session = this.source.session;
     if (!session) {
@@ -135,7 +135,7 @@ export class Stage {
     this.view.onFrame = (now) => this.frame(now);
     this.view.onPick = (marker) => this.picking && this.onMarker(marker);
     this.view.orbit.onLook = (place) => this.onLook(place);
-    this.measured = -1;
+    this.measured = -Infinity;
     if (this.following) this.follow(true);
     this.draw();
   }
@@ -149,7 +149,7 @@ export class Stage {
   }
 
   private setShow(show: Show): void {
-    if (show.map !== this.show.map) this.measured = -1;
+    if (show.map !== this.show.map) this.measured = -Infinity;
     this.show = show;
     this.joint?.setShow(show);
     this.draw();
@@ -193,16 +193,18 @@ export class Stage {
   // The maps of what was measured: all moments up to the one that is shown, some in each frame.
   private measure(index: number): boolean {
     if (this.show.map !== "gain" && this.show.map !== "contact") return false;
-    if (index < this.measured) {
+    const { history } = this.source;
+    if (history.time(index) < this.measured) {
       this.joint!.forget();
-      this.measured = -1;
+      this.measured = -Infinity;
     }
-    const last = Math.min(index, this.measured + MEASURED_MOST);
-    for (let i = this.measured + 1; i <= last; i++) {
-      this.source.history.read(i, this.measuring);
+    const first = history.indexAt(this.measured) + 1;
+    const last = Math.min(index, first + MEASURED_MOST - 1);
+    for (let i = first; i <= last; i++) {
+      history.read(i, this.measuring);
       this.joint!.measure(this.measuring);
     }
-    this.measured = last;
+    this.measured = history.time(last);
     return last < index;
   }
 }

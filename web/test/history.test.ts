@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import { MomentSchema, ViewSchema, type Moment } from "wire";
 import { clockStep, lastBefore, niceStep } from "../src/axes";
-import { bodyAt, FEW, FLEXION, HAS_WARPED, History, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
+import { bodyAt, FLEXION, HAS_WARPED, History, LIVE_LIMITS, NEWEST_LIMITS, newRow, packView, SEEN, SPEED, STATE, TIP, toolAt, WARPED, WORKING } from "../src/history";
 
 function moment(time: number, speeds: (number | undefined)[] = [5]): Moment {
   return create(MomentSchema, {
@@ -34,16 +34,42 @@ test("moments come back as they were, and are found by time", () => {
 });
 
 test("a history that keeps few has the newest", () => {
-  const history = new History(FEW);
-  for (let i = 0; i <= 3 * FEW; i++) history.append(moment(i));
-  assert.ok(history.count <= FEW && history.count >= FEW / 2);
+  const few = NEWEST_LIMITS.recent;
+  const history = new History(NEWEST_LIMITS);
+  for (let i = 0; i <= 3 * few; i++) history.append(moment(i));
+  assert.ok(history.count <= few && history.count >= few / 2);
   const row = newRow();
   for (const back of [1, 2, history.count]) {
-    const [index, wanted] = [history.count - back, 3 * FEW + 1 - back];
+    const [index, wanted] = [history.count - back, 3 * few + 1 - back];
     history.read(index, row);
     assert.deepEqual([row[FLEXION], history.time(index), history.indexAt(wanted + 0.5)], [10 * wanted, wanted, index]);
   }
-  assert.deepEqual([history.start, history.end], [3 * FEW + 1 - history.count, 3 * FEW]);
+  assert.deepEqual([history.start, history.end], [3 * few + 1 - history.count, 3 * few]);
+});
+
+test("a limited history has the last 10 minutes in full, and what is older more and more thinly from the start on", () => {
+  const history = new History(LIVE_LIMITS);
+  const [hz, length] = [30, 2 * 3600];
+  let most = 0;
+  for (let i = 0; i <= length * hz; i++) {
+    history.append(moment(i / hz));
+    most = Math.max(most, history.count);
+  }
+  assert.ok(most <= LIVE_LIMITS.recent + LIVE_LIMITS.older, `${most} moments`);
+  assert.deepEqual([history.start, history.end], [0, length]);
+  const tenMinutes = history.indexAt(history.end - 595);
+  assert.equal(history.count - 1 - tenMinutes, 595 * hz);
+  const row = newRow();
+  for (const time of [0, 600, 3600, length - 1000, length - 1]) {
+    const index = history.indexAt(time);
+    assert.ok(time - history.time(index) <= 2 * history.spacing, `${history.time(index)} for ${time}`);
+    history.read(index, row);
+    assert.ok(Math.abs(row[FLEXION]! - 10 * history.time(index)) < 0.05);
+    assert.equal(history.value(index, FLEXION), row[FLEXION]);
+  }
+  for (let i = 1; i < history.count; i++) assert.ok(history.time(i) - history.time(i - 1) <= 2 * history.spacing);
+  history.clear();
+  assert.deepEqual([history.count, history.spacing, history.end], [0, 0, 0]);
 });
 
 test("a moment of the same time takes the place of the last, an older one is none", () => {

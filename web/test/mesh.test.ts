@@ -157,3 +157,25 @@ test("a jump to the end of a recorded session does not make all changes before",
   history.push(16, tissue, first!.payload);
   check(history.at(16), first!);
 });
+
+test("a limited mesh history has the newest meshes one by one, and of the older ones some", () => {
+  const most = 1 << 20;
+  const history = new MeshHistory(most);
+  const tissue = new Tissue();
+  const all = steps();
+  const rounds = 200;
+  const pushed = rounds * all.length;
+  for (let i = 0; i < pushed; i++) {
+    const { payload } = all[i % all.length]!;
+    tissue.apply(payload);
+    history.push(i, tissue, payload);
+    assert.ok(history.bytes <= most, `${history.bytes} bytes after ${i}`);
+  }
+  for (const i of [pushed - 1, pushed - 20, pushed - 50, pushed - 2]) check(history.at(i + 0.5), all[i % all.length]!);
+  const known = new Map(all.map((step) => [step.number, step]));
+  for (const time of [0, 3, pushed / 4, pushed / 2, pushed - 500, 0]) {
+    const mesh = history.at(time)!;
+    check(mesh, known.get(mesh.number)!);
+  }
+  check(history.at(0), all[0]!);
+});

@@ -2,7 +2,7 @@
 // itself, so that the network is not between hand and eye; the rest comes from the server.
 import { SessionState } from "wire";
 import type { App, View } from "../app";
-import { BUTTONS, FEW, INSTRUMENTS, newRow, packView, sameRow, STATE, toolAt, type Row } from "../history";
+import { BUTTONS, INSTRUMENTS, NEWEST_LIMITS, newRow, packView, sameRow, STATE, toolAt, type Row } from "../history";
 import { QUIET_MS } from "../live";
 import { routeTo, type Route } from "../router";
 import { loadKnee, type Knee } from "../scene/anatomy";
@@ -98,7 +98,7 @@ class Scope {
     app.title(text.scope.title(this.name));
     this.picture = new Picture(root, text.scope.title(this.name));
     this.settings = settingsOf(route);
-    this.source = FeedSource.live(app.feed, this.name, RATE_HZ, FEW);
+    this.source = FeedSource.live(app.feed, this.name, RATE_HZ, NEWEST_LIMITS);
     this.watchStation();
     this.picture.onSide = (side) => {
       this.shown?.optic.setSide(side);

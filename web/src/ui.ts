@@ -169,8 +169,15 @@ export function dialog(title: string, body: Child[], actions: Child[] = [], clos
     if (before instanceof HTMLElement && before.isConnected) before.focus();
     closed();
   });
+  // A drag that ends on the backdrop is a click on the dialog, too: selecting text must not close it.
+  const outside = ({ clientX, clientY }: MouseEvent): boolean => {
+    const { left, right, top, bottom } = element.getBoundingClientRect();
+    return clientX < left || clientX > right || clientY < top || clientY > bottom;
+  };
+  let pressed = false; // on the backdrop
+  element.addEventListener("pointerdown", (event) => (pressed = event.target === element && outside(event)));
   element.addEventListener("click", (event) => {
-    if (event.target === element) element.close(); // the backdrop
+    if (pressed && event.target === element && outside(event)) element.close();
   });
   document.body.append(element);
   element.showModal();

@@ -99,6 +99,29 @@ async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who 
   assert.ok(await note.evaluate((button) => document.activeElement === button), "the focus is where it was");
 }
 
+async function a_drag_that_ends_outside_leaves_a_dialog_open_and_a_click_there_closes_it({ browser, who }) {
+  const page = await browser.page(await browser.context(who.instructor), "#/admin/tokens");
+  await page.getByRole("button", { name: "Add token" }).first().click();
+  const dialog = page.locator("dialog");
+  await dialog.getByLabel("Name").fill("nightly export");
+  const box = await dialog.boundingBox();
+  const input = await dialog.getByLabel("Name").boundingBox();
+  await page.mouse.move(input.x + input.width / 2, input.y + input.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(box.x - 20, box.y + box.height / 2, { steps: 5 });
+  await page.mouse.up();
+  assert.equal(await dialog.count(), 1, "a selection of text closed it");
+  await page.mouse.click(box.x + 4, box.y + box.height - 4);
+  assert.equal(await dialog.count(), 1, "a click on its edge closed it");
+  await page.mouse.move(box.x - 20, box.y);
+  await page.mouse.down();
+  await page.mouse.move(input.x + 5, input.y + 5, { steps: 5 });
+  await page.mouse.up();
+  assert.equal(await dialog.count(), 1, "a drag into it closed it");
+  await page.mouse.click(box.x - 20, box.y + box.height / 2);
+  await dialog.waitFor({ state: "detached" });
+}
+
 const focusIs = (locator) => until("it has the focus", () => locator.evaluate((element) => document.activeElement === element), 5);
 
 async function a_list_that_is_made_anew_keeps_the_focus({ browser, who }) {
@@ -175,6 +198,6 @@ async function a_server_that_falls_silent_is_told_of_once({ house, browser, who 
 
 export const tests = [
   tab_comes_to_all_that_can_be_used_in_every_view, the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall,
-  a_dialog_keeps_the_focus_and_gives_it_back, a_list_that_is_made_anew_keeps_the_focus, events_that_come_leave_the_focus_where_it_is,
+  a_dialog_keeps_the_focus_and_gives_it_back, a_drag_that_ends_outside_leaves_a_dialog_open_and_a_click_there_closes_it, a_list_that_is_made_anew_keeps_the_focus, events_that_come_leave_the_focus_where_it_is,
   escape_leads_from_the_scope_to_the_station, a_server_that_falls_silent_is_told_of_once,
 ];

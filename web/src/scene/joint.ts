@@ -300,8 +300,7 @@ export class Joint {
   markerAt(point: Vector3): Marker | undefined {
     let best: Marker | undefined;
     let least = Infinity;
-    for (const surface of this.surfaces) {
-      if (surface.group.name === "skin" || surface.group.other >= 0) continue;
+    for (const surface of this.touchable()) {
       const { body } = surface.group;
       const local = point.clone().applyMatrix4(scratch.copy(this.bodies[body]!.virtual.matrix).invert());
       const positions = surface.shown.geometry.getAttribute("position").array;
@@ -319,9 +318,14 @@ export class Joint {
     return best;
   }
 
-  /** What a ray can hit: the patient's surfaces that are shown, but those that bend between two bodies. */
+  /** What a ray can hit. */
   targets(): Mesh[] {
-    return this.surfaces.filter(({ shown, group }) => shown.visible && group.other < 0 && group.name !== "skin").map(({ shown }) => shown);
+    return this.touchable().map(({ shown }) => shown);
+  }
+
+  // The patient's surfaces that are shown, except the skin and what bends between two bodies.
+  private touchable(): Surface[] {
+    return this.surfaces.filter(({ shown, group }) => shown.visible && group.other < 0 && group.name !== "skin");
   }
 
   /** The point of a hit in the frame of its body. */

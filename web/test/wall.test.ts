@@ -6,6 +6,7 @@ import { PlaceSchema, SessionState } from "wire";
 import type { Seat } from "../src/live";
 import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
+import { CaseCache } from "../src/views/wall_cases";
 import { kneeParts, thin } from "../src/views/wall_knee";
 import { arrange, byUrgency, grouped, quietFor, runningSeconds, short, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
 
@@ -112,4 +113,66 @@ test("a thinned surface stays near what it was, and is smaller", () => {
 test("bytes that are no case are refused", () => {
   assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(4), 6), /no binary glTF/);
   assert.throws(() => kneeParts({ groups: [] }, new ArrayBuffer(64), 6), /no binary glTF/);
+});
+
+// A server whose cases the test changes.
+class Cases {
+  hashes: Record<string, string> = { tear: "a" };
+  loads: string[] = [];
+  lists = 0;
+  down = false;
+  changes = 0;
+  private timers: (() => void)[] = [];
+  readonly cache = new CaseCache<string>({
+    list: async () => {
+      this.lists++;
+      if (this.down) throw new Error("down");
+      return Object.entries(this.hashes).map(([name, hash]) => ({ name, hash }));
+    },
+    load: async (name) => {
+      this.loads.push(name);
+      if (this.down) throw new Error("down");
+      return `${name} ${this.hashes[name]}`;
+    },
+    later: (_, then) => void this.timers.push(then),
+    changed: () => void this.changes++,
+  });
+
+  async get(name: string): Promise<string | undefined> {
+    for (let i = 0; i < 3; i++) {
+      this.cache.get(name);
+      await new Promise((resolve) => setImmediate(resolve));
+    }
+    return this.cache.get(name)?.value;
+  }
+  pass(): void {
+    for (const then of this.timers.splice(0)) then();
+  }
+}
+
+test("a case that was changed under its name is loaded again after a reconnect, and the old one is shown till then", async () => {
+  const server = new Cases();
+  assert.equal(await server.get("tear"), "tear a");
+  assert.equal(await server.get("tear"), "tear a");
+  assert.deepEqual([server.lists, server.loads.length], [1, 1]);
+  server.hashes.tear = "b";
+  server.cache.renew();
+  assert.deepEqual(server.cache.get("tear"), { hash: "a", value: "tear a" });
+  assert.equal(await server.get("tear"), "tear b");
+  assert.equal(server.cache.get("tear")!.hash, "b");
+  server.cache.renew();
+  assert.equal(await server.get("tear"), "tear b");
+  assert.deepEqual([server.lists, server.loads.length], [3, 2]);
+});
+
+test("a case that cannot be loaded is asked for again, but not at once", async () => {
+  const server = new Cases();
+  server.down = true;
+  assert.equal(await server.get("tear"), undefined);
+  assert.equal(server.lists, 1);
+  server.down = false;
+  server.pass();
+  assert.equal(await server.get("tear"), "tear a");
+  assert.equal(await server.get("other"), undefined);
+  assert.deepEqual([server.lists, server.loads.length], [2, 1]);
 });

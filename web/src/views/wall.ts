@@ -87,7 +87,11 @@ export const wall: View = (root, _route, app) => {
     frame = requestAnimationFrame(draw);
     picture.draw([...cards].map(([seat, card]) => ({ seat: feed.seats.get(seat), slot: card.scene })));
   });
-  const ends = [feed.on("place", soon), feed.onLink(soon), everySecond(soon), () => size.disconnect(), () => cancelAnimationFrame(frame), () => picture.end()];
+  const linked = feed.onLink(({ state }) => {
+    if (state === "open") picture.renewCases();
+    soon();
+  });
+  const ends = [feed.on("place", soon), linked, everySecond(soon), () => size.disconnect(), () => cancelAnimationFrame(frame), () => picture.end()];
   feed.watch({ what: Watch_What.WALL, rateHz: RATE_HZ });
   return () => {
     for (const end of ends) end();

@@ -6,6 +6,7 @@ import { drawnBySoftware } from "../graphics";
 import type { Seat } from "../live";
 import { onTheme, themeColour } from "../theme";
 import { h } from "../ui";
+import { CaseCache } from "./wall_cases";
 import { kneeParts, type CaseFile, type Part } from "./wall_knee";
 
 const VERTEX = `#version 300 es
@@ -41,7 +42,6 @@ const FINE_MM = 3.5;
 const COARSE_MM = 6;
 const FINE_FROM_PX = 110;
 const MANY = 8;
-const AGAIN_MS = 20_000; // after a case that could not be had
 
 interface Slot {
   seat: Seat | undefined;
@@ -50,6 +50,7 @@ interface Slot {
 
 interface Buffers {
   array: WebGLVertexArrayObject;
+  buffers: WebGLBuffer[];
   count: number;
 }
 
@@ -60,6 +61,20 @@ interface Drawn extends Buffers {
 
 type Parts = Record<number, Part[]>; // by cell
 
+async function getJson<T>(path: string): Promise<T> {
+  const response = await fetch(path);
+  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  return (await response.json()) as T;
+}
+
+async function loadParts(name: string): Promise<Parts> {
+  const base = `/api/v1/cases/${part(name)}`;
+  const [file, glb] = await Promise.all([getJson<CaseFile>(`${base}/case.json`), fetch(`${base}/anatomy.glb`)]);
+  if (!glb.ok) throw new Error(`${name}: ${glb.status}`);
+  const bytes = await glb.arrayBuffer();
+  return { [COARSE_MM]: kneeParts(file, bytes, COARSE_MM), [FINE_MM]: kneeParts(file, bytes, FINE_MM) };
+}
+
 type Matrix = Float32Array; // 4 x 4, column by column
 
 export class MiniScene {
@@ -69,8 +84,13 @@ export class MiniScene {
   private shaft: Buffers | undefined;
   private bySoftware = false;
   private many = false;
-  private readonly parts = new Map<string, Parts | "asked">(); // by case
-  private readonly knees = new Map<string, Drawn[]>(); // by case and cell
+  private readonly cases = new CaseCache<Parts>({
+    list: async () => (await getJson<{ cases: { name: string; hash: string | null }[] }>("/api/v1/cases")).cases,
+    load: loadParts,
+    later: (ms, then) => void setTimeout(then, ms),
+    changed: () => (this.drawn = ""),
+  });
+  private readonly knees = new Map<string, { hash: string; drawn: Drawn[] }>(); // by case and cell
   private readonly colours = new Map<string, number[]>();
   private readonly ends: (() => void)[];
   private drawn = "";
@@ -149,38 +169,23 @@ export class MiniScene {
 
   // ---- cases ---------------------------------------------------------------------------------------
 
+  /** The connection is new: the server may have other cases. */
+  renewCases(): void {
+    this.cases.renew();
+    this.drawn = "";
+  }
+
   private knee(seat: Seat, cell: number): Drawn[] | undefined {
     const name = seat.place?.info?.caseName;
-    if (!name) return undefined;
+    const found = name ? this.cases.get(name) : undefined;
+    if (!found) return undefined;
     const key = `${name} ${cell}`;
-    const found = this.knees.get(key);
-    if (found) return found;
-    const parts = this.parts.get(name);
-    if (parts === undefined) void this.load(name);
-    if (parts === undefined || typeof parts === "string") return undefined;
-    const made = parts[cell]!.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
-    this.knees.set(key, made);
-    return made;
-  }
-
-  private async load(name: string): Promise<void> {
-    this.parts.set(name, "asked");
-    try {
-      const [file, glb] = await Promise.all([fetch(`/api/v1/cases/${part(name)}/case.json`), fetch(`/api/v1/cases/${part(name)}/anatomy.glb`)]);
-      if (!file.ok || !glb.ok) throw new Error(`${name}: ${file.status} ${glb.status}`);
-      const [described, bytes] = [(await file.json()) as CaseFile, await glb.arrayBuffer()];
-      this.parts.set(name, { [COARSE_MM]: kneeParts(described, bytes, COARSE_MM), [FINE_MM]: kneeParts(described, bytes, FINE_MM) });
-      this.drawn = "";
-    } catch {
-      this.again(name); // the card is whole without its picture
-    }
-  }
-
-  private again(name: string): void {
-    setTimeout(() => {
-      this.parts.delete(name);
-      this.drawn = "";
-    }, AGAIN_MS);
+    const knee = this.knees.get(key);
+    if (knee?.hash === found.hash) return knee.drawn;
+    for (const { array, buffers } of knee?.drawn ?? []) this.discard(array, buffers);
+    const drawn = found.value[cell]!.map((one) => ({ body: one.body, soft: one.soft, ...this.upload(one.positions, one.triangles) }));
+    this.knees.set(key, { hash: found.hash, drawn });
+    return drawn;
   }
 
   // ---- WebGL ---------------------------------------------------------------------------------------
@@ -222,14 +227,20 @@ export class MiniScene {
     const gl = this.gl!;
     const array = gl.createVertexArray()!;
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    const buffers = [gl.createBuffer()!, gl.createBuffer()!];
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]!);
     gl.bufferData(gl.ARRAY_BUFFER, positions, gl.STATIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[1]!);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
-    return { array, count: triangles.length };
+    return { array, buffers, count: triangles.length };
+  }
+
+  private discard(array: WebGLVertexArrayObject, buffers: WebGLBuffer[]): void {
+    this.gl!.deleteVertexArray(array);
+    for (const buffer of buffers) this.gl!.deleteBuffer(buffer);
   }
 
   private colour(token: string): number[] {

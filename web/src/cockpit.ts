@@ -6,7 +6,8 @@ import { Panels } from "./panels";
 import { Plots, type PlotRow, type Sign, type Values } from "./plot";
 import type { Marker } from "./scene/joint";
 import { Stage } from "./stage";
-import type { Change, Resected, Source } from "./source";
+import { Removed } from "./removed";
+import type { Change, Source } from "./source";
 import { format, text } from "./text";
 import { button, h, setText } from "./ui";
 
@@ -162,10 +163,7 @@ function valuesOf(source: Source): Values {
     count: (row, trace) => (row === REMOVED ? removed.of(trace).length : history.count),
     time: (row, trace, index) => (row === REMOVED ? removed.of(trace)[index]!.time : history.time(index)),
     value: (row, trace, index) => {
-      if (row === REMOVED) {
-        const { removedMm3, piecesMm3 } = removed.of(trace)[index]!.resection;
-        return removedMm3 + piecesMm3;
-      }
+      if (row === REMOVED) return removed.of(trace)[index]!.mm3;
       if (row === 0) return history.value(index, FLEXION);
       if (row === 1) return history.value(index, VARUS);
       const tool = history.value(index, WORKING);
@@ -177,29 +175,6 @@ function valuesOf(source: Source): Values {
 
 function shifted(values: Values, ahead: number): Values {
   return { ...values, end: () => values.end() - ahead, time: (row, trace, index) => values.time(row, trace, index) - ahead };
-}
-
-// The figures of the medial and of the lateral meniscus.
-class Removed {
-  private readonly found: Resected[][] = [[], []];
-  private taken: readonly Resected[] = []; // another session has another list
-  private count = 0; // of the resections that are in it
-
-  constructor(private readonly source: Source) {}
-
-  of(trace: number): Resected[] {
-    const { resections } = this.source;
-    if (resections !== this.taken) {
-      for (const list of this.found) list.length = 0;
-      this.taken = resections;
-      this.count = 0;
-    }
-    for (; this.count < resections.length; this.count++) {
-      const resected = resections[this.count]!;
-      this.found[resected.resection.group === "meniscus_lateral" ? 1 : 0]!.push(resected);
-    }
-    return this.found[trace]!;
-  }
 }
 
 const PLOT_ROWS: PlotRow[] = [
@@ -214,6 +189,7 @@ const PLOT_ROWS: PlotRow[] = [
     label: text.session.rows.removed, unit: "mm³", digits: 0, least: 0, most: 50, step: true,
     traces: [
       { label: text.session.shortGroups.meniscus_medial!, colour: "--plot-4" }, { label: text.session.shortGroups.meniscus_lateral!, colour: "--plot-5" },
+      { label: text.session.otherGroups, colour: "--plot-3" },
     ],
   },
   { label: text.session.rows.speed, unit: "mm/s", digits: 0, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 20 },

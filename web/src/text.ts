@@ -286,6 +286,7 @@ export const text = {
       lcl: "Lateral collateral ligament", skin: "Skin", probe: "Probe", punch: "Punch", shaver: "Shaver", knife: "Knife", scope: "Scope",
     } as Record<string, string>,
     shortGroups: { meniscus_medial: "medial", meniscus_lateral: "lateral" } as Record<string, string>,
+    otherGroups: "other",
     working: "Working",
     tabs: { resection: "Resection", events: "Events", remarks: "Remarks", metrics: "Metrics" },
     events: {

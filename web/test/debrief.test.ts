@@ -4,6 +4,7 @@ import { create } from "@bufbuild/protobuf";
 import {
   LiveSessionSchema, MeshChunkSchema, MetricsSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, Trouble_Kind, TroubleSchema,
 } from "wire";
+import { Removed } from "../src/removed";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
 import { STATE } from "../src/history";
 import type { Feed } from "../src/live";
@@ -135,6 +136,24 @@ test("what a cut did has the time of the moment that comes after it", () => {
   assert.deepEqual(source.marks.map(({ time, event }) => [time, event]), [[0.5, "state"], [1.25, "cut"], [2, "state"], [2, "contact"]]);
   assert.equal(source.history.value(3, STATE), 2);
   assert.equal(played.sent, 0); // nothing is asked for in a replay
+});
+
+test("removed tissue is plotted for the group that it is of, of other groups together", () => {
+  const played = new Played();
+  const removed = new Removed(played.source);
+  played.session();
+  const cut = (time: number, group: string, removedMm3: number, piecesMm3 = 0): void => {
+    played.tell("resection", create(ResectionSchema, { group, removedMm3, piecesMm3 }));
+    played.moment(time);
+  };
+  cut(1, "meniscus_lateral", 2);
+  cut(2, "acl", 5, 1);
+  cut(3, "meniscus_medial", 3);
+  cut(4, "cartilage_tibia", 10);
+  cut(5, "acl", 7);
+  assert.deepEqual([0, 1, 2].map((trace) => removed.of(trace).map(({ time, mm3 }) => [time, mm3])), [[[3, 3]], [[1, 2]], [[2, 6], [4, 16], [5, 17]]]);
+  played.session();
+  assert.deepEqual([0, 1, 2].map((trace) => removed.of(trace).length), [0, 0, 0]);
 });
 
 test("a marker is where it was at the time, and a note that is withdrawn is none from then on", () => {

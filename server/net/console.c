@@ -3,7 +3,9 @@
 #include "base/check.h"
 
 #include <errno.h>
+#include <libgen.h>
 #include <libwebsockets.h>
+#include <limits.h>
 #include <pthread.h>
 #include <pwd.h>
 #include <stdatomic.h>
@@ -244,6 +246,27 @@ static void *serve(void *argument) {
     return NULL;
 }
 
+// The socket is its owner's alone.
+static enum result refuse_user(const char *path, struct error *err) {
+    struct stat status;
+    const struct passwd *owner = lstat(path, &status) ? NULL : getpwuid(status.st_uid);
+    if (!owner)
+        return fail(err, RESULT_REFUSED, "%s: permission denied", path);
+    return fail(err, RESULT_REFUSED,
+                "%s: permission denied; run this as the user %s (runuser -u %s -- ...)", path,
+                owner->pw_name, owner->pw_name);
+}
+
+static enum result check_folder(const char *path, struct error *err) {
+    char copy[PATH_MAX];
+    snprintf(copy, sizeof copy, "%s", path);
+    const char *folder = dirname(copy);
+    if (access(folder, W_OK | X_OK))
+        return fail(err, RESULT_IO, "%s: no socket can be made in %s: %s", path, folder,
+                    strerror(errno));
+    return RESULT_OK;
+}
+
 static enum result check_path(const char *path, struct error *err) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     enum result result = check_length(path, err);
@@ -256,10 +279,11 @@ static enum result check_path(const char *path, struct error *err) {
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     CHECK(fd >= 0);
     bool answers = connect(fd, (struct sockaddr *)&address, sizeof address) == 0;
+    bool is_foreign = !answers && errno == EACCES;
     close(fd);
     if (answers)
-        return fail(err, RESULT_REFUSED, "%s: another server is running", path);
-    return RESULT_OK;
+        return fail(err, RESULT_REFUSED, "%s is in use: another server is running", path);
+    return is_foreign ? refuse_user(path, err) : check_folder(path, err);
 }
 
 static enum result listen_at(struct console *console, const char *path, struct error *err) {
@@ -432,6 +456,16 @@ static void make_call(struct call *call) {
     lws_context_destroy(context);
 }
 
+// What libwebsockets does not tell: why a connection would fail.
+static enum result check_way(const char *path, struct error *err) {
+    if (access(path, R_OK | W_OK) == 0)
+        return RESULT_OK;
+    if (errno == ENOENT)
+        return fail(err, RESULT_MISSING, "%s: there is no such socket; does the server run?", path);
+    return errno == EACCES ? refuse_user(path, err)
+                           : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+}
+
 static int patience_of(const arthron_Console *asked) {
     if (asked->which_message != arthron_Console_command_tag)
         return CALL_PATIENCE_S;
@@ -441,6 +475,8 @@ static int patience_of(const arthron_Console *asked) {
 // `call` is all zero but for what is asked and wanted.
 static enum result ask(const char *socket_path, struct call *call, struct error *err) {
     enum result result = check_length(socket_path, err);
+    if (result == RESULT_OK)
+        result = check_way(socket_path, err);
     if (result != RESULT_OK)
         return result;
     call->path = socket_path;

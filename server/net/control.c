@@ -1,6 +1,7 @@
 #include "net/control.h"
 
 #include "base/check.h"
+#include "base/listen.h"
 #include "base/log.h"
 #include "net/control_parts.h"
 
@@ -337,8 +338,10 @@ static enum result listen_at(struct control *control, const struct control_confi
     CHECK(control->context);
     struct lws_vhost *vhost = lws_create_vhost(control->context, &info);
     if (!vhost)
-        return fail(err, RESULT_IO, "%s, port %d: cannot listen with the certificate %s",
-                    config->address ? config->address : "all addresses", config->port, certificate);
+        return listen_check(config->address, config->port, err) != RESULT_OK
+                   ? RESULT_IO
+                   : fail(err, RESULT_IO, "port %d: cannot listen with the certificate %s",
+                          config->port, certificate);
     control->port = lws_get_vhost_listen_port(vhost);
     return RESULT_OK;
 }

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/listen.h"
 
 #include <errno.h>
 #include <netdb.h>
@@ -129,8 +130,7 @@ enum result datagram_create(const char *address, int port, struct datagram_endpo
     if (fd < 0 && !address)
         fd = bind_family(address, port, AF_INET);
     if (fd < 0)
-        return fail(err, RESULT_IO, "UDP %s port %d: %s", address ? address : "any address", port,
-                    strerror(errno));
+        return listen_failed("UDP", address, port, errno, err);
     struct datagram_endpoint *endpoint = alloc(1, sizeof *endpoint);
     endpoint->fd = fd;
     endpoint->port = bound_port(fd);

@@ -1,5 +1,6 @@
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/listen.h"
 #include "web/web_parts.h"
 
 #include <errno.h>
@@ -240,8 +241,10 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
     CHECK(web->context);
     struct lws_vhost *vhost = lws_create_vhost(web->context, &info);
     if (!vhost)
-        return fail(err, RESULT_IO, "%s, port %d: cannot listen there",
-                    config->address ? config->address : "all addresses", config->port);
+        return listen_check(config->address, config->port, err) != RESULT_OK
+                   ? RESULT_IO
+                   : fail(err, RESULT_IO, "port %d: cannot listen with the certificate %s",
+                          config->port, config->certificate);
     web->port = lws_get_vhost_listen_port(vhost);
     return RESULT_OK;
 }

@@ -16,6 +16,9 @@
 //   CHANNEL.opening (0 to 1; a little beyond is cut, more refused), CHANNEL.buttons (only a
 //   register)
 //
+// Devices with the same `serial` are slaves of one line, which they share by turns: each has its
+// own rate, and one that is silent does not close the line that others answer on.
+//
 // All registers are read in one block. A time stamp is the middle between request and reply.
 //
 // RTU replies carry no number: one that comes after its timeout would answer the next request, and
@@ -30,6 +33,7 @@
 #include "base/clock.h"
 #include "base/number.h"
 #include "device/drivers.h"
+#include "device/modbus_line.h"
 #include "device/options.h"
 #include "device/socket.h"
 
@@ -41,7 +45,6 @@
 #include <sys/ioctl.h>
 
 enum { VALUES_MAX = 6 + 2 * INSTRUMENT_COUNT, TIMEOUTS_BEFORE_REOPENING = 4 };
-static const int byte_timeout_ms = 20;
 static const int64_t sequence_memory_ns = 1500 * NS_PER_MS;
 static const double opening_slack = 0.1, fastest_sequence_hz = 10000;
 static const char *const joint_keys[] = {"flexion", "varus",  "internal",
@@ -65,9 +68,12 @@ struct modbus_device {
     int value_count, first, count;
     struct value values[VALUES_MAX];
 
-    modbus_t *line;
-    int64_t next_ns, quiet_until_ns; // quiet_until_ns 0: the line is in step
+    struct modbus_line *line;
+    uint64_t connection;
+    int64_t next_ns, quiet_until_ns; // quiet_until_ns 0: the slave is in step
     int timeouts;                    // in a row
+    int64_t opened_ns;
+    bool answered; // since then
     bool has_last;
     int64_t last_ns; // when the sequence last followed
     uint16_t last[MODBUS_MAX_READ_REGISTERS];
@@ -218,6 +224,9 @@ static enum result modbus_create(const struct device_config *config, void **out_
                                  struct device_outputs *out_outputs, struct error *err) {
     struct modbus_device *d = alloc(1, sizeof *d);
     enum result result = configure(d, config, out_outputs, err);
+    struct modbus_line_settings line = {config->name, d->address, d->serial, d->baud, d->parity};
+    if (result == RESULT_OK)
+        result = modbus_line_join(&line, &d->line, err);
     if (result == RESULT_OK)
         *out_device = d;
     else
@@ -225,69 +234,64 @@ static enum result modbus_create(const struct device_config *config, void **out_
     return result;
 }
 
+static void modbus_destroy(void *device) {
+    struct modbus_device *d = device;
+    modbus_line_leave(&d->line);
+    free(d);
+}
+
 // ---- the line -----------------------------------------------------------------------------------
-
-static const char *line_name(const struct modbus_device *d) {
-    return d->serial[0] ? d->serial : d->address;
-}
-
-static modbus_t *new_line(const struct modbus_device *d) {
-    char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
-    if (d->serial[0])
-        return modbus_new_rtu(d->serial, d->baud, d->parity, 8, 1);
-    CHECK(socket_split(d->address, host, port, NULL) == RESULT_OK);
-    return modbus_new_tcp_pi(host, port);
-}
 
 static enum result modbus_open(void *device, struct error *err) {
     struct modbus_device *d = device;
-    d->line = new_line(d);
-    if (!d->line)
-        return fail(err, RESULT_IO, "%s: %s", line_name(d), modbus_strerror(errno));
-    modbus_set_slave(d->line, d->slave);
-    modbus_set_response_timeout(d->line, 1, 0); // of connecting
-    if (modbus_connect(d->line)) {
-        int code = errno;
-        modbus_free(d->line);
-        return fail(err, RESULT_CLOSED, "%s: %s", line_name(d), modbus_strerror(code));
-    }
-    modbus_set_response_timeout(d->line, 0, (uint32_t)d->timeout_ms * 1000);
-    modbus_set_byte_timeout(d->line, 0, (uint32_t)byte_timeout_ms * 1000);
-    modbus_flush(d->line);
-    d->next_ns = clock_now_ns();
+    enum result result = modbus_line_open(d->line, &d->connection, err);
+    d->next_ns = d->opened_ns = clock_now_ns();
+    d->answered = false;
     d->quiet_until_ns = 0;
     d->timeouts = 0;
     d->has_last = false;
-    return RESULT_OK;
+    return result;
 }
 
 static void modbus_close_line(void *device) {
     struct modbus_device *d = device;
-    modbus_close(d->line);
-    modbus_free(d->line);
+    modbus_line_close(d->line);
 }
 
-// From now on no request is sent until late replies have come in and are thrown away.
+// From now on the slave is not asked until its late replies have come in and are thrown away.
 static void leave_alone(struct modbus_device *d) {
     d->quiet_until_ns = clock_now_ns() + d->latency_ns;
 }
 
-static bool bytes_wait(const struct modbus_device *d) {
+static bool bytes_wait(modbus_t *modbus) {
     int count = 0;
-    return ioctl(modbus_get_socket(d->line), FIONREAD, &count) == 0 && count > 0;
+    return ioctl(modbus_get_socket(modbus), FIONREAD, &count) == 0 && count > 0;
 }
 
 static bool is_gone(int code) {
-    return code < MODBUS_ENOBASE && code != ETIMEDOUT && code != EINTR;
+    return code && code < MODBUS_ENOBASE && code != ETIMEDOUT && code != EINTR;
+}
+
+// The slave itself says no: it is in step.
+static bool is_answer(int code) {
+    return code >= EMBXILFUN && code <= EMBXGTAR;
+}
+
+// Where other slaves of the line answer, the line is well: a slave that has never answered is not
+// asked again and again in their time.
+static bool is_given_up(struct modbus_device *d) {
+    bool others = modbus_line_answered_since(d->line, d->opened_ns);
+    int most = others && !d->answered ? 1 : TIMEOUTS_BEFORE_REOPENING;
+    return ++d->timeouts >= most;
 }
 
 static enum result explain(struct modbus_device *d, int code, struct device_reading *reading,
                            struct error *err) {
-    const char *name = line_name(d);
+    const char *name = modbus_line_name(d->line);
     int last = d->first + d->count - 1;
     if (is_gone(code))
         return fail(err, RESULT_CLOSED, "%s: %s", name, modbus_strerror(code));
-    if (code >= EMBXILFUN && code <= EMBXGTAR) { // the slave's own answer: the line is in step
+    if (is_answer(code)) {
         reading->malformed++;
         return fail(err, RESULT_FORMAT, "%s, slave %d, registers %d to %d: %s", name, d->slave,
                     d->first, last, modbus_strerror(code));
@@ -297,8 +301,7 @@ static enum result explain(struct modbus_device *d, int code, struct device_read
         reading->malformed++;
         return fail(err, RESULT_FORMAT, "%s, slave %d: %s", name, d->slave, modbus_strerror(code));
     }
-    bool again = ++d->timeouts < TIMEOUTS_BEFORE_REOPENING;
-    return fail(err, again ? RESULT_TIMEOUT : RESULT_CLOSED,
+    return fail(err, is_given_up(d) ? RESULT_CLOSED : RESULT_TIMEOUT,
                 "%s, slave %d, registers %d to %d: no reply within %d ms", name, d->slave, d->first,
                 last, d->timeout_ms);
 }
@@ -326,8 +329,8 @@ static enum result check_sequence(struct modbus_device *d, const uint16_t *regis
     }
     leave_alone(d);
     reading->malformed++;
-    return fail(err, RESULT_FORMAT, "%s, slave %d, register %d: the sequence %s", line_name(d),
-                d->slave, d->sequence,
+    return fail(err, RESULT_FORMAT, "%s, slave %d, register %d: the sequence %s",
+                modbus_line_name(d->line), d->slave, d->sequence,
                 leaps  ? "leapt ahead"
                 : step ? "went back"
                        : "stood still while values changed");
@@ -361,17 +364,10 @@ static struct sample *sample_of(struct device_reading *reading, enum channel cha
     return sample;
 }
 
-// False: not yet, or the line is left alone.
+// False: not yet, or the slave is left alone.
 static bool is_time(struct modbus_device *d) {
-    if (!d->quiet_until_ns) {
-        if (!wait_until(d->next_ns))
-            return false;
-    } else {
-        if (!wait_until(d->quiet_until_ns))
-            return false;
-        modbus_flush(d->line);
-        d->quiet_until_ns = 0;
-    }
+    if (!wait_until(d->quiet_until_ns ? d->quiet_until_ns : d->next_ns))
+        return false;
     int64_t now_ns = clock_now_ns();
     d->next_ns += d->period_ns;
     if (d->next_ns < now_ns)
@@ -379,22 +375,58 @@ static bool is_time(struct modbus_device *d) {
     return true;
 }
 
+// Bytes that wait before a request are a late reply of this slave, or of another one of the line;
+// this one's have come in where it was left alone. False: the slave is left alone from now on.
+static bool clear_line(struct modbus_device *d, modbus_t *modbus, struct device_reading *reading) {
+    bool was_left_alone = d->quiet_until_ns;
+    d->quiet_until_ns = 0;
+    if (was_left_alone || !bytes_wait(modbus)) {
+        if (was_left_alone)
+            modbus_flush(modbus);
+        return true;
+    }
+    reading->malformed++;
+    modbus_flush(modbus);
+    if (modbus_line_is_shared(d->line))
+        return true;
+    leave_alone(d);
+    return false;
+}
+
+// 0, or errno as libmodbus has it; -1: not asked, for bytes waited that nobody had asked for.
+static int ask(struct modbus_device *d, modbus_t *modbus, uint16_t *registers,
+               struct device_reading *reading, int64_t *out_time_ns) {
+    if (!clear_line(d, modbus, reading)) {
+        modbus_line_end(d->line, LINE_SILENT);
+        return -1;
+    }
+    int64_t sent_ns = clock_now_ns();
+    int code = modbus_read_registers(modbus, d->first, d->count, registers) < 0 ? errno : 0;
+    *out_time_ns = sent_ns + (clock_now_ns() - sent_ns) / 2;
+    modbus_line_end(d->line, is_gone(code)              ? LINE_BROKEN
+                             : !code || is_answer(code) ? LINE_ANSWERED
+                                                        : LINE_SILENT);
+    return code;
+}
+
 static enum result modbus_poll(void *device, struct device_reading *reading, struct error *err) {
     struct modbus_device *d = device;
     uint16_t registers[MODBUS_MAX_READ_REGISTERS];
+    int64_t time_ns;
+    bool is_new;
     if (!is_time(d))
         return RESULT_OK;
-    if (bytes_wait(d)) {
-        leave_alone(d);
-        reading->malformed++;
-        return fail(err, RESULT_FORMAT, "%s: bytes that nobody asked for", line_name(d));
-    }
-    int64_t sent_ns = clock_now_ns();
-    if (modbus_read_registers(d->line, d->first, d->count, registers) < 0)
-        return explain(d, errno, reading, err);
-    int64_t time_ns = sent_ns + (clock_now_ns() - sent_ns) / 2;
-    bool is_new;
+    modbus_t *modbus = modbus_line_begin(d->line, d->connection, d->slave, d->timeout_ms);
+    if (!modbus)
+        return fail(err, RESULT_CLOSED, "%s: the line was closed", modbus_line_name(d->line));
+    int code = ask(d, modbus, registers, reading, &time_ns);
+    if (code < 0)
+        return fail(err, RESULT_FORMAT, "%s: bytes that nobody asked for",
+                    modbus_line_name(d->line));
+    if (code)
+        return explain(d, code, reading, err);
     d->timeouts = 0;
+    d->answered = true;
     enum result result = check_sequence(d, registers, &is_new, reading, err);
     for (int i = 0; i < d->value_count && result == RESULT_OK && is_new; i++) {
         const struct value *v = &d->values[i];
@@ -404,5 +436,5 @@ static enum result modbus_poll(void *device, struct device_reading *reading, str
 }
 
 const struct device_driver modbus_driver = {
-    "modbus", modbus_create, modbus_open, modbus_poll, modbus_close_line, free,
+    "modbus", modbus_create, modbus_open, modbus_poll, modbus_close_line, modbus_destroy,
 };

@@ -1,10 +1,14 @@
 #include "device/options.h"
 
+#include "base/nearest.h"
 #include "base/number.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+
+const char *const runner_keys[] = {"driver",   "hold_ms",   "jump_mm", "jump_deg",
+                                   "noise_mm", "noise_deg", "filter",  NULL};
 
 enum result option_fail(const struct device_config *config, const char *key, struct error *err,
                         enum result code, const char *format, ...) {
@@ -14,6 +18,19 @@ enum result option_fail(const struct device_config *config, const char *key, str
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     return fail(err, code, "[device %s] %s: %s", config->name, key, text);
+}
+
+enum result option_fail_name(const struct device_config *config, const char *key, struct error *err,
+                             const char *text, const char *word, const char *const *names) {
+    char list[sizeof err->text] = "";
+    const char *nearest = nearest_name(word, names);
+    for (int i = 0; names[i] && !nearest; i++) {
+        size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s", i ? ", " : "", names[i]);
+    }
+    return option_fail(config, key, err, RESULT_INVALID, "%s; %s %s%s", text,
+                       nearest ? "did you mean" : "there are", nearest ? nearest : list,
+                       nearest ? "?" : "");
 }
 
 static bool is_channel(const char *name, size_t length, enum channel first) {
@@ -37,6 +54,32 @@ static bool key_matches(const char *key, const char *known) {
     return !strcmp(key, known);
 }
 
+// All keys in full, then the runner's.
+static enum result refuse_key(const struct device_config *config, const char *key,
+                              const char *const keys[], struct error *err) {
+    enum { NAMES_MAX = 160, TEXT_MAX = 32 };
+    char texts[NAMES_MAX][TEXT_MAX];
+    const char *names[NAMES_MAX + 1] = {NULL}, *shown[NAMES_MAX + 1] = {NULL};
+    int count = 0, shown_count = 0;
+    for (int i = 0; keys[i]; i++) {
+        bool suffix = keys[i][0] == '.', prefix = keys[i][strlen(keys[i]) - 1] == '.';
+        int first = suffix ? CHANNEL_FIRST_INSTRUMENT : prefix ? CHANNEL_JOINT + 1 : 0;
+        int end = suffix || prefix ? CHANNEL_COUNT : 1;
+        for (int c = first; c < end && count < NAMES_MAX; c++, count++) {
+            const char *channel = suffix || prefix ? channel_name((enum channel)c) : "";
+            snprintf(texts[count], TEXT_MAX, "%s%s%s", suffix ? channel : "", keys[i],
+                     prefix ? channel : "");
+            names[count] = texts[count];
+        }
+        shown[shown_count++] = keys[i];
+    }
+    for (int i = 0; runner_keys[i] && count < NAMES_MAX; i++)
+        shown[shown_count++] = names[count++] = runner_keys[i];
+    const char *nearest = nearest_name(key, names);
+    const char *const only[] = {nearest, NULL};
+    return option_fail_name(config, key, err, "unknown key", key, nearest ? only : shown);
+}
+
 enum result options_check(const struct device_config *config, const char *const keys[],
                           struct error *err) {
     for (int i = 0; i < config->option_count; i++) {
@@ -45,7 +88,7 @@ enum result options_check(const struct device_config *config, const char *const 
         for (int k = 0; keys[k] && !known; k++)
             known = key_matches(key, keys[k]);
         if (!known)
-            return option_fail(config, key, err, RESULT_INVALID, "unknown key");
+            return refuse_key(config, key, keys, err);
         for (int k = 0; k < i; k++)
             if (!strcmp(key, config->options[k].key))
                 return option_fail(config, key, err, RESULT_INVALID, "given twice");
@@ -106,9 +149,14 @@ enum result option_channel(const struct device_config *config, const char *key,
                            enum channel otherwise, enum channel *out_channel, struct error *err) {
     const char *text = option_text(config, key);
     *out_channel = otherwise;
-    if (text && !channel_from_name(text, out_channel))
-        return option_fail(config, key, err, RESULT_INVALID, "\"%s\" is no channel", text);
-    return RESULT_OK;
+    if (!text || channel_from_name(text, out_channel))
+        return RESULT_OK;
+    const char *names[CHANNEL_COUNT + 1] = {NULL};
+    char what[64];
+    for (int i = 0; i < CHANNEL_COUNT; i++)
+        names[i] = channel_name((enum channel)i);
+    snprintf(what, sizeof what, "\"%.32s\" is no channel", text);
+    return option_fail_name(config, key, err, what, text, names);
 }
 
 enum result option_pose(const struct device_config *config, const char *key, pose *out_pose,

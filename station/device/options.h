@@ -12,8 +12,12 @@
 
 #define OPTION_TEXT_MAX 256 // bytes of a value that names an address or a file, with the final 0
 
+// The keys of every device, which the runner reads; ended by NULL.
+extern const char *const runner_keys[];
+
 // Refuses keys that are not among `keys` (ended by NULL) and keys given twice. An entry "tip."
-// stands for tip.CHANNEL of every channel, ".opening" for CHANNEL.opening of every instrument.
+// stands for tip.CHANNEL of every channel, ".opening" for CHANNEL.opening of every instrument. The
+// error names the nearest key, of the runner's too, or all.
 enum result options_check(const struct device_config *config, const char *const keys[],
                           struct error *err);
 
@@ -21,6 +25,10 @@ enum result options_check(const struct device_config *config, const char *const 
 enum result option_fail(const struct device_config *config, const char *key, struct error *err,
                         enum result code, const char *format, ...)
     __attribute__((format(printf, 5, 6)));
+
+// Fails as option_fail does, with the nearest of `names` or all of them behind the text.
+enum result option_fail_name(const struct device_config *config, const char *key, struct error *err,
+                             const char *text, const char *word, const char *const *names);
 
 const char *option_text(const struct device_config *config, const char *key); // NULL: absent
 

@@ -13,9 +13,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define DRIVERS_MAX 16
+
 static const int64_t first_pause_ns = 100 * NS_PER_MS, longest_pause_ns = 5 * NS_PER_S;
-static const char *const own_keys[] = {"driver",   "hold_ms",   "jump_mm", "jump_deg",
-                                       "noise_mm", "noise_deg", "filter"};
 
 struct device {
     const struct device_driver *driver;
@@ -223,8 +223,8 @@ static void *device_thread(void *argument) {
 // ---- checking the configs -----------------------------------------------------------------------
 
 static bool is_own_key(const char *key) {
-    for (size_t i = 0; i < sizeof own_keys / sizeof *own_keys; i++)
-        if (!strcmp(key, own_keys[i]))
+    for (int i = 0; runner_keys[i]; i++)
+        if (!strcmp(key, runner_keys[i]))
             return true;
     return false;
 }
@@ -250,6 +250,19 @@ static enum result refuse_repeated_keys(const struct device_config *config, stru
                 return option_fail(config, config->options[i].key, err, RESULT_INVALID,
                                    "given twice");
     return RESULT_OK;
+}
+
+static enum result choose_driver(struct device *d, const struct device_config *config,
+                                 const char *name, struct error *err) {
+    const char *names[DRIVERS_MAX + 1] = {NULL};
+    char text[64];
+    d->driver = device_driver(name);
+    if (d->driver)
+        return RESULT_OK;
+    for (int i = 0; device_drivers[i] && i < DRIVERS_MAX; i++)
+        names[i] = device_drivers[i]->name;
+    snprintf(text, sizeof text, "no driver is named \"%.32s\"", name);
+    return option_fail_name(config, "driver", err, text, name, names);
 }
 
 static enum result configure(struct device *d, const struct device_config *config, int index,
@@ -278,10 +291,9 @@ static enum result configure(struct device *d, const struct device_config *confi
                              filter_text);
     if (result != RESULT_OK)
         return result;
-    d->driver = device_driver(driver);
-    if (!d->driver)
-        return option_fail(config, "driver", err, RESULT_INVALID, "no driver is named \"%s\"",
-                           driver);
+    result = choose_driver(d, config, driver, err);
+    if (result != RESULT_OK)
+        return result;
     result = create_handle(d, config, &outputs, err);
     if (result != RESULT_OK)
         return result;

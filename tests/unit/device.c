@@ -341,8 +341,18 @@ static void configs_that_are_wrong_are_refused_with_device_and_key(void **state)
         const char *says;
     } rows[] = {
         {{{"a", {{"seed", "1"}}}}, "[device a] driver: is required"},
-        {{{"a", {{"driver", "vrpn"}}}}, "[device a] driver: no driver is named \"vrpn\""},
-        {{{"a", {SIMULATED, {"colour", "red"}}}}, "[device a] colour: unknown key"},
+        {{{"a", {{"driver", "vrpn"}}}},
+         "[device a] driver: no driver is named \"vrpn\"; there are modbus, hid, tracker"},
+        {{{"a", {{"driver", "modbsu"}}}},
+         "driver: no driver is named \"modbsu\"; did you mean modbus?"},
+        {{{"a", {SIMULATED, {"colour", "red"}}}},
+         "[device a] colour: unknown key; there are seed, rate_hz"},
+        {{{"a", {SIMULATED, {"hold_sm", "9"}}}},
+         "[device a] hold_sm: unknown key; did you mean hold_ms?"},
+        {{{"a", {TRACKER, {"tool.prob", "x"}}}},
+         "[device a] tool.prob: unknown key; did you mean tool.probe?"},
+        {{{"a", {MODBUS, {"punsh.opening", "8"}}}},
+         "[device a] punsh.opening: unknown key; did you mean punch.opening?"},
         {{{"a", {SIMULATED, {"seed", "1"}, {"seed", "2"}}}}, "[device a] seed: given twice"},
         {{{"a", {SIMULATED, {"hold_ms", "1"}, {"hold_ms", "2"}}}},
          "[device a] hold_ms: given twice"},
@@ -389,7 +399,7 @@ static void configs_that_are_wrong_are_refused_with_device_and_key(void **state)
         {{{"a", {{"driver", "recorded"}, {"file", "/nowhere.csv"}, {"channel", "probe"}}}},
          "[device a] file: /nowhere.csv: "},
         {{{"a", {{"driver", "recorded"}, {"file", "x"}, {"channel", "hammer"}}}},
-         "[device a] channel: \"hammer\" is no channel"},
+         "[device a] channel: \"hammer\" is no channel; there are joint, "},
         {{{"a", {{"driver", "recorded"}, {"file", "x"}, {"loop", "maybe"}}}}, "[device a] loop"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {

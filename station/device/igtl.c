@@ -182,11 +182,18 @@ static enum result read_qtdata(const struct content *c, struct igtl_message *out
     return RESULT_OK;
 }
 
+// 0: it will send; anything else: it will not.
+static enum result read_answer(const struct content *c, struct igtl_message *out,
+                               struct error *err) {
+    if (c->size != sizeof(igtl_rts_tdata))
+        return wrong_size(c, "RTS_", err);
+    out->denied = c->bytes[0] != 0;
+    return RESULT_OK;
+}
+
 static const struct type types[] = {
-    {"TRANSFORM", read_transform},
-    {"POSITION", read_position},
-    {"TDATA", read_tdata},
-    {"QTDATA", read_qtdata},
+    {"RTS_TDATA", read_answer},  {"RTS_QTDATA", read_answer}, {"TRANSFORM", read_transform},
+    {"POSITION", read_position}, {"TDATA", read_tdata},       {"QTDATA", read_qtdata},
 };
 
 // ---- the stream ---------------------------------------------------------------------------------
@@ -234,6 +241,7 @@ static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_mes
     const struct type *type = type_of(&s->header);
     struct content content;
     out->count = out->refused = 0;
+    out->denied = false;
     out->stamp_ns = stamp_of(&s->header);
     if (s->header.body_size && s->crc != s->header.crc) {
         fail(err, RESULT_CORRUPT, "%s: wrong checksum", type ? type->name : "a message");
@@ -248,6 +256,8 @@ static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_mes
     }
     if (find_content(s, &content, err) != RESULT_OK || type->read(&content, out, err) != RESULT_OK)
         return IGTL_REFUSED;
+    if (type->read == read_answer)
+        return out->denied ? IGTL_DENIED : IGTL_SKIPPED;
     if (!out->count && out->refused) {
         fail(err, RESULT_INVALID, "%s: no valid rotation", type->name);
         return IGTL_REFUSED;

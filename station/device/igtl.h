@@ -1,8 +1,9 @@
 // Reads tracked poses out of an OpenIGTLink byte stream: bytes in, messages out, no sockets.
 //
-// Read are TRANSFORM, TDATA, POSITION and QTDATA with header versions 1 to 3. Any other type or
-// version is skipped by its length; a message whose checksum, length or values are wrong is
-// refused; the stream goes on after both. Only an absurd length ends it.
+// Read are TRANSFORM, TDATA, POSITION and QTDATA with header versions 1 to 3, and what a server
+// says to a request for them (device/igtl_request.h). Any other type or version is skipped by its
+// length; a message whose checksum, length or values are wrong is refused; the stream goes on after
+// both. Only an absurd length ends it.
 #pragma once
 
 #include "base/pose.h"
@@ -21,6 +22,7 @@
 enum igtl_event {
     IGTL_NOTHING, // the message is not complete yet
     IGTL_POSES,   // *out_message was written
+    IGTL_DENIED,  // the server refuses a request
     IGTL_SKIPPED, // a message of another type or version
     IGTL_REFUSED, // a malformed message
     IGTL_BROKEN,  // an absurd length: where the next message starts is not known any more
@@ -31,6 +33,7 @@ struct igtl_message {
         stamp_ns; // on the sender's clock, since 1970 UTC where it keeps to the standard; 0: none
     int count;
     int refused; // tools of this message whose pose is none
+    bool denied; // IGTL_DENIED
     struct igtl_tool {
         char name[IGTL_NAME_SIZE]; // TRANSFORM and POSITION: the device's, TDATA and QTDATA: the
                                    // tool's

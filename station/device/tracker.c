@@ -5,6 +5,11 @@
 //   tip.CHANNEL       T_tool_tip (bones: where the bone's frame lies in the marker's)
 //   T_mockup_tracker  where the tracker's frame lies in the mock-up's
 //   stamps            no: the tracker's time stamps mean nothing; yes
+//   request           auto, TDATA, QTDATA or none: what it is asked to send
+//   (device/igtl_request.h);
+//                     auto
+//   request_ms        the shortest time between two messages that are asked for, 1 to 1000; 5
+//   coordinates       name of the coordinate system that is asked for; empty
 //
 // A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
 // messages' own time stamps are of a clock that we do not know. They tell which message is late
@@ -12,8 +17,10 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 #include "device/drivers.h"
 #include "device/igtl.h"
+#include "device/igtl_request.h"
 #include "device/options.h"
 #include "device/socket.h"
 #include "device/stamp.h"
@@ -33,6 +40,8 @@ struct tracker {
     char tools[CHANNEL_COUNT][IGTL_NAME_SIZE]; // empty: not tracked
     pose T_mockup_tracker, T_tool_tip[CHANNEL_COUNT];
     bool uses_stamps;
+    struct igtl_request request;
+    bool denied; // it said no to the newest request
     struct stamp_clock clock;
     int64_t stamps_ns[CHANNEL_COUNT]; // of the newest poses
     int fd;
@@ -61,10 +70,30 @@ static enum result configure_tools(struct tracker *d, const struct device_config
     return RESULT_OK;
 }
 
+static enum result configure_request(struct igtl_request *request,
+                                     const struct device_config *config, struct error *err) {
+    const char *kind = option_text(config, "request");
+    const char *coordinates = option_text(config, "coordinates"), *names[5] = {NULL};
+    int at = 0;
+    for (int i = 0; i < IGTL_REQUEST_KIND_COUNT; i++)
+        names[i] = igtl_request_name((enum igtl_request_kind)i);
+    while (kind && at < IGTL_REQUEST_KIND_COUNT && strcmp(kind, names[at]))
+        at++;
+    if (at == IGTL_REQUEST_KIND_COUNT)
+        return option_fail_name(config, "request", err, "is none of its choices", kind, names);
+    request->kind = (enum igtl_request_kind)at;
+    if (coordinates && strlen(coordinates) >= sizeof request->coordinates)
+        return option_fail(config, "coordinates", err, RESULT_LIMIT, "a name has at most %zu bytes",
+                           sizeof request->coordinates - 1);
+    strcpy(request->coordinates, coordinates ? coordinates : "");
+    return option_integer(config, "request_ms", 1, 1000, 5, &request->interval_ms, err);
+}
+
 static enum result configure(struct tracker *d, const struct device_config *config,
                              struct device_outputs *outputs, struct error *err) {
-    static const char *const keys[] = {"address",          "tool.",  "tip.",
-                                       "T_mockup_tracker", "stamps", NULL};
+    static const char *const keys[] = {"address",          "tool.",       "tip.",
+                                       "T_mockup_tracker", "stamps",      "request",
+                                       "request_ms",       "coordinates", NULL};
     char host[SOCKET_HOST_MAX], port[SOCKET_PORT_MAX];
     struct error why;
     enum result result = options_check(config, keys, err);
@@ -78,6 +107,8 @@ static enum result configure(struct tracker *d, const struct device_config *conf
         result = option_poses(config, "tip", d->T_tool_tip, err);
     if (result == RESULT_OK)
         result = option_switch(config, "stamps", true, &d->uses_stamps, err);
+    if (result == RESULT_OK)
+        result = configure_request(&d->request, config, err);
     if (result == RESULT_OK)
         result = configure_tools(d, config, outputs, err);
     return result;
@@ -99,6 +130,8 @@ static enum result tracker_open(void *device, struct error *err) {
     igtl_stream_init(&d->stream);
     d->clock = (struct stamp_clock){0};
     memset(d->stamps_ns, 0, sizeof d->stamps_ns);
+    d->denied = false;
+    igtl_request_begin(&d->request, clock_now_ns());
     return socket_connect(d->address, connect_timeout_ms, &d->fd, err);
 }
 
@@ -164,8 +197,11 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
             return fail_in(err, RESULT_CLOSED, "%s: ", d->address);
         if (event == IGTL_POSES && check_stamp(d, time_ns, err) != RESULT_OK)
             event = IGTL_REFUSED;
-        if (event == IGTL_POSES)
+        if (event == IGTL_POSES) {
+            igtl_request_answered(&d->request, time_ns);
             take_message(d, time_ns, reading);
+        }
+        d->denied |= event == IGTL_DENIED;
         reading->skipped += event == IGTL_SKIPPED;
         reading->malformed += event == IGTL_REFUSED;
         if (event == IGTL_REFUSED)
@@ -174,12 +210,31 @@ static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t si
     return result;
 }
 
+// A few bytes, of which the socket's buffer has room at any time.
+static void send_request(struct tracker *d) {
+    uint8_t bytes[IGTL_REQUEST_BYTES];
+    size_t size = igtl_request_next(&d->request, clock_now_ns(), bytes);
+    if (!size)
+        return;
+    d->denied = false;
+    if (send(d->fd, bytes, size, MSG_NOSIGNAL) < 0)
+        log_debug("tracker", "%s: %s", d->address, strerror(errno)); // tracker_poll notices it too
+}
+
+static enum result tell_silence(const struct tracker *d, struct error *err) {
+    if (!d->request.count)
+        return fail(err, RESULT_TIMEOUT, "%s: silent", d->address);
+    return fail(err, RESULT_TIMEOUT, "%s: silent; it was asked for %s%s", d->address,
+                igtl_request_name(d->request.asked), d->denied ? " and refused" : "");
+}
+
 static enum result tracker_poll(void *device, struct device_reading *reading, struct error *err) {
     struct tracker *d = device;
     uint8_t bytes[16384];
+    send_request(d);
     struct pollfd ready = {.fd = d->fd, .events = POLLIN};
     if (poll(&ready, 1, (int)(POLL_MAX_NS / NS_PER_MS)) == 0)
-        return fail(err, RESULT_TIMEOUT, "%s: silent", d->address);
+        return tell_silence(d, err);
     ssize_t size = recv(d->fd, bytes, sizeof bytes, 0);
     if (size > 0)
         return take_bytes(d, bytes, (size_t)size, reading, err);

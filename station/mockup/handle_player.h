@@ -13,7 +13,7 @@ struct handle_player {
     const atomic_bool *stop;
     const char *serial;
     double rate_hz; // of reports
-    int handle; // -1: not plugged in
+    int handle;     // -1: not plugged in
 };
 
 enum result handle_player_plug(struct handle_player *handle_player, struct error *err);

@@ -29,6 +29,7 @@ static const char help[] =
     "  --slave N                the slave's number (1)\n"
     "  --tracker HOST:PORT      be an OpenIGTLink tracker\n"
     "  --message TYPE           TRANSFORM, TDATA, POSITION or QTDATA (TDATA)\n"
+    "  --when-asked             send TDATA or QTDATA only to clients that ask for it\n"
     "  --header-version N       1, 2 or 3 (2)\n"
     "  --rate HZ                tracker frames a second, interpolated (each row at its own time)\n"
     "  --hid SERIAL             be an instrument handle (HID): the punch's opening; needs root\n"
@@ -98,6 +99,7 @@ enum option_code {
     SLAVE,
     TRACKER,
     MESSAGE,
+    WHEN_ASKED,
     HEADER_VERSION,
     RATE,
     HID,
@@ -119,6 +121,7 @@ static const struct option options[] = {
     {"slave", required_argument, NULL, SLAVE},
     {"tracker", required_argument, NULL, TRACKER},
     {"message", required_argument, NULL, MESSAGE},
+    {"when-asked", no_argument, NULL, WHEN_ASKED},
     {"header-version", required_argument, NULL, HEADER_VERSION},
     {"rate", required_argument, NULL, RATE},
     {"hid", required_argument, NULL, HID},
@@ -158,6 +161,9 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         return true;
     case MESSAGE:
         return parse_message(text, &m->tracker.type);
+    case WHEN_ASKED:
+        m->tracker.when_asked = true;
+        return true;
     case HEADER_VERSION:
         return parse_whole(text, 1, 3, &m->tracker.header_version);
     case RATE:
@@ -206,7 +212,7 @@ static void parse_options(struct mockup *m, int argc, char **argv) {
             exit(0);
         }
         snprintf(text, sizeof text, "--%s: \"%.200s\" is not what it takes", options[index].name,
-                 optarg);
+                 optarg ? optarg : "");
         if (!set_option(m, code, optarg))
             end_with_usage(text);
     }

@@ -18,7 +18,7 @@ static const int64_t longest_wait_ns = 100 * NS_PER_MS; // to notice *stop
 
 struct clients {
     int count;
-    int fds[CLIENTS_MAX];
+    struct client list[CLIENTS_MAX];
 };
 
 // What is played next.
@@ -101,14 +101,26 @@ static int64_t stamp_ns(const struct tracker_server *s, double due, double secon
 }
 
 static void drop(struct clients *clients, int i) {
-    close(clients->fds[i]);
-    clients->fds[i] = clients->fds[--clients->count];
+    close(clients->list[i].fd);
+    clients->list[i] = clients->list[--clients->count];
 }
 
-static void send_to_all(struct clients *clients, const uint8_t *bytes, size_t size) {
-    for (int i = clients->count - 1; i >= 0; i--)
-        if (send(clients->fds[i], bytes, size, MSG_NOSIGNAL) != (ssize_t)size)
+static bool wants(const struct tracker_server *s, const struct client *client,
+                  enum message_type type) {
+    return !s->when_asked || (client->asked && client->type == type &&
+                              clock_now_ns() - client->sent_ns >= client->interval_ns);
+}
+
+static void send_to_all(const struct tracker_server *s, struct clients *clients,
+                        enum message_type type, const uint8_t *bytes, size_t size) {
+    for (int i = clients->count - 1; i >= 0; i--) {
+        struct client *client = &clients->list[i];
+        if (!wants(s, client, type))
+            continue;
+        client->sent_ns = clock_now_ns();
+        if (!client_send(client, bytes, size))
             drop(clients, i);
+    }
 }
 
 static void play(const struct tracker_server *s, const struct cursor *c, struct clients *clients) {
@@ -121,8 +133,14 @@ static void play(const struct tracker_server *s, const struct cursor *c, struct 
         return;
     int version = strike(s, FAULT_NEWER_VERSION, due) ? newer_version : s->header_version;
     spoil_tools(s, due, tools, count);
-    size_t size = encode_tools(s->type, version, stamp_ns(s, due, seconds), tools, count, bytes);
-    send_to_all(clients, bytes, faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size));
+    for (int t = MESSAGE_TRANSFORM; t <= MESSAGE_QTDATA; t++) {
+        enum message_type type = (enum message_type)t;
+        if (s->when_asked ? type != MESSAGE_TDATA && type != MESSAGE_QTDATA : type != s->type)
+            continue;
+        size_t size = encode_tools(type, version, stamp_ns(s, due, seconds), tools, count, bytes);
+        size = faults_spoil(s->faults, FAULT_TRACKER, due, bytes, size);
+        send_to_all(s, clients, type, bytes, size);
+    }
 }
 
 static void accept_client(const struct tracker_server *s, struct clients *clients) {
@@ -130,13 +148,19 @@ static void accept_client(const struct tracker_server *s, struct clients *client
     if (fd >= 0 && clients->count == CLIENTS_MAX)
         close(fd);
     else if (fd >= 0)
-        clients->fds[clients->count++] = fd;
+        clients->list[clients->count++] = (struct client){.fd = fd};
 }
 
-// What clients say is of no interest, but that they go is.
-static void listen_to(struct clients *clients, int i) {
+// Without --when-asked only that clients go is of interest.
+static void listen_to(const struct tracker_server *s, struct clients *clients, int i) {
     uint8_t ignored[4096];
-    ssize_t size = recv(clients->fds[i], ignored, sizeof ignored, 0);
+    int fd = clients->list[i].fd;
+    if (s->when_asked) {
+        if (!client_read(&clients->list[i]))
+            drop(clients, i);
+        return;
+    }
+    ssize_t size = recv(fd, ignored, sizeof ignored, 0);
     if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR))
         drop(clients, i);
 }
@@ -146,7 +170,7 @@ static void wait_for_clients(const struct tracker_server *s, struct clients *cli
     struct pollfd polled[CLIENTS_MAX + 1] = {{.fd = s->listener, .events = POLLIN}};
     int count = clients->count;
     for (int i = 0; i < count; i++)
-        polled[i + 1] = (struct pollfd){.fd = clients->fds[i], .events = POLLIN};
+        polled[i + 1] = (struct pollfd){.fd = clients->list[i].fd, .events = POLLIN};
     int64_t wait_ns = until_ns - clock_now_ns();
     wait_ns = wait_ns < 0 ? 0 : wait_ns > longest_wait_ns ? longest_wait_ns : wait_ns;
     struct timespec wait = {0, wait_ns};
@@ -154,7 +178,7 @@ static void wait_for_clients(const struct tracker_server *s, struct clients *cli
         return;
     for (int i = count - 1; i >= 0; i--)
         if (polled[i + 1].revents)
-            listen_to(clients, i);
+            listen_to(s, clients, i);
     if (polled[0].revents)
         accept_client(s, clients);
 }

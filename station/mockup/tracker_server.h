@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "client.h"
 #include "encode.h"
 #include "faults.h"
 #include "player.h"
@@ -12,6 +13,7 @@ struct tracker_server {
     const struct player *player;
     const atomic_bool *stop;
     enum message_type type;
+    bool when_asked; // TDATA or QTDATA, to clients that asked for it (STT_TDATA, STT_QTDATA) only
     int header_version;
     double rate_hz; // 0: each row of the file at its own time; else the file interpolated
     pose T_tracker_mockup, T_tool_tip[CHANNEL_COUNT];

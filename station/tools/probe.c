@@ -18,7 +18,7 @@ static const char help[] =
     "\n"
     "  -m, --modbus LINE        HOST:PORT, or a serial line as /dev/ttyUSB0 (115200 baud)\n"
     "  -n, --slaves N           tries slaves 1 to N; 1, on a serial line 4\n"
-    "  -t, --tracker HOST:PORT  an OpenIGTLink server; listens to it for a second\n"
+    "  -t, --tracker HOST:PORT  an OpenIGTLink server; listens to it for two seconds\n"
     "  -j, --json               print JSON: values, and the config as a text\n"
     "      --help               show this\n";
 
@@ -54,7 +54,7 @@ static void probe_all(const struct arguments *a, struct found *found) {
         note(found, probe_modbus(a->modbus[i], slaves, found->config, found->modbus, &err), &err);
     }
     for (int i = 0; i < a->tracker_count; i++)
-        note(found, probe_tracker(a->trackers[i], 1, found->config, found->trackers, &err), &err);
+        note(found, probe_tracker(a->trackers[i], 2, found->config, found->trackers, &err), &err);
     probe_hid(found->config, found->hid);
 }
 

@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "base/sample.h"
 #include "device/igtl.h"
+#include "device/igtl_request.h"
 #include "device/socket.h"
 #include "tools/probe.h"
 
@@ -14,9 +15,12 @@
 #include <unistd.h>
 
 #define CONNECT_MS 1000
+#define POLL_MS 50
+#define REQUEST_MS 5 // as the driver's
 
 struct seen {
     int count, skipped, refused;
+    int64_t first_ns; // when the first pose came
     struct {
         char name[IGTL_NAME_SIZE];
         int messages;
@@ -62,17 +66,26 @@ static bool take_bytes(struct listening *l, const uint8_t *bytes, size_t size) {
 
 static void listen_to(int fd, double seconds, struct listening *l) {
     int64_t end_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
-    uint8_t bytes[16384];
+    uint8_t bytes[16384], request_bytes[IGTL_REQUEST_BYTES];
+    struct igtl_request request = {.kind = IGTL_REQUEST_AUTO, .interval_ms = REQUEST_MS};
     igtl_stream_init(&l->stream);
-    for (int64_t left_ns; (left_ns = end_ns - clock_now_ns()) > 0;) {
+    igtl_request_begin(&request, clock_now_ns());
+    for (int64_t now_ns; (now_ns = clock_now_ns()) < end_ns;) {
         struct pollfd ready = {.fd = fd, .events = POLLIN};
-        if (poll(&ready, 1, (int)(left_ns / NS_PER_MS) + 1) <= 0)
+        size_t asked = igtl_request_next(&request, now_ns, request_bytes);
+        if (asked && send(fd, request_bytes, asked, MSG_NOSIGNAL) < 0)
+            return;
+        if (poll(&ready, 1, POLL_MS) <= 0)
             continue;
         ssize_t size = recv(fd, bytes, sizeof bytes, 0);
         if (size < 0 && (errno == EINTR || errno == EAGAIN))
             continue;
         if (size <= 0 || !take_bytes(l, bytes, (size_t)size))
             return;
+        if (l->seen.count && !l->seen.first_ns)
+            l->seen.first_ns = clock_now_ns();
+        if (l->seen.count)
+            igtl_request_answered(&request, clock_now_ns());
     }
 }
 
@@ -91,8 +104,8 @@ static void make_printable(char *name) {
             *name = '?';
 }
 
-static void report(const char *address, double seconds, struct seen *seen, FILE *config,
-                   json_t *out) {
+static void report(const char *address, struct seen *seen, FILE *config, json_t *out) {
+    double seconds = fmax(0.001, (double)(clock_now_ns() - seen->first_ns) / NS_PER_S);
     json_t *tools = json_array();
     fprintf(config, "\n; %s: %d other messages, %d malformed\n", address, seen->skipped,
             seen->refused);
@@ -124,7 +137,7 @@ enum result probe_tracker(const char *address, double seconds, FILE *config, jso
     struct listening *l = alloc(1, sizeof *l);
     listen_to(fd, seconds, l);
     close(fd);
-    report(address, seconds, &l->seen, config, out);
+    report(address, &l->seen, config, out);
     if (!l->seen.count)
         result = fail(err, RESULT_TIMEOUT, "%s: no pose in %.0f s", address, seconds);
     free(l);

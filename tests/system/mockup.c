@@ -350,6 +350,27 @@ static void every_message_and_header_version_brings_the_tip_to_the_mockup(void *
     }
 }
 
+static void a_tracker_that_sends_only_when_asked_is_asked(void **state) {
+    (void)state;
+    static const char *const requests[] = {"auto", "TDATA", "QTDATA"};
+    for (int i = 0; i < 3; i++) {
+        struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0",
+                                "--when-asked", "--T-tracker-mockup", TRACKER_POSE, "--T-tool-tip",
+                                "probe=" TIP_POSE);
+        const struct device_option options[] = {{"driver", "tracker"},
+                                                {"address", m.tracker},
+                                                {"tool.probe", "probe"},
+                                                {"tip.probe", TIP_POSE},
+                                                {"T_mockup_tracker", MOCKUP_POSE},
+                                                {"request", requests[i]}};
+        struct runner *runner = station_of("camera", options);
+        watch(runner, 30, check_probe);
+        assert_int_equal(0, status_of(runner).malformed);
+        runner_destroy(&runner);
+        assert_int_equal(0, ended(&m, SIGTERM));
+    }
+}
+
 static void a_tracker_that_vanishes_is_held_lost_and_found_again(void **state) {
     (void)state;
     struct mockup m = start(1, "--motion", in_folder("motion.csv"), "--tracker", "127.0.0.1:0");
@@ -542,6 +563,7 @@ int main(void) {
         cmocka_unit_test(a_slave_that_falls_silent_is_held_then_lost_then_back),
         cmocka_unit_test(a_slave_that_is_started_again_is_found_again),
         cmocka_unit_test(every_message_and_header_version_brings_the_tip_to_the_mockup),
+        cmocka_unit_test(a_tracker_that_sends_only_when_asked_is_asked),
         cmocka_unit_test(a_tracker_that_vanishes_is_held_lost_and_found_again),
         cmocka_unit_test(a_silent_tracker_keeps_its_connection),
         cmocka_unit_test(a_glitch_of_the_tracker_never_reaches_a_frame),

@@ -1,0 +1,24 @@
+// A client of the tracker, and what it asked for.
+#pragma once
+
+#include "encode.h"
+
+#include <stdbool.h>
+
+#define CLIENT_BYTES_MAX 1024
+
+struct client {
+    int fd;
+    bool asked;             // STT_TDATA or STT_QTDATA came, and no STP_ since
+    enum message_type type; // that it asked for
+    int64_t interval_ns;    // the shortest between two messages
+    int64_t sent_ns;
+    size_t used;
+    uint8_t bytes[CLIENT_BYTES_MAX]; // of a message that is not complete
+};
+
+// Reads what is there and answers requests. False: it has gone, or sends what is no OpenIGTLink.
+bool client_read(struct client *client);
+
+// Sends all of it, or returns false.
+bool client_send(const struct client *client, const uint8_t *bytes, size_t size);

@@ -1,0 +1,158 @@
+#include "library_server.h"
+
+#include <atomic>
+#include <cstring>
+#include <igtlMessageHeader.h>
+#include <igtlQuaternionTrackingDataMessage.h>
+#include <igtlServerSocket.h>
+#include <igtlTrackingDataMessage.h>
+#include <igtlTransformMessage.h>
+#include <mutex>
+#include <string>
+#include <thread>
+
+struct library_server {
+    library_server_kind kind;
+    igtl::ServerSocket::Pointer listener;
+    std::atomic<bool> stop{false};
+    std::mutex lock;
+    library_server_record record{};
+    bool asked = false;
+    std::thread thread;
+};
+
+static void send_status(igtl::Socket *socket, bool quaternions, bool granted) {
+    if (quaternions) {
+        auto answer = igtl::RTSQuaternionTrackingDataMessage::New();
+        answer->SetStatus(granted ? 0 : 1);
+        answer->Pack();
+        socket->Send(answer->GetPackPointer(), answer->GetPackSize());
+    } else {
+        auto answer = igtl::RTSTrackingDataMessage::New();
+        answer->SetStatus(granted ? 0 : 1);
+        answer->Pack();
+        socket->Send(answer->GetPackPointer(), answer->GetPackSize());
+    }
+}
+
+template <class Start>
+static void take_start(library_server *s, igtl::Socket *socket, igtl::MessageHeader *header,
+                       bool quaternions) {
+    auto start = Start::New();
+    start->SetMessageHeader(header);
+    start->AllocatePack();
+    socket->Receive(start->GetPackBodyPointer(), start->GetPackBodySize());
+    if (!(start->Unpack(1) & igtl::MessageHeader::UNPACK_BODY))
+        return;
+    bool granted = s->kind == (quaternions ? SENDS_QTDATA : SENDS_TDATA);
+    std::lock_guard<std::mutex> guard(s->lock);
+    s->record.requests++;
+    s->record.interval_ms = start->GetResolution();
+    std::strncpy(s->record.coordinates, start->GetCoordinateName(), 32);
+    s->asked |= granted;
+    send_status(socket, quaternions, granted);
+}
+
+// False: the client has gone.
+static bool hear(library_server *s, igtl::Socket *socket) {
+    auto header = igtl::MessageHeader::New();
+    header->InitPack();
+    int size = socket->Receive(header->GetPackPointer(), header->GetPackSize());
+    if (size <= 0)
+        return size < 0; // a timeout
+    header->Unpack();
+    if (!std::strcmp(header->GetDeviceType(), "STT_TDATA"))
+        take_start<igtl::StartTrackingDataMessage>(s, socket, header, false);
+    else if (!std::strcmp(header->GetDeviceType(), "STT_QTDATA"))
+        take_start<igtl::StartQuaternionTrackingDataMessage>(s, socket, header, true);
+    else
+        socket->Skip(header->GetBodySizeToRead(), 0);
+    return true;
+}
+
+static bool send_tdata(igtl::Socket *socket) {
+    auto message = igtl::TrackingDataMessage::New();
+    auto tool = igtl::TrackingDataElement::New();
+    igtl::Matrix4x4 matrix;
+    igtl::IdentityMatrix(matrix);
+    matrix[0][3] = 12;
+    tool->SetName("pointer");
+    tool->SetType(igtl::TrackingDataElement::TYPE_6D);
+    tool->SetMatrix(matrix);
+    message->SetDeviceName("Tracker");
+    message->AddTrackingDataElement(tool);
+    message->Pack();
+    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+}
+
+static bool send_qtdata(igtl::Socket *socket) {
+    auto message = igtl::QuaternionTrackingDataMessage::New();
+    auto tool = igtl::QuaternionTrackingDataElement::New();
+    tool->SetName("pointer");
+    tool->SetType(igtl::QuaternionTrackingDataElement::TYPE_6D);
+    tool->SetPosition(12, 0, 0);
+    tool->SetQuaternion(0, 0, 0, 1);
+    message->SetDeviceName("Tracker");
+    message->AddQuaternionTrackingDataElement(tool);
+    message->Pack();
+    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+}
+
+static bool send_transform(igtl::Socket *socket) {
+    auto message = igtl::TransformMessage::New();
+    igtl::Matrix4x4 matrix;
+    igtl::IdentityMatrix(matrix);
+    matrix[0][3] = 12;
+    message->SetDeviceName("pointer");
+    message->SetMatrix(matrix);
+    message->Pack();
+    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+}
+
+static void serve(library_server *s, igtl::Socket *socket) {
+    socket->SetReceiveTimeout(5);
+    while (!s->stop && hear(s, socket)) {
+        bool alive = s->kind == SENDS_BY_ITSELF            ? send_transform(socket)
+                     : s->kind == SENDS_TDATA && s->asked  ? send_tdata(socket)
+                     : s->kind == SENDS_QTDATA && s->asked ? send_qtdata(socket)
+                                                           : true;
+        if (!alive)
+            return;
+    }
+}
+
+static void run(library_server *s) {
+    while (!s->stop) {
+        igtl::ClientSocket::Pointer socket = s->listener->WaitForConnection(50);
+        if (socket.IsNull())
+            continue;
+        s->asked = false;
+        serve(s, socket);
+        socket->CloseSocket();
+    }
+}
+
+library_server *library_server_start(library_server_kind kind, int *out_port) {
+    auto *s = new library_server;
+    s->kind = kind;
+    s->listener = igtl::ServerSocket::New();
+    if (s->listener->CreateServer(0) < 0) {
+        delete s;
+        return nullptr;
+    }
+    *out_port = s->listener->GetServerPort();
+    s->thread = std::thread(run, s);
+    return s;
+}
+
+library_server_record library_server_told(library_server *s) {
+    std::lock_guard<std::mutex> guard(s->lock);
+    return s->record;
+}
+
+void library_server_stop(library_server *s) {
+    s->stop = true;
+    s->thread.join();
+    s->listener->CloseSocket();
+    delete s;
+}

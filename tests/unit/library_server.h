@@ -1,0 +1,28 @@
+// An OpenIGTLink server made of the library's own classes, after its example TrackingDataServer: it
+// sends to a client that asked, until it says stop.
+#pragma once
+
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct library_server;
+
+enum library_server_kind { SENDS_TDATA, SENDS_QTDATA, SENDS_BY_ITSELF, REFUSES };
+
+// What it did so far; of any thread.
+struct library_server_record {
+    int requests; // that the library could read, their checksums too
+    int interval_ms;
+    char coordinates[33];
+};
+
+struct library_server *library_server_start(enum library_server_kind kind, int *out_port);
+struct library_server_record library_server_told(struct library_server *server);
+void library_server_stop(struct library_server *server);
+
+#ifdef __cplusplus
+}
+#endif

@@ -1,0 +1,121 @@
+// The tracker driver against servers of the OpenIGTLink library's own classes: those that send only
+// when they are asked, and those that do not care.
+#include "base/clock.h"
+#include "device/device.h"
+#include "library_server.h"
+#include "test.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+
+static const struct device_driver *driver;
+
+static void *opened(int port, const char *request) {
+    char address[64];
+    snprintf(address, sizeof address, "127.0.0.1:%d", port);
+    const struct device_option options[] = {{"address", address},
+                                            {"tool.probe", "pointer"},
+                                            {"request_ms", "20"},
+                                            {"coordinates", "Patient"},
+                                            {"request", request}};
+    struct device_config config = {"camera", options, request ? 5 : 4};
+    struct device_outputs outputs = {0};
+    struct error err;
+    void *device = NULL;
+    if (driver->create(&config, &device, &outputs, &err) != RESULT_OK ||
+        driver->open(device, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    return device;
+}
+
+// Poses that come until there are 20, or a while is over.
+static int readings_of(void *device, double patience_s, struct error *err) {
+    int64_t end_ns = clock_now_ns() + (int64_t)(patience_s * NS_PER_S);
+    int readings = 0;
+    while (readings < 20 && clock_now_ns() < end_ns) {
+        struct device_reading reading = {0};
+        struct error why = {{0}};
+        enum result result = driver->poll(device, &reading, &why);
+        assert_true(result == RESULT_OK || result == RESULT_TIMEOUT);
+        if (result == RESULT_TIMEOUT)
+            *err = why;
+        readings += reading.count;
+        for (int i = 0; i < reading.count; i++)
+            assert_near(reading.samples[i].T_mockup_body.translation.x, 12, 1e-5);
+    }
+    return readings;
+}
+
+struct outcome {
+    int readings;
+    struct library_server_record record;
+    struct error err;
+};
+
+static struct outcome outcome_of(enum library_server_kind kind, const char *request,
+                                 double patience_s) {
+    struct outcome outcome = {0};
+    int port;
+    struct library_server *server = library_server_start(kind, &port);
+    assert_non_null(server);
+    void *device = opened(port, request);
+    outcome.readings = readings_of(device, patience_s, &outcome.err);
+    driver->close(device);
+    driver->destroy(device);
+    outcome.record = library_server_told(server);
+    library_server_stop(server);
+    return outcome;
+}
+
+static void a_server_that_waits_to_be_asked_is_asked(void **state) {
+    (void)state;
+    static const struct {
+        enum library_server_kind kind;
+        const char *request;
+    } rows[] = {{SENDS_TDATA, NULL},
+                {SENDS_TDATA, "TDATA"},
+                {SENDS_QTDATA, "auto"},
+                {SENDS_QTDATA, "QTDATA"}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct outcome o = outcome_of(rows[i].kind, rows[i].request, 30);
+        assert_int_equal(o.readings, 20);
+        assert_true(o.record.requests >= 1);
+        assert_int_equal(o.record.interval_ms, 20);
+        assert_string_equal(o.record.coordinates, "Patient");
+    }
+}
+
+static void a_server_that_sends_by_itself_is_left_in_peace(void **state) {
+    (void)state;
+    struct outcome o = outcome_of(SENDS_BY_ITSELF, NULL, 30);
+    assert_int_equal(o.readings, 20);
+    o = outcome_of(SENDS_BY_ITSELF, "TDATA", 30); // asked, and sends what it has all the same
+    assert_int_equal(o.readings, 20);
+}
+
+static void nothing_is_asked_where_the_config_says_none(void **state) {
+    (void)state;
+    struct outcome o = outcome_of(SENDS_TDATA, "none", 1.2);
+    assert_int_equal(o.readings, 0);
+    assert_int_equal(o.record.requests, 0);
+}
+
+static void a_server_that_refuses_is_said_to(void **state) {
+    (void)state;
+    struct outcome o = outcome_of(REFUSES, "TDATA", 1);
+    assert_int_equal(o.readings, 0);
+    assert_non_null(strstr(o.err.text, "silent; it was asked for TDATA and refused"));
+}
+
+int main(void) {
+    signal(SIGPIPE, SIG_IGN); // the library sends to a client that left
+    driver = device_driver("tracker");
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_server_that_waits_to_be_asked_is_asked),
+        cmocka_unit_test(a_server_that_sends_by_itself_is_left_in_peace),
+        cmocka_unit_test(nothing_is_asked_where_the_config_says_none),
+        cmocka_unit_test(a_server_that_refuses_is_said_to),
+    };
+    return cmocka_run_group_tests_name("tracker_request", tests, NULL, NULL);
+}

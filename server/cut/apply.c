@@ -1,5 +1,6 @@
 #include "cut/change.h"
 #include "cut/clean.h"
+#include "cut/edit.h"
 #include "cut/stage.h"
 
 #define LEAST_MM3 1e-4
@@ -17,9 +18,9 @@ static bool stage_part(struct cut_mesh *mesh, const struct convex *part, uint64_
 // A part that takes next to nothing is left out. *taken: mm³, of all parts so far.
 static bool take_part(struct cut_mesh *mesh, const struct convex *part, int index,
                       struct cut_change *change, double *taken) {
-    tissue_settle(mesh);
+    edit_settle(mesh);
     for (int attempt = 0; attempt < CUT_ATTEMPTS; attempt++) {
-        struct vertex_mark mark = tissue_mark_vertices(mesh);
+        struct vertex_mark mark = edit_mark_vertices(mesh);
         uint64_t seed =
             ((uint64_t)change->number << 16) + (uint64_t)(CUT_ATTEMPTS * index + attempt);
         bool fits = stage_part(mesh, part, seed, attempt);
@@ -28,7 +29,7 @@ static bool take_part(struct cut_mesh *mesh, const struct convex *part, int inde
             *taken += mesh->stage->removed_mm3;
             return true;
         }
-        tissue_return_vertices(mesh, mark);
+        edit_return_vertices(mesh, mark);
         if (fits)
             return true;
         change->retries++;
@@ -44,7 +45,7 @@ static double pieces_volume(const struct cut_change *change) {
 }
 
 static enum cut_outcome give_up(struct cut_mesh *mesh, enum cut_outcome outcome) {
-    tissue_undo(mesh);
+    edit_undo(mesh);
     return outcome;
 }
 
@@ -54,7 +55,7 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
     struct cut_change change = {.number = mesh->number + 1};
     double before = mesh->volume, taken = 0;
     mesh->stage->number = change.number;
-    tissue_begin(mesh);
+    edit_begin(mesh);
     for (int i = 0; i < part_count; i++)
         if (!take_part(mesh, &parts[i], i, &change, &taken)) {
             fail(err, RESULT_REFUSED, "part %d of the blade: %s", i, mesh->stage->refusal);
@@ -74,7 +75,7 @@ enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, in
     change.removed_mm3 = before - mesh->volume - pieces_volume(&change);
     change_list_ids(mesh, &change);
     change_measure_patches(mesh, &change);
-    tissue_commit(mesh);
+    edit_commit(mesh);
     *out_change = change;
     return CUT_CHANGED;
 }

@@ -69,20 +69,3 @@ void ids_sort(struct ids *ids) {
     if (from != ids->at)
         memcpy(ids->at, from, count * sizeof *from);
 }
-
-void marks_fini(struct marks *marks) {
-    free(marks->at);
-    *marks = (struct marks){0};
-}
-
-void marks_reserve(struct marks *marks, uint32_t bound) {
-    uint32_t before = marks->room;
-    marks->at = array_grow(marks->at, &marks->room, bound, sizeof *marks->at);
-    if (marks->room > before)
-        memset(marks->at + before, 0, (marks->room - before) * sizeof *marks->at);
-}
-
-void marks_begin(struct marks *marks, uint32_t bound) {
-    marks_reserve(marks, bound);
-    CHECK(++marks->epoch);
-}

@@ -25,7 +25,7 @@ double blade_reach_mm(enum blade_kind kind) {
 
 // ---- planes around points -----------------------------------------------------------------------
 
-struct body {
+struct blade_hull {
     vec3 points[16];
     int point_count;
     vec3 normals[CONVEX_PLANES_MAX];
@@ -33,7 +33,7 @@ struct body {
 };
 
 // A direction that is there already, but for a hair, would only make a face without width.
-static void add_normal(struct body *body, vec3 direction) {
+static void add_normal(struct blade_hull *body, vec3 direction) {
     vec3 none = {0}, normal = vec3_unit_or(direction, none);
     if (vec3_length(normal) < 0.5)
         return;
@@ -43,12 +43,12 @@ static void add_normal(struct body *body, vec3 direction) {
     body->normals[body->normal_count++] = normal;
 }
 
-static void add_both(struct body *body, vec3 direction) {
+static void add_both(struct blade_hull *body, vec3 direction) {
     add_normal(body, direction);
     add_normal(body, vec3_scale(-1, direction));
 }
 
-static int finish(const struct body *body, double thickness, struct convex *out_part) {
+static int finish(const struct blade_hull *body, double thickness, struct convex *out_part) {
     struct plane planes[CONVEX_PLANES_MAX];
     convex_supports(body->points, body->point_count, body->normals, body->normal_count, planes);
     for (int i = 0; i < body->normal_count; i++)
@@ -71,7 +71,7 @@ static int punch_parts(const struct blade_move *move, struct convex *out_parts) 
     pose at = move->T_mesh_tip[1];
     vec3 hinge = {0, 0, -jaw_length};
     vec3 directions[3] = {jaw_direction(low), jaw_direction((low + high) / 2), jaw_direction(high)};
-    struct body body = {0};
+    struct blade_hull body = {0};
     for (int i = 0; i < 3; i++)
         for (int side = -1; side <= 1; side += 2) {
             vec3 beside = {side * jaw_half_width, 0, 0};
@@ -93,7 +93,7 @@ static int punch_parts(const struct blade_move *move, struct convex *out_parts) 
 
 // Directions of a ball whose rings stand across `axis`, so that sweeping it along the axis makes a
 // prism and no more.
-static void add_ball(struct body *body, vec3 axis) {
+static void add_ball(struct blade_hull *body, vec3 axis) {
     static const struct {
         double latitude_deg;
         int count;
@@ -112,7 +112,7 @@ static void add_ball(struct body *body, vec3 axis) {
 }
 
 static int shaver_parts(const struct blade_move *move, struct convex *out_parts) {
-    struct body body = {.point_count = 2};
+    struct blade_hull body = {.point_count = 2};
     vec3 shaft = quat_rotate(move->T_mesh_tip[1].rotation, (vec3){0, 0, 1});
     for (int i = 0; i < 2; i++)
         body.points[i] = pose_apply(move->T_mesh_tip[i], (vec3){0, 0, -burr_radius});
@@ -123,7 +123,7 @@ static int shaver_parts(const struct blade_move *move, struct convex *out_parts)
 
 // Exact for a straight move; for one that turns an outer bound.
 static int sweep_knife(pose from, pose to, struct convex *out_part) {
-    struct body body = {0};
+    struct blade_hull body = {0};
     for (int end = 0; end < 2; end++)
         for (int i = 0; i < 8; i++) {
             vec3 corner = {(i & 1 ? knife_high : knife_low).x, (i & 2 ? knife_high : knife_low).y,

@@ -20,19 +20,19 @@ static bool follow(struct stage *stage, uint32_t end, uint32_t start) {
         struct segment *segment = &stage->segments[i];
         stage_add_to_ring(stage, segment->from);
         segment->face = -1; // done
-        if (!marks_has(&stage->slots, segment->to))
+        if (!stamped_set_has(&stage->slots, segment->to))
             return stage_refuse(stage, "a border on a face of the blade has an end");
-        i = marks_get(&stage->slots, segment->to);
+        i = stamped_set_get(&stage->slots, segment->to);
     } while (i < end && stage->segments[i].face >= 0);
     return i == start ? true : stage_refuse(stage, "borders on a face of the blade meet");
 }
 
 static bool face_loops(struct cut_mesh *mesh, struct stage *stage, uint32_t start, uint32_t end) {
-    marks_begin(&stage->slots, mesh->vertex_bound);
+    stamped_set_begin(&stage->slots, mesh->vertex_bound);
     for (uint32_t i = start; i < end; i++) {
-        if (marks_has(&stage->slots, stage->segments[i].from))
+        if (stamped_set_has(&stage->slots, stage->segments[i].from))
             return stage_refuse(stage, "borders on a face of the blade part");
-        marks_set(&stage->slots, stage->segments[i].from, i);
+        stamped_set_put(&stage->slots, stage->segments[i].from, i);
     }
     for (uint32_t i = start; i < end; i++)
         if (stage->segments[i].face >= 0 && !follow(stage, end, i))
@@ -48,7 +48,7 @@ static bool face_loops(struct cut_mesh *mesh, struct stage *stage, uint32_t star
 #define LOST_MM2 1e-6 // so small a hole may lie where it will
 
 static double ring_area(const struct cut_mesh *mesh, const struct stage *stage,
-                        const struct flat *flat, const struct ring *ring) {
+                        const struct flat *flat, const struct vertex_ring *ring) {
     const uint32_t *v = stage->ring_vertices.at + ring->first;
     double sum = 0;
     struct flat_point a = flat_of(flat, mesh->points[v[ring->count - 1]]);
@@ -61,7 +61,8 @@ static double ring_area(const struct cut_mesh *mesh, const struct stage *stage,
 }
 
 static bool ring_holds(const struct cut_mesh *mesh, const struct stage *stage,
-                       const struct flat *flat, const struct ring *ring, struct flat_point p) {
+                       const struct flat *flat, const struct vertex_ring *ring,
+                       struct flat_point p) {
     const uint32_t *v = stage->ring_vertices.at + ring->first;
     bool inside = false;
     struct flat_point a = flat_of(flat, mesh->points[v[ring->count - 1]]);
@@ -74,7 +75,7 @@ static bool ring_holds(const struct cut_mesh *mesh, const struct stage *stage,
     return inside;
 }
 
-static uint32_t largest_loop(const struct loop *loops, uint32_t count) {
+static uint32_t largest_loop(const struct face_loop *loops, uint32_t count) {
     uint32_t largest = 0;
     for (uint32_t i = 1; i < count; i++)
         if (loops[i].area > loops[largest].area)
@@ -84,7 +85,7 @@ static uint32_t largest_loop(const struct loop *loops, uint32_t count) {
 
 static void find_owner(const struct cut_mesh *mesh, const struct stage *stage,
                        const struct flat *flat, uint32_t count, uint32_t k) {
-    struct loop *loops = stage->loops;
+    struct face_loop *loops = stage->loops;
     loops[k].owner = k;
     if (loops[k].area >= 0)
         return;
@@ -101,18 +102,18 @@ static void find_owner(const struct cut_mesh *mesh, const struct stage *stage,
 static uint32_t take_loops(const struct cut_mesh *mesh, struct stage *stage) {
     struct region whole = stage->regions[--stage->region_count];
     uint32_t count = whole.ring_count;
-    struct ring *rings = stage->rings + whole.first_ring;
+    struct vertex_ring *rings = stage->rings + whole.first_ring;
     struct flat flat = flat_on(whole.normal, mesh->points[stage->ring_vertices.at[rings->first]]);
     stage->loops = array_grow(stage->loops, &stage->loop_room, count, sizeof *stage->loops);
     for (uint32_t k = 0; k < count; k++)
-        stage->loops[k] = (struct loop){rings[k], ring_area(mesh, stage, &flat, &rings[k]), k};
+        stage->loops[k] = (struct face_loop){rings[k], ring_area(mesh, stage, &flat, &rings[k]), k};
     for (uint32_t k = 0; k < count; k++)
         find_owner(mesh, stage, &flat, count, k);
     stage->ring_count = whole.first_ring;
     return count;
 }
 
-static void add_loop(struct stage *stage, struct ring ring) {
+static void add_loop(struct stage *stage, struct vertex_ring ring) {
     stage->rings =
         array_grow(stage->rings, &stage->ring_room, stage->ring_count + 1, sizeof *stage->rings);
     stage->rings[stage->ring_count++] = ring;

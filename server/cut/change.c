@@ -68,7 +68,7 @@ static void list_triangles(struct cut_mesh *mesh, struct cut_change *change) {
 static void list_vertices(struct cut_mesh *mesh, struct cut_change *change) {
     struct ids vertices = {0};
     for (uint32_t i = 0; i < mesh->undo.vertex_count; i++)
-        if (mesh->undo.vertices[i].spoke == MESH_NONE &&
+        if (mesh->undo.vertices[i].side == MESH_NONE &&
             cut_mesh_vertex_alive(mesh, mesh->undo.vertices[i].id))
             ids_push(&vertices, mesh->undo.vertices[i].id);
     change->vertices = keep(&vertices, &change->vertex_count);

@@ -1,8 +1,8 @@
 // What a cut has done to a mesh, told from what the undo log remembers. In this order, and before
-// tissue_commit.
+// edit_commit.
 #pragma once
 
-#include "cut/tissue.h"
+#include "cut/cut_mesh.h"
 
 void change_update_volume(struct cut_mesh *mesh); // by the triangles that have changed
 void change_take_pieces(struct cut_mesh *mesh, struct cut_change *change);

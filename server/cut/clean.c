@@ -14,17 +14,17 @@
 #define TURNS 8 // of the queue
 
 void cleaner_fini(struct cleaner *cleaner) {
-    marks_fini(&cleaner->touched);
-    marks_fini(&cleaner->queued);
+    stamped_set_fini(&cleaner->touched);
+    stamped_set_fini(&cleaner->queued);
     ids_fini(&cleaner->queue);
 }
 
 // Only what the cut has touched, so that cleaning does not creep away from it.
 static void queue(struct cut_mesh *mesh, uint32_t vertex) {
     struct cleaner *cleaner = mesh->cleaner;
-    if (!marks_has(&cleaner->touched, vertex) || marks_has(&cleaner->queued, vertex))
+    if (!stamped_set_has(&cleaner->touched, vertex) || stamped_set_has(&cleaner->queued, vertex))
         return;
-    marks_set(&cleaner->queued, vertex, 0);
+    stamped_set_put(&cleaner->queued, vertex, 0);
     ids_push(&cleaner->queue, vertex);
 }
 
@@ -47,7 +47,7 @@ static double thinness(vec3 a, vec3 b, vec3 c, vec3 *out_normal) {
 }
 
 static bool gather_fan(const struct cut_mesh *mesh, uint32_t vertex, struct fan *fan) {
-    uint32_t first = mesh->spokes[vertex], side = first;
+    uint32_t first = mesh->vertex_sides[vertex], side = first;
     fan->count = 0;
     fan->thinnest = 1;
     do {
@@ -157,7 +157,7 @@ static bool lies_on(vec3 p, vec3 q, vec3 v) {
 }
 
 static bool is_touched(const struct cut_mesh *mesh, uint32_t vertex) {
-    return marks_has(&mesh->cleaner->touched, vertex);
+    return stamped_set_has(&mesh->cleaner->touched, vertex);
 }
 
 static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) {
@@ -192,11 +192,11 @@ static bool flip(struct cut_mesh *mesh, uint32_t vertex, const struct fan *fan) 
 void clean(struct cut_mesh *mesh) {
     struct cleaner *cleaner = mesh->cleaner;
     cleaner->queue.count = 0;
-    marks_begin(&cleaner->touched, mesh->vertex_room);
-    marks_begin(&cleaner->queued, mesh->vertex_room);
+    stamped_set_begin(&cleaner->touched, mesh->vertex_room);
+    stamped_set_begin(&cleaner->queued, mesh->vertex_room);
     for (uint32_t i = 0; i < mesh->undo.vertex_count; i++) {
         uint32_t vertex = mesh->undo.vertices[i].id;
-        marks_set(&cleaner->touched, vertex, 0);
+        stamped_set_put(&cleaner->touched, vertex, 0);
         if (cut_mesh_vertex_alive(mesh, vertex))
             queue(mesh, vertex);
     }
@@ -205,7 +205,7 @@ void clean(struct cut_mesh *mesh) {
     struct fan fan;
     for (uint32_t next = 0; next < cleaner->queue.count && next < limit; next++) {
         uint32_t vertex = cleaner->queue.at[next];
-        marks_unset(&cleaner->queued, vertex);
+        stamped_set_remove(&cleaner->queued, vertex);
         if (!cut_mesh_vertex_alive(mesh, vertex) || !gather_fan(mesh, vertex, &fan))
             continue;
         if (!flip(mesh, vertex, &fan))

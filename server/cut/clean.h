@@ -2,11 +2,11 @@
 // made go; the surface stays where it is but for 1e-4 mm, and a sheet does not turn over.
 #pragma once
 
-#include "cut/tissue.h"
+#include "cut/cut_mesh.h"
 
 struct cleaner {
-    struct marks touched; // vertices of triangles that the cut made
-    struct marks queued;  // vertices
+    struct stamped_set touched; // vertices of triangles that the cut made
+    struct stamped_set queued;  // vertices
     struct ids queue;
 };
 

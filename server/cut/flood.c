@@ -5,7 +5,7 @@
 #define STRIDE 32 // triangles at a time
 
 void flood_fini(struct flood *flood) {
-    marks_fini(&flood->owner);
+    stamped_set_fini(&flood->owner);
     ids_fini(&flood->list);
     free(flood->entries);
     free(flood->bodies);
@@ -39,20 +39,20 @@ static void claim(struct flood *flood, uint32_t body, uint32_t triangle) {
     flood->entries[flood->entry_count].triangle = triangle;
     append(flood, &flood->bodies[body].waiting, flood->entry_count++);
     flood->bodies[body].count++;
-    marks_set(&flood->owner, triangle, body);
+    stamped_set_put(&flood->owner, triangle, body);
 }
 
 // ---- bodies ----
 
 static uint32_t body_of(struct flood *flood, uint32_t triangle) {
-    uint32_t body = marks_get(&flood->owner, triangle);
+    uint32_t body = stamped_set_get(&flood->owner, triangle);
     while (flood->bodies[body].parent != body)
         body = flood->bodies[body].parent = flood->bodies[flood->bodies[body].parent].parent;
     return body;
 }
 
 static void merge(struct flood *flood, uint32_t body, uint32_t other) {
-    struct body *b = &flood->bodies[body], *o = &flood->bodies[other];
+    struct flood_body *b = &flood->bodies[body], *o = &flood->bodies[other];
     append_all(flood, &b->done, o->done);
     append_all(flood, &b->waiting, o->waiting);
     b->count += o->count;
@@ -65,12 +65,13 @@ static void add_body(const struct cut_mesh *mesh, struct flood *flood, uint32_t 
     struct triangle_list none = {MESH_NONE, MESH_NONE};
     flood->bodies =
         array_grow(flood->bodies, &flood->body_room, flood->body_count, sizeof *flood->bodies);
-    flood->bodies[body] = (struct body){.parent = body, .done = none, .waiting = none};
+    flood->bodies[body] = (struct flood_body){.parent = body, .done = none, .waiting = none};
     claim(flood, body, triangle);
     for (uint32_t e = flood->entry_count - 1; e != MESH_NONE; e = flood->entries[e].next)
         for (size_t i = 0; i < 3; i++) {
             uint32_t beside = mesh->twins[3 * (size_t)flood->entries[e].triangle + i] / 3;
-            if (marks_has(&mesh->undo.triangles_seen, beside) && !marks_has(&flood->owner, beside))
+            if (stamped_set_has(&mesh->undo.triangles_seen, beside) &&
+                !stamped_set_has(&flood->owner, beside))
                 claim(flood, body, beside);
         }
 }
@@ -84,7 +85,7 @@ static uint32_t advance(const struct cut_mesh *mesh, struct flood *flood, uint32
     append(flood, &flood->bodies[body].done, entry);
     for (size_t i = 0; i < 3; i++) {
         uint32_t beside = mesh->twins[3 * (size_t)triangle + i] / 3;
-        if (!marks_has(&flood->owner, beside)) {
+        if (!stamped_set_has(&flood->owner, beside)) {
             claim(flood, body, beside);
         } else if (body_of(flood, beside) != body) {
             merge(flood, body, body_of(flood, beside));
@@ -105,10 +106,10 @@ static uint32_t smallest(const struct flood *flood) {
 
 uint32_t flood_run(const struct cut_mesh *mesh, struct flood *flood) {
     flood->entry_count = flood->body_count = 0;
-    marks_begin(&flood->owner, mesh->triangle_room);
+    stamped_set_begin(&flood->owner, mesh->triangle_room);
     for (uint32_t i = 0; i < mesh->undo.triangle_count; i++) {
         uint32_t triangle = mesh->undo.triangles[i].id;
-        if (cut_mesh_triangle_alive(mesh, triangle) && !marks_has(&flood->owner, triangle))
+        if (cut_mesh_triangle_alive(mesh, triangle) && !stamped_set_has(&flood->owner, triangle))
             add_body(mesh, flood, triangle);
     }
     uint32_t bodies = flood->body_count;

@@ -2,13 +2,13 @@
 // advance in step, so their cost follows the smaller bodies.
 #pragma once
 
-#include "cut/tissue.h"
+#include "cut/cut_mesh.h"
 
 struct triangle_list {
     uint32_t first, last; // of entries; MESH_NONE: none
 };
 
-struct body {
+struct flood_body {
     uint32_t parent; // the body that it has become part of; itself where it has not
     bool whole;      // all its triangles are known
     uint32_t count;
@@ -16,11 +16,11 @@ struct body {
 };
 
 struct flood {
-    struct marks owner; // of a triangle: a body
+    struct stamped_set owner; // of a triangle: a body
     struct flood_entry {
         uint32_t triangle, next;
     } * entries;
-    struct body *bodies;
+    struct flood_body *bodies;
     uint32_t entry_count, entry_room, body_count, body_room;
     struct ids list; // scratch
 };

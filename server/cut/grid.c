@@ -7,34 +7,35 @@
 
 // ---- the whole ----
 
-static size_t cell_count(const struct grid *grid) {
+static size_t cell_count(const struct triangle_grid *grid) {
     return (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
 }
 
-static void set_size(struct grid *grid, struct box box) {
+static void set_size(struct triangle_grid *grid, struct box box) {
     vec3 extent = vec3_sub(box.max, box.min);
     grid->size[0] = 1 + (int)(extent.x / grid->cell);
     grid->size[1] = 1 + (int)(extent.y / grid->cell);
     grid->size[2] = 1 + (int)(extent.z / grid->cell);
 }
 
-void grid_init(struct grid *grid, struct box box, double cell) {
+void grid_init(struct triangle_grid *grid, struct box box, double cell) {
     vec3 extent = vec3_sub(box.max, box.min);
     double longest = fmax(extent.x, fmax(extent.y, extent.z));
-    *grid = (struct grid){.origin = box.min, .cell = fmax(cell, longest / 1024), .free = MESH_NONE};
+    *grid = (struct triangle_grid){
+        .origin = box.min, .cell = fmax(cell, longest / 1024), .free = MESH_NONE};
     for (set_size(grid, box); cell_count(grid) > CELLS_MAX; set_size(grid, box))
         grid->cell *= 1.25;
     grid->heads = alloc(cell_count(grid), sizeof *grid->heads);
     memset(grid->heads, 0xff, cell_count(grid) * sizeof *grid->heads);
 }
 
-void grid_fini(struct grid *grid) {
+void grid_fini(struct triangle_grid *grid) {
     free(grid->heads);
     free(grid->entries);
-    *grid = (struct grid){0};
+    *grid = (struct triangle_grid){0};
 }
 
-void grid_copy(struct grid *out, const struct grid *grid) {
+void grid_copy(struct triangle_grid *out, const struct triangle_grid *grid) {
     *out = *grid;
     out->heads = array_copy(grid->heads, cell_count(grid), sizeof *grid->heads);
     out->entries = array_copy(grid->entries, grid->entry_count, sizeof *grid->entries);
@@ -43,39 +44,41 @@ void grid_copy(struct grid *out, const struct grid *grid) {
 
 // ---- cells ----
 
-struct cells {
+struct cell_range {
     int low[3], high[3];
 };
 
-static int cell_along(const struct grid *grid, int axis, double offset) {
+static int cell_along(const struct triangle_grid *grid, int axis, double offset) {
     double i = offset / grid->cell;
     return i <= 0 ? 0 : i >= grid->size[axis] - 1 ? grid->size[axis] - 1 : (int)i;
 }
 
-static struct cells cells_of(const struct grid *grid, struct box box) {
+static struct cell_range cells_of(const struct triangle_grid *grid, struct box box) {
     vec3 low = vec3_sub(box.min, grid->origin), high = vec3_sub(box.max, grid->origin);
-    return (struct cells){
+    return (struct cell_range){
         {cell_along(grid, 0, low.x), cell_along(grid, 1, low.y), cell_along(grid, 2, low.z)},
         {cell_along(grid, 0, high.x), cell_along(grid, 1, high.y), cell_along(grid, 2, high.z)}};
 }
 
-static uint32_t *column_of(const struct grid *grid, int x, int y) {
+static uint32_t *column_of(const struct triangle_grid *grid, int x, int y) {
     return grid->heads + ((size_t)x * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[2];
 }
 
 // The triangle's plane misses most cells of its box where it is large and oblique.
-struct slab {
+struct plane_slab {
     vec3 normal;
     double offset, reach;
 };
 
-static struct slab slab_of(const struct grid *grid, const vec3 corners[3]) {
+static struct plane_slab slab_of(const struct triangle_grid *grid, const vec3 corners[3]) {
     vec3 n = vec3_cross(vec3_sub(corners[1], corners[0]), vec3_sub(corners[2], corners[0]));
     double reach = (fabs(n.x) + fabs(n.y) + fabs(n.z)) * grid->cell / 2;
-    return (struct slab){n, vec3_dot(n, vec3_sub(corners[0], grid->origin)), reach * (1 + 1e-6)};
+    return (struct plane_slab){n, vec3_dot(n, vec3_sub(corners[0], grid->origin)),
+                               reach * (1 + 1e-6)};
 }
 
-static bool slab_misses(const struct slab *slab, const struct grid *grid, int x, int y, int z) {
+static bool slab_misses(const struct plane_slab *slab, const struct triangle_grid *grid, int x,
+                        int y, int z) {
     vec3 centre = vec3_scale(grid->cell, (vec3){x + 0.5, y + 0.5, z + 0.5});
     return fabs(vec3_dot(slab->normal, centre) - slab->offset) > slab->reach;
 }
@@ -89,7 +92,7 @@ static struct box box_of(const vec3 c[3]) {
 
 // ---- entries ----
 
-static void add_to(struct grid *grid, uint32_t *head, uint32_t triangle) {
+static void add_to(struct triangle_grid *grid, uint32_t *head, uint32_t triangle) {
     uint32_t entry = grid->free;
     if (entry != MESH_NONE) {
         grid->free = grid->entries[entry].next;
@@ -102,7 +105,7 @@ static void add_to(struct grid *grid, uint32_t *head, uint32_t triangle) {
     *head = entry;
 }
 
-static void remove_from(struct grid *grid, uint32_t *head, uint32_t triangle) {
+static void remove_from(struct triangle_grid *grid, uint32_t *head, uint32_t triangle) {
     while (*head != MESH_NONE && grid->entries[*head].triangle != triangle)
         head = &grid->entries[*head].next;
     CHECK(*head != MESH_NONE);
@@ -112,10 +115,10 @@ static void remove_from(struct grid *grid, uint32_t *head, uint32_t triangle) {
     grid->free = entry;
 }
 
-static void for_cells(struct grid *grid, uint32_t triangle, const vec3 corners[3],
-                      void (*act)(struct grid *grid, uint32_t *head, uint32_t triangle)) {
-    struct cells cells = cells_of(grid, box_of(corners));
-    struct slab slab = slab_of(grid, corners);
+static void for_cells(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3],
+                      void (*act)(struct triangle_grid *grid, uint32_t *head, uint32_t triangle)) {
+    struct cell_range cells = cells_of(grid, box_of(corners));
+    struct plane_slab slab = slab_of(grid, corners);
     for (int x = cells.low[0]; x <= cells.high[0]; x++)
         for (int y = cells.low[1]; y <= cells.high[1]; y++)
             for (int z = cells.low[2]; z <= cells.high[2]; z++)
@@ -123,27 +126,28 @@ static void for_cells(struct grid *grid, uint32_t triangle, const vec3 corners[3
                     act(grid, &column_of(grid, x, y)[z], triangle);
 }
 
-void grid_add(struct grid *grid, uint32_t triangle, const vec3 corners[3]) {
+void grid_add(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]) {
     for_cells(grid, triangle, corners, add_to);
 }
 
-void grid_remove(struct grid *grid, uint32_t triangle, const vec3 corners[3]) {
+void grid_remove(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]) {
     for_cells(grid, triangle, corners, remove_from);
 }
 
-static void collect_cell(const struct grid *grid, uint32_t entry, struct marks *seen,
+static void collect_cell(const struct triangle_grid *grid, uint32_t entry, struct stamped_set *seen,
                          struct ids *out) {
     for (; entry != MESH_NONE; entry = grid->entries[entry].next) {
         uint32_t triangle = grid->entries[entry].triangle;
-        if (marks_has(seen, triangle))
+        if (stamped_set_has(seen, triangle))
             continue;
-        marks_set(seen, triangle, 0);
+        stamped_set_put(seen, triangle, 0);
         ids_push(out, triangle);
     }
 }
 
-void grid_collect(const struct grid *grid, struct box box, struct marks *seen, struct ids *out) {
-    struct cells cells = cells_of(grid, box);
+void grid_collect(const struct triangle_grid *grid, struct box box, struct stamped_set *seen,
+                  struct ids *out) {
+    struct cell_range cells = cells_of(grid, box);
     for (int x = cells.low[0]; x <= cells.high[0]; x++)
         for (int y = cells.low[1]; y <= cells.high[1]; y++)
             for (int z = cells.low[2]; z <= cells.high[2]; z++)

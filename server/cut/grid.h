@@ -2,10 +2,10 @@
 // near a box, and which a vertical ray may hit.
 #pragma once
 
-#include "cut/array.h"
+#include "cut/stamped_set.h"
 #include "mesh/mesh.h"
 
-struct grid {
+struct triangle_grid {
     vec3 origin;
     double cell; // mm
     int size[3];
@@ -16,14 +16,15 @@ struct grid {
     uint32_t entry_count, entry_room, free; // free: a list of entries to use again
 };
 
-void grid_init(struct grid *grid, struct box box, double cell);
-void grid_fini(struct grid *grid);
-void grid_copy(struct grid *out_grid, const struct grid *grid);
+void grid_init(struct triangle_grid *grid, struct box box, double cell);
+void grid_fini(struct triangle_grid *grid);
+void grid_copy(struct triangle_grid *out_grid, const struct triangle_grid *grid);
 
 // The corners must be those that it is removed with.
-void grid_add(struct grid *grid, uint32_t triangle, const vec3 corners[3]);
-void grid_remove(struct grid *grid, uint32_t triangle, const vec3 corners[3]);
+void grid_add(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
+void grid_remove(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
 
 // Appends the triangles of all cells that the box meets, each once: those that `seen` does not
 // hold, which it then does.
-void grid_collect(const struct grid *grid, struct box box, struct marks *seen, struct ids *out);
+void grid_collect(const struct triangle_grid *grid, struct box box, struct stamped_set *seen,
+                  struct ids *out);

@@ -2,15 +2,15 @@
 
 #include "cut/ray.h"
 
-static void spread(const struct cut_mesh *mesh, struct marks *seen, struct ids *list,
+static void spread(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *list,
                    uint32_t triangle) {
     uint32_t next = list->count;
-    marks_set(seen, triangle, 0);
+    stamped_set_put(seen, triangle, 0);
     for (ids_push(list, triangle); next < list->count; next++)
         for (size_t i = 0; i < 3; i++) {
             uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
-            if (!marks_has(seen, beside)) {
-                marks_set(seen, beside, 0);
+            if (!stamped_set_has(seen, beside)) {
+                stamped_set_put(seen, beside, 0);
                 ids_push(list, beside);
             }
         }
@@ -26,17 +26,17 @@ static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *tria
     return sum;
 }
 
-void hollow_append(const struct cut_mesh *mesh, struct marks *marks, struct ids *triangles) {
+void hollow_append(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *triangles) {
     struct ids part = {0};
     uint32_t around = triangles->count;
-    marks_begin(marks, mesh->triangle_room);
+    stamped_set_begin(seen, mesh->triangle_room);
     for (uint32_t i = 0; i < around; i++)
-        marks_set(marks, triangles->at[i], 0);
+        stamped_set_put(seen, triangles->at[i], 0);
     for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
-        if (!cut_mesh_triangle_alive(mesh, t) || marks_has(marks, t))
+        if (!cut_mesh_triangle_alive(mesh, t) || stamped_set_has(seen, t))
             continue;
         part.count = 0;
-        spread(mesh, marks, &part, t);
+        spread(mesh, seen, &part, t);
         vec3 point = mesh->points[mesh->corners[3 * (size_t)t]];
         if (six_volumes_of(mesh, &part) < 0 &&
             ray_winding_of(mesh, triangles->at, around, point) == 1)

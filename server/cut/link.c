@@ -1,9 +1,10 @@
+#include "cut/edit.h"
 #include "cut/stage.h"
 
 // ---- each side finds its other side ----
 
 static bool goes(const struct stage *stage, uint32_t triangle) {
-    return marks_has(&stage->slots, triangle);
+    return stamped_set_has(&stage->slots, triangle);
 }
 
 static bool enter_border(const struct cut_mesh *mesh, struct stage *stage) {
@@ -83,37 +84,37 @@ static void remove_old(struct cut_mesh *mesh, struct stage *stage) {
     uint32_t living = mesh->living;
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         if (stage->triangles[k].goes)
-            tissue_remove_triangle(mesh, stage->triangles[k].id);
+            edit_remove_triangle(mesh, stage->triangles[k].id);
     mesh->hollow |= mesh->living == living;
     for (uint32_t v = 0; v < stage->vertex_count; v++)
         if (!stage->vertices[v].outside)
-            tissue_set_spoke(mesh, stage->vertices[v].id, MESH_NONE);
+            edit_set_vertex_side(mesh, stage->vertices[v].id, MESH_NONE);
 }
 
 static void add_new(struct cut_mesh *mesh, struct stage *stage) {
     stage->made_ids.count = 0;
     for (uint32_t i = 0; i < stage->taken.count; i++)
-        tissue_set_spoke(mesh, stage->taken.at[i], MESH_NONE);
+        edit_set_vertex_side(mesh, stage->taken.at[i], MESH_NONE);
     for (uint32_t k = 0; k < stage->made_count; k++) {
         const struct new_triangle *t = &stage->made[k];
-        uint32_t id = tissue_add_triangle(mesh, t->corners, t->label);
+        uint32_t id = edit_add_triangle(mesh, t->corners, t->label);
         ids_push(&stage->made_ids, id);
         for (uint32_t i = 0; i < 3; i++)
-            tissue_set_spoke(mesh, t->corners[i], 3 * id + i);
+            edit_set_vertex_side(mesh, t->corners[i], 3 * id + i);
     }
     for (uint32_t s = 0; s < 3 * stage->made_count; s++) {
         const struct side_entry *back = back_of(stage, s);
         uint32_t twin =
             back->living ? back->side : 3 * stage->made_ids.at[back->side / 3] + back->side % 3;
-        tissue_join(mesh, 3 * stage->made_ids.at[s / 3] + s % 3, twin);
+        edit_join(mesh, 3 * stage->made_ids.at[s / 3] + s % 3, twin);
     }
 }
 
 bool link_triangles(struct cut_mesh *mesh, struct stage *stage) {
-    marks_begin(&stage->slots, mesh->triangle_room);
+    stamped_set_begin(&stage->slots, mesh->triangle_room);
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         if (stage->triangles[k].goes)
-            marks_set(&stage->slots, stage->triangles[k].id, 0);
+            stamped_set_put(&stage->slots, stage->triangles[k].id, 0);
     return enter_all(mesh, stage) && match_sides(stage) && measure(mesh, stage);
 }
 

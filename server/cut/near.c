@@ -12,8 +12,8 @@ static uint64_t take_values(const struct convex *blade, vec3 p, double *out_valu
 }
 
 static uint32_t near_vertex(const struct cut_mesh *mesh, struct stage *stage, uint32_t id) {
-    if (marks_has(&stage->slots, id))
-        return marks_get(&stage->slots, id);
+    if (stamped_set_has(&stage->slots, id))
+        return stamped_set_get(&stage->slots, id);
     uint32_t slot = stage->vertex_count++, planes = (uint32_t)stage->blade.plane_count;
     stage->vertices = array_grow(stage->vertices, &stage->vertex_room, stage->vertex_count,
                                  sizeof *stage->vertices);
@@ -22,7 +22,7 @@ static uint32_t near_vertex(const struct cut_mesh *mesh, struct stage *stage, ui
     uint64_t outside =
         take_values(&stage->blade, mesh->points[id], stage->values + (size_t)planes * slot);
     stage->vertices[slot] = (struct near_vertex){id, outside};
-    marks_set(&stage->slots, id, slot);
+    stamped_set_put(&stage->slots, id, slot);
     return slot;
 }
 
@@ -57,10 +57,10 @@ void near_gather(struct cut_mesh *mesh, struct stage *stage) {
     struct box box = {vec3_sub(stage->blade.box.min, margin),
                       vec3_add(stage->blade.box.max, margin)};
     stage->candidates.count = 0;
-    marks_begin(&stage->slots, mesh->triangle_room);
+    stamped_set_begin(&stage->slots, mesh->triangle_room);
     grid_collect(&mesh->grid, box, &stage->slots, &stage->candidates);
     ids_sort(&stage->candidates); // the grid's order depends on cuts that were refused
-    marks_begin(&stage->slots, mesh->vertex_room);
+    stamped_set_begin(&stage->slots, mesh->vertex_room);
     stage->vertex_count = stage->triangle_count = 0;
     for (uint32_t i = 0; i < stage->candidates.count; i++)
         if (boxes_meet(mesh, stage->candidates.at[i], &box))

@@ -4,21 +4,21 @@
 // ---- one patch ----
 
 static bool is_new_surface(const struct cut_mesh *mesh, uint32_t triangle) {
-    return marks_has(&mesh->undo.triangles_seen, triangle) &&
+    return stamped_set_has(&mesh->undo.triangles_seen, triangle) &&
            cut_mesh_triangle_alive(mesh, triangle) && mesh->labels[triangle] == mesh->number;
 }
 
 // All new surface that hangs together with a triangle: appended to `list`.
-static void spread(const struct cut_mesh *mesh, struct marks *seen, struct ids *list,
+static void spread(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *list,
                    uint32_t triangle) {
     uint32_t next = list->count;
-    marks_set(seen, triangle, 0);
+    stamped_set_put(seen, triangle, 0);
     for (ids_push(list, triangle); next < list->count; next++)
         for (size_t i = 0; i < 3; i++) {
             uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
-            if (marks_has(seen, beside) || !is_new_surface(mesh, beside))
+            if (stamped_set_has(seen, beside) || !is_new_surface(mesh, beside))
                 continue;
-            marks_set(seen, beside, 0);
+            stamped_set_put(seen, beside, 0);
             ids_push(list, beside);
         }
 }
@@ -47,13 +47,13 @@ static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *tri
 // ---- all ----
 
 void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
-    struct marks *seen = &mesh->flood->owner;
+    struct stamped_set *seen = &mesh->flood->owner;
     struct ids *list = &mesh->flood->list;
     list->count = 0;
-    marks_begin(seen, mesh->triangle_room);
+    stamped_set_begin(seen, mesh->triangle_room);
     for (uint32_t i = 0; i < change->made_count; i++) {
         uint32_t first = list->count, triangle = change->made[i];
-        if (marks_has(seen, triangle) || !is_new_surface(mesh, triangle))
+        if (stamped_set_has(seen, triangle) || !is_new_surface(mesh, triangle))
             continue;
         spread(mesh, seen, list, triangle);
         change->patches =

@@ -1,4 +1,5 @@
 #include "cut/change.h"
+#include "cut/edit.h"
 #include "cut/flood.h"
 #include "cut/hollow.h"
 
@@ -19,14 +20,15 @@ static void list_triangles(const struct cut_mesh *mesh, struct flood *flood, uin
     ids_sort(out);
 }
 
-struct moments {
+struct volume_moments {
     double six_volumes;
     vec3 apex;
     vec3 sum; // of six volumes times four centroids from the apex
 };
 
-static struct moments moments_of(const struct cut_mesh *mesh, const struct ids *triangles) {
-    struct moments moments = {.apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]]};
+static struct volume_moments moments_of(const struct cut_mesh *mesh, const struct ids *triangles) {
+    struct volume_moments moments = {.apex =
+                                         mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]]};
     for (uint32_t i = 0; i < triangles->count; i++) {
         vec3 p[3];
         triangle_points(mesh, mesh->corners + 3 * (size_t)triangles->at[i], p);
@@ -91,23 +93,23 @@ static uint32_t find_largest(const struct cut_mesh *mesh, struct flood *flood, d
 static struct mesh mesh_of(const struct cut_mesh *mesh, struct flood *flood,
                            const struct ids *triangles, struct ids *vertices) {
     struct mesh out;
-    marks_begin(&flood->owner, mesh->vertex_room);
+    stamped_set_begin(&flood->owner, mesh->vertex_room);
     vertices->count = 0;
     for (uint32_t i = 0; i < 3 * triangles->count; i++) {
         uint32_t vertex = mesh->corners[3 * (size_t)triangles->at[i / 3] + i % 3];
-        if (!marks_has(&flood->owner, vertex))
+        if (!stamped_set_has(&flood->owner, vertex))
             ids_push(vertices, vertex);
-        marks_set(&flood->owner, vertex, 0);
+        stamped_set_put(&flood->owner, vertex, 0);
     }
     ids_sort(vertices);
     mesh_init(&out, vertices->count, triangles->count);
     for (uint32_t v = 0; v < vertices->count; v++) {
-        marks_set(&flood->owner, vertices->at[v], v);
+        stamped_set_put(&flood->owner, vertices->at[v], v);
         mesh_set_vertex(&out, v, mesh->points[vertices->at[v]]);
     }
     for (uint32_t i = 0; i < 3 * triangles->count; i++)
         out.triangles[i] =
-            marks_get(&flood->owner, mesh->corners[3 * (size_t)triangles->at[i / 3] + i % 3]);
+            stamped_set_get(&flood->owner, mesh->corners[3 * (size_t)triangles->at[i / 3] + i % 3]);
     return out;
 }
 
@@ -116,14 +118,14 @@ static struct cut_piece take_out(struct cut_mesh *mesh, struct flood *flood, uin
     struct ids triangles = {0}, vertices = {0};
     struct cut_piece piece = {0};
     list_triangles(mesh, flood, body, &triangles);
-    struct moments moments = moments_of(mesh, &triangles);
+    struct volume_moments moments = moments_of(mesh, &triangles);
     piece.volume = moments.six_volumes / 6;
     piece.centroid = vec3_add_scaled(moments.apex, 1 / (4 * moments.six_volumes), moments.sum);
     piece.mesh = mesh_of(mesh, flood, &triangles, &vertices);
     for (uint32_t i = 0; i < triangles.count; i++)
-        tissue_remove_triangle(mesh, triangles.at[i]);
+        edit_remove_triangle(mesh, triangles.at[i]);
     for (uint32_t v = 0; v < vertices.count; v++)
-        tissue_set_spoke(mesh, vertices.at[v], MESH_NONE);
+        edit_set_vertex_side(mesh, vertices.at[v], MESH_NONE);
     mesh->volume -= piece.volume;
     ids_fini(&triangles);
     ids_fini(&vertices);

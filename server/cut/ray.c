@@ -37,10 +37,11 @@ int ray_winding_of(const struct cut_mesh *mesh, const uint32_t *triangles, uint3
     return winding;
 }
 
-int ray_winding(const struct cut_mesh *mesh, struct marks *slots, struct ids *hits, vec3 point) {
+int ray_winding(const struct cut_mesh *mesh, struct stamped_set *slots, struct ids *hits,
+                vec3 point) {
     vec3 q = nudged(point);
     hits->count = 0;
-    marks_begin(slots, mesh->triangle_room);
+    stamped_set_begin(slots, mesh->triangle_room);
     grid_collect(&mesh->grid, (struct box){q, {q.x, q.y, INFINITY}}, slots, hits);
     return ray_winding_of(mesh, hits->at, hits->count, point);
 }

@@ -1,6 +1,7 @@
 #include "cut/stage.h"
 
-#include "cut/fill.h"
+#include "cut/edit.h"
+#include "cut/polygon.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -98,7 +99,7 @@ bool stage_refuse(struct stage *stage, const char *why) {
 }
 
 uint32_t stage_take_vertex(struct cut_mesh *mesh, struct stage *stage, vec3 point) {
-    uint32_t id = tissue_take_vertex(mesh, point);
+    uint32_t id = edit_take_vertex(mesh, point);
     ids_push(&stage->taken, id);
     return id;
 }
@@ -124,7 +125,7 @@ void stage_add_region(struct stage *stage, uint32_t label, vec3 normal) {
 void stage_begin_ring(struct stage *stage) {
     stage->rings =
         array_grow(stage->rings, &stage->ring_room, stage->ring_count + 1, sizeof *stage->rings);
-    stage->rings[stage->ring_count++] = (struct ring){stage->ring_vertices.count, 0};
+    stage->rings[stage->ring_count++] = (struct vertex_ring){stage->ring_vertices.count, 0};
     stage->regions[stage->region_count - 1].ring_count++;
 }
 
@@ -137,14 +138,14 @@ void stage_add_to_ring(struct stage *stage, uint32_t vertex) {
 
 struct stage *stage_create(void) {
     struct stage *stage = alloc(1, sizeof *stage);
-    stage->filler = filler_create();
+    stage->filler = polygon_create();
     return stage;
 }
 
 void stage_destroy(struct stage **stage) {
     struct stage *s = *stage;
     *stage = NULL;
-    marks_fini(&s->slots);
+    stamped_set_fini(&s->slots);
     ids_fini(&s->candidates);
     ids_fini(&s->taken);
     ids_fini(&s->pierced);
@@ -159,7 +160,7 @@ void stage_destroy(struct stage **stage) {
     free(s->rings);
     free(s->loops);
     free(s->made);
-    filler_destroy(&s->filler);
+    polygon_destroy(&s->filler);
     ids_fini(&s->made_ids);
     sides_fini(&s->drawn);
     sides_fini(&s->sides);

@@ -10,8 +10,8 @@
 // A function that returns false refuses: stage->refusal says why.
 #pragma once
 
+#include "cut/cut_mesh.h"
 #include "cut/sides.h"
-#include "cut/tissue.h"
 
 // An original vertex of the mesh: bit i of `outside` where it is outside plane i.
 struct near_vertex {
@@ -19,14 +19,14 @@ struct near_vertex {
     uint64_t outside;
 };
 
-struct crossing {
+struct edge_crossing {
     uint32_t vertex; // MESH_NONE: there is none
     int plane;
 };
 
 // Of a mesh edge, in the direction of the lower of its two sides.
 struct edge_trace {
-    struct crossing enter, leave;
+    struct edge_crossing enter, leave;
 };
 
 struct near_triangle {
@@ -58,13 +58,13 @@ struct region {
     vec3 normal; // of any length
 };
 
-struct ring {
+struct vertex_ring {
     uint32_t first, count; // of ring_vertices
 };
 
 // A ring on a face of the blade before it is known what it belongs to.
-struct loop {
-    struct ring ring;
+struct face_loop {
+    struct vertex_ring ring;
     double area;
     uint32_t owner; // of a hole: the loop that it is a hole of; itself where there is none
 };
@@ -81,7 +81,7 @@ struct stage {
     uint32_t number;                                            // of the cut: new surface's label
     const char *refusal;
 
-    struct marks slots; // of vertices or triangles, as each step needs
+    struct stamped_set slots; // of vertices or triangles, as each step needs
     struct ids candidates;
     struct near_vertex *vertices;
     double *values; // signed distances from the planes, plane_count for each near vertex
@@ -97,9 +97,9 @@ struct stage {
     uint32_t piercing_count, piercing_room, segment_count, segment_room;
 
     struct region *regions;
-    struct ring *rings;
+    struct vertex_ring *rings;
     struct ids ring_vertices;
-    struct loop *loops; // of the face at work
+    struct face_loop *loops; // of the face at work
     uint32_t region_count, region_room, ring_count, ring_room, loop_room;
 
     struct new_triangle *made;
@@ -107,7 +107,7 @@ struct stage {
     struct ids made_ids;     // once they are in the mesh
     struct side_table drawn; // sides of polygons and diagonals, from the lower vertex
     struct side_table sides; // of new triangles, and those that look at a triangle that goes
-    struct filler *filler;
+    struct polygon_filler *filler;
     double removed_mm3;
 };
 

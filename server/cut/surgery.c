@@ -1,7 +1,9 @@
 #include "cut/surgery.h"
 
+#include "cut/edit.h"
+
 static bool are_neighbours(const struct cut_mesh *mesh, uint32_t a, uint32_t b) {
-    uint32_t first = mesh->spokes[a], side = first;
+    uint32_t first = mesh->vertex_sides[a], side = first;
     do {
         if (side_end(mesh, side) == b)
             return true;
@@ -11,7 +13,7 @@ static bool are_neighbours(const struct cut_mesh *mesh, uint32_t a, uint32_t b) 
 }
 
 static bool has_three_neighbours(const struct cut_mesh *mesh, uint32_t vertex) {
-    uint32_t first = mesh->spokes[vertex];
+    uint32_t first = mesh->vertex_sides[vertex];
     return side_around(mesh, side_around(mesh, side_around(mesh, first))) == first;
 }
 
@@ -42,16 +44,16 @@ void surgery_merge(struct cut_mesh *mesh, uint32_t side) {
     uint32_t right_in = mesh->twins[side_next(twin)], right_out = mesh->twins[side_previous(twin)];
     for (uint32_t s = side_around(mesh, side_next(twin)), next; s != side; s = next) {
         next = side_around(mesh, s);
-        tissue_move_corner(mesh, s, to);
+        edit_move_corner(mesh, s, to);
     }
-    tissue_remove_triangle(mesh, side / 3);
-    tissue_remove_triangle(mesh, twin / 3);
-    tissue_join(mesh, left_in, left_out);
-    tissue_join(mesh, right_in, right_out);
-    tissue_set_spoke(mesh, from, MESH_NONE);
-    tissue_set_spoke(mesh, to, left_out);
-    tissue_set_spoke(mesh, left, left_in);
-    tissue_set_spoke(mesh, right, right_in);
+    edit_remove_triangle(mesh, side / 3);
+    edit_remove_triangle(mesh, twin / 3);
+    edit_join(mesh, left_in, left_out);
+    edit_join(mesh, right_in, right_out);
+    edit_set_vertex_side(mesh, from, MESH_NONE);
+    edit_set_vertex_side(mesh, to, left_out);
+    edit_set_vertex_side(mesh, left, left_in);
+    edit_set_vertex_side(mesh, right, right_in);
 }
 
 // ---- flip ----
@@ -67,12 +69,12 @@ void surgery_flip(struct cut_mesh *mesh, uint32_t side) {
     uint32_t p = mesh->corners[side], q = mesh->corners[twin];
     uint32_t v = mesh->corners[side_previous(side)], r = mesh->corners[side_previous(twin)];
     uint32_t beyond_after = mesh->twins[after], beyond_twin_after = mesh->twins[twin_after];
-    tissue_move_corner(mesh, after, r);
-    tissue_move_corner(mesh, twin_after, v);
-    tissue_join(mesh, side, beyond_twin_after);
-    tissue_join(mesh, twin, beyond_after);
-    tissue_join(mesh, after, twin_after);
-    tissue_set_spoke(mesh, p, side);
-    tissue_set_spoke(mesh, q, twin);
+    edit_move_corner(mesh, after, r);
+    edit_move_corner(mesh, twin_after, v);
+    edit_join(mesh, side, beyond_twin_after);
+    edit_join(mesh, twin, beyond_after);
+    edit_join(mesh, after, twin_after);
+    edit_set_vertex_side(mesh, p, side);
+    edit_set_vertex_side(mesh, q, twin);
     mesh->labels[side / 3] = mesh->labels[twin / 3];
 }

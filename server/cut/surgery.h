@@ -1,7 +1,7 @@
 // Changes of a few triangles that keep the mesh closed, manifold and oriented.
 #pragma once
 
-#include "cut/tissue.h"
+#include "cut/cut_mesh.h"
 
 // Merges the start of a side into its end: both triangles of the side go.
 bool surgery_can_merge(const struct cut_mesh *mesh, uint32_t side);

@@ -46,7 +46,8 @@ static struct edge_trace trace_edge(struct cut_mesh *mesh, struct stage *stage, 
 static void trace_side(struct cut_mesh *mesh, struct stage *stage, uint32_t slot, int i) {
     struct near_triangle *near = &stage->triangles[slot];
     uint32_t side = 3 * near->id + (uint32_t)i, twin = mesh->twins[side];
-    uint32_t other = marks_has(&stage->slots, twin / 3) ? marks_get(&stage->slots, twin / 3) : slot;
+    uint32_t other =
+        stamped_set_has(&stage->slots, twin / 3) ? stamped_set_get(&stage->slots, twin / 3) : slot;
     if (other < slot) {
         near->edges[i] = stage->triangles[other].edges[twin % 3];
         return;
@@ -61,9 +62,9 @@ static void trace_side(struct cut_mesh *mesh, struct stage *stage, uint32_t slot
 }
 
 static void trace_edges(struct cut_mesh *mesh, struct stage *stage) {
-    marks_begin(&stage->slots, mesh->triangle_room);
+    stamped_set_begin(&stage->slots, mesh->triangle_room);
     for (uint32_t k = 0; k < stage->triangle_count; k++)
-        marks_set(&stage->slots, stage->triangles[k].id, k);
+        stamped_set_put(&stage->slots, stage->triangles[k].id, k);
     for (uint32_t k = 0; k < stage->triangle_count; k++)
         for (int i = 0; i < 3; i++)
             trace_side(mesh, stage, k, i);
@@ -99,12 +100,12 @@ static vec3 onto_edge(const struct convex *blade, int edge, vec3 p, double *out_
 }
 
 // Where an arc has come to as it is drawn.
-struct arc {
+struct face_arc {
     uint32_t last; // vertex; MESH_NONE: it has none yet
     int face;
 };
 
-static void step_over(struct cut_mesh *mesh, struct stage *stage, struct arc *arc, int face,
+static void step_over(struct cut_mesh *mesh, struct stage *stage, struct face_arc *arc, int face,
                       vec3 near) {
     int edge = stage->edge_between[arc->face][face];
     struct piercing piercing = {.edge = edge};
@@ -121,7 +122,7 @@ static void step_over(struct cut_mesh *mesh, struct stage *stage, struct arc *ar
 }
 
 // To a face that is beside the arc's, or where rounding took what lies between them, near it.
-static void step_to(struct cut_mesh *mesh, struct stage *stage, struct arc *arc, int face,
+static void step_to(struct cut_mesh *mesh, struct stage *stage, struct face_arc *arc, int face,
                     vec3 near) {
     int path[CONVEX_PLANES_MAX];
     int count = dual_path(stage, arc->face, face, path);
@@ -130,7 +131,7 @@ static void step_to(struct cut_mesh *mesh, struct stage *stage, struct arc *arc,
 }
 
 // What one meets on a walk around a triangle.
-struct event {
+struct walk_event {
     enum { EVENT_CORNER, EVENT_ENTER, EVENT_LEAVE } kind; // corners outside only
     uint32_t vertex;
     int plane, side;
@@ -151,7 +152,7 @@ static int find_label(const struct clip *clip, int label) {
 
 // Behind the side that the arc leaves from; where so little of that lies inside that it is lost,
 // behind the one before it; where all are lost, all around.
-static struct run find_run(const struct clip *clip, const struct event *leave) {
+static struct run find_run(const struct clip *clip, const struct walk_event *leave) {
     int start = -1;
     for (int i = 3; i > 0 && start < 0; i--)
         start = find_label(clip, CLIP_SIDE + (leave->side + i) % 3);
@@ -178,21 +179,21 @@ static struct run trim_run(const struct clip *clip, struct run run, int first, i
 // ---- triangles ----
 
 static int walk_around(const struct cut_mesh *mesh, const struct stage *stage,
-                       const struct near_triangle *near, struct event out[9]) {
+                       const struct near_triangle *near, struct walk_event out[9]) {
     int count = 0;
     for (int i = 0; i < 3; i++) {
         const struct near_vertex *corner = &stage->vertices[near->corners[i]];
         if (corner->outside)
-            out[count++] = (struct event){EVENT_CORNER, corner->id, 0, i};
+            out[count++] = (struct walk_event){EVENT_CORNER, corner->id, 0, i};
         const struct edge_trace *edge = &stage->edges[near->edges[i]];
         uint32_t side = 3 * near->id + (uint32_t)i;
         bool along = side < mesh->twins[side];
-        struct crossing enter = along ? edge->enter : edge->leave;
-        struct crossing leave = along ? edge->leave : edge->enter;
+        struct edge_crossing enter = along ? edge->enter : edge->leave;
+        struct edge_crossing leave = along ? edge->leave : edge->enter;
         if (enter.vertex != MESH_NONE)
-            out[count++] = (struct event){EVENT_ENTER, enter.vertex, enter.plane, i};
+            out[count++] = (struct walk_event){EVENT_ENTER, enter.vertex, enter.plane, i};
         if (leave.vertex != MESH_NONE)
-            out[count++] = (struct event){EVENT_LEAVE, leave.vertex, leave.plane, i};
+            out[count++] = (struct walk_event){EVENT_LEAVE, leave.vertex, leave.plane, i};
     }
     return count;
 }
@@ -204,8 +205,8 @@ static vec3 normal_of(const struct cut_mesh *mesh, uint32_t triangle) {
 }
 
 static void draw_arc(struct cut_mesh *mesh, struct stage *stage, const struct clip *clip,
-                     const struct event *leave, const struct event *enter) {
-    struct arc arc = {leave->vertex, leave->plane};
+                     const struct walk_event *leave, const struct walk_event *enter) {
+    struct face_arc arc = {leave->vertex, leave->plane};
     struct run run = trim_run(clip, find_run(clip, leave), leave->plane, enter->plane);
     vec3 p_leave = mesh->points[leave->vertex], p_enter = mesh->points[enter->vertex];
     vec3 last = run.first < run.end ? p_enter : vec3_lerp(p_leave, p_enter, 0.5);
@@ -218,8 +219,8 @@ static void draw_arc(struct cut_mesh *mesh, struct stage *stage, const struct cl
 
 // What is left of a triangle between a leaving event and the next entering one.
 static void outside_polygon(struct cut_mesh *mesh, struct stage *stage, const struct clip *clip,
-                            const struct near_triangle *near, const struct event *events, int count,
-                            int leave) {
+                            const struct near_triangle *near, const struct walk_event *events,
+                            int count, int leave) {
     stage_add_region(stage, mesh->labels[near->id], normal_of(mesh, near->id));
     stage_begin_ring(stage);
     stage_add_to_ring(stage, events[leave].vertex);
@@ -236,7 +237,7 @@ static void outside_polygon(struct cut_mesh *mesh, struct stage *stage, const st
 // The blade goes through the inside of a triangle and touches none of its sides.
 static void pierced_through(struct cut_mesh *mesh, struct stage *stage, const struct clip *clip,
                             struct near_triangle *near) {
-    struct arc arc = {MESH_NONE, clip->labels[0]};
+    struct face_arc arc = {MESH_NONE, clip->labels[0]};
     stage->pierced.count = 0;
     for (int k = 0; k < clip->count; k++)
         if (clip->labels[k] >= CLIP_SIDE)
@@ -257,7 +258,7 @@ static void pierced_through(struct cut_mesh *mesh, struct stage *stage, const st
 }
 
 static void trace_triangle(struct cut_mesh *mesh, struct stage *stage, struct near_triangle *near) {
-    struct event events[9];
+    struct walk_event events[9];
     struct clip clip;
     int count = walk_around(mesh, stage, near, events);
     near->goes = count != 3 || events[0].kind != EVENT_CORNER || events[1].kind != EVENT_CORNER ||

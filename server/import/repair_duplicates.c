@@ -63,8 +63,8 @@ static void keep_first_ones(struct mesh *mesh, bool *doubled) {
 
 // Doubled triangles of one edge belong to one wall. Where other triangles are there too, it tells
 // how many edges would be even without the wall, less those that are even with it.
-static void weigh_edge(const struct side *sides, size_t count, const bool *doubled, uint32_t *walls,
-                       int32_t *gains) {
+static void weigh_edge(const struct triangle_side *sides, size_t count, const bool *doubled,
+                       uint32_t *walls, int32_t *gains) {
     uint32_t first = MESH_NONE;
     size_t of_wall = 0;
     for (size_t i = 0; i < count; i++) {
@@ -82,7 +82,7 @@ static void weigh_edge(const struct side *sides, size_t count, const bool *doubl
 static uint32_t remove_walls(struct mesh *mesh, const bool *doubled) {
     uint32_t before = mesh->triangle_count;
     size_t count = 3 * (size_t)before;
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     uint32_t *walls = sets_create(before);
     int32_t *gains = alloc(before, sizeof *gains), *gain_of_wall = alloc(before, sizeof *gains);
     bool *kept = alloc(before, sizeof *kept);

@@ -42,7 +42,7 @@ static void add_triangle(struct piece *piece, const struct mesh *mesh, uint32_t 
 
 static void count_open_edges(const struct mesh *mesh, struct pieces *pieces) {
     size_t count = 3 * (size_t)mesh->triangle_count;
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     for (size_t i = 0, end; i < count; i = end) {
         end = edges_end(sides, i, count);
         pieces->all[pieces->of_triangle[sides[i].triangle]].open_edges += (end - i) % 2 != 0;

@@ -43,7 +43,7 @@ static void link_ways(struct ways *ways, uint32_t a, uint32_t b, bool against) {
 
 struct around {
     double angle; // about the edge, from low to high
-    const struct side *side;
+    const struct triangle_side *side;
 };
 
 static int compare_around(const void *a, const void *b) {
@@ -51,7 +51,7 @@ static int compare_around(const void *a, const void *b) {
     return s < t ? -1 : s > t;
 }
 
-static vec3 apex_of(const struct mesh *mesh, const struct side *side) {
+static vec3 apex_of(const struct mesh *mesh, const struct triangle_side *side) {
     const uint32_t *v = mesh->triangles + 3 * (size_t)side->triangle;
     for (int i = 0; i < 2; i++)
         if (v[i] != side->low && v[i] != side->high)
@@ -61,7 +61,7 @@ static vec3 apex_of(const struct mesh *mesh, const struct side *side) {
 
 // The sides of one edge in the order in which they lie around it. False where that is not known:
 // their number is odd, or two lie on one another.
-static bool sort_around(const struct mesh *mesh, const struct side *sides, size_t count,
+static bool sort_around(const struct mesh *mesh, const struct triangle_side *sides, size_t count,
                         struct around *out) {
     if (count % 2 != 0 || count > AROUND_MAX)
         return false;
@@ -85,7 +85,7 @@ static bool sort_around(const struct mesh *mesh, const struct side *sides, size_
 
 // ---- turning ------------------------------------------------------------------------------------
 
-static struct ways find_ways(const struct mesh *mesh, const struct side *sides) {
+static struct ways find_ways(const struct mesh *mesh, const struct triangle_side *sides) {
     size_t count = 3 * (size_t)mesh->triangle_count;
     struct ways ways = {sets_create(mesh->triangle_count),
                         alloc(mesh->triangle_count, sizeof *ways.against)};
@@ -115,8 +115,8 @@ struct way_sums {
     bool open;
 };
 
-static void sum_ways(const struct mesh *mesh, const struct side *sides, const struct ways *ways,
-                     struct way_sums *sums) {
+static void sum_ways(const struct mesh *mesh, const struct triangle_side *sides,
+                     const struct ways *ways, struct way_sums *sums) {
     bool against;
     vec3 origin = mesh_corner(mesh, 0, 0);
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
@@ -137,7 +137,7 @@ static void sum_ways(const struct mesh *mesh, const struct side *sides, const st
 }
 
 // Closed sets outwards; of open ones the smaller part follows the larger.
-static void turn_ways(struct mesh *mesh, const struct side *sides, bool *turned) {
+static void turn_ways(struct mesh *mesh, const struct triangle_side *sides, bool *turned) {
     struct ways ways = find_ways(mesh, sides);
     struct way_sums *sums = alloc(mesh->triangle_count, sizeof *sums);
     sum_ways(mesh, sides, &ways, sums);
@@ -167,7 +167,7 @@ static bool alternates(const struct around *around, size_t count) {
     return true;
 }
 
-static void join_at_edge(const struct mesh *mesh, const struct side *sides, size_t count,
+static void join_at_edge(const struct mesh *mesh, const struct triangle_side *sides, size_t count,
                          uint32_t *fans) {
     struct around around[AROUND_MAX];
     if (count > 2 && sort_around(mesh, sides, count, around) && alternates(around, count)) {
@@ -183,7 +183,7 @@ static void join_at_edge(const struct mesh *mesh, const struct side *sides, size
 static uint32_t *find_fans(const struct mesh *mesh) {
     size_t count = 3 * (size_t)mesh->triangle_count;
     uint32_t *fans = sets_create(3 * mesh->triangle_count);
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     for (size_t i = 0, end; i < count; i = end) {
         end = edges_end(sides, i, count);
         join_at_edge(mesh, sides + i, end - i, fans);
@@ -223,7 +223,7 @@ static uint32_t split_vertices(struct mesh *mesh) {
 }
 
 void repair_sheets(struct mesh *mesh, bool *turned, struct repair_report *report) {
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     turn_ways(mesh, sides, turned);
     free(sides);
     report->split_vertices = split_vertices(mesh);

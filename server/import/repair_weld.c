@@ -20,7 +20,7 @@ struct cell {
 static bool *open_vertices(const struct mesh *mesh) {
     size_t count = 3 * (size_t)mesh->triangle_count;
     bool *open = alloc(mesh->vertex_count, sizeof *open);
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     for (size_t i = 0, end; i < count; i = end) {
         end = edges_end(sides, i, count);
         if (end - i == 1)

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 static int compare_sides(const void *a, const void *b) {
-    const struct side *s = a, *t = b;
+    const struct triangle_side *s = a, *t = b;
     if (s->low != t->low)
         return s->low < t->low ? -1 : 1;
     if (s->high != t->high)
@@ -13,14 +13,14 @@ static int compare_sides(const void *a, const void *b) {
     return s->triangle < t->triangle ? -1 : s->triangle > t->triangle;
 }
 
-struct side *edges_sorted(const struct mesh *mesh) {
+struct triangle_side *edges_sorted(const struct mesh *mesh) {
     size_t count = 3 * (size_t)mesh->triangle_count;
-    struct side *sides = alloc(count, sizeof *sides);
+    struct triangle_side *sides = alloc(count, sizeof *sides);
     for (size_t i = 0; i < count; i++) {
         uint32_t from = mesh->triangles[i];
         uint32_t to = mesh->triangles[i - i % 3 + (i + 1) % 3];
-        sides[i] = from < to ? (struct side){from, to, (uint32_t)(i / 3), true}
-                             : (struct side){to, from, (uint32_t)(i / 3), false};
+        sides[i] = from < to ? (struct triangle_side){from, to, (uint32_t)(i / 3), true}
+                             : (struct triangle_side){to, from, (uint32_t)(i / 3), false};
     }
     qsort(sides, count, sizeof *sides, compare_sides);
     return sides;
@@ -44,7 +44,7 @@ void sets_join(uint32_t *sets, uint32_t a, uint32_t b) {
     sets[sets_find(sets, a)] = sets_find(sets, b);
 }
 
-size_t edges_end(const struct side *sides, size_t start, size_t count) {
+size_t edges_end(const struct triangle_side *sides, size_t start, size_t count) {
     size_t end = start + 1;
     while (end < count && sides[end].low == sides[start].low &&
            sides[end].high == sides[start].high)
@@ -59,8 +59,8 @@ static uint32_t corner_of(const struct mesh *mesh, uint32_t triangle, uint32_t v
     return corner;
 }
 
-void edges_join_fans(const struct mesh *mesh, uint32_t *fans, const struct side *a,
-                     const struct side *b) {
+void edges_join_fans(const struct mesh *mesh, uint32_t *fans, const struct triangle_side *a,
+                     const struct triangle_side *b) {
     sets_join(fans, corner_of(mesh, a->triangle, a->low), corner_of(mesh, b->triangle, a->low));
     sets_join(fans, corner_of(mesh, a->triangle, a->high), corner_of(mesh, b->triangle, a->high));
 }

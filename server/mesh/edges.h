@@ -6,17 +6,17 @@
 
 // One side of a triangle. Sorted by its two ends, then by triangle, the sides of one edge lie
 // together.
-struct side {
+struct triangle_side {
     uint32_t low, high;
     uint32_t triangle;
     bool forward; // the triangle runs from low to high
 };
 
 // All 3 * triangle_count sides, sorted. The caller frees the array.
-struct side *edges_sorted(const struct mesh *mesh);
+struct triangle_side *edges_sorted(const struct mesh *mesh);
 
 // The end of the sides that share an edge with the one at `start`.
-size_t edges_end(const struct side *sides, size_t start, size_t count);
+size_t edges_end(const struct triangle_side *sides, size_t start, size_t count);
 
 // Disjoint sets: each of 0 .. count - 1 alone. The caller frees the array.
 uint32_t *sets_create(uint32_t count);
@@ -25,5 +25,5 @@ void sets_join(uint32_t *sets, uint32_t a, uint32_t b);
 
 // Two triangles meet at an edge: in `fans`, sets of the 3 * triangle_count corners, their corners
 // at both of its ends become one fan.
-void edges_join_fans(const struct mesh *mesh, uint32_t *fans, const struct side *a,
-                     const struct side *b);
+void edges_join_fans(const struct mesh *mesh, uint32_t *fans, const struct triangle_side *a,
+                     const struct triangle_side *b);

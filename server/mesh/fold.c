@@ -5,20 +5,20 @@
 
 #include <stdlib.h>
 
-struct entry {
+struct boxed_triangle {
     struct box box;
     uint32_t triangle;
 };
 
 static int by_x(const void *left, const void *right) {
-    const struct entry *a = left, *b = right;
+    const struct boxed_triangle *a = left, *b = right;
     if (a->box.min.x != b->box.min.x)
         return a->box.min.x < b->box.min.x ? -1 : 1;
     return (a->triangle > b->triangle) - (a->triangle < b->triangle);
 }
 
-static struct entry *sorted_boxes(const struct mesh *mesh) {
-    struct entry *entries = alloc(mesh->triangle_count, sizeof *entries);
+static struct boxed_triangle *sorted_boxes(const struct mesh *mesh) {
+    struct boxed_triangle *entries = alloc(mesh->triangle_count, sizeof *entries);
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         vec3 a = mesh_corner(mesh, t, 0), b = mesh_corner(mesh, t, 1), c = mesh_corner(mesh, t, 2);
         entries[t].triangle = t;
@@ -73,7 +73,7 @@ static bool mark(bool folded, uint32_t s, uint32_t t, bool *out_folded) {
 }
 
 static uint32_t count_crossed(const struct mesh *mesh, bool *out_folded) {
-    struct entry *entries = sorted_boxes(mesh);
+    struct boxed_triangle *entries = sorted_boxes(mesh);
     uint32_t count = 0;
     for (uint32_t i = 0; i < mesh->triangle_count; i++)
         for (uint32_t k = i + 1;
@@ -96,7 +96,7 @@ static vec3 normal_of(const struct mesh *mesh, uint32_t t) {
 
 static uint32_t count_creased(const struct mesh *mesh, bool *out_folded) {
     const double turned = -0.99984769515639127; // the cosine of 179 degrees
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     size_t count = 3 * (size_t)mesh->triangle_count;
     uint32_t creased = 0;
     for (size_t i = 0; i < count; i = edges_end(sides, i, count)) {

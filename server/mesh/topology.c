@@ -10,7 +10,7 @@
 
 static uint32_t count_edges(const struct mesh *mesh, uint32_t *fans, struct topology *out) {
     size_t count = 3 * (size_t)mesh->triangle_count;
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     uint32_t edges = 0;
     for (size_t i = 0, end; i < count; i = end, edges++) {
         end = edges_end(sides, i, count);

@@ -1,6 +1,5 @@
-#include "cut/cut.h"
-
 #include "cut/clean.h"
+#include "cut/cut.h"
 #include "cut/flood.h"
 #include "cut/stage.h"
 #include "mesh/edges.h"
@@ -8,8 +7,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-
-// ---- create ----
 
 #define CELL_LEAST_MM 0.25
 
@@ -32,14 +29,14 @@ static enum result check_solid(const struct mesh *mesh, bool *out_hollow, struct
     return RESULT_OK;
 }
 
-static uint32_t side_of(const struct mesh *mesh, const struct side *side) {
+static uint32_t side_of(const struct mesh *mesh, const struct triangle_side *side) {
     uint32_t from = side->forward ? side->low : side->high, i = 3 * side->triangle;
     while (mesh->triangles[i] != from)
         i++;
     return i;
 }
 
-static double mean_edge(const struct mesh *mesh, const struct side *sides) {
+static double mean_edge(const struct mesh *mesh, const struct triangle_side *sides) {
     size_t count = 3 * (size_t)mesh->triangle_count;
     double sum = 0;
     for (size_t i = 0; i < count; i++)
@@ -47,20 +44,21 @@ static double mean_edge(const struct mesh *mesh, const struct side *sides) {
     return sum / (double)count;
 }
 
-static void take_arrays(struct cut_mesh *out, const struct mesh *mesh, const struct side *sides) {
+static void take_arrays(struct cut_mesh *out, const struct mesh *mesh,
+                        const struct triangle_side *sides) {
     size_t count = 3 * (size_t)mesh->triangle_count;
     out->vertex_bound = out->vertex_room = out->original_count = mesh->vertex_count;
     out->triangle_bound = out->triangle_room = out->living = mesh->triangle_count;
     out->points = alloc(mesh->vertex_count, sizeof *out->points);
-    out->spokes = alloc(mesh->vertex_count, sizeof *out->spokes);
+    out->vertex_sides = alloc(mesh->vertex_count, sizeof *out->vertex_sides);
     out->corners = array_copy(mesh->triangles, count, sizeof *out->corners);
     out->twins = alloc(count, sizeof *out->twins);
     out->labels = alloc(mesh->triangle_count, sizeof *out->labels);
-    memset(out->spokes, 0xff, mesh->vertex_count * sizeof *out->spokes);
+    memset(out->vertex_sides, 0xff, mesh->vertex_count * sizeof *out->vertex_sides);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         out->points[v] = mesh_vertex(mesh, v);
     for (size_t i = count; i-- > 0;)
-        out->spokes[mesh->triangles[i]] = (uint32_t)i;
+        out->vertex_sides[mesh->triangles[i]] = (uint32_t)i;
     for (size_t i = 0; i < count; i += 2) {
         uint32_t a = side_of(mesh, &sides[i]), b = side_of(mesh, &sides[i + 1]);
         out->twins[a] = b;
@@ -82,7 +80,7 @@ enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh,
     if (result != RESULT_OK)
         return result;
     struct cut_mesh *m = *out_mesh = alloc(1, sizeof *m);
-    struct side *sides = edges_sorted(mesh);
+    struct triangle_side *sides = edges_sorted(mesh);
     take_arrays(m, mesh, sides);
     grid_init(&m->grid, mesh_bounds(mesh), fmax(CELL_LEAST_MM, 2 * mean_edge(mesh, sides)));
     free(sides);
@@ -103,7 +101,8 @@ struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh) {
     copy->vertex_room = mesh->vertex_bound;
     copy->triangle_room = mesh->triangle_bound;
     copy->points = array_copy(mesh->points, mesh->vertex_bound, sizeof *mesh->points);
-    copy->spokes = array_copy(mesh->spokes, mesh->vertex_bound, sizeof *mesh->spokes);
+    copy->vertex_sides =
+        array_copy(mesh->vertex_sides, mesh->vertex_bound, sizeof *mesh->vertex_sides);
     copy->corners = array_copy(mesh->corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
     copy->twins = array_copy(mesh->twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
     copy->labels = array_copy(mesh->labels, mesh->triangle_bound, sizeof *mesh->labels);
@@ -121,15 +120,15 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     if (!m)
         return;
     free(m->points);
-    free(m->spokes);
+    free(m->vertex_sides);
     free(m->corners);
     free(m->twins);
     free(m->labels);
     ids_fini(&m->free_vertices);
     ids_fini(&m->free_triangles);
     grid_fini(&m->grid);
-    marks_fini(&m->undo.triangles_seen);
-    marks_fini(&m->undo.vertices_seen);
+    stamped_set_fini(&m->undo.triangles_seen);
+    stamped_set_fini(&m->undo.vertices_seen);
     free(m->undo.triangles);
     ids_fini(&m->undo.gone);
     free(m->undo.vertices);
@@ -139,87 +138,4 @@ void cut_mesh_destroy(struct cut_mesh **mesh) {
     cleaner_fini(m->cleaner);
     free(m->cleaner);
     free(m);
-}
-
-// ---- look ----
-
-uint32_t cut_mesh_vertex_bound(const struct cut_mesh *mesh) {
-    return mesh->vertex_bound;
-}
-
-uint32_t cut_mesh_triangle_bound(const struct cut_mesh *mesh) {
-    return mesh->triangle_bound;
-}
-
-uint32_t cut_mesh_triangle_count(const struct cut_mesh *mesh) {
-    return mesh->living;
-}
-
-bool cut_mesh_vertex_alive(const struct cut_mesh *mesh, uint32_t vertex) {
-    CHECK(vertex < mesh->vertex_bound);
-    return mesh->spokes[vertex] != MESH_NONE;
-}
-
-bool cut_mesh_triangle_alive(const struct cut_mesh *mesh, uint32_t triangle) {
-    CHECK(triangle < mesh->triangle_bound);
-    return mesh->corners[3 * (size_t)triangle] != MESH_NONE;
-}
-
-vec3 cut_mesh_vertex(const struct cut_mesh *mesh, uint32_t vertex) {
-    CHECK(vertex < mesh->vertex_bound);
-    return mesh->points[vertex];
-}
-
-const uint32_t *cut_mesh_triangle(const struct cut_mesh *mesh, uint32_t triangle) {
-    CHECK(triangle < mesh->triangle_bound);
-    return mesh->corners + 3 * (size_t)triangle;
-}
-
-uint32_t cut_mesh_label(const struct cut_mesh *mesh, uint32_t triangle) {
-    CHECK(triangle < mesh->triangle_bound);
-    return mesh->labels[triangle];
-}
-
-double cut_mesh_volume(const struct cut_mesh *mesh) {
-    double sum = 0;
-    for (uint32_t t = 0; t < mesh->triangle_bound; t++) {
-        if (!cut_mesh_triangle_alive(mesh, t))
-            continue;
-        vec3 points[3];
-        triangle_points(mesh, mesh->corners + 3 * (size_t)t, points);
-        sum += six_volumes(points, mesh->grid.origin);
-    }
-    return sum / 6;
-}
-
-void cut_mesh_flatten(const struct cut_mesh *mesh, struct mesh *out, uint32_t **out_vertices,
-                      uint32_t **out_triangles) {
-    uint32_t vertices = 0, triangles = 0;
-    for (uint32_t v = 0; v < mesh->vertex_bound; v++)
-        vertices += cut_mesh_vertex_alive(mesh, v);
-    mesh_init(out, vertices, mesh->living);
-    uint32_t *names = alloc(mesh->vertex_bound, sizeof *names);
-    uint32_t *vertex_ids = alloc(vertices, sizeof *vertex_ids);
-    uint32_t *triangle_ids = alloc(mesh->living, sizeof *triangle_ids);
-    vertices = 0;
-    for (uint32_t v = 0; v < mesh->vertex_bound; v++)
-        if (cut_mesh_vertex_alive(mesh, v)) {
-            mesh_set_vertex(out, names[v] = vertices, mesh->points[v]);
-            vertex_ids[vertices++] = v;
-        }
-    for (uint32_t t = 0; t < mesh->triangle_bound; t++)
-        if (cut_mesh_triangle_alive(mesh, t)) {
-            for (size_t i = 0; i < 3; i++)
-                out->triangles[3 * (size_t)triangles + i] = names[mesh->corners[3 * (size_t)t + i]];
-            triangle_ids[triangles++] = t;
-        }
-    free(names);
-    if (out_vertices)
-        *out_vertices = vertex_ids;
-    else
-        free(vertex_ids);
-    if (out_triangles)
-        *out_triangles = triangle_ids;
-    else
-        free(triangle_ids);
 }

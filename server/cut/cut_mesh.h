@@ -16,11 +16,11 @@ struct triangle_before {
 };
 
 struct vertex_before {
-    uint32_t id, spoke;
+    uint32_t id, side;
 };
 
 struct undo {
-    struct marks triangles_seen, vertices_seen;
+    struct stamped_set triangles_seen, vertices_seen;
     struct triangle_before *triangles;
     struct vertex_before *vertices;
     uint32_t triangle_count, triangle_room, vertex_count, vertex_room;
@@ -37,7 +37,7 @@ struct cut_mesh {
     uint32_t vertex_bound, vertex_room;
     uint32_t original_count; // vertices below this are those of the mesh that it was made from
     vec3 *points;
-    uint32_t *spokes; // a side that starts at the vertex; MESH_NONE: not alive
+    uint32_t *vertex_sides; // a side that starts at the vertex; MESH_NONE: not alive
     uint32_t triangle_bound, triangle_room;
     uint32_t living;   // triangles
     uint32_t *corners; // MESH_NONE: not alive
@@ -47,7 +47,7 @@ struct cut_mesh {
     uint32_t number;                          // of the last cut that changed the mesh
     double volume;                            // mm³, kept up to date by what each cut changes
     bool hollow;                              // there may be cavities
-    struct grid grid;
+    struct triangle_grid grid;
     struct undo undo;
     struct stage *stage; // scratch, kept from cut to cut
     struct flood *flood;
@@ -81,24 +81,3 @@ static inline void triangle_points(const struct cut_mesh *mesh, const uint32_t c
 static inline double six_volumes(const vec3 c[3], vec3 apex) {
     return vec3_dot(vec3_sub(c[0], apex), vec3_cross(vec3_sub(c[1], apex), vec3_sub(c[2], apex)));
 }
-
-// Every change lies between begin and commit or undo. The grid follows with settle, and at the end.
-void tissue_begin(struct cut_mesh *mesh);
-void tissue_undo(struct cut_mesh *mesh);
-void tissue_settle(struct cut_mesh *mesh);
-void tissue_commit(struct cut_mesh *mesh); // what is gone may be used again from now on
-
-// A taken vertex has an id and a place. With its first spoke, even MESH_NONE, the cut knows it;
-// before that it can be returned.
-uint32_t tissue_take_vertex(struct cut_mesh *mesh, vec3 point);
-struct vertex_mark {
-    uint32_t bound, free_count;
-};
-struct vertex_mark tissue_mark_vertices(const struct cut_mesh *mesh);
-void tissue_return_vertices(struct cut_mesh *mesh, struct vertex_mark mark); // taken since
-
-void tissue_set_spoke(struct cut_mesh *mesh, uint32_t vertex, uint32_t side);
-uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], uint32_t label);
-void tissue_remove_triangle(struct cut_mesh *mesh, uint32_t triangle);
-void tissue_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex);
-void tissue_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin);

@@ -1,13 +1,13 @@
-#include "cut/tissue.h"
+#include "cut/edit.h"
 
 #include <string.h>
 
 // ---- what a cut touches ----
 
-void tissue_begin(struct cut_mesh *mesh) {
+void edit_begin(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
-    marks_begin(&undo->triangles_seen, mesh->triangle_room);
-    marks_begin(&undo->vertices_seen, mesh->vertex_room);
+    stamped_set_begin(&undo->triangles_seen, mesh->triangle_room);
+    stamped_set_begin(&undo->vertices_seen, mesh->vertex_room);
     undo->triangle_count = undo->vertex_count = 0;
     undo->vertex_bound = mesh->vertex_bound;
     undo->triangle_bound = mesh->triangle_bound;
@@ -19,9 +19,9 @@ void tissue_begin(struct cut_mesh *mesh) {
 
 static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
     struct undo *undo = &mesh->undo;
-    if (marks_has(&undo->triangles_seen, triangle))
+    if (stamped_set_has(&undo->triangles_seen, triangle))
         return;
-    marks_set(&undo->triangles_seen, triangle, 0);
+    stamped_set_put(&undo->triangles_seen, triangle, 0);
     undo->triangles = array_grow(undo->triangles, &undo->triangle_room, undo->triangle_count + 1,
                                  sizeof *undo->triangles);
     const uint32_t *c = mesh->corners + 3 * (size_t)triangle;
@@ -35,12 +35,13 @@ static void touch_triangle(struct cut_mesh *mesh, uint32_t triangle) {
 
 static void touch_vertex(struct cut_mesh *mesh, uint32_t vertex) {
     struct undo *undo = &mesh->undo;
-    if (marks_has(&undo->vertices_seen, vertex))
+    if (stamped_set_has(&undo->vertices_seen, vertex))
         return;
-    marks_set(&undo->vertices_seen, vertex, 0);
+    stamped_set_put(&undo->vertices_seen, vertex, 0);
     undo->vertices = array_grow(undo->vertices, &undo->vertex_room, undo->vertex_count + 1,
                                 sizeof *undo->vertices);
-    undo->vertices[undo->vertex_count++] = (struct vertex_before){vertex, mesh->spokes[vertex]};
+    undo->vertices[undo->vertex_count++] =
+        (struct vertex_before){vertex, mesh->vertex_sides[vertex]};
 }
 
 // ---- the grid ----
@@ -61,7 +62,7 @@ static void settle_triangle(struct cut_mesh *mesh, struct triangle_before *befor
     memcpy(before->in_grid, corners, sizeof before->in_grid);
 }
 
-void tissue_settle(struct cut_mesh *mesh) {
+void edit_settle(struct cut_mesh *mesh) {
     for (uint32_t i = 0; i < mesh->undo.triangle_count; i++)
         settle_triangle(mesh, &mesh->undo.triangles[i]);
 }
@@ -76,13 +77,13 @@ static void restore_triangle(struct cut_mesh *mesh, const struct triangle_before
     mesh->labels[before->id] = before->label;
 }
 
-void tissue_undo(struct cut_mesh *mesh) {
+void edit_undo(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         restore_triangle(mesh, &undo->triangles[i]);
-    tissue_settle(mesh);
+    edit_settle(mesh);
     for (uint32_t i = 0; i < undo->vertex_count; i++)
-        mesh->spokes[undo->vertices[i].id] = undo->vertices[i].spoke;
+        mesh->vertex_sides[undo->vertices[i].id] = undo->vertices[i].side;
     mesh->vertex_bound = undo->vertex_bound;
     mesh->triangle_bound = undo->triangle_bound;
     mesh->living = undo->living;
@@ -101,9 +102,9 @@ static void append_descending(struct ids *free_ids, struct ids *gone) {
     gone->count = 0;
 }
 
-void tissue_commit(struct cut_mesh *mesh) {
+void edit_commit(struct cut_mesh *mesh) {
     struct undo *undo = &mesh->undo;
-    tissue_settle(mesh);
+    edit_settle(mesh);
     for (uint32_t i = 0; i < undo->triangle_count; i++)
         if (!cut_mesh_triangle_alive(mesh, undo->triangles[i].id))
             ids_push(&undo->gone, undo->triangles[i].id);
@@ -117,7 +118,7 @@ void tissue_commit(struct cut_mesh *mesh) {
 
 // ---- vertices ----
 
-uint32_t tissue_take_vertex(struct cut_mesh *mesh, vec3 point) {
+uint32_t edit_take_vertex(struct cut_mesh *mesh, vec3 point) {
     uint32_t id;
     if (mesh->free_vertices.count) {
         id = mesh->free_vertices.at[--mesh->free_vertices.count];
@@ -127,28 +128,28 @@ uint32_t tissue_take_vertex(struct cut_mesh *mesh, vec3 point) {
             uint32_t room = mesh->vertex_room;
             mesh->points = array_grow(mesh->points, &mesh->vertex_room, mesh->vertex_bound,
                                       sizeof *mesh->points);
-            mesh->spokes =
-                array_grow(mesh->spokes, &room, mesh->vertex_bound, sizeof *mesh->spokes);
-            marks_reserve(&mesh->undo.vertices_seen, mesh->vertex_room);
+            mesh->vertex_sides = array_grow(mesh->vertex_sides, &room, mesh->vertex_bound,
+                                            sizeof *mesh->vertex_sides);
+            stamped_set_reserve(&mesh->undo.vertices_seen, mesh->vertex_room);
         }
-        mesh->spokes[id] = MESH_NONE;
+        mesh->vertex_sides[id] = MESH_NONE;
     }
     mesh->points[id] = point;
     return id;
 }
 
-struct vertex_mark tissue_mark_vertices(const struct cut_mesh *mesh) {
+struct vertex_mark edit_mark_vertices(const struct cut_mesh *mesh) {
     return (struct vertex_mark){mesh->vertex_bound, mesh->free_vertices.count};
 }
 
-void tissue_return_vertices(struct cut_mesh *mesh, struct vertex_mark mark) {
+void edit_return_vertices(struct cut_mesh *mesh, struct vertex_mark mark) {
     mesh->vertex_bound = mark.bound;
     mesh->free_vertices.count = mark.free_count;
 }
 
-void tissue_set_spoke(struct cut_mesh *mesh, uint32_t vertex, uint32_t side) {
+void edit_set_vertex_side(struct cut_mesh *mesh, uint32_t vertex, uint32_t side) {
     touch_vertex(mesh, vertex);
-    mesh->spokes[vertex] = side;
+    mesh->vertex_sides[vertex] = side;
 }
 
 // ---- triangles ----
@@ -165,7 +166,7 @@ static uint32_t take_triangle(struct cut_mesh *mesh) {
             array_grow(mesh->corners, &corners, mesh->triangle_bound, 3 * sizeof *mesh->corners);
         mesh->twins =
             array_grow(mesh->twins, &twins, mesh->triangle_bound, 3 * sizeof *mesh->twins);
-        marks_reserve(&mesh->undo.triangles_seen, mesh->triangle_room);
+        stamped_set_reserve(&mesh->undo.triangles_seen, mesh->triangle_room);
     }
     for (size_t i = 0; i < 3; i++)
         mesh->corners[3 * (size_t)id + i] = mesh->twins[3 * (size_t)id + i] = MESH_NONE;
@@ -173,7 +174,7 @@ static uint32_t take_triangle(struct cut_mesh *mesh) {
     return id;
 }
 
-uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], uint32_t label) {
+uint32_t edit_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], uint32_t label) {
     uint32_t id = take_triangle(mesh);
     touch_triangle(mesh, id);
     for (size_t i = 0; i < 3; i++)
@@ -183,19 +184,19 @@ uint32_t tissue_add_triangle(struct cut_mesh *mesh, const uint32_t corners[3], u
     return id;
 }
 
-void tissue_remove_triangle(struct cut_mesh *mesh, uint32_t triangle) {
+void edit_remove_triangle(struct cut_mesh *mesh, uint32_t triangle) {
     touch_triangle(mesh, triangle);
     for (size_t i = 0; i < 3; i++)
         mesh->corners[3 * (size_t)triangle + i] = MESH_NONE;
     mesh->living--;
 }
 
-void tissue_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex) {
+void edit_move_corner(struct cut_mesh *mesh, uint32_t side, uint32_t vertex) {
     touch_triangle(mesh, side / 3);
     mesh->corners[side] = vertex;
 }
 
-void tissue_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin) {
+void edit_join(struct cut_mesh *mesh, uint32_t side, uint32_t twin) {
     touch_triangle(mesh, side / 3);
     touch_triangle(mesh, twin / 3);
     mesh->twins[side] = twin;

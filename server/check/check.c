@@ -118,7 +118,7 @@ static struct box common(struct box a, struct box b) {
                         {fmin(a.max.x, b.max.x), fmin(a.max.y, b.max.y), fmin(a.max.z, b.max.z)}};
 }
 
-static enum result walk(const struct check *check, const struct scene *scene,
+static enum result walk(const struct case_check *check, const struct scene *scene,
                         const struct scene_stance *stance, const struct moved *moved,
                         struct check_pose *at, struct error *err) {
     struct space_surface roles[CASE_GROUPS_MAX];
@@ -146,7 +146,7 @@ static enum result walk(const struct check *check, const struct scene *scene,
     return RESULT_OK;
 }
 
-static enum result look(struct check *check, const struct scene *scene, struct check_pose *at,
+static enum result look(struct case_check *check, const struct scene *scene, struct check_pose *at,
                         struct error *err) {
     struct scene_stance stance;
     struct moved moved;
@@ -171,7 +171,7 @@ static enum result look(struct check *check, const struct scene *scene, struct c
 
 // ---- all poses ----------------------------------------------------------------------------------
 
-static struct check_pose *add_pose(struct check *check, struct joint_angles joint) {
+static struct check_pose *add_pose(struct case_check *check, struct joint_angles joint) {
     CHECK(check->pose_count < CHECK_POSES_MAX);
     struct check_pose *at = &check->poses[check->pose_count++];
     at->joint = joint;
@@ -187,7 +187,7 @@ static bool is_first_key(const struct knee_case *knee, int key) {
     return true;
 }
 
-static void choose_poses(struct check *check, const struct knee_case *knee) {
+static void choose_poses(struct case_check *check, const struct knee_case *knee) {
     for (double f = 0; f <= FLEXION_MAX_DEG; f += check->settings.flexion_step_deg)
         add_pose(check, ligaments_rest(knee, f));
     for (int i = 0; i < knee->key_count; i++) {
@@ -209,7 +209,7 @@ static void keep_worst(struct field_spot *spot, int *which, bool has,
     }
 }
 
-static void sum_up(struct check *check) {
+static void sum_up(struct case_check *check) {
     struct field_figures *all = check->field;
     for (int i = 0; i < check->pose_count; i++) {
         const struct field_figures *f = check->poses[i].field;
@@ -232,8 +232,8 @@ static void sum_up(struct check *check) {
 
 // ---- the whole ----------------------------------------------------------------------------------
 
-static struct check *begin(const struct check_settings *settings) {
-    struct check *check = alloc(1, sizeof *check);
+static struct case_check *begin(const struct check_settings *settings) {
+    struct case_check *check = alloc(1, sizeof *check);
     check->settings = *settings;
     check->field = alloc(1, sizeof *check->field);
     check->gain_pose = check->fold_pose = check->filling_pose = -1;
@@ -241,7 +241,7 @@ static struct check *begin(const struct check_settings *settings) {
     return check;
 }
 
-static enum result look_at_poses(struct check *check, const struct scene *scene,
+static enum result look_at_poses(struct case_check *check, const struct scene *scene,
                                  struct error *err) {
     const struct check_settings *settings = &check->settings;
     choose_poses(check, scene_case(scene));
@@ -254,7 +254,7 @@ static enum result look_at_poses(struct check *check, const struct scene *scene,
     return result;
 }
 
-static enum result look_at_scene(struct check *check, const struct scene *scene,
+static enum result look_at_scene(struct case_check *check, const struct scene *scene,
                                  struct error *err) {
     const struct knee_case *knee = scene_case(scene);
     enum result result = look_at_poses(check, scene, err);
@@ -271,8 +271,8 @@ static enum result look_at_scene(struct check *check, const struct scene *scene,
 }
 
 enum result check_case(struct knee_case **knee, const struct check_settings *settings,
-                       struct check **out_check, struct scene **out_scene, struct error *err) {
-    struct check *check = begin(settings);
+                       struct case_check **out_check, struct scene **out_scene, struct error *err) {
+    struct case_check *check = begin(settings);
     snprintf(check->case_name, sizeof check->case_name, "%s", (*knee)->name);
     check->hash = (*knee)->hash;
     check->group_count = (*knee)->group_count;
@@ -297,17 +297,17 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
     return result;
 }
 
-struct check *check_of_none(const char *name, const struct check_settings *settings,
-                            const struct error *why) {
-    struct check *check = begin(settings);
+struct case_check *check_of_none(const char *name, const struct check_settings *settings,
+                                 const struct error *why) {
+    struct case_check *check = begin(settings);
     snprintf(check->case_name, sizeof check->case_name, "%s", name);
     inspection_note(&check->findings, FINDING_FAULT, "files", "%s", why->text);
     findings_grade(check);
     return check;
 }
 
-void check_destroy(struct check **check) {
-    struct check *c = *check;
+void check_destroy(struct case_check **check) {
+    struct case_check *c = *check;
     if (!c)
         return;
     for (int i = 0; i < c->pose_count; i++) {

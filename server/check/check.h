@@ -18,10 +18,10 @@
 // apart.
 #pragma once
 
-#include "check/inspect.h"
 #include "check/facing.h"
 #include "check/field.h"
 #include "check/grade.h"
+#include "check/inspect.h"
 #include "check/ligaments.h"
 
 #define CHECK_POSES_MAX (16 + CASE_KEYS_MAX)
@@ -55,7 +55,7 @@ struct check_pose {
     struct key_figures bones; // with a key
 };
 
-struct check {
+struct case_check {
     struct check_settings settings;
     char case_name[CASE_NAME_MAX];
     uint64_t hash;
@@ -77,12 +77,12 @@ struct check {
 // result, and *out_scene is NULL; otherwise the scene is the caller's. RESULT_IO or RESULT_LIMIT
 // where the check cannot be made. The caller releases *out_check with check_destroy.
 enum result check_case(struct knee_case **knee, const struct check_settings *settings,
-                       struct check **out_check, struct scene **out_scene, struct error *err);
-void check_destroy(struct check **check); // NULL inside is fine
+                       struct case_check **out_check, struct scene **out_scene, struct error *err);
+void check_destroy(struct case_check **check); // NULL inside is fine
 
 // A check of a case that cannot be loaded: one fault, why.
-struct check *check_of_none(const char *name, const struct check_settings *settings,
-                            const struct error *why);
+struct case_check *check_of_none(const char *name, const struct check_settings *settings,
+                                 const struct error *why);
 
 // Roles of the scene's surfaces in its reachable space, and for a case without a skin the planes
 // that it ends at (at most CONVEX_PLANES_MAX), in the femur's frame: those about the bones within

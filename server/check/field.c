@@ -106,13 +106,13 @@ bool field_gap(const struct warp_contact *a, const struct warp_contact *b, vec3 
     return true;
 }
 
-struct node {
+struct field_node {
     bool is_there; // reachable, no second surface too close
     vec3 displacement;
     double norm; // |∇W|
 };
 
-struct walk {
+struct field_walk {
     const struct warp_scene *scene;
     const struct field *field;
     const struct moved *moved;
@@ -122,18 +122,18 @@ struct walk {
 };
 
 // What a thread works with in one slab.
-struct slab {
-    const struct walk *walk;
+struct field_slab {
+    const struct field_walk *walk;
     struct field_figures *figures;
     struct warp_memory memory;
     struct warp_contact contacts[WARP_SURFACES_MAX];
     int count; // of contacts
-    struct node *planes[2];
+    struct field_node *planes[2];
     bool *is_near; // of each block across: something is displaced within reach
     int blocks[2];
 };
 
-static void find_two(const struct slab *slab, int out[2]) {
+static void find_two(const struct field_slab *slab, int out[2]) {
     out[0] = out[1] = -1;
     for (int i = 0; i < slab->count; i++) {
         if (out[0] < 0 || slab->contacts[i].distance < slab->contacts[out[0]].distance) {
@@ -145,7 +145,7 @@ static void find_two(const struct slab *slab, int out[2]) {
     }
 }
 
-static struct field_spot spot_of(const struct slab *slab, vec3 y, double value) {
+static struct field_spot spot_of(const struct field_slab *slab, vec3 y, double value) {
     int two[2];
     find_two(slab, two);
     struct field_spot spot = {.value = value, .place = y, .nearest = {-1, -1}};
@@ -160,7 +160,7 @@ static bool is_filled(const struct field_spot *spot) {
     return spot->gap_mm > 0 && spot->left_mm <= (1 - FILLED_SHARE) * spot->gap_mm;
 }
 
-static bool is_against(const struct slab *slab, const struct field_spot *spot) {
+static bool is_against(const struct field_slab *slab, const struct field_spot *spot) {
     for (int i = 0; i < 2; i++)
         if (spot->nearest[i] >= 0 && slab->walk->yielding >> spot->nearest[i] & 1)
             return true;
@@ -172,7 +172,7 @@ static void keep_lesser(struct field_spot *spot, bool had, const struct field_sp
         *spot = *other;
 }
 
-static void take_fold(struct slab *slab, vec3 y, double determinant) {
+static void take_fold(struct field_slab *slab, vec3 y, double determinant) {
     struct field_figures *f = slab->figures;
     struct field_spot spot = spot_of(slab, y, determinant);
     if (is_against(slab, &spot))
@@ -184,7 +184,7 @@ static void take_fold(struct slab *slab, vec3 y, double determinant) {
     f->folded++;
 }
 
-static void take(struct slab *slab, vec3 y, const struct warp *warp, double norm) {
+static void take(struct field_slab *slab, vec3 y, const struct warp *warp, double norm) {
     struct field_figures *f = slab->figures;
     double bin = norm / GAIN_BIN;
     f->gains[bin < GAIN_BINS - 1 ? (int)bin : GAIN_BINS - 1]++;
@@ -195,17 +195,17 @@ static void take(struct slab *slab, vec3 y, const struct warp *warp, double norm
         take_fold(slab, y, determinant);
 }
 
-static struct node look(struct slab *slab, vec3 y, bool counts) {
-    const struct walk *w = slab->walk;
+static struct field_node look(struct field_slab *slab, vec3 y, bool counts) {
+    const struct field_walk *w = slab->walk;
     struct warp warp;
     slab->count = warp_contacts(w->scene, w->field, y, &slab->memory, &warp, slab->contacts);
     int two[2];
     find_two(slab, two);
     if (two[1] >= 0 && slab->contacts[two[1]].distance < SECOND_GROUP_MM) {
         slab->figures->close += counts;
-        return (struct node){0};
+        return (struct field_node){0};
     }
-    struct node node = {true, warp.displacement, mat3_norm(warp.gradient)};
+    struct field_node node = {true, warp.displacement, mat3_norm(warp.gradient)};
     bool matters = vec3_length(warp.displacement) > MATTERS || node.norm > MATTERS;
     if (counts && matters)
         take(slab, y, &warp, node.norm);
@@ -216,15 +216,15 @@ static struct node look(struct slab *slab, vec3 y, bool counts) {
 
 // ---- jumps --------------------------------------------------------------------------------------
 
-static vec3 warp_at(struct slab *slab, vec3 y) {
-    const struct walk *w = slab->walk;
+static vec3 warp_at(struct field_slab *slab, vec3 y) {
+    const struct field_walk *w = slab->walk;
     struct warp warp;
     slab->count = warp_contacts(w->scene, w->field, y, &slab->memory, &warp, slab->contacts);
     return warp.displacement;
 }
 
 // Halves the way from *a to *b, keeping the half over which W changes more.
-static double change_within(struct slab *slab, vec3 *a, vec3 *b, vec3 at_a, vec3 at_b) {
+static double change_within(struct field_slab *slab, vec3 *a, vec3 *b, vec3 at_a, vec3 at_b) {
     while (vec3_distance(*a, *b) > JUMP_WAY_MM) {
         vec3 middle = vec3_lerp(*a, *b, 0.5), at = warp_at(slab, middle);
         bool first = vec3_distance(at, at_a) >= vec3_distance(at_b, at);
@@ -236,7 +236,7 @@ static double change_within(struct slab *slab, vec3 *a, vec3 *b, vec3 at_a, vec3
 
 // Of the surfaces within reach of both, the one whose Δ changes most; -1 where none does by half of
 // the jump, which is then a steep place and nothing else.
-static int jumping(struct slab *slab, vec3 a, vec3 b, double jump) {
+static int jumping(struct field_slab *slab, vec3 a, vec3 b, double jump) {
     struct warp_contact before[WARP_SURFACES_MAX];
     warp_at(slab, a);
     int count = slab->count, found = -1;
@@ -254,8 +254,8 @@ static int jumping(struct slab *slab, vec3 a, vec3 b, double jump) {
     return found;
 }
 
-static void compare(struct slab *slab, vec3 y, const struct node *node, vec3 other_y,
-                    const struct node *other) {
+static void compare(struct field_slab *slab, vec3 y, const struct field_node *node, vec3 other_y,
+                    const struct field_node *other) {
     double spacing = slab->walk->space->spacing_mm;
     double change = vec3_distance(node->displacement, other->displacement);
     if (!other->is_there || change < 1.5 * spacing * fmax(node->norm, other->norm) + JUMP_MM)
@@ -275,7 +275,7 @@ static void compare(struct slab *slab, vec3 y, const struct node *node, vec3 oth
 
 // ---- slabs --------------------------------------------------------------------------------------
 
-static void find_near(struct slab *slab, int k_first) {
+static void find_near(struct field_slab *slab, int k_first) {
     const struct space *s = slab->walk->space;
     double half = 0.5 * (SLAB - 1) * s->spacing_mm;
     vec3 middle = {half, half, half};
@@ -289,15 +289,15 @@ static void find_near(struct slab *slab, int k_first) {
         }
 }
 
-static void walk_plane(struct slab *slab, int k, bool counts) {
+static void walk_plane(struct field_slab *slab, int k, bool counts) {
     const struct space *s = slab->walk->space;
-    struct node *plane = slab->planes[k & 1];
-    const struct node *below = slab->planes[(k + 1) & 1];
+    struct field_node *plane = slab->planes[k & 1];
+    const struct field_node *below = slab->planes[(k + 1) & 1];
     double h = s->spacing_mm;
     for (int j = 0; j < s->size[1]; j++)
         for (int i = 0; i < s->size[0]; i++) {
             int n = i + s->size[0] * j;
-            plane[n] = (struct node){0};
+            plane[n] = (struct field_node){0};
             if (s->places[space_node(s, i, j, k)] != PLACE_FREE)
                 continue;
             vec3 y = space_at(s, i, j, k);
@@ -320,9 +320,9 @@ static void walk_plane(struct slab *slab, int k, bool counts) {
 
 // The plane below the slab is looked at once more, for its neighbours above.
 static void walk_slab(void *context, int index) {
-    const struct walk *walk = context;
+    const struct field_walk *walk = context;
     const struct space *s = walk->space;
-    struct slab slab = {.walk = walk, .figures = &walk->slabs[index]};
+    struct field_slab slab = {.walk = walk, .figures = &walk->slabs[index]};
     size_t across = (size_t)s->size[0] * (size_t)s->size[1];
     for (int i = 0; i < 2; i++) {
         slab.blocks[i] = (s->size[i] + SLAB - 1) / SLAB;
@@ -372,7 +372,7 @@ void field_walk(const struct warp_scene *scene, const struct field *field,
                 struct field_figures *figures) {
     CHECK(moved->query);
     int slabs = (space->size[2] + SLAB - 1) / SLAB;
-    struct walk walk = {scene, field, moved, yielding, space, NULL};
+    struct field_walk walk = {scene, field, moved, yielding, space, NULL};
     walk.slabs = alloc((size_t)slabs, sizeof *walk.slabs);
     parallel_for(slabs, walk_slab, &walk);
     for (int i = 0; i < slabs; i++)

@@ -6,29 +6,29 @@
 #define TOUCH_MAX_MM 1e-4
 #define MOST 0.999
 
-static const char *group_of(const struct check *check, int surface) {
+static const char *group_of(const struct case_check *check, int surface) {
     return surface < 0 ? "nothing" : check->groups[surface];
 }
 
-static void describe(const struct check *check, const struct field_spot *spot, int index,
+static void describe(const struct case_check *check, const struct field_spot *spot, int index,
                      char out[256]) {
     snprintf(out, 256, "%s, (%.1f %.1f %.1f), between %s and %s", check->poses[index].name,
              spot->place.x, spot->place.y, spot->place.z, group_of(check, spot->nearest[0]),
              group_of(check, spot->nearest[1]));
 }
 
-static double share(const struct check *check, uint64_t count) {
+static double share(const struct case_check *check, uint64_t count) {
     return check->field->looked ? (double)count / (double)check->field->looked : 0;
 }
 
-static bool is_filled_at_rest(const struct check *check) {
+static bool is_filled_at_rest(const struct case_check *check) {
     for (int i = 0; i < check->pose_count; i++)
         if (check->poses[i].key < 0 && check->poses[i].field->filled)
             return true;
     return false;
 }
 
-static void find_folds(struct check *check) {
+static void find_folds(struct case_check *check) {
     const struct field_figures *f = check->field;
     char where[256];
     bool many = share(check, f->folded - f->yielded) > FOLDS_MAX;
@@ -56,7 +56,7 @@ static void find_folds(struct check *check) {
     }
 }
 
-static void find_gain(struct check *check) {
+static void find_gain(struct case_check *check) {
     const struct field_figures *f = check->field;
     char where[256];
     if (!f->looked) {
@@ -69,7 +69,7 @@ static void find_gain(struct check *check) {
                     field_gain_within(f, MOST), where);
 }
 
-static void find_jumps(struct check *check, const struct knee_case *knee) {
+static void find_jumps(struct case_check *check, const struct knee_case *knee) {
     const struct field_figures *f = check->field;
     char where[256];
     if (!f->jumped)
@@ -84,7 +84,7 @@ static void find_jumps(struct check *check, const struct knee_case *knee) {
                     f->jump.value, where, cured ? "; not in the field smooth" : "");
 }
 
-static void find_touch(struct check *check) {
+static void find_touch(struct case_check *check) {
     double largest = 0;
     int worst = -1;
     uint64_t count = 0;
@@ -130,7 +130,7 @@ static void gather_kind(struct pair_worst *worst, int kind, int index, uint64_t 
     worst->count[kind] += count;
 }
 
-static void gather_pair(const struct check *check, int a, int b, struct pair_worst *out) {
+static void gather_pair(const struct case_check *check, int a, int b, struct pair_worst *out) {
     *out = (struct pair_worst){.index = {-1, -1, -1}};
     for (int i = 0; i < check->pose_count; i++) {
         const struct facing_figures *f = check->poses[i].facing;
@@ -145,7 +145,7 @@ static void gather_pair(const struct check *check, int a, int b, struct pair_wor
     }
 }
 
-static void find_pair(struct check *check, int a, int b) {
+static void find_pair(struct case_check *check, int a, int b) {
     struct pair_worst worst;
     gather_pair(check, a, b, &worst);
     for (int kind = 0; kind < KIND_COUNT; kind++) {
@@ -163,7 +163,7 @@ static void find_pair(struct check *check, int a, int b) {
     }
 }
 
-static void find_ligaments(struct check *check, const struct knee_case *knee) {
+static void find_ligaments(struct case_check *check, const struct knee_case *knee) {
     if (knee->torn_count)
         inspection_note(
             &check->findings, check->rest_mm > REST_MAX_MM ? FINDING_FAULT : FINDING_NOTE, "joint",
@@ -182,7 +182,7 @@ static void find_ligaments(struct check *check, const struct knee_case *knee) {
     }
 }
 
-static void find_left_out(struct check *check) {
+static void find_left_out(struct case_check *check) {
     uint64_t places[PLACE_COUNT] = {0}, all = 0;
     for (int i = 0; i < check->pose_count; i++)
         for (int p = 0; p < PLACE_COUNT; p++) {
@@ -203,13 +203,13 @@ static void find_left_out(struct check *check) {
                         SECOND_GROUP_MM);
 }
 
-void findings_grade(struct check *check) {
+void findings_grade(struct case_check *check) {
     check->grade = check->findings.faults     ? GRADE_UNFIT
                    : check->findings.warnings ? GRADE_WARNINGS
                                               : GRADE_FIT;
 }
 
-void findings_gather(struct check *check, const struct knee_case *knee) {
+void findings_gather(struct case_check *check, const struct knee_case *knee) {
     find_left_out(check);
     find_folds(check);
     find_gain(check);

@@ -1,8 +1,8 @@
 #include "check/inspect.h"
 
 #include "base/check.h"
-#include "import/import.h"
 #include "generate/maxcut.h"
+#include "import/import.h"
 #include "mesh/query.h"
 #include "mesh/topology.h"
 

@@ -22,14 +22,14 @@ const char *section_name(enum section_kind kind) {
 // ---- the joint, seen from the tibia -------------------------------------------------------------
 
 // The stance with the tibia's joint frame for a world.
-struct view {
+struct section_view {
     struct scene_stance stance;
     struct warp_scene scene;
     pose T_world_body[BODY_COUNT], correction[BODY_COUNT];
 };
 
-static void view_init(struct view *view, const struct scene *scene, enum adaptive_kind adaptive,
-                      const struct joint_angles *joint) {
+static void view_init(struct section_view *view, const struct scene *scene,
+                      enum adaptive_kind adaptive, const struct joint_angles *joint) {
     struct scene_stance *stance = &view->stance;
     scene_stand(scene, adaptive, joint, stance);
     pose T_femur_world =
@@ -53,7 +53,7 @@ static int surface_of(const struct knee_case *knee, const char *name) {
     return -1;
 }
 
-static double gap_over(const struct view *view, int femur, vec3 p) {
+static double gap_over(const struct section_view *view, int femur, vec3 p) {
     const struct warp_surface *s = &view->scene.surfaces[femur];
     struct closest closest;
     vec3 q = pose_apply_inverse(view->T_world_body[s->body], p);
@@ -61,7 +61,7 @@ static double gap_over(const struct view *view, int femur, vec3 p) {
 }
 
 // Of the tibia's upper vertices on one side, the middle of those that are nearest to the femur.
-static vec3 contact_on(const struct view *view, const struct knee_case *knee, double side) {
+static vec3 contact_on(const struct section_view *view, const struct knee_case *knee, double side) {
     const struct warp_surface *tibia = &view->scene.surfaces[surface_of(knee, "tibia")];
     int femur = surface_of(knee, "femur");
     pose T = view->T_world_body[tibia->body];
@@ -86,7 +86,7 @@ static vec3 contact_on(const struct view *view, const struct knee_case *knee, do
     return count > 0 ? vec3_scale(1 / count, sum) : (vec3){side * 20, 0, 0};
 }
 
-static struct box box_of(const struct view *view, const struct knee_case *knee,
+static struct box box_of(const struct section_view *view, const struct knee_case *knee,
                          enum section_kind kind) {
     double lateral_side = knee->joint.side == SIDE_RIGHT ? 1 : -1;
     vec3 medial = contact_on(view, knee, -lateral_side),
@@ -104,7 +104,7 @@ static struct box box_of(const struct view *view, const struct knee_case *knee,
 // ---- cells --------------------------------------------------------------------------------------
 
 struct fill {
-    const struct view *view;
+    const struct section_view *view;
     const struct field *field;
     const struct space *space;
     struct section *section;
@@ -146,7 +146,7 @@ static void fill_row(void *context, int k) {
 }
 
 // Which solid: the last one in the case's order that holds it, as menisci come after bones.
-static enum result name_solids(const struct view *view, const struct space_setup *setup,
+static enum result name_solids(const struct section_view *view, const struct space_setup *setup,
                                struct section *s, struct error *err) {
     for (int g = 0; g < view->scene.surface_count; g++) {
         struct warp_scene one = view->scene;
@@ -205,8 +205,8 @@ static void add_line(struct section *s, const vec3 corners[3], double weights[2]
     s->lines[s->line_count++] = line;
 }
 
-static void outline(struct section *s, const struct view *view, uint32_t skipped, int surface,
-                    uint32_t triangle) {
+static void outline(struct section *s, const struct section_view *view, uint32_t skipped,
+                    int surface, uint32_t triangle) {
     const struct warp_surface *w = &view->scene.surfaces[surface];
     vec3 physical[3], shown[3];
     double weights[2][3], middle[3], moved = 0;
@@ -250,7 +250,7 @@ static void frame(struct section *s, const struct space *space) {
 enum result section_make(const struct scene *scene, const struct check_settings *settings,
                          const struct joint_angles *joint, enum section_kind kind,
                          double spacing_mm, struct section *out, struct error *err) {
-    struct view view;
+    struct section_view view;
     struct space_surface roles[CASE_GROUPS_MAX];
     struct plane planes[CONVEX_PLANES_MAX];
     view_init(&view, scene, settings->adaptive, joint);

@@ -241,14 +241,14 @@ void space_fini(struct space *space) {
 
 // ---- pockets ------------------------------------------------------------------------------------
 
-struct flood {
+struct pocket_flood {
     struct space *space;
     size_t count, room;
     uint32_t *nodes; // to be gone on from
 };
 
 // A pocket until it is reached.
-static void reach(struct flood *flood, size_t node) {
+static void reach(struct pocket_flood *flood, size_t node) {
     uint8_t *place = &flood->space->places[node];
     if (*place != PLACE_POCKET)
         return;
@@ -260,7 +260,7 @@ static void reach(struct flood *flood, size_t node) {
     flood->nodes[flood->count++] = (uint32_t)node;
 }
 
-static void each_neighbour(struct flood *flood, size_t node) {
+static void each_neighbour(struct pocket_flood *flood, size_t node) {
     const int *size = flood->space->size;
     size_t stride = 1, rest = node;
     for (int axis = 0; axis < 3; axis++) {
@@ -280,7 +280,7 @@ static bool at_border(const struct space *s, int i, int j, int k) {
 }
 
 void space_find_pockets(struct space *s) {
-    struct flood flood = {.space = s};
+    struct pocket_flood flood = {.space = s};
     size_t count = space_count(s);
     for (size_t n = 0; n < count; n++)
         if (s->places[n] == PLACE_FREE)

@@ -24,11 +24,11 @@ static json_t *place(vec3 p) {
     return json_pack("[f, f, f]", p.x, p.y, p.z);
 }
 
-static json_t *group(const struct check *check, int surface) {
+static json_t *group(const struct case_check *check, int surface) {
     return surface < 0 ? json_null() : json_string(check->groups[surface]);
 }
 
-static json_t *spot(const struct check *check, const struct field_spot *s) {
+static json_t *spot(const struct case_check *check, const struct field_spot *s) {
     return json_pack("{s:f, s:o, s:[o, o], s:f, s:f}", "value", s->value, "place_mm",
                      place(s->place), "nearest", group(check, s->nearest[0]),
                      group(check, s->nearest[1]), "gap_mm", s->gap_mm, "left_mm", s->left_mm);
@@ -51,7 +51,8 @@ static json_t *field(const struct field_figures *f) {
     return object;
 }
 
-static void set_spots(json_t *object, const struct check *check, const struct field_figures *f) {
+static void set_spots(json_t *object, const struct case_check *check,
+                      const struct field_figures *f) {
     if (f->looked)
         set(object, "largest_gain", spot(check, &f->gain));
     if (field_own_folds(f))
@@ -69,7 +70,7 @@ static json_t *facing_spot(const struct facing_spot *s) {
                      "closed_mm", s->closed_mm, "apart_mm", s->apart_mm);
 }
 
-static json_t *facing(const struct check *check, const struct facing_figures *f) {
+static json_t *facing(const struct case_check *check, const struct facing_figures *f) {
     json_t *pairs = json_array();
     for (int i = 0; f && i < f->count; i++) {
         const struct facing_pair *p = &f->pairs[i];
@@ -91,7 +92,7 @@ static json_t *joint(const struct joint_angles *j) {
                      "drawer_mm", j->drawer_mm, "distraction_mm", j->distraction_mm);
 }
 
-static json_t *pose_object(const struct check *check, const struct check_pose *at) {
+static json_t *pose_object(const struct case_check *check, const struct check_pose *at) {
     json_t *object = json_pack("{s:s, s:o}", "name", at->name, "joint", joint(&at->joint));
     if (at->key >= 0) {
         set(object, "bones_overlap_mm", json_real(at->bones.physical_mm));
@@ -159,7 +160,7 @@ static json_t *findings(const struct inspection *inspection) {
     return array;
 }
 
-static json_t *whole(const struct check *check, int64_t utc_s) {
+static json_t *whole(const struct case_check *check, int64_t utc_s) {
     char hash[17], date[32];
     time_t now = (time_t)utc_s;
     struct tm utc;
@@ -190,7 +191,7 @@ static json_t *whole(const struct check *check, int64_t utc_s) {
     return root;
 }
 
-char *verdict_text(const struct check *check, int64_t utc_s) {
+char *verdict_text(const struct case_check *check, int64_t utc_s) {
     json_t *root = whole(check, utc_s);
     char *text = json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(9));
     json_decref(root);
@@ -198,7 +199,7 @@ char *verdict_text(const struct check *check, int64_t utc_s) {
     return text;
 }
 
-enum result verdict_save(const struct check *check, int64_t utc_s, const char *dir,
+enum result verdict_save(const struct case_check *check, int64_t utc_s, const char *dir,
                          struct error *err) {
     char *text = verdict_text(check, utc_s);
     struct named_bytes file = {GRADE_FILE, text, strlen(text)};

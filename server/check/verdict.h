@@ -4,8 +4,8 @@
 #include "check/check.h"
 
 // One object, indented, as check.json has it. The caller frees it.
-char *verdict_text(const struct check *check, int64_t utc_s);
+char *verdict_text(const struct case_check *check, int64_t utc_s);
 
 // Puts it into the case's folder as check.json, which changes neither the case nor its hash.
-enum result verdict_save(const struct check *check, int64_t utc_s, const char *dir,
+enum result verdict_save(const struct case_check *check, int64_t utc_s, const char *dir,
                          struct error *err);

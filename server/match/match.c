@@ -199,17 +199,18 @@ static struct bound take_bound(struct match *match) {
 // ---- the volume over s --------------------------------------------------------------------------
 
 // A corner of a triangle at s: at + s velocity.
-struct corner {
+struct moving_corner {
     vec3 at, velocity;
 };
 
-static struct corner corner_of(const struct match *match, uint32_t vertex) {
-    return (struct corner){vec3_sub(match->positions[vertex], match->origin),
-                           match->velocities[vertex]};
+static struct moving_corner corner_of(const struct match *match, uint32_t vertex) {
+    return (struct moving_corner){vec3_sub(match->positions[vertex], match->origin),
+                                  match->velocities[vertex]};
 }
 
 // Six times the volume under a triangle, v · (a × b), but for what does not depend on s.
-static void add_triangle(struct cubic *sum, struct corner v, struct corner a, struct corner b) {
+static void add_triangle(struct cubic *sum, struct moving_corner v, struct moving_corner a,
+                         struct moving_corner b) {
     vec3 still = vec3_cross(a.at, b.at), fast = vec3_cross(a.velocity, b.velocity);
     vec3 mixed = vec3_add(vec3_cross(a.velocity, b.at), vec3_cross(a.at, b.velocity));
     sum->c[1] += vec3_dot(v.velocity, still) + vec3_dot(v.at, mixed);
@@ -228,7 +229,7 @@ static struct cubic sum_volumes(const struct match *match, double target) {
     struct cubic sum = {{6 * (match->volume - target)}};
     for (uint32_t i = 0; i < match->touched_count; i++) {
         uint32_t v = match->touched[i];
-        struct corner corner = corner_of(match, v);
+        struct moving_corner corner = corner_of(match, v);
         for (uint32_t k = surface->first[v]; k < surface->first[v + 1]; k++) {
             struct opposite side = surface->opposites[k];
             if (!is_touched_before(match, side.from, v) && !is_touched_before(match, side.to, v))
@@ -245,8 +246,8 @@ static void stop_at(struct match *match, struct bound bound, struct cubic *sum) 
     uint32_t vertex = bound.vertex;
     vec3 N[3] = {0};
     for (uint32_t k = surface->first[vertex]; k < surface->first[vertex + 1]; k++) {
-        struct corner a = corner_of(match, surface->opposites[k].from);
-        struct corner b = corner_of(match, surface->opposites[k].to);
+        struct moving_corner a = corner_of(match, surface->opposites[k].from);
+        struct moving_corner b = corner_of(match, surface->opposites[k].to);
         N[0] = vec3_add(N[0], vec3_cross(a.at, b.at));
         N[1] = vec3_add(N[1], vec3_cross(a.velocity, b.at));
         N[1] = vec3_add(N[1], vec3_cross(a.at, b.velocity));

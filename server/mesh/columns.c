@@ -4,18 +4,18 @@
 
 #include <stdlib.h>
 
-struct crossing {
+struct column_crossing {
     size_t column;
     double height;
 };
 
 struct crossings {
-    struct crossing *all;
+    struct column_crossing *all;
     size_t count, capacity;
 };
 
 static int by_column_and_height(const void *left, const void *right) {
-    const struct crossing *a = left, *b = right;
+    const struct column_crossing *a = left, *b = right;
     if (a->column != b->column)
         return a->column < b->column ? -1 : 1;
     return (a->height > b->height) - (a->height < b->height);
@@ -26,7 +26,7 @@ static void add_crossing(struct crossings *crossings, size_t column, double heig
         crossings->capacity = 2 * crossings->capacity + 4096;
         crossings->all = alloc_resize(crossings->all, crossings->capacity, sizeof *crossings->all);
     }
-    crossings->all[crossings->count++] = (struct crossing){column, height};
+    crossings->all[crossings->count++] = (struct column_crossing){column, height};
 }
 
 // Twice the area of (a, b, p) seen from above; the same number but for its sign from both

@@ -14,7 +14,7 @@
 #define WORK_VERTICES (8 + 4 * FACES_MAX * 6)
 #define LOOP_MAX (FACES_MAX + 2)
 
-struct loop {
+struct face_corners {
     int count;
     uint16_t corners[LOOP_MAX];
 };
@@ -22,11 +22,11 @@ struct loop {
 struct work {
     int vertex_count;
     vec3 vertices[WORK_VERTICES];
-    struct loop faces[FACES_MAX]; // no corners: no face
-    double side[WORK_VERTICES];   // of the plane at work: above 0 is outside, 0 is on it
-    uint16_t next[WORK_VERTICES]; // around the new face
+    struct face_corners faces[FACES_MAX]; // no corners: no face
+    double side[WORK_VERTICES];           // of the plane at work: above 0 is outside, 0 is on it
+    uint16_t next[WORK_VERTICES];         // around the new face
     int crossing_count;
-    struct crossing {
+    struct cut_edge {
         uint16_t inside, outside, vertex;
     } crossings[2 * LOOP_MAX];
 };
@@ -39,7 +39,7 @@ static void start_with_box(struct work *w) {
         w->vertices[i] = (vec3){i & 1 ? REACH_MM : -REACH_MM, i & 2 ? REACH_MM : -REACH_MM,
                                 i & 4 ? REACH_MM : -REACH_MM};
     for (int i = 0; i < 6; i++) {
-        struct loop *face = &w->faces[CONVEX_PLANES_MAX + i];
+        struct face_corners *face = &w->faces[CONVEX_PLANES_MAX + i];
         face->count = 4;
         memcpy(face->corners, sides[i], sizeof sides[i]);
     }
@@ -72,15 +72,15 @@ static uint16_t cross(struct work *w, uint16_t inside, uint16_t outside) {
     uint16_t vertex = (uint16_t)w->vertex_count++;
     CHECK(w->vertex_count <= WORK_VERTICES && w->crossing_count < 2 * LOOP_MAX);
     w->vertices[vertex] = vec3_lerp(w->vertices[inside], w->vertices[outside], t);
-    w->crossings[w->crossing_count++] = (struct crossing){inside, outside, vertex};
+    w->crossings[w->crossing_count++] = (struct cut_edge){inside, outside, vertex};
     return vertex;
 }
 
 // What is left of a face; *out_leave and *out_return are where it leaves the inside and comes back.
 // False where it does so more than once.
-static bool clip_face(struct work *w, struct loop *face, uint16_t *out_leave,
+static bool clip_face(struct work *w, struct face_corners *face, uint16_t *out_leave,
                       uint16_t *out_return) {
-    struct loop old = *face;
+    struct face_corners old = *face;
     int leaves = 0;
     face->count = 0;
     *out_leave = *out_return = 0;
@@ -106,7 +106,8 @@ static bool clip_face(struct work *w, struct loop *face, uint16_t *out_leave,
 }
 
 // The new face runs against the faces that it borders. False where that is not one loop.
-static bool close_face(const struct work *w, uint16_t start, int border, struct loop *out_face) {
+static bool close_face(const struct work *w, uint16_t start, int border,
+                       struct face_corners *out_face) {
     uint16_t at = start;
     out_face->count = 0;
     do {
@@ -224,7 +225,7 @@ static bool gather(const struct work *w, const struct plane *planes, struct conv
     memset(c, 0, sizeof *c);
     memset(names, 0xff, sizeof names);
     for (int f = 0; f < CONVEX_PLANES_MAX; f++) {
-        const struct loop *face = &w->faces[f];
+        const struct face_corners *face = &w->faces[f];
         if (!face->count)
             continue;
         if (corners + face->count > 2 * CONVEX_EDGES_MAX)

@@ -92,7 +92,7 @@ void query_destroy(struct query **query) {
 
 #define FAR_MM 1e9 // from there single precision tells no two triangles apart, and then overflows
 
-struct search {
+struct nearest_search {
     const struct query *query;
     vec3 p;
     float p_single[3];
@@ -102,7 +102,7 @@ struct search {
     struct closest best;
 };
 
-static bool is_better(const struct search *s, const struct closest *c) {
+static bool is_better(const struct nearest_search *s, const struct closest *c) {
     if (!s->found)
         return c->distance <= s->limit;
     if (c->distance != s->best.distance)
@@ -110,7 +110,7 @@ static bool is_better(const struct search *s, const struct closest *c) {
     return c->triangle < s->best.triangle;
 }
 
-static void try_triangle(struct search *s, uint32_t triangle) {
+static void try_triangle(struct nearest_search *s, uint32_t triangle) {
     struct closest c;
     closest_on_triangle(s->query->mesh, triangle, s->p, &c);
     if (!is_better(s, &c))
@@ -122,7 +122,7 @@ static void try_triangle(struct search *s, uint32_t triangle) {
 
 // Single precision finds who may be the closest, double precision decides.
 static bool visit_cluster(struct RTCPointQueryFunctionArguments *arguments) {
-    struct search *s = arguments->userPtr;
+    struct nearest_search *s = arguments->userPtr;
     const struct cluster *cluster = &s->query->clusters[arguments->primID];
     float squares[CLUSTER_SIZE];
     cluster_distances(cluster, s->p_single, squares);
@@ -138,7 +138,7 @@ static bool visit_cluster(struct RTCPointQueryFunctionArguments *arguments) {
     return true;
 }
 
-static void search_clusters(struct search *s) {
+static void search_clusters(struct nearest_search *s) {
     struct RTCPointQuery point = {
         .x = s->p_single[0],
         .y = s->p_single[1],
@@ -150,7 +150,7 @@ static void search_clusters(struct search *s) {
     rtcPointQuery(s->query->scene, &point, &context, visit_cluster, s);
 }
 
-static void search_all(struct search *s) {
+static void search_all(struct nearest_search *s) {
     for (uint32_t t = 0; t < s->query->mesh->triangle_count; t++)
         try_triangle(s, t);
 }
@@ -162,7 +162,7 @@ bool query_closest(const struct query *query, vec3 p, double max_distance, uint3
     bool far = farthest > FAR_MM;
     if (far && max_distance < farthest - query->reach)
         return false;
-    struct search s = {
+    struct nearest_search s = {
         .query = query,
         .p = p,
         .p_single = {(float)p.x, (float)p.y, (float)p.z},

@@ -7,7 +7,7 @@
 
 // ---- columns within bounds ----------------------------------------------------------------------
 
-struct range {
+struct column_range {
     int x_low, x_high, y_low, y_high; // both ends are in it
 };
 
@@ -15,7 +15,7 @@ static int clamp_int(double value, int low, int high) {
     return value > low ? value < high ? (int)value : high : low;
 }
 
-static struct range range_of(const struct lattice *lattice, const vec3 *points, int count) {
+static struct column_range range_of(const struct lattice *lattice, const vec3 *points, int count) {
     double x_low = INFINITY, x_high = -INFINITY, y_low = INFINITY, y_high = -INFINITY;
     for (int i = 0; i < count; i++) {
         x_low = fmin(x_low, points[i].x);
@@ -24,13 +24,14 @@ static struct range range_of(const struct lattice *lattice, const vec3 *points, 
         y_high = fmax(y_high, points[i].y);
     }
     const vec3 *o = &lattice->origin;
-    return (struct range){clamp_int(ceil((x_low - o->x) / LATTICE_MM), 0, lattice->wide),
-                          clamp_int(floor((x_high - o->x) / LATTICE_MM), -1, lattice->wide - 1),
-                          clamp_int(ceil((y_low - o->y) / LATTICE_MM), 0, lattice->deep),
-                          clamp_int(floor((y_high - o->y) / LATTICE_MM), -1, lattice->deep - 1)};
+    return (struct column_range){
+        clamp_int(ceil((x_low - o->x) / LATTICE_MM), 0, lattice->wide),
+        clamp_int(floor((x_high - o->x) / LATTICE_MM), -1, lattice->wide - 1),
+        clamp_int(ceil((y_low - o->y) / LATTICE_MM), 0, lattice->deep),
+        clamp_int(floor((y_high - o->y) / LATTICE_MM), -1, lattice->deep - 1)};
 }
 
-static void range_join(struct range *range, const struct range *other) {
+static void range_join(struct column_range *range, const struct column_range *other) {
     if (other->x_low > other->x_high || other->y_low > other->y_high)
         return;
     range->x_low = other->x_low < range->x_low ? other->x_low : range->x_low;
@@ -74,13 +75,13 @@ static double height_at(const vec3 c[3], double x, double y) {
 // side: 1 where the column leaves the mesh at this height, -1 where it enters.
 typedef void lattice_meet(void *context, int column, int side, double height);
 
-static struct range each_meeting(const struct lattice *lattice, const struct mesh *mesh,
-                                 lattice_meet *meet, void *context) {
-    struct range all = {INT_MAX, -1, INT_MAX, -1};
+static struct column_range each_meeting(const struct lattice *lattice, const struct mesh *mesh,
+                                        lattice_meet *meet, void *context) {
+    struct column_range all = {INT_MAX, -1, INT_MAX, -1};
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         vec3 c[3];
         view_corners(&lattice->view, mesh, t, c);
-        struct range range = range_of(lattice, c, 3);
+        struct column_range range = range_of(lattice, c, 3);
         range_join(&all, &range);
         for (int k = range.y_low; k <= range.y_high; k++)
             for (int i = range.x_low; i <= range.x_high; i++) {
@@ -126,7 +127,7 @@ static void frame_mesh(struct lattice *lattice, const struct mesh *mesh) {
     lattice->deep = (int)ceil((high.y - low.y) / LATTICE_MM);
 }
 
-void lattice_init(struct lattice *lattice, const struct view *view, const struct mesh *mesh) {
+void lattice_init(struct lattice *lattice, const struct plan_view *view, const struct mesh *mesh) {
     *lattice = (struct lattice){.view = *view};
     frame_mesh(lattice, mesh);
     int count = lattice_column_count(lattice);
@@ -190,7 +191,7 @@ void lattice_in_convex(const struct lattice *lattice, const struct convex *conve
         planes[i].normal = mat3_apply(lattice->view.axes, p->normal);
         planes[i].offset = p->offset - vec3_dot(p->normal, lattice->view.origin);
     }
-    struct range range = range_of(lattice, vertices, convex->vertex_count);
+    struct column_range range = range_of(lattice, vertices, convex->vertex_count);
     for (int k = range.y_low; k <= range.y_high; k++)
         for (int i = range.x_low; i <= range.x_high; i++) {
             double low, high, x = lattice->origin.x + LATTICE_MM * i;
@@ -231,7 +232,7 @@ static void visit_wound(const struct column *c, int column, int8_t *windings, la
 void lattice_in_mesh(const struct lattice *lattice, const struct mesh *mesh, int8_t *windings,
                      lattice_visit *visit, void *context) {
     struct wind w = {lattice, windings};
-    struct range range = each_meeting(lattice, mesh, wind, &w);
+    struct column_range range = each_meeting(lattice, mesh, wind, &w);
     for (int k = range.y_low; k <= range.y_high; k++)
         for (int i = range.x_low; i <= range.x_high; i++) {
             int column = k * lattice->wide + i;

@@ -15,7 +15,7 @@ struct column {
 };
 
 struct lattice {
-    struct view view;
+    struct plan_view view;
     vec3 origin;    // in the view: where the lowest sample of the first column would be
     int wide, deep; // columns along x and y; that at (i, k) is columns[k * wide + i]
     struct column *columns;
@@ -23,7 +23,7 @@ struct lattice {
 };
 
 // Columns as high as the mesh is there. The caller releases it with lattice_fini.
-void lattice_init(struct lattice *lattice, const struct view *view, const struct mesh *mesh);
+void lattice_init(struct lattice *lattice, const struct plan_view *view, const struct mesh *mesh);
 void lattice_fini(struct lattice *lattice);
 
 static inline int lattice_column_count(const struct lattice *lattice) {

@@ -48,7 +48,7 @@ static void count_samples(struct quality_plan *plan, bool may_go) {
 static void find_zones(struct quality_plan *plan) {
     for (int column = 0; column < lattice_column_count(&plan->lattice); column++) {
         vec3 p = lattice_column_place(&plan->lattice, column);
-        struct place place = zones_place(&plan->zones, p.x, p.y);
+        struct zone_place place = zones_place(&plan->zones, p.x, p.y);
         plan->zone_of[column] =
             (uint8_t)(ZONE_ACROSS_COUNT * zones_third(place.along) + zones_third(place.across));
     }
@@ -88,7 +88,7 @@ void quality_plan_destroy(struct quality_plan **plan) {
 void quality_zone(const struct quality_plan *plan, vec3 p, enum zone_along *out_along,
                   enum zone_across *out_across) {
     vec3 in_view = view_point(&plan->zones.view, p);
-    struct place place = zones_place(&plan->zones, in_view.x, in_view.y);
+    struct zone_place place = zones_place(&plan->zones, in_view.x, in_view.y);
     *out_along = (enum zone_along)zones_third(place.along);
     *out_across = (enum zone_across)zones_third(place.across);
 }

@@ -5,14 +5,14 @@
 #define EDGE_MM 1.0 // in a triangle of shorter edges, places are linear: off by 0.02 mm at most
 #define HALVINGS_MAX 14
 
-struct corner {
+struct zone_corner {
     vec3 p;
     double places[2]; // along, across
 };
 
-static struct corner corner_at(const struct zones *zones, vec3 p) {
-    struct place place = zones_place(zones, p.x, p.y);
-    return (struct corner){p, {place.along, place.across}};
+static struct zone_corner corner_at(const struct zones *zones, vec3 p) {
+    struct zone_place place = zones_place(zones, p.x, p.y);
+    return (struct zone_corner){p, {place.along, place.across}};
 }
 
 static double prism(vec3 a, vec3 b, vec3 c) {
@@ -20,8 +20,9 @@ static double prism(vec3 a, vec3 b, vec3 c) {
     return twice_area * (a.z + b.z + c.z) / 6;
 }
 
-static struct corner between(const struct corner *a, const struct corner *b, double t) {
-    struct corner c = {vec3_lerp(a->p, b->p, t)};
+static struct zone_corner between(const struct zone_corner *a, const struct zone_corner *b,
+                                  double t) {
+    struct zone_corner c = {vec3_lerp(a->p, b->p, t)};
     for (int i = 0; i < 2; i++)
         c.places[i] = (1 - t) * a->places[i] + t * b->places[i];
     return c;
@@ -33,10 +34,10 @@ static struct corner between(const struct corner *a, const struct corner *b, dou
 
 struct polygon {
     int count;
-    struct corner corners[CORNERS_MAX];
+    struct zone_corner corners[CORNERS_MAX];
 };
 
-static void keep_corner(struct polygon *polygon, const struct corner *corner) {
+static void keep_corner(struct polygon *polygon, const struct zone_corner *corner) {
     if (polygon->count < CORNERS_MAX)
         polygon->corners[polygon->count++] = *corner;
 }
@@ -45,14 +46,14 @@ static void keep_corner(struct polygon *polygon, const struct corner *corner) {
 static struct polygon beyond(const struct polygon *polygon, int place, double level, double sign) {
     struct polygon out = {0};
     for (int i = 0; i < polygon->count; i++) {
-        const struct corner *a = &polygon->corners[i];
-        const struct corner *b = &polygon->corners[(i + 1) % polygon->count];
+        const struct zone_corner *a = &polygon->corners[i];
+        const struct zone_corner *b = &polygon->corners[(i + 1) % polygon->count];
         double to_a = a->places[place] - level, to_b = b->places[place] - level;
         bool a_in = sign * to_a >= 0, b_in = sign * to_b >= 0;
         if (a_in)
             keep_corner(&out, a);
         if (a_in != b_in) {
-            struct corner cut = between(a, b, to_a / (to_a - to_b));
+            struct zone_corner cut = between(a, b, to_a / (to_a - to_b));
             keep_corner(&out, &cut);
         }
     }
@@ -75,7 +76,7 @@ static double polygon_prism(const struct polygon *polygon) {
     return volume;
 }
 
-static void thirds_of(const struct corner c[3], int place, int *out_first, int *out_last) {
+static void thirds_of(const struct zone_corner c[3], int place, int *out_first, int *out_last) {
     *out_first = *out_last = zones_third(c[0].places[place]);
     for (int i = 1; i < 3; i++) {
         int third = zones_third(c[i].places[place]);
@@ -84,7 +85,7 @@ static void thirds_of(const struct corner c[3], int place, int *out_first, int *
     }
 }
 
-static void add_small(const struct corner c[3], double times, struct zone_volumes *volumes) {
+static void add_small(const struct zone_corner c[3], double times, struct zone_volumes *volumes) {
     int first[2], last[2];
     for (int place = 0; place < 2; place++)
         thirds_of(c, place, &first[place], &last[place]);
@@ -104,7 +105,7 @@ static void add_small(const struct corner c[3], double times, struct zone_volume
 
 // ---- halving it first ---------------------------------------------------------------------------
 
-static void add_halves(const struct zones *zones, const struct corner c[3], double times,
+static void add_halves(const struct zones *zones, const struct zone_corner c[3], double times,
                        int halvings, struct zone_volumes *volumes) {
     int longest = 0;
     double lengths[3];
@@ -117,15 +118,16 @@ static void add_halves(const struct zones *zones, const struct corner c[3], doub
         add_small(c, times, volumes);
         return;
     }
-    const struct corner *a = &c[longest], *b = &c[(longest + 1) % 3], *d = &c[(longest + 2) % 3];
-    struct corner middle = corner_at(zones, vec3_lerp(a->p, b->p, 0.5));
-    add_halves(zones, (struct corner[]){*a, middle, *d}, times, halvings - 1, volumes);
-    add_halves(zones, (struct corner[]){middle, *b, *d}, times, halvings - 1, volumes);
+    const struct zone_corner *a = &c[longest], *b = &c[(longest + 1) % 3],
+                             *d = &c[(longest + 2) % 3];
+    struct zone_corner middle = corner_at(zones, vec3_lerp(a->p, b->p, 0.5));
+    add_halves(zones, (struct zone_corner[]){*a, middle, *d}, times, halvings - 1, volumes);
+    add_halves(zones, (struct zone_corner[]){middle, *b, *d}, times, halvings - 1, volumes);
 }
 
 void quality_add_triangle(const struct quality_plan *plan, const vec3 corners[3], double times,
                           struct zone_volumes *volumes) {
-    struct corner c[3];
+    struct zone_corner c[3];
     for (int i = 0; i < 3; i++)
         c[i] = corner_at(&plan->zones, view_point(&plan->zones.view, corners[i]));
     add_halves(&plan->zones, c, times, HALVINGS_MAX, volumes);

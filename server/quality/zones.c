@@ -6,7 +6,7 @@
 #define RAY (TURN / ZONE_RAYS)
 #define SMOOTHED 6 // rays to either side: a margin is the mean over 6.5 degrees
 
-static void set_axes(struct view *view, vec3 up, vec3 anterior) {
+static void set_axes(struct plan_view *view, vec3 up, vec3 anterior) {
     vec3 forward = vec3_add_scaled(anterior, -vec3_dot(anterior, up), up);
     CHECK(vec3_length(forward) > 1e-3);
     forward = vec3_unit_or(forward, anterior);
@@ -19,11 +19,11 @@ static void set_axes(struct view *view, vec3 up, vec3 anterior) {
 
 // Means over the triangles, weighted by their area in plan: of the length r of their middles, of
 // the direction u = (x, y) / r, and of products.
-struct means {
+struct plan_means {
     double weight, r, z, ux, uy, uxx, uxy, uyy, rux, ruy;
 };
 
-static void add_to_means(struct means *m, const vec3 c[3]) {
+static void add_to_means(struct plan_means *m, const vec3 c[3]) {
     double area =
         fabs((c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[2].x - c[0].x) * (c[1].y - c[0].y));
     double x = (c[0].x + c[1].x + c[2].x) / 3, y = (c[0].y + c[1].y + c[2].y) / 3;
@@ -43,8 +43,8 @@ static void add_to_means(struct means *m, const vec3 c[3]) {
 
 // One Gauss-Newton step towards the circle with the least Σ area (r − R)²: r is regressed on u, for
 // moving the centre by d takes u·d from r.
-static double step_to_centre(struct view *view, const struct mesh *mesh) {
-    struct means m = {0};
+static double step_to_centre(struct plan_view *view, const struct mesh *mesh) {
+    struct plan_means m = {0};
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         vec3 c[3];
         view_corners(view, mesh, t, c);
@@ -59,7 +59,7 @@ static double step_to_centre(struct view *view, const struct mesh *mesh) {
     return vec3_length(d);
 }
 
-static void find_centre(struct view *view, const struct mesh *mesh) {
+static void find_centre(struct plan_view *view, const struct mesh *mesh) {
     struct box box = mesh_bounds(mesh);
     view->origin = vec3_lerp(box.min, box.max, 0.5);
     for (int i = 0; i < 50 && step_to_centre(view, mesh) > 1e-6; i++)
@@ -165,12 +165,12 @@ static double margin_at(const double *radii, double angle) {
     return (1 - t) * radii[i] + t * radii[i + 1 < ZONE_RAYS ? i + 1 : 0];
 }
 
-struct place zones_place(const struct zones *zones, double x, double y) {
+struct zone_place zones_place(const struct zones *zones, double x, double y) {
     double angle = atan2(y, x), middle = zones->start + zones->arc / 2;
     double from_middle = remainder(angle - middle, TURN);
     double inner = margin_at(zones->inner, angle), outer = margin_at(zones->outer, angle);
-    return (struct place){0.5 + from_middle / zones->arc,
-                          (hypot(x, y) - inner) / fmax(outer - inner, 0.1)};
+    return (struct zone_place){0.5 + from_middle / zones->arc,
+                               (hypot(x, y) - inner) / fmax(outer - inner, 0.1)};
 }
 
 double zones_angle(const struct zones *zones, double along) {

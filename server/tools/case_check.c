@@ -39,7 +39,7 @@ static void print_progress(void *context, const char *what, int done, int count)
     fprintf(stderr, "arthron-case check: %d of %d: %s\n", done + 1, count, what);
 }
 
-static void print_text(const char *dir, const struct check *check) {
+static void print_text(const char *dir, const struct case_check *check) {
     static const char *const levels[] = {
         [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
     for (int i = 0; i < check->findings.count; i++) {
@@ -51,7 +51,7 @@ static void print_text(const char *dir, const struct check *check) {
     printf("%s: %s\n", dir, grade_name(check->grade));
 }
 
-static void print(const struct wanted *wanted, const struct check *check, int64_t utc_s) {
+static void print(const struct wanted *wanted, const struct case_check *check, int64_t utc_s) {
     if (!wanted->json) {
         print_text(wanted->dir, check);
         return;
@@ -62,8 +62,8 @@ static void print(const struct wanted *wanted, const struct check *check, int64_
 }
 
 // What was found stands, whether it can be kept or not.
-static int keep(const struct wanted *wanted, const struct check *check, const struct scene *scene,
-                int64_t utc_s) {
+static int keep(const struct wanted *wanted, const struct case_check *check,
+                const struct scene *scene, int64_t utc_s) {
     struct error err;
     int status = check->grade == GRADE_UNFIT ? EXIT_FAULT : EXIT_OK;
     if (!wanted->dry_run && scene && verdict_save(check, utc_s, wanted->dir, &err) != RESULT_OK)
@@ -76,7 +76,7 @@ static int keep(const struct wanted *wanted, const struct check *check, const st
 static int check_folder(const struct wanted *wanted) {
     struct knee_case *knee;
     struct scene *scene = NULL;
-    struct check *check;
+    struct case_check *check;
     struct error err;
     if (case_load(wanted->dir, NULL, &knee, &err) != RESULT_OK)
         check = check_of_none(wanted->dir, &wanted->settings, &err);

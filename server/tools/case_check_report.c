@@ -12,7 +12,7 @@
 #define MOST 0.999
 
 struct page {
-    const struct check *check;
+    const struct case_check *check;
     const struct scene *scene;
     FILE *file;
     double gain_most; // at the dark end of the colours
@@ -93,7 +93,7 @@ struct series {
     double x[CHECK_POSES_MAX], gain[CHECK_POSES_MAX], most[CHECK_POSES_MAX], folds[CHECK_POSES_MAX];
 };
 
-static struct series series_of(const struct check *check, bool keys) {
+static struct series series_of(const struct case_check *check, bool keys) {
     struct series s = {0};
     for (int i = 0; i < check->pose_count; i++) {
         const struct check_pose *at = &check->poses[i];
@@ -257,8 +257,8 @@ static enum result write_page(const struct page *page, struct error *err) {
     return result;
 }
 
-enum result check_report(const struct check *check, const struct scene *scene, const char *path,
-                         struct error *err) {
+enum result check_report(const struct case_check *check, const struct scene *scene,
+                         const char *path, struct error *err) {
     char title[CASE_NAME_MAX + 16];
     struct page page = {check, scene, fopen(path, "we"), 0};
     if (!page.file)

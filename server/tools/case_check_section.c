@@ -52,7 +52,7 @@ static void put(struct picture *picture, int x, int y, struct ink ink, double co
 
 // ---- cells --------------------------------------------------------------------------------------
 
-static struct ink cell_ink(const struct section_cell *cell, const struct check *check,
+static struct ink cell_ink(const struct section_cell *cell, const struct case_check *check,
                            double gain_most, int x, int y) {
     static const struct ink white = {255, 255, 255}, hatch = {176, 176, 180};
     if (cell->place == PLACE_SOLID)
@@ -66,7 +66,7 @@ static struct ink cell_ink(const struct section_cell *cell, const struct check *
     return cell->still ? white : gain_ink((double)cell->gain / gain_most);
 }
 
-static void draw_cells(const struct section *s, const struct check *check, double gain_most,
+static void draw_cells(const struct section *s, const struct case_check *check, double gain_most,
                        struct picture *picture) {
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
@@ -123,8 +123,8 @@ static void draw_lines(const struct section *s, struct picture *picture) {
         }
 }
 
-void section_picture(const struct section *section, const struct check *check, double gain_most,
-                     struct picture *out_picture) {
+void section_picture(const struct section *section, const struct case_check *check,
+                     double gain_most, struct picture *out_picture) {
     picture_init(out_picture, SECTION_SCALE * section->size[0], SECTION_SCALE * section->size[1]);
     draw_cells(section, check, gain_most, out_picture);
     draw_lines(section, out_picture);

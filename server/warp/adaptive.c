@@ -17,7 +17,7 @@
 _Static_assert(ADAPTIVE_KEYS_MAX <= CURVE_KNOTS_MAX, "each key may be a knot");
 _Static_assert(sizeof(twist) == CURVE_COMPONENTS * sizeof(double), "a twist is a curve's value");
 
-struct ligament {
+struct ligament_curves {
     struct curve direction; // o
     struct curve own;       // u
     struct curve extra;     // ξ
@@ -36,7 +36,7 @@ struct adaptive {
     struct curve rest; // varus, internal, shift, drawer, distraction
     int key_count;
     struct key keys[ADAPTIVE_KEYS_MAX];
-    struct ligament ligaments[ADAPTIVE_LIGAMENTS_MAX];
+    struct ligament_curves ligaments[ADAPTIVE_LIGAMENTS_MAX];
 };
 
 static const char *const names[ADAPTIVE_COUNT] = {"hinge", "paper", "paper-narrow"};
@@ -142,7 +142,7 @@ static enum result add_key(struct adaptive *a, const struct adaptive_key *given,
     if (vec3_length(key->extra.rotation) > CORRECTION_MOST_DEG * RAD_PER_DEG)
         return fail(error, RESULT_INVALID, "key %d: a correction of more than %g degrees", index,
                     CORRECTION_MOST_DEG);
-    struct ligament *ligament = &a->ligaments[given->ligament];
+    struct ligament_curves *ligament = &a->ligaments[given->ligament];
     twist direction = motion_between(&a->joint, rest_pose(a, key->flexion_deg), A);
     if (!add_twist(&ligament->direction, key->flexion_deg, ADAPTIVE_KEY_GAP_DEG, direction))
         return fail(error, RESULT_INVALID,
@@ -200,7 +200,7 @@ static twist own_direction(const struct adaptive *a, int ligament, double flexio
 
 static void part_directions(struct adaptive *a) {
     for (int i = 0; i < ADAPTIVE_LIGAMENTS_MAX; i++) {
-        struct ligament *ligament = &a->ligaments[i];
+        struct ligament_curves *ligament = &a->ligaments[i];
         if (!ligament->direction.count)
             continue;
         for (int k = 0; k < a->key_count; k++) {
@@ -213,7 +213,7 @@ static void part_directions(struct adaptive *a) {
 
 // Also between the keys ⟨u, o⟩ is far from 0.
 static enum result check_directions(const struct adaptive *a, int index, struct error *error) {
-    const struct ligament *ligament = &a->ligaments[index];
+    const struct ligament_curves *ligament = &a->ligaments[index];
     int last = ligament->own.count - 1;
     double step = 0.25;
     for (double f = ligament->own.at[0]; f < ligament->own.at[last] + step; f += step) {
@@ -281,7 +281,7 @@ static double eased(double s) {
 static twist hinge(const struct adaptive *a, pose A, struct adaptive_warp *warp) {
     twist e = motion_between(&a->joint, rest_pose(a, warp->flexion_deg), A), sum = {0};
     for (int i = 0; i < ADAPTIVE_LIGAMENTS_MAX; i++) {
-        const struct ligament *ligament = &a->ligaments[i];
+        const struct ligament_curves *ligament = &a->ligaments[i];
         if (!ligament->own.count)
             continue;
         twist o = twist_at(&ligament->direction, warp->flexion_deg);

@@ -88,7 +88,7 @@ static struct pull pull_of(const struct spring *spring, vec3 f) {
 // ---- and how that changes with its place --------------------------------------------------------
 
 // One contact of a point that is displaced by f.
-struct touch {
+struct fit_contact {
     struct fit_weight weight;
     vec3 e;         // f − H Δ
     double off;     // n·e
@@ -97,10 +97,10 @@ struct touch {
     bool row_leans; // the row grows with the gap
 };
 
-static struct touch touch_of(const struct fit *fit, const struct fit_point *p,
-                             const struct warp_contact *c, vec3 f) {
-    struct touch t = {.weight = fit_weigh(fit, p, c),
-                      .e = vec3_add_scaled(f, -fit->shown, c->delta)};
+static struct fit_contact touch_of(const struct fit *fit, const struct fit_point *p,
+                                   const struct warp_contact *c, vec3 f) {
+    struct fit_contact t = {.weight = fit_weigh(fit, p, c),
+                            .e = vec3_add_scaled(f, -fit->shown, c->delta)};
     double slack = slack_of(p, c);
     t.off = vec3_dot(c->normal, t.e);
     double row = fmin(t.off + slack, 0);
@@ -131,7 +131,7 @@ static struct pull_slopes pull_slopes_of(const struct fit *fit, const struct fit
     vec3 sum_slope = {0};
     for (int k = 0; k < p->count; k++) {
         const struct warp_contact *c = &p->contacts[k];
-        struct touch t = touch_of(fit, p, c, f);
+        struct fit_contact t = touch_of(fit, p, c, f);
         mat3 turning = normal_slope(c);
         vec3 off_slope = vec3_add_scaled(mat3_apply(turning, t.e), -fit->shown,
                                          mat3_apply_transposed(c->delta_gradient, c->normal));

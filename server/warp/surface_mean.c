@@ -12,7 +12,7 @@
 #define SQUARE_MAX 1e300 // beyond, r² overflows
 
 // The displacement over a piece of surface.
-struct moments {
+struct displacement_moments {
     vec3 mean;  // ∫ u dA / A
     mat3 slope; // ∫ u sᵀ dA, s from the piece's centre
 };
@@ -20,8 +20,8 @@ struct moments {
 struct surface_mean {
     const struct surface_tree *tree;
     const float *displacement;
-    struct moments *moments; // of each node
-    bool *is_stale;          // with all above it
+    struct displacement_moments *moments; // of each node
+    bool *is_stale;                       // with all above it
 };
 
 // ---- moments ------------------------------------------------------------------------------------
@@ -44,9 +44,11 @@ static struct patch patch_of(const struct surface_mean *mean, uint32_t place) {
 }
 
 // Over a triangle ∫ u sᵀ dA = A/12 Σ u sᵀ, summed over its corners.
-static struct moments patch_moments(const struct patch *patch, const struct surface_piece *piece) {
+static struct displacement_moments patch_moments(const struct patch *patch,
+                                                 const struct surface_piece *piece) {
     const vec3 *u = patch->u;
-    struct moments m = {vec3_scale(1.0 / 3, vec3_add(vec3_add(u[0], u[1]), u[2])), {{{0}}}};
+    struct displacement_moments m = {vec3_scale(1.0 / 3, vec3_add(vec3_add(u[0], u[1]), u[2])),
+                                     {{{0}}}};
     for (int i = 0; i < 3; i++)
         surface_add_outer(&m.slope, piece->area / 12, u[i], vec3_sub(patch->x[i], piece->centre));
     return m;
@@ -57,9 +59,9 @@ static void gather(struct surface_mean *mean, uint32_t index) {
     const struct surface_piece *whole = &tree->nodes[index].piece;
     struct surface_piece pieces[SURFACE_LEAF_MAX];
     int count = surface_pieces(tree, index, pieces);
-    struct moments sum = {0};
+    struct displacement_moments sum = {0};
     for (int i = 0; i < count; i++) {
-        struct moments part;
+        struct displacement_moments part;
         if (surface_is_leaf(tree, index)) {
             struct patch patch = patch_of(mean, tree->nodes[index].first + (uint32_t)i);
             part = patch_moments(&patch, &pieces[i]);
@@ -173,8 +175,8 @@ static void add_matrix(mat3 *sum, double scale, const mat3 *a) {
 // each is minus the gradient of the one before over r:
 //     w = ∫ (d/|r − s|)⁵ dA = A f + ½ (h rᵀSr − g tr S),   S = ∫ s sᵀ dA
 //     ∫ u … dA = ū w + g K r,  K = ∫ u sᵀ dA;   ∫ (x − p) … dA = −r w + g S r
-static void add(struct sums *sums, const struct surface_piece *piece, const struct moments *m,
-                const struct sight *sight) {
+static void add(struct sums *sums, const struct surface_piece *piece,
+                const struct displacement_moments *m, const struct sight *sight) {
     vec3 r = sight->r, Sr = apply(&piece->spread, r), Kr = apply(&m->slope, r);
     double ratio = sums->square * sight->inverse;
     double f = ratio * ratio * sqrt(ratio), g = 5 * sight->inverse * f;
@@ -215,7 +217,7 @@ static void add_patch(struct sums *sums, const struct patch *patch) {
     if (!(piece.area > 0))
         return;
     if (is_far(sums, &piece, &sight)) {
-        struct moments m = patch_moments(patch, &piece);
+        struct displacement_moments m = patch_moments(patch, &piece);
         add(sums, &piece, &m, &sight);
         return;
     }

@@ -9,11 +9,11 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-enum state { OPEN, DRAINING, STOPPED };
+enum pool_state { OPEN, DRAINING, STOPPED };
 
 // In the list, in the order of adding, from task_pool_add until it is finished.
-struct entry {
-    struct entry *next;
+struct pool_entry {
+    struct pool_entry *next;
     struct task task;
     int before;     // how many tasks of its key were added earlier and are not finished
     int64_t due_ns; // do not run it before; 0: at once
@@ -25,35 +25,35 @@ struct task_pool {
     pthread_t *threads;
     pthread_mutex_t lock; // guards what follows; not held while a task runs
     pthread_cond_t wake;
-    enum state state;
+    enum pool_state state;
     bool joined;
-    int room[2];           // for tasks, for urgent tasks
-    struct entry *entries; // all
-    struct entry *unused;
-    struct entry *first, **end;
+    int room[2];                // for tasks, for urgent tasks
+    struct pool_entry *entries; // all
+    struct pool_entry *unused;
+    struct pool_entry *first, **end;
 };
 
 // ---- the list -----------------------------------------------------------------------------------
 
 static void append(struct task_pool *pool, const struct task *task) {
-    struct entry *entry = pool->unused;
+    struct pool_entry *entry = pool->unused;
     pool->unused = entry->next;
-    *entry = (struct entry){.task = *task};
-    for (const struct entry *e = pool->first; e; e = e->next)
+    *entry = (struct pool_entry){.task = *task};
+    for (const struct pool_entry *e = pool->first; e; e = e->next)
         entry->before += task->key && e->task.key == task->key;
     *pool->end = entry;
     pool->end = &entry->next;
     pool->room[task->urgent]--;
 }
 
-static void drop(struct task_pool *pool, struct entry *entry) {
-    struct entry **at = &pool->first;
+static void drop(struct task_pool *pool, struct pool_entry *entry) {
+    struct pool_entry **at = &pool->first;
     while (*at != entry)
         at = &(*at)->next;
     *at = entry->next;
     if (pool->end == &entry->next)
         pool->end = at;
-    for (struct entry *e = entry->next; e; e = e->next)
+    for (struct pool_entry *e = entry->next; e; e = e->next)
         e->before -= entry->task.key && e->task.key == entry->task.key;
     pool->room[entry->task.urgent]++;
     entry->next = pool->unused;
@@ -61,13 +61,13 @@ static void drop(struct task_pool *pool, struct entry *entry) {
 }
 
 // NULL: none can run now, and *out_due_ns says when one can (INT64_MAX: not by waiting alone).
-static struct entry *next_to_run(const struct task_pool *pool, int64_t *out_due_ns) {
-    struct entry *next = NULL;
+static struct pool_entry *next_to_run(const struct task_pool *pool, int64_t *out_due_ns) {
+    struct pool_entry *next = NULL;
     int64_t now_ns = clock_now_ns();
     *out_due_ns = INT64_MAX;
     if (pool->state == STOPPED)
         return NULL;
-    for (struct entry *e = pool->first; e; e = e->next) {
+    for (struct pool_entry *e = pool->first; e; e = e->next) {
         if (e->runs || e->before)
             continue;
         if (pool->state == OPEN && e->due_ns > now_ns)
@@ -86,7 +86,7 @@ static void finish(struct task *task, bool done) {
 }
 
 // Called and returns with the lock held.
-static void run(struct task_pool *pool, struct entry *entry) {
+static void run(struct task_pool *pool, struct pool_entry *entry) {
     struct task task = entry->task;
     entry->runs = true;
     pthread_mutex_unlock(&pool->lock);
@@ -120,7 +120,7 @@ static void *serve(void *argument) {
     pthread_mutex_lock(&pool->lock);
     for (;;) {
         int64_t due_ns;
-        struct entry *entry = next_to_run(pool, &due_ns);
+        struct pool_entry *entry = next_to_run(pool, &due_ns);
         if (entry)
             run(pool, entry);
         else if (pool->state == OPEN)
@@ -179,7 +179,7 @@ bool task_pool_add(struct task_pool *pool, const struct task *task) {
     return taken;
 }
 
-static void close_pool(struct task_pool *pool, enum state state) {
+static void close_pool(struct task_pool *pool, enum pool_state state) {
     if (pool->joined)
         return;
     pthread_mutex_lock(&pool->lock);

@@ -24,17 +24,17 @@ static int teardown(void **state) {
     return 0;
 }
 
-static struct check *check_knee(struct knee_case *knee, struct scene **out_scene) {
+static struct case_check *check_knee(struct knee_case *knee, struct scene **out_scene) {
     struct check_settings settings = check_settings_default(true);
     settings.spacing_mm = 4;
-    struct check *check;
+    struct case_check *check;
     struct error err;
     assert_int_equal(check_case(&knee, &settings, &check, out_scene, &err), RESULT_OK);
     assert_null(knee);
     return check;
 }
 
-static const struct finding *find(const struct check *check, enum finding_level level,
+static const struct finding *find(const struct case_check *check, enum finding_level level,
                                   const char *where, const char *text) {
     for (int i = 0; i < check->findings.count; i++) {
         const struct finding *f = &check->findings.findings[i];
@@ -60,7 +60,7 @@ static void the_grade_of_a_check_is_read_back_for_its_case(void **state) {
     struct error err;
     assert_int_equal(case_save(knee, folder, &err), RESULT_OK);
     uint64_t hash = knee->hash;
-    struct check *check = check_knee(knee, &scene);
+    struct case_check *check = check_knee(knee, &scene);
     assert_non_null(scene);
     struct case_grade grade;
     assert_int_equal(grade_read(folder, &grade, &err), RESULT_MISSING);
@@ -115,7 +115,7 @@ static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
 static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
     (void)state;
     struct scene *scene;
-    struct check *check = check_knee(plain_knee(), &scene);
+    struct case_check *check = check_knee(plain_knee(), &scene);
     assert_null(find(check, FINDING_FAULT, "femur", "faces"));
     assert_non_null(find(check, FINDING_NOTE, "field", "nothing is displaced"));
     enum grade before = check->grade;
@@ -138,7 +138,7 @@ static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
 static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
     (void)state;
     struct scene *scene;
-    struct check *check = check_knee(box_knee(), &scene);
+    struct case_check *check = check_knee(box_knee(), &scene);
     assert_int_equal(check->pose_count, 3 + 2); // quick: 0, 60, 120, and a key of each ligament
     assert_string_equal(check->poses[3].name, "mcl at 15 degrees");
     assert_true(check->poses[3].bones.virtual_mm >= 0);
@@ -157,7 +157,7 @@ static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
 
 static void findings_for_which_there_is_no_room_count_all_the_same(void **state) {
     (void)state;
-    static struct check check;
+    static struct case_check check;
     for (int i = 0; i < FINDINGS_MAX; i++)
         inspection_note(&check.findings, FINDING_NOTE, "tibia", "%d", i);
     findings_grade(&check);
@@ -176,7 +176,7 @@ static void a_case_that_cannot_be_prepared_is_unfit_and_says_why(void **state) {
     struct knee_case *knee = box_knee();
     knee->keys[1].physical = knee->keys[0].physical; // two keys at one flexion
     struct scene *scene;
-    struct check *check = check_knee(knee, &scene);
+    struct case_check *check = check_knee(knee, &scene);
     assert_null(scene);
     assert_int_equal(check->grade, GRADE_UNFIT);
     assert_non_null(find(check, FINDING_FAULT, "case", "torn ligaments"));

@@ -91,7 +91,8 @@ static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
     char path[FOLDER_MAX + 16], name[32];
     struct error err;
     struct standing standing = {0};
-    struct check *check = check_of_none("knee", &(struct check_settings){0}, &(struct error){"no"});
+    struct case_check *check =
+        check_of_none("knee", &(struct check_settings){0}, &(struct error){"no"});
     check->hash = 7;
     snprintf(path, sizeof path, "%s/%s", folder, GRADE_FILE);
     expect_standing(&standing, 7, true, "not checked", STANDING_UNCHECKED);

@@ -148,6 +148,8 @@ enum result hub_create(const struct hub_config *config, struct hub **out_hub, st
     pthread_cond_init(&hub->clerk_wake, NULL);
     enum result result = make_traces_dir(hub, err);
     if (result == RESULT_OK)
+        result = claim_create(config->records, config->traces_dir, &hub->claim, err);
+    if (result == RESULT_OK)
         result = load_signer(hub, err);
     if (result == RESULT_OK)
         result = load_scenes(hub, err);
@@ -187,6 +189,7 @@ static void release(struct hub *hub) {
     resume_release(hub);
     grades_destroy(&hub->grades);
     signer_destroy(&hub->signer);
+    claim_destroy(&hub->claim);
     free(hub->workers);
     free(hub);
 }

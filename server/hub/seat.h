@@ -8,6 +8,7 @@
 #include "hub/hub.h"
 #include "hub/moment.h"
 #include "hub/onlookers.h"
+#include "records/claim.h"
 #include "records/recorder.h"
 #include "hub/remarks.h"
 #include "metrics/metrics.h"
@@ -206,6 +207,7 @@ struct hub {
     struct resumed *resumed;     // while the server starts
     struct trace_signer vouches; // with it
     struct recorder *recorder;   // NULL: no records
+    struct claim *claim;         // of the records and the traces
 
     pthread_mutex_t card_lock;
     pthread_mutex_t desk_lock;  // one at a time opens, closes or commands sessions; may take long

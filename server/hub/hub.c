@@ -9,6 +9,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -131,10 +132,18 @@ static enum result open_doors(struct hub *hub, struct error *err) {
 
 // The traces that go on are locked before the recorder looks for those that do not.
 static void begin(struct hub *hub) {
+    char authority[HUB_PATH_MAX + 16];
+    snprintf(authority, sizeof authority, "%s/authority.pem", hub->config.keys_dir);
+    const struct recorder_config recorder = {
+        .records = hub->config.records,
+        .traces_dir = hub->config.traces_dir,
+        .authority = authority,
+        .find = find_scene,
+        .user = hub,
+    };
     resume_attach(hub);
     if (hub->config.records[0])
-        hub->recorder =
-            recorder_start(hub->config.records, hub->config.traces_dir, find_scene, hub);
+        hub->recorder = recorder_start(&recorder);
     resume_record(hub);
     desk_start(hub);
 }

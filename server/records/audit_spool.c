@@ -48,7 +48,7 @@ static enum result write_lines(const char *path, const struct store_deed *deeds,
 }
 
 enum result audit_spool_write(const char *records, const struct store_deed *deeds, size_t count,
-                          struct error *err) {
+                              struct error *err) {
     char path[PATH_MAX], draft[PATH_MAX];
     enum result result = path_of(records, "", path, err);
     if (result == RESULT_OK)
@@ -73,8 +73,8 @@ static bool read_line(char *line, struct store_deed *out) {
            take_text(&line, out->subject, sizeof out->subject) && !line;
 }
 
-size_t audit_spool_read(const char *records, void (*take)(void *user, const struct store_deed *deed),
-                    void *user) {
+size_t audit_spool_read(const char *records,
+                        void (*take)(void *user, const struct store_deed *deed), void *user) {
     char path[PATH_MAX], line[LINE_MAX_BYTES];
     size_t count = 0;
     FILE *file = path_of(records, "", path, NULL) == RESULT_OK ? fopen(path, "re") : NULL;

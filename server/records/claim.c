@@ -23,25 +23,11 @@ static int holder_of(int fd) {
     return pread(fd, text, sizeof text - 1, 0) > 0 ? atoi(text) : 0;
 }
 
-static enum result lock(const char *path, const char *what, int *out_fd, struct error *err) {
+static enum result write_holder(int fd, const char *path, struct error *err) {
     char text[16];
-    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    if (fd < 0)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    if (flock(fd, LOCK_EX | LOCK_NB)) {
-        int holder = holder_of(fd);
-        close(fd);
-        return fail(err, RESULT_REFUSED,
-                    "%s: another arthron-server (process %d) uses these %s; stop it, or name others "
-                    "in the config",
-                    path, holder, what);
-    }
     int length = snprintf(text, sizeof text, "%d\n", (int)getpid());
-    if (ftruncate(fd, 0) || pwrite(fd, text, (size_t)length, 0) != length) {
-        close(fd);
+    if (ftruncate(fd, 0) || pwrite(fd, text, (size_t)length, 0) != length)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    }
-    *out_fd = fd;
     return RESULT_OK;
 }
 
@@ -49,13 +35,28 @@ static enum result lock(const char *path, const char *what, int *out_fd, struct 
 static enum result lock_records(const char *records, int *out_fd, struct error *err) {
     char real[PATH_MAX], path[PATH_MAX + 8];
     snprintf(path, sizeof path, "%s-server", realpath(records, real) ? real : records);
-    return lock(path, "records", out_fd, err);
+    *out_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (*out_fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    if (flock(*out_fd, LOCK_EX | LOCK_NB))
+        return fail(err, RESULT_REFUSED,
+                    "%s: another arthron-server (process %d) uses these records; stop it, or name "
+                    "others in the config",
+                    records, holder_of(*out_fd));
+    return write_holder(*out_fd, path, err);
 }
 
 static enum result lock_traces(const char *dir, int *out_fd, struct error *err) {
-    char path[PATH_MAX];
-    snprintf(path, sizeof path, "%s/server.lock", dir);
-    return lock(path, "traces", out_fd, err);
+    *out_fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (*out_fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    if (flock(*out_fd, LOCK_EX | LOCK_NB))
+        return fail(
+            err, RESULT_REFUSED,
+            "%s: another arthron-server writes its traces into this folder; stop it, or name "
+            "another folder in the config",
+            dir);
+    return RESULT_OK;
 }
 
 // An older server takes no lock of the folder, but locks each trace that it writes.

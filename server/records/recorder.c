@@ -30,7 +30,7 @@ struct waiting {
 };
 
 struct recorder {
-    char *records, *traces_dir;
+    char *records, *traces_dir, *authority;
     scene_finder find;
     void *user;
     int64_t start_utc_ns;
@@ -42,8 +42,8 @@ struct recorder {
     bool stop;
     // The thread's own.
     bool took_over, failing;
-    size_t spooled; // of an earlier server, before all else that waits
-    ino_t file;     // that was written last; 0: none
+    size_t spooled;             // of an earlier server, before all else that waits
+    struct store_identity file; // that was written last
 };
 
 // ---- what waits ---------------------------------------------------------------------------------
@@ -147,13 +147,16 @@ static void tell_success(struct recorder *r) {
 
 // A backup was put back, or the file was moved away: what it lacks is in the traces.
 static void notice_exchange(struct recorder *r) {
-    struct stat status;
-    ino_t file = stat(r->records, &status) == 0 ? status.st_ino : 0;
-    if (r->file && file != r->file) {
+    struct store_identity now;
+    struct error err;
+    enum result result = store_identify(r->records, &r->file, &now, &err);
+    if (result != RESULT_OK && result != RESULT_MISSING)
+        return; // it is locked, or damaged: writing will tell
+    if (store_is_other(&r->file, &now)) {
         log_warning("records", "%s: it is another file than before", r->records);
         r->took_over = false;
     }
-    r->file = file;
+    r->file = now;
 }
 
 static enum result write_row(struct recorder *r, const struct session_score *score,
@@ -198,7 +201,8 @@ static enum result write_score(struct recorder *r, const struct store_session *s
     struct session_score score;
     if (!session->end_utc_ns || !may_read(r, session->trace))
         return RESULT_OK;
-    if (session_score_trace(session->trace, r->find, r->user, &score, err) != RESULT_OK) {
+    if (session_score_trace(session->trace, r->authority, r->find, r->user, &score, err) !=
+        RESULT_OK) {
         log_error("records", "%s; the session is recorded without hash and results", err->text);
         return RESULT_OK;
     }
@@ -392,13 +396,13 @@ static void *run(void *argument) {
     return NULL;
 }
 
-struct recorder *recorder_start(const char *records, const char *traces_dir, scene_finder find,
-                                void *user) {
+struct recorder *recorder_start(const struct recorder_config *config) {
     struct recorder *r = alloc(1, sizeof *r);
-    r->records = alloc_text(records);
-    r->traces_dir = alloc_text(traces_dir);
-    r->find = find;
-    r->user = user;
+    r->records = alloc_text(config->records);
+    r->traces_dir = alloc_text(config->traces_dir);
+    r->authority = alloc_text(config->authority);
+    r->find = config->find;
+    r->user = config->user;
     r->start_utc_ns = clock_utc_ns();
     r->end = &r->first;
     pthread_condattr_t monotonic;
@@ -407,7 +411,7 @@ struct recorder *recorder_start(const char *records, const char *traces_dir, sce
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&r->mutex, NULL);
-    r->spooled = audit_spool_read(records, take_spooled, r);
+    r->spooled = audit_spool_read(config->records, take_spooled, r);
     sigset_t all, before; // a file size limit then is an error like a full disk
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
@@ -432,6 +436,7 @@ void recorder_stop(struct recorder **recorder) {
     pthread_mutex_destroy(&r->mutex);
     free(r->records);
     free(r->traces_dir);
+    free(r->authority);
     free(r);
     *recorder = NULL;
 }

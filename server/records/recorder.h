@@ -12,11 +12,18 @@
 
 struct recorder;
 
+// Texts are copied.
+struct recorder_config {
+    const char *records;    // the database; made where it is not there
+    const char *traces_dir; // of all traces of this server
+    const char *authority;  // a PEM file: whose signatures are believed
+    scene_finder find;      // called from the recorder's thread
+    void *user;
+};
+
 // Takes over the sessions whose traces lie in traces_dir and whose end is not in the records, and
-// then waits for more; again where the file is another one (a backup was put back). find: from the
-// recorder's thread.
-struct recorder *recorder_start(const char *records, const char *traces_dir, scene_finder find,
-                                void *user);
+// then waits for more; again where the file is another one (a backup was put back).
+struct recorder *recorder_start(const struct recorder_config *config);
 
 // From any thread: copies, and waits for no disk. The trace of a session that has ended must be
 // closed. NULL: no records are kept.

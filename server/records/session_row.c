@@ -1,6 +1,7 @@
 #include "records/session_row.h"
 
 #include "base/check.h"
+#include "base/log.h"
 #include "metrics/subject.h"
 
 #include <errno.h>
@@ -112,8 +113,21 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
     free(record);
 }
 
-enum result session_score_trace(const char *trace, scene_finder find, void *user,
-                                struct session_score *out, struct error *err) {
+// Whether the authority vouches for what was read to its end.
+static bool is_signed(const struct trace_reader *reader, const char *authority,
+                      const struct store_session *s) {
+    char signed_by[TRACE_SIGNED_BY_MAX];
+    struct trace_seal seal;
+    struct error err = {"it ends without a signature"};
+    if (trace_reader_seal(reader, &seal) &&
+        trace_seal_check(&seal, authority, s->end_utc_ns, signed_by, &err) == RESULT_OK)
+        return true;
+    log_warning("records", "%s: %s; the session is recorded without results", s->trace, err.text);
+    return false;
+}
+
+enum result session_score_trace(const char *trace, const char *authority, scene_finder find,
+                                void *user, struct session_score *out, struct error *err) {
     struct trace_reader *reader;
     *out = (struct session_score){0};
     enum result result = trace_reader_create(trace, &reader, err);
@@ -126,7 +140,8 @@ enum result session_score_trace(const char *trace, scene_finder find, void *user
     metrics_init(metrics, header->optic);
     session_row_begin(header, trace, &out->session);
     read_steps(reader, metrics, &out->session);
-    metrics_each(metrics, take_value, &telling);
+    if (is_signed(reader, authority, &out->session))
+        metrics_each(metrics, take_value, &telling);
     free(metrics);
     trace_reader_destroy(&reader);
     result = hash_trace(&out->session, err);

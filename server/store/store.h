@@ -307,6 +307,20 @@ enum result store_courses_of(struct store *store, const char *trainee, store_tak
 // meanwhile. RESULT_REFUSED where the file is there.
 enum result store_backup(struct store *store, const char *out_path, struct error *err);
 
+// Which file the records are. A file system gives the number of a file that was removed to the next
+// one, and bytes can be copied over it: but the audit log only grows.
+struct store_identity {
+    uint64_t device, inode; // inode 0: there was no file
+    int64_t changed_ns;     // the file
+    int64_t audit;          // the number of the last entry
+};
+
+// before: as it was known, or all zero; a file that has not changed since then is not opened.
+enum result store_identify(const char *path, const struct store_identity *before,
+                           struct store_identity *out, struct error *err);
+// Whether somebody put another file in its place.
+bool store_is_other(const struct store_identity *before, const struct store_identity *now);
+
 // Puts a backup in the place of the records at `path`, at once or not at all; what was there is
 // kept beside it, its path in out_aside (empty: nothing was there). Waits until nobody has them
 // open.

@@ -38,12 +38,12 @@ class SecondServer(House):
         wait_until("the session in the records", lambda: self.states() == ["open"])
         os.mkdir(self.path("other"))
         log = self.refused("same-records", traces=self.path("other"))
-        self.assertIn(f"records.db-server: another arthron-server (process {self.server.process.pid}) uses these "
+        self.assertIn(f"records.db: another arthron-server (process {self.server.process.pid}) uses these "
                       "records", log)
         os.symlink(self.path("records.db"), self.path("link.db"))
         self.assertIn("uses these records", self.refused("link", traces=self.path("other"), records="link.db"))
         log = self.refused("same-traces", records=self.path("other.db"))
-        self.assertIn("server.lock: another arthron-server", log)
+        self.assertIn("traces: another arthron-server writes its traces into this folder", log)
         self.assertEqual(self.states(), ["open"])
         self.wait_for_steps(20)
         self.server.end(signal.SIGKILL)  # and what it had is free

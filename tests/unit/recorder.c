@@ -1,7 +1,11 @@
-// What the recorder makes of a trace that was closed as the server ends: a small one is read before
-// it goes, a large one when it is back.
+// What the recorder makes of a trace that was closed as the server ends (a small one is read before
+// it goes, a large one when it is back), of one that others wrote, and of records that are
+// replaced.
 #include "records/recorder.h"
 
+#include "folder.h"
+#include "net/authority.h"
+#include "net/signer.h"
 #include "test.h"
 #include "unit/store_files.h"
 #include "unit/trace_files.h"
@@ -13,9 +17,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #define LARGE_BYTES (64 << 20)
+
+static char authority[FOLDER_MAX + 16]; // of the server
 
 static const struct scene *no_scene(void *user, uint64_t case_hash) {
     (void)user, (void)case_hash;
@@ -44,7 +51,11 @@ static uint64_t write_bytes_of_trace(uint64_t bytes) {
 
 static struct recorder *start(void) {
     char copy[sizeof path];
-    return recorder_start(store_path, dirname(strcpy(copy, path)), no_scene, NULL);
+    const struct recorder_config config = {.records = store_path,
+                                           .traces_dir = dirname(strcpy(copy, path)),
+                                           .authority = authority,
+                                           .find = no_scene};
+    return recorder_start(&config);
 }
 
 static void *unlock_later(void *lock) {
@@ -126,6 +137,109 @@ static void a_large_one_is_read_when_the_server_is_back(void **state) {
     assert_recorded(steps);
 }
 
+// ---- whose traces
+// ---------------------------------------------------------------------------------
+
+// A server's keys, and a trace of five steps that it closed; none: nobody signed it.
+static void write_signed(const char *keys) {
+    struct signer *signer = NULL;
+    struct trace_signer vouches = {0};
+    struct trace_header header = some_header();
+    struct trace_writer *writer;
+    struct error err;
+    header.start_utc_ns = (int64_t)time(NULL) * 1000000000;
+    if (keys) {
+        assert_int_equal(signer_create(keys, &signer, &err), RESULT_OK);
+        vouches.certificate = signer_certificate(signer, &vouches.certificate_size);
+        vouches.sign = signer_sign;
+        vouches.context = signer;
+    }
+    unlink(path);
+    assert_int_equal(trace_writer_create(path, &header, keys ? &vouches : NULL, &writer, &err),
+                     RESULT_OK);
+    for (uint64_t n = 1; n <= 5; n++)
+        assert_true(append_step(writer, n));
+    trace_writer_destroy(&writer);
+    signer_destroy(&signer);
+}
+
+static int results_of_the_trace(void) {
+    struct session_score score;
+    struct error err;
+    assert_int_equal(session_score_trace(path, authority, no_scene, NULL, &score, &err), RESULT_OK);
+    assert_int_equal(score.session.steps, 5);
+    assert_true(score.session.trace_is_read);
+    int count = score.count;
+    session_score_fini(&score);
+    return count;
+}
+
+static void only_a_trace_that_this_server_signed_has_results(void **state) {
+    (void)state;
+    static const char *const hosts[] = {"localhost"};
+    char keys[2][FOLDER_MAX];
+    struct error err;
+    for (int i = 0; i < 2; i++) {
+        folder_make(keys[i]);
+        folder_remove(keys[i]); // the authority makes it
+        assert_int_equal(authority_init(keys[i], hosts, 1, &err), RESULT_OK);
+    }
+    snprintf(authority, sizeof authority, "%s/authority.pem", keys[0]);
+    write_signed(keys[0]);
+    assert_true(results_of_the_trace() > 0);
+    assert_int_equal(truncate(path, 4000), 0); // as a server that was killed leaves it
+    struct session_score score;
+    assert_int_equal(session_score_trace(path, authority, no_scene, NULL, &score, &err), RESULT_OK);
+    assert_int_equal(score.count, 0);
+    session_score_fini(&score);
+    write_signed(keys[1]); // by themselves
+    assert_int_equal(results_of_the_trace(), 0);
+    write_signed(NULL);
+    assert_int_equal(results_of_the_trace(), 0);
+    folder_remove(keys[0]);
+    folder_remove(keys[1]);
+}
+
+// ---- other records ------------------------------------------------------------------------------
+
+static void wait_until_read(void) {
+    for (int i = 0; i < 600 && !is_read(); i++)
+        usleep(20000);
+    assert_true(is_read());
+}
+
+static void write_over(const void *bytes, size_t size) {
+    int lock;
+    FILE *file = fopen(store_path, "r+b");
+    assert_non_null(file);
+    lock = fileno(file);
+    assert_int_equal(ftruncate(lock, 0), 0);
+    assert_int_equal(fwrite(bytes, 1, size, file), size);
+    fclose(file);
+}
+
+// As a copy over the file does, or a file system that gives its number to the next file.
+static void records_that_are_replaced_under_the_same_number_are_noticed(void **state) {
+    (void)state;
+    size_t size;
+    struct stat before, after;
+    uint64_t steps = write_bytes_of_trace(1);
+    void *empty = get_file("records.db", &size);
+    struct recorder *recorder = start();
+    recorder_note(recorder, "grace", "open", "station room-1");
+    wait_until_read();
+    usleep(1500000); // it has looked at the file since
+    assert_int_equal(stat(store_path, &before), 0);
+    write_over(empty, size);
+    assert_int_equal(stat(store_path, &after), 0);
+    assert_int_equal(before.st_ino, after.st_ino);
+    assert_false(is_read());
+    wait_until_read();
+    recorder_stop(&recorder);
+    assert_recorded(steps);
+    free(empty);
+}
+
 // ---- the audit log ------------------------------------------------------------------------------
 
 static int count_of(const char *rows, const char *text) {
@@ -180,6 +294,10 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
         cmocka_unit_test_setup_teardown(
             what_was_done_while_the_records_were_locked_is_in_them_at_last, begin, end),
+        cmocka_unit_test_setup_teardown(only_a_trace_that_this_server_signed_has_results, begin,
+                                        end),
+        cmocka_unit_test_setup_teardown(records_that_are_replaced_under_the_same_number_are_noticed,
+                                        begin, end),
         cmocka_unit_test_setup_teardown(a_large_one_is_read_when_the_server_is_back, begin, end),
     };
     return cmocka_run_group_tests_name("recorder", tests, NULL, NULL);

@@ -179,13 +179,15 @@ static const char *refusal_of(enum store_role role, const arthron_Command *comma
     return looks ? "that is for instructors and technicians" : "that is for instructors";
 }
 
-static bool take_command(struct audience *a, struct viewer *viewer,
+// Replies come in order: once one command is refused for want of room, those behind it are too,
+// until that was told.
+static void take_command(struct audience *a, struct viewer *viewer,
                          const arthron_Command *command) {
-    if (viewer->asked == ASKED_MAX ||
-        !usher_command(a->usher, viewer, command, refusal_of(viewer->role, command)))
-        return false;
-    viewer->asked++;
-    return true;
+    if (viewer->asked < ASKED_MAX && !viewer->refused &&
+        usher_command(a->usher, viewer, command, refusal_of(viewer->role, command)))
+        viewer->asked++;
+    else
+        viewer->refused++;
 }
 
 bool audience_hear(struct audience *a, struct viewer *viewer, const arthron_Page *message) {
@@ -194,7 +196,8 @@ bool audience_hear(struct audience *a, struct viewer *viewer, const arthron_Page
         take_watch(a, viewer, &message->message.watch);
         return true;
     case arthron_Page_command_tag:
-        return take_command(a, viewer, &message->message.command);
+        take_command(a, viewer, &message->message.command);
+        return true;
     case arthron_Page_mesh_ask_tag:
     case arthron_Page_mesh_ack_tag:
         return follow_meshes(a, viewer, message);
@@ -239,6 +242,15 @@ static void tell_answers(struct viewer *viewer, struct batch *batch) {
     }
 }
 
+// Behind the replies to all that were taken.
+static void tell_refusals(struct audience *a, struct viewer *viewer, struct batch *batch) {
+    a->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    snprintf(a->item.message.command_reply.text, sizeof a->item.message.command_reply.text,
+             "%d commands of this page are waiting: send this one again later", ASKED_MAX);
+    while (!viewer->asked && viewer->refused && batch_say(batch, &a->item))
+        viewer->refused--;
+}
+
 // Who looks at what stands still knows so that the server is there.
 static void tell_beat(struct audience *a, struct viewer *viewer, int64_t now_ns,
                       struct batch *batch) {
@@ -270,6 +282,7 @@ size_t audience_batch(struct audience *a, struct viewer *viewer, int64_t now_ns,
     CHECK(size >= AUDIENCE_BATCH_MAX);
     struct batch batch = {out, size, 0, false};
     tell_answers(viewer, &batch);
+    tell_refusals(a, viewer, &batch);
     tell_trouble(a, viewer, &batch);
     *out_next_ns = now_ns + IDLE_NS;
     if (!batch.full)

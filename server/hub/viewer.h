@@ -80,6 +80,7 @@ struct viewer {
     int64_t told_ns;      // when it last got something
     struct ring *answers; // of struct parcel *, from its runner
     int asked;            // commands that are not answered yet
+    int refused;          // and those behind them, which are refused
 
     arthron_Watch watch;
     int64_t period_ns, due_ns; // of moments

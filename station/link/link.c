@@ -119,9 +119,10 @@ static bool send_frame(struct link *link, const arthron_Frame *frame) {
     atomic_store(&link->path, sender->path.datagrams ? LINK_DATAGRAM : LINK_CONTROL);
     if (route.datagram)
         sent = send_by_datagram(link, frame);
-    if (route.control || sent == UDP_REFUSED)
-        return send_in_control(link, frame);
-    return sent == UDP_SENT;
+    if (!route.control && sent != UDP_REFUSED)
+        return sent == UDP_SENT;
+    // What one way took has been sent: its number must never be another frame's.
+    return send_in_control(link, frame) || sent == UDP_SENT;
 }
 
 bool link_send(struct link *link, const struct frame *frame) {

@@ -65,7 +65,8 @@ enum result link_create(const struct link_config *config, struct link **out_link
 void link_destroy(struct link **link);
 
 // One frame, numbered by the caller; from one thread only. False where it could not be sent at once
-// (no connection, clock unknown, session not open, path full): the frame is dropped, not queued.
+// (no connection, clock unknown, session not open, path full): the frame is dropped, not queued, and
+// its number may be used again. True: it left on one way at least.
 bool link_send(struct link *link, const struct frame *frame);
 
 // Waits until `until_ns` (monotonic) or the next reply. True with a reply; the same thread as

@@ -304,12 +304,15 @@ struct responder {
     pthread_mutex_t lock; // around the endpoint
     atomic_bool mute, stopping;
     atomic_int answered;
+    atomic_uint_fast64_t newest; // number of the last frame that came
 };
 
 static void answer_batch(struct responder *r) {
     static struct datagram_in batch[DATAGRAM_BATCH];
     pthread_mutex_lock(&r->lock);
     int count = datagram_receive(r->endpoint, batch);
+    for (int i = 0; i < count; i++)
+        atomic_store(&r->newest, batch[i].message.number);
     for (int i = 0; i < count && !atomic_load(&r->mute); i++) {
         arthron_Reply reply = {.frame_number = batch[i].message.number,
                                .frame_time_ns = batch[i].message.time_ns};
@@ -365,6 +368,48 @@ static void datagrams_are_taken_left_and_taken_again_as_they_pass(void **state) 
     for (int i = 0; i < 50; i++)
         exchange(link, &traffic);
     assert_true(atomic_load(&responder.answered) > by_datagram);
+    link_destroy(&link);
+    responder_stop(&responder);
+    datagram_destroy(&responder.endpoint);
+}
+
+// On trial a frame goes both ways; meanwhile the server takes nothing out of the control connection
+// (its thread waits for the lock), so that the queue of that is full.
+static void a_frame_that_left_by_datagram_is_called_sent(void **state) {
+    (void)state;
+    static struct responder responder;
+    static bool refused[4000000];
+    struct frame frame = {.count = 16};
+    for (int i = 0; i < frame.count; i++)
+        frame.samples[i] = (struct sample){
+            .channel = CHANNEL_PROBE, .kind = SAMPLE_POSE, .T_mockup_body = pose_identity()};
+    memset(refused, 0, sizeof refused);
+    responder_open(&responder);
+    atomic_store(&responder.mute, true); // so that trials go on
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    pthread_mutex_lock(&doorman.lock);
+    int64_t until_ns = clock_now_ns() + 10 * NS_PER_S;
+    uint64_t seen = 0, full = 0;
+    int trials = 0;
+    while (trials < 4 && clock_now_ns() < until_ns && frame.number + 1 < sizeof refused) {
+        arthron_Reply reply;
+        frame.number++;
+        frame.time_ns = clock_now_ns();
+        refused[frame.number] = !link_send(link, &frame);
+        full += refused[frame.number];
+        if (frame.number % 64 == 0)
+            link_wait(link, 0, &reply);
+        uint64_t newest = atomic_load(&responder.newest);
+        trials += newest != seen;
+        seen = newest;
+        if (refused[newest])
+            break;
+    }
+    pthread_mutex_unlock(&doorman.lock);
+    assert_false(refused[seen]);
+    assert_int_equal(trials, 4);
+    assert_true(full > 0);
     link_destroy(&link);
     responder_stop(&responder);
     datagram_destroy(&responder.endpoint);
@@ -454,6 +499,7 @@ int main(void) {
         IN_A_HOUSE(a_challenge_is_answered_in_the_control_connection),
         IN_A_HOUSE(a_missing_key_is_named),
         IN_A_HOUSE(datagrams_are_taken_left_and_taken_again_as_they_pass),
+        IN_A_HOUSE(a_frame_that_left_by_datagram_is_called_sent),
         IN_A_HOUSE(a_new_epoch_loses_no_frame),
         IN_A_HOUSE(where_no_datagram_is_answered_frames_stay_in_the_control_connection),
         IN_A_HOUSE(a_closed_port_is_no_worse_than_a_silent_one),

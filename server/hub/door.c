@@ -47,6 +47,7 @@ static void fill_welcome(struct hub *hub, const struct seat *seat, bool resumed,
     welcome->case_hash = knee->hash;
     welcome->state = (arthron_SessionState)atomic_load(&seat->counts.state);
     welcome->resumed = resumed;
+    welcome->hold_ms = (uint32_t)(hub->config.settings.hold_ns / NS_PER_MS);
 }
 
 // card_lock held.

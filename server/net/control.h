@@ -24,7 +24,7 @@ struct control_handler {
     enum result (*on_hello)(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *out_welcome, arthron_Refusal *out_refusal);
     // With each answer to a ping: server = station + offset_ns, within ± uncertainty_ns; rtt_ns is
-    // this ping's own.
+    // the median of the newest pings.
     void (*on_clock)(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns);
     // A frame that came in the control connection; message is the caller's.

@@ -133,6 +133,7 @@ static void hear_hello(struct peer *peer, const arthron_Hello *hello, int64_t no
         return;
     }
     welcome->version = version;
+    welcome->utc_s = clock_utc_ns() / NS_PER_S;
     agree_capabilities(hello, welcome);
     snprintf(welcome->software, sizeof welcome->software, "%s", control->software);
     peer->agreed = true;
@@ -204,9 +205,9 @@ static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t recei
                           received_ns) ||
         !clock_offset_get(&peer->clock, received_ns, &offset_ns, &uncertainty_ns))
         return;
-    int64_t rtt_ns = (received_ns - pong->sent_ns) - (pong->answered_ns - pong->received_ns);
     struct control_handler *handler = &peer->control->handler;
-    handler->on_clock(handler->user, peer->handle, -offset_ns, uncertainty_ns, rtt_ns);
+    handler->on_clock(handler->user, peer->handle, -offset_ns, uncertainty_ns,
+                      clock_offset_round_trip_ns(&peer->clock));
 }
 
 // ---- messages -----------------------------------------------------------------------------------

@@ -31,6 +31,17 @@ bool clock_offset_add(struct clock_offset *o, int64_t sent_ns, int64_t remote_re
     return true;
 }
 
+int64_t clock_offset_round_trip_ns(const struct clock_offset *o) {
+    int64_t sorted[CLOCK_OFFSET_WINDOW];
+    for (int i = 0; i < o->count; i++) {
+        int at = i;
+        for (; at > 0 && sorted[at - 1] > o->exchanges[i].round_trip_ns; at--)
+            sorted[at] = sorted[at - 1];
+        sorted[at] = o->exchanges[i].round_trip_ns;
+    }
+    return o->count ? sorted[(o->count - 1) / 2] : 0;
+}
+
 static int64_t uncertainty_of(const struct clock_exchange *e, int64_t now_ns) {
     int64_t age = now_ns > e->local_ns ? now_ns - e->local_ns : 0;
     return e->round_trip_ns / 2 + (int64_t)((double)age * DRIFT_PER_NS);

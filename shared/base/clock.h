@@ -30,6 +30,9 @@ struct clock_offset {
 bool clock_offset_add(struct clock_offset *offset, int64_t sent_ns, int64_t remote_received_ns,
                       int64_t remote_sent_ns, int64_t received_ns);
 
+// The median round trip of the exchanges that are kept; 0 while there is none.
+int64_t clock_offset_round_trip_ns(const struct clock_offset *offset);
+
 // False while nothing is known. remote = local + *out_offset_ns, within ± *out_uncertainty_ns.
 bool clock_offset_get(const struct clock_offset *offset, int64_t local_now_ns,
                       int64_t *out_offset_ns, int64_t *out_uncertainty_ns);

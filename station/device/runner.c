@@ -301,6 +301,7 @@ static enum result configure(struct device *d, const struct device_config *confi
     d->status.driver = d->driver->name;
     d->slot_count = outputs.count;
     d->status.filter = filter.kind;
+    d->status.hold_ms = hold_ms;
     for (int i = 0; i < outputs.count; i++) {
         slot_init(&d->slots[i], outputs.outputs[i].channel, outputs.outputs[i].kind, (uint8_t)index,
                   hold_ms, jump_mm);

@@ -32,6 +32,7 @@ struct device_status {
     const char *driver;
     bool connected;
     double rate_hz; // readings a second, over the last second
+    double hold_ms; // as the config says
     enum filter_kind filter;
     double filter_latency_ms; // that it adds now; the largest of the device's channels
     uint64_t readings;        // polls that brought values

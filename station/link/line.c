@@ -4,6 +4,7 @@
 #include "link/link_parts.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -16,6 +17,7 @@
 #define SILENCE_NS (5 * NS_PER_S)
 #define CONNECT_S 5
 #define QUEUE_LENGTH 16
+#define UTC_MAX_S (INT64_C(1) << 40)
 
 static const uint32_t delays_ms[] = {100, 200, 400, 800, 1600, 3200, 4000};
 static const lws_retry_bo_t backoff = {
@@ -95,6 +97,10 @@ static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     pthread_mutex_lock(&link->lock);
     link->status.welcomed = true;
     link->status.state = (arthron_SessionState)welcome->state;
+    link->status.hold_ms = welcome->hold_ms < INT_MAX ? (int)welcome->hold_ms : INT_MAX;
+    link->status.utc_known = welcome->utc_s > 0 && welcome->utc_s < UTC_MAX_S;
+    if (link->status.utc_known)
+        link->status.utc_ahead_s = welcome->utc_s - clock_utc_ns() / NS_PER_S;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", welcome->case_name);
     link->status.refusal[0] = '\0';
     pthread_mutex_unlock(&link->lock);

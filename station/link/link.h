@@ -29,7 +29,10 @@ struct link_status {
     bool clock_known;
     int64_t clock_offset_ns, clock_uncertainty_ns; // server = station + offset
     int64_t round_trip_ns;                         // of the shortest of the last pings
-    uint64_t connects;                             // successful ones, 1 after the first
+    int hold_ms;         // how long the server holds a silent channel; 0: not told
+    int64_t utc_ahead_s; // the server's time of day less ours, when it said Welcome
+    bool utc_known;
+    uint64_t connects; // successful ones, 1 after the first
     uint64_t frames_sent;
     uint64_t replies; // to frames of ours, each counted once
     uint64_t unknown_messages;
@@ -65,8 +68,8 @@ enum result link_create(const struct link_config *config, struct link **out_link
 void link_destroy(struct link **link);
 
 // One frame, numbered by the caller; from one thread only. False where it could not be sent at once
-// (no connection, clock unknown, session not open, path full): the frame is dropped, not queued, and
-// its number may be used again. True: it left on one way at least.
+// (no connection, clock unknown, session not open, path full): the frame is dropped, not queued,
+// and its number may be used again. True: it left on one way at least.
 bool link_send(struct link *link, const struct frame *frame);
 
 // Waits until `until_ns` (monotonic) or the next reply. True with a reply; the same thread as

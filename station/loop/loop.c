@@ -30,6 +30,7 @@ struct loop {
     uint64_t sent, warped;
     struct meter whole, second; // round trips: since the start, since the last live line
     uint64_t warped_second;
+    uint64_t holds_logged; // of which connection
     bool was_lost[RUNNER_DEVICES_MAX];
 };
 
@@ -124,7 +125,26 @@ static void log_devices(struct loop *loop) {
     }
 }
 
+// Once for each connection: the server's hold cuts a longer one short.
+static void log_holds(struct loop *loop) {
+    struct link_status link;
+    link_get_status(loop->link, &link);
+    if (!link.welcomed || !link.hold_ms || link.connects == loop->holds_logged)
+        return;
+    loop->holds_logged = link.connects;
+    for (int i = 0; i < runner_count(loop->runner); i++) {
+        struct device_status device;
+        runner_status(loop->runner, i, &device);
+        if (device.hold_ms > link.hold_ms)
+            log_warning("station",
+                        "[device %s] hold_ms = %g has no effect beyond %d: the server's [warp] "
+                        "hold_ms = %d calls the channel lost before. Raise the server's",
+                        device.name, device.hold_ms, link.hold_ms, link.hold_ms);
+    }
+}
+
 static void each_second(struct loop *loop) {
+    log_holds(loop);
     if (loop->options->live)
         print_live(loop);
     log_devices(loop);

@@ -166,6 +166,27 @@ static void history_says_how_it_knows_a_pose(void **state) {
 }
 
 // Whatever the delays of an exchange are, the true offset lies within the uncertainty.
+static void add_ping(struct clock_offset *o, int64_t *now_ns, int64_t round_trip_ns) {
+    int64_t received_ns = *now_ns + round_trip_ns + 500;
+    assert_true(clock_offset_add(o, *now_ns, 7000, 7500, received_ns));
+    *now_ns = received_ns + NS_PER_S;
+}
+
+static void one_slow_ping_does_not_change_the_round_trip(void **state) {
+    (void)state;
+    struct clock_offset o = {0};
+    int64_t now_ns = 0;
+    assert_int_equal(clock_offset_round_trip_ns(&o), 0);
+    for (int i = 0; i < 9; i++)
+        add_ping(&o, &now_ns, 200 + i);
+    assert_int_equal(clock_offset_round_trip_ns(&o), 204);
+    add_ping(&o, &now_ns, 50 * NS_PER_MS);
+    assert_int_equal(clock_offset_round_trip_ns(&o), 204);
+    for (int i = 0; i < CLOCK_OFFSET_WINDOW; i++)
+        add_ping(&o, &now_ns, 900);
+    assert_int_equal(clock_offset_round_trip_ns(&o), 900);
+}
+
 static void clock_offset_lies_within_its_uncertainty(void **state) {
     (void)state;
     struct random r = {5};
@@ -258,6 +279,7 @@ static void frames_from_outside_are_checked(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(one_slow_ping_does_not_change_the_round_trip),
         cmocka_unit_test(rotations_agree_with_their_matrices),
         cmocka_unit_test(poses_compose_and_invert),
         cmocka_unit_test(twists_are_generators_of_motions),

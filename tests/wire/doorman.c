@@ -34,6 +34,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
     pthread_mutex_unlock(&d->lock);
     strcpy(welcome->case_name, "healthy");
     welcome->case_hash = d->case_hash;
+    welcome->hold_ms = 100;
     tell_session(d, peer);
     if (d->keys_at_hello) {
         arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};

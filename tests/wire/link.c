@@ -114,6 +114,8 @@ static void a_link_says_who_it_is_and_what_it_has(void **state) {
     struct link_status status = status_of(link);
     assert_true(status.welcomed && status.clock_known);
     assert_string_equal(status.session_case, "healthy");
+    assert_int_equal(status.hold_ms, 100);
+    assert_true(status.utc_known && llabs(status.utc_ahead_s) <= 1);
     assert_int_equal(status.connects, 1);
     link_destroy(&link);
     assert_true(wait_for(&doorman.gone, 1));

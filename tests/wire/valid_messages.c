@@ -115,7 +115,9 @@ static void fill_welcome(arthron_Welcome *welcome) {
                                  .case_name = "healthy",
                                  .case_hash = 5,
                                  .state = arthron_SessionState_PAUSED,
-                                 .resumed = true};
+                                 .resumed = true,
+                                 .hold_ms = 100,
+                                 .utc_s = 1800000000};
 }
 
 void make_knee(struct knee_frame *out) {

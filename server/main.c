@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "commands/commands.h"
 
 #include <stdio.h>
@@ -6,19 +7,18 @@
 static const char help[] =
     "Usage: arthron-server COMMAND [ARGUMENT ...]\n"
     "\n"
-    "The training server: takes stations' poses, warps them, records every session.\n"
+    "The training server: receives poses from stations, warps them, records every session.\n"
     "\n"
     "Commands:\n"
-    "  run       serve until SIGTERM\n"
-    "  keys      make the server's keys, enrol and revoke stations\n"
-    "  session   list, show, start, pause, stop, reset and give another case to the sessions\n"
-    "            of a running server\n"
-    "  records   keep trainees and courses, list and export sessions and results, erase a\n"
-    "            trainee's personal data\n"
-    "  backup    copy the records while the server runs\n"
-    "  restore   put a backup of the records in their place\n"
+    "  run       serves stations and browsers until SIGTERM\n"
+    "  keys      makes the server's keys, enrols and revokes stations\n"
+    "  session   lists and controls the sessions of a running server\n"
+    "  records   lists and changes trainees, courses, accounts; exports sessions and results;\n"
+    "            erases a trainee's personal data\n"
+    "  backup    copies the records, also of a running server\n"
+    "  restore   replaces the records by a backup, also of a running server\n"
     "\n"
-    "arthron-server COMMAND --help tells more.\n"
+    "arthron-server COMMAND --help explains a command.\n"
     "  --help      show this\n"
     "  --version   show the version\n";
 
@@ -30,6 +30,8 @@ static const struct {
     {"records", command_records}, {"backup", command_backup}, {"restore", command_restore},
 };
 
+enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
+
 int main(int argc, char **argv) {
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
@@ -39,11 +41,13 @@ int main(int argc, char **argv) {
         puts("arthron-server " ARTHRON_VERSION);
         return 0;
     }
-    for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof *commands; i++)
+    for (size_t i = 0; argc > 1 && i < COMMAND_COUNT; i++)
         if (!strcmp(argv[1], commands[i].name))
             return commands[i].run(argc - 1, argv + 1);
-    if (argc > 1)
-        fprintf(stderr, "arthron-server: no command '%s'\n", argv[1]);
-    fputs(help, stderr);
-    return 2;
+    if (argc == 1)
+        return argument_wrong("arthron-server", "the command is missing");
+    const char *names[COMMAND_COUNT + 1] = {NULL};
+    for (size_t i = 0; i < COMMAND_COUNT; i++)
+        names[i] = commands[i].name;
+    return argument_unknown("arthron-server", "command", argv[1], names);
 }

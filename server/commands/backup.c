@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "commands/commands.h"
 #include "store/store.h"
 
@@ -7,19 +8,19 @@
 static const char backup_help[] =
     "Usage: arthron-server backup --file FILE --out BACKUP\n"
     "\n"
-    "Copies the records as they are at one moment into a new file, and checks it. The server may\n"
-    "run meanwhile.\n"
+    "Copies the records, as they are at one moment, into a new file and checks the copy. The\n"
+    "server may run at the same time.\n"
     "\n"
     "  -f, --file FILE    the records, as in the server's config\n"
-    "  -o, --out BACKUP   a file that is not there yet\n"
+    "  -o, --out BACKUP   a file that does not exist yet\n"
     "      --help         show this\n";
 
 static const char restore_help[] =
     "Usage: arthron-server restore BACKUP --file FILE\n"
     "\n"
-    "Puts a backup in the place of the records, once it is found whole and of a version that this\n"
-    "program knows. What was there is kept beside it. The server may run meanwhile: its sessions\n"
-    "go on, and it brings back those that began or ended since the backup from their traces.\n"
+    "Replaces the records by a backup, after it has checked that the backup is whole and of a\n"
+    "known version. Keeps the replaced file beside it. The server may run at the same time: its\n"
+    "sessions go on, and it restores later sessions from their traces.\n"
     "\n"
     "  -f, --file FILE  the records, as in the server's config\n"
     "      --help       show this\n";
@@ -48,15 +49,10 @@ static int put_back(const char *backup, const char *file) {
     struct error err;
     enum result result = store_restore(backup, file, records_actor(), aside, &err);
     if (aside[0])
-        printf("what was there is kept: %s\n", aside);
+        printf("the replaced file is kept: %s\n", aside);
     if (result == RESULT_OK)
         fprintf(stderr, "arthron-server restore: wrote %s\n", file);
     return report("restore", result, &err);
-}
-
-static int usage(const char *help, bool asked) {
-    fputs(help, asked ? stdout : stderr);
-    return asked ? 0 : 2;
 }
 
 int command_backup(int argc, char **argv) {
@@ -64,27 +60,37 @@ int command_backup(int argc, char **argv) {
                                             {"out", required_argument, NULL, 'o'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
+    static const char program[] = "arthron-server backup";
     const char *file = NULL, *out = NULL;
     for (int o; (o = getopt_long(argc, argv, "f:o:", options, NULL)) != -1;) {
-        if (o == 'f')
-            file = optarg;
-        else if (o == 'o')
-            out = optarg;
-        else
-            return usage(backup_help, o == 'h');
+        if (o == 'h') {
+            fputs(backup_help, stdout);
+            return 0;
+        }
+        if (o == '?')
+            return argument_help(program);
+        *(o == 'f' ? &file : &out) = optarg;
     }
-    return file && out && optind == argc ? back_up(file, out) : usage(backup_help, false);
+    if (!file || !out || optind != argc)
+        return argument_wrong(program, "usage: backup --file FILE --out BACKUP");
+    return back_up(file, out);
 }
 
 int command_restore(int argc, char **argv) {
     static const struct option options[] = {
         {"file", required_argument, NULL, 'f'}, {"help", no_argument, NULL, 'h'}, {0}};
+    static const char program[] = "arthron-server restore";
     const char *file = NULL;
     for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1;) {
-        if (o != 'f')
-            return usage(restore_help, o == 'h');
+        if (o == 'h') {
+            fputs(restore_help, stdout);
+            return 0;
+        }
+        if (o == '?')
+            return argument_help(program);
         file = optarg;
     }
-    bool complete = file && optind + 1 == argc;
-    return complete ? put_back(argv[optind], file) : usage(restore_help, false);
+    if (!file || optind + 1 != argc)
+        return argument_wrong(program, "usage: restore BACKUP --file FILE");
+    return put_back(argv[optind], file);
 }

@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "commands/commands.h"
 #include "commands/records_password.h"
 #include "commands/records_rows.h"
@@ -24,33 +25,34 @@ static const char help[] =
     "       arthron-server records --file FILE export --csv DIR | --xapi FILE [--site URL]\n"
     "       arthron-server records --file FILE erase TRAINEE [--json]\n"
     "\n"
-    "Reads and keeps the records, beside a running server too.\n"
+    "Reads and changes the records. The server may run at the same time.\n"
     "\n"
     "  list      trainees, courses, enrolments, stations, cases, sessions, results, accounts,\n"
     "            tokens or audit\n"
     "  show      one of them: a trainee with the sessions, a course with its trainees, a session\n"
     "            with its results\n"
-    "  add       a trainee (as in [station] trainee = NAME of the server's config), a course, an\n"
-    "            account of a technician, instructor or trainee\n"
+    "  add       a trainee (as in [station] trainee = NAME of the server's config), a course, or\n"
+    "            an account\n"
     "  password  gives an account another password, and signs it out everywhere\n"
-    "  remove    takes an account away; a trainee's sessions stay\n"
+    "  remove    removes an account; a trainee's sessions stay\n"
     "  enrol     puts a trainee into a course\n"
-    "  export    every list as a CSV file, or the sessions that have ended as xAPI statements\n"
-    "  erase     takes away who a trainee was, keeps the sessions and results under a pseudonym,\n"
-    "            and names the traces that still say who it was\n"
+    "  export    writes every list as a CSV file, or the ended sessions as xAPI statements\n"
+    "  erase     replaces a trainee's name by a pseudonym. Sessions and results stay. Lists the\n"
+    "            traces that still hold the name\n"
     "\n"
     "  -f, --file FILE      the records, as in the server's config\n"
-    "      --full-name TEXT the trainee's name for people\n"
+    "      --full-name TEXT the trainee's full name\n"
     "      --role ROLE      technician, instructor or trainee\n"
-    "      --trainee NAME   whose account it is\n"
-    "      --password FILE  the password (or what argon2 made of it), in the first line; - for\n"
-    "                       stdin; without it you are asked, where there is a terminal, and else\n"
-    "                       nobody can sign in to a new account\n"
+    "      --trainee NAME   the trainee that the account belongs to\n"
+    "      --password FILE  a file with the password, or its argon2 hash, in the first line; -\n"
+    "                       reads stdin. Without it a terminal asks for one. A new account that\n"
+    "                       has none cannot sign in\n"
     "      --csv DIR, --xapi FILE   where to export to\n"
-    "      --site URL       the address under which your accounts and cases are named in xAPI\n"
-    "                       (https://HOST/arthron)\n"
+    "      --site URL       names your accounts and cases in xAPI (https://HOST/arthron)\n"
     "      --json           print JSON, with hashes and times in ns\n"
     "      --help           show this\n";
+
+static const char program[] = "arthron-server records";
 
 struct request {
     const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site;
@@ -59,7 +61,7 @@ struct request {
     int count;
 };
 
-enum { DONE, FAILED, USAGE };
+enum { DONE, FAILED };
 
 const char *records_actor(void) {
     const struct passwd *user = getpwuid(getuid());
@@ -97,11 +99,11 @@ static void print_json(json_t *json) {
 static int list(struct store *store, const struct request *r) {
     enum store_list which;
     struct error err;
-    if (r->count != 2)
-        return USAGE;
     if (!store_list_from_name(r->words[1], &which)) {
-        fprintf(stderr, "arthron-server records: there is no list '%s'\n", r->words[1]);
-        return USAGE;
+        const char *names[LIST_COUNT + 1] = {NULL};
+        for (int i = 0; i < LIST_COUNT; i++)
+            names[i] = store_list_name((enum store_list)i);
+        return argument_unknown(program, "list", r->words[1], names);
     }
     json_t *rows = json_array();
     enum result result = store_rows(store, which, NULL, rows_take, rows, &err);
@@ -146,15 +148,15 @@ static void print_shown(const json_t *shown) {
 }
 
 static int show(struct store *store, const struct request *r) {
+    static const char *const kinds[] = {"trainee", "course",  "station", "case",
+                                        "session", "account", NULL};
     char plural[32];
     enum store_list which;
     struct error err;
-    if (r->count != 3)
-        return USAGE;
     snprintf(plural, sizeof plural, "%ss", r->words[1]);
     if (!store_list_from_name(plural, &which) || which == LIST_RESULTS ||
         which == LIST_ENROLMENTS || which == LIST_TOKENS)
-        return USAGE;
+        return argument_unknown(program, "show", r->words[1], kinds);
     json_t *rows = json_array(), *shown = json_object();
     json_object_set(shown, r->words[1], rows);
     enum result result = store_rows(store, which, r->words[2], rows_take, rows, &err);
@@ -179,8 +181,14 @@ static int add_account(struct store *store, const struct request *r) {
     enum store_role role;
     struct error err;
     enum result result = RESULT_OK;
-    if (!r->role || !store_role_from_name(r->role, &role))
-        return USAGE;
+    if (!r->role)
+        return argument_wrong(program, "a new account needs --role");
+    if (!store_role_from_name(r->role, &role)) {
+        const char *names[ROLE_COUNT + 1] = {NULL};
+        for (int i = 0; i < ROLE_COUNT; i++)
+            names[i] = store_role_name((enum store_role)i);
+        return argument_unknown(program, "--role", r->role, names);
+    }
     bool given = r->password || isatty(STDIN_FILENO);
     if (given)
         result = records_read_password(r->password, password, &err);
@@ -194,8 +202,6 @@ static int add_account(struct store *store, const struct request *r) {
 static int set_password(struct store *store, const struct request *r) {
     char password[STORE_TEXT_MAX];
     struct error err;
-    if (r->count != 2)
-        return USAGE;
     enum result result = records_read_password(r->password, password, &err);
     if (result == RESULT_OK)
         result = store_set_password(store, r->words[1], password, &err);
@@ -204,16 +210,14 @@ static int set_password(struct store *store, const struct request *r) {
 
 static int remove_one(struct store *store, const struct request *r) {
     struct error err;
-    if (r->count != 3 || strcmp(r->words[1], "account"))
-        return USAGE;
+    if (strcmp(r->words[1], "account") != 0)
+        return argument_wrong(program, "only an account can be removed");
     return done(store_remove_account(store, r->words[2], &err), &err, "removed account %s",
                 r->words[2]);
 }
 
 static int add(struct store *store, const struct request *r) {
     struct error err;
-    if (r->count != 3)
-        return USAGE;
     if (!strcmp(r->words[1], "trainee"))
         return done(store_add_trainee(store, r->words[2], r->full_name, &err), &err,
                     "added trainee %s", r->words[2]);
@@ -222,13 +226,12 @@ static int add(struct store *store, const struct request *r) {
                     r->words[2]);
     if (!strcmp(r->words[1], "account"))
         return add_account(store, r);
-    return USAGE;
+    static const char *const kinds[] = {"trainee", "course", "account", NULL};
+    return argument_unknown(program, "add", r->words[1], kinds);
 }
 
 static int enrol(struct store *store, const struct request *r) {
     struct error err;
-    if (r->count != 3)
-        return USAGE;
     return done(store_enrol(store, r->words[1], r->words[2], &err), &err, "%s is in course %s",
                 r->words[1], r->words[2]);
 }
@@ -244,8 +247,8 @@ static enum result export_statements(struct store *store, const struct request *
     enum result result = xapi_export(store, r->xapi, r->site ? r->site : site, &left, err);
     if (result == RESULT_OK && left)
         fprintf(stderr,
-                "arthron-server records: %d sessions are left out: they go on, or nobody is named "
-                "for them\n",
+                "arthron-server records: %d sessions are left out: they still run, or name no "
+                "trainee\n",
                 left);
     return result;
 }
@@ -253,8 +256,8 @@ static enum result export_statements(struct store *store, const struct request *
 static int export(struct store *store, const struct request *r) {
     struct error err;
     enum result result = RESULT_OK;
-    if (r->count != 1 || (!r->csv && !r->xapi))
-        return USAGE;
+    if (!r->csv && !r->xapi)
+        return argument_wrong(program, "export needs --csv DIR or --xapi FILE");
     if (r->csv)
         result = rows_export_csv(store, r->csv, &err);
     if (result == RESULT_OK && r->xapi)
@@ -278,7 +281,7 @@ static void print_erased(const char *pseudonym, json_t *traces, bool json) {
     }
     printf("now %s\n", pseudonym);
     if (json_array_size(traces))
-        puts("these traces still carry the name:");
+        puts("these traces still hold the name:");
     for (size_t i = 0; i < json_array_size(traces); i++)
         printf("%s\n", json_string_value(json_array_get(traces, i)));
 }
@@ -286,8 +289,6 @@ static void print_erased(const char *pseudonym, json_t *traces, bool json) {
 static int erase(struct store *store, const struct request *r) {
     char pseudonym[STORE_NAME_MAX];
     struct error err;
-    if (r->count != 2)
-        return USAGE;
     json_t *traces = json_array();
     enum result result = store_erase_trainee(store, r->words[1], pseudonym, &err);
     if (result == RESULT_OK)
@@ -300,45 +301,52 @@ static int erase(struct store *store, const struct request *r) {
 
 // ---- arguments ----------------------------------------------------------------------------------
 
-static const struct {
-    const char *name;
+static const struct verb {
+    const char *name, *usage;
+    int words;
     enum store_mode mode;
     int (*run)(struct store *store, const struct request *r);
 } verbs[] = {
-    {"password", STORE_THERE, set_password},
-    {"remove", STORE_THERE, remove_one},
-    {"list", STORE_THERE, list},
-    {"show", STORE_THERE, show},
-    {"add", STORE_MAKE, add},
-    {"enrol", STORE_THERE, enrol},
-    {"export", STORE_THERE, export},
-    {"erase", STORE_THERE, erase},
+    {"list", "list WHAT", 2, STORE_THERE, list},
+    {"show", "show KIND NAME", 3, STORE_THERE, show},
+    {"add", "add KIND NAME", 3, STORE_MAKE, add},
+    {"password", "password NAME", 2, STORE_THERE, set_password},
+    {"remove", "remove account NAME", 3, STORE_THERE, remove_one},
+    {"enrol", "enrol TRAINEE COURSE", 3, STORE_THERE, enrol},
+    {"export", "export --csv DIR | --xapi FILE", 1, STORE_THERE, export},
+    {"erase", "erase TRAINEE", 2, STORE_THERE, erase},
 };
 
-static int run(const struct request *r) {
+enum { VERB_COUNT = sizeof verbs / sizeof *verbs };
+
+static int run(const struct verb *verb, const struct request *r) {
     struct store *store;
     struct error err;
-    for (size_t i = 0; r->count && i < sizeof verbs / sizeof *verbs; i++) {
-        if (strcmp(r->words[0], verbs[i].name))
-            continue;
-        if (store_open(r->file, verbs[i].mode, records_actor(), &store, &err) != RESULT_OK)
-            return report(RESULT_IO, &err);
-        int code = verbs[i].run(store, r);
-        store_close(&store);
-        return code;
+    if (r->count != verb->words)
+        return argument_wrong(program, "usage: %s", verb->usage);
+    if (store_open(r->file, verb->mode, records_actor(), &store, &err) != RESULT_OK)
+        return report(RESULT_IO, &err);
+    int code = verb->run(store, r);
+    store_close(&store);
+    return code;
+}
+
+static int find_and_run(const struct request *r) {
+    const char *names[VERB_COUNT + 1] = {NULL};
+    if (!r->file)
+        return argument_wrong(program,
+                              "--file FILE is missing: the records, as in the server's config");
+    if (!r->count)
+        return argument_wrong(program, "the command is missing: list, show, add, ...");
+    for (size_t i = 0; i < VERB_COUNT; i++) {
+        names[i] = verbs[i].name;
+        if (!strcmp(r->words[0], verbs[i].name))
+            return run(&verbs[i], r);
     }
-    return USAGE;
+    return argument_unknown(program, "command", r->words[0], names);
 }
 
-static int lacking(const char *what) {
-    fprintf(stderr,
-            "arthron-server records: %s\n"
-            "Try: arthron-server records --help\n",
-            what);
-    return USAGE;
-}
-
-// False where an argument is unknown.
+// False where an argument is unknown; getopt has named it.
 static bool take_option(int option, struct request *r) {
     const char **const texts[] = {
         ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role, ['t'] = &r->trainee,
@@ -366,24 +374,15 @@ int command_records(int argc, char **argv) {
         {0},
     };
     struct request request = {0};
-    int code = DONE;
-    for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1 && code != USAGE;) {
+    for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
-            return DONE;
+            return 0;
         }
         if (!take_option(o, &request))
-            code = USAGE;
+            return argument_help(program);
     }
     request.words = argv + optind;
     request.count = argc - optind;
-    if (code == DONE && !request.file)
-        return lacking("--file FILE is missing: the records, as in the server's config");
-    if (code == DONE && !request.count)
-        return lacking("what is to be done is missing: list, show, add, ...");
-    if (code == DONE)
-        code = run(&request);
-    if (code == USAGE)
-        fputs(help, stderr);
-    return code;
+    return find_and_run(&request);
 }

@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "base/log.h"
 #include "commands/browsers.h"
 #include "commands/commands.h"
@@ -14,13 +15,15 @@
 static const char help[] =
     "Usage: arthron-server run --config FILE [--set SECTION.KEY=VALUE ...]\n"
     "\n"
-    "Serves until SIGTERM or SIGINT, then ends every session with a whole trace.\n"
+    "Serves until SIGTERM or SIGINT, then ends every session and closes its trace.\n"
     "\n"
     "  -c, --config FILE            the config (docs/CONFIG.md)\n"
-    "  -s, --set SECTION.KEY=VALUE  a value instead of the config's: --set server.port=4900,\n"
+    "  -s, --set SECTION.KEY=VALUE  replaces a value of the config: --set server.port=4900,\n"
     "                               --set 'station room-1.case=healthy'\n"
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
+
+static const char program[] = "arthron-server run";
 
 static void wait_for_end(const sigset_t *ends) {
     int signal_number;
@@ -86,17 +89,16 @@ int command_run(int argc, char **argv) {
         } else if (o == 'v') {
             log_set_level(LOG_DEBUG);
         } else if (o != 's') {
-            fputs(help, stderr);
-            return 2;
-        } else if (override_count == OVERRIDES_MAX ||
-                   !setting_split(optarg, &overrides[override_count++])) {
-            fprintf(stderr, "arthron-server run: --set %s is not SECTION.KEY=VALUE\n", optarg);
-            return 2;
+            return argument_help(program);
+        } else if (override_count == OVERRIDES_MAX) {
+            return argument_wrong(program, "--set can be given %d times at most", OVERRIDES_MAX);
+        } else if (!setting_split(optarg, &overrides[override_count++])) {
+            return argument_wrong(program, "--set %s is not SECTION.KEY=VALUE", optarg);
         }
     }
-    if (!path || optind != argc) {
-        fputs(help, stderr);
-        return 2;
-    }
+    if (!path)
+        return argument_wrong(program, "--config FILE is missing");
+    if (optind != argc)
+        return argument_wrong(program, "unexpected argument %s", argv[optind]);
     return serve(path, overrides, override_count);
 }

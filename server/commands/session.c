@@ -1,5 +1,6 @@
 #include "step/session.h"
 
+#include "base/argument.h"
 #include "commands/commands.h"
 #include "net/console.h"
 
@@ -22,42 +23,50 @@ static const char help[] =
     "       arthron-server session --socket PATH assign STATION TRAINEE [--json]\n"
     "       arthron-server session --socket PATH copy STATION --from TRACE|ID [--at S] [--json]\n"
     "\n"
-    "Speaks to a running server through its local socket.\n"
+    "Commands a running server through its local socket. Run it as the server's user.\n"
     "\n"
-    "  list    all stations with their sessions, and who trains; lost: frames that did not come\n"
-    "  show    the session of one station: where its joint is, what was cut in it, its metrics\n"
-    "  start   starts a waiting or paused session; a new one where the last has ended\n"
-    "  pause   freezes it until start\n"
-    "  stop    ends it and closes its trace\n"
-    "  reset   starts it afresh in the same trace\n"
-    "  undo    sets it back before its last stroke (a bite, a press of the shaver's button, a\n"
-    "          pass of the knife); again: one farther\n"
-    "  case    ends it and opens one on another case of the server's config\n"
-    "  note    says something to the trainee\n"
-    "  assign  says who trains there from the next session on; '': nobody\n"
-    "  copy    ends it and opens one that begins where a recorded session was: what was cut, how "
-    "the\n"
-    "          touch gave way, the warp's settings. Its case must be one of the server's\n"
+    "  list    all stations with their sessions and trainees; lost: frames that did not arrive\n"
+    "  show    the session of one station: the joint, what was cut, the metrics\n"
+    "  start   starts a waiting or paused session, or a new one after the last has ended\n"
+    "  pause   freezes the session until start\n"
+    "  stop    ends the session and closes its trace\n"
+    "  reset   makes the tissue whole again, in the same trace\n"
+    "  undo    removes the last stroke: a bite, a press of the shaver's button, or a pass of the\n"
+    "          knife. Repeat it to go further back\n"
+    "  case    ends the session and opens one on another case of the server's config\n"
+    "  note    shows a text to the trainee\n"
+    "  assign  names the trainee of the next session; '': none\n"
+    "  copy    ends the session and opens one that continues a recorded one: with its cuts, its\n"
+    "          touch and its warp settings. The server's config must have its case\n"
     "\n"
     "  -S, --socket PATH  the server's socket, as in its config\n"
     "      --from TRACE   the recorded session: its trace, or its id (32 hexadecimal digits)\n"
-    "      --at S         as it was S seconds after its start; left out: at its end\n"
-    "      --strength S   of the new session's warp (case); otherwise the config's\n"
+    "      --at S         continue it from S seconds after its start (default: from its end)\n"
+    "      --strength S   the strength of the new session's warp, 0 to 1 (default: the config's)\n"
     "      --json         print JSON\n"
     "      --help         show this\n";
 
-static const struct {
-    const char *name;
+static const char program[] = "arthron-server session";
+
+static const struct kind {
+    const char *name, *usage;
     arthron_Command_Kind kind;
     int arguments;
 } kinds[] = {
-    {"list", arthron_Command_Kind_LIST, 0},   {"start", arthron_Command_Kind_START, 1},
-    {"pause", arthron_Command_Kind_PAUSE, 1}, {"stop", arthron_Command_Kind_STOP, 1},
-    {"case", arthron_Command_Kind_CASE, 2},   {"reset", arthron_Command_Kind_RESET, 1},
-    {"show", arthron_Command_Kind_SHOW, 1},   {"undo", arthron_Command_Kind_UNDO, 1},
-    {"note", arthron_Command_Kind_NOTE, 2},   {"assign", arthron_Command_Kind_ASSIGN, 2},
-    {"copy", arthron_Command_Kind_COPY, 1},
+    {"list", "list", arthron_Command_Kind_LIST, 0},
+    {"show", "show STATION", arthron_Command_Kind_SHOW, 1},
+    {"start", "start STATION", arthron_Command_Kind_START, 1},
+    {"pause", "pause STATION", arthron_Command_Kind_PAUSE, 1},
+    {"stop", "stop STATION", arthron_Command_Kind_STOP, 1},
+    {"reset", "reset STATION", arthron_Command_Kind_RESET, 1},
+    {"undo", "undo STATION", arthron_Command_Kind_UNDO, 1},
+    {"case", "case STATION CASE [--strength S]", arthron_Command_Kind_CASE, 2},
+    {"note", "note STATION TEXT", arthron_Command_Kind_NOTE, 2},
+    {"assign", "assign STATION TRAINEE", arthron_Command_Kind_ASSIGN, 2},
+    {"copy", "copy STATION --from TRACE|ID [--at S]", arthron_Command_Kind_COPY, 1},
 };
+
+enum { KIND_COUNT = sizeof kinds / sizeof *kinds };
 
 static const char *state_name(const arthron_SessionInfo *info) {
     return session_state_name((enum session_state)info->state);
@@ -296,19 +305,31 @@ static bool fill_last(const char *word, arthron_Command *out) {
     return put_text(out->case_name, sizeof out->case_name, word);
 }
 
+static const struct kind *find_kind(const char *word) {
+    for (int i = 0; i < KIND_COUNT; i++)
+        if (!strcmp(word, kinds[i].name))
+            return &kinds[i];
+    return NULL;
+}
+
+static int refuse_kind(const char *word) {
+    const char *names[KIND_COUNT + 1] = {NULL};
+    for (int i = 0; i < KIND_COUNT; i++)
+        names[i] = kinds[i].name;
+    return argument_unknown(program, "command", word, names);
+}
+
+static bool fits(const struct kind *kind, int count, const arthron_Command *command,
+                 const char *from) {
+    bool copies = kind->kind == arthron_Command_Kind_COPY;
+    return count == kind->arguments + 1 && copies == !!from && (copies || command->at_s == 0) &&
+           (kind->kind == arthron_Command_Kind_CASE || !command->has_strength);
+}
+
+// False where a word is longer than any that the server knows.
 static bool fill_command(char **words, int count, arthron_Command *out) {
-    for (size_t i = 0; count && i < sizeof kinds / sizeof *kinds; i++) {
-        if (strcmp(words[0], kinds[i].name))
-            continue;
-        out->kind = kinds[i].kind;
-        if (count != kinds[i].arguments + 1)
-            return false;
-        if (out->has_strength && out->kind != arthron_Command_Kind_CASE)
-            return false;
-        return (count < 2 || put_text(out->station, sizeof out->station, words[1])) &&
-               (count < 3 || fill_last(words[2], out));
-    }
-    return false;
+    return (count < 2 || put_text(out->station, sizeof out->station, words[1])) &&
+           (count < 3 || fill_last(words[2], out));
 }
 
 static bool take_strength(const char *text, arthron_Command *out) {
@@ -338,17 +359,31 @@ static bool take_at(const char *text, arthron_Command *out) {
     return end != text && !*end && isfinite(out->at_s) && out->at_s > 0;
 }
 
-static int misused(void) {
-    fputs(help, stderr);
-    return 2;
+// 0, or the exit code of what is wrong.
+static int take_value(int option, arthron_Command *out) {
+    if (option == 'a' && !take_at(optarg, out))
+        return argument_wrong(program, "--at %s: must be seconds above 0", optarg);
+    if (option == 'W' && !take_strength(optarg, out))
+        return argument_wrong(program, "--strength %s: must be a number from 0 to 1", optarg);
+    return 0;
 }
 
-static int lacking(const char *what) {
-    fprintf(stderr,
-            "arthron-server session: %s\n"
-            "Try: arthron-server session --help\n",
-            what);
-    return 2;
+static int run(const char *socket, const char *from, char **words, int count,
+               arthron_Command *command, bool json) {
+    if (!socket)
+        return argument_wrong(program,
+                              "--socket PATH is missing: the server's socket, as in its config");
+    if (!count)
+        return argument_wrong(program, "the command is missing: list, show, start, ...");
+    const struct kind *kind = find_kind(words[0]);
+    if (!kind)
+        return refuse_kind(words[0]);
+    if (!fits(kind, count, command, from))
+        return argument_wrong(program, "usage: %s", kind->usage);
+    command->kind = kind->kind;
+    if (!fill_command(words, count, command))
+        return argument_wrong(program, "%s: a name or text is too long", kind->name);
+    return !from || take_from(from, command) ? call(socket, command, json) : 1;
 }
 
 int command_session(int argc, char **argv) {
@@ -363,35 +398,19 @@ int command_session(int argc, char **argv) {
     };
     const char *socket = NULL, *from = NULL;
     arthron_Command command = arthron_Command_init_zero;
-    bool json = false, good = true;
-    for (int o; good && (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
+    bool json = false;
+    int code = 0;
+    for (int o; !code && (o = getopt_long(argc, argv, "S:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
             return 0;
         }
-        if (o == 'S')
-            socket = optarg;
-        else if (o == 'f')
-            from = optarg;
-        else if (o == 'a')
-            good = take_at(optarg, &command);
-        else if (o == 'W')
-            good = take_strength(optarg, &command);
-        else if (o == 'j')
-            json = true;
-        else
-            good = false;
+        if (o == '?')
+            return argument_help(program);
+        socket = o == 'S' ? optarg : socket;
+        from = o == 'f' ? optarg : from;
+        json |= o == 'j';
+        code = take_value(o, &command);
     }
-    if (!good)
-        return misused();
-    if (!socket)
-        return lacking("--socket PATH is missing: the server's socket, as in its config");
-    if (optind == argc)
-        return lacking("what is to be done is missing: list, show, start, ...");
-    if (!fill_command(argv + optind, argc - optind, &command))
-        return misused();
-    bool copies = command.kind == arthron_Command_Kind_COPY;
-    if (copies != !!from || (command.at_s > 0 && !copies))
-        return misused();
-    return !from || take_from(from, &command) ? call(socket, &command, json) : 1;
+    return code ? code : run(socket, from, argv + optind, argc - optind, &command, json);
 }

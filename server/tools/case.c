@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "case_commands.h"
 
 #include <getopt.h>
@@ -12,28 +13,35 @@ static const struct {
     int (*run)(int argc, char **argv);
     const char *what;
 } commands[] = {
-    {"generate", command_generate, "make a case of a parametric knee from a recipe"},
-    {"info", command_info, "what a case holds"},
-    {"check", command_check, "whether its structure, units and places make sense"},
-    {"import", command_import, "make a case from meshes of a scan"},
-    {"deform", command_deform, "add a cavity to a case"},
-    {"maxcut", command_maxcut, "make what a whole resection leaves of the menisci"},
-    {"motion", command_motion, "compute a trainee's hands and the joint from a script"},
-    {"picture", command_picture, "draw it"},
+    {"generate", command_generate, "makes a case of a parametric knee from a recipe"},
+    {"info", command_info, "lists what a case holds"},
+    {"check", command_check, "grades a case: fit, fit with warnings, or unfit"},
+    {"import", command_import, "makes a case from meshes of a scan"},
+    {"deform", command_deform, "adds a cavity to a case"},
+    {"maxcut", command_maxcut, "makes the shape that the greatest resection leaves of a meniscus"},
+    {"motion", command_motion, "computes the motion of hands and joint from a script"},
+    {"picture", command_picture, "draws a case"},
     {"record-pose", command_record_pose,
-     "take a running station's pose as a key of a torn ligament"},
+     "records a running station's pose as a key of a torn ligament"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])
 
 int usage_error(const char *command, const char *format, ...) {
-    fprintf(stderr, "arthron-case %s: ", command);
+    char text[256], program[64];
     va_list args;
     va_start(args, format);
-    vfprintf(stderr, format, args);
+    vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    fprintf(stderr, "\nTry: arthron-case %s --help\n", command);
-    return EXIT_USAGE;
+    snprintf(program, sizeof program, "arthron-case %s", command);
+    return argument_wrong(program, "%s", text);
+}
+
+int unknown_choice(const char *command, const char *argument, const char *word,
+                   const char *const *choices) {
+    char program[64];
+    snprintf(program, sizeof program, "arthron-case %s", command);
+    return argument_unknown(program, argument, word, choices);
 }
 
 int failed(const char *command, const struct error *err) {
@@ -54,11 +62,11 @@ bool parse_numbers(const char *text, double *out_values, int count) {
 
 static void print_help(void) {
     puts("Usage: arthron-case COMMAND [OPTION...]\n\n"
-         "Makes and looks at cases: folders with case.json and anatomy.glb.\n");
+         "Makes, checks and draws cases: folders with case.json and anatomy.glb.\n");
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         printf("  %-11s %s\n", commands[i].name, commands[i].what);
-    puts("\n  --help      this text, or that of a command: arthron-case COMMAND --help\n"
-         "  --version   the version");
+    puts("\n  --help      shows this; arthron-case COMMAND --help explains a command\n"
+         "  --version   shows the version");
 }
 
 int main(int argc, char **argv) {
@@ -72,10 +80,8 @@ int main(int argc, char **argv) {
             puts("arthron-case " ARTHRON_VERSION);
         return option == 'h' || option == 'V' ? EXIT_OK : EXIT_USAGE;
     }
-    if (optind == argc) {
-        fputs("arthron-case: which command? Try: arthron-case --help\n", stderr);
-        return EXIT_USAGE;
-    }
+    if (optind == argc)
+        return argument_wrong("arthron-case", "the command is missing");
     const char *name = argv[optind];
     int first = optind;
     for (size_t i = 0; i < COMMAND_COUNT; i++) {
@@ -84,6 +90,8 @@ int main(int argc, char **argv) {
             return commands[i].run(argc - first, argv + first);
         }
     }
-    fprintf(stderr, "arthron-case: no command \"%s\". Try: arthron-case --help\n", name);
-    return EXIT_USAGE;
+    const char *names[COMMAND_COUNT + 1] = {NULL};
+    for (size_t i = 0; i < COMMAND_COUNT; i++)
+        names[i] = commands[i].name;
+    return argument_unknown("arthron-case", "command", name, names);
 }

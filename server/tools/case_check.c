@@ -12,21 +12,21 @@ static const char help[] =
     "Usage: arthron-case check DIR [--field NAME] [--quick] [--report FILE.html] [--dry-run]\n"
     "                          [--json]\n"
     "\n"
-    "Says what a case is worth before a trainee meets it: fit, fit with warnings, or unfit, which\n"
-    "a server refuses. It looks at structure, units and places, and walks the space that a tip\n"
-    "can reach, at flexions from 0 to 120 degrees and in the key poses of torn ligaments: where "
-    "it\n"
-    "folds or jumps, its largest gain, whether a touch is felt where it is seen, whether facing\n"
-    "surfaces are displaced into each other. It takes a minute or two.\n"
+    "Grades a case before a trainee meets it: fit, fit with warnings, or unfit. A server\n"
+    "refuses an unfit case. The check examines structure, units and places. Then it walks the\n"
+    "space that a tip can reach, at flexions from 0 to 120 degrees and in the key poses of torn\n"
+    "ligaments. It finds where the field folds or jumps, its largest gain, whether a touch is\n"
+    "felt where it is seen, and whether facing surfaces are displaced into each other. A check\n"
+    "takes minutes, and says how many are left.\n"
     "\n"
-    "  --field NAME   gaussian, inverse-distance or smooth; else that of a server's default\n"
-    "  --quick        a grid of 1 mm instead of 0.5, at few poses\n"
-    "  --report FILE  a page with pictures: sections through the joint, coloured by gain\n"
-    "  --dry-run      write nothing into DIR; otherwise check.json, which a server reads\n"
+    "  --field NAME   gaussian, inverse-distance or smooth (default: the server's default)\n"
+    "  --quick        a grid of 1 mm instead of 0.5, at fewer poses\n"
+    "  --report FILE  write a page with sections through the joint, coloured by gain\n"
+    "  --dry-run      do not write check.json, which a server reads, into DIR\n"
     "  --json         print what check.json holds\n"
     "\n"
-    "check.json belongs to the case's files by their hash: a change of those makes it old. Exit\n"
-    "status 1 where the case is unfit.\n";
+    "check.json holds the hash of the case's files. After a change of these files the case\n"
+    "counts as not checked. The exit status is 1 where the case is unfit.\n";
 
 struct wanted {
     struct check_settings settings;
@@ -98,6 +98,7 @@ int command_check(int argc, char **argv) {
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
+    static const char *const fields[] = {"gaussian", "inverse-distance", "smooth", NULL};
     struct wanted wanted = {0};
     const char *field = NULL;
     int option;
@@ -115,12 +116,11 @@ int command_check(int argc, char **argv) {
         wanted.json |= option == 'j';
     }
     if (optind + 1 != argc)
-        return usage_error("check", "one folder, please");
+        return usage_error("check", "one case folder is needed");
     wanted.dir = argv[optind];
     wanted.settings = check_settings_default(wanted.quick);
     wanted.settings.progress = print_progress;
     if (field && !field_from_name(field, &wanted.settings.field.kind))
-        return usage_error("check", "--field %s: there are gaussian, inverse-distance and smooth",
-                           field);
+        return unknown_choice("check", "--field", field, fields);
     return check_folder(&wanted);
 }

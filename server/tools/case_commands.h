@@ -19,6 +19,8 @@ int command_picture(int argc, char **argv);
 int command_record_pose(int argc, char **argv);
 
 // Prints what is wrong and where help is; EXIT_USAGE.
+int unknown_choice(const char *command, const char *argument, const char *word,
+                   const char *const *choices);
 int usage_error(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 // Prints the error's text; EXIT_FAULT.

@@ -1,5 +1,5 @@
-#include "generate/deform.h"
 #include "case_commands.h"
+#include "generate/deform.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -10,17 +10,18 @@
 static const char help[] =
     "Usage: arthron-case deform DIR --group NAME... --cavity X,Y,Z,RADIUS,DEPTH... --out DIR\n"
     "\n"
-    "Adds cavities to what takes the mock-up's surface to the patient's (the morph `warp`).\n"
+    "Adds cavities to the morph `warp`, which maps the mock-up's surface to the patient's.\n"
     "\n"
-    "  --group NAME     whose surface is hollowed out, all its parts together; further ones are\n"
-    "                   moved by the same map (a meniscus that sinks with its tibia)\n"
+    "  --group NAME     the group to hollow out, with all its parts. The same map moves further\n"
+    "                   groups: a meniscus sinks with its tibia\n"
     "  --cavity X,Y,Z,RADIUS,DEPTH\n"
     "                   in mm, in the frame of the femur at rest. The middle is the vertex of the\n"
-    "                   first group that is nearest to X,Y,Z; it moves by DEPTH against the\n"
-    "                   surface's normal, and nothing moves beyond RADIUS (a smooth bump "
-    "between).\n"
-    "                   DEPTH is at most half of RADIUS. Several are added up.\n"
-    "  --out DIR        where the case goes; may be the one it came from\n";
+    "                   first group that is nearest to X,Y,Z. It moves by DEPTH against the "
+    "normal\n"
+    "                   of the surface. Nothing moves beyond RADIUS, and between lies a smooth "
+    "bump.\n"
+    "                   DEPTH is at most half of RADIUS. Several cavities add up.\n"
+    "  --out DIR        write the case here; it may be the same folder\n";
 
 struct request {
     const char *out;
@@ -101,7 +102,7 @@ int command_deform(int argc, char **argv) {
         }
     }
     if (optind + 1 != argc)
-        return usage_error("deform", "one folder, please");
+        return usage_error("deform", "one case folder is needed");
     if (!request.group_count || !request.cavity_count || !request.out)
         return usage_error("deform", "--group, --cavity and --out are needed");
     return run(argv[optind], &request);

@@ -1,5 +1,5 @@
-#include "generate/generate.h"
 #include "case_commands.h"
+#include "generate/generate.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -7,11 +7,10 @@
 static const char help[] =
     "Usage: arthron-case generate RECIPE --out DIR\n"
     "\n"
-    "Makes a case of a parametric knee. RECIPE is a folder with recipe.ini (cases/healthy), or "
-    "the\n"
-    "file itself; cases/README.md explains its keys. The same recipe gives the same bytes.\n"
+    "Makes a case of a parametric knee. RECIPE is a folder with recipe.ini (cases/healthy), or\n"
+    "the file itself. cases/README.md explains its keys. The same recipe gives the same bytes.\n"
     "\n"
-    "  --out DIR        where the case goes\n";
+    "  --out DIR        write the case here\n";
 
 static int run(const char *path, const char *out) {
     struct recipe recipe;
@@ -46,7 +45,7 @@ int command_generate(int argc, char **argv) {
         }
     }
     if (optind + 1 != argc)
-        return usage_error("generate", "one recipe, please");
+        return usage_error("generate", "one recipe is needed");
     if (!out)
         return usage_error("generate", "--out is needed");
     return run(argv[optind], out);

@@ -1,9 +1,9 @@
 #include "base/number.h"
-#include "generate/bridge.h"
-#include "import/import.h"
-#include "check/inspect.h"
 #include "case_commands.h"
 #include "case_import_report.h"
+#include "check/inspect.h"
+#include "generate/bridge.h"
+#include "import/import.h"
 
 #include <ctype.h>
 #include <getopt.h>

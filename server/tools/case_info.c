@@ -1,6 +1,6 @@
-#include "check/inspect.h"
 #include "case_commands.h"
 #include "case_keys.h"
+#include "check/inspect.h"
 #include "mesh/topology.h"
 
 #include <getopt.h>
@@ -11,14 +11,15 @@
 static const char help[] =
     "Usage: arthron-case info DIR [--json]\n"
     "\n"
-    "Prints name, side, hash, groups (triangles, box, volume, largest displacements by warp and\n"
-    "maxcut, topology), lesions (convex parts of each region and their volume, beyond the "
-    "meniscus\n"
-    "too), torn ligaments (each key's flexion, where the mock-up's hold the joint, and how much\n"
-    "further the patient's goes), portals, the joint's centre and a point on top of the medial\n"
-    "tibial plateau. "
-    "Millimetres,\n"
-    "in the frame of the femur at rest: x to the patient's right, y anterior, z proximal.\n";
+    "Prints name, side and hash of a case, and its\n"
+    "  groups      triangles, box, volume, topology, largest displacements by warp and maxcut\n"
+    "  lesions     the convex parts of each region and their volume, also beyond the meniscus\n"
+    "  ligaments   of torn ones the flexion of each key, where the mock-up holds the joint, and "
+    "how\n"
+    "              much further the patient's joint goes\n"
+    "  portals, the centre of the joint, and a point on top of the medial tibial plateau\n"
+    "Lengths are in mm, in the frame of the femur at rest: x to the patient's right, y anterior,\n"
+    "z proximal.\n";
 
 // The regions of a lesion, as the manifest names them.
 static const struct {
@@ -195,7 +196,7 @@ int command_info(int argc, char **argv) {
         json = true;
     }
     if (optind + 1 != argc)
-        return usage_error("info", "one folder, please");
+        return usage_error("info", "one case folder is needed");
     struct knee_case *knee;
     struct error err;
     if (case_load(argv[optind], NULL, &knee, &err) != RESULT_OK)

@@ -1,5 +1,5 @@
-#include "generate/maxcut.h"
 #include "case_commands.h"
+#include "generate/maxcut.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -8,16 +8,16 @@
 static const char help[] =
     "Usage: arthron-case maxcut DIR [--group NAME...] [--rim MM] [--out DIR]\n"
     "\n"
-    "Makes the morph `maxcut` of menisci anew: what is left of the patient's meniscus when all "
-    "that\n"
-    "may go has gone. The inner margin moves towards the capsule; the horns' roots keep all.\n"
+    "Makes the morph `maxcut` of menisci anew: the shape that the greatest resection leaves.\n"
+    "The inner margin moves towards the capsule. The roots of the horns stay whole.\n"
     "\n"
-    "  --group NAME     a cuttable group that is a C seen from above; meniscus_medial and\n"
-    "                   meniscus_lateral where none is named\n"
-    "  --rim MM         width of the rim that stays, 2 to 8; 3.5 where it is not given. It "
-    "becomes\n"
-    "                   wider where the meniscus is hollow at its rim\n"
-    "  --out DIR        where the case goes; without it, where it came from\n";
+    "  --group NAME     a cuttable group that is C-shaped from above (default: meniscus_medial "
+    "and\n"
+    "                   meniscus_lateral)\n"
+    "  --rim MM         width of the rim that stays, 2 to 8 (default: 3.5). It gets wider where "
+    "the\n"
+    "                   meniscus is hollow at its rim\n"
+    "  --out DIR        write the case here (default: DIR)\n";
 
 struct request {
     const char *dir, *out;
@@ -102,7 +102,7 @@ int command_maxcut(int argc, char **argv) {
         }
     }
     if (optind + 1 != argc)
-        return usage_error("maxcut", "one folder, please");
+        return usage_error("maxcut", "one case folder is needed");
     request.dir = argv[optind];
     if (!request.out)
         request.out = request.dir;

@@ -1,5 +1,5 @@
-#include "motion/motion.h"
 #include "case_commands.h"
+#include "motion/motion.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -9,12 +9,13 @@
 static const char help[] =
     "Usage: arthron-case motion SCRIPT --case DIR --out FILE.csv\n"
     "\n"
-    "Computes a trainee's hands and the joint from the anatomy of a case, for arthron-mockup to\n"
-    "play. SCRIPT is an INI file (cases/motions/palpation.ini); cases/README.md explains its keys\n"
-    "and the columns. The same script on the same case gives the same bytes.\n"
+    "Computes the motion of a trainee's hands and of the joint from the anatomy of a case.\n"
+    "arthron-mockup plays it. SCRIPT is an INI file (cases/motions/palpation.ini);\n"
+    "cases/README.md explains its keys and the columns. The same script on the same case gives\n"
+    "the same bytes.\n"
     "\n"
     "  --case DIR       the case\n"
-    "  --out FILE.csv   where the motion goes\n";
+    "  --out FILE.csv   write the motion here\n";
 
 static enum result write_file(const struct motion *motion, const char *path, struct error *err) {
     FILE *file = fopen(path, "w");
@@ -70,7 +71,7 @@ int command_motion(int argc, char **argv) {
         }
     }
     if (optind + 1 != argc)
-        return usage_error("motion", "one script, please");
+        return usage_error("motion", "one script is needed");
     if (!dir || !out)
         return usage_error("motion", "--case and --out are needed");
     return run(argv[optind], dir, out);

@@ -12,14 +12,14 @@
 static const char help[] =
     "Usage: arthron-case picture DIR --out FILE.png [OPTION...]\n"
     "\n"
-    "Draws a case: the patient's bones, menisci and ligaments, and on the menisci the tear (dark\n"
-    "red), damaged tissue (orange) and the planned resection (yellow). 640x480 pixels.\n"
+    "Draws a case: the patient's bones, menisci and ligaments, and on the menisci the tear\n"
+    "(dark red), damaged tissue (orange) and the planned resection (yellow). 640x480 pixels.\n"
     "\n"
-    "  --out FILE         where the picture goes, PNG\n"
-    "  --view VIEW        front (if left out), back, medial, lateral, top\n"
-    "  --flexion DEGREES  0 to 140; 0 if left out\n"
-    "  --groups A,B,...   what is shown; if left out all but the skin, from the top tibia and\n"
-    "                     menisci\n";
+    "  --out FILE         write the picture here (PNG)\n"
+    "  --view VIEW        front (default), back, medial, lateral or top\n"
+    "  --flexion DEGREES  0 to 140 (default: 0)\n"
+    "  --groups A,B,...   the groups to show (default: all but the skin; from the top only the\n"
+    "                     tibia and the menisci)\n";
 
 struct settings {
     const char *out, *groups;
@@ -67,7 +67,7 @@ static bool parse_option(int option, struct settings *settings) {
         settings->out = optarg;
         return true;
     case 'v':
-        return view_from_name(optarg, &settings->view.view);
+        return true;
     case 'f':
         return number_double(optarg, 0, 140, &settings->view.flexion_deg);
     default:
@@ -82,6 +82,7 @@ int command_picture(int argc, char **argv) {
         {"flexion", required_argument, NULL, 'f'}, {"groups", required_argument, NULL, 'g'},
         {"help", no_argument, NULL, 'h'},          {0},
     };
+    static const char *const views[] = {"front", "back", "medial", "lateral", "top", NULL};
     struct settings settings = {0};
     struct error err;
     int option, index = 0;
@@ -92,11 +93,14 @@ int command_picture(int argc, char **argv) {
         }
         if (option == '?')
             return EXIT_USAGE;
+        if (option == 'v' && !view_from_name(optarg, &settings.view.view))
+            return unknown_choice("picture", "--view", optarg, views);
         if (!parse_option(option, &settings))
-            return usage_error("picture", "--%s %s cannot be", options[index].name, optarg);
+            return usage_error("picture", "--%s %s: must be from 0 to 140", options[index].name,
+                               optarg);
     }
     if (optind + 1 != argc)
-        return usage_error("picture", "one folder, please");
+        return usage_error("picture", "one case folder is needed");
     if (!settings.out)
         return usage_error("picture", "--out is needed");
     return draw(argv[optind], &settings, &err) == RESULT_OK ? EXIT_OK : failed("picture", &err);

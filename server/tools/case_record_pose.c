@@ -19,31 +19,29 @@ static const char help[] =
     "Usage: arthron-case record-pose DIR --as rest|physical|target [--ligament NAME]\n"
     "                                --station NAME --socket PATH\n"
     "\n"
-    "Takes the present pose of a running station's joint into the case, the mean of a second.\n"
+    "Records the present pose of a running station's joint in the case: the mean of one second.\n"
     "\n"
-    "  --as rest        the mock-up at rest; one pose for each flexion makes the rest path, "
+    "  --as rest        the mock-up at rest. One pose for each flexion makes the rest path; "
     "without\n"
-    "                   any it is that of the joint's axes\n"
-    "  --as physical    the mock-up pushed to its end, with its ligaments mounted. It waits "
-    "beside\n"
-    "                   the case (recorded.json) for its target\n"
-    "  --as target      the mock-up pushed on, with its ligament off: where the patient's tibia "
-    "is\n"
-    "                   to appear in the physical pose. It completes the one that waits within 5\n"
-    "                   degrees of flexion, or gives such a key another target\n"
-    "  --ligament NAME  which is torn, for physical and target\n"
-    "  --station NAME   of a session on a case with the same joint frames: any case of this "
-    "mock-up\n"
-    "  --socket PATH    of the server, as in its config\n"
+    "                   any, it is the path of the joint's axes\n"
+    "  --as physical    the mock-up pushed to its end, with its ligaments mounted. The pose waits\n"
+    "                   in recorded.json, beside the case, for its target\n"
+    "  --as target      the mock-up pushed further, with the ligament off: here the virtual tibia "
+    "appears\n"
+    "                   in the physical pose. It completes the pose that waits within 5 degrees\n"
+    "                   of flexion, or gives such a key another target\n"
+    "  --ligament NAME  the torn ligament, for physical and target\n"
+    "  --station NAME   a station with a session on any case of this mock-up\n"
+    "  --socket PATH    the server's socket, as in its config\n"
     "\n"
-    "So: ligaments mounted, push to the end at some flexions, --as physical at each; ligament "
-    "off,\n"
-    "push on at about the same flexions, --as target at each. What is recorded within a degree of\n"
-    "flexion replaces what was there. Refused where the joint moves, is held or lost.\n";
+    "With the ligaments mounted, push the joint to its end at some flexions and record each\n"
+    "--as physical. Take the ligament off, push further at about the same flexions and record\n"
+    "each --as target. A recording replaces an older one within a degree of flexion. The\n"
+    "command refuses a joint that moves, is held, or is lost.\n";
 
 enum role { ROLE_REST, ROLE_PHYSICAL, ROLE_TARGET, ROLE_COUNT };
 
-static const char *const role_names[ROLE_COUNT] = {"rest", "physical", "target"};
+static const char *const role_names[ROLE_COUNT + 1] = {"rest", "physical", "target", NULL};
 
 struct request {
     const char *dir, *ligament, *station, *socket;
@@ -228,10 +226,10 @@ static enum role role_from_name(const char *name) {
 
 static int check_request(const struct request *r) {
     if (r->role == ROLE_COUNT || !r->station || !r->socket)
-        return usage_error("record-pose", "--as rest, physical or target, --station and --socket "
-                                          "are needed");
+        return usage_error("record-pose", "--as, --station and --socket are needed");
     if ((r->role == ROLE_REST) != !r->ligament)
-        return usage_error("record-pose", "--ligament is for physical and target, and only there");
+        return usage_error("record-pose",
+                           "--ligament goes with physical and target, and only with these");
     return EXIT_OK;
 }
 
@@ -248,6 +246,8 @@ int command_record_pose(int argc, char **argv) {
             return EXIT_OK;
         } else if (option == 'a') {
             request.role = role_from_name(optarg);
+            if (request.role == ROLE_COUNT)
+                return unknown_choice("record-pose", "--as", optarg, role_names);
         } else if (option == 'l') {
             request.ligament = optarg;
         } else if (option == 's') {
@@ -259,7 +259,7 @@ int command_record_pose(int argc, char **argv) {
         }
     }
     if (optind + 1 != argc)
-        return usage_error("record-pose", "one folder, please");
+        return usage_error("record-pose", "one case folder is needed");
     request.dir = argv[optind];
     int status = check_request(&request);
     return status == EXIT_OK ? run(&request) : status;

@@ -1,5 +1,6 @@
 #include "tools/calibrate.h"
 
+#include "base/argument.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/number.h"
@@ -40,14 +41,20 @@ typedef enum result calibrate_part(struct station_config *config,
                                    struct error *err);
 
 static const struct {
-    const char *name;
+    const char *name, *usage;
     enum calibration_kind kind;
     calibrate_part *run;
 } parts[] = {
-    {"tip", CALIBRATION_TIP, calibrate_tip},
-    {"landmarks", CALIBRATION_REGISTRATION, calibrate_landmarks},
-    {"encoder", CALIBRATION_ENCODER, calibrate_encoder},
+    {"tip", "tip --config FILE --device NAME --channel CHANNEL", CALIBRATION_TIP, calibrate_tip},
+    {"landmarks", "landmarks --config FILE --device NAME --channel CHANNEL --points FILE",
+     CALIBRATION_REGISTRATION, calibrate_landmarks},
+    {"encoder", "encoder --config FILE --device NAME --key KEY --at VALUE,VALUE,...",
+     CALIBRATION_ENCODER, calibrate_encoder},
 };
+
+enum { PART_COUNT = sizeof parts / sizeof *parts };
+
+static const char program[] = "arthron-station calibrate";
 
 static bool take_values(char *text, struct calibrate_arguments *out) {
     char *rest;
@@ -58,6 +65,17 @@ static bool take_values(char *text, struct calibrate_arguments *out) {
     return out->value_count > 0;
 }
 
+static bool take_channel(const char *text, enum channel *out) {
+    const char *names[CHANNEL_COUNT + 1] = {NULL};
+    if (channel_from_name(text, out) && *out != CHANNEL_JOINT)
+        return true;
+    for (int i = CHANNEL_JOINT + 1; i < CHANNEL_COUNT; i++)
+        names[i - CHANNEL_JOINT - 1] = channel_name((enum channel)i);
+    argument_unknown(program, "--channel", text, names);
+    return false;
+}
+
+// False: refused, and said why.
 static bool take_option(int option, struct calibrate_arguments *out) {
     switch (option) {
     case 'c':
@@ -67,9 +85,10 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         out->device = optarg;
         return true;
     case 'C':
-        return channel_from_name(optarg, &out->channel) && out->channel != CHANNEL_JOINT;
+        return take_channel(optarg, &out->channel);
     case 't':
-        return number_double(optarg, 0.1, 600, &out->seconds);
+        return number_double(optarg, 0.1, 600, &out->seconds) ||
+               !argument_wrong(program, "--seconds %s: must be from 0.1 to 600", optarg);
     case 'p':
         out->points = optarg;
         return true;
@@ -77,12 +96,13 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         out->key = optarg;
         return true;
     case 'a':
-        return take_values(optarg, out);
+        return take_values(optarg, out) ||
+               !argument_wrong(program, "--at: must be numbers from -1000 to 1000, with commas");
     case 'j':
         out->json = true;
         return true;
     default:
-        return false;
+        return !argument_help(program);
     }
 }
 
@@ -151,6 +171,21 @@ static int run(int part, const struct calibrate_arguments *arguments) {
     return result == RESULT_OK ? 0 : 1;
 }
 
+static int find_and_run(char **words, int count, const struct calibrate_arguments *arguments) {
+    const char *names[PART_COUNT + 1] = {NULL};
+    if (count != 1)
+        return argument_wrong(program, "one of tip, landmarks and encoder is needed");
+    for (int i = 0; i < PART_COUNT; i++) {
+        names[i] = parts[i].name;
+        if (strcmp(words[0], parts[i].name) != 0)
+            continue;
+        return is_complete(arguments, parts[i].kind)
+                   ? run(i, arguments)
+                   : argument_wrong(program, "usage: %s", parts[i].usage);
+    }
+    return argument_unknown(program, "part", words[0], names);
+}
+
 int tool_calibrate(int argc, char **argv) {
     static const struct option options[] = {
         {"config", required_argument, NULL, 'c'},  {"device", required_argument, NULL, 'd'},
@@ -168,9 +203,5 @@ int tool_calibrate(int argc, char **argv) {
         }
         good = take_option(o, &arguments);
     }
-    for (int i = 0; good && i < 3 && argc - optind == 1; i++)
-        if (!strcmp(argv[optind], parts[i].name) && is_complete(&arguments, parts[i].kind))
-            return run(i, &arguments);
-    fputs(help, stderr);
-    return 2;
+    return good ? find_and_run(argv + optind, argc - optind, &arguments) : 2;
 }

@@ -3,6 +3,7 @@
 import os
 import socket
 import subprocess
+import tempfile
 import unittest
 
 from arthron import House, call, free_port, program
@@ -51,6 +52,45 @@ class Starts(House):
                               capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 1)
         self.assertIn("permission denied; run this as the user root (runuser -u root -- ...)", done.stderr)
+
+
+class Arguments(unittest.TestCase):
+    def test_a_wrong_argument_is_answered_with_what_is_possible(self):
+        rows = (
+            ("arthron-server sesion", "did you mean session?"),
+            ("arthron-server run", "--config FILE is missing"),
+            ("arthron-server session --socket s lst", "did you mean list?"),
+            ("arthron-server session --socket s start", "usage: start STATION"),
+            ("arthron-server session --socket s list --at 3", "usage: list"),
+            ("arthron-server session --socket s copy a --from x --at never", "--at never: must be seconds"),
+            ("arthron-server session --socket s case a b --strength 2", "--strength 2: must be a number from 0 to 1"),
+            ("arthron-server records --file {db} add account x --role boss",
+             "--role boss is unknown; the choices are technician, instructor, trainee"),
+            ("arthron-server records --file {db} add acount x", "did you mean account?"),
+            ("arthron-server records --file {db} list trainee", "did you mean trainees?"),
+            ("arthron-server records --file {db} show sesion x", "did you mean session?"),
+            ("arthron-server records --file {db} erase", "usage: erase TRAINEE"),
+            ("arthron-server backup", "usage: backup --file FILE --out BACKUP"),
+            ("arthron-server restore x", "usage: restore BACKUP --file FILE"),
+            ("arthron-case chek", "did you mean check?"),
+            ("arthron-case check x --field smoth", "did you mean smooth?"),
+            ("arthron-case check", "one case folder is needed"),
+            ("arthron-case picture x --out y --view left", "the choices are front, back"),
+            ("arthron-case record-pose x --as targt", "did you mean target?"),
+            ("arthron-station calibrate tip --channel prob", "--channel prob is unknown; did you mean probe?"),
+            ("arthron-station calibrate tip --channel probe", "usage: tip --config FILE"),
+            ("arthron-station calibrate tips", "did you mean tip?"),
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            db = os.path.join(folder, "r.db")
+            call("arthron-server", "records", "--file", db, "add", "course", "spring")
+            for line, said in rows:
+                words = line.format(db=db).split()
+                done = call(*words, code=2)
+                self.assertEqual(done.stdout, "")
+                first, last = done.stderr.splitlines()
+                self.assertIn(said, first)
+                self.assertIn(f"Try: {words[0]}", last)
 
 
 if __name__ == "__main__":

@@ -175,7 +175,7 @@ class Commands(unittest.TestCase):
         self.assertEqual([a["subject"] for a in audit], ["trainee 1", "course 1", "trainee 1", "account 1", "account 2"])
 
     def test_what_cannot_be_done_says_why(self):
-        self.assertIn("no list 'pupils'", self.run_records("list", "pupils", code=2).stderr)
+        self.assertIn("list pupils is unknown; the choices are trainees", self.run_records("list", "pupils", code=2).stderr)
         for words, says in ((("show", "trainee", "nobody"), "no trainee 'nobody'"),
                             (("enrol", "ada", "spring"), "no course 'spring'"),
                             (("erase", "nobody"), "no trainee 'nobody'"),
@@ -188,13 +188,13 @@ class Commands(unittest.TestCase):
             self.assertEqual(done.stdout, "")
         for words in (("list",), ("list", "songs"), ("show", "results", "x"), ("add", "song", "x"), ("export",),
                       ("add", "account", "x"), ("add", "account", "x", "--role", "queen"), ("erase",), ("--bad",)):
-            self.assertIn("Usage", self.run_records(*words, code=2).stderr)
+            self.assertIn("Try: arthron-server records --help", self.run_records(*words, code=2).stderr)
         for command in ("records", "session"):
             option = {"records": ("--file", self.db), "session": ("--socket", self.path("s"))}[command]
             done = call("arthron-server", command, "list", code=2)
             self.assertIn(f"{option[0]} ", done.stderr.splitlines()[0])
             self.assertIn("is missing", done.stderr.splitlines()[0])
-            self.assertIn("what is to be done is missing", call("arthron-server", command, *option, code=2).stderr)
+            self.assertIn("the command is missing", call("arthron-server", command, *option, code=2).stderr)
         self.assertIn("no records", call("arthron-server", "records", "--file", self.path("none.db"), "list", "sessions",
                                          code=1).stderr)
         self.assertFalse(os.path.exists(self.path("none.db")))
@@ -320,7 +320,7 @@ class Commands(unittest.TestCase):
                 for word in (b"Lovelace", b"Countess", b'"ada"', b",ada,"):
                     self.assertNotIn(word, text, name)
         text = self.run_records("erase", erased["pseudonym"]).stdout
-        self.assertIn("these traces still carry the name:\n/srv/traces/0.trace\n", text)
+        self.assertIn("these traces still hold the name:\n/srv/traces/0.trace\n", text)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@
 #include "hub/audience.h"
 #include "review/page.h"
 #include "store/store.h"
-#include "web/door.h"
+#include "web/host_check.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -115,8 +115,8 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
                              struct error *err) {
     static const char *const no_names[] = {NULL};
     char host[256] = "", machine[256] = "localhost";
-    struct door *door;
-    enum result result = door_create(web->certificate, no_names, &door, err);
+    struct host_check *hosts;
+    enum result result = host_check_create(web->certificate, no_names, &hosts, err);
     if (result != RESULT_OK)
         return result;
     gethostname(machine, sizeof machine - 1);
@@ -125,8 +125,8 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
     else if (web->address[0] && strcmp(web->address, "0.0.0.0") && strcmp(web->address, "::"))
         snprintf(host, sizeof host, strchr(web->address, ':') ? "[%s]" : "%s", web->address);
     else
-        door_reached_as(door, machine, host, sizeof host);
-    door_destroy(&door);
+        host_check_public_name(hosts, machine, host, sizeof host);
+    host_check_destroy(&hosts);
     snprintf(out, LINK_MAX, "https://%s:%d/", host, web->port);
     return RESULT_OK;
 }

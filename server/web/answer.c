@@ -64,9 +64,9 @@ static const char *status_text(int status) {
 
 // ---- heads --------------------------------------------------------------------------------------
 
-static void say(struct answer *a, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void put(struct answer *a, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-static void say(struct answer *a, const char *format, ...) {
+static void put(struct answer *a, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     int length =
@@ -84,15 +84,15 @@ static bool is_one_line(const char *text) {
 }
 
 // A header whose value is the handler's.
-static void say_header(struct answer *a, const char *name, const char *value) {
+static void put_header(struct answer *a, const char *name, const char *value) {
     CHECK(is_one_line(value)); // else it could end the headers
     if (value[0])
-        say(a, "%s: %s\r\n", name, value);
+        put(a, "%s: %s\r\n", name, value);
 }
 
 static void begin_with(struct answer *a, int status, const char *content_policy) {
     a->status = status;
-    say(a, "HTTP/1.1 %d %s\r\nContent-Security-Policy: %s\r\n%s", status, status_text(status),
+    put(a, "HTTP/1.1 %d %s\r\nContent-Security-Policy: %s\r\n%s", status, status_text(status),
         content_policy, security);
 }
 
@@ -102,10 +102,10 @@ static void begin(struct answer *a, int status) {
 
 static void end(struct answer *a, int64_t length) {
     if (length >= 0)
-        say(a, "Content-Length: %lld\r\n", (long long)length);
+        put(a, "Content-Length: %lld\r\n", (long long)length);
     if (a->closes)
-        say(a, "Connection: close\r\n");
-    say(a, "\r\n");
+        put(a, "Connection: close\r\n");
+    put(a, "\r\n");
 }
 
 // ---- life ---------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ struct answer answer_none(void) {
 
 void answer_release(struct answer *answer) {
     free(answer->owned);
-    packed_release(&answer->packed);
+    gzip_file_release(&answer->packed);
     if (answer->file >= 0)
         close(answer->file);
     *answer = answer_none();
@@ -131,11 +131,11 @@ struct answer answer_refusal(int status, const char *code, const char *text, boo
                               "{\"error\":{\"code\":\"%s\",\"text\":\"%s\"}}\n", code, text);
     a.closes = closes;
     begin(&a, status);
-    say(&a, "Content-Type: application/json\r\nCache-Control: no-store\r\n");
+    put(&a, "Content-Type: application/json\r\nCache-Control: no-store\r\n");
     if (status == 405)
-        say(&a, "Allow: GET, HEAD\r\n");
+        put(&a, "Allow: GET, HEAD\r\n");
     if (status == 429 || status == 503)
-        say(&a, "Retry-After: 1\r\n");
+        put(&a, "Retry-After: 1\r\n");
     end(&a, (int64_t)a.size);
     return a;
 }
@@ -146,7 +146,7 @@ static struct answer failure(void) {
 
 static void drop_body(struct answer *a) {
     free(a->owned);
-    packed_release(&a->packed);
+    gzip_file_release(&a->packed);
     a->owned = NULL;
     a->bytes = NULL;
     a->size = 0;
@@ -176,24 +176,24 @@ static bool matches(const char *list, const char *etag) {
     return false;
 }
 
-static void say_etag(struct answer *a, const char *etag, bool packed) {
+static void put_etag(struct answer *a, const char *etag, bool packed) {
     CHECK(is_one_line(etag));
     if (etag[0])
-        say(a, "ETag: %s\"%s\"\r\n", packed ? "W/" : "", etag); // of two forms of the same content
+        put(a, "ETag: %s\"%s\"\r\n", packed ? "W/" : "", etag); // of two forms of the same content
 }
 
 // ---- pages --------------------------------------------------------------------------------------
 
-struct answer answer_page(const struct web_page *page, const struct wishes *wishes) {
+struct answer answer_page(const struct web_page *page, const struct answer_options *options) {
     struct answer a = answer_none();
-    bool known = matches(wishes->none_match, page->etag);
+    bool known = matches(options->none_match, page->etag);
     if (known) {
         begin(&a, 304);
-    } else if (wishes->takes_gzip) {
+    } else if (options->takes_gzip) {
         a.bytes = page->gzip;
         a.size = page->gzip_size;
         begin(&a, 200);
-        say(&a, "Content-Encoding: gzip\r\n");
+        put(&a, "Content-Encoding: gzip\r\n");
     } else if ((a.owned = gzip_unpack(page->gzip, page->gzip_size, page->size))) {
         a.bytes = a.owned;
         a.size = page->size;
@@ -201,12 +201,12 @@ struct answer answer_page(const struct web_page *page, const struct wishes *wish
     } else {
         return failure();
     }
-    say_header(&a, "Content-Type", page->type);
-    say_etag(&a, page->etag, true);
-    say(&a, "Vary: Accept-Encoding\r\nCache-Control: %s\r\n",
+    put_header(&a, "Content-Type", page->type);
+    put_etag(&a, page->etag, true);
+    put(&a, "Vary: Accept-Encoding\r\nCache-Control: %s\r\n",
         page->hashed ? "public, max-age=31536000, immutable" : "no-cache");
     end(&a, known ? -1 : (int64_t)a.size);
-    if (wishes->head_only)
+    if (options->head_only)
         drop_body(&a);
     return a;
 }
@@ -257,20 +257,20 @@ static bool load(struct answer *a) {
 }
 
 // The file as it is now has this name; what it was before is not asked for any more.
-static bool load_packed(struct answer *a, const char *path, struct shelf *shelf) {
-    char name[SHELF_NAME_MAX];
+static bool load_packed(struct answer *a, const char *path, struct gzip_cache *cache) {
+    char name[GZIP_CACHE_NAME_MAX];
     struct stat status;
     if (fstat(a->file, &status) != 0)
         return false;
     snprintf(name, sizeof name, "%s %lld.%09ld %lld", path, (long long)status.st_mtim.tv_sec,
              status.st_mtim.tv_nsec, (long long)status.st_size);
-    const struct packed *packed = shelf_take(shelf, name);
+    const struct gzip_file *packed = gzip_cache_take(cache, name);
     if (!packed) {
         if (!load(a))
             return false;
         size_t size;
         uint8_t *bytes = gzip_pack(a->bytes, a->size, &size);
-        packed = shelf_put(shelf, name, bytes, size);
+        packed = gzip_cache_put(cache, name, bytes, size);
     }
     drop_body(a);
     a->packed = packed;
@@ -287,89 +287,89 @@ static void pack(struct answer *a) {
     a->size = size;
 }
 
-static bool is_known(const struct web_response *r, const struct wishes *wishes) {
-    return r->status == 200 && matches(wishes->none_match, r->etag);
+static bool is_known(const struct web_response *r, const struct answer_options *options) {
+    return r->status == 200 && matches(options->none_match, r->etag);
 }
 
 // What the browser has is neither read nor packed.
-static bool is_packed(const struct web_response *r, const struct wishes *wishes) {
-    return r->compress && wishes->takes_gzip && !is_known(r, wishes);
+static bool is_packed(const struct web_response *r, const struct answer_options *options) {
+    return r->compress && options->takes_gzip && !is_known(r, options);
 }
 
 // The status, and with 206 and 416 what of the file is meant.
-static int choose(struct answer *a, const struct web_response *r, const struct wishes *wishes,
-                  int64_t size) {
+static int choose(struct answer *a, const struct web_response *r,
+                  const struct answer_options *options, int64_t size) {
     char quoted[sizeof r->etag + 2];
     snprintf(quoted, sizeof quoted, "\"%s\"", r->etag);
     int status = r->status ? r->status : 204;
-    if (is_known(r, wishes))
+    if (is_known(r, options))
         return 304;
-    if (status != 200 || a->file < 0 || (wishes->if_range[0] && strcmp(wishes->if_range, quoted)))
+    if (status != 200 || a->file < 0 || (options->if_range[0] && strcmp(options->if_range, quoted)))
         return status;
     int64_t to;
-    enum range range = range_parse(wishes->range, size, &a->at, &to);
+    enum range range = range_parse(options->range, size, &a->at, &to);
     a->left = to - a->at;
     return range == RANGE_NONE ? status : range == RANGE_SOME ? 206 : 416;
 }
 
-static void say_extent(struct answer *a, int64_t size) {
+static void put_range(struct answer *a, int64_t size) {
     if (a->file < 0)
         return;
-    say(a, "Accept-Ranges: bytes\r\n");
+    put(a, "Accept-Ranges: bytes\r\n");
     if (a->status == 206)
-        say(a, "Content-Range: bytes %lld-%lld/%lld\r\n", (long long)a->at,
+        put(a, "Content-Range: bytes %lld-%lld/%lld\r\n", (long long)a->at,
             (long long)(a->at + a->left - 1), (long long)size);
     if (a->status == 416)
-        say(a, "Content-Range: bytes */%lld\r\n", (long long)size);
+        put(a, "Content-Range: bytes */%lld\r\n", (long long)size);
 }
 
 // A name that every system takes; others were an invitation to play tricks with it.
-static void say_download(struct answer *a, const char *name) {
+static void put_disposition(struct answer *a, const char *name) {
     static const char good[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_. ";
     if (!name[0])
         return;
-    say(a, "Content-Disposition: attachment; filename=\"");
+    put(a, "Content-Disposition: attachment; filename=\"");
     for (; *name; name++)
-        say(a, "%c", strchr(good, *name) ? *name : '_');
-    say(a, "\"\r\n");
+        put(a, "%c", strchr(good, *name) ? *name : '_');
+    put(a, "\"\r\n");
 }
 
-static void say_headers(struct answer *a, const struct web_response *r) {
-    say_header(a, "Content-Type", r->type[0] ? r->type : "application/json");
-    say_header(a, "Set-Cookie", r->cookie);
-    say_etag(a, r->etag, r->compress);
-    say_download(a, r->download);
-    say(a, "Cache-Control: %s\r\n", r->etag[0] ? "private, no-cache" : "no-store");
+static void put_headers(struct answer *a, const struct web_response *r) {
+    put_header(a, "Content-Type", r->type[0] ? r->type : "application/json");
+    put_header(a, "Set-Cookie", r->cookie);
+    put_etag(a, r->etag, r->compress);
+    put_disposition(a, r->download);
+    put(a, "Cache-Control: %s\r\n", r->etag[0] ? "private, no-cache" : "no-store");
     if (r->compress)
-        say(a, "Vary: Accept-Encoding\r\n");
+        put(a, "Vary: Accept-Encoding\r\n");
     if (r->retry_after_s > 0)
-        say(a, "Retry-After: %d\r\n", r->retry_after_s);
+        put(a, "Retry-After: %d\r\n", r->retry_after_s);
 }
 
-struct answer answer_of(const struct web_response *r, const struct wishes *wishes,
-                        struct shelf *shelf) {
+struct answer answer_of(const struct web_response *r, const struct answer_options *options,
+                        struct gzip_cache *cache) {
     struct answer a = answer_none();
     a.bytes = a.owned = (uint8_t *)r->body;
     a.size = r->size;
     if (r->file[0] && !open_file(&a, r->file))
         return answer_refusal(404, "not_found", "there is no such file", false);
-    bool packed = is_packed(r, wishes) && a.left <= COMPRESSED_MAX;
+    bool packed = is_packed(r, options) && a.left <= COMPRESSED_MAX;
     if (packed && a.file < 0)
         pack(&a);
-    else if (packed && !load_packed(&a, r->file, shelf)) {
+    else if (packed && !load_packed(&a, r->file, cache)) {
         answer_release(&a);
         return failure();
     }
     int64_t size = a.file >= 0 ? a.left : (int64_t)a.size;
-    int status = choose(&a, r, wishes, size);
+    int status = choose(&a, r, options, size);
     begin_with(&a, status, r->stands_alone ? policy_alone : policy);
-    say_headers(&a, r);
+    put_headers(&a, r);
     if (packed)
-        say(&a, "Content-Encoding: gzip\r\n");
-    say_extent(&a, size);
+        put(&a, "Content-Encoding: gzip\r\n");
+    put_range(&a, size);
     bool bare = status == 304 || status == 204;
     end(&a, bare ? -1 : status == 416 ? 0 : a.file >= 0 ? a.left : (int64_t)a.size);
-    if (bare || status == 416 || wishes->head_only)
+    if (bare || status == 416 || options->head_only)
         drop_body(&a);
     return a;
 }

@@ -2,7 +2,7 @@
 // answer is made may take time (it packs and opens files), but for pages and refusals.
 #pragma once
 
-#include "web/shelf.h"
+#include "web/gzip_cache.h"
 #include "web/web.h"
 
 #include <stdint.h>
@@ -11,7 +11,7 @@
 #define ANSWER_PIECE 262144 // of a file, read at once
 
 // What a request's headers ask of the answer; texts are empty where they were not sent.
-struct wishes {
+struct answer_options {
     bool head_only;
     bool takes_gzip;
     char range[64], if_range[96], none_match[256];
@@ -21,9 +21,9 @@ struct answer {
     int status;
     char head[ANSWER_HEAD_MAX];
     size_t head_size;
-    uint8_t *owned;              // what is released with it
-    const struct packed *packed; // too
-    const uint8_t *bytes;        // of `size`, behind the head
+    uint8_t *owned;                 // what is released with it
+    const struct gzip_file *packed; // too
+    const uint8_t *bytes;           // of `size`, behind the head
     size_t size;
     int file; // -1: none; else its bytes from `at` on follow, `left` of them
     int64_t at, left;
@@ -33,10 +33,10 @@ struct answer {
 struct answer answer_none(void);
 void answer_release(struct answer *answer); // it is none then
 
-// Takes the response's body. What of files is packed is kept on the shelf.
-struct answer answer_of(const struct web_response *response, const struct wishes *wishes,
-                        struct shelf *shelf);
-struct answer answer_page(const struct web_page *page, const struct wishes *wishes);
+// Takes the response's body. What of files is packed is kept on the cache.
+struct answer answer_of(const struct web_response *response, const struct answer_options *options,
+                        struct gzip_cache *cache);
+struct answer answer_page(const struct web_page *page, const struct answer_options *options);
 
 // {"error": {"code": ..., "text": ...}}
 struct answer answer_refusal(int status, const char *code, const char *text, bool closes);

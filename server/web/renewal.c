@@ -10,8 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Which files they are; a path may be a link to another file each time. Changed is also what somebody
-// may read now who could not before.
+// Which files they are; a path may be a link to another file each time. Changed is also what
+// somebody may read now who could not before.
 struct stamps {
     struct {
         int64_t file, size, changed_s, changed_ns;
@@ -20,7 +20,7 @@ struct stamps {
 
 struct renewal {
     char *certificate, *key;
-    struct stamps looked_at;
+    struct stamps seen;
 };
 
 static struct stamps take_stamps(const struct renewal *r) {
@@ -56,7 +56,7 @@ enum result renewal_create(const char *certificate, const char *key, struct rene
     struct renewal *r = alloc(1, sizeof *r);
     r->certificate = alloc_text(certificate);
     r->key = alloc_text(key);
-    r->looked_at = take_stamps(r);
+    r->seen = take_stamps(r);
     enum result result = check_files(r, err);
     if (result != RESULT_OK)
         renewal_destroy(&r);
@@ -75,12 +75,12 @@ void renewal_destroy(struct renewal **renewal) {
 }
 
 // Certificate and key are replaced one after the other: between the two they do not fit.
-bool renewal_look(struct renewal *r, struct lws_context *context) {
+bool renewal_check(struct renewal *r, struct lws_context *context) {
     struct error err;
     struct stamps stamps = take_stamps(r);
-    if (!memcmp(&stamps, &r->looked_at, sizeof stamps))
+    if (!memcmp(&stamps, &r->seen, sizeof stamps))
         return false;
-    r->looked_at = stamps;
+    r->seen = stamps;
     if (check_files(r, &err) != RESULT_OK) {
         log_warning("web", "%s; the certificate stays the one before", err.text);
         return false;

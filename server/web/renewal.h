@@ -16,4 +16,4 @@ void renewal_destroy(struct renewal **renewal); // NULL inside is fine
 
 // Where the files are others than before, and fit each other: connections to come get them, and
 // true. Else the old ones stay; what is wrong with new ones is logged once.
-bool renewal_look(struct renewal *renewal, struct lws_context *context);
+bool renewal_check(struct renewal *renewal, struct lws_context *context);

@@ -76,17 +76,17 @@ struct web_handler {
 
     // A message of the page, but for Drawn, which is this room's. False where the page may not say
     // so: it is closed.
-    bool (*on_page)(void *user, void *viewer, const arthron_Page *message);
+    bool (*on_page)(void *user, void *live, const arthron_Page *message);
 
     // Asked when the page has drawn all but WEB_BATCHES_ON_WAY - 1 batches, its socket can take
     // one, and *out_next_ns of the last time is past, web_wake was called or the page said
     // something. Writes the next batch (at most `size`, WEB_BATCH_MAX, bytes) and returns its size;
     // 0: nothing now. *out_next_ns (monotonic; it is `now_ns` before) is when to ask again: at once
     // where it stays so behind a batch, not by itself where it stays so and there was nothing.
-    size_t (*on_batch)(void *user, void *viewer, int64_t now_ns, uint8_t *out, size_t size,
+    size_t (*on_batch)(void *user, void *live, int64_t now_ns, uint8_t *out, size_t size,
                        int64_t *out_next_ns);
 
-    void (*on_left)(void *user, void *viewer);
+    void (*on_left)(void *user, void *live);
 };
 
 struct web_config {
@@ -96,8 +96,8 @@ struct web_config {
     const char *key;
     const char *names[WEB_NAMES_MAX + 1]; // what the server is called besides; NULL behind the last
     struct web_pages pages;
-    int patience_s; // with who does not go on: headers, a body, reading what it is sent; 0: 20
-    int renewal_s;  // after which it looks for another certificate again and again; 0: 60
+    int timeout_s; // with who does not go on: headers, a body, reading what it is sent; 0: 20
+    int renewal_s; // after which it looks for another certificate again and again; 0: 60
 };
 
 // Listens and starts the threads. RESULT_MISSING names a file that is not there, RESULT_IO address

@@ -2,7 +2,8 @@
 #include "base/check.h"
 #include "fuzz/fuzz.h"
 #include "web/answer.h"
-#include "web/door.h"
+#include "web/host_check.h"
+#include "web/token.h"
 
 #include <pb_encode.h>
 #include <string.h>
@@ -20,11 +21,11 @@ static void page(const uint8_t *data, size_t size) {
 }
 
 static void texts(const char *text) {
-    char token[DOOR_TOKEN_MAX];
+    char token[WEB_TOKEN_MAX];
     int64_t from, to;
-    if (door_token_of_cookies(text, token) || door_token_of_authorization(text, token))
+    if (token_of_cookies(text, token) || token_of_authorization(text, token))
         CHECK(token[0] && !strpbrk(token, " ;,\"\r\n"));
-    door_is_origin_of(text, "localhost:4880");
+    host_check_is_origin(text, "localhost:4880");
     for (int64_t size = 0; size < 3000; size += 999)
         if (range_parse(text, size, &from, &to) == RANGE_SOME)
             CHECK(from >= 0 && from < to && to <= size);

@@ -1,7 +1,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/listen.h"
-#include "web/web_parts.h"
+#include "web/connection.h"
 
 #include <errno.h>
 #include <netinet/in.h>
@@ -17,7 +17,7 @@
 #define HEADERS_MAX 8192    // bytes of a request's
 #define HANDSHAKE_S 5
 #define KEEP_ALIVE_S 30
-#define PATIENCE_S 20
+#define TIMEOUT_S 20
 #define RENEWAL_S 60
 #define UNSENT_MAX 16384
 #define TURNS_S 4000
@@ -28,8 +28,8 @@
 // ---- connections --------------------------------------------------------------------------------
 
 static int filter_connection(struct web *web, int fd) {
-    const struct guest *guest = guests_find(web->guests, fd);
-    return web->draining || !guest || !guest_may_connect(web->guests, guest) ? -1 : 0;
+    const struct rate_limit *limit = rate_limits_find(web->limits, fd);
+    return web->draining || !limit || !rate_limit_may_connect(web->limits, limit) ? -1 : 0;
 }
 
 // So little may wait in the kernel: what is new does not queue behind what is old.
@@ -47,29 +47,29 @@ static void read_address(struct lws *socket, char *out, size_t size) {
 }
 
 static int open_connection(struct web *web, struct lws *socket) {
-    struct guest *guest = guests_find(web->guests, lws_get_socket_fd(socket));
-    if (!guest)
+    struct rate_limit *limit = rate_limits_find(web->limits, lws_get_socket_fd(socket));
+    if (!limit)
         return -1;
-    struct visitor *visitor = alloc(1, sizeof *visitor);
-    visitor->web = web;
-    visitor->socket = socket;
-    visitor->guest = guest;
-    visitor->answer = answer_none();
-    read_address(socket, visitor->address, sizeof visitor->address);
+    struct web_connection *connection = alloc(1, sizeof *connection);
+    connection->web = web;
+    connection->socket = socket;
+    connection->limit = limit;
+    connection->answer = answer_none();
+    read_address(socket, connection->address, sizeof connection->address);
     keep_queue_short(lws_get_socket_fd(socket));
-    guest_connected(web->guests, guest);
-    lws_set_opaque_user_data(socket, visitor);
+    rate_limit_connected(web->limits, limit);
+    lws_set_opaque_user_data(socket, connection);
     return 0;
 }
 
-static int end_connection(struct visitor *visitor) {
-    if (!visitor)
+static int end_connection(struct web_connection *connection) {
+    if (!connection)
         return 0; // the listening socket, or one that came no further than TLS
-    live_end(visitor);
-    visit_end(visitor);
-    guest_gone(visitor->web->guests, visitor->guest);
-    lws_set_opaque_user_data(visitor->socket, NULL);
-    free(visitor);
+    live_end(connection);
+    http_end(connection);
+    rate_limit_disconnected(connection->web->limits, connection->limit);
+    lws_set_opaque_user_data(connection->socket, NULL);
+    free(connection);
     return 0;
 }
 
@@ -79,17 +79,17 @@ static void on_done(void *user) {
     lws_cancel_service(((struct web *)user)->context);
 }
 
-static void hand_out_jobs(struct web *web) {
-    for (struct job *job; (job = clerks_take(web->clerks));) {
-        struct visitor *visitor = job->owner;
-        if (visitor)
-            visitor->away = false;
-        if (!visitor)
-            job_destroy(&job);
-        else if (job->kind == JOB_ENTER)
-            live_answered(visitor, job);
+static void hand_out_tasks(struct web *web) {
+    for (struct web_task *task; (task = request_pool_take_done(web->pool));) {
+        struct web_connection *connection = task->owner;
+        if (connection)
+            connection->away = false;
+        if (!connection)
+            web_task_destroy(&task);
+        else if (task->kind == WEB_TASK_ACCOUNT)
+            live_task_done(connection, task);
         else
-            visit_answered(visitor, job);
+            http_task_done(connection, task);
     }
 }
 
@@ -101,9 +101,9 @@ static int on_wake(struct web *web) {
     if (atomic_load(&web->stopping) && !web->draining) {
         web->draining = true;
         lws_sul_schedule(web->context, 0, &web->drain, on_drained, DRAIN_US);
-        live_drain(web);
+        live_close_all(web);
     }
-    hand_out_jobs(web);
+    hand_out_tasks(web);
     if (atomic_exchange(&web->woken, false))
         live_wake(web);
     return 0;
@@ -115,24 +115,24 @@ static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *u
                    size_t size) {
     (void)user;
     struct web *web = lws_context_user(lws_get_context(socket));
-    struct visitor *visitor = lws_get_opaque_user_data(socket);
+    struct web_connection *connection = lws_get_opaque_user_data(socket);
     switch (reason) {
     case LWS_CALLBACK_FILTER_NETWORK_CONNECTION:
         return filter_connection(web, (int)(intptr_t)bytes);
     case LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED:
         return open_connection(web, socket);
     case LWS_CALLBACK_WSI_DESTROY:
-        return end_connection(visitor);
+        return end_connection(connection);
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-        return visit_upgrade(visitor, bytes);
+        return http_upgrade(connection, bytes);
     case LWS_CALLBACK_HTTP:
-        return visit_begin(visitor);
+        return http_begin(connection);
     case LWS_CALLBACK_HTTP_BODY:
-        return visit_hear(visitor, bytes, size);
+        return http_take_body(connection, bytes, size);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION:
-        return visit_heard(visitor);
+        return http_end_body(connection);
     case LWS_CALLBACK_HTTP_WRITEABLE:
-        return visit_write(visitor);
+        return http_write(connection);
     case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
         return on_wake(web);
     case LWS_CALLBACK_RAW_ADOPT:                  // CONNECT
@@ -146,14 +146,14 @@ static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *u
 static int on_live(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                    size_t size) {
     (void)user;
-    struct visitor *visitor = lws_get_opaque_user_data(socket);
+    struct web_connection *connection = lws_get_opaque_user_data(socket);
     switch (reason) {
     case LWS_CALLBACK_ESTABLISHED:
-        return live_open(visitor);
+        return live_open(connection);
     case LWS_CALLBACK_RECEIVE:
-        return live_hear(visitor, bytes, size);
+        return live_receive(connection, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
-        return live_write(visitor);
+        return live_write(connection);
     default:
         return 0;
     }
@@ -170,16 +170,16 @@ static const struct lws_protocols protocols[] = {
 
 // libwebsockets does not wait while there is something to read that it will not take yet: a client
 // that speaks behind its request and does not read the answer would have a processor for itself.
-static void keep_calm(struct web *web) {
+static void limit_turns(struct web *web) {
     if (!bucket_take(&web->turns, TURNS_S, TURNS_AT_ONCE, clock_now_ns()))
         usleep(TURN_PAUSE_US);
 }
 
 static void *serve(void *argument) {
     struct web *web = argument;
-    while (!web->drained && !(web->draining && web->live_sockets == 0)) {
+    while (!web->drained && !(web->draining && web->open_sockets == 0)) {
         lws_service(web->context, 0);
-        keep_calm(web);
+        limit_turns(web);
     }
     return NULL;
 }
@@ -208,8 +208,8 @@ static void plan_renewal(struct web *web) {
 
 static void on_renewal_due(lws_sorted_usec_list_t *due) {
     struct web *web = lws_container_of(due, struct web, renewal_due);
-    if (renewal_look(web->renewal, web->context))
-        door_renew(web->door);
+    if (renewal_check(web->renewal, web->context))
+        host_check_renew(web->hosts);
     plan_renewal(web);
 }
 
@@ -225,12 +225,12 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .provided_client_ssl_ctx = web->no_client,
         .alpn = "http/1.1",
         .options = options_for(config->address),
-        .timeout_secs = (unsigned)(web->patience_s < HANDSHAKE_S ? web->patience_s : HANDSHAKE_S),
-        .timeout_secs_ah_idle = (unsigned)web->patience_s,
+        .timeout_secs = (unsigned)(web->timeout_s < HANDSHAKE_S ? web->timeout_s : HANDSHAKE_S),
+        .timeout_secs_ah_idle = (unsigned)web->timeout_s,
         .keepalive_timeout = KEEP_ALIVE_S,
         .max_http_header_data = HEADERS_MAX,
-        .max_http_header_pool = GUESTS_CONNECTIONS_MAX + CONNECTIONS_SPARE,
-        .fd_limit_per_thread = GUESTS_CONNECTIONS_MAX + CONNECTIONS_SPARE,
+        .max_http_header_pool = WEB_CONNECTIONS_MAX + CONNECTIONS_SPARE,
+        .fd_limit_per_thread = WEB_CONNECTIONS_MAX + CONNECTIONS_SPARE,
         .retry_and_idle_policy = &web->liveness,
         .vhost_name = "web",
         .user = web,
@@ -252,11 +252,11 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
 static void release(struct web *web) {
     if (web->context)
         lws_context_destroy(web->context);
-    if (web->clerks)
-        clerks_destroy(&web->clerks);
-    door_destroy(&web->door);
+    if (web->pool)
+        request_pool_destroy(&web->pool);
+    host_check_destroy(&web->hosts);
     renewal_destroy(&web->renewal);
-    guests_destroy(&web->guests);
+    rate_limits_destroy(&web->limits);
     SSL_CTX_free(web->no_client);
     free(web);
 }
@@ -267,15 +267,15 @@ enum result web_create(const struct web_config *config, const struct web_handler
     struct web *web = alloc(1, sizeof *web);
     web->handler = *handler;
     web->pages = config->pages;
-    web->patience_s = config->patience_s ? config->patience_s : PATIENCE_S;
+    web->timeout_s = config->timeout_s ? config->timeout_s : TIMEOUT_S;
     web->renewal_s = config->renewal_s ? config->renewal_s : RENEWAL_S;
-    web->liveness.secs_since_valid_ping = (uint16_t)(web->patience_s / 2);
-    web->liveness.secs_since_valid_hangup = (uint16_t)web->patience_s;
-    web->guests = guests_create();
+    web->liveness.secs_since_valid_ping = (uint16_t)(web->timeout_s / 2);
+    web->liveness.secs_since_valid_hangup = (uint16_t)web->timeout_s;
+    web->limits = rate_limits_create();
     web->no_client = SSL_CTX_new(TLS_client_method());
     CHECK(web->no_client);
     *out_web = NULL;
-    enum result result = door_create(config->certificate, config->names, &web->door, err);
+    enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK)
         result = renewal_create(config->certificate, config->key, &web->renewal, err);
     if (result == RESULT_OK)
@@ -284,7 +284,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
         release(web);
         return result;
     }
-    web->clerks = clerks_create(handler, on_done, web);
+    web->pool = request_pool_create(handler, on_done, web);
     plan_renewal(web);
     *out_web = web; // before the thread runs: its handler may ask for it
     CHECK(pthread_create(&web->thread, NULL, serve, web) == 0);
@@ -296,7 +296,7 @@ void web_destroy(struct web **web) {
     atomic_store(&w->stopping, true);
     lws_cancel_service(w->context);
     pthread_join(w->thread, NULL);
-    clerks_stop(w->clerks);
+    request_pool_stop(w->pool);
     release(w);
     *web = NULL;
 }

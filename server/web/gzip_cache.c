@@ -1,4 +1,4 @@
-#include "web/shelf.h"
+#include "web/gzip_cache.h"
 
 #include "base/check.h"
 
@@ -9,26 +9,26 @@
 #include <string.h>
 
 struct item {
-    struct packed packed; // first: what is taken is this
-    atomic_int holders;   // the shelf too
-    struct item *next;    // asked for less lately
-    char name[SHELF_NAME_MAX];
+    struct gzip_file packed; // first: what is taken is this
+    atomic_int holders;      // the cache too
+    struct item *next;       // asked for less lately
+    char name[GZIP_CACHE_NAME_MAX];
 };
 
-struct shelf {
+struct gzip_cache {
     pthread_mutex_t lock;
     size_t most, used;
     struct item *first;
 };
 
-struct shelf *shelf_create(size_t most) {
-    struct shelf *shelf = alloc(1, sizeof *shelf);
-    shelf->most = most;
-    pthread_mutex_init(&shelf->lock, NULL);
-    return shelf;
+struct gzip_cache *gzip_cache_create(size_t most) {
+    struct gzip_cache *cache = alloc(1, sizeof *cache);
+    cache->most = most;
+    pthread_mutex_init(&cache->lock, NULL);
+    return cache;
 }
 
-void packed_release(const struct packed **packed) {
+void gzip_file_release(const struct gzip_file **packed) {
     struct item *item = (struct item *)(uintptr_t)*packed;
     *packed = NULL;
     if (!item || atomic_fetch_sub(&item->holders, 1) > 1)
@@ -37,21 +37,21 @@ void packed_release(const struct packed **packed) {
     free(item);
 }
 
-// Takes it out of the row; the shelf's hold on it stays.
-static struct item *pick(struct shelf *s, struct item **at) {
+// Takes it out of the row; the cache's hold on it stays.
+static struct item *pick(struct gzip_cache *s, struct item **at) {
     struct item *item = *at;
     *at = item->next;
     s->used -= item->packed.size;
     return item;
 }
 
-static void put_first(struct shelf *s, struct item *item) {
+static void put_first(struct gzip_cache *s, struct item *item) {
     item->next = s->first;
     s->first = item;
     s->used += item->packed.size;
 }
 
-static struct item *pick_named(struct shelf *s, const char *name) {
+static struct item *pick_named(struct gzip_cache *s, const char *name) {
     for (struct item **at = &s->first; *at; at = &(*at)->next)
         if (!strcmp((*at)->name, name))
             return pick(s, at);
@@ -59,27 +59,27 @@ static struct item *pick_named(struct shelf *s, const char *name) {
 }
 
 static void drop(struct item *item) {
-    const struct packed *packed = item ? &item->packed : NULL;
-    packed_release(&packed);
+    const struct gzip_file *packed = item ? &item->packed : NULL;
+    gzip_file_release(&packed);
 }
 
-static void drop_last(struct shelf *s) {
+static void drop_last(struct gzip_cache *s) {
     struct item **at = &s->first;
     while ((*at)->next)
         at = &(*at)->next;
     drop(pick(s, at));
 }
 
-void shelf_destroy(struct shelf **shelf) {
-    struct shelf *s = *shelf;
+void gzip_cache_destroy(struct gzip_cache **cache) {
+    struct gzip_cache *s = *cache;
     while (s->first)
         drop_last(s);
     pthread_mutex_destroy(&s->lock);
     free(s);
-    *shelf = NULL;
+    *cache = NULL;
 }
 
-const struct packed *shelf_take(struct shelf *s, const char *name) {
+const struct gzip_file *gzip_cache_take(struct gzip_cache *s, const char *name) {
     pthread_mutex_lock(&s->lock);
     struct item *item = pick_named(s, name);
     if (item) {
@@ -90,10 +90,11 @@ const struct packed *shelf_take(struct shelf *s, const char *name) {
     return item ? &item->packed : NULL;
 }
 
-const struct packed *shelf_put(struct shelf *s, const char *name, uint8_t *bytes, size_t size) {
+const struct gzip_file *gzip_cache_put(struct gzip_cache *s, const char *name, uint8_t *bytes,
+                                       size_t size) {
     struct item *item = alloc(1, sizeof *item);
-    CHECK(snprintf(item->name, sizeof item->name, "%s", name) < SHELF_NAME_MAX);
-    item->packed = (struct packed){bytes, size};
+    CHECK(snprintf(item->name, sizeof item->name, "%s", name) < GZIP_CACHE_NAME_MAX);
+    item->packed = (struct gzip_file){bytes, size};
     atomic_init(&item->holders, 1);
     pthread_mutex_lock(&s->lock);
     drop(pick_named(s, name));

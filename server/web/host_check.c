@@ -1,4 +1,4 @@
-#include "web/door.h"
+#include "web/host_check.h"
 
 #include "base/check.h"
 
@@ -14,7 +14,7 @@
 #define NAMES_MAX 16
 #define NAME_MAX_LENGTH 256
 
-struct door {
+struct host_check {
     char *path;
     X509 *certificate;
     char *names[NAMES_MAX];
@@ -32,41 +32,41 @@ static enum result read_certificate(const char *path, X509 **out, struct error *
     return *out ? RESULT_OK : fail(err, RESULT_FORMAT, "%s: no certificate in PEM", path);
 }
 
-enum result door_create(const char *certificate_path, const char *const *names,
-                        struct door **out_door, struct error *err) {
+enum result host_check_create(const char *certificate_path, const char *const *names,
+                              struct host_check **out_check, struct error *err) {
     X509 *certificate;
-    *out_door = NULL;
+    *out_check = NULL;
     enum result result = read_certificate(certificate_path, &certificate, err);
     if (result != RESULT_OK)
         return result;
-    struct door *door = alloc(1, sizeof *door);
-    door->path = alloc_text(certificate_path);
-    door->certificate = certificate;
-    for (; names[door->name_count]; door->name_count++) {
-        CHECK(door->name_count < NAMES_MAX);
-        door->names[door->name_count] = alloc_text(names[door->name_count]);
+    struct host_check *hosts = alloc(1, sizeof *hosts);
+    hosts->path = alloc_text(certificate_path);
+    hosts->certificate = certificate;
+    for (; names[hosts->name_count]; hosts->name_count++) {
+        CHECK(hosts->name_count < NAMES_MAX);
+        hosts->names[hosts->name_count] = alloc_text(names[hosts->name_count]);
     }
-    *out_door = door;
+    *out_check = hosts;
     return RESULT_OK;
 }
 
-void door_renew(struct door *door) {
+void host_check_renew(struct host_check *hosts) {
     X509 *certificate;
-    if (read_certificate(door->path, &certificate, NULL) != RESULT_OK)
+    if (read_certificate(hosts->path, &certificate, NULL) != RESULT_OK)
         return;
-    X509_free(door->certificate);
-    door->certificate = certificate;
+    X509_free(hosts->certificate);
+    hosts->certificate = certificate;
 }
 
-void door_destroy(struct door **door) {
-    if (!*door)
+void host_check_destroy(struct host_check **hosts) {
+    if (!*hosts)
         return;
-    free((*door)->path);
-    X509_free((*door)->certificate);
-    for (int i = 0; i < (*door)->name_count; i++)
-        free((*door)->names[i]);
-    free(*door);
-    *door = NULL;
+    free((*hosts)->path);
+    X509_free((*hosts)->certificate);
+    for (int i = 0; i < (*hosts)->name_count; i++)
+        free((*hosts)->names[i]);
+    free(*hosts);
+    *hosts = NULL;
 }
 
 // ---- hosts --------------------------------------------------------------------------------------
@@ -93,15 +93,15 @@ static bool is_address(const char *name) {
     return inet_pton(AF_INET, name, &address) == 1 || inet_pton(AF_INET6, name, &address) == 1;
 }
 
-bool door_is_own_host(const struct door *door, const char *host) {
+bool host_check_is_own(const struct host_check *hosts, const char *host) {
     char name[NAME_MAX_LENGTH];
     if (!name_of_host(host, name))
         return false;
-    for (int i = 0; i < door->name_count; i++)
-        if (!strcasecmp(name, door->names[i]))
+    for (int i = 0; i < hosts->name_count; i++)
+        if (!strcasecmp(name, hosts->names[i]))
             return true;
     return is_address(name) || !strcasecmp(name, "localhost") ||
-           X509_check_host(door->certificate, name, 0, 0, NULL) == 1;
+           X509_check_host(hosts->certificate, name, 0, 0, NULL) == 1;
 }
 
 // The certificate's first name; false where it has none but addresses, or it is too long.
@@ -118,49 +118,16 @@ static bool first_name(const X509 *certificate, char *out_name, size_t size) {
     return length > 0 && (size_t)length < size;
 }
 
-void door_reached_as(const struct door *door, const char *name, char *out_name, size_t size) {
-    if (door_is_own_host(door, name))
+void host_check_public_name(const struct host_check *hosts, const char *name, char *out_name,
+                            size_t size) {
+    if (host_check_is_own(hosts, name))
         snprintf(out_name, size, "%s", name);
-    else if (!first_name(door->certificate, out_name, size))
+    else if (!first_name(hosts->certificate, out_name, size))
         snprintf(out_name, size, "localhost");
 }
 
-bool door_is_origin_of(const char *origin, const char *host) {
+bool host_check_is_origin(const char *origin, const char *host) {
     static const char scheme[] = "https://";
     return !strncmp(origin, scheme, sizeof scheme - 1) &&
            !strcasecmp(origin + sizeof scheme - 1, host);
-}
-
-// ---- tokens -------------------------------------------------------------------------------------
-
-// RFC 6750, 2.1
-static bool take_token(const char *text, size_t length, char out_token[DOOR_TOKEN_MAX]) {
-    if (length == 0 || length >= DOOR_TOKEN_MAX)
-        return false;
-    for (size_t i = 0; i < length; i++)
-        if (!isalnum((unsigned char)text[i]) && !strchr("-._~+/=", text[i]))
-            return false;
-    memcpy(out_token, text, length);
-    out_token[length] = '\0';
-    return true;
-}
-
-bool door_token_of_cookies(const char *cookies, char out_token[DOOR_TOKEN_MAX]) {
-    static const char name[] = "arthron=";
-    for (const char *at = cookies; *at;) {
-        at += strspn(at, "; ");
-        size_t length = strcspn(at, "; ");
-        if (!strncmp(at, name, sizeof name - 1))
-            return take_token(at + sizeof name - 1, length - (sizeof name - 1), out_token);
-        at += length;
-    }
-    return false;
-}
-
-bool door_token_of_authorization(const char *authorization, char out_token[DOOR_TOKEN_MAX]) {
-    static const char scheme[] = "Bearer ";
-    if (strncasecmp(authorization, scheme, sizeof scheme - 1))
-        return false;
-    const char *token = authorization + sizeof scheme - 1;
-    return take_token(token, strlen(token), out_token);
 }

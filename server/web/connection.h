@@ -1,0 +1,117 @@
+// The inside of the web room: what server.c (the thread, the connections), http.c and live.c
+// (WebSockets) share. Everything belongs to the web thread except what is marked.
+#pragma once
+
+#include "web/answer.h"
+#include "web/host_check.h"
+#include "web/rate_limits.h"
+#include "web/renewal.h"
+#include "web/request_pool.h"
+#include "web/web.h"
+
+#include <libwebsockets.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#define WEB_PIECE 32768 // of an answer, written at once
+
+struct web_connection;
+
+// An HTTP status and why; status 0: none.
+struct refusal {
+    int status;
+    const char *code, *text;
+    bool closes; // the connection: what else comes on it is not to be understood
+};
+
+// A WebSocket of a page.
+struct live_socket {
+    struct web_connection *connection;
+    void *user; // the handler's; NULL: it does not know of it yet, or no more
+    char token[WEB_TOKEN_MAX];
+    struct web_account account;
+    uint64_t sent, drawn; // batches
+    int64_t next_ns;      // when to ask for the next one; INT64_MAX: not by itself
+    int closing;          // the close frame's status; 0: not closing
+    bool open;            // something may be said to it, the close frame at last
+    struct bucket messages;
+    lws_sorted_usec_list_t due, recheck;
+    size_t used; // of incoming
+    uint8_t incoming[WIRE_PAGE_MAX];
+};
+
+struct web_connection {
+    struct web *web;
+    struct lws *socket;
+    struct rate_limit *limit;
+    char address[48];
+    enum {
+        CONNECTION_IDLE,    // between requests
+        CONNECTION_READING, // a request's body
+        CONNECTION_WAITING, // for the pool
+        CONNECTION_SENDING, // the answer
+        CONNECTION_LIVE     // a WebSocket
+    } state;
+    struct web_task *task; // READING: being filled; with the pool where `away`
+    bool away;
+    lws_sorted_usec_list_t body_due;
+    bool body_ended;
+    struct refusal refusal; // READING: behind the body
+    struct answer answer;   // SENDING
+    bool head_sent;
+    size_t sent; // of the answer's bytes
+    struct live_socket *live;
+};
+
+struct web {
+    struct web_handler handler;
+    struct web_pages pages;
+    int timeout_s, renewal_s;
+    lws_retry_bo_t liveness; // of WebSockets
+    struct host_check *hosts;
+    struct renewal *renewal;
+    lws_sorted_usec_list_t renewal_due;
+    struct rate_limits *limits;
+    struct request_pool *pool;
+    struct lws_context *context;
+    SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
+    int port;
+    pthread_t thread;
+    struct bucket turns;
+    atomic_bool stopping; // any thread
+    atomic_bool woken;    // any thread
+    bool draining, drained;
+    lws_sorted_usec_list_t drain;
+    struct web_connection *sockets[WEB_VIEWERS_MAX]; // NULL: free
+    int open_sockets;
+    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
+    uint8_t bytes[WEB_BATCH_MAX];
+};
+
+_Static_assert(WEB_PIECE + ANSWER_HEAD_MAX <= WEB_BATCH_MAX,
+               "a head and a piece are written at once");
+
+// ---- http.c; an int is what libwebsockets wants: -1 closes the connection ----------------
+
+int http_begin(struct web_connection *connection); // a request's headers are there
+int http_take_body(struct web_connection *connection, const void *bytes,
+                   size_t size);                      // of its body
+int http_end_body(struct web_connection *connection); // all of it
+int http_write(struct web_connection *connection);
+void http_task_done(struct web_connection *connection, struct web_task *task); // takes the task
+void http_end(struct web_connection *connection);                              // of the connection
+
+// Whether the request may become a WebSocket: 0; else it was answered.
+int http_upgrade(struct web_connection *connection, const char *protocol);
+
+// ---- live.c -------------------------------------------------------------------------------------
+
+int live_open(struct web_connection *connection);
+int live_receive(struct web_connection *connection, const void *bytes, size_t size);
+int live_write(struct web_connection *connection);
+void live_task_done(struct web_connection *connection, struct web_task *task); // takes the task
+void live_end(struct web_connection *connection);                              // of the connection
+
+bool live_is_full(const struct web *web);
+void live_wake(struct web *web);
+void live_close_all(struct web *web); // tells all that the server stops

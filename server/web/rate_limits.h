@@ -1,0 +1,35 @@
+// How much each address may take: connections, and requests over time. One thread.
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define WEB_CONNECTIONS_MAX 256
+#define WEB_CONNECTIONS_PER_ADDRESS 96
+#define WEB_REQUESTS_PER_S 40
+#define WEB_REQUESTS_BURST 200
+
+// Tokens that come back over time: a zeroed one is full.
+struct bucket {
+    double spent;
+    int64_t checked_ns;
+};
+
+// Takes one of `most` tokens, of which `per_s` come back each second; false where none is left.
+bool bucket_take(struct bucket *bucket, double per_s, double most, int64_t now_ns);
+
+struct rate_limits;
+struct rate_limit; // an IPv4 address, or an IPv6 network of 64 bits
+
+struct rate_limits *rate_limits_create(void);
+void rate_limits_destroy(struct rate_limits **limits); // *limits becomes NULL
+
+// Who is at the other end of a socket. NULL where it has gone.
+struct rate_limit *rate_limits_find(struct rate_limits *limits, int fd);
+
+// False where it, or all together, have as many connections as they may.
+bool rate_limit_may_connect(const struct rate_limits *limits, const struct rate_limit *limit);
+void rate_limit_connected(struct rate_limits *limits, struct rate_limit *limit);
+void rate_limit_disconnected(struct rate_limits *limits, struct rate_limit *limit);
+
+bool rate_limit_may_request(struct rate_limit *limit, int64_t now_ns);

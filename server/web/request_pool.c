@@ -1,0 +1,136 @@
+#include "web/request_pool.h"
+
+#include "base/check.h"
+#include "base/task_pool.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+
+#define THREADS 2
+#define URGENT_MAX 4096 // one of each connection, and those of connections that have ended
+
+struct request_pool {
+    struct web_handler handler;
+    void (*on_done)(void *user);
+    void *user;
+    struct gzip_cache *cache;
+    struct task_pool *tasks;
+    pthread_mutex_t lock; // guards what follows
+    struct web_task *first_done, **end_done;
+};
+
+// ---- tasks --------------------------------------------------------------------------------------
+
+struct web_task *web_task_create(enum web_task_kind kind, void *owner) {
+    struct web_task *task = alloc(1, sizeof *task);
+    task->kind = kind;
+    task->owner = owner;
+    task->answer = answer_none();
+    return task;
+}
+
+void web_task_destroy(struct web_task **task) {
+    if (!*task)
+        return;
+    answer_release(&(*task)->answer);
+    free((*task)->body);
+    free(*task);
+    *task = NULL;
+}
+
+static void answer_request(struct request_pool *p, struct web_task *task) {
+    struct web_response response = {0};
+    const struct web_request request = {
+        .method = task->method,
+        .path = task->path,
+        .query = task->query,
+        .body = task->body ? task->body : "",
+        .size = task->size,
+        .token = task->token[0] ? task->token : NULL,
+        .by_cookie = task->by_cookie,
+        .address = task->address,
+    };
+    p->handler.on_request(p->handler.user, &request, &response);
+    task->answer = answer_of(&response, &task->options, p->cache);
+}
+
+static int64_t run(void *data) {
+    struct web_task *task = data;
+    struct request_pool *p = task->pool;
+    switch (task->kind) {
+    case WEB_TASK_ACCOUNT:
+        task->entry = p->handler.on_enter(p->handler.user, task->token, &task->account);
+        break;
+    case WEB_TASK_REQUEST:
+        answer_request(p, task);
+        break;
+    case WEB_TASK_FILE:
+        task->failed = !answer_read(&task->answer);
+        break;
+    }
+    return TASK_DONE;
+}
+
+static void finish(void *data, bool done) {
+    struct web_task *task = data;
+    struct request_pool *p = task->pool;
+    pthread_mutex_lock(&p->lock);
+    task->next = NULL;
+    *p->end_done = task;
+    p->end_done = &task->next;
+    pthread_mutex_unlock(&p->lock);
+    if (done)
+        p->on_done(p->user);
+}
+
+// ---- the web thread -----------------------------------------------------------------------------
+
+bool request_pool_add(struct request_pool *p, struct web_task *task) {
+    bool urgent = task->kind != WEB_TASK_REQUEST; // a file goes on before a request begins
+    task->pool = p;
+    return task_pool_add(
+        p->tasks, &(struct task){.urgent = urgent, .run = run, .finish = finish, .data = task});
+}
+
+struct web_task *request_pool_take_done(struct request_pool *p) {
+    pthread_mutex_lock(&p->lock);
+    struct web_task *task = p->first_done;
+    if (task) {
+        p->first_done = task->next;
+        if (!p->first_done)
+            p->end_done = &p->first_done;
+    }
+    pthread_mutex_unlock(&p->lock);
+    return task;
+}
+
+struct request_pool *request_pool_create(const struct web_handler *handler,
+                                         void (*on_done)(void *user), void *user) {
+    const struct task_pool_settings settings = {.threads = THREADS,
+                                                .tasks_max = REQUEST_POOL_WAITING_MAX + THREADS,
+                                                .urgent_max = URGENT_MAX};
+    struct request_pool *p = alloc(1, sizeof *p);
+    p->handler = *handler;
+    p->on_done = on_done;
+    p->user = user;
+    p->cache = gzip_cache_create(GZIP_CACHE_BYTES);
+    p->end_done = &p->first_done;
+    pthread_mutex_init(&p->lock, NULL);
+    p->tasks = task_pool_create(&settings);
+    return p;
+}
+
+void request_pool_stop(struct request_pool *p) {
+    task_pool_stop(p->tasks);
+}
+
+void request_pool_destroy(struct request_pool **pool) {
+    struct request_pool *p = *pool;
+    task_pool_destroy(&p->tasks);
+    for (struct web_task *task; (task = request_pool_take_done(p));)
+        web_task_destroy(&task);
+    gzip_cache_destroy(&p->cache);
+    pthread_mutex_destroy(&p->lock);
+    free(p);
+    *pool = NULL;
+}

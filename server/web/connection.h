@@ -5,9 +5,9 @@
 #include "web/answer.h"
 #include "web/host_check.h"
 #include "web/rate_limits.h"
-#include "web/renewal.h"
 #include "web/request_pool.h"
 #include "web/web.h"
+#include "websocket/tls_files.h"
 
 #include <libwebsockets.h>
 #include <pthread.h>
@@ -66,10 +66,11 @@ struct web_connection {
 struct web {
     struct web_handler handler;
     struct web_pages pages;
-    int timeout_s, renewal_s;
+    int timeout_s;
     lws_retry_bo_t liveness; // of WebSockets
     struct host_check *hosts;
-    struct renewal *renewal;
+    struct tls_files *tls_files;
+    SSL_CTX *tls; // of the connections to come; libwebsockets'
     lws_sorted_usec_list_t renewal_due;
     struct rate_limits *limits;
     struct request_pool *pool;

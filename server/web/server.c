@@ -1,6 +1,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/listen.h"
+#include "base/log.h"
 #include "web/connection.h"
 
 #include <errno.h>
@@ -18,7 +19,7 @@
 #define HANDSHAKE_S 5
 #define KEEP_ALIVE_S 30
 #define TIMEOUT_S 20
-#define RENEWAL_S 60
+#define RENEWAL_US LWS_USEC_PER_SEC
 #define UNSENT_MAX 16384
 #define TURNS_S 4000
 #define TURNS_AT_ONCE 400
@@ -113,7 +114,6 @@ static int on_wake(struct web *web) {
 
 static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                    size_t size) {
-    (void)user;
     struct web *web = lws_context_user(lws_get_context(socket));
     struct web_connection *connection = lws_get_opaque_user_data(socket);
     switch (reason) {
@@ -135,6 +135,9 @@ static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *u
         return http_write(connection);
     case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
         return on_wake(web);
+    case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
+        web->tls = user;
+        return 0;
     case LWS_CALLBACK_RAW_ADOPT:                  // CONNECT
     case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION: // of no subprotocol of ours
         return -1;
@@ -202,14 +205,19 @@ static uint64_t options_for(const char *address) {
 static void on_renewal_due(lws_sorted_usec_list_t *due);
 
 static void plan_renewal(struct web *web) {
-    lws_sul_schedule(web->context, 0, &web->renewal_due, on_renewal_due,
-                     (lws_usec_t)web->renewal_s * LWS_USEC_PER_SEC);
+    lws_sul_schedule(web->context, 0, &web->renewal_due, on_renewal_due, RENEWAL_US);
 }
 
 static void on_renewal_due(lws_sorted_usec_list_t *due) {
     struct web *web = lws_container_of(due, struct web, renewal_due);
-    if (renewal_check(web->renewal, web->context))
+    struct tls_credentials *credentials = tls_files_look(web->tls_files);
+    if (credentials) {
+        tls_credentials_use(credentials, web->tls);
         host_check_renew(web->hosts);
+        log_info("web", "the certificate for browsers was renewed");
+    }
+    tls_files_warn(web->tls_files, "web", "renew it (docs/INSTALL.md)");
+    tls_credentials_destroy(&credentials);
     plan_renewal(web);
 }
 
@@ -255,7 +263,7 @@ static void release(struct web *web) {
     if (web->pool)
         request_pool_destroy(&web->pool);
     host_check_destroy(&web->hosts);
-    renewal_destroy(&web->renewal);
+    tls_files_destroy(&web->tls_files);
     rate_limits_destroy(&web->limits);
     SSL_CTX_free(web->no_client);
     free(web);
@@ -268,7 +276,6 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->handler = *handler;
     web->pages = config->pages;
     web->timeout_s = config->timeout_s ? config->timeout_s : TIMEOUT_S;
-    web->renewal_s = config->renewal_s ? config->renewal_s : RENEWAL_S;
     web->liveness.secs_since_valid_ping = (uint16_t)(web->timeout_s / 2);
     web->liveness.secs_since_valid_hangup = (uint16_t)web->timeout_s;
     web->limits = rate_limits_create();
@@ -277,7 +284,7 @@ enum result web_create(const struct web_config *config, const struct web_handler
     *out_web = NULL;
     enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK)
-        result = renewal_create(config->certificate, config->key, &web->renewal, err);
+        result = tls_files_create(config->certificate, config->key, &web->tls_files, NULL, err);
     if (result == RESULT_OK)
         result = listen_at(web, config, err);
     if (result != RESULT_OK) {

@@ -92,12 +92,11 @@ struct web_handler {
 struct web_config {
     const char *address;     // to listen on; NULL for all
     int port;                // 0: any free one, web_port tells which
-    const char *certificate; // PEM, the chain behind it; taken anew when it is another file
+    const char *certificate; // PEM, the chain behind it; taken anew within a second
     const char *key;
     const char *names[WEB_NAMES_MAX + 1]; // what the server is called besides; NULL behind the last
     struct web_pages pages;
     int timeout_s; // with who does not go on: headers, a body, reading what it is sent; 0: 20
-    int renewal_s; // after which it looks for another certificate again and again; 0: 60
 };
 
 // Listens and starts the threads. RESULT_MISSING names a file that is not there, RESULT_IO address

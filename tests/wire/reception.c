@@ -165,8 +165,7 @@ void reception_open(struct reception *r) {
                                 .key = key,
                                 .names = {"other.example"},
                                 .pages = make_pages(),
-                                .timeout_s = r->patience_s,
-                                .renewal_s = 1};
+                                .timeout_s = r->patience_s};
     struct web_handler handler = {r, on_request, on_enter, on_viewer, on_page, on_batch, on_left};
     CHECK(web_create(&config, &handler, &r->web, &err) == RESULT_OK);
     r->port = web_port(r->web);

@@ -12,11 +12,15 @@
 
 void get_server(struct call *call) {
     const struct api *api = call->api;
+    struct authority_server server;
+    authority_server(api->config.keys_dir, &server, NULL);
     double uptime_s = (double)((clock_now_ns() - api->started_ns) / NS_PER_MS) / 1000;
     call_answer(call, 200,
-                json_pack("{s:s, s:f, s:f, s:i, s:i}", "version", ARTHRON_VERSION, "now_utc_s",
+                json_pack("{s:s, s:f, s:f, s:i, s:i, s:o}", "version", ARTHRON_VERSION, "now_utc_s",
                           call_seconds(clock_utc_ns()), "uptime_s", uptime_s, "stations",
-                          api->config.station_count, "cases", api->config.case_count));
+                          api->config.station_count, "cases", api->config.case_count,
+                          "certificate_until_utc_s",
+                          server.until_utc_s ? json_integer(server.until_utc_s) : json_null()));
 }
 
 // ---- stations -----------------------------------------------------------------------------------

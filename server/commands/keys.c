@@ -4,17 +4,22 @@
 #include <getopt.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
 
 static const char help[] =
     "Usage: arthron-server keys init DIR [HOST ...]\n"
+    "       arthron-server keys renew DIR [HOST ...]\n"
     "       arthron-server keys enrol DIR STATION\n"
     "       arthron-server keys revoke DIR STATION\n"
     "\n"
     "init    makes the authority and the server's certificate for these host names and addresses\n"
     "        (localhost and 127.0.0.1 where none is given)\n"
+    "renew   makes a new certificate for the server, good for 2 years, under the same authority:\n"
+    "        for these host names and addresses, or for the present ones where none is given. A\n"
+    "        running server takes it within a second; stations and sessions go on\n"
     "enrol   prints a one-time code, good for 15 minutes; on the station's machine:\n"
     "        arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
-    "revoke  from now on the station's certificate is not accepted\n"
+    "revoke  refuses all certificates and codes of the station from now on\n"
     "\n"
     "      --help  show this\n";
 
@@ -25,12 +30,34 @@ static int report(enum result result, const struct error *err) {
     return 1;
 }
 
-static int init(const char *dir, const char *const *hosts, int count) {
+// As they were typed.
+struct hosts {
+    const char *const *names;
+    int count;
+};
+
+static int init(const char *dir, struct hosts hosts) {
     static const char *const local[] = {"localhost", "127.0.0.1"};
     struct error err;
-    if (!count)
-        return report(authority_init(dir, local, 2, &err), &err);
-    return report(authority_init(dir, hosts, count, &err), &err);
+    if (!hosts.count)
+        hosts = (struct hosts){local, 2};
+    return report(authority_init(dir, hosts.names, hosts.count, &err), &err);
+}
+
+static int renew(const char *dir, struct hosts hosts) {
+    struct authority_server server;
+    struct error err;
+    char end[32];
+    enum result result = authority_renew_server(dir, hosts.names, hosts.count, &server, &err);
+    if (result != RESULT_OK)
+        return report(result, &err);
+    time_t until = (time_t)server.until_utc_s;
+    strftime(end, sizeof end, "%Y-%m-%d", gmtime(&until));
+    printf("good until %s, for", end);
+    for (int i = 0; i < server.host_count; i++)
+        printf(" %s", server.hosts[i]);
+    putchar('\n');
+    return 0;
 }
 
 static int enrol(const char *dir, const char *station) {
@@ -56,8 +83,11 @@ int command_keys(int argc, char **argv) {
     }
     char **rest = argv + optind;
     int count = argc - optind;
+    struct hosts hosts = {(const char *const *)(rest + 2), count - 2};
     if (o == -1 && count >= 2 && !strcmp(rest[0], "init"))
-        return init(rest[1], (const char *const *)(rest + 2), count - 2);
+        return init(rest[1], hosts);
+    if (o == -1 && count >= 2 && !strcmp(rest[0], "renew"))
+        return renew(rest[1], hosts);
     if (o == -1 && count == 3 && !strcmp(rest[0], "enrol"))
         return enrol(rest[1], rest[2]);
     if (o == -1 && count == 3 && !strcmp(rest[0], "revoke"))

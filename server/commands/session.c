@@ -13,6 +13,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
+
+#define DAY_S 86400
+#define CERTIFICATE_WARNING_S (30 * DAY_S)
 
 static const char help[] =
     "Usage: arthron-server session --socket PATH list [--json]\n"
@@ -108,13 +112,18 @@ static json_t *resection_to_json(const arthron_Resection *r) {
         "budget_zone_mm3", zones_to_json(r->budget_zone_mm3), "mesh_hash", hash);
 }
 
+// Of a certificate; 0: unknown.
+static json_t *end_to_json(int64_t until_utc_s) {
+    return until_utc_s ? json_integer(until_utc_s) : json_null();
+}
+
 static json_t *info_to_json(const arthron_SessionInfo *info) {
     char id[33];
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack(
         "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
-        "s:I, s:o, s:s, s:I, s:b, s:s, s:s}",
+        "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o}",
         "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
         "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
         (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_old",
@@ -124,7 +133,8 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
         calibration_to_json(info), "touches", (json_int_t)info->touches, "drift_mm",
         drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
         (json_int_t)info->trace_missing, "trace_failing", info->trace_failing, "trainee",
-        info->trainee, "next_trainee", info->next_trainee);
+        info->trainee, "next_trainee", info->next_trainee, "certificate_until_utc_s",
+        end_to_json(info->certificate_until_utc_s));
 }
 
 static json_t *refused_to_json(const arthron_Refused *r) {
@@ -181,6 +191,9 @@ static void print_json(const arthron_CommandReply *reply, const arthron_Metrics 
         json_object_set_new(whole, "joint", joint_to_json(&reply->joint));
     if (reply->has_refused)
         json_object_set_new(whole, "refused", refused_to_json(&reply->refused));
+    if (reply->certificate_until_utc_s)
+        json_object_set_new(whole, "certificate_until_utc_s",
+                            json_integer(reply->certificate_until_utc_s));
     json_dumpf(whole, stdout, JSON_COMPACT);
     putchar('\n');
     json_decref(whole);
@@ -191,6 +204,13 @@ static void print_next_trainee(const arthron_SessionInfo *info) {
     const char *next = info->next_trainee;
     if (strcmp(info->trainee, next) != 0)
         printf("  %s: %s from the next session on\n", info->station, *next ? next : "nobody");
+}
+
+// Nothing where it is unknown or good for long.
+static void print_certificate(const char *whose, int64_t until_utc_s, const char *advice) {
+    int64_t left_s = until_utc_s - time(NULL);
+    if (until_utc_s && left_s < CERTIFICATE_WARNING_S)
+        printf("  %s: its certificate ends in %d days: %s\n", whose, (int)(left_s / DAY_S), advice);
 }
 
 static void print_table(const arthron_CommandReply *reply) {
@@ -204,6 +224,7 @@ static void print_table(const arthron_CommandReply *reply) {
         print_next_trainee(info);
         if (strncmp(info->case_grade, "fit", 3) != 0)
             printf("  %s: its case is %s\n", info->station, info->case_grade);
+        print_certificate(info->station, info->certificate_until_utc_s, "enrol it again");
         if (info->calibration_problem[0])
             printf("  %s: %s\n", info->station, info->calibration_problem);
         if (info->trace_missing)
@@ -215,6 +236,7 @@ static void print_table(const arthron_CommandReply *reply) {
             printf("  %s: %" PRIu64 " touches, %.2f mm beside the surface\n", info->station,
                    info->touches, info->drift_mm);
     }
+    print_certificate("the server", reply->certificate_until_utc_s, "arthron-server keys renew");
 }
 
 // Without the sign of a rest that rounding left.

@@ -79,12 +79,8 @@ static enum result load_signer(struct hub *hub, struct error *err) {
     enum result result = signer_create(hub->config.keys_dir, &hub->signer, err);
     if (result != RESULT_OK)
         return result;
-    hub->vouches.certificate = signer_certificate(hub->signer, &hub->vouches.certificate_size);
     hub->vouches.sign = signer_sign;
     hub->vouches.context = hub->signer;
-    if (hub->vouches.certificate_size > TRACE_CERTIFICATE_MAX)
-        return fail(err, RESULT_LIMIT, "%s/server.pem: it is longer than %d bytes",
-                    hub->config.keys_dir, TRACE_CERTIFICATE_MAX);
     return RESULT_OK;
 }
 

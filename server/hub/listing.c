@@ -3,6 +3,7 @@
 #include "hub/grades.h"
 #include "hub/reply.h"
 #include "hub/seat.h"
+#include "net/authority.h"
 
 #include <time.h>
 
@@ -79,6 +80,9 @@ static void list_refused(struct hub *hub, arthron_Refused *out) {
 }
 
 void listing_all(struct hub *hub, arthron_CommandReply *reply) {
+    struct authority_server server;
+    authority_server(hub->config.keys_dir, &server, NULL);
+    reply->certificate_until_utc_s = server.until_utc_s;
     reply->has_refused = true;
     grades_refresh(hub->grades);
     list_refused(hub, &reply->refused);

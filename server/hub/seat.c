@@ -63,6 +63,8 @@ void seat_info(struct hub *hub, int index, arthron_SessionInfo *out) {
     if (card.calibrated)
         calibration_judge(&card.calibration, &hub->config, clock_utc_ns() / NS_PER_S,
                           out->calibration_problem, sizeof out->calibration_problem);
+    if (card.connected)
+        out->certificate_until_utc_s = control_certificate_end(hub->control, card.peer);
     out->clock_uncertainty_us = (double)atomic_load(&counts->clock_uncertainty_ns) / 1e3;
 }
 

@@ -1,5 +1,6 @@
 #include "hub/warning.h"
 
+#include "base/clock.h"
 #include "hub/calibration.h"
 
 #include <inttypes.h>
@@ -9,6 +10,8 @@
 
 #define LOSS_SHARE 0.05f
 #define UNCERTAIN_US 5000
+#define DAY_S 86400
+#define CERTIFICATE_WARNING_S (30 * DAY_S)
 
 // The first of the highest urgency stays.
 __attribute__((format(printf, 3, 4))) static void warn(arthron_Place *place, enum urgency urgency,
@@ -56,6 +59,15 @@ static void warn_of_case(arthron_Place *place) {
         warn(place, URGENCY_LOOK, "case %s is %s", place->info.case_name, grade);
 }
 
+// Stations renew their certificates by themselves, long before.
+static void warn_of_certificate(arthron_Place *place) {
+    int64_t end_s = place->info.certificate_until_utc_s;
+    int64_t left_s = end_s - clock_utc_ns() / NS_PER_S;
+    if (end_s && left_s < CERTIFICATE_WARNING_S)
+        warn(place, URGENCY_LOOK, "its certificate ends in %d days: enrol it again",
+             (int)(left_s / DAY_S));
+}
+
 void warning_of_place(arthron_Place *place, double drift_mm) {
     const arthron_SessionInfo *info = &place->info;
     place->urgency = URGENCY_NONE;
@@ -71,6 +83,7 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
     }
     if (info->connected && info->calibration_problem[0])
         warn(place, URGENCY_LOOK, "%s", info->calibration_problem);
+    warn_of_certificate(place);
     if (info->connected || info->state != arthron_SessionState_CLOSED)
         warn_of_case(place);
 }

@@ -2,10 +2,13 @@
 
 #include "base/check.h"
 
+#include <arpa/inet.h>
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/x509v3.h>
+#include <stdio.h>
 #include <string.h>
+#include <time.h>
 
 #define DAY_S (24L * 3600)
 #define CLOCKS_DIFFER_S DAY_S // a station's clock may be behind
@@ -67,6 +70,9 @@ X509 *certificate_make(enum certificate_use use, const char *common_name,
     long days = use == CERTIFICATE_AUTHORITY ? CERTIFICATE_AUTHORITY_DAYS : CERTIFICATE_DAYS;
     X509_gmtime_adj(X509_getm_notBefore(certificate), -CLOCKS_DIFFER_S);
     X509_gmtime_adj(X509_getm_notAfter(certificate), days * DAY_S);
+    if (issuer && ASN1_TIME_compare(X509_get0_notAfter(certificate),
+                                    X509_get0_notAfter(issuer->certificate)) > 0)
+        X509_set1_notAfter(certificate, X509_get0_notAfter(issuer->certificate));
     set_subject(certificate, common_name);
     X509 *by = issuer ? issuer->certificate : certificate;
     X509_set_issuer_name(certificate, X509_get_subject_name(by));
@@ -101,6 +107,36 @@ EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size,
     }
     X509_REQ_free(request);
     return key;
+}
+
+int64_t certificate_end(const X509 *certificate) {
+    struct tm end;
+    return ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1 ? timegm(&end) : 0;
+}
+
+// False: a kind of name that is none of a host, or too long.
+static bool read_host(const GENERAL_NAME *name, char out[256]) {
+    if (name->type == GEN_DNS) {
+        const ASN1_IA5STRING *text = name->d.dNSName;
+        int size = ASN1_STRING_length(text);
+        snprintf(out, 256, "%.*s", size, (const char *)ASN1_STRING_get0_data(text));
+        return size > 0 && size < 256 && strlen(out) == (size_t)size;
+    }
+    if (name->type != GEN_IPADD)
+        return false;
+    const ASN1_OCTET_STRING *address = name->d.iPAddress;
+    int family = ASN1_STRING_length(address) == 4 ? AF_INET : AF_INET6;
+    return (family == AF_INET || ASN1_STRING_length(address) == 16) &&
+           inet_ntop(family, ASN1_STRING_get0_data(address), out, 256);
+}
+
+int certificate_hosts(const X509 *certificate, char (*out_hosts)[256], int max) {
+    GENERAL_NAMES *names = X509_get_ext_d2i(certificate, NID_subject_alt_name, NULL, NULL);
+    int count = 0;
+    for (int i = 0; i < sk_GENERAL_NAME_num(names) && count < max; i++)
+        count += read_host(sk_GENERAL_NAME_value(names, i), out_hosts[count]);
+    GENERAL_NAMES_free(names);
+    return count;
 }
 
 void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]) {

@@ -6,6 +6,7 @@
 #include <openssl/x509.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #define CERTIFICATE_AUTHORITY_DAYS (10 * 365)
 #define CERTIFICATE_DAYS (2 * 365) // of the others
@@ -23,6 +24,7 @@ struct issuer {
 
 EVP_PKEY *certificate_key(void);
 
+// No certificate outlives its issuer's.
 // `alternative_names` as OpenSSL's subjectAltName takes them ("DNS:...,IP:..."), NULL for none;
 // `issuer` NULL: signed with its own key, which must be a whole one then.
 X509 *certificate_make(enum certificate_use use, const char *common_name,
@@ -34,6 +36,11 @@ X509 *certificate_make(enum certificate_use use, const char *common_name,
 // common name that it asks for (empty where it names none). Else NULL.
 EVP_PKEY *certificate_request_key(const uint8_t *request_der, size_t size,
                                   char out_name[CERTIFICATE_NAME_SIZE]);
+
+int64_t certificate_end(const X509 *certificate); // seconds since 1970; 0: it says none
+
+// The host names and addresses that a server's certificate is for, at most `max`; how many.
+int certificate_hosts(const X509 *certificate, char (*out_hosts)[256], int max);
 
 #define CERTIFICATE_SERIAL_SIZE 48
 void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]);

@@ -54,7 +54,8 @@ bool control_seat(struct peer *peer) {
         *slot = (struct slot){.generation = slot->generation + 1,
                               .peer = peer,
                               .outbox = outbox,
-                              .meshes = peer->meshes};
+                              .meshes = peer->meshes,
+                              .until_s = peer->identity.until_s};
         peer->handle = (struct control_peer){index, slot->generation};
     }
     pthread_mutex_unlock(&control->lock);
@@ -76,6 +77,14 @@ struct slot *control_find_slot(struct control *control, struct control_peer hand
     CHECK(handle.index >= 0 && handle.index < CONTROL_PEERS_MAX);
     struct slot *slot = &control->slots[handle.index];
     return slot->peer && slot->generation == handle.generation ? slot : NULL;
+}
+
+int64_t control_certificate_end(struct control *control, struct control_peer handle) {
+    pthread_mutex_lock(&control->lock);
+    const struct slot *slot = control_find_slot(control, handle);
+    int64_t until_s = slot ? slot->until_s : 0;
+    pthread_mutex_unlock(&control->lock);
+    return until_s;
 }
 
 // What comes again anyway.
@@ -129,6 +138,13 @@ static void hand_out_answers(struct control *control) {
         peer_answered(applicant, &answer);
 }
 
+static void take_certificate(struct control *control) {
+    struct tls_credentials *credentials = registrar_take_credentials(control->registrar);
+    if (credentials)
+        tls_credentials_use(credentials, control->tls);
+    tls_credentials_destroy(&credentials);
+}
+
 static void on_wake(struct control *control) {
     if (atomic_load(&control->stopping) && !control->draining) {
         control->draining = true;
@@ -143,6 +159,7 @@ static void on_wake(struct control *control) {
             serve(control, &slot);
     }
     hand_out_answers(control);
+    take_certificate(control);
 }
 
 // So little may wait in the kernel: a reply does not queue there behind a mesh.
@@ -255,6 +272,7 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
     struct control *control = lws_context_user(lws_get_context(wsi));
     switch (reason) {
     case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
+        control->tls = user;
         identity_ask(user, &control->refused_certificates);
         return 0;
     case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
@@ -307,23 +325,28 @@ static uint64_t options_for(const char *address) {
            LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
 }
 
-static enum result listen_at(struct control *control, const struct control_config *config,
-                             struct error *err) {
+// Where the authority keeps what a server shows.
+struct paths {
     char authority[4096], certificate[4096], key[4096];
-    snprintf(authority, sizeof authority, "%s/authority.pem", config->authority_dir);
-    snprintf(certificate, sizeof certificate, "%s/server.pem", config->authority_dir);
-    snprintf(key, sizeof key, "%s/server.key", config->authority_dir);
-    const char *const files[] = {authority, certificate, key};
-    for (int i = 0; i < 3; i++)
-        if (access(files[i], R_OK))
-            return fail(err, RESULT_MISSING, "%s: %s", files[i], strerror(errno));
+};
+
+static struct paths paths_in(const char *dir) {
+    struct paths paths;
+    snprintf(paths.authority, sizeof paths.authority, "%s/authority.pem", dir);
+    snprintf(paths.certificate, sizeof paths.certificate, "%s/server.pem", dir);
+    snprintf(paths.key, sizeof paths.key, "%s/server.key", dir);
+    return paths;
+}
+
+static enum result listen_at(struct control *control, const struct control_config *config,
+                             const struct paths *paths, struct error *err) {
     struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
         .protocols = protocols,
-        .ssl_ca_filepath = authority,
-        .ssl_cert_filepath = certificate,
-        .ssl_private_key_filepath = key,
+        .ssl_ca_filepath = paths->authority,
+        .ssl_cert_filepath = paths->certificate,
+        .ssl_private_key_filepath = paths->key,
         .provided_client_ssl_ctx = control->no_client,
         .alpn = "http/1.1",
         .options = options_for(config->address),
@@ -341,9 +364,16 @@ static enum result listen_at(struct control *control, const struct control_confi
         return listen_check(config->address, config->port, err) != RESULT_OK
                    ? RESULT_IO
                    : fail(err, RESULT_IO, "port %d: cannot listen with the certificate %s",
-                          config->port, certificate);
+                          config->port, paths->certificate);
     control->port = lws_get_vhost_listen_port(vhost);
     return RESULT_OK;
+}
+
+static enum result open_files(const struct paths *paths, struct tls_files **out_files,
+                              struct error *err) {
+    if (access(paths->authority, R_OK))
+        return fail(err, RESULT_MISSING, "%s: %s", paths->authority, strerror(errno));
+    return tls_files_create(paths->certificate, paths->key, out_files, NULL, err);
 }
 
 static void release(struct control *control) {
@@ -366,14 +396,19 @@ enum result control_create(const struct control_config *config,
     CHECK(control->no_client);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
-    enum result result = listen_at(control, config, err);
+    const struct paths paths = paths_in(config->authority_dir);
+    struct tls_files *tls_files = NULL;
+    enum result result = open_files(&paths, &tls_files, err);
+    if (result == RESULT_OK)
+        result = listen_at(control, config, &paths, err);
     if (result != RESULT_OK) {
         if (control->context)
             lws_context_destroy(control->context);
+        tls_files_destroy(&tls_files);
         release(control);
         return result;
     }
-    control->registrar = registrar_create(config->authority_dir, wake, control);
+    control->registrar = registrar_create(config->authority_dir, tls_files, wake, control);
     *out_control = control; // before the thread runs: its handler may ask for it
     CHECK(pthread_create(&control->thread, NULL, serve_peers, control) == 0);
     return RESULT_OK;

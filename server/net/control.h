@@ -67,6 +67,10 @@ bool control_send(struct control *control, struct control_peer peer,
 bool control_send_mesh(struct control *control, struct control_peer peer,
                        struct mesh_payload *payload);
 
+// From any thread: when the certificate ends that the peer has shown, seconds since 1970; 0 where
+// the peer is gone.
+int64_t control_certificate_end(struct control *control, struct control_peer peer);
+
 struct control_counts {
     uint64_t unknown_messages;   // of a kind that this version does not know: skipped
     uint64_t malformed_messages; // the peer was told and closed

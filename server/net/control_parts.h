@@ -39,6 +39,7 @@ struct peer {
     struct clock_offset clock;
     int pings;
     int64_t heard_ns; // the last Pong
+    int64_t warned_s; // that its certificate ends; 0: not yet
     size_t used;      // of incoming
     uint8_t incoming[WIRE_CONTROL_MAX];
     struct outgoing urgent; // goes before the outbox: Welcome, Refusal, Enrolled; size 0: none
@@ -56,6 +57,7 @@ struct slot {
     struct peer *peer;   // NULL: free
     struct ring *outbox; // of struct outgoing; the lock makes many producers one
     bool meshes;         // it takes them
+    int64_t until_s;     // its certificate
     struct delivery deliveries[WIRE_MESH_GROUPS_MAX];
     int turn;       // of deliveries
     bool wakes;     // the control thread has something to do for it:
@@ -68,6 +70,7 @@ struct control {
     char *software;
     int64_t hello_timeout_ns;
     struct lws_context *context;
+    SSL_CTX *tls;       // of the connections to come; libwebsockets'
     SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
     int port;
     pthread_t thread;

@@ -1,5 +1,7 @@
 #include "net/identity.h"
 
+#include "net/certificate.h"
+
 #include <openssl/bn.h>
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
@@ -31,6 +33,7 @@ void identity_of(const SSL *connection, struct identity *out) {
     out->certified = certificate && SSL_get_verify_result(connection) == X509_V_OK &&
                      read_name(certificate, out->name, sizeof out->name) &&
                      read_serial(certificate, out->serial, sizeof out->serial);
+    out->until_s = certificate ? certificate_end(certificate) : 0;
 }
 
 static int on_verified(int good, X509_STORE_CTX *store) {

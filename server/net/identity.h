@@ -3,6 +3,7 @@
 
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 struct ssl_st;     // OpenSSL's SSL
 struct ssl_ctx_st; // OpenSSL's SSL_CTX
@@ -11,6 +12,7 @@ struct identity {
     bool certified;  // the peer showed a certificate of our authority
     char name[64];   // its common name
     char serial[64]; // hexadecimal, as registrar_is_revoked takes it
+    int64_t until_s; // when it ends, seconds since 1970
 };
 
 // After the handshake. A certificate whose name or serial number does not fit counts as none.

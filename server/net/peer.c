@@ -10,6 +10,7 @@
 #define PING_NS NS_PER_S
 #define SILENCE_NS (5 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
+#define DAY_S 86400
 #define ENROL_COST_NS NS_PER_S
 #define ENROL_BUDGET_NS (10 * NS_PER_S)
 #define ENROL_WAIT_NS (10 * NS_PER_S)
@@ -107,6 +108,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
                     "Hello names another station than the certificate");
         return false;
     }
+    registrar_used(peer->control->registrar, &peer->identity);
     peer->meshes = names(hello, "meshes");
     if (!control_seat(peer)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
@@ -160,7 +162,7 @@ static void hear_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t no
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
         return;
     }
-    peer->applies = registrar_apply(peer->control->registrar, peer, enrol);
+    peer->applies = registrar_apply(peer->control->registrar, peer, &peer->identity, enrol);
     if (peer->applies)
         lws_set_timer_usecs(peer->wsi, ENROL_WAIT_NS / 1000);
     else
@@ -267,6 +269,16 @@ void peer_heard(struct peer *peer, int64_t now_ns) {
         hear_stranger(peer, &control->message, now_ns);
 }
 
+// At the start and then once a day. A station renews its certificate by itself long before.
+static void warn_of_certificate(struct peer *peer) {
+    int64_t now_s = clock_utc_ns() / NS_PER_S, left_s = peer->identity.until_s - now_s;
+    if (left_s >= TLS_WARNING_DAYS * DAY_S || now_s - peer->warned_s < DAY_S)
+        return;
+    peer->warned_s = now_s;
+    log_warning("control", "station %s: its certificate ends in %d days, enrol it again",
+                peer->identity.name, (int)(left_s / DAY_S));
+}
+
 bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
     *out_next_us = CLOSING_NS / 1000;
     if (peer->closing)
@@ -290,6 +302,7 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
         peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "this certificate is revoked");
         return true;
     }
+    warn_of_certificate(peer);
     send_ping(peer);
     *out_next_us = (peer->pings < FAST_PINGS ? FAST_PING_NS : PING_NS) / 1000;
     return true;

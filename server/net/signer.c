@@ -1,58 +1,27 @@
 #include "net/signer.h"
 
 #include "base/check.h"
+#include "websocket/tls_files.h"
 
-#include <errno.h>
-#include <openssl/pem.h>
+#include <openssl/evp.h>
 #include <openssl/x509.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 struct signer {
-    EVP_PKEY *key;
-    X509 *certificate;
-    uint8_t *der;
-    int der_size;
+    pthread_mutex_t lock;
+    struct tls_files *files;
+    struct tls_credentials *credentials;
 };
 
-static FILE *open_in(const char *dir, const char *name, struct error *err) {
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", dir, name);
-    FILE *file = fopen(path, "re");
-    if (!file)
-        fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    return file;
-}
-
-static enum result read_key(const char *dir, struct signer *s, struct error *err) {
-    FILE *file = open_in(dir, "server.key", err);
-    if (!file)
-        return RESULT_IO;
-    s->key = PEM_read_PrivateKey(file, NULL, NULL, NULL);
-    fclose(file);
-    return s->key ? RESULT_OK : fail(err, RESULT_FORMAT, "%s/server.key: it holds no key", dir);
-}
-
-static enum result read_certificate(const char *dir, struct signer *s, struct error *err) {
-    FILE *file = open_in(dir, "server.pem", err);
-    if (!file)
-        return RESULT_IO;
-    s->certificate = PEM_read_X509(file, NULL, NULL, NULL);
-    fclose(file);
-    s->der_size = s->certificate ? i2d_X509(s->certificate, &s->der) : -1;
-    if (s->der_size < 0)
-        return fail(err, RESULT_FORMAT, "%s/server.pem: it holds no certificate", dir);
-    if (X509_check_private_key(s->certificate, s->key) != 1)
-        return fail(err, RESULT_INVALID, "%s: server.pem is not of server.key", dir);
-    return RESULT_OK;
-}
-
 enum result signer_create(const char *dir, struct signer **out_signer, struct error *err) {
+    char certificate[4096], key[4096];
     struct signer *s = alloc(1, sizeof *s);
-    enum result result = read_key(dir, s, err);
-    if (result == RESULT_OK)
-        result = read_certificate(dir, s, err);
+    snprintf(certificate, sizeof certificate, "%s/server.pem", dir);
+    snprintf(key, sizeof key, "%s/server.key", dir);
+    pthread_mutex_init(&s->lock, NULL);
+    enum result result = tls_files_create(certificate, key, &s->files, &s->credentials, err);
     if (result != RESULT_OK)
         signer_destroy(&s);
     *out_signer = s;
@@ -63,24 +32,44 @@ void signer_destroy(struct signer **signer) {
     struct signer *s = *signer;
     if (!s)
         return;
-    EVP_PKEY_free(s->key);
-    X509_free(s->certificate);
-    OPENSSL_free(s->der);
+    tls_credentials_destroy(&s->credentials);
+    tls_files_destroy(&s->files);
+    pthread_mutex_destroy(&s->lock);
     free(s);
     *signer = NULL;
 }
 
-const uint8_t *signer_certificate(const struct signer *s, size_t *out_size) {
-    *out_size = (size_t)s->der_size;
-    return s->der;
+static bool copy_certificate(X509 *certificate, uint8_t *out, size_t *in_out_size) {
+    int size = i2d_X509(certificate, NULL);
+    bool fits = size > 0 && (size_t)size <= *in_out_size;
+    if (fits)
+        *in_out_size = (size_t)i2d_X509(certificate, &out);
+    return fits;
 }
 
-bool signer_sign(void *signer, const uint8_t *message, size_t size, uint8_t *out, size_t *in_out) {
-    struct signer *s = signer;
+static bool sign(EVP_PKEY *key, const uint8_t *message, size_t size, uint8_t *out, size_t *in_out) {
     EVP_MD_CTX *context = EVP_MD_CTX_new();
     CHECK(context);
-    bool done = EVP_DigestSignInit(context, NULL, EVP_sha256(), NULL, s->key) == 1 &&
+    bool done = EVP_DigestSignInit(context, NULL, EVP_sha256(), NULL, key) == 1 &&
                 EVP_DigestSign(context, out, in_out, message, size) == 1;
     EVP_MD_CTX_free(context);
+    return done;
+}
+
+bool signer_sign(void *signer, const uint8_t *message, size_t size, uint8_t *out_certificate,
+                 size_t *in_out_certificate_size, uint8_t *out_signature,
+                 size_t *in_out_signature_size) {
+    struct signer *s = signer;
+    pthread_mutex_lock(&s->lock);
+    struct tls_credentials *renewed = tls_files_look(s->files);
+    if (renewed) {
+        tls_credentials_destroy(&s->credentials);
+        s->credentials = renewed;
+    }
+    bool done = copy_certificate(tls_credentials_certificate(s->credentials), out_certificate,
+                                 in_out_certificate_size) &&
+                sign(tls_credentials_key(s->credentials), message, size, out_signature,
+                     in_out_signature_size);
+    pthread_mutex_unlock(&s->lock);
     return done;
 }

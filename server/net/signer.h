@@ -14,9 +14,9 @@ struct signer;
 enum result signer_create(const char *authority_dir, struct signer **out_signer, struct error *err);
 void signer_destroy(struct signer **signer); // NULL inside is fine
 
-// X.509, DER; it lives as long as the signer.
-const uint8_t *signer_certificate(const struct signer *signer, size_t *out_size);
-
-// ECDSA with SHA-256, DER. `signer` is a struct signer. False where out_signature is too small.
-bool signer_sign(void *signer, const uint8_t *message, size_t size, uint8_t *out_signature,
+// ECDSA with SHA-256, and the certificate (X.509) that it is to be checked with, both DER: the
+// server's as they are on disk now, where they were renewed. `signer` is a struct signer. False
+// where one of them is too large for its place.
+bool signer_sign(void *signer, const uint8_t *message, size_t size, uint8_t *out_certificate,
+                 size_t *in_out_certificate_size, uint8_t *out_signature,
                  size_t *in_out_signature_size);

@@ -54,10 +54,10 @@ struct trace_writer;
 // Who vouches for a trace that is closed. Outlives the writer, which calls `sign` once, from a
 // thread of its own.
 struct trace_signer {
-    const uint8_t *certificate; // X.509, DER
-    size_t certificate_size;    // at most TRACE_CERTIFICATE_MAX
-    // With the certificate's key and SHA-256. False where it cannot: the trace stays unsigned.
-    bool (*sign)(void *context, const uint8_t *message, size_t size, uint8_t *out_signature,
+    // With SHA-256, and the certificate (X.509, DER) of the key. False where it cannot: the trace
+    // stays unsigned.
+    bool (*sign)(void *context, const uint8_t *message, size_t size, uint8_t *out_certificate,
+                 size_t *in_out_certificate_size, uint8_t *out_signature,
                  size_t *in_out_signature_size);
     void *context;
 };

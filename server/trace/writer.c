@@ -182,16 +182,16 @@ static void sync_data(struct trace_writer *w) {
 static void sign(struct trace_writer *w, struct trace_end *end) {
     const struct trace_signer *signer = w->signer;
     uint8_t message[TRACE_SEAL_SIZE];
-    size_t size = sizeof end->signature;
+    size_t certificate_size = sizeof end->certificate, signature_size = sizeof end->signature;
     seal_message(w->chain.value, end->records, end->missing, message);
-    if (!signer->sign(signer->context, message, sizeof message, end->signature, &size)) {
+    if (!signer->sign(signer->context, message, sizeof message, end->certificate, &certificate_size,
+                      end->signature, &signature_size)) {
         log_error("trace", "%s: it cannot be signed", w->path);
         return;
     }
-    CHECK(signer->certificate_size <= sizeof end->certificate && size <= sizeof end->signature);
-    memcpy(end->certificate, signer->certificate, signer->certificate_size);
-    end->certificate_size = signer->certificate_size;
-    end->signature_size = size;
+    CHECK(certificate_size <= sizeof end->certificate && signature_size <= sizeof end->signature);
+    end->certificate_size = certificate_size;
+    end->signature_size = signature_size;
 }
 
 // The appender has stopped: this thread has both ends.

@@ -13,6 +13,7 @@
 static char keys[2][FOLDER_MAX], authority[2][256]; // ours, and one that we do not know
 static struct signer *signers[2];
 static struct trace_signer vouches[2];
+static char signed_by[TRACE_SIGNED_BY_MAX]; // of the last check
 
 static int make_keys(void **state) {
     const char *hosts[] = {"localhost"};
@@ -23,7 +24,6 @@ static int make_keys(void **state) {
             signer_create(keys[i], &signers[i], NULL) != RESULT_OK)
             return -1;
         snprintf(authority[i], sizeof authority[i], "%s/authority.pem", keys[i]);
-        vouches[i].certificate = signer_certificate(signers[i], &vouches[i].certificate_size);
         vouches[i].sign = signer_sign;
         vouches[i].context = signers[i];
     }
@@ -57,16 +57,15 @@ static enum result check(const char *from, const char *trusted, int64_t utc_ns, 
     struct trace_reader *reader;
     struct trace_record record;
     struct trace_seal seal;
-    char name[TRACE_SIGNED_BY_MAX];
     enum result result = trace_reader_create(from, &reader, err);
     if (result != RESULT_OK)
         return result;
     while ((result = trace_read(reader, &record, err)) == RESULT_OK)
         continue;
     if (result == RESULT_CLOSED && trace_reader_seal(reader, &seal)) {
-        result = trace_seal_check(&seal, trusted, utc_ns, name, err);
+        result = trace_seal_check(&seal, trusted, utc_ns, signed_by, err);
         if (result == RESULT_OK)
-            assert_int_equal(strncmp(name, "Arthron server, certificate ", 28), 0);
+            assert_int_equal(strncmp(signed_by, "Arthron server, certificate ", 28), 0);
     }
     trace_reader_destroy(&reader);
     return result;
@@ -91,9 +90,11 @@ static void a_trace_without_a_signer_has_no_seal(void **state) {
     assert_int_equal(check(path, authority[0], now_ns(), NULL), RESULT_CLOSED);
 }
 
-static bool cannot_sign(void *context, const uint8_t *message, size_t size, uint8_t *out,
+static bool cannot_sign(void *context, const uint8_t *message, size_t size,
+                        uint8_t *out_certificate, size_t *in_out_certificate_size, uint8_t *out,
                         size_t *in_out_size) {
-    (void)context, (void)message, (void)size, (void)out, (void)in_out_size;
+    (void)context, (void)message, (void)size, (void)out_certificate, (void)in_out_certificate_size;
+    (void)out, (void)in_out_size;
     return false;
 }
 
@@ -123,17 +124,30 @@ static void what_was_changed_afterwards_is_refused_even_with_right_hashes(void *
     assert_non_null(strstr(err.text, "signature is wrong"));
 }
 
+static void a_renewed_certificate_signs_what_is_closed_from_then_on(void **state) {
+    (void)state;
+    struct authority_server server;
+    char before[TRACE_SIGNED_BY_MAX];
+    write_signed(&vouches[0]);
+    assert_int_equal(check(path, authority[0], now_ns(), NULL), RESULT_OK);
+    strcpy(before, signed_by);
+    assert_int_equal(authority_renew_server(keys[0], NULL, 0, &server, NULL), RESULT_OK);
+    write_signed(&vouches[0]);
+    assert_int_equal(check(path, authority[0], now_ns(), NULL), RESULT_OK);
+    assert_string_not_equal(before, signed_by);
+}
+
 static void keys_that_do_not_belong_together_are_refused(void **state) {
     (void)state;
     char from[160], to[160];
     struct signer *signer = NULL;
     struct error err = {""};
-    assert_int_equal(signer_create("/nowhere", &signer, &err), RESULT_IO);
-    assert_non_null(strstr(err.text, "/nowhere/server.key"));
+    assert_int_equal(signer_create("/nowhere", &signer, &err), RESULT_MISSING);
+    assert_non_null(strstr(err.text, "/nowhere/server.pem"));
     snprintf(from, sizeof from, "%s/server.pem", keys[1]);
     snprintf(to, sizeof to, "%s/server.pem", keys[0]);
     assert_int_equal(rename(from, to), 0);
-    assert_int_equal(signer_create(keys[0], &signer, &err), RESULT_INVALID);
+    assert_int_equal(signer_create(keys[0], &signer, &err), RESULT_FORMAT);
     assert_null(signer);
 }
 
@@ -142,6 +156,7 @@ int main(void) {
         cmocka_unit_test(a_closed_trace_is_signed_by_the_servers_key),
         cmocka_unit_test(a_trace_without_a_signer_has_no_seal),
         cmocka_unit_test(a_signer_that_fails_leaves_a_whole_trace),
+        cmocka_unit_test(a_renewed_certificate_signs_what_is_closed_from_then_on),
         cmocka_unit_test(what_was_changed_afterwards_is_refused_even_with_right_hashes),
         cmocka_unit_test(keys_that_do_not_belong_together_are_refused),
     };

@@ -82,11 +82,13 @@ struct request {
     int size;
 };
 
+// name: NULL: an empty subject
 static struct request make_request(EVP_PKEY *key, const char *name) {
     struct request request = {.key = key};
     X509_REQ *r = X509_REQ_new();
-    X509_NAME_add_entry_by_txt(X509_REQ_get_subject_name(r), "CN", MBSTRING_UTF8,
-                               (const unsigned char *)name, -1, -1, 0);
+    if (name)
+        X509_NAME_add_entry_by_txt(X509_REQ_get_subject_name(r), "CN", MBSTRING_UTF8,
+                                   (const unsigned char *)name, -1, -1, 0);
     X509_REQ_set_pubkey(r, key);
     assert_true(X509_REQ_sign(r, key, EVP_sha256()) > 0);
     request.size = i2d_X509_REQ(r, &request.der);
@@ -100,22 +102,26 @@ static void release_request(struct request *request) {
 }
 
 struct answer {
-    uint8_t certificate[2048], authority[2048];
-    size_t certificate_size, authority_size;
+    struct authority_answer a;
     struct error err;
 };
 
 static enum result enrol(const char *code, const struct request *request, struct answer *out) {
-    out->certificate_size = sizeof out->certificate;
-    out->authority_size = sizeof out->authority;
+    struct authority_request r = {request->der, (size_t)request->size};
     strcpy(out->err.text, "nothing");
-    return authority_enrol(dir, code, request->der, (size_t)request->size, out->certificate,
-                           &out->certificate_size, out->authority, &out->authority_size, &out->err);
+    return authority_enrol(dir, code, &r, &out->a, &out->err);
+}
+
+static enum result renew(const char *name, const char *serial, const struct request *request,
+                         struct answer *out) {
+    struct authority_request r = {request->der, (size_t)request->size};
+    strcpy(out->err.text, "nothing");
+    return authority_renew(dir, name, serial, &r, &out->a, &out->err);
 }
 
 static X509 *enrolled_certificate(const struct answer *answer) {
-    const unsigned char *der = answer->certificate;
-    X509 *certificate = d2i_X509(NULL, &der, (long)answer->certificate_size);
+    const unsigned char *der = answer->a.certificate_der;
+    X509 *certificate = d2i_X509(NULL, &der, (long)answer->a.certificate_size);
     assert_non_null(certificate);
     return certificate;
 }
@@ -293,7 +299,7 @@ static void a_code_carries_the_fingerprint_of_its_authority(void **state) {
     assert_int_equal(authority_issue_code(dir, "station-1", text, NULL), RESULT_OK);
     assert_int_equal(code_read(text, &code, NULL), RESULT_OK);
     assert_int_equal(enrol(text, &request, &answer), RESULT_OK);
-    code_fingerprint(answer.authority, answer.authority_size, fingerprint);
+    code_fingerprint(answer.a.authority_der, answer.a.authority_size, fingerprint);
     assert_memory_equal(fingerprint, code.fingerprint, sizeof fingerprint);
     X509 *authority = load_certificate("authority.pem");
     X509_digest(authority, EVP_sha256(), whole, NULL);
@@ -356,15 +362,29 @@ static void a_code_is_good_for_one_name_alone(void **state) {
     (void)state;
     char code[AUTHORITY_CODE_MAX];
     struct answer answer;
-    static const char *const others[] = {"station-2", "station-", "station-11", ""};
+    static const char *const others[] = {"station-2", "station-", "station-11"};
     struct request request = make_request(EVP_EC_gen("P-256"), "station-1");
     assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 3; i++) {
         struct request other = make_request(EVP_EC_gen("P-256"), others[i]);
         assert_int_equal(enrol(code, &other, &answer), RESULT_REFUSED);
         release_request(&other);
     }
     assert_int_equal(enrol(code, &request, &answer), RESULT_OK);
+    release_request(&request);
+}
+
+static void a_request_may_leave_its_subject_empty(void **state) {
+    (void)state;
+    char code[AUTHORITY_CODE_MAX], name[64];
+    struct answer answer;
+    struct request request = make_request(EVP_EC_gen("P-256"), NULL);
+    assert_int_equal(authority_issue_code(dir, "station-1", code, NULL), RESULT_OK);
+    assert_int_equal(enrol(code, &request, &answer), RESULT_OK);
+    X509 *station = enrolled_certificate(&answer);
+    X509_NAME_get_text_by_NID(X509_get_subject_name(station), NID_commonName, name, sizeof name);
+    assert_string_equal(name, "station-1"); // the code's
+    X509_free(station);
     release_request(&request);
 }
 
@@ -565,6 +585,115 @@ static void revoking_a_station_ends_all_its_certificates_and_no_others(void **st
     X509_free(again);
 }
 
+static void a_certificate_that_is_used_revokes_those_before_it(void **state) {
+    (void)state;
+    X509 *certificates[] = {enrol_station("a"), enrol_station("b"), enrol_station("a"),
+                            enrol_station("a")};
+    static const bool gone[] = {true, false, false, false};
+    char serials[4][64];
+    int count = -1;
+    for (int i = 0; i < 4; i++) {
+        serial_of(certificates[i], serials[i]);
+        X509_free(certificates[i]);
+    }
+    assert_int_equal(authority_used(dir, "a", serials[0], &count, NULL), RESULT_OK);
+    assert_int_equal(count, 0);
+    assert_int_equal(authority_used(dir, "a", "0123", &count, NULL), RESULT_OK); // of nobody
+    assert_int_equal(count, 0);
+    assert_int_equal(authority_used(dir, "a", serials[2], &count, NULL), RESULT_OK);
+    assert_int_equal(count, 1);
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(is_revoked(serials[i]), gone[i]);
+    assert_int_equal(authority_used(dir, "a", serials[2], &count, NULL), RESULT_OK);
+    assert_int_equal(count, 0);
+}
+
+// ---- renewal ------------------------------------------------------------------------------------
+
+static void a_station_renews_by_the_certificate_that_it_has(void **state) {
+    (void)state;
+    char serial[64], name[64];
+    struct answer answer;
+    struct request request = make_request(EVP_EC_gen("P-256"), NULL);
+    struct request other = make_request(EVP_EC_gen("P-256"), "b");
+    X509 *before = enrol_station("a");
+    serial_of(before, serial);
+    assert_int_equal(renew("a", serial, &other, &answer), RESULT_REFUSED);
+    assert_int_equal(renew("a", serial, &request, &answer), RESULT_OK);
+    X509 *after = enrolled_certificate(&answer);
+    X509_NAME_get_text_by_NID(X509_get_subject_name(after), NID_commonName, name, sizeof name);
+    assert_string_equal(name, "a");
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_CLIENT, NULL, NULL), X509_V_OK);
+    assert_int_equal(EVP_PKEY_eq(X509_get0_pubkey(after), request.key), 1);
+    assert_false(is_revoked(serial)); // the new one may never arrive
+    assert_int_equal(authority_revoke(dir, "a", NULL), RESULT_OK);
+    assert_int_equal(renew("a", serial, &request, &answer), RESULT_REFUSED);
+    assert_non_null(strstr(answer.err.text, "revoked"));
+    X509_free(before);
+    X509_free(after);
+    release_request(&request);
+    release_request(&other);
+}
+
+static void a_station_that_renews_for_ever_is_stopped(void **state) {
+    (void)state;
+    char serial[64];
+    struct answer answer;
+    struct request request = make_request(EVP_EC_gen("P-256"), "a");
+    X509 *first = enrol_station("a");
+    int renewals = 0;
+    serial_of(first, serial);
+    X509_free(first);
+    while (renewals < 100 && renew("a", serial, &request, &answer) == RESULT_OK)
+        renewals++;
+    assert_int_equal(renewals, 15);
+    assert_non_null(strstr(answer.err.text, "16 certificates"));
+    release_request(&request);
+}
+
+static void the_servers_certificate_is_renewed_for_the_same_key_and_names(void **state) {
+    (void)state;
+    struct authority_server server;
+    char key[4096], key_after[4096], serials[2][64];
+    X509 *before = load_certificate("server.pem");
+    read_file("server.key", key, sizeof key);
+    assert_int_equal(authority_renew_server(dir, NULL, 0, &server, NULL), RESULT_OK);
+    X509 *after = load_certificate("server.pem");
+    read_file("server.key", key_after, sizeof key_after);
+    serial_of(before, serials[0]);
+    serial_of(after, serials[1]);
+    assert_string_not_equal(serials[0], serials[1]);
+    assert_string_equal(key, key_after);
+    assert_int_equal(EVP_PKEY_eq(X509_get0_pubkey(before), X509_get0_pubkey(after)), 1);
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_SERVER, "localhost", NULL), X509_V_OK);
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_SERVER, NULL, "127.0.0.1"), X509_V_OK);
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_SERVER, NULL, "::1"), X509_V_OK);
+    assert_in_range(days_good(after), 728, 730);
+    assert_string_equal(server.hosts[0], "localhost");
+    X509_free(before);
+    X509_free(after);
+}
+
+static void a_renewal_may_change_the_servers_names(void **state) {
+    (void)state;
+    static const char *const hosts[] = {"hall.example", "10.0.0.5", "fd00::5"};
+    static const char *const bad[] = {"a b"};
+    struct authority_server server;
+    assert_int_equal(authority_renew_server(dir, hosts, 3, &server, NULL), RESULT_OK);
+    assert_int_equal(authority_server(dir, &server, NULL), RESULT_OK);
+    assert_int_equal(server.host_count, 3);
+    for (int i = 0; i < 3; i++)
+        assert_string_equal(server.hosts[i], hosts[i]);
+    X509 *after = load_certificate("server.pem");
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_SERVER, "hall.example", NULL), X509_V_OK);
+    assert_int_equal(verdict(after, X509_PURPOSE_SSL_SERVER, "localhost", NULL),
+                     X509_V_ERR_HOSTNAME_MISMATCH);
+    X509_free(after);
+    assert_int_equal(authority_renew_server(dir, bad, 1, &server, NULL), RESULT_INVALID);
+    assert_int_equal(authority_server(dir, &server, NULL), RESULT_OK);
+    assert_int_equal(server.host_count, 3);
+}
+
 static void revoking_voids_an_open_code_too(void **state) {
     (void)state;
     char code[AUTHORITY_CODE_MAX];
@@ -676,6 +805,7 @@ int main(void) {
         cmocka_unit_test(hosts_that_are_none_are_refused),
         with_authority(a_code_works_once),
         with_authority(a_code_is_good_for_one_name_alone),
+        with_authority(a_request_may_leave_its_subject_empty),
         with_authority(a_code_carries_the_fingerprint_of_its_authority),
         with_authority(the_secret_is_not_on_disk),
         with_authority(a_code_lives_fifteen_minutes),
@@ -687,6 +817,11 @@ int main(void) {
         cmocka_unit_test(a_code_reads_as_a_person_may_type_it),
         cmocka_unit_test(a_mistyped_code_is_told_from_an_unknown_one),
         with_authority(revoking_a_station_ends_all_its_certificates_and_no_others),
+        with_authority(a_certificate_that_is_used_revokes_those_before_it),
+        with_authority(a_station_renews_by_the_certificate_that_it_has),
+        with_authority(a_station_that_renews_for_ever_is_stopped),
+        with_authority(the_servers_certificate_is_renewed_for_the_same_key_and_names),
+        with_authority(a_renewal_may_change_the_servers_names),
         with_authority(revoking_voids_an_open_code_too),
         with_authority(a_station_that_never_was_cannot_be_revoked),
         with_authority(a_station_is_known_until_its_certificate_ends_or_is_revoked),

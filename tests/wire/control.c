@@ -340,6 +340,15 @@ static void count_news(void *user) {
     atomic_fetch_add((atomic_int *)user, 1);
 }
 
+static struct tls_files *servers_files(void) {
+    char certificate[160], key[160];
+    struct tls_files *files;
+    snprintf(certificate, sizeof certificate, "%s/server.pem", doorman.keys);
+    snprintf(key, sizeof key, "%s/server.key", doorman.keys);
+    assert_int_equal(tls_files_create(certificate, key, &files, NULL, NULL), RESULT_OK);
+    return files;
+}
+
 static void no_more_than_ten_wait_to_be_enrolled(void **state) {
     (void)state;
     static char places[REGISTRAR_APPLICANTS_MAX + 1]; // an applicant is only an address
@@ -348,12 +357,16 @@ static void no_more_than_ten_wait_to_be_enrolled(void **state) {
     atomic_int news = 0;
     int enrolled = 0;
     hold_the_keys();
-    struct registrar *registrar = registrar_create(doorman.keys, count_news, &news);
+    const struct identity stranger = {.certified = false};
+    struct registrar *registrar =
+        registrar_create(doorman.keys, servers_files(), count_news, &news);
     for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
-        assert_true(registrar_apply(registrar, (struct peer *)&places[i], &enrol.message.enrol));
-    assert_false(registrar_apply(registrar, last, &enrol.message.enrol));
+        assert_true(
+            registrar_apply(registrar, (struct peer *)&places[i], &stranger, &enrol.message.enrol));
+    assert_false(registrar_apply(registrar, last, &stranger, &enrol.message.enrol));
     registrar_withdraw(registrar, (struct peer *)&places[0]);
-    for (int tries = 0; !registrar_apply(registrar, last, &enrol.message.enrol); tries++) {
+    for (int tries = 0; !registrar_apply(registrar, last, &stranger, &enrol.message.enrol);
+         tries++) {
         assert_in_range(tries, 0, 1000);
         usleep(2000);
     }

@@ -68,6 +68,57 @@ static void a_wrong_code_enrols_nobody(void **state) {
     doorman_close(&other);
 }
 
+static void keep_aside(const char *dir, const char *aside) {
+    static const char *const names[] = {"station.key", "station.pem", "authority.pem"};
+    char from[256], to[256];
+    assert_int_equal(mkdir(aside, 0700), 0);
+    for (int i = 0; i < 3; i++) {
+        snprintf(from, sizeof from, "%s/%s", dir, names[i]);
+        snprintf(to, sizeof to, "%s/%s", aside, names[i]);
+        assert_int_equal(link(from, to), 0); // a new file takes its name, not its place
+    }
+}
+
+static struct link *start_link(const char *keys) {
+    struct error err;
+    struct link *link;
+    struct link_config config = {.host = "localhost",
+                                 .port = doorman.port,
+                                 .keys_dir = keys,
+                                 .station = "bert",
+                                 .software = "test"};
+    assert_int_equal(link_create(&config, &link, &err), RESULT_OK);
+    return link;
+}
+
+static void expect_refusal(struct link *link, const char *text) {
+    struct link_status status;
+    for (int i = 0; i < 5000; i++) {
+        link_get_status(link, &status);
+        if (strstr(status.refusal, text))
+            return;
+        usleep(2000);
+    }
+    fail_msg("refused with '%s'", status.refusal);
+}
+
+static void
+who_is_enrolled_again_goes_on_with_the_new_certificate_and_the_old_one_is_void(void **state) {
+    (void)state;
+    char keys[128], aside[160], again[128];
+    doorman_enrol(&doorman, "bert", keys);
+    snprintf(aside, sizeof aside, "%s/aside", doorman.dir);
+    keep_aside(keys, aside);
+    struct link *station = start_link(keys);
+    assert_true(wait_for(&doorman.hellos, 1));
+    doorman_enrol(&doorman, "bert", again); // into the same folder
+    assert_true(wait_for(&doorman.hellos, 2));
+    struct link *thief = start_link(aside);
+    expect_refusal(thief, "revoked");
+    link_destroy(&thief);
+    link_destroy(&station);
+}
+
 static void a_guesser_is_slowed_down(void **state) {
     (void)state;
     struct error err;
@@ -116,6 +167,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         IN_A_HOUSE(a_code_enrols_once),
         IN_A_HOUSE(a_wrong_code_enrols_nobody),
+        IN_A_HOUSE(who_is_enrolled_again_goes_on_with_the_new_certificate_and_the_old_one_is_void),
         IN_A_HOUSE(a_guesser_is_slowed_down),
         IN_A_HOUSE(enrolling_where_nobody_listens_fails),
         IN_A_HOUSE(a_station_trusts_only_the_host_it_called),

@@ -1,28 +1,27 @@
-// A station's first contact: a key of its own, and a certificate in exchange for a one-time code.
+// A station's certificate: a key of its own, and a certificate for it in exchange for a one-time
+// code, or for the certificate that it has.
+#include "link/enrol.h"
+
 #include "base/check.h"
-#include "link/link.h"
+#include "link/key_files.h"
 #include "link/trust.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <libwebsockets.h>
 #include <openssl/crypto.h>
 #include <openssl/ec.h>
-#include <openssl/pem.h>
 #include <openssl/x509.h>
-#include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #define PATIENCE_US (15 * LWS_USEC_PER_SEC)
+#define STOP_US (100 * LWS_US_PER_MS) // how often it is looked whether the caller stops
 
 struct enrolment {
     const char *host;
     int port;
     struct trust trust;
     struct lws_context *context;
-    lws_sorted_usec_list_t patience;
+    lws_sorted_usec_list_t patience, stop;
+    const atomic_bool *stopping; // of the caller; NULL: it does not stop
     bool done;
     enum result result;
     struct error *err;
@@ -110,6 +109,14 @@ static void lose_patience(lws_sorted_usec_list_t *patience) {
            "no answer within 15 s");
 }
 
+static void look_for_stop(lws_sorted_usec_list_t *stop) {
+    struct enrolment *e = lws_container_of(stop, struct enrolment, stop);
+    if (atomic_load(e->stopping))
+        finish(e, RESULT_CLOSED, "the station stops");
+    else
+        lws_sul_schedule(e->context, 0, &e->stop, look_for_stop, STOP_US);
+}
+
 static void converse(struct enrolment *e) {
     static const struct lws_protocols protocols[] = {
         {.name = WIRE_ENROL_SUBPROTOCOL, .callback = on_event},
@@ -140,6 +147,8 @@ static void converse(struct enrolment *e) {
         .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
     };
     lws_sul_schedule(e->context, 0, &e->patience, lose_patience, PATIENCE_US);
+    if (e->stopping)
+        lws_sul_schedule(e->context, 0, &e->stop, look_for_stop, STOP_US);
     if (!lws_client_connect_via_info(&to))
         finish(e, RESULT_IO, "no connection");
     while (!e->done)
@@ -177,37 +186,7 @@ static enum result prepare(struct enrolment *e, const char *code, const char *st
     return wire_encode_control(&message, e->request, sizeof e->request, &e->request_size);
 }
 
-// ---- the files ----------------------------------------------------------------------------------
-
-typedef int write_pem(FILE *file, const void *object);
-
-static int write_key(FILE *file, const void *key) {
-    return PEM_write_PrivateKey(file, key, NULL, NULL, 0, NULL, NULL);
-}
-
-static int write_certificate(FILE *file, const void *certificate) {
-    return PEM_write_X509(file, certificate);
-}
-
-// Written whole under another name, then renamed: a reader sees the old file or the new one.
-static enum result replace_file(const char *dir, const char *name, mode_t mode, write_pem *write,
-                                const void *object, struct error *err) {
-    char path[4096], part[4096 + 8];
-    snprintf(path, sizeof path, "%s/%s", dir, name);
-    snprintf(part, sizeof part, "%s.part", path);
-    unlink(part);
-    int fd = open(part, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-    FILE *file = fd >= 0 ? fdopen(fd, "w") : NULL;
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", part, strerror(errno));
-    bool written = write(file, object) == 1 && fflush(file) == 0 && fsync(fd) == 0;
-    if (fclose(file) || !written || rename(part, path)) {
-        fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-        unlink(part);
-        return RESULT_IO;
-    }
-    return RESULT_OK;
-}
+// ---- the answer ---------------------------------------------------------------------------------
 
 static X509 *read_der(const uint8_t *der, size_t size) {
     return d2i_X509(NULL, &der, (long)size);
@@ -219,27 +198,43 @@ static bool is_named_authority(const struct enrolment *e) {
     return !CRYPTO_memcmp(fingerprint, e->trust.code->fingerprint, sizeof fingerprint);
 }
 
+static enum result check_answer(const struct enrolment *e, EVP_PKEY *key, X509 *certificate,
+                                X509 *authority, struct error *err) {
+    if (!certificate || !authority || X509_check_private_key(certificate, key) != 1)
+        return fail(err, RESULT_FORMAT, "the server sent no certificate for this station's key");
+    if (e->trust.code && !is_named_authority(e))
+        return fail(err, RESULT_REFUSED,
+                    "the server sent an authority that the code does not name");
+    return RESULT_OK;
+}
+
 static enum result write_files(const struct enrolment *e, EVP_PKEY *key, const char *dir,
                                struct error *err) {
     X509 *certificate =
         read_der(e->enrolled.certificate_der.bytes, e->enrolled.certificate_der.size);
     X509 *authority = read_der(e->enrolled.authority_der.bytes, e->enrolled.authority_der.size);
-    enum result result = RESULT_OK;
-    if (!certificate || !authority || X509_check_private_key(certificate, key) != 1)
-        result = fail(err, RESULT_FORMAT, "the server sent no certificate for this station's key");
-    else if (!is_named_authority(e))
-        result =
-            fail(err, RESULT_REFUSED, "the server sent an authority that the code does not name");
-    else if (mkdir(dir, 0700) && errno != EEXIST)
-        result = fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    enum result result = check_answer(e, key, certificate, authority, err);
     if (result == RESULT_OK)
-        result = replace_file(dir, "station.key", 0600, write_key, key, err);
-    if (result == RESULT_OK)
-        result = replace_file(dir, "station.pem", 0644, write_certificate, certificate, err);
-    if (result == RESULT_OK)
-        result = replace_file(dir, "authority.pem", 0644, write_certificate, authority, err);
+        result = key_files_write(dir, key, certificate, e->trust.code ? authority : NULL, err);
     X509_free(certificate);
     X509_free(authority);
+    return result;
+}
+
+// With whom the server is trusted by: code "" for the certificate that trust has.
+static enum result exchange(struct enrolment *e, const char *code, const char *station,
+                            const char *keys_dir, struct error *err) {
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    CHECK(key);
+    enum result result = prepare(e, code, station, key, err);
+    if (result == RESULT_OK) {
+        converse(e);
+        result = e->result;
+    }
+    if (result == RESULT_OK)
+        result = write_files(e, key, keys_dir, err);
+    EVP_PKEY_free(key);
+    trust_fini(&e->trust);
     return result;
 }
 
@@ -248,21 +243,15 @@ enum result link_enrol(const char *host, int port, const char *code_text, const 
     struct enrolment e = {.host = host, .port = port, .err = err};
     struct code code;
     enum result result = code_read(code_text, &code, err);
-    if (result != RESULT_OK)
-        return result;
-    result = trust_init_code(&e.trust, &code, host, err);
-    if (result != RESULT_OK)
-        return result;
-    EVP_PKEY *key = EVP_EC_gen("P-256");
-    CHECK(key);
-    result = prepare(&e, code_text, station, key, err);
-    if (result == RESULT_OK) {
-        converse(&e);
-        result = e.result;
-    }
     if (result == RESULT_OK)
-        result = write_files(&e, key, keys_dir, err);
-    EVP_PKEY_free(key);
-    trust_fini(&e.trust);
-    return result;
+        result = trust_init_code(&e.trust, &code, host, err);
+    return result == RESULT_OK ? exchange(&e, code_text, station, keys_dir, err) : result;
+}
+
+enum result enrol_again(const struct link_config *config, const atomic_bool *stopping,
+                        struct error *err) {
+    struct enrolment e = {
+        .host = config->host, .port = config->port, .stopping = stopping, .err = err};
+    enum result result = trust_init(&e.trust, config->keys_dir, config->host, err);
+    return result == RESULT_OK ? exchange(&e, "", config->station, config->keys_dir, err) : result;
 }

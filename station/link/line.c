@@ -291,6 +291,10 @@ static int tick(struct link *link) {
         log_warning("link", "no answer from the server for 5 s");
         return -1;
     }
+    if (atomic_load(&link->keys_changed)) { // only a new connection can show them
+        log_info("link", "the station's certificate has changed: connecting again");
+        return -1;
+    }
     message.message.ping.sent_ns = now_ns;
     say(link, &message);
     line->pings++;
@@ -310,9 +314,17 @@ static void log_trouble(struct link *link, const char *text) {
     log_warning("link", "%s, port %d: %s", link->config.host, link->config.port, text);
 }
 
+static void take_keys(struct link *link) {
+    struct error err;
+    if (atomic_exchange(&link->keys_changed, false) &&
+        trust_renew(&link->trust, link->config.keys_dir, &err) != RESULT_OK)
+        log_warning("link", "%s; the certificate stays the one before", err.text);
+}
+
 static void connect_now(lws_sorted_usec_list_t *retry) {
     struct line *line = lws_container_of(retry, struct line, retry);
     struct link *link = lws_container_of(line, struct link, line);
+    take_keys(link);
     struct lws_client_connect_info info = {
         .context = line->context,
         .address = link->config.host,
@@ -360,7 +372,7 @@ static void disconnected(struct link *link) {
     link->status.welcomed = false;
     link->status.clock_known = false;
     pthread_mutex_unlock(&link->lock);
-    if (welcomed && !atomic_load(&link->stopping))
+    if (welcomed && !atomic_load(&link->stopping) && !atomic_load(&link->keys_changed))
         log_trouble(link, "the connection is gone");
     try_again(link);
 }

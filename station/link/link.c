@@ -147,6 +147,7 @@ void link_get_status(struct link *link, struct link_status *out_status) {
     pthread_mutex_unlock(&link->lock);
     out_status->path =
         atomic_load(&link->ready) ? (enum link_path)atomic_load(&link->path) : LINK_DOWN;
+    out_status->server_until_utc_s = atomic_load(&link->trust.server_until_s);
     out_status->connects = atomic_load(&link->connects);
     out_status->frames_sent = atomic_load(&link->frames_sent);
     out_status->replies = atomic_load(&link->replies);
@@ -209,6 +210,18 @@ static struct link *prepare(const struct link_config *config) {
     return link;
 }
 
+static bool may_renew(void *user) {
+    struct link *link = user;
+    pthread_mutex_lock(&link->lock);
+    bool welcomed = link->status.welcomed;
+    pthread_mutex_unlock(&link->lock);
+    return welcomed;
+}
+
+static void note_change(void *user) {
+    atomic_store(&((struct link *)user)->keys_changed, true);
+}
+
 static void *serve(void *link) {
     line_serve(link);
     return NULL;
@@ -225,12 +238,16 @@ enum result link_create(const struct link_config *config, struct link **out_link
         *out_link = NULL;
         return result;
     }
+    const struct renewal_handler handler = {link, may_renew, note_change};
+    if (!config->visit)
+        link->renewal = renewal_create(&link->config, &handler);
     CHECK(pthread_create(&link->thread, NULL, serve, link) == 0);
     *out_link = link;
     return RESULT_OK;
 }
 
 void link_destroy(struct link **link) {
+    renewal_destroy(&(*link)->renewal);
     atomic_store(&(*link)->stopping, true);
     lws_cancel_service((*link)->line.context);
     pthread_join((*link)->thread, NULL);

@@ -36,6 +36,7 @@ struct link_status {
     uint64_t frames_sent;
     uint64_t replies; // to frames of ours, each counted once
     uint64_t unknown_messages;
+    int64_t server_until_utc_s; // when the server's certificate ends; 0: none was good yet
     char session_case[64];
     arthron_SessionState state;
     char refusal[256]; // what the server last said, empty: nothing
@@ -62,7 +63,9 @@ struct link_session {
 
 struct link;
 
-// Starts connecting in the background. RESULT_MISSING names a key file that is not there.
+// Starts connecting in the background. The station's certificate is renewed in time (but on a
+// visit), and other files in keys_dir are taken with the next connection, which is made anew as
+// soon as no session runs. RESULT_MISSING names a key file that is not there.
 enum result link_create(const struct link_config *config, struct link **out_link,
                         struct error *err);
 void link_destroy(struct link **link);

@@ -7,6 +7,7 @@
 #include "link/link.h"
 #include "link/meshes.h"
 #include "link/path.h"
+#include "link/renewal.h"
 #include "link/trust.h"
 #include "link/udp.h"
 
@@ -67,6 +68,8 @@ struct link {
     struct link_config config; // its texts are ours
     uint64_t id;               // of this link: the same in every Hello
     struct trust trust;
+    struct renewal *renewal;  // NULL: of a visit
+    atomic_bool keys_changed; // the line's thread has to take them
     pthread_t thread;
     atomic_bool stopping;
     struct line line;

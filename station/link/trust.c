@@ -1,9 +1,9 @@
 #include "link/trust.h"
 
 #include "base/check.h"
+#include "link/key_files.h"
 #include "link/link.h"
 
-#include <errno.h>
 #include <openssl/crypto.h>
 #include <openssl/pem.h>
 #include <openssl/ssl.h>
@@ -12,7 +12,6 @@
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 static bool is_named_by(const struct code *code, X509 *certificate) {
     uint8_t fingerprint[CODE_FINGERPRINT_SIZE];
@@ -36,6 +35,12 @@ static STACK_OF(X509) * authorities(const struct code *code, X509_STORE_CTX *cha
     return named;
 }
 
+static int64_t end_of(const X509 *certificate) {
+    struct tm end;
+    return certificate && ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1 ? timegm(&end)
+                                                                                      : 0;
+}
+
 static int keep_verdict(int good, X509_STORE_CTX *chain) {
     (void)chain;
     return good;
@@ -52,7 +57,9 @@ static int verify(X509_STORE_CTX *chain, void *argument) {
     int good = X509_verify_cert(chain);
     sk_X509_free(named);
     trust->problem[0] = '\0';
-    if (good != 1)
+    if (good == 1)
+        atomic_store(&trust->server_until_s, end_of(X509_STORE_CTX_get0_cert(chain)));
+    else
         snprintf(trust->problem, sizeof trust->problem, "the server's certificate: %s",
                  X509_verify_cert_error_string(X509_STORE_CTX_get_error(chain)));
     return good == 1;
@@ -76,34 +83,45 @@ static enum result begin(struct trust *trust, const char *host, struct error *er
     return expect_host(trust->context, host, err);
 }
 
-static enum result load_keys(SSL_CTX *context, const char *dir, struct error *err) {
-    char authority[4096], certificate[4096], key[4096];
-    snprintf(authority, sizeof authority, "%s/authority.pem", dir);
-    snprintf(certificate, sizeof certificate, "%s/station.pem", dir);
-    snprintf(key, sizeof key, "%s/station.key", dir);
-    const char *const files[] = {authority, certificate, key};
-    for (int i = 0; i < 3; i++)
-        if (access(files[i], R_OK))
-            return fail(err, RESULT_MISSING, "%s: %s", files[i], strerror(errno));
-    if (SSL_CTX_load_verify_file(context, authority) != 1)
-        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", authority);
-    if (SSL_CTX_use_certificate_chain_file(context, certificate) != 1)
-        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", certificate);
-    if (SSL_CTX_use_PrivateKey_file(context, key, SSL_FILETYPE_PEM) != 1 ||
+static enum result load_keys(SSL_CTX *context, const struct key_files *files, struct error *err) {
+    SSL_CTX_set_cert_store(context, X509_STORE_new());
+    if (SSL_CTX_load_verify_file(context, files->authority) != 1)
+        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", files->authority);
+    if (SSL_CTX_use_certificate_chain_file(context, files->certificate) != 1)
+        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", files->certificate);
+    if (SSL_CTX_use_PrivateKey_file(context, files->key, SSL_FILETYPE_PEM) != 1 ||
         SSL_CTX_check_private_key(context) != 1)
-        return fail(err, RESULT_FORMAT, "%s: not the key of %s", key, certificate);
+        return fail(err, RESULT_FORMAT, "%s: not the key of %s", files->key, files->certificate);
     return RESULT_OK;
 }
 
 enum result trust_init(struct trust *trust, const char *keys_dir, const char *host,
                        struct error *err) {
     *trust = (struct trust){0};
+    struct key_files files;
     enum result result = begin(trust, host, err);
     if (result == RESULT_OK)
-        result = load_keys(trust->context, keys_dir, err);
+        result = key_files_find(keys_dir, &files, err);
+    if (result == RESULT_OK)
+        result = load_keys(trust->context, &files, err);
     if (result != RESULT_OK)
         trust_fini(trust);
     return result;
+}
+
+enum result trust_check(const char *keys_dir, struct error *err) {
+    struct trust trust;
+    enum result result = trust_init(&trust, keys_dir, "localhost", err);
+    trust_fini(&trust);
+    return result;
+}
+
+enum result trust_renew(struct trust *trust, const char *keys_dir, struct error *err) {
+    struct key_files files;
+    enum result result = trust_check(keys_dir, err);
+    if (result == RESULT_OK)
+        result = key_files_find(keys_dir, &files, err);
+    return result == RESULT_OK ? load_keys(trust->context, &files, err) : result;
 }
 
 enum result trust_init_code(struct trust *trust, const struct code *code, const char *host,
@@ -121,18 +139,17 @@ void trust_fini(struct trust *trust) {
 }
 
 enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struct error *err) {
-    char path[4096];
-    snprintf(path, sizeof path, "%s/station.pem", keys_dir);
-    FILE *file = fopen(path, "re");
-    if (!file)
-        return fail(err, RESULT_MISSING, "%s: %s", path, strerror(errno));
-    X509 *certificate = PEM_read_X509(file, NULL, NULL, NULL);
-    fclose(file);
-    struct tm end;
-    bool read = certificate && ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1;
+    struct key_files files;
+    enum result result = key_files_find(keys_dir, &files, err);
+    if (result != RESULT_OK)
+        return result;
+    FILE *file = fopen(files.certificate, "re");
+    X509 *certificate = file ? PEM_read_X509(file, NULL, NULL, NULL) : NULL;
+    if (file)
+        fclose(file);
+    *out_utc_s = end_of(certificate);
     X509_free(certificate);
-    if (!read)
-        return fail(err, RESULT_FORMAT, "%s: no certificate can be read", path);
-    *out_utc_s = timegm(&end);
-    return RESULT_OK;
+    return *out_utc_s
+               ? RESULT_OK
+               : fail(err, RESULT_FORMAT, "%s: no certificate can be read", files.certificate);
 }

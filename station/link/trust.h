@@ -5,10 +5,13 @@
 #include "base/result.h"
 #include "wire/code.h"
 
+#include <stdatomic.h>
+
 struct trust {
     struct ssl_ctx_st *context;
     const struct code *code; // while enrolling: its fingerprint names the authority
     char problem[128];       // what was wrong with the server's certificate, empty: nothing
+    atomic_int_fast64_t server_until_s; // when it ends, seconds since 1970; 0: none was good yet
 };
 
 // For a station with a certificate. RESULT_MISSING or RESULT_FORMAT name the file in keys_dir.
@@ -19,5 +22,11 @@ enum result trust_init(struct trust *trust, const char *keys_dir, const char *ho
 // For a station that has none yet.
 enum result trust_init_code(struct trust *trust, const struct code *code, const char *host,
                             struct error *err);
+
+// Whether the files in keys_dir can be used; RESULT_MISSING or RESULT_FORMAT name the one at fault.
+enum result trust_check(const char *keys_dir, struct error *err);
+
+// Connections to come use the files as they are now. Where these cannot be used all stays as it is.
+enum result trust_renew(struct trust *trust, const char *keys_dir, struct error *err);
 
 void trust_fini(struct trust *trust);

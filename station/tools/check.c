@@ -151,7 +151,7 @@ static void judge_calibration(struct check *check) {
 static void judge_certificate(struct check *check) {
     static const char what[] = "certificate";
     static const char advice[] =
-        "arthron-server keys enrol on the server, then arthron-station enrol";
+        "let the station run and renew it, or enrol it again (docs/INSTALL.md)";
     int64_t end_s;
     struct error err;
     if (link_certificate_end(check->config->keys_dir, &end_s, &err) != RESULT_OK) {
@@ -180,6 +180,9 @@ static void judge_server(struct check *check) {
     double round_trip_ms = (double)s.round_trip_ns / 1e6;
     findings_add(f, true, "server", NULL, "%s, port %d: welcome, case %s", c->host, c->port,
                  s.session_case);
+    int64_t days = (s.server_until_utc_s - clock_utc_ns() / NS_PER_S) / DAY_S;
+    findings_add(f, days >= CERTIFICATE_DAYS, "server's certificate",
+                 "arthron-server keys renew on the server", "good for %" PRId64 " days", days);
     findings_add(f, uncertainty_ms <= UNCERTAINTY_MAX_MS, "clock",
                  "the network is too slow or too busy: use a cable", "known within %.2f ms",
                  uncertainty_ms);

@@ -1,6 +1,7 @@
 #include "review/lines.h"
 
 #include "base/clock.h"
+#include "trace/player.h"
 
 #include <math.h>
 
@@ -92,33 +93,45 @@ static void add_step(struct report_lines *lines, struct moment at,
         add_volume(lines, at, &output->landed);
 }
 
+struct reading {
+    struct report_lines *lines;
+    struct metrics *metrics;
+    int64_t first_ns;
+    double all_s;
+    struct moment at;
+};
+
+static bool on_step(void *user, const struct trace_record *record) {
+    struct reading *r = user;
+    r->at.s = (double)(record->output.time_ns - r->first_ns) / (double)NS_PER_S;
+    r->at.order = r->at.s / r->all_s;
+    metrics_step(r->metrics, &record->input, &record->output);
+    add_step(r->lines, r->at, &record->output);
+    return true;
+}
+
 // The server was killed: what was between is not known.
-static void interrupt(struct report_lines *lines, double order, struct metrics *metrics) {
-    metrics_interrupt(metrics);
-    break_joint(lines, order);
+static bool on_resume(void *user, int64_t utc_ns) {
+    struct reading *r = user;
+    (void)utc_ns;
+    metrics_interrupt(r->metrics);
+    break_joint(r->lines, r->at.order + A_LITTLE);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        break_tip(&lines->tips[i], order);
+        break_tip(&r->lines->tips[i], r->at.order + A_LITTLE);
+    return true;
 }
 
 void report_lines_read(struct trace_reader *reader, const struct survey *survey,
                        survey_progress progress, struct report_lines *lines,
                        struct metrics *metrics) {
-    struct trace_record record;
-    double all_s = fmax(survey_seconds(survey), 1e-9);
-    struct moment at = {0};
+    struct reading r = {.lines = lines,
+                        .metrics = metrics,
+                        .first_ns = survey->first_ns,
+                        .all_s = fmax(survey_seconds(survey), 1e-9)};
+    struct trace_player player = {
+        .user = &r, .step = on_step, .resume = on_resume, .progress = progress};
     lines_init(lines);
-    while (trace_read(reader, &record, NULL) == RESULT_OK) {
-        if (record.type == TRACE_STEP) {
-            at.s = (double)(record.output.time_ns - survey->first_ns) / (double)NS_PER_S;
-            at.order = at.s / all_s;
-            metrics_step(metrics, &record.input, &record.output);
-            add_step(lines, at, &record.output);
-        }
-        if (record.type == TRACE_RESUME)
-            interrupt(lines, at.order + A_LITTLE, metrics);
-        if (progress)
-            progress(trace_reader_offset(reader), trace_reader_size(reader));
-    }
+    trace_play(reader, &player, NULL);
     for (int i = 0; i < TISSUES_MAX; i++)
         if (!isnan(lines->volume_mm3[i]))
             thin_add(&lines->volume[i], 1, survey_seconds(survey), lines->volume_mm3[i]);

@@ -124,8 +124,8 @@ static bool is_resected(const struct page *page, int tissue) {
 static void write_resection_row(const struct page *page, int tissue) {
     const struct tissue_figures *f = &page->survey.tissues[tissue];
     const double figures[] = {
-        f->volume_mm3,       f->removed_mm3,       f->pieces_mm3, f->quality.planned_mm3,
-        f->quality.over_mm3, f->quality.under_mm3, f->left_mm3,   f->quality.rim_mm,
+        f->volume_mm3,       f->quality.removed_mm3, f->pieces_mm3, f->quality.planned_mm3,
+        f->quality.over_mm3, f->quality.under_mm3,   f->left_mm3,   f->quality.rim_mm,
         f->quality.step_mm};
     char name[SUBJECT_MAX];
     subject_tissue(page->knee, tissue, name);

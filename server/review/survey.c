@@ -1,6 +1,7 @@
 #include "review/survey.h"
 
 #include "base/clock.h"
+#include "trace/player.h"
 
 #include <string.h>
 
@@ -58,28 +59,51 @@ static void take_remark(const struct remark *remark, struct survey *s) {
         s->remark_count = remark->number;
 }
 
+static bool on_step(void *user, const struct trace_record *record) {
+    count_input(&record->input, user);
+    count_output(&record->output, user);
+    return true;
+}
+
+static bool on_past(void *user, const struct trace_record *record) {
+    struct survey *s = user;
+    (void)record;
+    s->past++;
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    struct survey *s = user;
+    s->gaps++;
+    s->missing += missing;
+    return true;
+}
+
+static bool on_resume(void *user, int64_t utc_ns) {
+    struct survey *s = user;
+    (void)utc_ns;
+    s->resumes++;
+    return true;
+}
+
+static bool on_remark(void *user, const struct remark *remark) {
+    take_remark(remark, user);
+    return true;
+}
+
 void survey_read(struct trace_reader *reader, survey_progress progress, struct survey *s) {
+    struct trace_player player = {.user = s,
+                                  .step = on_step,
+                                  .past = on_past,
+                                  .gap = on_gap,
+                                  .resume = on_resume,
+                                  .remark = on_remark,
+                                  .progress = progress};
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         s->noticing[i].worst.gain = s->noticing[i].worst.gain_least = 1;
-    struct trace_record record;
-    while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
-        if (record.type == TRACE_STEP) {
-            count_input(&record.input, s);
-            count_output(&record.output, s);
-        }
-        if (record.type == TRACE_GAP) {
-            s->gaps++;
-            s->missing += record.missing;
-        }
-        s->past += record.type == TRACE_PAST;
-        s->resumes += record.type == TRACE_RESUME;
-        if (record.type == TRACE_REMARK)
-            take_remark(&record.remark, s);
-        if (progress)
-            progress(trace_reader_offset(reader), s->file_bytes);
-    }
+    s->end = trace_play(reader, &player, &s->why);
     s->whole_bytes = trace_reader_offset(reader);
     if (s->file_bytes < s->whole_bytes) // it grew: the session goes on
         s->file_bytes = s->whole_bytes;

@@ -1,9 +1,11 @@
 #include "base/clock.h"
+#include "trace/player.h"
 #include "trace_commands.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char help[] =
     "Usage: arthron-trace cut FILE [--from S] [--to S] --out OUT\n"
@@ -25,50 +27,73 @@ struct request {
     double from_s, to_s;
 };
 
+static void show_first_half(uint64_t done, uint64_t all) {
+    show_progress(done, 2 * all);
+}
+
+static void show_second_half(uint64_t done, uint64_t all) {
+    show_progress(all + done, 2 * all);
+}
+
 // The hash that the piece names as its parent is the last of the file, so it is read first.
 static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE],
                              struct error *err) {
     struct trace_reader *reader;
-    struct trace_record record;
+    struct trace_player player = {.progress = show_first_half};
     enum result result = trace_reader_create(file, &reader, err);
     if (result != RESULT_OK)
         return result;
     if (trace_reader_header(reader)->version < 3)
         result = fail(err, RESULT_VERSION, "%s: of version %u nothing can be cut", file,
                       trace_reader_header(reader)->version);
-    while (result == RESULT_OK && trace_read(reader, &record, err) == RESULT_OK)
-        show_progress(trace_reader_offset(reader), 2 * trace_reader_size(reader));
+    if (result == RESULT_OK)
+        trace_play(reader, &player, NULL);
     memcpy(out_hash, trace_reader_place(reader).hash, TRACE_HASH_SIZE);
     trace_reader_destroy(&reader);
     return result;
 }
 
-// RESULT_CLOSED at the end of what was asked for.
-static enum result copy(const struct request *request, struct trace_reader *reader,
-                        struct trace_writer *writer, struct error *err) {
-    struct trace_record record;
-    int64_t start_ns = trace_reader_header(reader)->start_ns;
+struct copying {
+    const struct request *request;
+    struct trace_writer *writer;
+    int64_t start_ns;
+    uint64_t steps;
     enum result result;
-    while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
-        if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
-            double seconds = (double)(record.input.time_ns - start_ns) / (double)NS_PER_S;
-            if (seconds > request->to_s)
-                return RESULT_CLOSED;
-            if (seconds < request->from_s)
-                record.type = TRACE_PAST;
-        }
-        result = trace_append_record(writer, &record, err);
-        if (result != RESULT_OK)
-            return result;
-        show_progress(trace_reader_size(reader) + trace_reader_offset(reader),
-                      2 * trace_reader_size(reader));
+    struct error *err;
+};
+
+static bool copy_record(void *user, const struct trace_record *record) {
+    struct copying *c = user;
+    struct trace_record copy = *record;
+    if (record->type == TRACE_STEP || record->type == TRACE_PAST) {
+        double seconds = (double)(record->input.time_ns - c->start_ns) / (double)NS_PER_S;
+        if (seconds > c->request->to_s)
+            return false;
+        if (seconds < c->request->from_s)
+            copy.type = TRACE_PAST;
+        c->steps += copy.type == TRACE_STEP;
     }
-    return result;
+    c->result = trace_append_record(c->writer, &copy, c->err);
+    return c->result == RESULT_OK;
+}
+
+static enum result copy(const struct request *request, struct trace_reader *reader,
+                        struct trace_writer *writer, uint64_t *out_steps, struct error *err) {
+    struct copying c = {request, writer, trace_reader_header(reader)->start_ns, 0, RESULT_OK, err};
+    struct trace_player player = {.user = &c, .record = copy_record, .progress = show_second_half};
+    enum result result = trace_play(reader, &player, err);
+    *out_steps = c.steps;
+    if (c.result != RESULT_OK)
+        return c.result;
+    if (!c.steps)
+        return fail(err, RESULT_MISSING, "%s has no step in that time", request->file);
+    return result == RESULT_OK ? RESULT_CLOSED : result;
 }
 
 static enum result cut(const struct request *request, struct error *err) {
     struct trace_reader *reader;
     struct trace_writer *writer = NULL;
+    uint64_t steps = 1; // until they were counted
     uint8_t parent[TRACE_HASH_SIZE];
     enum result result = last_hash(request->file, parent, err);
     if (result == RESULT_OK)
@@ -80,8 +105,10 @@ static enum result cut(const struct request *request, struct error *err) {
     memcpy(header.parent_id, header.session_id, sizeof header.parent_id);
     result = trace_writer_create(request->out, &header, NULL, &writer, err);
     if (result == RESULT_OK)
-        result = copy(request, reader, writer, err);
+        result = copy(request, reader, writer, &steps, err);
     trace_writer_destroy(&writer);
+    if (!steps)
+        unlink(request->out);
     trace_reader_destroy(&reader);
     return result;
 }

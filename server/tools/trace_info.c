@@ -95,13 +95,13 @@ static json_t *resections_array(const struct survey *s) {
         if (!f->mesh_number && !f->refused)
             continue;
         json_array_append_new(
-            all,
-            json_pack("{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "tissue",
-                      i, "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces", (int)f->pieces,
-                      "volume_mm3", f->volume_mm3, "removed_mm3", f->removed_mm3, "pieces_mm3",
-                      f->pieces_mm3, "left_mm3", f->left_mm3, "planned_mm3", f->quality.planned_mm3,
-                      "over_mm3", f->quality.over_mm3, "under_mm3", f->quality.under_mm3, "rim_mm",
-                      f->quality.rim_mm, "step_mm", f->quality.step_mm));
+            all, json_pack("{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}",
+                           "tissue", i, "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces",
+                           (int)f->pieces, "volume_mm3", f->volume_mm3, "removed_mm3",
+                           f->quality.removed_mm3, "pieces_mm3", f->pieces_mm3, "left_mm3",
+                           f->left_mm3, "planned_mm3", f->quality.planned_mm3, "over_mm3",
+                           f->quality.over_mm3, "under_mm3", f->quality.under_mm3, "rim_mm",
+                           f->quality.rim_mm, "step_mm", f->quality.step_mm));
     }
     return all;
 }
@@ -219,7 +219,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
             printf(
                 "resection   tissue %d: %u cuts took %.1f mm3, %u pieces %.1f mm3; over the plan "
                 "%.1f, short of it %.1f mm3; rim %.2f mm; %.1f mm3 not matched; %u refused\n",
-                i, f->cuts, f->removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
+                i, f->cuts, f->quality.removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
                 f->quality.under_mm3, f->quality.rim_mm, f->left_mm3, f->refused);
     }
     for (uint32_t i = 0; i < s->remark_count; i++)

@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "base/number.h"
 #include "report/tissue.h"
+#include "trace/player.h"
 #include "trace/replay.h"
 #include "trace_commands.h"
 
@@ -99,19 +100,32 @@ static enum result draw(const struct scene *scene, const struct operation *opera
 
 // ---- the command --------------------------------------------------------------------------------
 
+struct running {
+    struct rerun *rerun;
+    int64_t to_ns;
+};
+
+static bool on_step(void *user, const struct trace_record *record) {
+    struct running *r = user;
+    struct session_output output;
+    if (record->input.time_ns > r->to_ns)
+        return false;
+    rerun_step(r->rerun, record, &output);
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    (void)user, (void)missing;
+    return false;
+}
+
 // Up to the wanted time, the record's end, or its first gap.
 static void run_to(struct rerun *rerun, struct trace_reader *reader, double at_s) {
-    struct trace_record record;
-    struct session_output output;
-    int64_t start_ns = trace_reader_header(reader)->start_ns;
-    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type != TRACE_GAP) {
-        if (record.type != TRACE_STEP && record.type != TRACE_PAST)
-            continue;
-        if ((double)(record.input.time_ns - start_ns) > at_s * NS_PER_S)
-            return;
-        rerun_step(rerun, &record, &output);
-        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
-    }
+    double to_ns = (double)trace_reader_header(reader)->start_ns + at_s * NS_PER_S;
+    struct running r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX};
+    struct trace_player player = {
+        .user = &r, .step = on_step, .past = on_step, .gap = on_gap, .progress = show_progress};
+    trace_play(reader, &player, NULL);
 }
 
 static enum result picture(const struct request *request, struct error *err) {

@@ -1,5 +1,6 @@
 #include "metrics/subject.h"
 #include "review/page.h"
+#include "trace/player.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
@@ -43,17 +44,29 @@ struct score {
 
 // ---- reading ------------------------------------------------------------------------------------
 
+static bool on_step(void *user, const struct trace_record *record) {
+    struct score *s = user;
+    metrics_step(&s->metrics, &record->input, &record->output);
+    return true;
+}
+
+static bool on_resume(void *user, int64_t utc_ns) {
+    struct score *s = user;
+    (void)utc_ns;
+    metrics_interrupt(&s->metrics);
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    struct score *s = user;
+    s->missing += missing;
+    return true;
+}
+
 static void read_steps(struct trace_reader *reader, struct score *s) {
-    struct trace_record record;
-    while ((s->end = trace_read(reader, &record, &s->why)) == RESULT_OK) {
-        if (record.type == TRACE_STEP)
-            metrics_step(&s->metrics, &record.input, &record.output);
-        if (record.type == TRACE_RESUME)
-            metrics_interrupt(&s->metrics);
-        if (record.type == TRACE_GAP)
-            s->missing += record.missing;
-        show_progress(trace_reader_offset(reader), trace_reader_size(reader));
-    }
+    struct trace_player player = {
+        .user = s, .step = on_step, .resume = on_resume, .gap = on_gap, .progress = show_progress};
+    s->end = trace_play(reader, &player, &s->why);
 }
 
 // ---- JSON ---------------------------------------------------------------------------------------

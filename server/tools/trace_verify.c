@@ -1,4 +1,5 @@
 #include "review/survey.h"
+#include "trace/player.h"
 #include "trace_commands.h"
 
 #include <inttypes.h>
@@ -40,9 +41,16 @@ struct verdict {
 
 static const char *const seal_names[] = {"none", "good", "bad"};
 
+static bool count_behind(void *user, const struct trace_record *record) {
+    struct verdict *v = user;
+    (void)record;
+    v->steps_behind++;
+    return true;
+}
+
 // What can be read behind the damage that ended the survey.
 static void read_behind(struct trace_reader *reader, struct verdict *v) {
-    struct trace_record record;
+    struct trace_player player = {.user = v, .step = count_behind};
     enum result result = v->survey.end;
     struct error why = v->survey.why;
     while (result == RESULT_CORRUPT || result == RESULT_FORMAT) {
@@ -54,8 +62,7 @@ static void read_behind(struct trace_reader *reader, struct verdict *v) {
         v->damage_count++;
         if (!more)
             return;
-        while ((result = trace_read(reader, &record, &why)) == RESULT_OK)
-            v->steps_behind += record.type == TRACE_STEP;
+        result = trace_play(reader, &player, &why);
     }
 }
 

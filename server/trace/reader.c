@@ -14,6 +14,8 @@ struct trace_reader {
     struct trace_header header;
     struct trace_place place; // time 0 before the first step: where a session's clock begins
     struct chain chain;
+    bool bound; // to a scene with so many
+    int tissues, groups, torn;
     bool ended;   // the end record was read
     bool damaged; // records were left out: what is read need not follow from what came before
     struct trace_end end;
@@ -99,6 +101,25 @@ uint64_t trace_reader_size(const struct trace_reader *r) {
     return r->size;
 }
 
+void trace_reader_bind(struct trace_reader *r, const struct scene *scene) {
+    const struct knee_case *knee = scene_case(scene);
+    r->bound = true;
+    r->tissues = scene_tissue_count(scene);
+    r->groups = knee->group_count;
+    r->torn = knee->torn_count;
+}
+
+static enum result check_indexes(const struct trace_reader *r, const struct session_output *o,
+                                 struct error *err) {
+    bool good = (!o->job.id || o->job.kind == JOB_UNDO || o->job.tissue < r->tissues) &&
+                (!o->landed.job || o->landed.tissue < r->tissues) && o->torn_count <= r->torn;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        good = good && o->instruments[i].warp.nearest < r->groups;
+    return good ? RESULT_OK
+                : fail(err, RESULT_FORMAT, "step %llu names what its case does not have",
+                       (unsigned long long)o->step);
+}
+
 // What is right in itself must also follow from what came before.
 static enum result follow_step(struct trace_reader *r, const struct trace_record *record,
                                struct error *err) {
@@ -146,6 +167,8 @@ static enum result decode(struct trace_reader *r, const uint8_t *data, size_t si
     memcpy(before, r->chain.value, sizeof before);
     struct trace_layout layout = {r->header.version, r->header.settings.rules};
     enum result result = record_decode(data, size, layout, &r->chain, out, &r->end, err);
+    if (result == RESULT_OK && r->bound && out->type == TRACE_STEP)
+        result = check_indexes(r, &out->output, err);
     if (result == RESULT_OK)
         result = follow(r, out, err);
     if (result == RESULT_OK && out->type == TRACE_END)

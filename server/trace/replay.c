@@ -1,6 +1,7 @@
 #include "trace/replay.h"
 
 #include "base/check.h"
+#include "trace/player.h"
 
 #include <string.h>
 
@@ -11,6 +12,7 @@ struct replay {
     struct replay_report *report;
     const struct replay_span *span;
     uint64_t steps;             // run
+    bool gap;                   // steps after it are not run
     int64_t start_ns, first_ns; // as the header says; of the first step
 };
 
@@ -77,31 +79,40 @@ static void run_step(struct replay *replay, const struct trace_record *record) {
         compare_outputs(replay, &record->output, &output);
 }
 
-// The rest of the trace need not be read.
-static bool is_behind(const struct replay *replay, const struct trace_record *record) {
-    return replay->span && record->type == TRACE_STEP &&
-           record->input.time_ns - replay->start_ns > replay->span->to_ns;
+// False behind the span: the rest of the trace need not be read.
+static bool on_step(void *user, const struct trace_record *record) {
+    struct replay *replay = user;
+    if (replay->span && record->input.time_ns - replay->start_ns > replay->span->to_ns)
+        return false;
+    if (replay->gap)
+        replay->report->left_out++;
+    else
+        run_step(replay, record);
+    return true;
+}
+
+static bool on_past(void *user, const struct trace_record *record) {
+    struct replay *replay = user;
+    if (!replay->gap)
+        run_step(replay, record);
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    struct replay *replay = user;
+    replay->gap = true;
+    replay->report->left_out += missing;
+    return true;
 }
 
 static void run_steps(struct replay *replay, struct trace_reader *reader,
                       void (*progress)(uint64_t done, uint64_t all)) {
+    struct trace_player player = {
+        .user = replay, .step = on_step, .past = on_past, .gap = on_gap, .progress = progress};
     struct replay_report *report = replay->report;
-    struct trace_record record;
-    bool gap = false;
-    while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
-        if (is_behind(replay, &record)) {
-            report->end = RESULT_CLOSED;
-            return;
-        }
-        gap |= record.type == TRACE_GAP;
-        if (gap)
-            report->left_out +=
-                record.type == TRACE_GAP ? record.missing : record.type == TRACE_STEP;
-        if (!gap && (record.type == TRACE_STEP || record.type == TRACE_PAST))
-            run_step(replay, &record);
-        if (progress)
-            progress(trace_reader_offset(reader), trace_reader_size(reader));
-    }
+    report->end = trace_play(reader, &player, &report->why);
+    if (report->end == RESULT_OK)
+        report->end = RESULT_CLOSED;
 }
 
 static enum replay_verdict judge(const struct replay_report *report) {

@@ -174,6 +174,10 @@ enum result trace_read(struct trace_reader *reader, struct trace_record *out_rec
 // none. What is read from then on is as it was written, but steps are missing before it.
 enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, struct error *err);
 
+// From now on a record that names a tissue, a group or a torn ligament which the scene does not
+// have is RESULT_FORMAT. The scene is that of the case which the trace was recorded with.
+void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);
+
 // The time of the last step that a trace has, found from its end. RESULT_MISSING where none is near
 // it, or the version is 2, whose records do not tell where they begin.
 enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err);

@@ -1,5 +1,7 @@
 #include "trace/trial.h"
 
+#include "trace/player.h"
+
 #include <string.h>
 
 static void add_side(const struct instrument_output *o, struct trial_side *side) {
@@ -57,30 +59,37 @@ static void end_means(struct trial_report *report) {
     }
 }
 
-static void run(struct trace_reader *reader, struct rerun *rerun,
-                void (*progress)(uint64_t done, uint64_t all), struct trial_report *report) {
-    struct trace_record record;
+struct trial {
+    struct trial_report *report;
+    struct rerun *rerun;
+    int64_t first_ns;
+    bool gap; // steps after it are not tried
+};
+
+static bool on_step(void *user, const struct trace_record *record) {
+    struct trial *trial = user;
+    struct trial_report *report = trial->report;
     struct session_output output;
     struct landed landed;
-    int64_t first_ns = 0;
-    bool gap = false;
-    while ((report->end = trace_read(reader, &record, &report->why)) == RESULT_OK) {
-        gap |= record.type == TRACE_GAP;
-        bool step = record.type == TRACE_STEP || record.type == TRACE_PAST;
-        if (gap)
-            report->left_out += step ? 1 : record.type == TRACE_GAP ? record.missing : 0;
-        if (gap || !step)
-            continue;
-        rerun_step_freely(rerun, &record, &output, &landed);
-        take_landed(&landed, report->tried);
-        take_landed(&output.landed, report->tried);
-        if (record.type == TRACE_STEP)
-            compare(&record.output, &output, report);
-        first_ns = report->steps++ == 0 ? record.input.time_ns : first_ns;
-        report->session_ns = record.input.time_ns - first_ns;
-        if (progress)
-            progress(trace_reader_offset(reader), trace_reader_size(reader));
+    if (trial->gap) {
+        report->left_out++;
+        return true;
     }
+    rerun_step_freely(trial->rerun, record, &output, &landed);
+    take_landed(&landed, report->tried);
+    take_landed(&output.landed, report->tried);
+    if (record->type == TRACE_STEP)
+        compare(&record->output, &output, report);
+    trial->first_ns = report->steps++ == 0 ? record->input.time_ns : trial->first_ns;
+    report->session_ns = record->input.time_ns - trial->first_ns;
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    struct trial *trial = user;
+    trial->gap = true;
+    trial->report->left_out += missing;
+    return true;
 }
 
 enum result trace_trial(struct trace_reader *reader, const struct scene *scene,
@@ -91,9 +100,11 @@ enum result trace_trial(struct trace_reader *reader, const struct scene *scene,
         return fail(err, RESULT_VERSION, "a trace of version 2 has no figures to compare with");
     memset(out_report, 0, sizeof *out_report);
     out_report->tissue_count = scene_tissue_count(scene);
-    struct rerun *rerun = rerun_create(scene, settings);
-    run(reader, rerun, progress, out_report);
-    rerun_destroy(&rerun);
+    struct trial trial = {.report = out_report, .rerun = rerun_create(scene, settings)};
+    struct trace_player player = {
+        .user = &trial, .step = on_step, .past = on_step, .gap = on_gap, .progress = progress};
+    out_report->end = trace_play(reader, &player, &out_report->why);
+    rerun_destroy(&trial.rerun);
     end_means(out_report);
     return RESULT_OK;
 }

@@ -1,49 +1,71 @@
 #include "export/contents.h"
 
 #include "base/clock.h"
+#include "trace/player.h"
 
 #include <string.h>
 
-static double seconds_of(const struct trace_reader *reader, const struct session_output *output) {
-    return (double)(output->time_ns - trace_reader_header(reader)->start_ns) / (double)NS_PER_S;
+static double seconds_of(const struct trace_header *header, const struct session_output *output) {
+    return (double)(output->time_ns - header->start_ns) / (double)NS_PER_S;
 }
 
-// The next step within the time asked for.
-static enum result next_step(const struct export_request *request, struct trace_reader *reader,
-                             struct trace_record *record, double *out_seconds, struct error *err) {
-    enum result result;
-    while ((result = trace_read(reader, record, err)) == RESULT_OK) {
-        if (record->type != TRACE_STEP)
-            continue;
-        *out_seconds = seconds_of(reader, &record->output);
-        if (*out_seconds >= request->from_s && *out_seconds <= request->to_s)
-            break;
-    }
+static bool is_wanted(const struct export_request *request, double seconds) {
+    return seconds >= request->from_s && seconds <= request->to_s;
+}
+
+struct counting {
+    const struct export_request *request;
+    struct contents *contents;
+};
+
+static bool count_step(void *user, const struct trace_record *record) {
+    const struct counting *counting = user;
+    struct contents *contents = counting->contents;
+    const struct session_output *output = &record->output;
+    if (!is_wanted(counting->request, seconds_of(&contents->header, output)))
+        return true;
+    contents->steps++;
+    if (record->input.kind == INPUT_FRAME)
+        for (int i = 0; i < record->input.frame.count; i++) {
+            const struct sample *s = &record->input.frame.samples[i];
+            contents->sampled[s->channel][s->kind] = true;
+        }
+    contents->jobs += output->job.id != 0;
+    if (output->job.move_count > contents->moves)
+        contents->moves = output->job.move_count;
+    contents->landed += output->landed.job != 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        contents->present[i] |= output->instruments[i].present;
+    return true;
+}
+
+// What a record says is held against its own case alone.
+static enum result open_trace(const struct export_request *request,
+                              struct trace_reader **out_reader, struct error *err) {
+    enum result result = trace_reader_create(request->trace, out_reader, err);
+    if (result == RESULT_OK && request->scene &&
+        scene_case(request->scene)->hash == trace_reader_header(*out_reader)->case_hash)
+        trace_reader_bind(*out_reader, request->scene);
     return result;
 }
 
 enum result contents_read(const struct export_request *request, struct contents *contents,
                           struct error *err) {
     struct trace_reader *reader;
-    struct trace_record record;
-    double seconds;
+    struct counting counting = {request, contents};
+    struct trace_player player = {.user = &counting, .step = count_step};
     memset(contents, 0, sizeof *contents);
-    enum result result = trace_reader_create(request->trace, &reader, err);
+    enum result result = open_trace(request, &reader, err);
     if (result != RESULT_OK)
         return result;
     contents->header = *trace_reader_header(reader);
-    while ((contents->end = next_step(request, reader, &record, &seconds, &contents->why)) ==
-           RESULT_OK) {
-        contents->steps++;
-        contents->jobs += record.output.job.id != 0;
-        if (record.output.job.move_count > contents->moves)
-            contents->moves = record.output.job.move_count;
-        contents->landed += record.output.landed.job != 0;
-        for (int i = 0; i < INSTRUMENT_COUNT; i++)
-            contents->present[i] |= record.output.instruments[i].present;
-    }
+    contents->end = trace_play(reader, &player, &contents->why);
     memcpy(contents->hash, trace_reader_place(reader).hash, sizeof contents->hash);
     trace_reader_destroy(&reader);
+    if (!contents->steps && contents->end == RESULT_FORMAT)
+        return contents_end(contents, err);
+    if (!contents->steps)
+        return fail(err, RESULT_MISSING, "%s has no step in that time", request->trace);
     return RESULT_OK;
 }
 
@@ -82,26 +104,38 @@ int contents_fields(const struct contents *contents,
     return count;
 }
 
-enum result walk_begin(struct walk *walk, const struct contents *contents, struct error *err) {
-    walk->left = contents->steps;
-    return trace_reader_create(walk->request->trace, &walk->reader, err);
-}
+struct walking {
+    struct walk *walk;
+    uint64_t left; // steps
+    walk_step step;
+    void *user;
+};
 
-bool walk_next(struct walk *walk, struct trace_record *record, double *out_seconds) {
-    if (!walk->left || next_step(walk->request, walk->reader, record, out_seconds, NULL))
-        return false;
-    walk->left--;
+static void tell_progress(const struct walk *walk) {
     uint64_t size = trace_reader_size(walk->reader);
     if (walk->request->progress)
         walk->request->progress((uint64_t)walk->pass * size + trace_reader_offset(walk->reader),
                                 (uint64_t)walk->passes * size);
-    return true;
 }
 
-void walk_end(struct walk *walk) {
-    uint64_t size = trace_reader_size(walk->reader);
+static bool on_step(void *user, const struct trace_record *record) {
+    struct walking *w = user;
+    double seconds = seconds_of(trace_reader_header(w->walk->reader), &record->output);
+    if (!is_wanted(w->walk->request, seconds))
+        return true;
+    tell_progress(w->walk);
+    return w->left-- > 0 && w->step(w->user, record, seconds) && w->left > 0;
+}
+
+enum result walk_run(struct walk *walk, const struct contents *contents, walk_step step, void *user,
+                     struct error *err) {
+    struct walking walking = {walk, contents->steps, step, user};
+    struct trace_player player = {.user = &walking, .step = on_step};
+    enum result result = open_trace(walk->request, &walk->reader, err);
+    if (result != RESULT_OK)
+        return result;
+    trace_play(walk->reader, &player, NULL);
     walk->pass++;
-    if (walk->request->progress)
-        walk->request->progress((uint64_t)walk->pass * size, (uint64_t)walk->passes * size);
     trace_reader_destroy(&walk->reader);
+    return RESULT_OK;
 }

@@ -9,6 +9,7 @@ struct contents {
     uint64_t steps, jobs, landed; // steps, and those with a job and with one that landed
     int moves;                    // of a job, at most
     bool present[INSTRUMENT_COUNT];
+    bool sampled[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
     uint8_t hash[TRACE_HASH_SIZE]; // of the last whole record and, through it, of all before
     enum result end;               // RESULT_CLOSED: the record is whole
     struct error why;
@@ -22,22 +23,21 @@ enum result contents_read(const struct export_request *request, struct contents 
 enum result contents_end(const struct contents *contents, struct error *err);
 
 // The fields of all that was ever there. Returns how many.
-int contents_fields(const struct contents *contents,
-                    struct step_field out_fields[STEP_FIELDS_MAX]);
+int contents_fields(const struct contents *contents, struct step_field out_fields[STEP_FIELDS_MAX]);
 
 // Two digits for each byte; out_text holds them and a zero.
 void bytes_text(const uint8_t *bytes, size_t count, char *out_text);
 
-// From the first to the last step that is exported, as often as wanted: what is appended meanwhile
-// is not seen.
+// Passes over the steps that are exported, as often as wanted: what is appended meanwhile is not
+// seen.
 struct walk {
-    struct trace_reader *reader;
     const struct export_request *request;
-    uint64_t left;
-    int pass, passes; // of how many: set by the caller, for the progress
+    struct trace_reader *reader; // of the pass that is on
+    int pass, passes;            // of how many: set by the caller, for the progress
 };
 
-// Opens the record for its next pass.
-enum result walk_begin(struct walk *walk, const struct contents *contents, struct error *err);
-bool walk_next(struct walk *walk, struct trace_record *out_record, double *out_seconds);
-void walk_end(struct walk *walk);
+// False ends the pass.
+typedef bool (*walk_step)(void *user, const struct trace_record *record, double seconds);
+
+enum result walk_run(struct walk *walk, const struct contents *contents, walk_step step, void *user,
+                     struct error *err);

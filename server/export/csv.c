@@ -1,50 +1,186 @@
+#include "base/check.h"
 #include "export/contents.h"
+#include "export/inputs.h"
+#include "step/field_types.h"
 
 #include <errno.h>
+#include <fnmatch.h>
+#include <stdlib.h>
 #include <string.h>
+
+enum source { OF_TIME, OF_INPUT, OF_OUTPUT, OF_GROUP };
+
+struct column {
+    enum source source;
+    struct step_field field; // OF_GROUP: the index whose name this is
+    char name[sizeof((struct step_field *)0)->name + 8];
+    bool usual; // there unless others are asked for
+};
+
+#define COLUMNS_MAX (STEP_FIELDS_MAX + INPUT_FIELDS_MAX + 32)
 
 struct table {
     FILE *file;
-    struct step_field columns[STEP_FIELDS_MAX];
-    int count;
+    const struct scene *scene; // or NULL
+    struct column *all, *columns;
+    int all_count, count;
+    int trouble; // errno of what could not be written
 };
 
-static void print_names(const struct table *table) {
-    fputs("t_seconds", table->file);
-    for (int i = 0; i < table->count; i++)
-        fprintf(table->file, ",%s", table->columns[i].name);
-    fputc('\n', table->file);
+// ---- which columns ------------------------------------------------------------------------------
+
+static void add(struct table *table, enum source source, const struct step_field *field,
+                const char *name, bool usual) {
+    CHECK(table->all_count < COLUMNS_MAX);
+    struct column *column = &table->all[table->all_count++];
+    *column = (struct column){.source = source, .usual = usual};
+    if (field)
+        column->field = *field;
+    snprintf(column->name, sizeof column->name, "%.*s", (int)sizeof column->name - 1, name);
 }
 
-static void print_row(const struct table *table, const struct session_output *output,
-                      double seconds) {
-    fprintf(table->file, "%.9f", seconds);
-    for (int i = 0; i < table->count; i++) {
-        const struct step_field *column = &table->columns[i];
-        char text[FIELD_TEXT_MAX];
-        step_field_text(column, output, text);
-        fprintf(table->file, ",%s", step_field_is_there(column, output) ? text : "");
+// The name of the group behind an index: of "job_tissue" it is "job_group".
+static void add_group(struct table *table, const struct step_field *field) {
+    char name[64];
+    size_t stem = strlen(field->name) - strlen("_tissue");
+    if (field->type == &field_tissue)
+        snprintf(name, sizeof name, "%.*s_group", (int)stem, field->name);
+    else
+        snprintf(name, sizeof name, "%s_group", field->name);
+    add(table, OF_GROUP, field, name, true);
+}
+
+static void list_columns(struct table *table, const struct contents *contents) {
+    struct step_field fields[STEP_FIELDS_MAX];
+    add(table, OF_TIME, NULL, "t_seconds", true);
+    int count = input_fields(contents->sampled, fields);
+    for (int i = 0; i < count; i++)
+        add(table, OF_INPUT, &fields[i], fields[i].name, input_field_is_time(&fields[i]));
+    count = contents_fields(contents, fields);
+    for (int i = 0; i < count; i++) {
+        add(table, OF_OUTPUT, &fields[i], fields[i].name, true);
+        if (fields[i].type == &field_tissue || fields[i].type == &field_nearest)
+            add_group(table, &fields[i]);
     }
-    fputc('\n', table->file);
+}
+
+static bool is_chosen(const struct table *table, const char *name) {
+    for (int i = 0; i < table->count; i++)
+        if (!strcmp(table->columns[i].name, name))
+            return true;
+    return false;
+}
+
+static enum result choose_some(struct table *table, const char *pattern, struct error *err) {
+    bool found = false;
+    for (int i = 0; i < table->all_count; i++) {
+        if (fnmatch(pattern, table->all[i].name, 0) != 0)
+            continue;
+        found = true;
+        if (!is_chosen(table, table->all[i].name))
+            table->columns[table->count++] = table->all[i];
+    }
+    return found ? RESULT_OK : fail(err, RESULT_INVALID, "the session has no column '%s'", pattern);
+}
+
+static enum result choose(struct table *table, const char *patterns, struct error *err) {
+    if (!patterns) {
+        for (int i = 0; i < table->all_count; i++)
+            if (table->all[i].usual)
+                table->columns[table->count++] = table->all[i];
+        return RESULT_OK;
+    }
+    char *list = alloc_text(patterns), *rest = NULL;
+    enum result result = RESULT_OK;
+    for (char *one = strtok_r(list, ",", &rest); one && result == RESULT_OK;
+         one = strtok_r(NULL, ",", &rest))
+        result = choose_some(table, one, err);
+    free(list);
+    return result;
+}
+
+// ---- rows ---------------------------------------------------------------------------------------
+
+// errno tells why only right after the call that failed.
+static void put(struct table *table, const char *text) {
+    if (!table->trouble && fputs(text, table->file) < 0)
+        table->trouble = errno;
+}
+
+static void print_names(struct table *table) {
+    for (int i = 0; i < table->count; i++) {
+        put(table, i ? "," : "");
+        put(table, table->columns[i].name);
+    }
+    put(table, "\n");
+}
+
+static const char *group_name(const struct table *table, const struct step_field *field,
+                              const struct session_output *output) {
+    int index = (int)step_field_number(field, output);
+    if (field->type == &field_tissue && index < scene_tissue_count(table->scene))
+        index = scene_tissue_group(table->scene, index);
+    const struct knee_case *knee = scene_case(table->scene);
+    return index >= 0 && index < knee->group_count ? knee->groups[index].name : "";
+}
+
+static void print_cell(struct table *table, const struct column *column,
+                       const struct trace_record *record, const struct input_row *row,
+                       double seconds) {
+    const struct session_output *output = &record->output;
+    const struct step_field *field = &column->field;
+    char text[FIELD_TEXT_MAX] = "";
+    if (column->source == OF_TIME)
+        snprintf(text, sizeof text, "%.9f", seconds);
+    else if (column->source == OF_INPUT && input_field_is_there(field, row))
+        step_field_text(field, row, text);
+    else if (column->source == OF_OUTPUT && step_field_is_there(field, output))
+        step_field_text(field, output, text);
+    else if (column->source == OF_GROUP && table->scene && step_field_is_there(field, output))
+        snprintf(text, sizeof text, "%s", group_name(table, field, output));
+    put(table, text);
+}
+
+static bool print_row(void *user, const struct trace_record *record, double seconds) {
+    struct table *table = user;
+    struct input_row row;
+    input_row_of(record, &row);
+    for (int i = 0; i < table->count; i++) {
+        put(table, i ? "," : "");
+        print_cell(table, &table->columns[i], record, &row, seconds);
+    }
+    put(table, "\n");
+    return !table->trouble;
+}
+
+static enum result print_table(struct table *table, const struct export_request *request,
+                               const struct contents *contents, struct error *err) {
+    struct walk walk = {.request = request, .passes = 1};
+    list_columns(table, contents);
+    enum result result = choose(table, request->columns, err);
+    if (result != RESULT_OK)
+        return result;
+    print_names(table);
+    result = walk_run(&walk, contents, print_row, table, err);
+    if (!table->trouble && fflush(table->file) != 0)
+        table->trouble = errno;
+    if (table->trouble)
+        return fail(err, RESULT_IO, "the table: %s", strerror(table->trouble));
+    return result;
 }
 
 enum result export_csv(const struct export_request *request, FILE *out, struct error *err) {
     struct contents contents;
-    struct table table = {.file = out};
-    struct walk walk = {.request = request, .passes = 1};
-    struct trace_record record;
-    double seconds;
     enum result result = contents_read(request, &contents, err);
-    if (result == RESULT_OK)
-        result = walk_begin(&walk, &contents, err);
     if (result != RESULT_OK)
         return result;
-    table.count = contents_fields(&contents, table.columns);
-    print_names(&table);
-    while (walk_next(&walk, &record, &seconds))
-        print_row(&table, &record.output, seconds);
-    walk_end(&walk);
-    if (ferror(out) || fflush(out) != 0)
-        return fail(err, RESULT_IO, "the table: %s", strerror(errno));
-    return contents_end(&contents, err);
+    struct table table = {.file = out};
+    if (request->scene && scene_case(request->scene)->hash == contents.header.case_hash)
+        table.scene = request->scene;
+    table.all = alloc(COLUMNS_MAX, sizeof *table.all);
+    table.columns = alloc(COLUMNS_MAX, sizeof *table.columns);
+    result = print_table(&table, request, &contents, err);
+    free(table.all);
+    free(table.columns);
+    return result == RESULT_OK ? contents_end(&contents, err) : result;
 }

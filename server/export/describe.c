@@ -27,6 +27,10 @@ static const char *validity_text(int value) {
     return validity_name((enum validity)value);
 }
 
+static const char *input_text(int value) {
+    return input_kind_name((enum input_kind)value);
+}
+
 static const char *job_text(int value) {
     return job_kind_name((enum job_kind)value);
 }
@@ -47,6 +51,7 @@ static void describe_names(struct image_writer *writer) {
     list_names(writer, "arthron:names_state", state_text, SESSION_STATE_COUNT);
     list_names(writer, "arthron:names_event_bits", event_name, EVENT_COUNT);
     list_names(writer, "arthron:names_validity", validity_text, VALIDITY_COUNT);
+    list_names(writer, "arthron:names_input", input_text, INPUT_KIND_COUNT);
     list_names(writer, "arthron:names_job_kind", job_text, JOB_KIND_COUNT);
     list_names(writer, "arthron:names_landed_outcome", outcome_text, JOB_OUTCOME_COUNT);
     list_names(writer, "arthron:names_job_blade", blade_text, BLADE_COUNT);

@@ -8,7 +8,8 @@
 
 struct export_request {
     const char *trace;
-    double from_s, to_s;       // of the session; what lies outside is left out
+    double from_s, to_s; // of the session; what lies outside is left out
+    const char *columns; // of a table: names or patterns with *, commas between; NULL: the usual
     const struct scene *scene; // of the case that it was recorded with; NULL where the kind of
                                // export says so
     void (*progress)(uint64_t done, uint64_t all); // or NULL
@@ -16,9 +17,11 @@ struct export_request {
 
 // All of these: RESULT_OK where the record was whole. RESULT_MISSING, RESULT_CORRUPT and
 // RESULT_FORMAT with the error of trace_read where it was not: all that could be read is written.
-// Anything else, and the file is not there or of no use. A file that is there is replaced.
+// Anything else, RESULT_MISSING too where there is no step in the time asked for, and no
+// file is made. A file that is there is replaced once the new one is whole.
 
-// A row for each step. Needs no scene.
+// A row for each step. Without a scene the names of groups are left out. RESULT_INVALID where there
+// is no such column.
 enum result export_csv(const struct export_request *request, FILE *out, struct error *err);
 
 // Without a scene the maps of cuts are left out. RESULT_LIMIT where there are more steps than an

@@ -2,6 +2,7 @@
 #include "export/contents.h"
 #include "export/describe.h"
 #include "export/image.h"
+#include "export/inputs.h"
 #include "export/maps.h"
 
 #include <stdlib.h>
@@ -9,7 +10,8 @@
 
 #define WIDTH 1024 // pixels of a row, one for each step
 #define TIME_CHANNELS 2
-#define OWNERS_MAX (1 + INSTRUMENT_COUNT + 2)
+#define OWNERS_MAX (2 + INSTRUMENT_COUNT + 2)
+#define OWNER_INPUT INSTRUMENT_COUNT // beside those of step/fields.h
 
 // A part of the file with a pixel for each step, or for each that has a job or a landing.
 struct sheet {
@@ -17,6 +19,7 @@ struct sheet {
     uint64_t pixels;
     uint32_t width, height;
     int field_count;
+    int first_input; // from here on they are of inputs
     struct step_field fields[STEP_FIELDS_MAX];
     int channel_count;
 };
@@ -60,18 +63,24 @@ static bool has_pixel(const struct sheet *sheet, const struct session_output *ou
     }
 }
 
-static void fill_pixel(const struct sheet *sheet, const struct session_output *output,
-                       double seconds, uint32_t *values) {
+static void fill_pixel(const struct sheet *sheet, const struct trace_record *record, double seconds,
+                       uint32_t *values) {
     size_t width = sheet->width;
+    struct input_row row;
+    if (sheet->owner == OWNER_INPUT)
+        input_row_of(record, &row);
     values[0] = image_float((float)seconds);
     values[width] = image_float((float)(seconds - (double)(float)seconds));
     values += TIME_CHANNELS * width;
     for (int i = 0; i < sheet->field_count; i++) {
         const struct step_field *field = &sheet->fields[i];
-        bool there = step_field_is_there(field, output);
+        bool is_input = i >= sheet->first_input;
+        const void *of = is_input ? (const void *)&row : &record->output;
+        bool there = is_input ? input_field_is_there(field, &row)
+                              : step_field_is_there(field, &record->output);
         uint32_t words[2];
-        image_split(there ? step_field_bits(field, output) : 0, &words[0], &words[1]);
-        *values = image_float(there ? (float)step_field_number(field, output) : NAN);
+        image_split(there ? step_field_bits(field, of) : 0, &words[0], &words[1]);
+        *values = image_float(there ? (float)step_field_number(field, of) : NAN);
         values += width;
         for (size_t word = 0; word < step_field_size(field) / 4; word++, values += width)
             *values = words[word];
@@ -89,31 +98,42 @@ static void clear_row(const struct sheet *sheet, uint32_t *values) {
     }
 }
 
-// Of a row, as far as there are steps.
-static void fill_row(const struct sheet *sheet, struct walk *walk, uint32_t *values) {
-    struct trace_record record;
-    double seconds;
-    uint32_t x = 0;
-    clear_row(sheet, values);
-    while (x < sheet->width && walk_next(walk, &record, &seconds))
-        if (has_pixel(sheet, &record.output))
-            fill_pixel(sheet, &record.output, seconds, values + x++);
+// A sheet as it is filled, row by row.
+struct filling {
+    const struct sheet *sheet;
+    struct image_writer *writer;
+    uint32_t x, y;
+    uint32_t *values; // of the row
+};
+
+static void end_row(struct filling *f) {
+    image_writer_row(f->writer, f->values);
+    clear_row(f->sheet, f->values);
+    f->x = 0;
+    f->y++;
+}
+
+static bool on_step(void *user, const struct trace_record *record, double seconds) {
+    struct filling *f = user;
+    if (!has_pixel(f->sheet, &record->output))
+        return true;
+    fill_pixel(f->sheet, record, seconds, f->values + f->x++);
+    if (f->x == f->sheet->width)
+        end_row(f);
+    return f->y < f->sheet->height && image_writer_is_good(f->writer);
 }
 
 static enum result write_sheet(const struct sheet *sheet, struct walk *walk,
                                const struct contents *contents, struct image_writer *writer,
                                struct error *err) {
-    enum result result = walk_begin(walk, contents, err);
-    if (result != RESULT_OK)
-        return result;
-    uint32_t *values = alloc((size_t)sheet->channel_count * sheet->width, sizeof *values);
-    for (uint32_t y = 0; y < sheet->height; y++) {
-        fill_row(sheet, walk, values);
-        image_writer_row(writer, values);
-    }
-    free(values);
-    walk_end(walk);
-    return RESULT_OK;
+    struct filling f = {.sheet = sheet, .writer = writer};
+    f.values = alloc((size_t)sheet->channel_count * sheet->width, sizeof *f.values);
+    clear_row(sheet, f.values);
+    enum result result = walk_run(walk, contents, on_step, &f, err);
+    while (result == RESULT_OK && f.y < sheet->height)
+        end_row(&f);
+    free(f.values);
+    return result;
 }
 
 // ---- which sheets -------------------------------------------------------------------------------
@@ -141,12 +161,17 @@ static void add_sheet(struct exr *exr, int owner, uint64_t pixels) {
     for (int i = 0; i < count; i++)
         if (step_field_part(&fields[i]) == owner || names_the_step(&fields[i]))
             sheet->fields[sheet->field_count++] = fields[i];
+    sheet->first_input = sheet->field_count;
+    if (owner == OWNER_INPUT)
+        sheet->field_count +=
+            input_fields(exr->contents.sampled, sheet->fields + sheet->field_count);
 }
 
 static void choose_sheets(struct exr *exr) {
     const struct contents *contents = &exr->contents;
     exr->sheets = alloc(OWNERS_MAX, sizeof *exr->sheets);
     add_sheet(exr, OWNER_STEP, contents->steps);
+    add_sheet(exr, OWNER_INPUT, contents->steps);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         if (contents->present[i])
             add_sheet(exr, i, contents->steps);
@@ -160,6 +185,8 @@ static const char *sheet_name(const struct sheet *sheet) {
     switch (sheet->owner) {
     case OWNER_STEP:
         return "steps";
+    case OWNER_INPUT:
+        return "inputs";
     case OWNER_JOB:
         return "jobs";
     case OWNER_LANDED:

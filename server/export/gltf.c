@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "base/draft.h"
 #include "export/atlas.h"
 #include "export/landings.h"
 #include "export/model.h"
@@ -290,18 +291,6 @@ static void describe(struct film *film) {
 
 // ---- the file -----------------------------------------------------------------------------------
 
-static enum result write_file(const char *path, const void *bytes, size_t size, struct error *err) {
-    FILE *file = fopen(path, "we");
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    bool written = fwrite(bytes, 1, size, file) == size;
-    if (fclose(file) == 0 && written)
-        return RESULT_OK;
-    fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    unlink(path);
-    return RESULT_IO;
-}
-
 static enum result make(struct film *film, const char *path, struct error *err) {
     uint8_t *bytes = NULL;
     size_t size;
@@ -316,7 +305,7 @@ static enum result make(struct film *film, const char *path, struct error *err) 
         result = model_encode(film->model, &bytes, &size, err);
     }
     if (result == RESULT_OK)
-        result = write_file(path, bytes, size, err);
+        result = draft_write(path, bytes, size, err);
     free(bytes);
     tracks_fini(&film->tracks);
     return result;

@@ -1,11 +1,13 @@
 #include "export/image.h"
 
 #include "base/check.h"
+#include "base/draft.h"
 
+#include <errno.h>
 #include <openexr.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define ZIP_LEVEL 4 // with which OpenEXR's own C++ library writes too
 
@@ -17,6 +19,7 @@ struct part {
 
 struct image_writer {
     exr_context_t file;
+    struct draft draft;
     char *path;
     struct part *parts;
     int part_count;
@@ -50,13 +53,42 @@ static void expect(struct image_writer *writer, exr_result_t code) {
         fail(&writer->why, RESULT_IO, "%s: %s", writer->path, exr_get_default_error_message(code));
 }
 
+// OpenEXR's own writing tries a full disk again and again.
+static int64_t write_at(exr_const_context_t file, void *data, const void *bytes, uint64_t size,
+                        uint64_t offset, exr_stream_error_func_ptr_t tell) {
+    struct image_writer *writer = data;
+    (void)file, (void)tell;
+    for (uint64_t done = 0; done < size;) {
+        ssize_t got = pwrite(fileno(writer->draft.file), (const char *)bytes + done, size - done,
+                             (off_t)(offset + done));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0) {
+            writer->draft.trouble = got < 0 ? errno : ENOSPC;
+            if (!writer->why.text[0])
+                fail(&writer->why, RESULT_IO, "%s: %s", writer->path,
+                     strerror(writer->draft.trouble));
+            return -1;
+        }
+        done += (uint64_t)got;
+    }
+    return (int64_t)size;
+}
+
+bool image_writer_is_good(const struct image_writer *writer) {
+    return good(writer);
+}
+
 struct image_writer *image_writer_create(const char *path) {
     struct image_writer *writer = alloc(1, sizeof *writer);
     writer->path = alloc_text(path);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = note_failure;
     setup.user_data = writer;
-    expect(writer, exr_start_write(&writer->file, path, EXR_INTERMEDIATE_TEMP_FILE, &setup));
+    setup.write_fn = write_at;
+    writer->result = draft_open(path, &writer->draft, &writer->why);
+    if (good(writer))
+        expect(writer, exr_start_write(&writer->file, path, EXR_WRITE_FILE_DIRECTLY, &setup));
     if (good(writer))
         expect(writer, exr_set_longname_support(writer->file, 1));
     return writer;
@@ -188,13 +220,14 @@ static void release(struct image_writer **handle) {
     *handle = NULL;
 }
 
-// OpenEXR removes what is not complete.
 void image_writer_abandon(struct image_writer **handle) {
     struct image_writer *writer = *handle;
     if (writer->row)
         end_part(writer);
     if (writer->file)
         exr_finish(&writer->file);
+    if (writer->draft.file)
+        draft_drop(&writer->draft);
     release(handle);
 }
 
@@ -204,6 +237,10 @@ enum result image_writer_finish(struct image_writer **handle, struct error *err)
     if (writer->file)
         expect(writer, exr_finish(&writer->file));
     enum result result = writer->result;
+    if (result == RESULT_OK)
+        result = draft_keep(&writer->draft, &writer->why);
+    else if (writer->draft.file)
+        draft_drop(&writer->draft);
     if (result != RESULT_OK)
         fail(err, result, "%s", writer->why.text);
     release(handle);

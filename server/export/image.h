@@ -5,6 +5,7 @@
 
 #include "base/result.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -40,6 +41,8 @@ struct image_writer;
 // The first thing that fails is kept, and all later calls do nothing: image_writer_finish says what
 // it was.
 struct image_writer *image_writer_create(const char *path);
+
+bool image_writer_is_good(const struct image_writer *writer); // nothing has failed yet
 
 // The number of the part. Sides from 1 to IMAGE_SIDE_MAX. The channels are copied.
 int image_writer_part(struct image_writer *writer, const char *name, uint32_t width,

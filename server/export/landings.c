@@ -1,6 +1,7 @@
 #include "export/landings.h"
 
 #include "base/check.h"
+#include "trace/player.h"
 #include "trace/rerun.h"
 
 // Jobs are run as they are asked for; the last one's result waits here until it lands.
@@ -9,6 +10,11 @@ struct gathering {
     struct operation *operation;
     struct job_result *pending;
     enum job_kind kind;
+    const struct scene *scene;
+    double from_s;
+    struct rerun *rerun; // of the inputs that a piece begins with
+    enum result result;
+    struct error *err;
 };
 
 static void land(struct gathering *g, const struct session_output *output, double seconds,
@@ -55,56 +61,50 @@ static bool can_run(const struct scene *scene, const struct job *job) {
     return true;
 }
 
-static enum result gather(struct gathering *g, struct walk *walk, double from_s,
-                          struct error *err) {
-    struct trace_record record;
-    double seconds;
-    while (walk_next(walk, &record, &seconds)) {
-        const struct job *job = &record.output.job;
-        if (job->id && !can_run(walk->request->scene, job))
-            return fail(err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
-                        (unsigned long long)record.output.step);
-        take_step(g, &record.output, seconds, seconds >= from_s);
+static bool on_step(void *user, const struct trace_record *record, double seconds) {
+    struct gathering *g = user;
+    const struct job *job = &record->output.job;
+    if (job->id && !can_run(g->scene, job)) {
+        g->result = fail(g->err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
+                         (unsigned long long)record->output.step);
+        return false;
     }
-    return RESULT_OK;
+    take_step(g, &record->output, seconds, seconds >= g->from_s);
+    return true;
+}
+
+static bool on_past(void *user, const struct trace_record *record) {
+    struct gathering *g = user;
+    struct session_output output;
+    rerun_step(g->rerun, record, &output);
+    g->kind = output.job.id ? output.job.kind : g->kind;
+    return true;
+}
+
+static bool stop(void *user, const struct trace_record *record) {
+    (void)user, (void)record;
+    return false;
 }
 
 // A piece of a record begins with inputs alone: what they led to must be found again.
 static enum result run_past(struct gathering *g, const struct export_request *request,
                             struct error *err) {
     struct trace_reader *reader;
-    struct trace_record record;
-    struct session_output output;
     struct session *session;
+    struct trace_player player = {.user = g, .past = on_past, .step = stop};
     enum result result = trace_reader_create(request->trace, &reader, err);
     if (result != RESULT_OK)
         return result;
-    struct rerun *rerun = rerun_create(request->scene, &trace_reader_header(reader)->settings);
-    while (trace_read(reader, &record, NULL) == RESULT_OK && record.type == TRACE_PAST) {
-        rerun_step(rerun, &record, &output);
-        g->kind = output.job.id ? output.job.kind : g->kind;
+    if (scene_case(request->scene)->hash != trace_reader_header(reader)->case_hash)
+        result = fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
+                      request->trace, scene_case(request->scene)->name);
+    if (result == RESULT_OK) {
+        g->rerun = rerun_create(request->scene, &trace_reader_header(reader)->settings);
+        trace_play(reader, &player, NULL);
+        rerun_release(&g->rerun, &session, &g->operation, &g->pending);
+        session_destroy(&session);
     }
-    rerun_release(&rerun, &session, &g->operation, &g->pending);
-    session_destroy(&session);
     trace_reader_destroy(&reader);
-    return RESULT_OK;
-}
-
-static enum result gather_all(struct walk *walk, const struct landing_watcher *watcher,
-                              double from_s, struct error *err) {
-    const struct export_request *request = walk->request;
-    const struct knee_case *knee = scene_case(request->scene);
-    struct gathering g = {.watcher = watcher};
-    if (knee->hash != trace_reader_header(walk->reader)->case_hash)
-        return fail(err, RESULT_REFUSED, "%s was recorded with another case than %s",
-                    request->trace, knee->name);
-    enum result result = run_past(&g, request, err);
-    if (result != RESULT_OK)
-        return result;
-    watcher->start(watcher->context, g.operation);
-    result = gather(&g, walk, from_s, err);
-    operation_destroy(&g.operation);
-    job_result_destroy(&g.pending);
     return result;
 }
 
@@ -113,13 +113,17 @@ enum result landings_run(struct walk *walk, const struct landing_watcher *watche
     const struct export_request *asked = walk->request;
     struct export_request request = *asked;
     struct contents all = {.steps = UINT64_MAX};
+    struct gathering g = {
+        .watcher = watcher, .scene = asked->scene, .from_s = asked->from_s, .err = err};
     request.from_s = -INFINITY;
     walk->request = &request;
-    enum result result = walk_begin(walk, &all, err);
+    enum result result = run_past(&g, &request, err);
     if (result == RESULT_OK) {
-        result = gather_all(walk, watcher, asked->from_s, err);
-        walk_end(walk);
+        watcher->start(watcher->context, g.operation);
+        result = walk_run(walk, &all, on_step, &g, err);
+        operation_destroy(&g.operation);
+        job_result_destroy(&g.pending);
     }
     walk->request = asked;
-    return result;
+    return result == RESULT_OK ? g.result : result;
 }

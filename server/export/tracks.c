@@ -57,21 +57,20 @@ static void begin(struct tracks *t, const struct contents *contents) {
     }
 }
 
+static bool on_step(void *user, const struct trace_record *record, double seconds) {
+    struct tracks *t = user;
+    if (t->count == 0)
+        t->first_s = seconds;
+    float since = (float)(seconds - t->first_s);
+    if (t->count == 0 || (double)since >= (double)t->seconds[t->count - 1] + TRACK_KEY_S)
+        take_key(t, &record->output, since);
+    return true;
+}
+
 enum result tracks_create(struct walk *walk, const struct contents *contents, struct tracks *t,
                           struct error *err) {
-    struct trace_record record;
-    double seconds;
     begin(t, contents);
-    enum result result = walk_begin(walk, contents, err);
-    while (result == RESULT_OK && walk_next(walk, &record, &seconds)) {
-        if (t->count == 0)
-            t->first_s = seconds;
-        float since = (float)(seconds - t->first_s);
-        if (t->count == 0 || (double)since >= (double)t->seconds[t->count - 1] + TRACK_KEY_S)
-            take_key(t, &record.output, since);
-    }
-    if (result == RESULT_OK)
-        walk_end(walk);
+    enum result result = walk_run(walk, contents, on_step, t, err);
     if (result == RESULT_OK && t->count == 0)
         result = fail(err, RESULT_MISSING, "%s has no step in that time", walk->request->trace);
     if (result != RESULT_OK)

@@ -1,8 +1,8 @@
 #include "report/picture.h"
 
 #include "base/check.h"
+#include "base/draft.h"
 
-#include <errno.h>
 #include <png.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -38,28 +38,13 @@ enum result picture_encode(const struct picture *picture, uint8_t **out_bytes, s
     return RESULT_OK;
 }
 
-static enum result write_bytes(const char *path, const uint8_t *bytes, size_t size,
-                               struct error *err) {
-    FILE *file = fopen(path, "wbe");
-    if (!file)
-        return fail(err, errno == ENOENT ? RESULT_MISSING : RESULT_IO, "%s: %s", path,
-                    strerror(errno));
-    bool written = fwrite(bytes, 1, size, file) == size;
-    int problem = errno;
-    if (fclose(file) != 0 && written) {
-        written = false;
-        problem = errno;
-    }
-    return written ? RESULT_OK : fail(err, RESULT_IO, "%s: %s", path, strerror(problem));
-}
-
 enum result picture_write(const struct picture *picture, const char *path, struct error *err) {
-    uint8_t *bytes;
-    size_t size;
+    uint8_t *bytes = NULL;
+    size_t size = 0;
     enum result result = picture_encode(picture, &bytes, &size, err);
     if (result != RESULT_OK)
         return fail_in(err, result, "%s: ", path);
-    result = write_bytes(path, bytes, size, err);
+    result = draft_write(path, bytes, size, err);
     free(bytes);
     return result;
 }

@@ -1,6 +1,7 @@
 #include "step/field_types.h"
 
 #include "step/fields.h"
+#include "step/input.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -42,6 +43,8 @@ DEFINE_NAMED(blade, blade_kind, 0, BLADE_COUNT, blade_name);
 DEFINE_NAMED(job, job_kind, JOB_NONE + 1, JOB_KIND_COUNT, job_kind_name);
 DEFINE_NAMED(mode, avatar_mode, 0, AVATAR_MODE_COUNT, avatar_mode_name);
 DEFINE_NAMED(outcome, job_outcome, 0, JOB_OUTCOME_COUNT, job_outcome_name);
+
+DEFINE_NAMED(input, input_kind, 0, INPUT_KIND_COUNT, input_kind_name);
 
 DEFINE_NUMBER(events, uint32_t)
 

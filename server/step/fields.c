@@ -406,7 +406,7 @@ int step_fields(struct step_field out_fields[STEP_FIELDS_MAX]) {
 
 // ---- one field ----------------------------------------------------------------------------------
 
-static const char *field_at(const struct step_field *field, const struct session_output *output) {
+static const char *field_at(const struct step_field *field, const void *output) {
     return (const char *)output + field->offset;
 }
 
@@ -434,12 +434,12 @@ bool step_field_equal(const struct step_field *field, const struct session_outpu
     return memcmp(field_at(field, a), field_at(field, b), field->type->size) == 0;
 }
 
-void step_field_text(const struct step_field *field, const struct session_output *output,
+void step_field_text(const struct step_field *field, const void *output,
                      char out_text[FIELD_TEXT_MAX]) {
     field->type->print(field_at(field, output), out_text);
 }
 
-double step_field_number(const struct step_field *field, const struct session_output *output) {
+double step_field_number(const struct step_field *field, const void *output) {
     return field->type->number(field_at(field, output));
 }
 
@@ -447,7 +447,7 @@ size_t step_field_size(const struct step_field *field) {
     return field->type->size;
 }
 
-uint64_t step_field_bits(const struct step_field *field, const struct session_output *output) {
+uint64_t step_field_bits(const struct step_field *field, const void *output) {
     uint64_t bits = 0;
     memcpy(&bits, field_at(field, output), field->type->size);
     return bits;

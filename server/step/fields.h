@@ -56,13 +56,15 @@ bool step_field_is_there(const struct step_field *field, const struct session_ou
 bool step_field_equal(const struct step_field *field, const struct session_output *a,
                       const struct session_output *b);
 
+// Of an output, or of what else the field's offset is in.
+//
 // Numbers so that reading them gives the same bits, names for states, validities and events.
-void step_field_text(const struct step_field *field, const struct session_output *output,
+void step_field_text(const struct step_field *field, const void *output,
                      char out_text[FIELD_TEXT_MAX]);
 
 // The nearest double; of a state, a validity and the like its number.
-double step_field_number(const struct step_field *field, const struct session_output *output);
+double step_field_number(const struct step_field *field, const void *output);
 
 // The value bit for bit, in the low bytes, and how many those are: 1, 4 or 8.
-uint64_t step_field_bits(const struct step_field *field, const struct session_output *output);
+uint64_t step_field_bits(const struct step_field *field, const void *output);
 size_t step_field_size(const struct step_field *field);

@@ -1,95 +1,105 @@
+#include "base/draft.h"
 #include "export/export.h"
 #include "review/survey.h"
 #include "trace_commands.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
 static const char help[] =
-    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT [--from S]\n"
-    "                                 [--to S] [--case DIR]\n"
+    "Usage: arthron-trace export FILE --csv OUT | --exr OUT | --gltf OUT [--columns LIST]\n"
+    "                                 [--from S] [--to S] [--case DIR]\n"
     "\n"
-    "Writes what others can read. --csv: a table with a row for each step: time since the "
-    "session's\n"
-    "start, step, state, events, the joint, the bones, and for each instrument that was seen its\n"
-    "measured and its warped pose, displacement, gradient, gain and nearest group; and for cuts "
-    "the\n"
-    "blade's move, where it was asked for, and the resection's figures, where it took effect.\n"
-    "Columns are named with their units and as in motion files. What is not there has empty "
-    "cells.\n"
-    "NAME_nearest counts the groups of `arthron-case info` from 0 (-1: none), job_tissue and\n"
-    "landed_tissue those that are cuttable.\n"
-    "--exr: the same as an image of many channels with every bit of them, and what each cut made\n"
-    "of the touch as maps over the meniscus (server/export/EXR.md).\n"
-    "--gltf: an animated scene for Blender and others (server/export/GLTF.md): the knee, the\n"
-    "instruments and the tissue as they were seen, and beside them the mock-up as it was.\n"
+    "Converts a session for other programs.\n"
     "\n"
-    "  --csv OUT   the file to write; - for stdout\n"
-    "  --exr OUT   the file to write\n"
-    "  --gltf OUT  the file to write, GLB\n"
-    "  --from S    leave out what was before S seconds\n"
-    "  --to S      and after S seconds\n"
-    "  --case DIR  the case, where it is not where the trace says; a table needs none, an\n"
-    "              image one only for cuts\n"
+    "  --csv OUT       write a table with a row for each step; - for stdout\n"
+    "  --exr OUT       write an image of many channels, with every bit of inputs and outputs, and\n"
+    "                  maps of what each cut changed (server/export/EXR.md)\n"
+    "  --gltf OUT      write an animated scene, GLB, for Blender and others\n"
+    "                  (server/export/GLTF.md)\n"
+    "  --columns LIST  columns of the table, in this order: names or patterns, separated by "
+    "commas,\n"
+    "                  as 't_seconds,probe_t?_mm,*_time_ns'; '*' selects all of them\n"
+    "  --from S        leave out what was before S seconds\n"
+    "  --to S          leave out what was after S seconds\n"
+    "  --case DIR      the case, where it is not where the trace says. A table needs it for names\n"
+    "                  of groups, an image for maps, a scene always\n"
     "\n"
-    "Exits 1 where the trace is not whole (what can be read is written).\n";
+    "The table has a row for each step. 'input' says what led to the step: for one row for each "
+    "frame,\n"
+    "keep the rows where it is 'frame'. time_ns is the step's time, frame_time_ns the frame's, "
+    "and\n"
+    "measured_NAME_time_ns the time at which NAME was measured: use this one for speeds. Measured\n"
+    "values (measured_*) are in the table where --columns asks for them. A cell is empty where "
+    "there\n"
+    "is no value.\n"
+    "\n"
+    "Exits 1 where the trace is not whole; what can be read is written.\n";
 
 struct request {
     const char *csv, *exr, *gltf, *case_dir;
     struct export_request export;
 };
 
-static int write_csv(struct request *request) {
-    struct error err;
-    bool to_stdout = !strcmp(request->csv, "-");
-    FILE *out = to_stdout ? stdout : fopen(request->csv, "we");
-    if (!out) {
-        fail(&err, RESULT_IO, "%s: %s", request->csv, strerror(errno));
-        return failed("export", &err);
-    }
-    if (to_stdout)
-        request->export.progress = NULL;
-    enum result result = export_csv(&request->export, out, &err);
-    if (!to_stdout && fclose(out) != 0 && result == RESULT_OK)
-        result = fail(&err, RESULT_IO, "%s: %s", request->csv, strerror(errno));
-    if (result != RESULT_OK)
-        return failed("export", &err);
-    if (!to_stdout)
-        wrote("export", request->csv);
-    return EXIT_GOOD;
+// Where the trace is not whole, what can be read was written.
+static bool is_made(enum result result, FILE *file) {
+    return ftello(file) > 0 && (result == RESULT_OK || result == RESULT_MISSING ||
+                                result == RESULT_CORRUPT || result == RESULT_FORMAT);
 }
 
-// An image needs it only where something was cut.
+static enum result write_table(struct request *request, struct error *err) {
+    struct draft draft;
+    if (!strcmp(request->csv, "-")) {
+        request->export.progress = NULL;
+        return export_csv(&request->export, stdout, err);
+    }
+    enum result result = draft_open(request->csv, &draft, err);
+    if (result != RESULT_OK)
+        return result;
+    result = export_csv(&request->export, draft.file, err);
+    if (!is_made(result, draft.file)) {
+        draft_drop(&draft);
+        return result;
+    }
+    enum result kept = draft_keep(&draft, result == RESULT_OK ? err : NULL);
+    return result == RESULT_OK ? kept : result;
+}
+
+// A table has the names of groups where the case is there; an image needs it only for cuts.
 static enum result load_needed(struct request *request, struct scene **out_scene,
                                struct error *err) {
     struct trace_reader *reader;
-    struct survey survey;
+    struct survey survey = {0};
+    struct error unnamed;
     *out_scene = NULL;
     enum result result = trace_reader_create(request->export.trace, &reader, err);
     if (result != RESULT_OK)
         return result;
-    survey_read(reader, show_progress, &survey);
-    if (survey.jobs || request->gltf)
+    if (request->exr)
+        survey_read(reader, show_progress, &survey);
+    if (survey.jobs || request->gltf || request->case_dir)
         result = load_scene(reader, request->case_dir, out_scene, err);
+    else if (request->csv && load_scene(reader, NULL, out_scene, &unnamed) != RESULT_OK)
+        *out_scene = NULL;
     trace_reader_destroy(&reader);
     request->export.scene = *out_scene;
     return result;
 }
 
-static int write_with_case(struct request *request) {
+static int write_export(struct request *request, const char *out) {
     struct error err;
     struct scene *scene;
     enum result result = load_needed(request, &scene, &err);
     if (result == RESULT_OK)
-        result = request->gltf ? export_gltf(&request->export, request->gltf, &err)
-                               : export_exr(&request->export, request->exr, &err);
-    if (scene)
-        scene_destroy(&scene);
+        result = request->csv    ? write_table(request, &err)
+                 : request->gltf ? export_gltf(&request->export, request->gltf, &err)
+                                 : export_exr(&request->export, request->exr, &err);
+    scene_destroy(&scene);
     if (result != RESULT_OK)
         return failed("export", &err);
-    wrote("export", request->gltf ? request->gltf : request->exr);
+    if (strcmp(out, "-") != 0)
+        wrote("export", out);
     return EXIT_GOOD;
 }
 
@@ -113,6 +123,9 @@ static bool parse_option(int option, struct request *request) {
     case 'k':
         request->case_dir = optarg;
         return true;
+    case 'n':
+        request->export.columns = optarg;
+        return true;
     case 'f':
         return parse_seconds(optarg, &request->export.from_s);
     default:
@@ -127,11 +140,15 @@ static bool same_file(const char *a, const char *b) {
 }
 
 int command_export(int argc, char **argv) {
-    static const struct option options[] = {
-        {"csv", required_argument, NULL, 'c'},  {"exr", required_argument, NULL, 'e'},
-        {"gltf", required_argument, NULL, 'g'}, {"from", required_argument, NULL, 'f'},
-        {"to", required_argument, NULL, 't'},   {"case", required_argument, NULL, 'k'},
-        {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
+                                            {"exr", required_argument, NULL, 'e'},
+                                            {"gltf", required_argument, NULL, 'g'},
+                                            {"from", required_argument, NULL, 'f'},
+                                            {"to", required_argument, NULL, 't'},
+                                            {"case", required_argument, NULL, 'k'},
+                                            {"columns", required_argument, NULL, 'n'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
     struct request request = {
         .export = {.from_s = -INFINITY, .to_s = INFINITY, .progress = show_progress}};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -144,8 +161,10 @@ int command_export(int argc, char **argv) {
         return EXIT_USAGE;
     if (!!request.csv + !!request.exr + !!request.gltf != 1)
         return usage_error(argv[0], "one of --csv OUT, --exr OUT and --gltf OUT is needed");
+    if (request.export.columns && !request.csv)
+        return usage_error(argv[0], "--columns needs --csv");
     const char *out = request.csv ? request.csv : request.exr ? request.exr : request.gltf;
     if (same_file(request.export.trace, out))
         return usage_error(argv[0], "%s is the trace itself", out);
-    return request.csv ? write_csv(&request) : write_with_case(&request);
+    return write_export(&request, out);
 }

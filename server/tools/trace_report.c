@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "base/draft.h"
 #include "review/page.h"
 #include "trace_commands.h"
 
@@ -28,16 +29,6 @@ struct request {
     struct review_source source;
 };
 
-static enum result write_file(const char *path, const char *page, size_t size, struct error *err) {
-    FILE *file = fopen(path, "we");
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    bool bad = fwrite(page, 1, size, file) != size;
-    if (fclose(file) || bad)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    return RESULT_OK;
-}
-
 static enum result make_page(const struct request *request, FILE *file, bool *out_whole,
                              struct error *err) {
     struct review_source source = request->source;
@@ -60,7 +51,7 @@ static int report(const struct request *request) {
     enum result result = make_page(request, memory, &whole, &err);
     fclose(memory);
     if (result == RESULT_OK)
-        result = write_file(request->out, page, size, &err);
+        result = draft_write(request->out, page, size, &err);
     free(page);
     if (result != RESULT_OK)
         return failed("report", &err);

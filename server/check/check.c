@@ -118,9 +118,22 @@ static struct box common(struct box a, struct box b) {
                         {fmin(a.max.x, b.max.x), fmin(a.max.y, b.max.y), fmin(a.max.z, b.max.z)}};
 }
 
+// Poses at which nothing is displaced cost next to nothing, and count for none.
+struct pose_progress {
+    const struct check_settings *settings;
+    const char *pose;
+    int before, count; // moved poses
+};
+
+static void tell(void *context, double share) {
+    const struct pose_progress *p = context;
+    p->settings->progress(p->settings->context, p->pose, (p->before + share) / p->count);
+}
+
 static enum result walk(const struct case_check *check, const struct scene *scene,
                         const struct scene_stance *stance, const struct moved *moved,
-                        struct check_pose *at, struct error *err) {
+                        const struct field_progress *progress, struct check_pose *at,
+                        struct error *err) {
     struct space_surface roles[CASE_GROUPS_MAX];
     struct plane planes[CONVEX_PLANES_MAX];
     check_roles(scene, roles);
@@ -141,12 +154,13 @@ static enum result walk(const struct case_check *check, const struct scene *scen
     for (size_t n = 0; n < count; n++)
         at->places[space.places[n]]++;
     field_walk(&stance->warp, &check->settings.field, moved, skin_bit(scene_case(scene)), &space,
-               at->field);
+               progress, at->field);
     space_fini(&space);
     return RESULT_OK;
 }
 
-static enum result look(struct case_check *check, const struct scene *scene, struct check_pose *at,
+static enum result look(struct case_check *check, const struct scene *scene,
+                        const struct field_progress *progress, struct check_pose *at,
                         struct error *err) {
     struct scene_stance stance;
     struct moved moved;
@@ -159,7 +173,7 @@ static enum result look(struct case_check *check, const struct scene *scene, str
     at->facing = alloc(1, sizeof *at->facing);
     at->is_still = !moved.query;
     if (!at->is_still) {
-        result = walk(check, scene, &stance, &moved, at, err);
+        result = walk(check, scene, &stance, &moved, progress, at, err);
         field_touch(&stance.warp, field, &at->touch);
         facing_compare(&stance.warp, skin_bit(scene_case(scene)), at->facing);
     }
@@ -241,15 +255,33 @@ static struct case_check *begin(const struct check_settings *settings) {
     return check;
 }
 
+static enum result count_moved(const struct case_check *check, const struct scene *scene,
+                               int *out_count, struct error *err) {
+    *out_count = 0;
+    for (int i = 0; i < check->pose_count; i++) {
+        struct scene_stance stance;
+        struct moved moved;
+        scene_stand(scene, check->settings.adaptive, &check->poses[i].joint, &stance);
+        enum result result = moved_init(&stance.warp, &check->settings.field, &moved, err);
+        if (result != RESULT_OK)
+            return result;
+        *out_count += moved.query != NULL;
+        moved_fini(&moved);
+    }
+    return RESULT_OK;
+}
+
 static enum result look_at_poses(struct case_check *check, const struct scene *scene,
                                  struct error *err) {
     const struct check_settings *settings = &check->settings;
     choose_poses(check, scene_case(scene));
-    enum result result = RESULT_OK;
+    struct pose_progress p = {settings, NULL, 0, 0};
+    const struct field_progress progress = {tell, &p};
+    enum result result = settings->progress ? count_moved(check, scene, &p.count, err) : RESULT_OK;
     for (int i = 0; i < check->pose_count && result == RESULT_OK; i++) {
-        if (settings->progress)
-            settings->progress(settings->context, check->poses[i].name, i, check->pose_count);
-        result = look(check, scene, &check->poses[i], err);
+        p.pose = check->poses[i].name;
+        result = look(check, scene, settings->progress ? &progress : NULL, &check->poses[i], err);
+        p.before += !check->poses[i].is_still;
     }
     return result;
 }

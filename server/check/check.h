@@ -35,7 +35,9 @@ struct check_settings {
     double spacing_mm; // of the grid
     double flexion_step_deg;
     bool quick; // of the keys of each ligament only the first; said in the result
-    void (*progress)(void *context, const char *what, int done, int count); // or NULL
+    // NULL, or told how much of the check is done, from 0 to 1, and at which pose it is. From any
+    // thread, never two calls at once.
+    void (*progress)(void *context, const char *pose, double share);
     void *context;
 };
 

@@ -60,9 +60,14 @@ struct field_figures {
 // halving the way between neighbours that differ by more than both gradients explain. yielding: bit
 // k: surface k gives way, as skin does; a place is against it where it is one of the two nearest.
 // Figures are added to those that are there. Threads inside; the figures depend on none of it.
+// progress, which may be NULL, gets how much of the walk is done, never two calls at once.
+struct field_progress {
+    void (*tell)(void *context, double share);
+    void *context;
+};
 void field_walk(const struct warp_scene *scene, const struct field *field,
                 const struct moved *moved, uint32_t yielding, const struct space *space,
-                struct field_figures *figures);
+                const struct field_progress *progress, struct field_figures *figures);
 
 // Folds that neither a surface that gives way nor a filled gap explains.
 static inline uint64_t field_own_folds(const struct field_figures *figures) {

@@ -28,15 +28,28 @@ static const char help[] =
     "check.json holds the hash of the case's files. After a change of these files the case\n"
     "counts as not checked. The exit status is 1 where the case is unfit.\n";
 
+#define PROGRESS_EVERY_NS (10 * NS_PER_S)
+
+struct progress {
+    int64_t begin_ns, next_ns;
+};
+
 struct wanted {
     struct check_settings settings;
     const char *dir, *report;
     bool quick, json, dry_run;
 };
 
-static void print_progress(void *context, const char *what, int done, int count) {
-    (void)context;
-    fprintf(stderr, "arthron-case check: %d of %d: %s\n", done + 1, count, what);
+// A line now and then, of a check that takes long.
+static void print_progress(void *context, const char *where, double share) {
+    struct progress *p = context;
+    int64_t now_ns = clock_now_ns();
+    if (now_ns < p->next_ns || share >= 1)
+        return;
+    double left_s = (double)(now_ns - p->begin_ns) / NS_PER_S * (1 - share) / share;
+    p->next_ns = now_ns + PROGRESS_EVERY_NS;
+    fprintf(stderr, "arthron-case check: %.0f %% done, about %.0f %s left (%s)\n", 100 * share,
+            left_s < 90 ? left_s : left_s / 60, left_s < 90 ? "s" : "min", where);
 }
 
 static void print_text(const char *dir, const struct case_check *check) {
@@ -119,7 +132,9 @@ int command_check(int argc, char **argv) {
         return usage_error("check", "one case folder is needed");
     wanted.dir = argv[optind];
     wanted.settings = check_settings_default(wanted.quick);
+    struct progress progress = {clock_now_ns(), clock_now_ns() + PROGRESS_EVERY_NS};
     wanted.settings.progress = print_progress;
+    wanted.settings.context = &progress;
     if (field && !field_from_name(field, &wanted.settings.field.kind))
         return unknown_choice("check", "--field", field, fields);
     return check_folder(&wanted);

@@ -31,7 +31,7 @@ static struct field_figures *walk(const struct warp_scene *scene, const struct f
     struct moved moved;
     struct error err;
     assert_int_equal(moved_init(scene, field, &moved, &err), RESULT_OK);
-    field_walk(scene, field, &moved, yielding, space, figures);
+    field_walk(scene, field, &moved, yielding, space, NULL, figures);
     moved_fini(&moved);
     return figures;
 }

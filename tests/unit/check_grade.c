@@ -113,6 +113,41 @@ static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
     check_destroy(&check);
 }
 
+struct shares {
+    double last;
+    int count;
+    bool within; // a pose, not only at its end
+};
+
+static void take_share(void *context, const char *where, double share) {
+    struct shares *s = context;
+    assert_true(where[0] && share > s->last && share <= 1);
+    s->within |= share < 0.3;
+    s->last = share;
+    s->count++;
+}
+
+static void progress_grows_to_the_whole_with_steps_inside_a_pose(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct shares shares = {0};
+    struct check_settings settings = check_settings_default(true);
+    settings.spacing_mm = 2;
+    settings.progress = take_share;
+    settings.context = &shares;
+    struct case_check *check;
+    struct scene *scene;
+    struct error err;
+    assert_int_equal(check_case(&knee, &settings, &check, &scene, &err), RESULT_OK);
+    int moved = 0;
+    for (int i = 0; i < check->pose_count; i++)
+        moved += !check->poses[i].is_still;
+    assert_true(moved > 0 && shares.count > moved && shares.within);
+    assert_float_equal(shares.last, 1, 1e-12);
+    scene_destroy(&scene);
+    check_destroy(&check);
+}
+
 static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
     (void)state;
     struct scene *scene;
@@ -307,6 +342,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(the_grade_of_a_check_is_read_back_for_its_case, setup,
                                         teardown),
         cmocka_unit_test_setup_teardown(a_check_that_appears_changes_or_goes_is_noticed, setup,
+                                        teardown),
+        cmocka_unit_test_setup_teardown(progress_grows_to_the_whole_with_steps_inside_a_pose, setup,
                                         teardown),
         cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
         cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),

@@ -48,7 +48,8 @@ void post_tokens(struct call *call) {
     int64_t id, until_ns;
     struct error err = {""};
     if (!call->visitor.by_account) { // it would outlive the code by far
-        call_refuse(call, 403, "not_allowed", NULL, "who signed in by a code makes no tokens");
+        call_refuse(call, 403, "not_allowed", NULL,
+                    "Somebody who signed in with a code cannot make tokens.");
         return;
     }
     if (!call_take_body(call, fields) || !call_need_name(call, "name", &name))
@@ -69,7 +70,7 @@ void delete_token(struct call *call) {
     struct error err = {""};
     int64_t id;
     if (!number_int(call->args[0], 1, INT64_MAX, &id))
-        call_refuse(call, 404, "not_found", NULL, "there is no token of this number");
+        call_refuse(call, 404, "not_found", NULL, "There is no token with this number.");
     else if (call_went_well(call, store_remove_token(call->store, &call->visitor, id, &err), &err))
         call_done(call);
 }
@@ -101,7 +102,7 @@ void get_accounts(struct call *call) {
 static bool may_manage(struct call *call, enum store_role role) {
     if (call->visitor.role == ROLE_INSTRUCTOR || role == call->visitor.role)
         return true;
-    call_refuse(call, 403, "not_allowed", NULL, "a %s manages accounts of that role alone",
+    call_refuse(call, 403, "not_allowed", NULL, "A %s manages accounts of that role only.",
                 store_role_name(call->visitor.role));
     return false;
 }
@@ -119,7 +120,7 @@ static bool need_role(struct call *call, enum store_role *out_role) {
         return false;
     if (store_role_from_name(role, out_role))
         return true;
-    call_refuse(call, 400, "wrong_field", "role", "role: instructor, technician or trainee");
+    call_refuse(call, 400, "wrong_field", "role", "The role is instructor, technician or trainee.");
     return false;
 }
 
@@ -136,8 +137,9 @@ static bool take_trainee(struct call *call, enum store_role role, const char **o
     *out_trainee = trainee && trainee[0] ? trainee : NULL;
     if ((role == ROLE_TRAINEE) == (*out_trainee != NULL))
         return true;
-    call_refuse(call, 400, "wrong_field", "trainee", "trainee: %s",
-                *out_trainee ? "only for the role trainee" : "whose account it is is missing");
+    call_refuse(call, 400, "wrong_field", "trainee", "%s",
+                *out_trainee ? "Only an account with the role trainee belongs to a trainee."
+                             : "The trainee of this account is missing.");
     return false;
 }
 
@@ -166,9 +168,9 @@ static bool change_role(struct call *call, const struct store_visitor *account) 
     if (!need_role(call, &role) || !may_manage(call, role))
         return false;
     if ((role == ROLE_TRAINEE) != (account->trainee[0] != '\0')) {
-        call_refuse(call, 400, "wrong_field", "role", "role: that of an account %s a trainee is %s",
-                    account->trainee[0] ? "of" : "without",
-                    account->trainee[0] ? "trainee" : "not");
+        call_refuse(call, 400, "wrong_field", "role", "%s",
+                    account->trainee[0] ? "The account of a trainee keeps the role trainee."
+                                        : "This account belongs to no trainee.");
         return false;
     }
     return call_went_well(call, store_set_role(call->store, call->args[0], role, &err), &err);

@@ -59,18 +59,29 @@ static const char *without_path(const struct call *call, const char *text) {
     return named ? text + length + 2 : text;
 }
 
+static void make_sentence(const char *text, char *out, size_t size) {
+    size_t length = (size_t)snprintf(out, size - 1, "%s", text);
+    if (length == 0 || length >= size - 1)
+        return;
+    out[0] = (char)toupper((unsigned char)out[0]);
+    if (out[length - 1] != '.')
+        memcpy(out + length, ".", 2);
+}
+
 bool call_went_well(struct call *call, enum result result, const struct error *err) {
+    char text[sizeof err->text + 2];
     if (result == RESULT_OK)
         return true;
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (result != told[i].result)
             continue;
-        call_refuse(call, told[i].status, told[i].code, NULL, "%s", without_path(call, err->text));
+        make_sentence(without_path(call, err->text), text, sizeof text);
+        call_refuse(call, told[i].status, told[i].code, NULL, "%s", text);
         call->response->retry_after_s = result == RESULT_TIMEOUT ? 1 : 0;
         return false;
     }
     log_error("api", "%s", err->text);
-    call_refuse(call, 500, "failed", NULL, "the server could not do it; its log says why");
+    call_refuse(call, 500, "failed", NULL, "The request failed; the server's log says why.");
     return false;
 }
 
@@ -99,16 +110,16 @@ static json_t *parse(struct call *call) {
     const struct web_request *r = call->request;
     if (r->size > WEB_BODY_MAX || depth_of(r->body, r->size) > DEPTH_MAX) {
         call_refuse(call, 413, "too_large", NULL,
-                    "the body is larger than %d bytes or nested too deeply", WEB_BODY_MAX);
+                    "The body is larger than %d bytes or nested too deeply.", WEB_BODY_MAX);
         return NULL;
     }
     json_t *json =
         r->size ? json_loadb(r->body, r->size, JSON_REJECT_DUPLICATES, &why) : json_object();
     if (!json)
-        call_refuse(call, 400, "wrong_body", NULL, "the body is no JSON: line %d: %s", why.line,
+        call_refuse(call, 400, "wrong_body", NULL, "The body is not JSON: line %d: %s.", why.line,
                     why.text);
     else if (!json_is_object(json))
-        call_refuse(call, 400, "wrong_body", NULL, "the body is no JSON object");
+        call_refuse(call, 400, "wrong_body", NULL, "The body is not a JSON object.");
     if (json_is_object(json))
         return json;
     json_decref(json);
@@ -130,11 +141,11 @@ bool call_take_body(struct call *call, const char *const *fields) {
         return false;
     json_object_foreach(call->body, key, value) {
         if (!is_among(key, fields)) {
-            call_refuse(call, 400, "wrong_field", NULL, "there is no field '%.40s' here", key);
+            call_refuse(call, 400, "wrong_field", NULL, "This request has no field '%.40s'.", key);
             return false;
         }
         if (!json_is_string(value) && !json_is_null(value)) {
-            call_refuse(call, 400, "wrong_field", key, "%s: it must be a text", key);
+            call_refuse(call, 400, "wrong_field", key, "The field '%s' is not a string.", key);
             return false;
         }
     }
@@ -148,7 +159,7 @@ const char *call_text(const struct call *call, const char *field) {
 bool call_need_text(struct call *call, const char *field, const char **out_text) {
     *out_text = call_text(call, field);
     if (!*out_text)
-        call_refuse(call, 400, "wrong_field", field, "%s: it is missing", field);
+        call_refuse(call, 400, "wrong_field", field, "The field '%s' is missing.", field);
     return *out_text;
 }
 
@@ -168,8 +179,8 @@ bool call_need_name(struct call *call, const char *field, const char **out_name)
                 name[0] != ' ' && name[length - 1] != ' ';
     if (!good)
         call_refuse(call, 400, "wrong_field", field,
-                    "%s: 1 to %d bytes, without '/', and no blank at either end", field,
-                    STORE_NAME_MAX - 1);
+                    "The field '%s' needs 1 to %d bytes, no '/', and no blank at either end.",
+                    field, STORE_NAME_MAX - 1);
     return good;
 }
 
@@ -179,7 +190,7 @@ bool call_need_password(struct call *call, const char *field, const char **out_p
         return false;
     if (password_check(*out_password, &err) == RESULT_OK)
         return true;
-    call_refuse(call, 400, "wrong_field", field, "%s: %s", field, err.text);
+    call_refuse(call, 400, "wrong_field", field, "%s", err.text);
     return false;
 }
 
@@ -215,7 +226,8 @@ static const char *take_parameter(struct call *call, const char *at, struct call
     if (next && *next == '=')
         next = unescape(next + 1, '&', value, sizeof value);
     if (!next) {
-        call_refuse(call, 400, "wrong_query", NULL, "the query has a parameter that cannot be");
+        call_refuse(call, 400, "wrong_query", NULL,
+                    "A parameter of the query is malformed or too long.");
         return NULL;
     }
     for (int i = 0; query->names[i]; i++) {
@@ -225,8 +237,8 @@ static const char *take_parameter(struct call *call, const char *at, struct call
         query->given[i] = value[0];
         return *next == '&' ? next + 1 : next;
     }
-    call_refuse(call, 400, "wrong_query", NULL, "there is no parameter '%s' here, or it is twice",
-                name);
+    call_refuse(call, 400, "wrong_query", NULL,
+                "This request has no parameter '%s', or the query repeats it.", name);
     return NULL;
 }
 
@@ -247,8 +259,8 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
     const char *text = call_parameter(query, index);
     bool good = !text || number_int(text, 1, most, &number);
     if (!good)
-        call_refuse(call, 400, "wrong_query", query->names[index], "%s: a number from 1 to %d",
-                    query->names[index], most);
+        call_refuse(call, 400, "wrong_query", query->names[index],
+                    "The parameter '%s' is a number from 1 to %d.", query->names[index], most);
     *out_limit = (int)number;
     return good;
 }

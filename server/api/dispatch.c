@@ -1,5 +1,4 @@
 #include "api/api.h"
-
 #include "api/case_card.h"
 #include "api/routes.h"
 #include "api/secret.h"
@@ -23,7 +22,7 @@ static enum result look_for_instructor(struct api *api, struct error *err) {
     if (has)
         return result;
     secret_make(api->first_secret);
-    log_warning("api", "there is no instructor: make the first one at %s#/first/%s",
+    log_warning("api", "there is no instructor; make the first one at %s#/first/%s",
                 api->config.link, api->first_secret);
     return result;
 }
@@ -78,9 +77,10 @@ static enum result find_visitor(struct store *store, const char *token, bool *ou
 static void log_failing(struct api *api, enum result result, const struct error *err) {
     bool failed = atomic_exchange(&api->failing, result != RESULT_OK);
     if (result != RESULT_OK && !failed)
-        log_error("api", "who looks on stays in, for nobody can be looked up: %s", err->text);
+        log_error("api", "accounts cannot be looked up, so open pages stay signed in: %s",
+                  err->text);
     else if (result == RESULT_OK && failed)
-        log_info("api", "who looks on can be looked up again");
+        log_info("api", "accounts can be looked up again");
 }
 
 enum result api_enter(void *user, const char *token, struct web_account *out) {
@@ -116,7 +116,7 @@ static bool let_in(struct call *call, const struct route *route) {
     if (route->roles & NOBODY || (call->is_visitor && route->roles & 1 << call->visitor.role))
         return true;
     if (call->is_visitor)
-        call_refuse(call, 403, "not_allowed", NULL, "a %s may not do that",
+        call_refuse(call, 403, "not_allowed", NULL, "A %s may not do that.",
                     store_role_name(call->visitor.role));
     else
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
@@ -128,9 +128,10 @@ void api_answer(void *user, const struct web_request *request, struct web_respon
     bool there;
     const struct route *route = routes_find(request->method, request->path, call.args, &there);
     if (!route && there)
-        call_refuse(&call, 405, "wrong_method", NULL, "%.16s is not known here", request->method);
+        call_refuse(&call, 405, "wrong_method", NULL, "This path does not support %.16s.",
+                    request->method);
     else if (!route)
-        call_refuse(&call, 404, "not_found", NULL, "there is nothing here");
+        call_refuse(&call, 404, "not_found", NULL, "There is nothing at this path.");
     else if (call_open_store(&call) && let_in(&call, route))
         route->answer(&call);
     call_close_store(&call);

@@ -55,7 +55,8 @@ static const char *find_station(struct call *call) {
     for (int i = 0; i < config->station_count; i++)
         if (!strcmp(config->stations[i].name, call->args[0]))
             return config->stations[i].name;
-    call_refuse(call, 404, "not_found", NULL, "the config has no station '%s'", call->args[0]);
+    call_refuse(call, 404, "not_found", NULL, "The server's config has no station '%s'.",
+                call->args[0]);
     return NULL;
 }
 
@@ -90,7 +91,7 @@ void post_station_revoke(struct call *call) {
         return;
     enum result result = authority_revoke(call->api->config.keys_dir, station, &err);
     if (result == RESULT_MISSING)
-        call_refuse(call, 409, "conflict", NULL, "no certificate was ever issued to station %s",
+        call_refuse(call, 409, "conflict", NULL, "Station %s has never had a certificate.",
                     station);
     else if (call_went_well(call, result, &err))
         call_done(call);
@@ -113,7 +114,8 @@ static int find_case(struct call *call) {
     for (int i = 0; i < call->api->config.case_count; i++)
         if (!strcmp(call->api->config.cases[i].name, call->args[0]))
             return i;
-    call_refuse(call, 404, "not_found", NULL, "the config has no case '%s'", call->args[0]);
+    call_refuse(call, 404, "not_found", NULL, "The server's config has no case '%s'.",
+                call->args[0]);
     return -1;
 }
 
@@ -135,7 +137,7 @@ static void answer_file(struct call *call, const char *dir, const char *name, co
     int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
     if (length >= (int)sizeof r->file || stat(r->file, &status) || !S_ISREG(status.st_mode)) {
         r->file[0] = '\0';
-        call_refuse(call, 404, "not_found", NULL, "there is no %s", name);
+        call_refuse(call, 404, "not_found", NULL, "There is no %s.", name);
         return;
     }
     r->status = 200;

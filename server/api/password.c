@@ -38,9 +38,9 @@ enum result password_check(const char *password, struct error *err) {
     for (const char *c = password; *c; c++)
         characters += ((unsigned char)*c & 0xc0) != 0x80;
     if (characters < PASSWORD_LEAST)
-        return fail(err, RESULT_INVALID, "a password has at least %d characters", PASSWORD_LEAST);
+        return fail(err, RESULT_INVALID, "A password has at least %d characters.", PASSWORD_LEAST);
     if (strlen(password) > PASSWORD_MOST)
-        return fail(err, RESULT_INVALID, "a password has at most %d bytes", PASSWORD_MOST);
+        return fail(err, RESULT_INVALID, "A password has at most %d bytes.", PASSWORD_MOST);
     return RESULT_OK;
 }
 

@@ -144,7 +144,7 @@ static bool find_course(struct call *call) {
     if (!call_went_well(call, result, &err))
         return false;
     if (!there)
-        call_refuse(call, 404, "not_found", NULL, "there is no course '%s'", call->args[0]);
+        call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", call->args[0]);
     return there;
 }
 

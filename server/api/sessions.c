@@ -57,7 +57,8 @@ void get_sessions(struct call *call) {
         (struct store_filter){call_parameter(&query, WHOSE), call_parameter(&query, COURSE),
                               call_parameter(&query, CASE), call_parameter(&query, BEFORE), limit};
     if (filter.before && !is_id(filter.before)) {
-        call_refuse(call, 400, "wrong_query", "before", "before: the id of a session");
+        call_refuse(call, 400, "wrong_query", "before",
+                    "The parameter 'before' is the id of a session.");
         return;
     }
     if (is_trainee(call)) {
@@ -104,7 +105,7 @@ static json_t *find_session(struct call *call) {
     if (row && is_own(call, row))
         return row;
     json_decref(row);
-    call_refuse(call, 404, "not_found", NULL, "there is no such session");
+    call_refuse(call, 404, "not_found", NULL, "There is no such session.");
     return NULL;
 }
 
@@ -159,7 +160,7 @@ static bool find_trace(struct call *call, char out_path[STORE_TEXT_MAX]) {
     json_decref(row);
     if (!stat(out_path, &status) && S_ISREG(status.st_mode))
         return true;
-    call_refuse(call, 404, "not_found", NULL, "its trace is not there any more");
+    call_refuse(call, 404, "not_found", NULL, "The trace of this session no longer exists.");
     return false;
 }
 
@@ -245,7 +246,7 @@ static bool may_see(struct call *call, const char *course) {
     if (!is_trainee(call))
         return true;
     if (!course) {
-        call_refuse(call, 400, "wrong_query", "course", "course: it is missing");
+        call_refuse(call, 400, "wrong_query", "course", "The parameter 'course' is missing.");
         return false;
     }
     enum result result =
@@ -253,7 +254,7 @@ static bool may_see(struct call *call, const char *course) {
     if (!call_went_well(call, result, &err))
         return false;
     if (!m.is_in)
-        call_refuse(call, 404, "not_found", NULL, "you are in no course '%s'", course);
+        call_refuse(call, 404, "not_found", NULL, "You are not in a course '%s'.", course);
     return m.is_in;
 }
 
@@ -264,7 +265,7 @@ void get_distributions(struct call *call) {
         return;
     const char *name = call_parameter(&query, 0), *course = call_parameter(&query, 1);
     if (!name) {
-        call_refuse(call, 400, "wrong_query", "case", "case: it is missing");
+        call_refuse(call, 400, "wrong_query", "case", "The parameter 'case' is missing.");
         return;
     }
     if (!may_see(call, course))
@@ -300,7 +301,7 @@ static void make_report(struct call *call, const struct api_report *about) {
     enum result result = call->api->config.report(about, file, &err);
     fclose(file);
     if (result == RESULT_MISSING && about->course) {
-        call_refuse(call, 404, "not_found", NULL, "there is no course '%s'", about->course);
+        call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", about->course);
         free(page);
         return;
     }
@@ -348,7 +349,7 @@ void get_session_report(struct call *call) {
         return;
     call_close_store(call);
     if (atomic_flag_test_and_set(&call->api->reporting)) {
-        call_refuse(call, 503, "busy", NULL, "another report is being made");
+        call_refuse(call, 503, "busy", NULL, "The server is making another report.");
         call->response->retry_after_s = 2;
         return;
     }

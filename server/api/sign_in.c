@@ -17,8 +17,8 @@ struct try {
 };
 
 static bool too_many(struct call *call, int wait_s) {
-    log_warning("api", "too many wrong sign-ins from %s", call->request->address);
-    call_refuse(call, 429, "too_many", NULL, "too many wrong tries: wait %d s", wait_s);
+    log_warning("api", "too many failed sign-ins from %s", call->request->address);
+    call_refuse(call, 429, "too_many", NULL, "Too many failed attempts; wait %d s.", wait_s);
     call->response->retry_after_s = wait_s;
     return false;
 }
@@ -97,7 +97,7 @@ static void sign_in_by_password(struct call *call) {
     if (result != RESULT_MISSING)
         try_was_right(call, &try);
     else if (!call->response->status)
-        call_refuse(call, 401, "wrong_password", NULL, "name or password is wrong");
+        call_refuse(call, 401, "wrong_password", NULL, "The name or the password is wrong.");
 }
 
 static void sign_in_by_code(struct call *call, const char *typed) {
@@ -114,7 +114,7 @@ static void sign_in_by_code(struct call *call, const char *typed) {
     if (result == RESULT_OK)
         result = begin_visit(call, 200);
     if (result == RESULT_MISSING)
-        call_refuse(call, 401, "wrong_code", "code", "the code is wrong or has ended");
+        call_refuse(call, 401, "wrong_code", "code", "The code is wrong or has ended.");
     else if (call->response->status || call_went_well(call, result, &err))
         try_was_right(call, &try);
 }
@@ -125,7 +125,8 @@ void post_sign_in(struct call *call) {
         return;
     const char *code = call_text(call, "code");
     if (code && (call_text(call, "name") || call_text(call, "password")))
-        call_refuse(call, 400, "wrong_field", "code", "code: either it, or name and password");
+        call_refuse(call, 400, "wrong_field", "code",
+                    "Send either a code, or a name and a password.");
     else if (code)
         sign_in_by_code(call, code);
     else
@@ -141,7 +142,7 @@ static bool make_first(struct call *call, const char *name, const char *encoded)
     if (!call_went_well(call, store_has_instructor(call->store, &has, &err), &err))
         return false;
     if (has) {
-        call_refuse(call, 409, "conflict", NULL, "there is an instructor already");
+        call_refuse(call, 409, "conflict", NULL, "There is already an instructor.");
         return false;
     }
     if (!call_went_well(
@@ -156,7 +157,8 @@ static bool secret_fits(struct call *call, const char *secret) {
     bool fits = api->first_secret[0] && secret_is(api->first_secret, secret);
     pthread_mutex_unlock(&api->first_lock);
     if (!fits)
-        call_refuse(call, 401, "wrong_secret", "secret", "the link is wrong or was used");
+        call_refuse(call, 401, "wrong_secret", "secret",
+                    "The link is wrong, or somebody has used it.");
     return fits;
 }
 
@@ -241,14 +243,15 @@ void patch_me(struct call *call) {
         !call_need_password(call, "new_password", &new))
         return;
     if (!call->visitor.by_account) {
-        call_refuse(call, 403, "not_allowed", NULL, "who signed in by a code has no password");
+        call_refuse(call, 403, "not_allowed", NULL,
+                    "Somebody who signed in with a code has no password.");
         return;
     }
     if (!find_account(call, name, &there) || !try_begin(call, name, &try))
         return;
     if (strlen(old) > PASSWORD_MOST || !password_fits(call, there, old)) {
         if (!call->response->status)
-            call_refuse(call, 401, "wrong_password", "password", "the old password is wrong");
+            call_refuse(call, 401, "wrong_password", "password", "The old password is wrong.");
         return;
     }
     try_was_right(call, &try);
@@ -258,7 +261,7 @@ void patch_me(struct call *call) {
         return;
     enum result result = store_change_password(call->store, &call->visitor, encoded, &err);
     if (result == RESULT_MISSING)
-        call_refuse(call, 401, "wrong_password", "password", "the old password is wrong");
+        call_refuse(call, 401, "wrong_password", "password", "The old password is wrong.");
     else if (call_went_well(call, result, &err))
         call_done(call);
 }

@@ -135,13 +135,13 @@ static bool should_stop(struct recorder *r) {
 
 static void tell_failure(struct recorder *r, const struct error *err) {
     if (!r->failing)
-        log_error("records", "%s; sessions go on, trying again", err->text);
+        log_error("records", "%s; sessions go on, and the server tries again", err->text);
     r->failing = true;
 }
 
 static void tell_success(struct recorder *r) {
     if (r->failing)
-        log_warning("records", "%s: takes sessions again", r->records);
+        log_warning("records", "%s: the records accept sessions again", r->records);
     r->failing = false;
 }
 
@@ -153,7 +153,7 @@ static void notice_exchange(struct recorder *r) {
     if (result != RESULT_OK && result != RESULT_MISSING)
         return; // it is locked, or damaged: writing will tell
     if (store_is_other(&r->file, &now)) {
-        log_warning("records", "%s: it is another file than before", r->records);
+        log_warning("records", "%s: somebody replaced this file", r->records);
         r->took_over = false;
     }
     r->file = now;

@@ -27,7 +27,7 @@ enum result store_check_password(const char *password, struct error *err) {
     enum result result = text_check(password, "account's password", STORE_TEXT_MAX, err);
     if (result == RESULT_OK && strncmp(password, "$argon2", 7) != 0)
         result = fail(err, RESULT_INVALID,
-                      "the account's password is not encoded by argon2 ($argon2id$v=19$...)");
+                      "argon2 has not encoded the account's password ($argon2id$v=19$...)");
     return result;
 }
 

@@ -28,16 +28,16 @@ enum result connection_failed(sqlite3 *db, const char *path, int code, struct er
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
         return fail(err, RESULT_TIMEOUT,
-                    "%s: another program keeps the records locked: end it, or try again", path);
+                    "%s: another program has locked the records; stop it, or try again", path);
     case SQLITE_CORRUPT:
         return fail(err, RESULT_CORRUPT,
-                    "%s: the records are damaged (%s): put back a backup with 'arthron-server "
+                    "%s: the records are damaged (%s); restore a backup with 'arthron-server "
                     "restore BACKUP --file %s'",
                     path, text, path);
     case SQLITE_NOTADB:
         return fail(err, RESULT_FORMAT,
-                    "%s: this is no database, or its beginning is destroyed: name another file, or "
-                    "put back a backup with 'arthron-server restore BACKUP --file %s'",
+                    "%s: this file is not a database, or its beginning is destroyed; name another "
+                    "file, or restore a backup with 'arthron-server restore BACKUP --file %s'",
                     path, path);
     case SQLITE_CONSTRAINT:
         return fail(err, RESULT_REFUSED, "%s: %s", path, text);
@@ -45,11 +45,13 @@ enum result connection_failed(sqlite3 *db, const char *path, int code, struct er
     case SQLITE_SCHEMA:
     case SQLITE_MISMATCH:
         return fail(err, RESULT_FORMAT,
-                    "%s: its tables are not those of arthron-server (%s): put back a backup", path,
+                    "%s: its tables are not those of arthron-server (%s); restore a backup", path,
                     text);
+    case SQLITE_FULL:
+        return fail(err, RESULT_IO, "%s: the disk is full", path);
     default:
-        return fail(err, RESULT_IO, "%s: %s: look after the disk's space and the file's rights",
-                    path, text);
+        return fail(err, RESULT_IO,
+                    "%s: %s; check the space on its disk and the file's permissions", path, text);
     }
 }
 
@@ -72,9 +74,8 @@ enum result connection_lock(const char *path, bool alone, int *out_fd, struct er
          waited += LOCK_ROUND_MS) {
         if (waited >= BUSY_MS) {
             close(fd);
-            return fail(err, RESULT_TIMEOUT,
-                        "%s: another arthron-server %s: try again when it has ended", path,
-                        alone ? "has the records open" : "is putting back a backup");
+            return fail(err, RESULT_TIMEOUT, "%s: another arthron-server %s; try again later", path,
+                        alone ? "has the records open" : "is restoring a backup");
         }
         nanosleep(&round, NULL);
     }
@@ -88,7 +89,7 @@ static enum result reach_file(const char *path, int flags, struct error *err) {
     int access_mode = flags & SQLITE_OPEN_READONLY ? O_RDONLY : O_RDWR;
     int fd = open(path, access_mode | O_CLOEXEC | (flags & SQLITE_OPEN_CREATE ? O_CREAT : 0), 0600);
     if (fd < 0 && errno == ENOENT)
-        return fail(err, RESULT_MISSING, "%s: there are no records", path);
+        return fail(err, RESULT_MISSING, "%s: this file does not exist", path);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     close(fd);
@@ -141,15 +142,17 @@ static enum result check_owner(sqlite3 *db, const char *path, bool make, struct 
     int version = owner.version;
     if (id != STORE_APPLICATION_ID && (id || tables || version || !make))
         return fail(err, RESULT_FORMAT,
-                    "%s: this is no file of arthron-server's records: name another", path);
+                    "%s: this file does not hold records of arthron-server; name another file",
+                    path);
     if (version > schema_version)
         return fail(
             err, RESULT_VERSION,
-            "%s: a newer arthron-server made these records (version %d, this one knows %d): "
-            "install it, or put back an older backup",
+            "%s: a newer arthron-server made these records (version %d; this one reads up to %d); "
+            "install that one, or restore an older backup",
             path, version, schema_version);
     if (version < 0 || (id && !version))
-        return fail(err, RESULT_FORMAT, "%s: records of version %d: put back a backup", path,
+        return fail(err, RESULT_FORMAT,
+                    "%s: the records have version %d, which does not exist; restore a backup", path,
                     version);
     return RESULT_OK;
 }
@@ -252,7 +255,7 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
     store->lock_fd = -1;
     enum result result = RESULT_OK;
     if (mode == STORE_THERE && access(path, F_OK))
-        result = fail(err, RESULT_MISSING, "%s: there are no records", path);
+        result = fail(err, RESULT_MISSING, "%s: this file does not exist", path);
     if (result == RESULT_OK)
         result = connection_lock(path, false, &store->lock_fd, err);
     if (result == RESULT_OK)

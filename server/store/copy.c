@@ -76,23 +76,33 @@ static int copy_pages(sqlite3 *from, sqlite3 *to) {
     return code == SQLITE_OK ? SQLITE_BUSY : code;
 }
 
-// Into a new file that needs no other beside it, checked and on disk.
+// What went wrong between two databases: the space is missing where the copy goes.
+static enum result copy_failed(const char *from_path, const char *to_name, int code,
+                               struct error *err) {
+    int kind = code & 0xff;
+    bool is_target = kind == SQLITE_FULL || kind == SQLITE_IOERR || kind == SQLITE_READONLY ||
+                     kind == SQLITE_CANTOPEN;
+    return connection_failed(NULL, is_target ? to_name : from_path, code, err);
+}
+
+// Into a new file that needs no other beside it, checked and on disk. to_name: what the file will
+// be called, for errors.
 static enum result copy_checked(sqlite3 *from, const char *from_path, const char *to_path,
-                                struct error *err) {
+                                const char *to_name, struct error *err) {
     sqlite3 *to = NULL;
     enum result result = make_new(to_path, err);
     if (result != RESULT_OK)
         return result;
     int code = sqlite3_open_v2(to_path, &to, SQLITE_OPEN_READWRITE, NULL);
     if (code != SQLITE_OK)
-        result = connection_failed(to, to_path, code, err);
+        result = connection_failed(to, to_name, code, err);
     if (result == RESULT_OK && (code = copy_pages(from, to)) != SQLITE_DONE)
-        result = connection_failed(NULL, from_path, code, err);
+        result = copy_failed(from_path, to_name, code, err);
     if (result == RESULT_OK)
         result = connection_check(to, from_path, err);
     if (result == RESULT_OK &&
         (code = sqlite3_exec(to, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL)) != SQLITE_OK)
-        result = connection_failed(to, to_path, code, err);
+        result = connection_failed(to, to_name, code, err);
     sqlite3_close(to);
     if (result == RESULT_OK)
         result = sync_file_and_folder(to_path, err);
@@ -106,27 +116,39 @@ enum result store_backup(struct store *store, const char *out_path, struct error
     char part[PATH_MAX];
     enum result result = name_beside(out_path, ".part", part, sizeof part, err);
     if (result == RESULT_OK && access(out_path, F_OK) == 0)
-        result = fail(err, RESULT_REFUSED, "%s: it is there already: name another file", out_path);
+        result =
+            fail(err, RESULT_REFUSED, "%s: this file already exists; name another file", out_path);
     if (result != RESULT_OK)
         return result;
     unlink(part); // of a backup that was interrupted
-    result = copy_checked(store->db, store->path, part, err);
+    result = copy_checked(store->db, store->path, part, out_path, err);
     if (result == RESULT_OK && link(part, out_path))
         result = fail(err, RESULT_IO, "%s: %s", out_path, strerror(errno));
     unlink(part);
     return result == RESULT_OK ? sync_file_and_folder(out_path, err) : result;
 }
 
-// ---- putting back -------------------------------------------------------------------------------
+// ---- restoring ----------------------------------------------------------------------------------
 
-static enum result read_backup(const char *backup, const char *fresh, struct error *err) {
+// The advice of the records' own errors is to restore a backup, which this one should be.
+static enum result describe_backup(const char *backup, enum result result, struct error *err) {
+    if (result == RESULT_FORMAT)
+        return fail(err, result, "%s: this file is not a backup of arthron-server's records",
+                    backup);
+    if (result == RESULT_CORRUPT)
+        return fail(err, result, "%s: this backup is damaged; restore another one", backup);
+    return result;
+}
+
+static enum result read_backup(const char *backup, const char *fresh, const char *path,
+                               struct error *err) {
     sqlite3 *db;
     enum result result = connection_open(backup, SQLITE_OPEN_READONLY, &db, err);
     if (result != RESULT_OK)
-        return result;
-    result = copy_checked(db, backup, fresh, err);
+        return describe_backup(backup, result, err);
+    result = copy_checked(db, backup, fresh, path, err);
     sqlite3_close(db);
-    return result;
+    return describe_backup(backup, result, err);
 }
 
 static enum result free_name(const char *path, char *out, size_t size, struct error *err) {
@@ -141,7 +163,9 @@ static enum result free_name(const char *path, char *out, size_t size, struct er
         if (result != RESULT_OK || access(out, F_OK))
             return result;
     }
-    return fail(err, RESULT_REFUSED, "%s: %d others lie aside", path, ASIDE_MAX);
+    return fail(err, RESULT_REFUSED,
+                "%s: %d replaced files are kept beside it; move some of them away", path,
+                ASIDE_MAX);
 }
 
 // Takes what is in the log beside the file into it, and the log away, so that the file can be
@@ -229,7 +253,7 @@ enum result store_restore(const char *backup, const char *path, const char *acto
     if (result != RESULT_OK)
         return result;
     unlink(fresh); // of a restore that was interrupted: the lock is ours
-    result = read_backup(backup, fresh, err);
+    result = read_backup(backup, fresh, path, err);
     if (result == RESULT_OK)
         result = exchange(fresh, path, out_aside, err);
     unlink(fresh);

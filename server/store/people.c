@@ -245,8 +245,8 @@ enum result store_remove_trainee(struct store *store, const char *name, struct e
                             err, "i", id);
     if (result == RESULT_OK && sessions)
         result = fail(err, RESULT_REFUSED,
-                      "%s: trainee '%s' has sessions (%lld): erase the trainee instead",
-                      store->path, name, (long long)sessions);
+                      "%s: trainee '%s' has %lld sessions; erase the trainee instead", store->path,
+                      name, (long long)sessions);
     if (result == RESULT_OK)
         result = remove_belongings(store, id, err);
     if (result == RESULT_OK)

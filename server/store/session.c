@@ -21,8 +21,8 @@ static enum result check_session(const struct store_session *s, struct error *er
         result = text_check(s->trace, "session's trace", sizeof s->trace, err);
     if (result == RESULT_OK &&
         (strlen(s->id) != STORE_ID_MAX - 1 || strspn(s->id, "0123456789abcdef") != strlen(s->id)))
-        result = fail(err, RESULT_INVALID, "the session's id '%.40s' is not 32 hexadecimal digits",
-                      s->id);
+        result = fail(err, RESULT_INVALID,
+                      "the session's id '%.40s' does not consist of 32 hexadecimal digits", s->id);
     if (result == RESULT_OK && (s->steps > INT64_MAX || s->missing > INT64_MAX))
         result = fail(err, RESULT_INVALID, "the session's steps are out of range");
     return result;

@@ -40,6 +40,7 @@ enum result text_check(const char *text, const char *what, size_t size, struct e
         return fail(err, RESULT_INVALID, "the %s '%.20s...' is longer than %zu bytes", what, text,
                     size - 1);
     if (!is_printable(text))
-        return fail(err, RESULT_INVALID, "the %s has a character that is no printable UTF-8", what);
+        return fail(err, RESULT_INVALID, "the %s contains a character that is not printable UTF-8",
+                    what);
     return RESULT_OK;
 }

@@ -58,7 +58,8 @@ static enum result find_visitor(struct store *store, sqlite3_stmt *statement,
     if (code == SQLITE_ROW)
         take_visitor(statement, out);
     else if (code == SQLITE_DONE)
-        result = fail(err, RESULT_MISSING, "%s: there is none such", store->path);
+        result =
+            fail(err, RESULT_MISSING, "%s: there is no such account, token or code", store->path);
     else
         result = store_failed(store, code, err);
     return result;
@@ -161,7 +162,8 @@ static enum result check_room(struct store *store, int64_t account, int64_t trai
                                     "ifnull(account_id, 0) = ? AND ifnull(trainee_id, 0) = ?",
                                     &count, err, "ii", account, trainee);
     if (result == RESULT_OK && count >= OWN_MAX)
-        return fail(err, RESULT_LIMIT, "there are %d tokens already: delete one", OWN_MAX);
+        return fail(err, RESULT_LIMIT, "this account already has %d tokens; delete one of them",
+                    OWN_MAX);
     return result;
 }
 
@@ -285,7 +287,7 @@ enum result store_remove_token(struct store *store, const struct store_visitor *
                             "ifnull(trainee_id, 0) = ? AND kind <> 'code'",
                             &found, err, "iii", id, account, trainee);
     if (result == RESULT_MISSING)
-        fail(err, result, "there is no token %lld of %s", (long long)id, owner->name);
+        fail(err, result, "%s has no token with number %lld", owner->name, (long long)id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM token WHERE id = ?", err, "i", id);
     if (result == RESULT_OK)

@@ -141,7 +141,7 @@ struct answer answer_refusal(int status, const char *code, const char *text, boo
 }
 
 static struct answer failure(void) {
-    return answer_refusal(500, "failed", "the server could not answer; its log says why", false);
+    return answer_refusal(500, "failed", "The request failed; the server's log says why.", false);
 }
 
 static void drop_body(struct answer *a) {
@@ -352,7 +352,7 @@ struct answer answer_of(const struct web_response *r, const struct answer_option
     a.bytes = a.owned = (uint8_t *)r->body;
     a.size = r->size;
     if (r->file[0] && !open_file(&a, r->file))
-        return answer_refusal(404, "not_found", "there is no such file", false);
+        return answer_refusal(404, "not_found", "There is no such file.", false);
     bool packed = is_packed(r, options) && a.left <= COMPRESSED_MAX;
     if (packed && a.file < 0)
         pack(&a);

@@ -109,20 +109,22 @@ static int64_t read_length(struct lws *socket) {
 
 static struct refusal check_length(const char *method, int64_t length) {
     if (length == -2)
-        return (struct refusal){411, "length", "a body's length in bytes must be said", true};
+        return (struct refusal){411, "length", "Content-Length must give the length of the body.",
+                                true};
     if (length == -1 && strcmp(method, "GET") && strcmp(method, "DELETE"))
-        return (struct refusal){411, "length", "Content-Length is missing", true};
+        return (struct refusal){411, "length", "Content-Length is missing.", true};
     if (length > WEB_BODY_MAX)
-        return (struct refusal){413, "too_large", "a body has at most 65536 bytes",
+        return (struct refusal){413, "too_large", "A body has at most 65536 bytes.",
                                 length > DROPPED_MAX};
     return (struct refusal){0};
 }
 
 static struct refusal check_host(const struct web_connection *c, char *out_host, size_t size) {
     if (!header(c->socket, WSI_TOKEN_HOST, out_host, size) || !out_host[0])
-        return (struct refusal){400, "host", "Host is missing or too long", false};
+        return (struct refusal){400, "host", "Host is missing or too long.", false};
     if (!host_check_is_own(c->web->hosts, out_host))
-        return (struct refusal){421, "host", "this server has no such name ([web] names)", false};
+        return (struct refusal){421, "host", "This server does not have this name ([web] names).",
+                                false};
     return (struct refusal){0};
 }
 
@@ -132,7 +134,8 @@ static struct refusal check_origin(const struct web_connection *c, const char *h
     bool fits = header(c->socket, WSI_TOKEN_ORIGIN, origin, sizeof origin);
     if (fits && (origin[0] ? host_check_is_origin(origin, host) : !needed))
         return (struct refusal){0};
-    return (struct refusal){403, "origin", "only pages of this server may ask for that", false};
+    return (struct refusal){403, "origin", "Only pages of this server may send this request.",
+                            false};
 }
 
 static struct refusal check(struct web_connection *c, struct web_task *task, int64_t length,
@@ -142,12 +145,13 @@ static struct refusal check(struct web_connection *c, struct web_task *task, int
     if (refusal.status)
         return refusal;
     if (!readable)
-        return (struct refusal){400, "address", "the address is too long or malformed", false};
+        return (struct refusal){400, "address", "The path or query is too long or malformed.",
+                                false};
     refusal = check_host(c, host, sizeof host);
     if (refusal.status)
         return refusal;
     if (!task->method[0])
-        return (struct refusal){405, "method", "there is no such method here", false};
+        return (struct refusal){405, "method", "This server does not support this method.", false};
     if (!strcmp(task->method, "GET"))
         return (struct refusal){0};
     return check_origin(c, host, task->by_cookie);
@@ -176,9 +180,11 @@ static int refuse(struct web_connection *c, const struct refusal *r) {
 }
 
 static int serve_page(struct web_connection *c) {
-    static const struct refusal no_method = {405, "method", "pages are only read", false};
-    static const struct refusal no_page = {404, "not_found", "there is no such page", false};
-    static const struct refusal no_upgrade = {426, "websocket", "this is for WebSockets", false};
+    static const struct refusal no_method = {405, "method", "Pages support GET and HEAD only.",
+                                             false};
+    static const struct refusal no_page = {404, "not_found", "There is no such page.", false};
+    static const struct refusal no_upgrade = {426, "websocket", "This path is for WebSockets.",
+                                              false};
     const char *path = strcmp(c->task->path, "/") ? c->task->path : "/index.html";
     if (strcmp(c->task->method, "GET"))
         return refuse(c, &no_method);
@@ -198,8 +204,10 @@ static void pause_reading(struct web_connection *c) {
 }
 
 static int add_request(struct web_connection *c) {
-    static const struct refusal too_fast = {429, "too_fast", "too many requests", false};
-    static const struct refusal too_many = {503, "busy", "the server has too much to do", false};
+    static const struct refusal too_fast = {429, "too_fast", "Too many requests; wait a second.",
+                                            false};
+    static const struct refusal too_many = {503, "busy", "The server is too busy; try again.",
+                                            false};
     if (!rate_limit_may_request(c->limit, clock_now_ns()))
         return refuse(c, &too_fast);
     if (!request_pool_add(c->web->pool, c->task))
@@ -359,17 +367,17 @@ static struct refusal check_upgrade(struct web_connection *c, const char *protoc
     if (strcasecmp(protocol, "websocket") ||
         lws_http_get_uri_and_method(c->socket, &uri, &length) != LWSHUMETH_GET || length != 5 ||
         memcmp(uri, "/live", 5))
-        return (struct refusal){404, "not_found", "/live is the only WebSocket", true};
+        return (struct refusal){404, "not_found", "The only WebSocket is /live.", true};
     if (!header(c->socket, WSI_TOKEN_PROTOCOL, subprotocol, sizeof subprotocol) ||
         strcmp(subprotocol, WIRE_LIVE_SUBPROTOCOL))
-        return (struct refusal){400, "subprotocol", "only " WIRE_LIVE_SUBPROTOCOL " is spoken",
+        return (struct refusal){400, "subprotocol", "The subprotocol is " WIRE_LIVE_SUBPROTOCOL ".",
                                 true};
     if (!out_token[0])
-        return (struct refusal){401, "signed_out", "who is it?", true};
+        return (struct refusal){401, "signed_out", "Sign in first.", true};
     if (!rate_limit_may_request(c->limit, clock_now_ns()))
-        return (struct refusal){429, "too_fast", "too many requests", true};
+        return (struct refusal){429, "too_fast", "Too many requests; wait a second.", true};
     if (live_is_full(c->web) || c->web->draining)
-        return (struct refusal){503, "full", "too many viewers", true};
+        return (struct refusal){503, "full", "Too many pages are open.", true};
     return (struct refusal){0};
 }
 

@@ -203,13 +203,13 @@ static int take_message(struct web_connection *c) {
     arthron_Page message;
     struct error err;
     if (!bucket_take(&live->messages, MESSAGES_S, MESSAGES_AT_ONCE, clock_now_ns()))
-        return refuse(c, NOT_ALLOWED, "the page says too much");
+        return refuse(c, NOT_ALLOWED, "the page sends too many messages");
     if (wire_decode_page(live->incoming, live->used, &message, &err) != RESULT_OK)
         return refuse(c, MALFORMED, err.text);
     if (message.which_message == arthron_Page_drawn_tag) {
         uint64_t drawn = message.message.drawn.batches;
         if (drawn > live->sent || drawn < live->drawn)
-            return refuse(c, MALFORMED, "the page has drawn what it was not sent");
+            return refuse(c, MALFORMED, "the page acknowledged batches that it was not sent");
         live->drawn = drawn;
         plan(c);
         return 0;
@@ -217,7 +217,7 @@ static int take_message(struct web_connection *c) {
     if (message.which_message == 0)
         return 0; // of a later version
     if (!handler->on_page(handler->user, live->user, &message))
-        return refuse(c, NOT_ALLOWED, "the page may not say so");
+        return refuse(c, NOT_ALLOWED, "the page may not send this message");
     poll_now(c);
     return 0;
 }
@@ -227,9 +227,9 @@ int live_receive(struct web_connection *c, const void *bytes, size_t size) {
     if (!live->user)
         return 0; // it is being closed
     if (!lws_frame_is_binary(c->socket))
-        return refuse(c, NOT_BINARY, "messages are binary");
+        return refuse(c, NOT_BINARY, "the message is not binary");
     if (size > sizeof live->incoming - live->used)
-        return refuse(c, TOO_LONG, "messages are not longer than 4096 bytes");
+        return refuse(c, TOO_LONG, "the message is longer than 4096 bytes");
     memcpy(live->incoming + live->used, bytes, size);
     live->used += size;
     if (lws_remaining_packet_payload(c->socket) || !lws_is_final_fragment(c->socket))

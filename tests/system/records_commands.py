@@ -195,8 +195,8 @@ class Commands(unittest.TestCase):
             self.assertIn(f"{option[0]} ", done.stderr.splitlines()[0])
             self.assertIn("is missing", done.stderr.splitlines()[0])
             self.assertIn("the command is missing", call("arthron-server", command, *option, code=2).stderr)
-        self.assertIn("no records", call("arthron-server", "records", "--file", self.path("none.db"), "list", "sessions",
-                                         code=1).stderr)
+        missing = call("arthron-server", "records", "--file", self.path("none.db"), "list", "sessions", code=1)
+        self.assertIn("none.db: this file does not exist", missing.stderr)
         self.assertFalse(os.path.exists(self.path("none.db")))
 
     def test_what_was_done_is_said_beside_the_data(self):

@@ -31,7 +31,7 @@ static void a_trainee_sees_no_session_but_their_own(void **state) {
                 snprintf(path, sizeof path, "/sessions/%s%s", ids[i], parts[part]);
                 assert_int_equal(ask("GET", path, tokens[who], NULL), !who || !i ? 200 : 404);
                 if (answer.status == 404) { // as if there were none
-                    assert_string_equal(text_at("error.text"), "there is no such session");
+                    assert_string_equal(text_at("error.text"), "There is no such session.");
                     assert_string_equal(answer.file, "");
                 }
             }

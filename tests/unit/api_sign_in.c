@@ -425,7 +425,7 @@ static void secrets_are_in_no_file_and_in_no_log(void **state) {
     dup2(old, 2);
     close(log);
     close(old);
-    assert_true(is_in_files("too many wrong sign-ins from 10.0.0.5"));
+    assert_true(is_in_files("too many failed sign-ins from 10.0.0.5"));
     assert_true(is_in_files("$argon2id$"));
     assert_true(is_in_files("trainee 1")); // the actor, not by name
     assert_false(is_in_files(PASSWORD));

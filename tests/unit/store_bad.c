@@ -25,11 +25,15 @@ static const struct {
     enum result expected;
     const char *says;
 } files[] = {
-    {"text", "[server]\nkeys = keys\nrecords = records.db\n", NULL, RESULT_FORMAT, "no database"},
-    {"a header alone", "SQLite format 3", NULL, RESULT_FORMAT, "no database"},
-    {"another program's", NULL, "CREATE TABLE song (title TEXT)", RESULT_FORMAT, "no file of"},
-    {"another program's, empty", NULL, "PRAGMA application_id = 77", RESULT_FORMAT, "no file of"},
-    {"a version without an owner", NULL, "PRAGMA user_version = 1", RESULT_FORMAT, "no file of"},
+    {"text", "[server]\nkeys = keys\nrecords = records.db\n", NULL, RESULT_FORMAT,
+     "not a database"},
+    {"a header alone", "SQLite format 3", NULL, RESULT_FORMAT, "not a database"},
+    {"another program's", NULL, "CREATE TABLE song (title TEXT)", RESULT_FORMAT,
+     "does not hold records"},
+    {"another program's, empty", NULL, "PRAGMA application_id = 77", RESULT_FORMAT,
+     "does not hold records"},
+    {"a version without an owner", NULL, "PRAGMA user_version = 1", RESULT_FORMAT,
+     "does not hold records"},
     {"ours without a version", NULL, "PRAGMA application_id = 0x4172746e", RESULT_FORMAT,
      "version 0"},
     {"below all versions", NULL,
@@ -60,6 +64,8 @@ static void what_is_no_file_of_records_is_named_and_left_alone(void **state) {
             fail_msg("%s: %s", files[i].what, err.text);
         assert_int_equal(store_restore(store_path, in_folder("o.db"), "tester", aside, &err),
                          files[i].expected);
+        if (files[i].expected == RESULT_FORMAT && !strstr(err.text, "is not a backup"))
+            fail_msg("%s: %s", files[i].what, err.text);
         assert_int_not_equal(access(in_folder("o.db"), F_OK), 0);
         void *after = get_file("records.db", &size_after);
         assert_int_equal(size, size_after);
@@ -135,6 +141,25 @@ static void a_full_disk_is_told_and_takes_no_part_of_a_row(void **state) {
     assert_int_equal(store_put_session(store, &session, NULL, 0, &err), RESULT_OK);
     assert_int_equal(row_count(store, LIST_SESSIONS), put);
     store_close(&store);
+}
+
+static void a_backup_without_space_names_the_file_that_has_none(void **state) {
+    (void)state;
+    struct rlimit limit, tight;
+    struct store *store = open_records();
+    signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &limit);
+    tight = limit;
+    tight.rlim_cur = 20000;
+    setrlimit(RLIMIT_FSIZE, &tight);
+    enum result result = store_backup(store, in_folder("copy.db"), &err);
+    setrlimit(RLIMIT_FSIZE, &limit);
+    store_close(&store);
+    assert_int_equal(result, RESULT_IO);
+    assert_non_null(strstr(err.text, in_folder("copy.db:")));
+    assert_null(strstr(err.text, "records.db"));
+    assert_int_not_equal(access(in_folder("copy.db"), F_OK), 0);
+    assert_int_not_equal(access(in_folder("copy.db.part"), F_OK), 0);
 }
 
 // ---- damaged ------------------------------------------------------------------------------------
@@ -254,6 +279,7 @@ int main(void) {
         TEST(records_that_are_not_there_are_made_only_where_asked),
         TEST(records_that_are_locked_can_be_read_and_tried_again),
         TEST(a_full_disk_is_told_and_takes_no_part_of_a_row),
+        TEST(a_backup_without_space_names_the_file_that_has_none),
         TEST(a_file_that_was_cut_short_is_told),
         TEST(rows_that_refer_to_nothing_are_found_by_a_backup),
         TEST(flipped_bits_never_harm_the_program),

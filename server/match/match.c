@@ -22,7 +22,6 @@ struct match {
 
     // of the call that runs
     vec3 origin;       // volumes are summed about it
-    vec3 *moved;       // scratch of the bisection
     double *distances; // from the brushes, squared, in their radii
     double *falloffs;  // b_i; 0 for all vertices that are not touched
     vec3 *velocities;  // of S'' over s: b_i (S'_max,i − S'_i), 0 once s_i = 1
@@ -38,7 +37,6 @@ struct match *match_create(const struct match_surface *surface) {
     match->surface = surface;
     match->blends = alloc(count, sizeof *match->blends);
     match->positions = alloc(count, sizeof *match->positions);
-    match->moved = alloc(count, sizeof *match->moved);
     match->distances = alloc(count, sizeof *match->distances);
     match->falloffs = alloc(count, sizeof *match->falloffs);
     match->velocities = alloc(count, sizeof *match->velocities);
@@ -63,7 +61,6 @@ void match_destroy(struct match **match) {
         return;
     free((*match)->blends);
     free((*match)->positions);
-    free((*match)->moved);
     free((*match)->distances);
     free((*match)->falloffs);
     free((*match)->velocities);
@@ -271,17 +268,16 @@ struct solution {
     int steps;
 };
 
-typedef struct solution solver(struct match *match, double target, double tolerance);
-
 // Between one bound and the next the volume is one cubic: the first one that reaches the target.
-static struct solution sweep(struct match *match, double target, double tolerance) {
+static struct solution sweep(struct match *match, double target) {
+    double rounding = 4 * DBL_EPSILON * match->surface->volume;
     gather_bounds(match);
     struct cubic p = sum_volumes(match, target);
     struct solution best = {.left = p.c[0]};
     for (double from = 0, to; !best.reached && from < 1; from = to) {
         double s;
         to = match->bound_count ? match->bounds[0].s : 1;
-        best.reached = cubic_descend(&p, from, to, 6 * tolerance, &s, &best.steps);
+        best.reached = cubic_descend(&p, from, to, 6 * rounding, &s, &best.steps);
         double left = cubic_at(&p, s);
         if (best.reached || left < best.left) {
             best.s = s;
@@ -294,45 +290,23 @@ static struct solution sweep(struct match *match, double target, double toleranc
     return best;
 }
 
-// Algorithm 1: the whole surface and its whole volume in each round. V(1) first, so that it ends.
-static double volume_at(struct match *match, double s) {
-    const struct match_surface *surface = match->surface;
-    for (uint32_t v = 0; v < surface->vertex_count; v++) {
-        double blend = fmin(match->blends[v] + s * match->falloffs[v], 1);
-        match->moved[v] = vec3_add_scaled(surface->start[v], blend, surface->way[v]);
-    }
-    return surface_volume(surface, match->moved);
-}
-
-static struct solution bisect(struct match *match, double target, double tolerance) {
-    struct solution at = {.s = 1, .left = volume_at(match, 1) - target};
-    if (at.left > tolerance)
-        return at;
-    double s = 0.5;
-    for (double k = 0.25; fabs(at.left) > tolerance && k > DBL_EPSILON; k /= 2) {
-        at = (struct solution){true, s, volume_at(match, s) - target, at.steps + 1};
-        s += at.left > 0 ? k : -k;
-    }
-    at.reached = true;
-    return at;
-}
-
-static void match_with(solver *solve, struct match *match, const struct brush *brushes, int count,
-                       double target, double tolerance, struct match_report *out) {
-    CHECK(isfinite(target));
+void match_to_volume(struct match *match, const struct brush *brushes, int brush_count,
+                     double target_mm3, struct match_report *out_report) {
+    CHECK(isfinite(target_mm3));
+    struct match_report *out = out_report;
     *out = (struct match_report){.volume_mm3 = match->volume,
                                  .widening = 1,
-                                 .left_mm3 = match->volume - target,
+                                 .left_mm3 = match->volume - target_mm3,
                                  .changed = match->touched};
     match->touched_count = 0;
-    if (target >= match->volume)
+    if (target_mm3 >= match->volume)
         return;
-    match->origin = count ? brushes[0].centre : (vec3){0};
-    measure_distances(match, brushes, count);
+    match->origin = brush_count ? brushes[0].centre : (vec3){0};
+    measure_distances(match, brushes, brush_count);
     struct solution solution;
     for (double widening = 1;; widening = fmin(WIDENING_STEP * widening, MATCH_WIDENING_MAX)) {
         put_brushes(match, widening);
-        solution = solve(match, target, tolerance);
+        solution = sweep(match, target_mm3);
         out->steps += solution.steps;
         out->widening = widening;
         if (solution.reached || widening >= MATCH_WIDENING_MAX)
@@ -340,21 +314,10 @@ static void match_with(solver *solve, struct match *match, const struct brush *b
         take_brushes(match, 0);
     }
     take_brushes(match, solution.s);
-    match->volume = target + solution.left;
+    match->volume = target_mm3 + solution.left;
     out->outcome = solution.reached ? MATCH_REACHED : MATCH_SATURATED;
     out->volume_mm3 = match->volume;
     out->left_mm3 = solution.left;
     out->scale = solution.s;
     out->changed_count = match->touched_count;
-}
-
-void match_to_volume(struct match *match, const struct brush *brushes, int brush_count,
-                     double target_mm3, struct match_report *out_report) {
-    double rounding = 4 * DBL_EPSILON * match->surface->volume;
-    match_with(sweep, match, brushes, brush_count, target_mm3, rounding, out_report);
-}
-
-void match_by_bisection(struct match *match, const struct brush *brushes, int brush_count,
-                        double target_mm3, double tolerance_mm3, struct match_report *out_report) {
-    match_with(bisect, match, brushes, brush_count, target_mm3, tolerance_mm3, out_report);
 }

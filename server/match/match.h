@@ -71,7 +71,3 @@ struct match_report {
 // leaves a negative rest; without a brush nothing can be given.
 void match_to_volume(struct match *match, const struct brush *brushes, int brush_count,
                      double target_mm3, struct match_report *out_report);
-
-// The same with Algorithm 1 of the paper, bounded: for comparison. tolerance_mm3: its ε.
-void match_by_bisection(struct match *match, const struct brush *brushes, int brush_count,
-                        double target_mm3, double tolerance_mm3, struct match_report *out_report);

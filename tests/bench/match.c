@@ -2,9 +2,10 @@
 
 #include "base/clock.h"
 #include "bench.h"
-#include "generate/tube.h"
-#include "generate/maxcut.h"
+#include "bisection.h"
 #include "cut/cut.h"
+#include "generate/maxcut.h"
+#include "generate/tube.h"
 #include "mesh/query.h"
 #include "random.h"
 #include "samples.h"
@@ -24,6 +25,8 @@ struct size {
 static const struct size sizes[] = {{"5k", 1}, {"20k", 0.5}};
 
 enum method { OURS, BISECTION, COARSE_BISECTION, METHOD_COUNT };
+
+#define BISECTIONS (METHOD_COUNT - 1)
 
 // Tolerances are shares of the whole volume.
 static const struct {
@@ -53,20 +56,23 @@ static void tally_fini(struct tally *tally) {
 // A meniscus, cut, and what each method makes of it.
 struct resection {
     struct cut_mesh *cut;
-    struct match *matches[METHOD_COUNT];
+    struct match *match;
+    struct bisection *bisections[BISECTIONS];
 };
 
 static enum result resection_init(struct resection *out, const struct case_group *group,
                                   const struct match_surface *surface, struct error *err) {
-    for (int i = 0; i < METHOD_COUNT; i++)
-        out->matches[i] = match_create(surface);
+    out->match = match_create(surface);
+    for (int i = 0; i < BISECTIONS; i++)
+        out->bisections[i] = bisection_create(&group->mesh, NULL, group->maxcut);
     out->cut = NULL;
     return cut_mesh_create(&group->mesh, &out->cut, err);
 }
 
 static void resection_fini(struct resection *resection) {
-    for (int i = 0; i < METHOD_COUNT; i++)
-        match_destroy(&resection->matches[i]);
+    match_destroy(&resection->match);
+    for (int i = 0; i < BISECTIONS; i++)
+        bisection_destroy(&resection->bisections[i]);
     cut_mesh_destroy(&resection->cut);
 }
 
@@ -96,13 +102,13 @@ static enum result make_bite(vec3 centre, struct random *r, struct convex *out, 
 
 // ---- matching -----------------------------------------------------------------------------------
 
-static void match_by(enum method method, struct match *match, const struct brush *brushes,
+static void match_by(struct resection *resection, int method, const struct brush *brushes,
                      int count, double target, struct match_report *out) {
     if (method == OURS)
-        match_to_volume(match, brushes, count, target, out);
+        match_to_volume(resection->match, brushes, count, target, out);
     else
-        match_by_bisection(match, brushes, count, target, methods[method].tolerance * MENISCUS_MM3,
-                           out);
+        bisection_match(resection->bisections[method - 1], brushes, count, target,
+                        methods[method].tolerance * MENISCUS_MM3, out);
 }
 
 static void tally_error(struct tally *tally, const struct match *match, double target,
@@ -122,8 +128,7 @@ static void match_nibble(struct resection *resection, const struct cut_change *c
     double ms[METHOD_COUNT];
     for (int i = 0; i < METHOD_COUNT; i++) {
         int64_t before = clock_now_ns();
-        match_by((enum method)i, resection->matches[i], brushes, count, change->volume_mm3,
-                 &reports[i]);
+        match_by(resection, i, brushes, count, change->volume_mm3, &reports[i]);
         ms[i] = 1e-6 * (double)(clock_now_ns() - before);
         samples_add(&tally->ms[i], ms[i]);
     }
@@ -136,7 +141,7 @@ static void match_nibble(struct resection *resection, const struct cut_change *c
         return;
     }
     samples_add(&tally->times, ms[BISECTION] / ms[OURS]);
-    tally_error(tally, resection->matches[OURS], change->volume_mm3, removed);
+    tally_error(tally, resection->match, change->volume_mm3, removed);
 }
 
 // How far the surface that the cuts made is from S''.
@@ -146,7 +151,7 @@ static enum result measure_apart(const struct resection *resection, const struct
     struct query *query = NULL;
     mesh_copy(&warped, mesh);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
-        mesh_set_vertex(&warped, v, match_vertex(resection->matches[OURS], v));
+        mesh_set_vertex(&warped, v, match_vertex(resection->match, v));
     enum result result = query_create(&warped, &query, err);
     const struct cut_mesh *cut = resection->cut;
     for (uint32_t t = 0; result == RESULT_OK && t < cut_mesh_triangle_bound(cut); t++) {
@@ -173,7 +178,7 @@ static enum result resect(const struct case_group *group, const struct match_sur
     enum result result = resection_init(&resection, group, surface, err);
     for (int i = 0; i < 200 && result == RESULT_OK && volume > 0.1 * whole + 0.9 * least; i++) {
         struct convex bite;
-        result = make_bite(bite_centre(group, resection.matches[OURS], r), r, &bite, err);
+        result = make_bite(bite_centre(group, resection.match, r), r, &bite, err);
         struct cut_change change = {0};
         if (result != RESULT_OK || cut_apply(resection.cut, &bite, 1, &change, err) != CUT_CHANGED)
             continue;
@@ -184,7 +189,7 @@ static enum result resect(const struct case_group *group, const struct match_sur
     if (result == RESULT_OK)
         result = measure_apart(&resection, &group->mesh, tally, err);
     tally->removed_mm3 += whole - volume;
-    tally->left_mm3 += match_volume(resection.matches[OURS]) - volume;
+    tally->left_mm3 += match_volume(resection.match) - volume;
     resection_fini(&resection);
     return result;
 }

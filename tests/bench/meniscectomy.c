@@ -72,7 +72,7 @@ enum result meniscectomy_init(struct meniscectomy *m, const struct knee_case *kn
 
 void meniscectomy_fini(struct meniscectomy *m) {
     match_destroy(&m->match);
-    match_destroy(&m->bisection);
+    bisection_destroy(&m->bisection);
     match_surface_destroy(&m->surface);
     cut_mesh_destroy(&m->cut);
     mesh_fini(&m->whole);
@@ -80,10 +80,10 @@ void meniscectomy_fini(struct meniscectomy *m) {
 
 void meniscectomy_restart(struct meniscectomy *m) {
     match_destroy(&m->match);
-    match_destroy(&m->bisection);
+    bisection_destroy(&m->bisection);
     cut_mesh_destroy(&m->cut);
     m->match = match_create(m->surface);
-    m->bisection = match_create(m->surface);
+    m->bisection = bisection_create(&m->group->mesh, m->group->warp, m->group->maxcut);
     CHECK(cut_mesh_create(&m->whole, &m->cut, NULL) == RESULT_OK);
 }
 
@@ -105,8 +105,8 @@ static void match(struct meniscectomy *m, const struct cut_change *change,
     match_to_volume(m->match, brushes, change->patch_count, target, &reports[WORK_MATCH]);
     out_report->ms[WORK_MATCH] = ms_since(begin_ns);
     begin_ns = clock_now_ns();
-    match_by_bisection(m->bisection, brushes, change->patch_count, target, ALGORITHM_1_MM3,
-                       &reports[WORK_BISECTION]);
+    bisection_match(m->bisection, brushes, change->patch_count, target, ALGORITHM_1_MM3,
+                    &reports[WORK_BISECTION]);
     out_report->ms[WORK_BISECTION] = ms_since(begin_ns);
     for (int work = WORK_MATCH; work < WORK_COUNT; work++)
         out_report->steps[work] = reports[work].steps;

@@ -3,6 +3,7 @@
 // is matched.
 #pragma once
 
+#include "bisection.h"
 #include "case/case.h"
 #include "cut/blade.h"
 #include "match/match.h"
@@ -16,7 +17,8 @@ struct meniscectomy {
     struct match_surface *surface;
     struct blade_move bites[BITE_COUNT];
     struct cut_mesh *cut; // these three as the bites so far have left them
-    struct match *match, *bisection;
+    struct match *match;
+    struct bisection *bisection;
 };
 
 // The knee must outlive it. RESULT_MISSING where it has no medial meniscus that can be cut, or that

@@ -1,3 +1,4 @@
+#include "bench/bisection.h"
 #include "random.h"
 #include "scene/tissue.h"
 #include "test.h"
@@ -380,24 +381,24 @@ static void the_same_calls_give_the_same_bits(void **state) {
 
 static void bisection_finds_the_same(void **state) {
     (void)state;
-    struct tissue a, b;
+    struct tissue a;
     tissue_meniscus(&a);
-    tissue_meniscus(&b);
+    struct bisection *b = bisection_create(&a.mesh, a.warp, a.maxcut);
     struct random r = {11};
     for (int i = 0; i < 40; i++) {
         struct brush brush = random_brush(&a, &r, random_between(&r, 0.5, 3));
         double target = match_volume(a.match) - random_between(&r, 0, 4);
         struct match_report ours = nibble(&a, &brush, 1, target), theirs;
-        match_by_bisection(b.match, &brush, 1, target, 1e-10, &theirs);
+        bisection_match(b, &brush, 1, target, 1e-10, &theirs);
         assert_int_equal(theirs.outcome, ours.outcome);
         assert_near(theirs.widening, ours.widening, 0);
         assert_near(theirs.volume_mm3, ours.volume_mm3, 2e-10);
-        assert_near(theirs.volume_mm3, match_volume(b.match), 1e-9);
+        assert_near(theirs.volume_mm3, bisection_volume(b), 1e-9);
         for (uint32_t v = 0; v < a.mesh.vertex_count; v++)
-            assert_near(match_blends(b.match)[v], match_blends(a.match)[v], 1e-6);
+            assert_near(bisection_blends(b)[v], match_blends(a.match)[v], 1e-6);
     }
     tissue_fini(&a);
-    tissue_fini(&b);
+    bisection_destroy(&b);
 }
 
 int main(void) {

@@ -2,6 +2,7 @@
 //
 //   vid, pid   which device: its vendor and product, as lsusb prints them (hexadecimal)
 //   serial     its serial number; any
+//   port       where it is plugged in, as `arthron-station probe` prints it; any
 //   usage      PAGE USAGE of one of its collections, hexadecimal; any
 //   on_change  yes: while it says nothing its last values hold, as HID devices may do that report
 //              changes only; no: it reports all the time, and silence is a fault; yes
@@ -56,11 +57,11 @@ static enum result read_number(const struct device_config *config, const char *k
     return RESULT_OK;
 }
 
-static enum result read_serial(const struct device_config *config, char out[HID_TEXT_MAX],
-                               struct error *err) {
-    const char *text = option_text(config, "serial");
+static enum result read_text(const struct device_config *config, const char *key,
+                             char out[HID_TEXT_MAX], struct error *err) {
+    const char *text = option_text(config, key);
     if (text && strlen(text) >= HID_TEXT_MAX)
-        return option_fail(config, "serial", err, RESULT_LIMIT, "longer than %d bytes",
+        return option_fail(config, key, err, RESULT_LIMIT, "longer than %d bytes",
                            HID_TEXT_MAX - 1);
     strcpy(out, text ? text : "");
     return RESULT_OK;
@@ -121,7 +122,7 @@ static enum result read_layout(const struct device_config *config, struct hid_la
 
 static enum result configure(struct handle_device *d, const struct device_config *config,
                              struct device_outputs *outputs, struct error *err) {
-    static const char *const keys[] = {"vid",       "pid",      "serial",   "usage",
+    static const char *const keys[] = {"vid",       "pid",      "serial",   "port", "usage",
                                        "on_change", ".opening", ".buttons", NULL};
     enum result result = options_check(config, keys, err);
     if (result == RESULT_OK)
@@ -129,7 +130,9 @@ static enum result configure(struct handle_device *d, const struct device_config
     if (result == RESULT_OK)
         result = read_number(config, "pid", &d->identity.pid, err);
     if (result == RESULT_OK)
-        result = read_serial(config, d->identity.serial, err);
+        result = read_text(config, "serial", d->identity.serial, err);
+    if (result == RESULT_OK)
+        result = read_text(config, "port", d->identity.port, err);
     if (result == RESULT_OK)
         result = read_usage(config, &d->identity, err);
     if (result == RESULT_OK)

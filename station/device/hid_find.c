@@ -19,6 +19,20 @@ static void copy_text(char out[HID_TEXT_MAX], const wchar_t *text) {
     out[length] = 0;
 }
 
+// "usb-0000:00:14.0-2/input0": the same as long as the device stays in its socket. hidapi does not
+// tell it.
+static void read_port(const char *path, char out[HID_TEXT_MAX]) {
+    char name[HID_PATH_MAX + 64], line[HID_TEXT_MAX + 16];
+    const char *slash = strrchr(path, '/');
+    snprintf(name, sizeof name, "/sys/class/hidraw/%s/device/uevent", slash ? slash + 1 : path);
+    FILE *file = fopen(name, "re");
+    while (file && fgets(line, sizeof line, file))
+        if (sscanf(line, "HID_PHYS=%127s", out) == 1)
+            break;
+    if (file)
+        fclose(file);
+}
+
 static struct hid_plugged plugged_of(const struct hid_device_info *info) {
     struct hid_plugged plugged = {.identity = {.vid = info->vendor_id,
                                                .pid = info->product_id,
@@ -27,6 +41,7 @@ static struct hid_plugged plugged_of(const struct hid_device_info *info) {
     copy_text(plugged.identity.serial, info->serial_number);
     copy_text(plugged.product, info->product_string);
     snprintf(plugged.path, sizeof plugged.path, "%s", info->path);
+    read_port(plugged.path, plugged.identity.port);
     return plugged;
 }
 
@@ -41,11 +56,12 @@ int hid_list(struct hid_plugged *out_plugged, int max) {
     return count;
 }
 
-static bool matches(const struct hid_identity *wanted, const struct hid_identity *found) {
+bool hid_matches(const struct hid_identity *wanted, const struct hid_identity *found) {
     bool serial = !wanted->serial[0] || !strcmp(wanted->serial, found->serial);
+    bool port = !wanted->port[0] || !strcmp(wanted->port, found->port);
     bool usage = !wanted->usage_page ||
                  (wanted->usage_page == found->usage_page && wanted->usage == found->usage);
-    return serial && usage;
+    return wanted->vid == found->vid && wanted->pid == found->pid && serial && port && usage;
 }
 
 // The path of the one device that matches. A device with several collections is listed several
@@ -57,19 +73,22 @@ static enum result find_path(const struct hid_identity *identity, char out_path[
     out_path[0] = 0;
     for (const struct hid_device_info *info = all; info; info = info->next) {
         struct hid_plugged plugged = plugged_of(info);
-        if (!matches(identity, &plugged.identity))
+        if (!hid_matches(identity, &plugged.identity))
             continue;
         several |= out_path[0] && strcmp(out_path, plugged.path) != 0;
         strcpy(out_path, plugged.path);
     }
     hid_free_enumeration(all);
     if (!out_path[0])
-        return fail(err, RESULT_MISSING, "no HID device %04x:%04x%s%s with this usage is there",
-                    identity->vid, identity->pid, identity->serial[0] ? " " : "", identity->serial);
+        return fail(err, RESULT_MISSING, "no HID device %04x:%04x%s%s%s%s is there%s",
+                    identity->vid, identity->pid, identity->serial[0] ? " " : "", identity->serial,
+                    identity->port[0] ? " in port " : "", identity->port,
+                    identity->usage_page ? " with this usage" : "");
     if (several)
-        return fail(err, RESULT_INVALID,
-                    "several HID devices %04x:%04x are there: serial or usage must tell which",
-                    identity->vid, identity->pid);
+        return fail(
+            err, RESULT_INVALID,
+            "several HID devices %04x:%04x are there: serial, port or usage must tell which",
+            identity->vid, identity->pid);
     return RESULT_OK;
 }
 

@@ -4,6 +4,7 @@
 
 #include "base/result.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,6 +17,7 @@ struct hid_device_; // hidapi
 struct hid_identity {
     uint16_t vid, pid;
     char serial[HID_TEXT_MAX];  // empty: any
+    char port[HID_TEXT_MAX];    // where it is plugged in, as the kernel calls it; empty: any
     uint16_t usage_page, usage; // of a top-level collection; page 0: any
 };
 
@@ -24,6 +26,9 @@ struct hid_plugged {
     char product[HID_TEXT_MAX];
     char path[HID_PATH_MAX]; // "/dev/hidraw0"
 };
+
+// Whether a device that was found is the one that is wanted.
+bool hid_matches(const struct hid_identity *wanted, const struct hid_identity *found);
 
 // All that is plugged in, one entry for each top-level collection of each device, at most `max`
 // entries. Bytes of names that are not printable ASCII become '?'. Returns how many.

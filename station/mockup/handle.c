@@ -40,10 +40,11 @@ static enum result tell_kernel(int handle, const struct uhid_event *event, struc
     return RESULT_OK;
 }
 
-enum result handle_plug(const char *serial, int *out_handle, struct error *err) {
+enum result handle_plug(const char *serial, const char *port, int *out_handle, struct error *err) {
     struct uhid_event event = {.type = UHID_CREATE2};
     struct uhid_create2_req *create = &event.u.create2;
-    CHECK(strlen(serial) < sizeof create->uniq);
+    CHECK(strlen(serial) < sizeof create->uniq && strlen(port) < sizeof create->phys);
+    snprintf((char *)create->phys, sizeof create->phys, "%s", port);
     snprintf((char *)create->name, sizeof create->name, "Arthron punch");
     snprintf((char *)create->uniq, sizeof create->uniq, "%s", serial);
     create->bus = BUS_USB;

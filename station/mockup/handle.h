@@ -11,9 +11,10 @@
 #define HANDLE_PID 0x0001
 #define HANDLE_REPORT_BYTES 4
 
-// Plugs in a handle with that serial number (at most 63 bytes). RESULT_MISSING: the kernel has no
+// Plugs in a handle with that serial number into that port, as the kernel would call it
+// ("usb-0000:00:14.0-2/input0"; each at most 63 bytes). RESULT_MISSING: the kernel has no
 // /dev/uhid (modprobe uhid); RESULT_IO: it refused, most often because we are not root.
-enum result handle_plug(const char *serial, int *out_handle, struct error *err);
+enum result handle_plug(const char *serial, const char *port, int *out_handle, struct error *err);
 
 void handle_report(double opening, uint8_t buttons, uint8_t out[HANDLE_REPORT_BYTES]);
 

@@ -9,7 +9,7 @@
 static const double closed_opening = 0.05; // the end switch closes below it
 
 enum result handle_player_plug(struct handle_player *p, struct error *err) {
-    return handle_plug(p->serial, &p->handle, err);
+    return handle_plug(p->serial, "", &p->handle, err);
 }
 
 static const struct fault *strike(const struct handle_player *p, enum fault_what what, double due) {
@@ -43,7 +43,7 @@ static enum result send_report(const struct handle_player *p, double due, struct
 static enum result keep_plugged(struct handle_player *p, double due, struct error *err) {
     bool unplugged = faults_on(p->faults, FAULT_HID, FAULT_UNPLUG, due);
     if (!unplugged && p->handle < 0)
-        return handle_plug(p->serial, &p->handle, err);
+        return handle_plug(p->serial, "", &p->handle, err);
     if (unplugged && p->handle >= 0) {
         handle_unplug(p->handle);
         p->handle = -1;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "device/hid_find.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -15,5 +16,12 @@ enum result probe_modbus(const char *line, int slaves, FILE *config, json_t *out
 enum result probe_tracker(const char *address, double seconds, FILE *config, json_t *out,
                           struct error *err);
 
-// All that is plugged in.
+// All that is plugged in. Of several that are alike the proposals say which is which: by serial
+// number, or by port where they have none or the same.
 void probe_hid(FILE *config, json_t *out);
+
+// The part of it that needs no device. `read_descriptor` as hid_read_descriptor.
+typedef enum result descriptor_reader(const char *path, uint8_t *out_bytes, size_t *out_size,
+                                      struct error *err);
+void probe_hid_plugged(const struct hid_plugged *plugged, int count,
+                       descriptor_reader *read_descriptor, FILE *config, json_t *out);

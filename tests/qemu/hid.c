@@ -10,6 +10,7 @@
 #include "handle_player.h"
 #include "test.h"
 
+#include <hidapi.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
@@ -20,12 +21,16 @@ static void sleep_ms(int ms) {
     nanosleep(&wait, NULL);
 }
 
-static int plugged(const char *serial) {
+static int plugged_into(const char *port, const char *serial) {
     int handle;
     struct error err;
-    if (handle_plug(serial, &handle, &err) != RESULT_OK)
+    if (handle_plug(serial, port, &handle, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     return handle;
+}
+
+static int plugged(const char *serial) {
+    return plugged_into("", serial);
 }
 
 static void send(int handle, double opening, uint8_t buttons) {
@@ -170,6 +175,24 @@ static void the_serial_number_tells_two_handles_apart(void **state) {
     handle_unplug(right);
 }
 
+static void the_port_tells_two_handles_of_one_serial_number_apart(void **state) {
+    (void)state;
+    struct hid_plugged all[8];
+    int left = plugged_into("usb-1/input0", "A6"), right = plugged_into("usb-2/input0", "A6");
+    assert_soon(hid_list(all, 8) == 2);
+    assert_string_not_equal(all[0].identity.port, all[1].identity.port);
+    struct hid_device_ *device = NULL;
+    struct hid_identity wanted = {.vid = HANDLE_VID, .pid = HANDLE_PID, .serial = "A6"};
+    assert_int_equal(RESULT_INVALID, hid_find(&wanted, &device, NULL));
+    strcpy(wanted.port, "usb-2/input0");
+    assert_int_equal(RESULT_OK, hid_find(&wanted, &device, NULL));
+    hid_close(device);
+    strcpy(wanted.port, "usb-3/input0");
+    assert_int_equal(RESULT_MISSING, hid_find(&wanted, &device, NULL));
+    handle_unplug(left);
+    handle_unplug(right);
+}
+
 static void half_a_report_changes_nothing_and_the_next_one_is_read(void **state) {
     (void)state;
     int handle = plugged("A5");
@@ -253,6 +276,7 @@ int main(void) {
         cmocka_unit_test(silence_of_a_device_that_reports_all_the_time_is_a_loss),
         cmocka_unit_test(a_handle_that_is_plugged_in_again_is_read_again),
         cmocka_unit_test(the_serial_number_tells_two_handles_apart),
+        cmocka_unit_test(the_port_tells_two_handles_of_one_serial_number_apart),
         cmocka_unit_test(half_a_report_changes_nothing_and_the_next_one_is_read),
         cmocka_unit_test(a_plugged_device_is_listed_with_a_layout),
         cmocka_unit_test(the_mockups_handle_plays_its_file_and_its_faults),

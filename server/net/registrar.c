@@ -95,13 +95,14 @@ bool registrar_next_answer(struct registrar *r, struct peer **out_applicant,
 // What the caller did wrong is told; what is wrong with the server's files is for its log.
 static void refuse(enum result result, const struct error *err, arthron_Control *out_answer) {
     const char *text = err->text;
-    if (result != RESULT_REFUSED && result != RESULT_FORMAT) {
+    bool ours = result != RESULT_REFUSED && result != RESULT_FORMAT;
+    if (ours) {
         log_error("control", "an enrolment failed: %s", text);
         text = "the server cannot enrol anyone now; its log says why";
     }
     *out_answer = (arthron_Control){.which_message = arthron_Control_refusal_tag};
     arthron_Refusal *refusal = &out_answer->message.refusal;
-    refusal->reason = arthron_Refusal_Reason_CODE;
+    refusal->reason = ours ? arthron_Refusal_Reason_BUSY : arthron_Refusal_Reason_CODE;
     snprintf(refusal->text, sizeof refusal->text, "%.*s", (int)sizeof refusal->text - 1, text);
 }
 

@@ -57,7 +57,10 @@ static void read_answer(struct enrolment *e) {
         e->enrolled = message.message.enrolled;
         finish(e, RESULT_OK, NULL);
     } else if (message.which_message == arthron_Control_refusal_tag) {
-        finish(e, RESULT_REFUSED, message.message.refusal.text);
+        const arthron_Refusal *refusal = &message.message.refusal;
+        bool passes = refusal->reason == arthron_Refusal_Reason_BUSY ||
+                      refusal->reason == arthron_Refusal_Reason_SHUTDOWN;
+        finish(e, passes ? RESULT_CLOSED : RESULT_REFUSED, refusal->text);
     } else {
         finish(e, RESULT_FORMAT, "the server's answer is no certificate");
     }

@@ -6,14 +6,15 @@
 #include <getopt.h>
 #include <stdio.h>
 
-static const char help[] =
-    "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
-    "\n"
-    "Gets a certificate with a one-time code of `arthron-server keys enrol`.\n"
-    "\n"
-    "  -n, --name STATION  the station's name, as the code was made for\n"
-    "  -k, --keys DIR      where key and certificate go\n"
-    "      --help          show this\n";
+static const char help[] = "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
+                           "\n"
+                           "Gets a certificate with a one-time code of `arthron-server keys "
+                           "enrol`. Exits 3 where another\n"
+                           "code is needed, 1 where the same one may do later.\n"
+                           "\n"
+                           "  -n, --name STATION  the station's name, as the code was made for\n"
+                           "  -k, --keys DIR      where key and certificate go\n"
+                           "      --help          show this\n";
 
 static int enrol(const char *server, const char *code, const char *name, const char *keys) {
     char host[256];
@@ -23,9 +24,12 @@ static int enrol(const char *server, const char *code, const char *name, const c
         log_error("station", "%s is not HOST:PORT", server);
         return 2;
     }
-    if (link_enrol(host, port, code, name, keys, &err) != RESULT_OK) {
+    enum result result = link_enrol(host, port, code, name, keys, &err);
+    if (result != RESULT_OK) {
+        bool needs_code = result == RESULT_REFUSED || result == RESULT_INVALID ||
+                          result == RESULT_FORMAT || result == RESULT_CORRUPT;
         log_error("station", "%s", err.text);
-        return 1;
+        return needs_code ? 3 : 1;
     }
     log_info("station", "%s is enrolled; its key is in %s", name, keys);
     return 0;

@@ -218,10 +218,10 @@ class Strangers(House):
         self.start_server()
         code = call("arthron-server", "keys", "enrol", self.keys, "room-1").stdout.strip()
         server = f"127.0.0.1:{self.port}"
-        call("arthron-station", "enrol", server, code, "--name", "room-9", "--keys", self.path("k0"), code=1)
+        call("arthron-station", "enrol", server, code, "--name", "room-9", "--keys", self.path("k0"), code=3)
         code = call("arthron-server", "keys", "enrol", self.keys, "room-1").stdout.strip()
         call("arthron-station", "enrol", server, code, "--name", "room-1", "--keys", self.path("k1"))
-        call("arthron-station", "enrol", server, code, "--name", "room-1", "--keys", self.path("k2"), code=1)
+        call("arthron-station", "enrol", server, code, "--name", "room-1", "--keys", self.path("k2"), code=3)
         self.assertFalse(os.path.exists(self.path("k2/station.pem")))
 
 

@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "base/check.h"
 #include "base/log.h"
 #include "commands/browsers.h"
 #include "commands/commands.h"
@@ -7,8 +8,10 @@
 #include <getopt.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #define OVERRIDES_MAX 32
 
@@ -25,13 +28,23 @@ static const char help[] =
 
 static const char program[] = "arthron-server run";
 
-static void wait_for_end(const sigset_t *ends) {
+static atomic_bool is_ready;
+
+// A start may take minutes, for it runs open sessions again. It is broken off as by SIGKILL: what
+// is on disk stays as it is, and the next start resumes the same sessions.
+static void *wait_for_end(void *argument) {
+    const sigset_t *ends = argument;
     int signal_number;
     sigwait(ends, &signal_number);
-    log_info("server", "%s: ending", strsignal(signal_number));
+    bool ready = atomic_load(&is_ready);
+    log_info("server", "%s: ending%s", strsignal(signal_number),
+             ready ? "" : " before the server is ready");
+    if (!ready)
+        _exit(0);
+    return NULL;
 }
 
-static int serve_until_end(const struct server_config *config, const sigset_t *ends) {
+static int serve_until_end(const struct server_config *config, pthread_t ends) {
     struct hub *hub;
     struct browsers *browsers = NULL;
     struct error err;
@@ -45,8 +58,9 @@ static int serve_until_end(const struct server_config *config, const sigset_t *e
         log_error("server", "%s", err.text);
         return 1;
     }
+    atomic_store(&is_ready, true);
     log_info("server", "ready on port %d", config->hub.port);
-    wait_for_end(ends);
+    pthread_join(ends, NULL);
     hub_break_off(hub);
     browsers_destroy(&browsers);
     hub_destroy(&hub);
@@ -60,13 +74,16 @@ static int serve(const char *path, const struct setting_override *overrides, int
         log_error("server", "%s", err.text);
         return 2;
     }
-    sigset_t ends;
+    static sigset_t ends;
     sigemptyset(&ends);
     sigaddset(&ends, SIGTERM);
     sigaddset(&ends, SIGINT);
     pthread_sigmask(SIG_BLOCK, &ends, NULL);
     signal(SIGPIPE, SIG_IGN);
-    return serve_until_end(&config, &ends);
+    pthread_t waiting;
+    int failed = pthread_create(&waiting, NULL, wait_for_end, &ends);
+    CHECK(!failed);
+    return serve_until_end(&config, waiting);
 }
 
 int command_run(int argc, char **argv) {

@@ -1,12 +1,14 @@
 """What programs say of a wrong start: which port, which user, which argument."""
 
 import os
+import shutil
+import signal
 import socket
 import subprocess
 import tempfile
 import unittest
 
-from arthron import House, call, free_port, program
+from arthron import House, call, free_port, program, wait_until
 
 NOBODY = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
 
@@ -52,6 +54,43 @@ class Starts(House):
                               capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 1)
         self.assertIn("permission denied; run this as the user root (runuser -u root -- ...)", done.stderr)
+
+
+def open_writer(fifo):
+    """None until somebody reads."""
+    try:
+        return os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
+    except OSError:
+        return None
+
+
+class InterruptedStart(House):
+    def test_a_start_is_interrupted_and_the_next_one_resumes_the_session(self):
+        self.start_mockup()
+        server = self.start_server()
+        self.enrol("room-1")
+        self.start_station()
+        self.wait_for_steps()
+        session = self.session()["id"]
+        server.end(signal.SIGKILL)
+
+        keys = self.path("keys-that-hang")
+        shutil.copytree(self.keys, keys)
+        fifo = os.path.join(keys, "server.pem")
+        os.remove(fifo)
+        os.mkfifo(fifo)
+        for signal_number in (signal.SIGTERM, signal.SIGINT):
+            starting = self.start("starting", "arthron-server", "run", "--config", self.server_config(),
+                                  "--set", f"server.keys={keys}")
+            writer = wait_until("the start hangs", lambda: open_writer(fifo))
+            try:
+                self.assertEqual(starting.end(signal_number), 0, starting.log())
+            finally:
+                os.close(writer)
+            self.assertIn("ending before the server is ready", starting.log())
+
+        self.start_server()
+        self.assertEqual(self.session()["id"], session)
 
 
 class Arguments(unittest.TestCase):

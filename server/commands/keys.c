@@ -1,4 +1,5 @@
 #include "commands/commands.h"
+#include "commands/known_stations.h"
 #include "net/authority.h"
 
 #include <getopt.h>
@@ -64,8 +65,10 @@ static int enrol(const char *dir, const char *station) {
     char code[AUTHORITY_CODE_MAX];
     struct error err;
     enum result result = authority_issue_code(dir, station, code, &err);
-    if (result == RESULT_OK)
+    if (result == RESULT_OK) {
         puts(code);
+        known_stations_warn(dir, station);
+    }
     return report(result, &err);
 }
 

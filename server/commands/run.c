@@ -3,6 +3,7 @@
 #include "base/log.h"
 #include "commands/browsers.h"
 #include "commands/commands.h"
+#include "commands/known_stations.h"
 #include "config/config.h"
 
 #include <getopt.h>
@@ -58,6 +59,7 @@ static int serve_until_end(const struct server_config *config, pthread_t ends) {
         log_error("server", "%s", err.text);
         return 1;
     }
+    known_stations_write(&config->hub);
     atomic_store(&is_ready, true);
     log_info("server", "ready on port %d", config->hub.port);
     pthread_join(ends, NULL);

@@ -64,6 +64,19 @@ def open_writer(fifo):
         return None
 
 
+class Codes(House):
+    def test_a_code_for_a_station_that_the_config_lacks_comes_with_a_warning(self):
+        def enrol(name):
+            done = call("arthron-server", "keys", "enrol", self.keys, name)
+            self.assertTrue(done.stdout.strip())
+            return done.stderr
+
+        self.assertEqual(enrol("room-1"), "")
+        self.start_server()
+        self.assertEqual(enrol("room-1"), "")
+        self.assertIn("no [station room-10]", enrol("room-10"))
+
+
 class InterruptedStart(House):
     def test_a_start_is_interrupted_and_the_next_one_resumes_the_session(self):
         self.start_mockup()

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/task_pool.h"
 #include "net/authority.h"
 #include "net/authority_revocations.h"
 
@@ -15,12 +16,23 @@
 #define RETRY_NS (50 * NS_PER_MS) // while another process holds the keys
 #define USED_MAX 64               // a station that is not among them is the next time that it comes
 
+// With the look at the files, and one that has left its place and is being finished.
+#define TASKS_MAX (2 + REGISTRAR_APPLICANTS_MAX + USED_MAX)
+
 struct application {
+    struct registrar *registrar;
     enum { FREE, WAITING, ANSWERED } state;
-    struct peer *applicant; // NULL while not free: withdrawn in the middle of being answered
+    struct peer *applicant; // NULL while not free: withdrawn
     struct identity identity;
     arthron_Enrol enrol;
-    arthron_Control answer;
+    arthron_Control answer; // the thread's while the state is WAITING
+};
+
+// A certificate with which a station has come.
+struct used_certificate {
+    struct registrar *registrar;
+    bool waits;
+    struct identity identity;
 };
 
 struct registrar {
@@ -28,21 +40,19 @@ struct registrar {
     char advice[512]; // how the server's certificate is renewed
     void (*on_news)(void *user);
     void *user;
-    pthread_t thread;
+    struct task_pool *tasks;
     struct tls_files *tls_files; // the thread's
-    int64_t look_ns;             // too: when to look at the files again
     pthread_mutex_t lock;        // never held over a file; guards what follows
-    pthread_cond_t wake;
-    bool stops;
     struct application applications[REGISTRAR_APPLICANTS_MAX];
-    const struct application *current; // the one being answered, NULL: none
-    struct revocations *revocations;   // replaced by the thread alone
-    struct identity used[USED_MAX];    // whose older certificates are to be revoked
-    int used_count;
+    struct revocations *revocations; // replaced by the thread alone
+    struct used_certificate used[USED_MAX];
     struct tls_credentials *credentials; // that nobody has taken yet, or NULL
 };
 
 // ---- applications -------------------------------------------------------------------------------
+
+static int64_t run_application(void *data);
+static void finish_application(void *data, bool done);
 
 static struct application *find_state(struct registrar *r, int state) {
     for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
@@ -60,9 +70,12 @@ bool registrar_apply(struct registrar *r, struct peer *applicant, const struct i
         a->applicant = applicant;
         a->identity = *identity;
         a->enrol = *enrol;
-        pthread_cond_signal(&r->wake);
     }
     pthread_mutex_unlock(&r->lock);
+    if (a)
+        CHECK(task_pool_add(
+            r->tasks,
+            &(struct task){.run = run_application, .finish = finish_application, .data = a}));
     return a != NULL;
 }
 
@@ -73,7 +86,7 @@ void registrar_withdraw(struct registrar *r, const struct peer *applicant) {
         if (a->state == FREE || a->applicant != applicant)
             continue;
         a->applicant = NULL;
-        if (a != r->current)
+        if (a->state == ANSWERED)
             a->state = FREE;
     }
     pthread_mutex_unlock(&r->lock);
@@ -127,30 +140,42 @@ static void fill_enrolled(const struct authority_answer *answer, arthron_Control
 _Static_assert(sizeof((arthron_Enrolled *)0)->certificate_der.bytes == AUTHORITY_CERTIFICATE_MAX,
                "a certificate fits the message");
 
-// False where another process holds the keys: to be tried again.
-static bool enrol(const char *dir, const struct application *a, arthron_Control *out_answer) {
+static bool is_withdrawn(const struct application *a) {
+    pthread_mutex_lock(&a->registrar->lock);
+    bool withdrawn = !a->applicant;
+    pthread_mutex_unlock(&a->registrar->lock);
+    return withdrawn;
+}
+
+// Again where another process holds the keys.
+static int64_t run_application(void *data) {
+    struct application *a = data;
     struct authority_answer answer;
     struct error err;
-    enum result result = ask_authority(dir, a, &answer, &err);
+    if (is_withdrawn(a))
+        return TASK_DONE;
+    enum result result = ask_authority(a->registrar->dir, a, &answer, &err);
     if (result == RESULT_TIMEOUT)
-        return false;
+        return RETRY_NS;
     if (result == RESULT_OK)
-        fill_enrolled(&answer, out_answer);
+        fill_enrolled(&answer, &a->answer);
     else
-        refuse(result, &err, out_answer);
-    return true;
+        refuse(result, &err, &a->answer);
+    return TASK_DONE;
+}
+
+static void finish_application(void *data, bool done) {
+    struct application *a = data;
+    struct registrar *r = a->registrar;
+    pthread_mutex_lock(&r->lock);
+    a->state = done && a->applicant ? ANSWERED : FREE;
+    bool answered = a->state == ANSWERED;
+    pthread_mutex_unlock(&r->lock);
+    if (answered)
+        r->on_news(r->user);
 }
 
 // ---- certificates in use ------------------------------------------------------------------------
-
-void registrar_used(struct registrar *r, const struct identity *identity) {
-    pthread_mutex_lock(&r->lock);
-    if (r->used_count < USED_MAX) {
-        r->used[r->used_count++] = *identity;
-        pthread_cond_signal(&r->wake);
-    }
-    pthread_mutex_unlock(&r->lock);
-}
 
 struct tls_credentials *registrar_take_credentials(struct registrar *r) {
     pthread_mutex_lock(&r->lock);
@@ -160,54 +185,52 @@ struct tls_credentials *registrar_take_credentials(struct registrar *r) {
     return credentials;
 }
 
-// False where another process holds the keys.
-static bool revoke_older(const char *dir, const struct identity *identity) {
+// Again where another process holds the keys.
+static int64_t revoke_older(void *data) {
+    const struct used_certificate *used = data;
+    const struct identity *identity = &used->identity;
     int revoked;
     struct error err;
-    enum result result = authority_used(dir, identity->name, identity->serial, &revoked, &err);
-    if (result == RESULT_OK && revoked)
-        log_info("control", "station %s has a new certificate: %d older revoked", identity->name,
-                 revoked);
-    else if (result != RESULT_OK && result != RESULT_TIMEOUT)
+    enum result result =
+        authority_used(used->registrar->dir, identity->name, identity->serial, &revoked, &err);
+    if (result == RESULT_TIMEOUT)
+        return RETRY_NS;
+    if (result != RESULT_OK)
         log_error("control", "station %s: its older certificates cannot be revoked: %s",
                   identity->name, err.text);
-    return result != RESULT_TIMEOUT;
+    else if (revoked)
+        log_info("control", "station %s has a new certificate: %d older revoked", identity->name,
+                 revoked);
+    return TASK_DONE;
 }
 
-// ---- the thread; each of these is called and returns with the lock held -------------------------
+static void forget_used(void *data, bool done) {
+    (void)done;
+    struct used_certificate *used = data;
+    pthread_mutex_lock(&used->registrar->lock);
+    used->waits = false;
+    pthread_mutex_unlock(&used->registrar->lock);
+}
 
-static bool answer(struct registrar *r, struct application *a) {
-    arthron_Control message;
-    struct application copy = *a;
-    r->current = a;
-    pthread_mutex_unlock(&r->lock);
-    bool answered = enrol(r->dir, &copy, &message);
+void registrar_used(struct registrar *r, const struct identity *identity) {
+    struct used_certificate *used = NULL;
     pthread_mutex_lock(&r->lock);
-    r->current = NULL;
-    a->answer = message;
-    a->state = !a->applicant ? FREE : answered ? ANSWERED : WAITING;
-    if (a->state == ANSWERED)
-        r->on_news(r->user);
-    return answered;
+    for (int i = 0; i < USED_MAX && !used; i++)
+        if (!r->used[i].waits)
+            used = &r->used[i];
+    if (used)
+        *used = (struct used_certificate){r, true, *identity};
+    pthread_mutex_unlock(&r->lock);
+    if (used)
+        CHECK(task_pool_add(
+            r->tasks, &(struct task){.run = revoke_older, .finish = forget_used, .data = used}));
 }
 
-static bool settle_used(struct registrar *r) {
-    struct identity identity = r->used[r->used_count - 1];
-    r->used_count--;
-    pthread_mutex_unlock(&r->lock);
-    bool done = revoke_older(r->dir, &identity);
-    pthread_mutex_lock(&r->lock);
-    if (!done && r->used_count < USED_MAX)
-        r->used[r->used_count++] = identity;
-    return done;
-}
+// ---- the authority's files ----------------------------------------------------------------------
 
-static void look_at_files(struct registrar *r) {
-    if (clock_now_ns() < r->look_ns)
-        return;
-    struct revocations *before = r->revocations;
-    pthread_mutex_unlock(&r->lock);
-    struct revocations *now = revocations_read(r->dir, before);
+static int64_t look_at_files(void *data) {
+    struct registrar *r = data;
+    struct revocations *before = r->revocations, *now = revocations_read(r->dir, before);
     struct tls_credentials *credentials = tls_files_look(r->tls_files);
     if (credentials)
         log_info("control", "the server's certificate was renewed");
@@ -220,30 +243,11 @@ static void look_at_files(struct registrar *r) {
     if (credentials) {
         tls_credentials_destroy(&r->credentials);
         r->credentials = credentials;
-        r->on_news(r->user);
-    }
-    r->look_ns = clock_now_ns() + LOOK_NS;
-}
-
-static void wait_until(struct registrar *r, int64_t until_ns) {
-    struct timespec until = {until_ns / NS_PER_S, until_ns % NS_PER_S};
-    pthread_cond_timedwait(&r->wake, &r->lock, &until);
-}
-
-static void *work(void *argument) {
-    struct registrar *r = argument;
-    pthread_mutex_lock(&r->lock);
-    while (!r->stops) {
-        look_at_files(r);
-        struct application *next = find_state(r, WAITING);
-        bool waits = next || r->used_count;
-        bool did = next && answer(r, next);
-        did |= r->used_count && settle_used(r);
-        if (!did && !r->stops)
-            wait_until(r, waits ? clock_now_ns() + RETRY_NS : r->look_ns);
     }
     pthread_mutex_unlock(&r->lock);
-    return NULL;
+    if (credentials)
+        r->on_news(r->user);
+    return LOOK_NS;
 }
 
 // ---- life ---------------------------------------------------------------------------------------
@@ -258,7 +262,6 @@ bool registrar_is_revoked(struct registrar *r, const char *serial_hex) {
 struct registrar *registrar_create(const char *authority_dir, struct tls_files *tls_files,
                                    void (*on_news)(void *user), void *user) {
     struct registrar *r = alloc(1, sizeof *r);
-    pthread_condattr_t monotonic;
     r->dir = alloc_text(authority_dir);
     r->tls_files = tls_files;
     snprintf(r->advice, sizeof r->advice, "run arthron-server keys renew %s", authority_dir);
@@ -266,22 +269,16 @@ struct registrar *registrar_create(const char *authority_dir, struct tls_files *
     r->user = user;
     r->revocations = revocations_read(authority_dir, NULL);
     pthread_mutex_init(&r->lock, NULL);
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&r->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
-    CHECK(pthread_create(&r->thread, NULL, work, r) == 0);
+    for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
+        r->applications[i].registrar = r;
+    r->tasks = task_pool_create(&(struct task_pool_settings){.threads = 1, .tasks_max = TASKS_MAX});
+    CHECK(task_pool_add(r->tasks, &(struct task){.run = look_at_files, .data = r}));
     return r;
 }
 
 void registrar_destroy(struct registrar **registrar) {
     struct registrar *r = *registrar;
-    pthread_mutex_lock(&r->lock);
-    r->stops = true;
-    pthread_cond_signal(&r->wake);
-    pthread_mutex_unlock(&r->lock);
-    pthread_join(r->thread, NULL);
-    pthread_cond_destroy(&r->wake);
+    task_pool_destroy(&r->tasks);
     pthread_mutex_destroy(&r->lock);
     revocations_release(&r->revocations);
     tls_credentials_destroy(&r->credentials);

@@ -32,7 +32,7 @@ struct task {
 
 struct task_pool_settings {
     int threads;    // at least 1
-    int tasks_max;  // at a time, waiting or running, of those that are not urgent
+    int tasks_max;  // at a time, from being added until finished, that are not urgent
     int urgent_max; // the same of those that are
     int nice;       // of the threads, as in setpriority: 0 as the process, 19 the lowest priority
 };

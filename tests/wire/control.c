@@ -410,7 +410,7 @@ static void a_stranger_learns_nothing_of_the_servers_files(void **state) {
         assert_int_equal(authority_write(doorman.keys, broken[i], "?", 1, NULL), RESULT_OK);
         struct websocket *socket = apply(&enrol);
         assert_true(hear(socket, &message));
-        assert_int_equal(message.message.refusal.reason, arthron_Refusal_Reason_CODE);
+        assert_int_equal(message.message.refusal.reason, arthron_Refusal_Reason_BUSY);
         assert_true(message.message.refusal.text[0]);
         assert_null(strstr(message.message.refusal.text, doorman.dir));
         websocket_close(socket);

@@ -10,7 +10,7 @@
 
 struct own {
     json_t *array;
-    const struct store_visitor *visitor;
+    const struct store_principal *principal;
 };
 
 // A list of an account may have tokens of a trainee of that name, and the other way about.
@@ -19,9 +19,9 @@ static void take_token(void *user, const struct store_cell *cells, int count) {
     json_t *row = call_row(cells, count);
     bool is_code = !strcmp(json_string_value(json_object_get(row, "kind")), "code");
     bool by_account = json_is_string(json_object_get(row, "account"));
-    if (by_account == own->visitor->by_account && !is_code) {
+    if (by_account == own->principal->by_account && !is_code) {
         int64_t id = json_integer_value(json_object_get(row, "id"));
-        json_object_set_new(row, "current", json_boolean(id == own->visitor->token));
+        json_object_set_new(row, "current", json_boolean(id == own->principal->token));
         json_object_del(row, "account");
         json_object_del(row, "trainee");
         json_array_append(own->array, row);
@@ -31,11 +31,11 @@ static void take_token(void *user, const struct store_cell *cells, int count) {
 
 void get_tokens(struct call *call) {
     struct error err = {""};
-    struct own own = {json_array(), &call->visitor};
+    struct own own = {json_array(), &call->principal};
     enum result result =
-        store_rows(call->store, LIST_TOKENS, call->visitor.name, take_token, &own, &err);
+        store_rows(call->store, LIST_TOKENS, call->principal.name, take_token, &own, &err);
     json_t *all = json_pack("{s:o}", "tokens", own.array);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -47,7 +47,7 @@ void post_tokens(struct call *call) {
     const char *name;
     int64_t id, until_ns;
     struct error err = {""};
-    if (!call->visitor.by_account) { // it would outlive the code by far
+    if (!call->principal.by_account) { // it would outlive the code by far
         call_refuse(call, 403, "not_allowed", NULL,
                     "Somebody who signed in with a code cannot make tokens.");
         return;
@@ -56,11 +56,11 @@ void post_tokens(struct call *call) {
         return;
     secret_make(secret);
     secret_hash(secret, hash);
-    enum result result = store_add_token(call->store, TOKEN_BEARER, hash, &call->visitor, name, &id,
-                                         &until_ns, &err);
+    enum result result = store_add_token(call->store, TOKEN_BEARER, hash, &call->principal, name,
+                                         &id, &until_ns, &err);
     if (result == RESULT_MISSING)
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
-    else if (call_went_well(call, result, &err))
+    else if (call_check(call, result, &err))
         call_answer(call, 201,
                     json_pack("{s:I, s:s, s:s, s:f}", "id", (json_int_t)id, "name", name, "token",
                               secret, "until_utc_s", call_seconds(until_ns)));
@@ -71,7 +71,7 @@ void delete_token(struct call *call) {
     int64_t id;
     if (!number_int(call->args[0], 1, INT64_MAX, &id))
         call_refuse(call, 404, "not_found", NULL, "There is no token with this number.");
-    else if (call_went_well(call, store_remove_token(call->store, &call->visitor, id, &err), &err))
+    else if (call_check(call, store_remove_token(call->store, &call->principal, id, &err), &err))
         call_done(call);
 }
 
@@ -92,7 +92,7 @@ void get_accounts(struct call *call) {
     json_t *accounts = json_array();
     enum result result = store_rows(call->store, LIST_ACCOUNTS, NULL, take_account, accounts, &err);
     json_t *all = json_pack("{s:o}", "accounts", accounts);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -100,17 +100,17 @@ void get_accounts(struct call *call) {
 
 // Who could give a role, or a password, could come in as anybody who has it.
 static bool may_manage(struct call *call, enum store_role role) {
-    if (call->visitor.role == ROLE_INSTRUCTOR || role == call->visitor.role)
+    if (call->principal.role == ROLE_INSTRUCTOR || role == call->principal.role)
         return true;
     call_refuse(call, 403, "not_allowed", NULL, "A %s manages accounts of that role only.",
-                store_role_name(call->visitor.role));
+                store_role_name(call->principal.role));
     return false;
 }
 
 // The account of the path.
-static bool find_managed(struct call *call, struct store_visitor *out) {
+static bool find_managed(struct call *call, struct store_principal *out) {
     struct error err = {""};
-    return call_went_well(call, store_find_account(call->store, call->args[0], out, &err), &err) &&
+    return call_check(call, store_find_account(call->store, call->args[0], out, &err), &err) &&
            may_manage(call, out->role);
 }
 
@@ -154,13 +154,13 @@ void post_accounts(struct call *call) {
         !call_need_password(call, "password", &password) || !encode(call, password, encoded))
         return;
     enum result result = store_add_account(call->store, name, role, encoded, trainee, &err);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 201,
                     json_pack("{s:{s:s, s:s, s:s}}", "account", "name", name, "role",
                               store_role_name(role), "trainee", trainee ? trainee : ""));
 }
 
-static bool change_role(struct call *call, const struct store_visitor *account) {
+static bool change_role(struct call *call, const struct store_principal *account) {
     enum store_role role;
     struct error err = {""};
     if (!call_text(call, "role"))
@@ -173,7 +173,7 @@ static bool change_role(struct call *call, const struct store_visitor *account) 
                                         : "This account belongs to no trainee.");
         return false;
     }
-    return call_went_well(call, store_set_role(call->store, call->args[0], role, &err), &err);
+    return call_check(call, store_set_role(call->store, call->args[0], role, &err), &err);
 }
 
 // What follows finds it by its new name.
@@ -183,7 +183,7 @@ static bool change_name(struct call *call) {
     if (!call_text(call, "name"))
         return true;
     if (!call_need_name(call, "name", &name) ||
-        !call_went_well(call, store_rename_account(call->store, call->args[0], name, &err), &err))
+        !call_check(call, store_rename_account(call->store, call->args[0], name, &err), &err))
         return false;
     snprintf(call->args[0], sizeof call->args[0], "%s", name);
     return true;
@@ -192,15 +192,14 @@ static bool change_name(struct call *call) {
 static bool change_password(struct call *call, const char *encoded) {
     struct error err = {""};
     return !encoded[0] ||
-           call_went_well(call, store_set_password(call->store, call->args[0], encoded, &err),
-                          &err);
+           call_check(call, store_set_password(call->store, call->args[0], encoded, &err), &err);
 }
 
 void patch_account(struct call *call) {
     static const char *const fields[] = {"password", "role", "name", NULL};
     const char *password = NULL;
     char encoded[PASSWORD_ENCODED] = "";
-    struct store_visitor account;
+    struct store_principal account;
     if (!call_take_body(call, fields))
         return;
     if (call_text(call, "password") && !call_need_password(call, "password", &password))
@@ -219,17 +218,17 @@ void patch_account(struct call *call) {
 
 void post_account_sign_out(struct call *call) {
     static const char *const fields[] = {NULL};
-    struct store_visitor account;
+    struct store_principal account;
     struct error err = {""};
     if (call_take_body(call, fields) && find_managed(call, &account) &&
-        call_went_well(call, store_sign_out_account(call->store, call->args[0], &err), &err))
+        call_check(call, store_sign_out_account(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
 void delete_account(struct call *call) {
-    struct store_visitor account;
+    struct store_principal account;
     struct error err = {""};
     if (find_managed(call, &account) &&
-        call_went_well(call, store_remove_account(call->store, call->args[0], &err), &err))
+        call_check(call, store_remove_account(call->store, call->args[0], &err), &err))
         call_done(call);
 }

@@ -46,7 +46,7 @@ static const struct {
     enum result result;
     int status;
     const char *code;
-} told[] = {
+} statuses[] = {
     {RESULT_INVALID, 400, "wrong_field"}, {RESULT_MISSING, 404, "not_found"},
     {RESULT_REFUSED, 409, "conflict"},    {RESULT_LIMIT, 409, "conflict"},
     {RESULT_TIMEOUT, 503, "busy"},
@@ -68,15 +68,15 @@ static void make_sentence(const char *text, char *out, size_t size) {
         memcpy(out + length, ".", 2);
 }
 
-bool call_went_well(struct call *call, enum result result, const struct error *err) {
+bool call_check(struct call *call, enum result result, const struct error *err) {
     char text[sizeof err->text + 2];
     if (result == RESULT_OK)
         return true;
-    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
-        if (result != told[i].result)
+    for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++) {
+        if (result != statuses[i].result)
             continue;
         make_sentence(without_path(call, err->text), text, sizeof text);
-        call_refuse(call, told[i].status, told[i].code, NULL, "%s", text);
+        call_refuse(call, statuses[i].status, statuses[i].code, NULL, "%s", text);
         call->response->retry_after_s = result == RESULT_TIMEOUT ? 1 : 0;
         return false;
     }
@@ -269,8 +269,8 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
 
 bool call_open_store(struct call *call) {
     struct error err = {""};
-    const char *actor = call->is_visitor ? call->visitor.actor : "server";
-    return call_went_well(
+    const char *actor = call->is_signed_in ? call->principal.actor : "server";
+    return call_check(
         call, store_open(call->api->config.records, STORE_MAKE, actor, &call->store, &err), &err);
 }
 
@@ -282,9 +282,9 @@ bool call_is_still_in(struct call *call) {
     char hash[SECRET_MAX];
     struct error err = {""};
     secret_hash(call->request->token, hash);
-    enum result result = store_find_token(call->store, hash, &call->visitor, &err);
+    enum result result = store_find_token(call->store, hash, &call->principal, &err);
     if (result != RESULT_MISSING)
-        return call_went_well(call, result, &err);
+        return call_check(call, result, &err);
     call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
     return false;
 }
@@ -299,8 +299,8 @@ double call_seconds(int64_t utc_ns) {
 }
 
 static json_t *value_of(const struct store_cell *cell, bool is_time) {
-    if (cell->kind == STORE_WHOLE)
-        return is_time ? json_real(call_seconds(cell->whole)) : json_integer(cell->whole);
+    if (cell->kind == STORE_INTEGER)
+        return is_time ? json_real(call_seconds(cell->integer)) : json_integer(cell->integer);
     if (cell->kind == STORE_REAL)
         return json_real(cell->real);
     json_t *text = cell->kind == STORE_TEXT ? json_string(cell->text) : NULL;

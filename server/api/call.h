@@ -8,7 +8,7 @@
 #include <jansson.h>
 #include <stdatomic.h>
 
-struct case_cards; // case_card.h
+struct case_summaries; // case_summary.h
 
 struct api {
     struct api_config config;
@@ -16,7 +16,7 @@ struct api {
     struct throttle throttle;
     atomic_flag reporting;
     atomic_bool failing; // nobody can be looked up in the records, as was logged
-    struct case_cards *cards;
+    struct case_summaries *summaries;
     pthread_mutex_t first_lock;
     char first_secret[65]; // of first_lock; empty: there is none, or it was used
 };
@@ -25,9 +25,9 @@ struct call {
     struct api *api;
     const struct web_request *request;
     struct web_response *response;
-    struct store *store;          // open, or NULL
-    struct store_visitor visitor; // where somebody has signed in
-    bool is_visitor;
+    struct store *store;              // open, or NULL
+    struct store_principal principal; // where somebody has signed in
+    bool is_signed_in;
     char args[2][STORE_NAME_MAX]; // of the path: what stands for each *
     json_t *body;                 // an object of texts, or NULL
 };
@@ -44,7 +44,7 @@ void call_refuse(struct call *call, int status, const char *code, const char *fi
 
 // What a function of another room could not do; texts that are for the server's own are logged, and
 // not told. Returns whether there was nothing of the kind.
-bool call_went_well(struct call *call, enum result result, const struct error *err);
+bool call_check(struct call *call, enum result result, const struct error *err);
 
 // ---- what it brings -----------------------------------------------------------------------------
 
@@ -77,12 +77,12 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
 bool call_open_store(struct call *call);
 void call_close_store(struct call *call);
 
-// Whether the visitor is still signed in, after they were closed for a while.
+// Whether the principal is still signed in, after the records were closed for a while.
 bool call_is_still_in(struct call *call);
 
 // A row as an object: times in ns (x_utc_ns) become seconds (x_utc_s).
 json_t *call_row(const struct store_cell *cells, int count);
-void call_take_row(void *array, const struct store_cell *cells, int count); // a store_taker
+void call_take_row(void *array, const struct store_cell *cells, int count); // a store_row_handler
 
 // A text that may come from a file: what is no UTF-8 cannot be told.
 json_t *call_string(const char *text);

@@ -1,5 +1,5 @@
 #include "api/api.h"
-#include "api/case_card.h"
+#include "api/case_summary.h"
 #include "api/routes.h"
 #include "api/secret.h"
 #include "base/check.h"
@@ -37,7 +37,7 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     struct api *api = alloc(1, sizeof *api);
     api->config = *config;
     api->started_ns = clock_now_ns();
-    api->cards = case_cards_create(config->cases, config->case_count);
+    api->summaries = case_summaries_create(config->cases, config->case_count);
     atomic_flag_clear(&api->reporting);
     pthread_mutex_init(&api->throttle.lock, NULL);
     pthread_mutex_init(&api->first_lock, NULL);
@@ -52,7 +52,7 @@ void api_destroy(struct api **api) {
     struct api *a = *api;
     if (!a)
         return;
-    case_cards_destroy(&a->cards);
+    case_summaries_destroy(&a->summaries);
     pthread_mutex_destroy(&a->throttle.lock);
     pthread_mutex_destroy(&a->first_lock);
     free(a);
@@ -61,8 +61,8 @@ void api_destroy(struct api **api) {
 
 // ---- who ----------------------------------------------------------------------------------------
 
-static enum result find_visitor(struct store *store, const char *token, bool *out_is,
-                                struct store_visitor *out, struct error *err) {
+static enum result find_principal(struct store *store, const char *token, bool *out_is,
+                                  struct store_principal *out, struct error *err) {
     char hash[SECRET_MAX];
     *out_is = false;
     if (!token)
@@ -85,39 +85,39 @@ static void log_failing(struct api *api, enum result result, const struct error 
 
 enum result api_enter(void *user, const char *token, struct web_account *out) {
     struct api *api = user;
-    struct store_visitor visitor;
+    struct store_principal principal;
     struct store *store;
     struct error err = {""};
     bool is = false;
     enum result result = store_open(api->config.records, STORE_MAKE, "server", &store, &err);
     if (result == RESULT_OK)
-        result = find_visitor(store, token, &is, &visitor, &err);
+        result = find_principal(store, token, &is, &principal, &err);
     store_close(&store);
     log_failing(api, result, &err);
     if (result != RESULT_OK)
         return result == RESULT_MISSING ? RESULT_IO : result;
     if (!is)
         return RESULT_MISSING;
-    snprintf(out->name, sizeof out->name, "%s", visitor.name);
-    snprintf(out->role, sizeof out->role, "%s", store_role_name(visitor.role));
-    snprintf(out->trainee, sizeof out->trainee, "%s", visitor.trainee);
+    snprintf(out->name, sizeof out->name, "%s", principal.name);
+    snprintf(out->role, sizeof out->role, "%s", store_role_name(principal.role));
+    snprintf(out->trainee, sizeof out->trainee, "%s", principal.trainee);
     return RESULT_OK;
 }
 
-// Whether the visitor may; answered where not.
-static bool let_in(struct call *call, const struct route *route) {
+// Whether the principal may; answered where not.
+static bool authorize(struct call *call, const struct route *route) {
     struct error err = {""};
-    enum result result =
-        find_visitor(call->store, call->request->token, &call->is_visitor, &call->visitor, &err);
-    if (!call_went_well(call, result, &err))
+    enum result result = find_principal(call->store, call->request->token, &call->is_signed_in,
+                                        &call->principal, &err);
+    if (!call_check(call, result, &err))
         return false;
-    if (call->is_visitor)
-        store_set_actor(call->store, call->visitor.actor);
-    if (route->roles & NOBODY || (call->is_visitor && route->roles & 1 << call->visitor.role))
+    if (call->is_signed_in)
+        store_set_actor(call->store, call->principal.actor);
+    if (route->roles & NOBODY || (call->is_signed_in && route->roles & 1 << call->principal.role))
         return true;
-    if (call->is_visitor)
+    if (call->is_signed_in)
         call_refuse(call, 403, "not_allowed", NULL, "A %s may not do that.",
-                    store_role_name(call->visitor.role));
+                    store_role_name(call->principal.role));
     else
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
     return false;
@@ -132,7 +132,7 @@ void api_answer(void *user, const struct web_request *request, struct web_respon
                     request->method);
     else if (!route)
         call_refuse(&call, 404, "not_found", NULL, "There is nothing at this path.");
-    else if (call_open_store(&call) && let_in(&call, route))
+    else if (call_open_store(&call) && authorize(&call, route))
         route->answer(&call);
     call_close_store(&call);
     json_decref(call.body);

@@ -7,7 +7,7 @@
 static void answer_rows(struct call *call, const char *key, json_t *rows, enum result result,
                         const struct error *err) {
     json_t *all = json_pack("{s:o}", key, rows);
-    if (call_went_well(call, result, err))
+    if (call_check(call, result, err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -39,7 +39,7 @@ void post_trainees(struct call *call) {
     const char *full_name = call_text(call, "full_name");
     if (full_name && !full_name[0])
         full_name = NULL;
-    if (call_went_well(call, store_add_trainee(call->store, name, full_name, &err), &err))
+    if (call_check(call, store_add_trainee(call->store, name, full_name, &err), &err))
         call_answer(call, 201,
                     json_pack("{s:{s:s, s:s?}}", "trainee", "name", name, "full_name", full_name));
 }
@@ -60,14 +60,14 @@ void patch_trainee(struct call *call) {
     const char *text = full_name && json_is_null(full_name) ? "" : call_text(call, "full_name");
     if (!name && !text)
         call_refuse(call, 400, "wrong_body", NULL, "The body names nothing to change.");
-    else if (call_went_well(
-                 call, store_change_trainee(call->store, call->args[0], name, text, &err), &err))
+    else if (call_check(call, store_change_trainee(call->store, call->args[0], name, text, &err),
+                        &err))
         call_done(call);
 }
 
 void delete_trainee(struct call *call) {
     struct error err = {""};
-    if (call_went_well(call, store_remove_trainee(call->store, call->args[0], &err), &err))
+    if (call_check(call, store_remove_trainee(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
@@ -81,13 +81,12 @@ void post_trainee_erase(struct call *call) {
     char pseudonym[STORE_NAME_MAX];
     struct error err = {""};
     if (!call_take_body(call, fields) ||
-        !call_went_well(call, store_erase_trainee(call->store, call->args[0], pseudonym, &err),
-                        &err))
+        !call_check(call, store_erase_trainee(call->store, call->args[0], pseudonym, &err), &err))
         return;
     json_t *ids = json_array();
     enum result result = store_sessions_of(call->store, pseudonym, take_id, ids, &err);
     json_t *all = json_pack("{s:s, s:o}", "pseudonym", pseudonym, "sessions", ids);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -97,7 +96,7 @@ void post_trainee_sign_out(struct call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
-        call_went_well(call, store_sign_out_trainee(call->store, call->args[0], &err), &err))
+        call_check(call, store_sign_out_trainee(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
@@ -110,8 +109,7 @@ void post_trainee_code(struct call *call) {
         return;
     secret_make_code(code);
     secret_hash(code, hash);
-    if (call_went_well(call, store_add_code(call->store, call->args[0], hash, &until_ns, &err),
-                       &err))
+    if (call_check(call, store_add_code(call->store, call->args[0], hash, &until_ns, &err), &err))
         call_answer(call, 201,
                     json_pack("{s:s, s:f}", "code", code, "until_utc_s", call_seconds(until_ns)));
 }
@@ -130,7 +128,7 @@ void post_courses(struct call *call) {
     const char *name;
     struct error err = {""};
     if (call_take_body(call, fields) && call_need_name(call, "name", &name) &&
-        call_went_well(call, store_add_course(call->store, name, &err), &err))
+        call_check(call, store_add_course(call->store, name, &err), &err))
         call_answer(call, 201, json_pack("{s:{s:s}}", "course", "name", name));
 }
 
@@ -141,7 +139,7 @@ static bool find_course(struct call *call) {
         store_rows(call->store, LIST_COURSES, call->args[0], call_take_row, rows, &err);
     bool there = json_array_size(rows);
     json_decref(rows);
-    if (!call_went_well(call, result, &err))
+    if (!call_check(call, result, &err))
         return false;
     if (!there)
         call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", call->args[0]);
@@ -155,7 +153,7 @@ void get_course(struct call *call) {
     json_t *rows = json_array();
     enum result result = store_trainees_in(call->store, call->args[0], call_take_row, rows, &err);
     json_t *all = json_pack("{s:{s:s, s:o}}", "course", "name", call->args[0], "trainees", rows);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -166,7 +164,7 @@ void post_course_trainees(struct call *call) {
     const char *trainee;
     struct error err = {""};
     if (call_take_body(call, fields) && call_need_text(call, "trainee", &trainee) &&
-        call_went_well(call, store_enrol(call->store, trainee, call->args[0], &err), &err))
+        call_check(call, store_enrol(call->store, trainee, call->args[0], &err), &err))
         call_done(call);
 }
 
@@ -175,18 +173,18 @@ void patch_course(struct call *call) {
     const char *name;
     struct error err = {""};
     if (call_take_body(call, fields) && call_need_name(call, "name", &name) &&
-        call_went_well(call, store_rename_course(call->store, call->args[0], name, &err), &err))
+        call_check(call, store_rename_course(call->store, call->args[0], name, &err), &err))
         call_done(call);
 }
 
 void delete_course(struct call *call) {
     struct error err = {""};
-    if (call_went_well(call, store_remove_course(call->store, call->args[0], &err), &err))
+    if (call_check(call, store_remove_course(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
 void delete_course_trainee(struct call *call) {
     struct error err = {""};
-    if (call_went_well(call, store_unenrol(call->store, call->args[1], call->args[0], &err), &err))
+    if (call_check(call, store_unenrol(call->store, call->args[1], call->args[0], &err), &err))
         call_done(call);
 }

@@ -30,7 +30,8 @@ extern const int route_count;
 const struct route *routes_find(const char *method, const char *path,
                                 char out_args[2][STORE_NAME_MAX], bool *out_there);
 
-// ---- what they answer: sign_in.c, accounts.c, people.c, hall.c, sessions.c ----------------------
+// ---- what they answer: sign_in.c, accounts.c, people.c, stations.c, cases.c, sessions.c
+// ----------------------
 
 void post_sign_in(struct call *call);
 void post_first(struct call *call);

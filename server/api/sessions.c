@@ -18,7 +18,7 @@ static void take_session(void *array, const struct store_cell *cells, int count)
 }
 
 static bool is_trainee(const struct call *call) {
-    return call->visitor.role == ROLE_TRAINEE;
+    return call->principal.role == ROLE_TRAINEE;
 }
 
 static bool is_id(const char *text) {
@@ -40,7 +40,7 @@ static void answer_sessions(struct call *call, struct store_filter filter) {
     enum result result = store_find_sessions(call->store, &filter, take_session, rows, &err);
     json_t *next = take_next(rows, limit);
     json_t *all = json_pack("{s:o, s:o}", "sessions", rows, "next", next);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -62,8 +62,8 @@ void get_sessions(struct call *call) {
         return;
     }
     if (is_trainee(call)) {
-        bool others = filter.trainee && strcmp(filter.trainee, call->visitor.trainee);
-        filter.trainee = others ? "" : call->visitor.trainee; // nobody's
+        bool others = filter.trainee && strcmp(filter.trainee, call->principal.trainee);
+        filter.trainee = others ? "" : call->principal.trainee; // nobody's
     }
     answer_sessions(call, filter);
 }
@@ -77,7 +77,7 @@ void get_audit(struct call *call) {
     json_t *rows = json_array();
     enum result result = store_last_audit(call->store, limit, call_take_row, rows, &err);
     json_t *all = json_pack("{s:o}", "audit", rows);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -87,7 +87,8 @@ void get_audit(struct call *call) {
 
 static bool is_own(const struct call *call, const json_t *row) {
     const char *trainee = json_string_value(json_object_get(row, "trainee"));
-    return !is_trainee(call) || (trainee && trainee[0] && !strcmp(trainee, call->visitor.trainee));
+    return !is_trainee(call) ||
+           (trainee && trainee[0] && !strcmp(trainee, call->principal.trainee));
 }
 
 // The row of the session of the path, with its trace; the caller releases it. NULL after a refusal:
@@ -100,7 +101,7 @@ static json_t *find_session(struct call *call) {
         result = store_rows(call->store, LIST_SESSIONS, call->args[0], call_take_row, rows, &err);
     json_t *row = json_incref(json_array_get(rows, 0));
     json_decref(rows);
-    if (!call_went_well(call, result, &err))
+    if (!call_check(call, result, &err))
         return NULL;
     if (row && is_own(call, row))
         return row;
@@ -131,7 +132,7 @@ void get_session(struct call *call) {
     enum result result =
         store_rows(call->store, LIST_RESULTS, call->args[0], take_result, results, &err);
     json_t *all = json_pack("{s:o, s:o}", "session", row, "results", results);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -143,7 +144,7 @@ void delete_session(struct call *call) {
     if (!row)
         return;
     json_decref(row);
-    if (call_went_well(call, store_remove_session(call->store, call->args[0], &err), &err))
+    if (call_check(call, store_remove_session(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
@@ -250,8 +251,8 @@ static bool may_see(struct call *call, const char *course) {
         return false;
     }
     enum result result =
-        store_courses_of(call->store, call->visitor.trainee, take_course, &m, &err);
-    if (!call_went_well(call, result, &err))
+        store_courses_of(call->store, call->principal.trainee, take_course, &m, &err);
+    if (!call_check(call, result, &err))
         return false;
     if (!m.is_in)
         call_refuse(call, 404, "not_found", NULL, "You are not in a course '%s'.", course);
@@ -276,7 +277,7 @@ void get_distributions(struct call *call) {
     finish(&g);
     free(g.values);
     json_t *all = json_pack("{s:o}", "distributions", g.all);
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 200, all);
     else
         json_decref(all);
@@ -307,7 +308,7 @@ static void make_report(struct call *call, const struct api_report *about) {
     }
     if (result != RESULT_OK) // what is wrong with the trace is nobody's fault out there
         result = RESULT_IO;
-    if (!call_went_well(call, result, &err)) {
+    if (!call_check(call, result, &err)) {
         free(page);
         return;
     }
@@ -334,11 +335,11 @@ static bool choose_course(struct call *call, struct call_query *query, struct ap
     if (!is_trainee(call))
         return true;
     enum result result =
-        store_courses_of(call->store, call->visitor.trainee, take_first, out_first, &err);
+        store_courses_of(call->store, call->principal.trainee, take_first, out_first, &err);
     about->course = out_first;
     if (!out_first[0])
         about->records = about->course = NULL;
-    return call_went_well(call, result, &err);
+    return call_check(call, result, &err);
 }
 
 void get_session_report(struct call *call) {

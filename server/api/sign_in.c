@@ -45,42 +45,42 @@ static void try_was_right(struct call *call, const struct try *try) {
 
 // ---- in -----------------------------------------------------------------------------------------
 
-static json_t *account_json(const struct store_visitor *v) {
-    return json_pack("{s:s, s:s, s:s}", "name", v->name, "role", store_role_name(v->role),
-                     "trainee", v->trainee);
+static json_t *account_json(const struct store_principal *p) {
+    return json_pack("{s:s, s:s, s:s}", "name", p->name, "role", store_role_name(p->role),
+                     "trainee", p->trainee);
 }
 
 // Sets a cookie for whoever was found; RESULT_MISSING, where they have another password or code by
 // now, is the caller's to answer.
-static enum result begin_visit(struct call *call, int status) {
+static enum result set_cookie(struct call *call, int status) {
     char secret[SECRET_MAX], hash[SECRET_MAX];
     int64_t id, until_ns;
     struct error err = {""};
     secret_make(secret);
     secret_hash(secret, hash);
-    store_set_actor(call->store, call->visitor.actor);
-    enum result result = store_add_token(call->store, TOKEN_COOKIE, hash, &call->visitor, NULL, &id,
-                                         &until_ns, &err);
-    if (result == RESULT_MISSING || !call_went_well(call, result, &err))
+    store_set_actor(call->store, call->principal.actor);
+    enum result result = store_add_token(call->store, TOKEN_COOKIE, hash, &call->principal, NULL,
+                                         &id, &until_ns, &err);
+    if (result == RESULT_MISSING || !call_check(call, result, &err))
         return result;
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=%s; Path=/; Secure; HttpOnly; SameSite=Strict", secret);
-    call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->visitor)));
+    call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->principal)));
     return RESULT_OK;
 }
 
 // Finds the account without telling whether there is one.
 static bool find_account(struct call *call, const char *name, bool *out_there) {
     struct error err = {""};
-    enum result result = store_find_account(call->store, name, &call->visitor, &err);
-    *out_there = result == RESULT_OK && call->visitor.password[0];
-    return result == RESULT_MISSING || call_went_well(call, result, &err);
+    enum result result = store_find_account(call->store, name, &call->principal, &err);
+    *out_there = result == RESULT_OK && call->principal.password[0];
+    return result == RESULT_MISSING || call_check(call, result, &err);
 }
 
 // The records are closed meanwhile, for that takes its time.
 static bool password_fits(struct call *call, bool there, const char *password) {
     call_close_store(call);
-    bool fits = password_is(there ? call->visitor.password : NULL, password);
+    bool fits = password_is(there ? call->principal.password : NULL, password);
     return call_open_store(call) && fits;
 }
 
@@ -93,7 +93,7 @@ static void sign_in_by_password(struct call *call) {
         return;
     enum result result = RESULT_MISSING;
     if (strlen(password) <= PASSWORD_MOST && password_fits(call, there, password))
-        result = begin_visit(call, 200);
+        result = set_cookie(call, 200);
     if (result != RESULT_MISSING)
         try_was_right(call, &try);
     else if (!call->response->status)
@@ -109,13 +109,13 @@ static void sign_in_by_code(struct call *call, const char *typed) {
         return;
     if (secret_read_code(typed, code)) {
         secret_hash(code, hash);
-        result = store_find_code(call->store, hash, &call->visitor, &err);
+        result = store_find_code(call->store, hash, &call->principal, &err);
     }
     if (result == RESULT_OK)
-        result = begin_visit(call, 200);
+        result = set_cookie(call, 200);
     if (result == RESULT_MISSING)
         call_refuse(call, 401, "wrong_code", "code", "The code is wrong or has ended.");
-    else if (call->response->status || call_went_well(call, result, &err))
+    else if (call->response->status || call_check(call, result, &err))
         try_was_right(call, &try);
 }
 
@@ -139,16 +139,16 @@ void post_sign_in(struct call *call) {
 static bool make_first(struct call *call, const char *name, const char *encoded) {
     struct error err = {""};
     bool has;
-    if (!call_went_well(call, store_has_instructor(call->store, &has, &err), &err))
+    if (!call_check(call, store_has_instructor(call->store, &has, &err), &err))
         return false;
     if (has) {
         call_refuse(call, 409, "conflict", NULL, "There is already an instructor.");
         return false;
     }
-    if (!call_went_well(
+    if (!call_check(
             call, store_add_account(call->store, name, ROLE_INSTRUCTOR, encoded, NULL, &err), &err))
         return false;
-    return call_went_well(call, store_find_account(call->store, name, &call->visitor, &err), &err);
+    return call_check(call, store_find_account(call->store, name, &call->principal, &err), &err);
 }
 
 static bool secret_fits(struct call *call, const char *secret) {
@@ -182,7 +182,7 @@ void post_first(struct call *call) {
     if (made)
         call->api->first_secret[0] = '\0';
     pthread_mutex_unlock(&call->api->first_lock);
-    if (made && begin_visit(call, 201) == RESULT_MISSING)
+    if (made && set_cookie(call, 201) == RESULT_MISSING)
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
 }
 
@@ -198,10 +198,10 @@ void post_sign_out(struct call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
-        (!call->is_visitor ||
-         call_went_well(call,
-                        store_remove_token(call->store, &call->visitor, call->visitor.token, &err),
-                        &err)))
+        (!call->is_signed_in ||
+         call_check(call,
+                    store_remove_token(call->store, &call->principal, call->principal.token, &err),
+                    &err)))
         drop_cookie(call);
 }
 
@@ -209,7 +209,7 @@ void post_my_sign_out(struct call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
-        call_went_well(call, store_sign_out(call->store, &call->visitor, &err), &err))
+        call_check(call, store_sign_out(call->store, &call->principal, &err), &err))
         drop_cookie(call);
 }
 
@@ -222,10 +222,10 @@ void get_me(struct call *call) {
     struct error err = {""};
     json_t *courses = json_array();
     enum result result =
-        store_courses_of(call->store, call->visitor.trainee, take_name, courses, &err);
+        store_courses_of(call->store, call->principal.trainee, take_name, courses, &err);
     json_t *me =
-        json_pack("{s:o, s:o}", "account", account_json(&call->visitor), "courses", courses);
-    if (call_went_well(call, result, &err))
+        json_pack("{s:o, s:o}", "account", account_json(&call->principal), "courses", courses);
+    if (call_check(call, result, &err))
         call_answer(call, 200, me);
     else
         json_decref(me);
@@ -238,11 +238,11 @@ void patch_me(struct call *call) {
     struct error err = {""};
     struct try try;
     bool there;
-    memcpy(name, call->visitor.name, sizeof name);
+    memcpy(name, call->principal.name, sizeof name);
     if (!call_take_body(call, fields) || !call_need_text(call, "password", &old) ||
         !call_need_password(call, "new_password", &new))
         return;
-    if (!call->visitor.by_account) {
+    if (!call->principal.by_account) {
         call_refuse(call, 403, "not_allowed", NULL,
                     "Somebody who signed in with a code has no password.");
         return;
@@ -259,9 +259,9 @@ void patch_me(struct call *call) {
     password_encode(new, encoded);
     if (!call_open_store(call))
         return;
-    enum result result = store_change_password(call->store, &call->visitor, encoded, &err);
+    enum result result = store_change_password(call->store, &call->principal, encoded, &err);
     if (result == RESULT_MISSING)
         call_refuse(call, 401, "wrong_password", "password", "The old password is wrong.");
-    else if (call_went_well(call, result, &err))
+    else if (call_check(call, result, &err))
         call_done(call);
 }

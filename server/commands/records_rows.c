@@ -15,8 +15,8 @@
 
 static json_t *cell_to_json(const struct store_cell *cell) {
     switch (cell->kind) {
-    case STORE_WHOLE:
-        return json_integer(cell->whole);
+    case STORE_INTEGER:
+        return json_integer(cell->integer);
     case STORE_REAL:
         return json_real(cell->real);
     case STORE_TEXT:
@@ -145,8 +145,8 @@ static void put_names(void *file, const struct store_cell *cells, int count) {
 
 static void put_row(void *file, const struct store_cell *cells, int count) {
     for (int i = 0; i < count; i++) {
-        if (cells[i].kind == STORE_WHOLE)
-            fprintf(file, "%" PRId64, cells[i].whole);
+        if (cells[i].kind == STORE_INTEGER)
+            fprintf(file, "%" PRId64, cells[i].integer);
         else if (cells[i].kind == STORE_REAL)
             fprintf(file, "%.17g", cells[i].real);
         else if (cells[i].kind == STORE_TEXT)

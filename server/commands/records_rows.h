@@ -6,7 +6,7 @@
 #include <jansson.h>
 #include <stdio.h>
 
-// A store_taker whose user is a json_t array: adds an object for each row.
+// A store_row_handler whose user is a json_t array: adds an object for each row.
 void rows_take(void *array, const struct store_cell *cells, int count);
 
 // A table with the columns' names above; times (columns that end in utc_ns) to the second, and

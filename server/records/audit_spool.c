@@ -29,17 +29,17 @@ static void put_field(FILE *file, const char *text, char end) {
     fputc(end, file);
 }
 
-static enum result write_lines(const char *path, const struct store_deed *deeds, size_t count,
-                               struct error *err) {
+static enum result write_lines(const char *path, const struct store_audit_entry *entries,
+                               size_t count, struct error *err) {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     FILE *file = fd < 0 ? NULL : fdopen(fd, "w");
     if (!file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     for (size_t i = 0; i < count; i++) {
-        fprintf(file, "%" PRId64 "\t", deeds[i].utc_ns);
-        put_field(file, deeds[i].actor, '\t');
-        put_field(file, deeds[i].action, '\t');
-        put_field(file, deeds[i].subject, '\n');
+        fprintf(file, "%" PRId64 "\t", entries[i].utc_ns);
+        put_field(file, entries[i].actor, '\t');
+        put_field(file, entries[i].action, '\t');
+        put_field(file, entries[i].subject, '\n');
     }
     bool bad = fflush(file) || fsync(fd);
     if (fclose(file) || bad)
@@ -47,14 +47,14 @@ static enum result write_lines(const char *path, const struct store_deed *deeds,
     return RESULT_OK;
 }
 
-enum result audit_spool_write(const char *records, const struct store_deed *deeds, size_t count,
-                              struct error *err) {
+enum result audit_spool_write(const char *records, const struct store_audit_entry *entries,
+                              size_t count, struct error *err) {
     char path[PATH_MAX], draft[PATH_MAX];
     enum result result = path_of(records, "", path, err);
     if (result == RESULT_OK)
         result = path_of(records, ".draft", draft, err);
     if (result == RESULT_OK)
-        result = write_lines(draft, deeds, count, err);
+        result = write_lines(draft, entries, count, err);
     if (result == RESULT_OK && rename(draft, path) != 0)
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return result;
@@ -65,7 +65,7 @@ static bool take_text(char **line, char *out, size_t size) {
     return text && (size_t)snprintf(out, size, "%s", text) < size;
 }
 
-static bool read_line(char *line, struct store_deed *out) {
+static bool read_line(char *line, struct store_audit_entry *out) {
     const char *number = strsep(&line, "\t");
     return number_int(number, 0, INT64_MAX, &out->utc_ns) &&
            take_text(&line, out->actor, sizeof out->actor) &&
@@ -74,18 +74,19 @@ static bool read_line(char *line, struct store_deed *out) {
 }
 
 size_t audit_spool_read(const char *records,
-                        void (*take)(void *user, const struct store_deed *deed), void *user) {
+                        void (*take)(void *user, const struct store_audit_entry *entry),
+                        void *user) {
     char path[PATH_MAX], line[LINE_MAX_BYTES];
     size_t count = 0;
     FILE *file = path_of(records, "", path, NULL) == RESULT_OK ? fopen(path, "re") : NULL;
     while (file && fgets(line, sizeof line, file)) {
-        struct store_deed deed = {0};
+        struct store_audit_entry entry = {0};
         line[strcspn(line, "\n")] = '\0';
-        if (!read_line(line, &deed)) {
+        if (!read_line(line, &entry)) {
             log_warning("records", "%s: a line is no entry of the audit log", path);
             continue;
         }
-        take(user, &deed);
+        take(user, &entry);
         count++;
     }
     if (file)

@@ -22,10 +22,10 @@
 
 struct waiting {
     struct waiting *next;
-    bool is_deed;
+    bool is_audit;
     union {
         struct store_session session;
-        struct store_deed deed;
+        struct store_audit_entry entry;
     };
 };
 
@@ -84,14 +84,14 @@ void recorder_put(struct recorder *r, const struct store_session *session) {
 }
 
 void recorder_note(struct recorder *r, const char *actor, const char *action, const char *subject) {
-    struct waiting waiting = {.is_deed = true};
-    struct store_deed *deed = &waiting.deed;
+    struct waiting waiting = {.is_audit = true};
+    struct store_audit_entry *entry = &waiting.entry;
     if (!r)
         return;
-    deed->utc_ns = clock_utc_ns();
-    snprintf(deed->actor, sizeof deed->actor, "%s", *actor ? actor : ACTOR);
-    snprintf(deed->action, sizeof deed->action, "%s", action);
-    snprintf(deed->subject, sizeof deed->subject, "%s", subject);
+    entry->utc_ns = clock_utc_ns();
+    snprintf(entry->actor, sizeof entry->actor, "%s", *actor ? actor : ACTOR);
+    snprintf(entry->action, sizeof entry->action, "%s", action);
+    snprintf(entry->subject, sizeof entry->subject, "%s", subject);
     pthread_mutex_lock(&r->mutex);
     append(r, &waiting);
     pthread_cond_signal(&r->wake);
@@ -174,15 +174,15 @@ static enum result write_row(struct recorder *r, const struct session_score *sco
     return result;
 }
 
-static enum result write_deed(struct recorder *r, const struct store_deed *deed,
-                              struct error *err) {
+static enum result write_audit(struct recorder *r, const struct store_audit_entry *entry,
+                               struct error *err) {
     struct store *store;
     enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
     if (result == RESULT_OK)
-        result = store_put_deed(store, deed, err);
+        result = store_put_audit(store, entry, err);
     store_close(&store);
     if (result == RESULT_INVALID) {
-        log_error("records", "%s: it cannot be in the audit log: %s", deed->action, err->text);
+        log_error("records", "%s: it cannot be in the audit log: %s", entry->action, err->text);
         result = RESULT_OK;
     }
     if (result == RESULT_OK)
@@ -226,8 +226,8 @@ static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
         struct error err;
-        enum result result = first->is_deed ? write_deed(r, &first->deed, &err)
-                                            : write_session(r, &first->session, &err);
+        enum result result = first->is_audit ? write_audit(r, &first->entry, &err)
+                                             : write_session(r, &first->session, &err);
         if (result != RESULT_OK) {
             tell_failure(r, &err);
             return false;
@@ -351,33 +351,33 @@ static void wait_for_work(struct recorder *r, bool again) {
     pthread_mutex_unlock(&r->mutex);
 }
 
-static void take_spooled(void *user, const struct store_deed *deed) {
-    append(user, &(struct waiting){.is_deed = true, .deed = *deed});
+static void take_spooled(void *user, const struct store_audit_entry *entry) {
+    append(user, &(struct waiting){.is_audit = true, .entry = *entry});
 }
 
 // Sessions are in the traces; of what somebody did nothing else tells.
 static void leave_the_rest(struct recorder *r) {
     struct error err;
-    struct store_deed *deeds = NULL;
+    struct store_audit_entry *entries = NULL;
     size_t sessions = 0, count = 0;
     for (struct waiting *w = first_waiting(r); w; w = w->next) {
-        if (!w->is_deed) {
+        if (!w->is_audit) {
             sessions++;
             continue;
         }
-        deeds = alloc_resize(deeds, count + 1, sizeof *deeds);
-        deeds[count++] = w->deed;
+        entries = alloc_resize(entries, count + 1, sizeof *entries);
+        entries[count++] = w->entry;
     }
     log_error("records",
               "%s: %zu sessions and %zu audit entries are not written: the next start does it",
               r->records, sessions, count);
-    if (count && audit_spool_write(r->records, deeds, count, &err) != RESULT_OK) {
+    if (count && audit_spool_write(r->records, entries, count, &err) != RESULT_OK) {
         log_error("records", "the audit entries are lost: %s", err.text);
         for (size_t i = 0; i < count; i++)
-            log_error("records", "lost: %s %s: %s", deeds[i].actor, deeds[i].action,
-                      deeds[i].subject);
+            log_error("records", "lost: %s %s: %s", entries[i].actor, entries[i].action,
+                      entries[i].subject);
     }
-    free(deeds);
+    free(entries);
 }
 
 static void *run(void *argument) {

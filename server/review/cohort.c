@@ -21,7 +21,7 @@ static struct spread *begin_spread(struct cohort *c, const struct store_cell *ce
         c->spreads = alloc_resize(c->spreads, c->room, sizeof *c->spreads);
     }
     struct spread *spread = &c->spreads[c->count++];
-    *spread = (struct spread){.version = (int)cells[VERSION].whole, .first = c->value_count};
+    *spread = (struct spread){.version = (int)cells[VERSION].integer, .first = c->value_count};
     snprintf(spread->metric, sizeof spread->metric, "%s", cells[METRIC].text);
     snprintf(spread->subject, sizeof spread->subject, "%s", cells[SUBJECT].text);
     snprintf(spread->unit, sizeof spread->unit, "%s", cells[UNIT].text);
@@ -43,7 +43,7 @@ static void take_figure(void *user, const struct store_cell *cells, int count) {
     if (cells[VALUE].kind != STORE_REAL || !isfinite(cells[VALUE].real))
         return;
     struct spread *last = c->count ? &c->spreads[c->count - 1] : NULL;
-    if (!last || !is_of(last, cells[METRIC].text, cells[SUBJECT].text, (int)cells[VERSION].whole,
+    if (!last || !is_of(last, cells[METRIC].text, cells[SUBJECT].text, (int)cells[VERSION].integer,
                         cells[UNIT].text))
         last = begin_spread(c, cells);
     add_value(c, cells[VALUE].real);

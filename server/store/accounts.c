@@ -1,7 +1,7 @@
 // Accounts: who may sign in, as whom, and with which password.
 #include "base/check.h"
 #include "base/clock.h"
-#include "store/connection.h"
+#include "store/database.h"
 #include "store/text.h"
 
 #include <string.h>
@@ -144,7 +144,7 @@ enum result store_set_password(struct store *store, const char *name, const char
     return end_change(store, result, "password", id, had, err);
 }
 
-enum result store_change_password(struct store *store, const struct store_visitor *whose,
+enum result store_change_password(struct store *store, const struct store_principal *whose,
                                   const char *password, struct error *err) {
     int64_t id;
     bool had;

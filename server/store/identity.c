@@ -1,6 +1,6 @@
 // Which file the records are.
 #include "base/clock.h"
-#include "store/connection.h"
+#include "store/database.h"
 
 #include <errno.h>
 #include <string.h>

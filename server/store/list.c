@@ -1,5 +1,5 @@
 #include "base/check.h"
-#include "store/connection.h"
+#include "store/database.h"
 
 #include <string.h>
 
@@ -74,8 +74,8 @@ static struct store_cell read_cell(sqlite3_stmt *statement, int column) {
     struct store_cell cell = {.column = sqlite3_column_name(statement, column)};
     switch (sqlite3_column_type(statement, column)) {
     case SQLITE_INTEGER:
-        cell.kind = STORE_WHOLE;
-        cell.whole = sqlite3_column_int64(statement, column);
+        cell.kind = STORE_INTEGER;
+        cell.integer = sqlite3_column_int64(statement, column);
         break;
     case SQLITE_FLOAT:
         cell.kind = STORE_REAL;
@@ -86,7 +86,7 @@ static struct store_cell read_cell(sqlite3_stmt *statement, int column) {
         cell.text = (const char *)sqlite3_column_text(statement, column);
         break;
     default: // also a blob, which no table of ours has
-        cell.kind = STORE_NOTHING;
+        cell.kind = STORE_NULL;
     }
     return cell;
 }
@@ -99,8 +99,8 @@ static int read_row(sqlite3_stmt *statement, struct store_cell cells[COLUMNS_MAX
     return count;
 }
 
-enum result store_give(struct store *store, sqlite3_stmt *statement, store_taker take, void *user,
-                       struct error *err) {
+enum result store_give(struct store *store, sqlite3_stmt *statement, store_row_handler take,
+                       void *user, struct error *err) {
     struct store_cell cells[COLUMNS_MAX];
     enum result result = RESULT_OK;
     int code;
@@ -114,20 +114,20 @@ enum result store_give(struct store *store, sqlite3_stmt *statement, store_taker
     return result;
 }
 
-static enum result read_all(struct store *store, const char *sql, const char *key, store_taker take,
-                            void *user, struct error *err) {
+static enum result read_all(struct store *store, const char *sql, const char *key,
+                            store_row_handler take, void *user, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(store, sql, &statement, err, "t", key);
     return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
 }
 
-enum result store_rows(struct store *store, enum store_list list, const char *key, store_taker take,
-                       void *user, struct error *err) {
+enum result store_rows(struct store *store, enum store_list list, const char *key,
+                       store_row_handler take, void *user, struct error *err) {
     return read_all(store, lists[list].sql, key, take, user, err);
 }
 
-enum result store_columns(struct store *store, enum store_list list, store_taker take, void *user,
-                          struct error *err) {
+enum result store_columns(struct store *store, enum store_list list, store_row_handler take,
+                          void *user, struct error *err) {
     struct store_cell cells[COLUMNS_MAX] = {0};
     sqlite3_stmt *statement;
     enum result result = store_prepare(store, lists[list].sql, &statement, err, "t", NULL);
@@ -141,14 +141,14 @@ enum result store_columns(struct store *store, enum store_list list, store_taker
     return RESULT_OK;
 }
 
-enum result store_sessions_of(struct store *store, const char *trainee, store_taker take,
+enum result store_sessions_of(struct store *store, const char *trainee, store_row_handler take,
                               void *user, struct error *err) {
     return read_all(store, SESSIONS "WHERE trainee.name = ?1 ORDER BY s.id", trainee, take, user,
                     err);
 }
 
 enum result store_find_sessions(struct store *store, const struct store_filter *filter,
-                                store_taker take, void *user, struct error *err) {
+                                store_row_handler take, void *user, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
@@ -164,7 +164,7 @@ enum result store_find_sessions(struct store *store, const struct store_filter *
     return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
 }
 
-enum result store_last_audit(struct store *store, int limit, store_taker take, void *user,
+enum result store_last_audit(struct store *store, int limit, store_row_handler take, void *user,
                              struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
@@ -174,7 +174,8 @@ enum result store_last_audit(struct store *store, int limit, store_taker take, v
 }
 
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             bool few_untold, store_taker take, void *user, struct error *err) {
+                             bool few_untold, store_row_handler take, void *user,
+                             struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
@@ -191,8 +192,8 @@ enum result store_figures_on(struct store *store, const char *case_name, const c
     return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
 }
 
-enum result store_trainees_in(struct store *store, const char *course, store_taker take, void *user,
-                              struct error *err) {
+enum result store_trainees_in(struct store *store, const char *course, store_row_handler take,
+                              void *user, struct error *err) {
     return read_all(store,
                     "SELECT t.name, t.full_name FROM trainee t JOIN enrolment e ON "
                     "e.trainee_id = t.id JOIN course c ON c.id = e.course_id WHERE c.name = ?1 "
@@ -200,8 +201,8 @@ enum result store_trainees_in(struct store *store, const char *course, store_tak
                     course, take, user, err);
 }
 
-enum result store_courses_of(struct store *store, const char *trainee, store_taker take, void *user,
-                             struct error *err) {
+enum result store_courses_of(struct store *store, const char *trainee, store_row_handler take,
+                             void *user, struct error *err) {
     return read_all(store,
                     "SELECT c.name FROM course c JOIN enrolment e ON e.course_id = c.id "
                     "JOIN trainee t ON t.id = e.trainee_id WHERE t.name = ?1 ORDER BY c.name",

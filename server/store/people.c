@@ -1,7 +1,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "store/connection.h"
+#include "store/database.h"
 #include "store/text.h"
 
 #include <inttypes.h>

@@ -1,6 +1,6 @@
 #include "base/check.h"
 #include "base/clock.h"
-#include "store/connection.h"
+#include "store/database.h"
 #include "store/text.h"
 
 #include <errno.h>

@@ -1,7 +1,7 @@
 // Statements: prepared once for each connection, bound, run, and ended as a transaction.
 #include "base/check.h"
 #include "base/clock.h"
-#include "store/connection.h"
+#include "store/database.h"
 #include "store/text.h"
 
 #include <math.h>
@@ -132,15 +132,16 @@ enum result store_end(struct store *store, enum result result, struct error *err
 static const char add_to_audit[] =
     "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)";
 
-enum result store_put_deed(struct store *store, const struct store_deed *deed, struct error *err) {
-    enum result result = text_check(deed->actor, "actor", sizeof deed->actor, err);
+enum result store_put_audit(struct store *store, const struct store_audit_entry *entry,
+                            struct error *err) {
+    enum result result = text_check(entry->actor, "actor", sizeof entry->actor, err);
     if (result == RESULT_OK)
-        result = text_check(deed->action, "action", sizeof deed->action, err);
+        result = text_check(entry->action, "action", sizeof entry->action, err);
     if (result == RESULT_OK)
-        result = text_check(deed->subject, "action's subject", sizeof deed->subject, err);
+        result = text_check(entry->subject, "action's subject", sizeof entry->subject, err);
     if (result == RESULT_OK)
-        result = store_do(store, add_to_audit, err, "ittt", deed->utc_ns, deed->actor, deed->action,
-                          deed->subject);
+        result = store_do(store, add_to_audit, err, "ittt", entry->utc_ns, entry->actor,
+                          entry->action, entry->subject);
     return result;
 }
 

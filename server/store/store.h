@@ -42,7 +42,7 @@ void store_set_actor(struct store *store, const char *actor);
 enum result store_note(struct store *store, const char *action, const char *subject,
                        struct error *err);
 
-struct store_visitor; // who comes in, below
+struct store_principal; // who comes in, below
 
 // ---- people and courses -------------------------------------------------------------------------
 
@@ -88,7 +88,7 @@ enum result store_set_password(struct store *store, const char *name, const char
                                struct error *err);
 
 // For an account as store_find_account found it: RESULT_MISSING where it has another password now.
-enum result store_change_password(struct store *store, const struct store_visitor *whose,
+enum result store_change_password(struct store *store, const struct store_principal *whose,
                                   const char *password, struct error *err);
 enum result store_rename_account(struct store *store, const char *name, const char *new_name,
                                  struct error *err);
@@ -113,7 +113,7 @@ enum store_token_kind {
 };
 
 // Who has signed in, or would with the right password.
-struct store_visitor {
+struct store_principal {
     char name[STORE_NAME_MAX]; // of the account; of the trainee where a code was enough
     enum store_role role;
     char trainee[STORE_NAME_MAX];  // whose sessions are theirs; empty: nobody's
@@ -124,15 +124,15 @@ struct store_visitor {
 };
 
 enum result store_find_account(struct store *store, const char *name,
-                               struct store_visitor *out_visitor, struct error *err);
+                               struct store_principal *out_principal, struct error *err);
 
 // Who has this cookie or token, whose use is noted every few minutes. RESULT_MISSING where it is
 // nobody's, or has ended.
 enum result store_find_token(struct store *store, const char *hash,
-                             struct store_visitor *out_visitor, struct error *err);
+                             struct store_principal *out_principal, struct error *err);
 // The trainee of a code, as a visitor without account.
 enum result store_find_code(struct store *store, const char *hash,
-                            struct store_visitor *out_visitor, struct error *err);
+                            struct store_principal *out_principal, struct error *err);
 
 // Keeps a new one of a visitor who was found above; of a code that of the trainee of that name.
 // name: what its owner calls it, or NULL. The hash is of what is never kept itself. Of cookies the
@@ -140,17 +140,17 @@ enum result store_find_code(struct store *store, const char *hash,
 // (RESULT_LIMIT). *out_until_utc_ns: when it ends. RESULT_MISSING where the visitor has another
 // password by now, or what they were found by has ended.
 enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
-                            const struct store_visitor *owner, const char *name, int64_t *out_id,
+                            const struct store_principal *owner, const char *name, int64_t *out_id,
                             int64_t *out_until_utc_ns, struct error *err);
 enum result store_add_code(struct store *store, const char *trainee, const char *hash,
                            int64_t *out_until_utc_ns, struct error *err);
 
 // RESULT_MISSING where it is not this visitor's.
-enum result store_remove_token(struct store *store, const struct store_visitor *owner, int64_t id,
+enum result store_remove_token(struct store *store, const struct store_principal *owner, int64_t id,
                                struct error *err);
 
 // Ends all that this visitor's account is signed in by, or all that came in by the trainee's code.
-enum result store_sign_out(struct store *store, const struct store_visitor *whose,
+enum result store_sign_out(struct store *store, const struct store_principal *whose,
                            struct error *err);
 // All that an account is signed in by; of a trainee that of their accounts, too, and the code.
 enum result store_sign_out_account(struct store *store, const char *name, struct error *err);
@@ -216,14 +216,15 @@ enum result store_trace_is_done(struct store *store, const char *trace, bool *ou
 
 // What somebody did to something that is not in these tables, without personal data in `action` and
 // `subject`: the log is never changed.
-struct store_deed {
+struct store_audit_entry {
     int64_t utc_ns;
     char actor[STORE_NAME_MAX];
     char action[STORE_NAME_MAX];
     char subject[STORE_TEXT_MAX];
 };
 
-enum result store_put_deed(struct store *store, const struct store_deed *deed, struct error *err);
+enum result store_put_audit(struct store *store, const struct store_audit_entry *entry,
+                            struct error *err);
 
 // ---- reading ------------------------------------------------------------------------------------
 
@@ -244,29 +245,29 @@ enum store_list {
 const char *store_list_name(enum store_list list); // "trainees", "courses", ...
 bool store_list_from_name(const char *name, enum store_list *out_list);
 
-enum store_kind { STORE_NOTHING, STORE_WHOLE, STORE_REAL, STORE_TEXT };
+enum store_kind { STORE_NULL, STORE_INTEGER, STORE_REAL, STORE_TEXT };
 
 struct store_cell {
     const char *column;
     enum store_kind kind;
-    int64_t whole;
+    int64_t integer;
     double real;
     const char *text; // STORE_TEXT
 };
 
-typedef void (*store_taker)(void *user, const struct store_cell *cells, int count);
+typedef void (*store_row_handler)(void *user, const struct store_cell *cells, int count);
 
 // Gives each row to the taker, in the order in which they were made; texts live until it returns.
 // key: only the rows of this name or id (results: of this session), or NULL for all.
-enum result store_rows(struct store *store, enum store_list list, const char *key, store_taker take,
-                       void *user, struct error *err);
+enum result store_rows(struct store *store, enum store_list list, const char *key,
+                       store_row_handler take, void *user, struct error *err);
 
 // The columns of a list, without rows.
-enum result store_columns(struct store *store, enum store_list list, store_taker take, void *user,
-                          struct error *err);
+enum result store_columns(struct store *store, enum store_list list, store_row_handler take,
+                          void *user, struct error *err);
 
 // The sessions of one trainee, as LIST_SESSIONS.
-enum result store_sessions_of(struct store *store, const char *trainee, store_taker take,
+enum result store_sessions_of(struct store *store, const char *trainee, store_row_handler take,
                               void *user, struct error *err);
 
 // Which sessions; NULL: any.
@@ -278,10 +279,10 @@ struct store_filter {
 
 // Newest first, as LIST_SESSIONS.
 enum result store_find_sessions(struct store *store, const struct store_filter *filter,
-                                store_taker take, void *user, struct error *err);
+                                store_row_handler take, void *user, struct error *err);
 
 // The last rows of the audit log, newest first, as LIST_AUDIT.
-enum result store_last_audit(struct store *store, int limit, store_taker take, void *user,
+enum result store_last_audit(struct store *store, int limit, store_row_handler take, void *user,
                              struct error *err);
 
 // Of fewer trainees, one of them could tell whose the others' figures are.
@@ -293,13 +294,14 @@ enum result store_last_audit(struct store *store, int limit, store_taker take, v
 // subject, version and unit that fewer than STORE_TRAINEES_TOLD trainees have, however many
 // sessions.
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             bool few_untold, store_taker take, void *user, struct error *err);
+                             bool few_untold, store_row_handler take, void *user,
+                             struct error *err);
 
 // name and full_name of a course's trainees; name of a trainee's courses.
-enum result store_trainees_in(struct store *store, const char *course, store_taker take, void *user,
-                              struct error *err);
-enum result store_courses_of(struct store *store, const char *trainee, store_taker take, void *user,
-                             struct error *err);
+enum result store_trainees_in(struct store *store, const char *course, store_row_handler take,
+                              void *user, struct error *err);
+enum result store_courses_of(struct store *store, const char *trainee, store_row_handler take,
+                             void *user, struct error *err);
 
 // ---- the whole file -----------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "store/connection.h"
+#include "store/database.h"
 #include "store/text.h"
 
 #include <stdio.h>
@@ -25,13 +25,13 @@ static void take_text(sqlite3_stmt *statement, int column, char *out, size_t siz
     snprintf(out, size, "%s", text ? text : "");
 }
 
-// What the columns of VISITOR are.
+// What the columns of PRINCIPAL are.
 enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, USED };
 
-#define VISITOR "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
+#define PRINCIPAL "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
 
-static void take_visitor(sqlite3_stmt *statement, struct store_visitor *out) {
-    *out = (struct store_visitor){.role = ROLE_TRAINEE};
+static void read_principal(sqlite3_stmt *statement, struct store_principal *out) {
+    *out = (struct store_principal){.role = ROLE_TRAINEE};
     out->by_account = sqlite3_column_type(statement, ACCOUNT_ID) != SQLITE_NULL;
     take_text(statement, out->by_account ? ACCOUNT : TRAINEE, out->name, sizeof out->name);
     take_text(statement, TRAINEE, out->trainee, sizeof out->trainee);
@@ -50,13 +50,13 @@ static void take_visitor(sqlite3_stmt *statement, struct store_visitor *out) {
         snprintf(out->actor, sizeof out->actor, "account %lld", account);
 }
 
-// The first row of a statement whose columns are VISITOR's.
-static enum result find_visitor(struct store *store, sqlite3_stmt *statement,
-                                struct store_visitor *out, struct error *err) {
+// The first row of a statement whose columns are PRINCIPAL's.
+static enum result find_principal(struct store *store, sqlite3_stmt *statement,
+                                  struct store_principal *out, struct error *err) {
     int code = sqlite3_step(statement);
     enum result result = RESULT_OK;
     if (code == SQLITE_ROW)
-        take_visitor(statement, out);
+        read_principal(statement, out);
     else if (code == SQLITE_DONE)
         result =
             fail(err, RESULT_MISSING, "%s: there is no such account, token or code", store->path);
@@ -65,16 +65,16 @@ static enum result find_visitor(struct store *store, sqlite3_stmt *statement,
     return result;
 }
 
-enum result store_find_account(struct store *store, const char *name, struct store_visitor *out,
+enum result store_find_account(struct store *store, const char *name, struct store_principal *out,
                                struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(store,
-                                       VISITOR " FROM account a LEFT JOIN trainee t ON "
-                                               "t.id = a.trainee_id WHERE a.name = ?",
+                                       PRINCIPAL " FROM account a LEFT JOIN trainee t ON "
+                                                 "t.id = a.trainee_id WHERE a.name = ?",
                                        &statement, err, "t", name);
     if (result != RESULT_OK)
         return result;
-    result = find_visitor(store, statement, out, err);
+    result = find_principal(store, statement, out, err);
     sqlite3_reset(statement);
     return result;
 }
@@ -102,20 +102,20 @@ static void note_use(struct store *store, int64_t token, int64_t now_ns) {
     "WHERE c.trainee_id = k.trainee_id AND c.kind = 'code' AND c.until_utc_ns > ?2 AND "           \
     "c.id < k.id))))"
 
-enum result store_find_token(struct store *store, const char *hash, struct store_visitor *out,
+enum result store_find_token(struct store *store, const char *hash, struct store_principal *out,
                              struct error *err) {
     sqlite3_stmt *statement;
     int64_t now_ns = clock_utc_ns(), used_ns = 0;
     enum result result =
         store_prepare(store,
-                      VISITOR ", k.id, k.used_utc_ns FROM token k "
-                              "LEFT JOIN account a ON a.id = k.account_id LEFT JOIN trainee t ON "
-                              "t.id = coalesce(k.trainee_id, a.trainee_id) "
-                              "WHERE k.hash = ?1 AND " LIVING,
+                      PRINCIPAL ", k.id, k.used_utc_ns FROM token k "
+                                "LEFT JOIN account a ON a.id = k.account_id LEFT JOIN trainee t ON "
+                                "t.id = coalesce(k.trainee_id, a.trainee_id) "
+                                "WHERE k.hash = ?1 AND " LIVING,
                       &statement, err, "tii", hash, now_ns, (int64_t)COOKIE_MOST_NS);
     if (result != RESULT_OK)
         return result;
-    result = find_visitor(store, statement, out, err);
+    result = find_principal(store, statement, out, err);
     if (result == RESULT_OK)
         used_ns = sqlite3_column_int64(statement, USED);
     sqlite3_reset(statement);
@@ -124,7 +124,7 @@ enum result store_find_token(struct store *store, const char *hash, struct store
     return result;
 }
 
-enum result store_find_code(struct store *store, const char *hash, struct store_visitor *out,
+enum result store_find_code(struct store *store, const char *hash, struct store_principal *out,
                             struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
@@ -135,7 +135,7 @@ enum result store_find_code(struct store *store, const char *hash, struct store_
         &statement, err, "ti", hash, clock_utc_ns());
     if (result != RESULT_OK)
         return result;
-    result = find_visitor(store, statement, out, err);
+    result = find_principal(store, statement, out, err);
     sqlite3_reset(statement);
     return result;
 }
@@ -204,7 +204,7 @@ static enum result insert_token(struct store *store, enum store_token_kind kind,
     return result;
 }
 
-static enum result find_owner(struct store *store, const struct store_visitor *owner,
+static enum result find_owner(struct store *store, const struct store_principal *owner,
                               int64_t *out_account, int64_t *out_trainee, struct error *err) {
     *out_account = *out_trainee = 0;
     if (owner->by_account)
@@ -216,7 +216,7 @@ static enum result find_owner(struct store *store, const struct store_visitor *o
 
 // Between finding somebody and letting them in there is time for another password, or to be signed
 // out. Inside a transaction.
-static enum result check_unchanged(struct store *store, const struct store_visitor *owner,
+static enum result check_unchanged(struct store *store, const struct store_principal *owner,
                                    struct error *err) {
     int64_t id;
     enum result result = RESULT_OK;
@@ -234,7 +234,7 @@ static enum result check_unchanged(struct store *store, const struct store_visit
 }
 
 enum result store_add_token(struct store *store, enum store_token_kind kind, const char *hash,
-                            const struct store_visitor *owner, const char *name, int64_t *out_id,
+                            const struct store_principal *owner, const char *name, int64_t *out_id,
                             int64_t *out_until_utc_ns, struct error *err) {
     int64_t account, trainee;
     CHECK(kind == TOKEN_COOKIE || kind == TOKEN_BEARER);
@@ -274,7 +274,7 @@ enum result store_add_code(struct store *store, const char *trainee, const char 
     return store_end(store, result, err);
 }
 
-enum result store_remove_token(struct store *store, const struct store_visitor *owner, int64_t id,
+enum result store_remove_token(struct store *store, const struct store_principal *owner, int64_t id,
                                struct error *err) {
     int64_t account, trainee, found;
     enum result result = store_begin(store, err);
@@ -325,7 +325,7 @@ static enum result begin_sign_out(struct store *store, const char *trainee, int6
     return result == RESULT_OK ? result : store_end(store, result, err);
 }
 
-enum result store_sign_out(struct store *store, const struct store_visitor *whose,
+enum result store_sign_out(struct store *store, const struct store_principal *whose,
                            struct error *err) {
     int64_t id;
     if (whose->by_account)

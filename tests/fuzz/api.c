@@ -37,7 +37,7 @@ static void put_session(struct store *store, const char *id, const char *trainee
 static void put_account(struct store *store, int number, const char *name, enum store_role role,
                         const char *trainee) {
     char hash[SECRET_MAX];
-    struct store_visitor owner;
+    struct store_principal owner;
     int64_t id, until_ns;
     CHECK(store_add_account(store, name, role, "$argon2id$v=19$m=8,t=1,p=1$c29tZXNhbHQ$aGFzaA",
                             trainee, NULL) == RESULT_OK);

@@ -160,7 +160,7 @@ int api_end(void **state) {
 // ---- tokens -------------------------------------------------------------------------------------
 
 static const char *add_token(struct store *store, enum store_token_kind kind,
-                             const struct store_visitor *owner) {
+                             const struct store_principal *owner) {
     static char tokens[4][SECRET_MAX];
     static int next;
     char *token = tokens[next++ % 4], hash[SECRET_MAX];
@@ -173,14 +173,14 @@ static const char *add_token(struct store *store, enum store_token_kind kind,
 }
 
 const char *token_of(const char *account) {
-    struct store_visitor owner;
+    struct store_principal owner;
     struct store *store = api_store();
     assert_ok(store_find_account(store, account, &owner, &err));
     return add_token(store, TOKEN_COOKIE, &owner);
 }
 
 const char *token_of_code(const char *trainee) {
-    struct store_visitor owner;
+    struct store_principal owner;
     struct store *store = api_store();
     int64_t until_ns;
     char code[SECRET_MAX], hash[SECRET_MAX];

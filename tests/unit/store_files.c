@@ -93,8 +93,8 @@ static void take_row(void *user, const struct store_cell *cells, int count) {
     struct text *text = user;
     for (int i = 0; i < count; i++) {
         char number[64] = "";
-        if (cells[i].kind == STORE_WHOLE)
-            snprintf(number, sizeof number, "%lld", (long long)cells[i].whole);
+        if (cells[i].kind == STORE_INTEGER)
+            snprintf(number, sizeof number, "%lld", (long long)cells[i].integer);
         else if (cells[i].kind == STORE_REAL)
             snprintf(number, sizeof number, "%.17g", cells[i].real);
         add(text, cells[i].column);

@@ -42,7 +42,7 @@ static const char *hash_of(int number) {
 }
 
 static int64_t add(enum store_token_kind kind, const char *account, int number) {
-    struct store_visitor owner;
+    struct store_principal owner;
     int64_t id, until_ns;
     assert_ok(store_find_account(store, account, &owner, &err));
     assert_ok(store_add_token(store, kind, hash_of(number), &owner,
@@ -51,7 +51,7 @@ static int64_t add(enum store_token_kind kind, const char *account, int number) 
 }
 
 static bool is_known(int number) {
-    struct store_visitor visitor;
+    struct store_principal visitor;
     enum result result = store_find_token(store, hash_of(number), &visitor, &err);
     assert_true(result == RESULT_OK || result == RESULT_MISSING);
     return result == RESULT_OK;
@@ -61,7 +61,7 @@ static bool is_known(int number) {
 
 static void a_token_says_whose_it_is(void **state) {
     (void)state;
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t cookie = add(TOKEN_COOKIE, "grace", 1);
     add(TOKEN_BEARER, "ada.l", 2);
     assert_ok(store_find_token(store, hash_of(1), &visitor, &err));
@@ -81,7 +81,7 @@ static void a_token_says_whose_it_is(void **state) {
 
 static void a_code_is_no_token_and_a_token_no_code(void **state) {
     (void)state;
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t until_ns, id;
     add(TOKEN_BEARER, "grace", 1);
     assert_ok(store_add_code(store, "ada", hash_of(2), &until_ns, &err));
@@ -149,7 +149,7 @@ static void a_cookie_that_was_made_before_the_rule_ends_too(void **state) {
 }
 
 static void come_in_by_code(const char *trainee, int code, int cookie) {
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t id, until_ns;
     assert_ok(store_add_code(store, trainee, hash_of(code), &until_ns, &err));
     assert_ok(store_find_code(store, hash_of(code), &visitor, &err));
@@ -173,7 +173,7 @@ static void a_cookie_of_a_code_ends_with_the_code(void **state) {
 
 static void a_new_code_ends_the_cookies_of_the_old_one_and_no_others(void **state) {
     (void)state;
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t id, until_ns;
     assert_ok(store_add_trainee(store, "eve", NULL, &err));
     add(TOKEN_COOKIE, "ada.l", 1);
@@ -191,7 +191,7 @@ static void a_new_code_ends_the_cookies_of_the_old_one_and_no_others(void **stat
 
 static void who_has_another_password_by_now_gets_no_token(void **state) {
     (void)state;
-    struct store_visitor before, in;
+    struct store_principal before, in;
     int64_t id, until_ns;
     add(TOKEN_COOKIE, "grace", 1);
     assert_ok(store_find_account(store, "grace", &before, &err));
@@ -214,7 +214,7 @@ static void who_has_another_password_by_now_gets_no_token(void **state) {
 
 static void who_is_signed_out_everywhere_is_in_nowhere(void **state) {
     (void)state;
-    struct store_visitor in;
+    struct store_principal in;
     int64_t id, until_ns;
     add(TOKEN_COOKIE, "grace", 1);
     add(TOKEN_COOKIE, "ada.l", 2);
@@ -246,7 +246,7 @@ static void who_is_signed_out_everywhere_is_in_nowhere(void **state) {
 
 static void tokens_and_codes_end_however_much_they_are_used(void **state) {
     (void)state;
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t until_ns;
     add(TOKEN_BEARER, "grace", 1);
     assert_true(is_known(1));
@@ -275,7 +275,7 @@ static void who_is_known_comes_in_while_another_program_writes(void **state) {
 
 static void nobody_fills_the_records_with_tokens(void **state) {
     (void)state;
-    struct store_visitor owner;
+    struct store_principal owner;
     int64_t id, until_ns;
     add(TOKEN_COOKIE, "ada.l", 9999);
     for (int i = 0; i < 40; i++)
@@ -294,7 +294,7 @@ static void nobody_fills_the_records_with_tokens(void **state) {
 
 static void only_its_owner_ends_a_token(void **state) {
     (void)state;
-    struct store_visitor grace, ada;
+    struct store_principal grace, ada;
     int64_t id = add(TOKEN_BEARER, "grace", 1);
     assert_ok(store_find_account(store, "grace", &grace, &err));
     assert_ok(store_find_account(store, "ada.l", &ada, &err));
@@ -345,7 +345,7 @@ static void the_last_instructor_stays(void **state) {
 static void erasing_takes_all_that_signs_the_trainee_in(void **state) {
     (void)state;
     char pseudonym[STORE_NAME_MAX];
-    struct store_visitor visitor;
+    struct store_principal visitor;
     int64_t id, until_ns;
     add(TOKEN_BEARER, "ada.l", 1);
     assert_ok(store_add_code(store, "ada", hash_of(22222), &until_ns, &err));
@@ -458,9 +458,9 @@ static void take_figure(void *user, const struct store_cell *cells, int count) {
     assert_int_equal(count, 5);
     assert_string_equal(cells[0].text, "time");
     assert_int_equal(cells[4].kind, STORE_REAL);
-    if (cells[2].whole == f->version)
+    if (cells[2].integer == f->version)
         assert_true(cells[4].real >= f->last);
-    f->version = cells[2].whole;
+    f->version = cells[2].integer;
     f->last = cells[4].real;
     f->sum += cells[4].real;
     f->count++;

@@ -1,7 +1,7 @@
 // Copies of the whole file, made and put back.
 #include "base/check.h"
 #include "base/clock.h"
-#include "store/connection.h"
+#include "store/database.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -82,7 +82,7 @@ static enum result copy_failed(const char *from_path, const char *to_name, int c
     int kind = code & 0xff;
     bool is_target = kind == SQLITE_FULL || kind == SQLITE_IOERR || kind == SQLITE_READONLY ||
                      kind == SQLITE_CANTOPEN;
-    return connection_failed(NULL, is_target ? to_name : from_path, code, err);
+    return database_failed(NULL, is_target ? to_name : from_path, code, err);
 }
 
 // Into a new file that needs no other beside it, checked and on disk. to_name: what the file will
@@ -95,14 +95,14 @@ static enum result copy_checked(sqlite3 *from, const char *from_path, const char
         return result;
     int code = sqlite3_open_v2(to_path, &to, SQLITE_OPEN_READWRITE, NULL);
     if (code != SQLITE_OK)
-        result = connection_failed(to, to_name, code, err);
+        result = database_failed(to, to_name, code, err);
     if (result == RESULT_OK && (code = copy_pages(from, to)) != SQLITE_DONE)
         result = copy_failed(from_path, to_name, code, err);
     if (result == RESULT_OK)
-        result = connection_check(to, from_path, err);
+        result = database_check(to, from_path, err);
     if (result == RESULT_OK &&
         (code = sqlite3_exec(to, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL)) != SQLITE_OK)
-        result = connection_failed(to, to_name, code, err);
+        result = database_failed(to, to_name, code, err);
     sqlite3_close(to);
     if (result == RESULT_OK)
         result = sync_file_and_folder(to_path, err);
@@ -143,7 +143,7 @@ static enum result describe_backup(const char *backup, enum result result, struc
 static enum result read_backup(const char *backup, const char *fresh, const char *path,
                                struct error *err) {
     sqlite3 *db;
-    enum result result = connection_open(backup, SQLITE_OPEN_READONLY, &db, err);
+    enum result result = database_open(backup, SQLITE_OPEN_READONLY, &db, err);
     if (result != RESULT_OK)
         return describe_backup(backup, result, err);
     result = copy_checked(db, backup, fresh, path, err);
@@ -173,11 +173,11 @@ static enum result free_name(const char *path, char *out, size_t size, struct er
 static enum result settle(const char *path, struct error *err) {
     sqlite3 *db;
     struct error why;
-    enum result result = connection_open(path, SQLITE_OPEN_READWRITE, &db, &why);
+    enum result result = database_open(path, SQLITE_OPEN_READWRITE, &db, &why);
     if (result == RESULT_OK) {
         int code = sqlite3_exec(db, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
         if (code != SQLITE_OK)
-            result = connection_failed(db, path, code, &why);
+            result = database_failed(db, path, code, &why);
         sqlite3_close(db);
     }
     if (result == RESULT_TIMEOUT || result == RESULT_IO)
@@ -249,7 +249,7 @@ enum result store_restore(const char *backup, const char *path, const char *acto
     out_aside[0] = '\0';
     enum result result = name_beside(path, ".restoring", fresh, sizeof fresh, err);
     if (result == RESULT_OK)
-        result = connection_lock(path, true, &lock, err);
+        result = database_lock(path, true, &lock, err);
     if (result != RESULT_OK)
         return result;
     unlink(fresh); // of a restore that was interrupted: the lock is ours

@@ -1,14 +1,10 @@
-#include "api/case_card.h"
 #include "api/routes.h"
 #include "base/clock.h"
 #include "base/log.h"
-#include "check/grade.h"
 #include "net/authority.h"
 
-#include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 void get_server(struct call *call) {
     const struct api *api = call->api;
@@ -65,7 +61,7 @@ static bool note(struct call *call, const char *action, const char *station) {
     char subject[STORE_TEXT_MAX];
     struct error err = {""};
     snprintf(subject, sizeof subject, "station %s", station);
-    return call_went_well(call, store_note(call->store, action, subject, &err), &err);
+    return call_check(call, store_note(call->store, action, subject, &err), &err);
 }
 
 void post_station_code(struct call *call) {
@@ -78,7 +74,7 @@ void post_station_code(struct call *call) {
     enum result result = authority_issue_code(call->api->config.keys_dir, station, code, &err);
     if (result == RESULT_MISSING) // the folder's fault, and not the request's
         result = RESULT_IO;
-    if (call_went_well(call, result, &err))
+    if (call_check(call, result, &err))
         call_answer(call, 201,
                     json_pack("{s:s, s:I, s:i}", "code", code, "until_utc_s", (json_int_t)until_s,
                               "port", call->api->config.port));
@@ -93,83 +89,6 @@ void post_station_revoke(struct call *call) {
     if (result == RESULT_MISSING)
         call_refuse(call, 409, "conflict", NULL, "Station %s has never had a certificate.",
                     station);
-    else if (call_went_well(call, result, &err))
+    else if (call_check(call, result, &err))
         call_done(call);
-}
-
-// ---- cases --------------------------------------------------------------------------------------
-
-void get_cases(struct call *call) {
-    char hash[17];
-    call_close_store(call);
-    json_t *cases = json_array();
-    for (int i = 0; i < call->api->config.case_count; i++)
-        json_array_append_new(cases, case_card(call->api->cards, i, hash));
-    call_answer(call, 200, json_pack("{s:o}", "cases", cases));
-}
-
-// -1 after a refusal.
-static int find_case(struct call *call) {
-    call_close_store(call);
-    for (int i = 0; i < call->api->config.case_count; i++)
-        if (!strcmp(call->api->config.cases[i].name, call->args[0]))
-            return i;
-    call_refuse(call, 404, "not_found", NULL, "The server's config has no case '%s'.",
-                call->args[0]);
-    return -1;
-}
-
-void get_case(struct call *call) {
-    char path[sizeof call->response->file], hash[17];
-    int index = find_case(call);
-    if (index < 0)
-        return;
-    snprintf(path, sizeof path, "%s/%s", call->api->config.cases[index].dir, GRADE_FILE);
-    json_t *check = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
-    call_answer(call, 200,
-                json_pack("{s:o, s:o}", "case", case_card(call->api->cards, index, hash), "check",
-                          check ? check : json_null()));
-}
-
-static void answer_file(struct call *call, const char *dir, const char *name, const char *type) {
-    struct web_response *r = call->response;
-    struct stat status;
-    int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
-    if (length >= (int)sizeof r->file || stat(r->file, &status) || !S_ISREG(status.st_mode)) {
-        r->file[0] = '\0';
-        call_refuse(call, 404, "not_found", NULL, "There is no %s.", name);
-        return;
-    }
-    r->status = 200;
-    r->compress = true;
-    snprintf(r->type, sizeof r->type, "%s", type);
-    snprintf(r->etag, sizeof r->etag, "%" PRIx64 "-%" PRIx64,
-             (uint64_t)status.st_mtim.tv_sec * 1000000000 + (uint64_t)status.st_mtim.tv_nsec,
-             (uint64_t)status.st_size);
-}
-
-// A file of the case itself, whose tag is the case's hash.
-static void answer_case_file(struct call *call, const char *name, const char *type) {
-    char hash[17];
-    int index = find_case(call);
-    if (index < 0)
-        return;
-    json_decref(case_card(call->api->cards, index, hash));
-    answer_file(call, call->api->config.cases[index].dir, name, type);
-    if (hash[0] && call->response->etag[0])
-        snprintf(call->response->etag, sizeof call->response->etag, "%s", hash);
-}
-
-void get_case_manifest(struct call *call) {
-    answer_case_file(call, "case.json", "application/json");
-}
-
-void get_case_anatomy(struct call *call) {
-    answer_case_file(call, "anatomy.glb", "model/gltf-binary");
-}
-
-void get_case_check(struct call *call) {
-    int index = find_case(call);
-    if (index >= 0)
-        answer_file(call, call->api->config.cases[index].dir, GRADE_FILE, "application/json");
 }

@@ -7,10 +7,10 @@
 
 #include <jansson.h>
 
-struct case_cards;
+struct case_summaries;
 
-struct case_cards *case_cards_create(const struct api_case *cases, int count);
-void case_cards_destroy(struct case_cards **cards); // NULL inside is fine
+struct case_summaries *case_summaries_create(const struct api_case *cases, int count);
+void case_summaries_destroy(struct case_summaries **summaries); // NULL inside is fine
 
 // A new object, as CASE in docs/API.md. out_hash: empty where the case cannot be read.
-json_t *case_card(struct case_cards *cards, int index, char out_hash[17]);
+json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[17]);

@@ -21,19 +21,19 @@ struct store {
 };
 
 // Our word for what the database answered last, in a sentence with the file's path.
-enum result connection_failed(sqlite3 *db, const char *path, int code, struct error *err);
+enum result database_failed(sqlite3 *db, const char *path, int code, struct error *err);
 
 // Takes the lock of `path` for whoever has the records open, or alone; RESULT_TIMEOUT where others
 // keep it.
-enum result connection_lock(const char *path, bool alone, int *out_fd, struct error *err);
+enum result database_lock(const char *path, bool alone, int *out_fd, struct error *err);
 
 // A database that is ours and of a version that we know, as it is; nothing is brought up to date.
 // flags: SQLITE_OPEN_READONLY or _READWRITE; with SQLITE_OPEN_CREATE it may be new or empty.
-enum result connection_open(const char *path, int flags, sqlite3 **out_db, struct error *err);
-enum result connection_version(sqlite3 *db, const char *path, int *out_version, struct error *err);
+enum result database_open(const char *path, int flags, sqlite3 **out_db, struct error *err);
+enum result database_version(sqlite3 *db, const char *path, int *out_version, struct error *err);
 
 // RESULT_CORRUPT where its pages or the references between its rows do not hold.
-enum result connection_check(sqlite3 *db, const char *path, struct error *err);
+enum result database_check(sqlite3 *db, const char *path, struct error *err);
 
 enum result store_run(struct store *store, const char *sql, struct error *err); // without values
 enum result store_failed(struct store *store, int code, struct error *err);
@@ -50,8 +50,8 @@ enum result store_find(struct store *store, const char *sql, int64_t *out, struc
                        const char *kinds, ...);
 
 // Gives the rows of a prepared statement to the taker, and resets it.
-enum result store_give(struct store *store, sqlite3_stmt *statement, store_taker take, void *user,
-                       struct error *err);
+enum result store_give(struct store *store, sqlite3_stmt *statement, store_row_handler take,
+                       void *user, struct error *err);
 
 // Ends what "BEGIN IMMEDIATE" began: all of it where `result` is RESULT_OK, else none. Returns
 // `result`, or why it could not end.

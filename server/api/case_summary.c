@@ -1,4 +1,4 @@
-#include "api/case_card.h"
+#include "api/case_summary.h"
 
 #include "api/call.h"
 #include "base/check.h"
@@ -19,7 +19,7 @@ struct stamp {
     int64_t changed_ns, size;
 };
 
-struct card {
+struct summary {
     bool is_read;
     struct stamp stamps[FILES]; // when it was read
     uint64_t hash;              // 0: it cannot be read
@@ -27,31 +27,31 @@ struct card {
     char broken[sizeof((struct error){0}).text];
 };
 
-struct case_cards {
+struct case_summaries {
     pthread_mutex_t lock;
     const struct api_case *cases;
     int count;
-    struct card *cards;
+    struct summary *entries;
 };
 
-struct case_cards *case_cards_create(const struct api_case *cases, int count) {
-    struct case_cards *cards = alloc(1, sizeof *cards);
-    *cards = (struct case_cards){.cases = cases, .count = count};
-    cards->cards = alloc((unsigned long)count + 1, sizeof *cards->cards);
-    pthread_mutex_init(&cards->lock, NULL);
-    return cards;
+struct case_summaries *case_summaries_create(const struct api_case *cases, int count) {
+    struct case_summaries *summaries = alloc(1, sizeof *summaries);
+    *summaries = (struct case_summaries){.cases = cases, .count = count};
+    summaries->entries = alloc((unsigned long)count + 1, sizeof *summaries->entries);
+    pthread_mutex_init(&summaries->lock, NULL);
+    return summaries;
 }
 
-void case_cards_destroy(struct case_cards **cards) {
-    struct case_cards *c = *cards;
+void case_summaries_destroy(struct case_summaries **summaries) {
+    struct case_summaries *c = *summaries;
     if (!c)
         return;
     for (int i = 0; i < c->count; i++)
-        json_decref(c->cards[i].row);
+        json_decref(c->entries[i].row);
     pthread_mutex_destroy(&c->lock);
-    free(c->cards);
+    free(c->entries);
     free(c);
-    *cards = NULL;
+    *summaries = NULL;
 }
 
 // ---- the case -----------------------------------------------------------------------------------
@@ -79,19 +79,19 @@ static json_t *groups_of(const struct knee_case *knee) {
     return groups;
 }
 
-static void read_case(const struct api_case *about, struct card *card) {
+static void read_case(const struct api_case *about, struct summary *summary) {
     struct knee_case *knee;
     struct error err = {""};
-    json_decref(card->row);
-    card->row = json_pack("{s:o}", "name", call_string(about->name));
-    card->hash = 0;
+    json_decref(summary->row);
+    summary->row = json_pack("{s:o}", "name", call_string(about->name));
+    summary->hash = 0;
     if (case_load(about->dir, NULL, &knee, &err) != RESULT_OK) {
-        snprintf(card->broken, sizeof card->broken, "%s", err.text);
+        snprintf(summary->broken, sizeof summary->broken, "%s", err.text);
         return;
     }
-    card->hash = knee->hash;
-    json_object_set_new(card->row, "title", call_string(knee->title));
-    json_object_set_new(card->row, "groups", groups_of(knee));
+    summary->hash = knee->hash;
+    json_object_set_new(summary->row, "title", call_string(knee->title));
+    json_object_set_new(summary->row, "groups", groups_of(knee));
     case_destroy(&knee);
 }
 
@@ -102,39 +102,39 @@ static void set_grade(json_t *row, const char *grade, const char *reason) {
     json_object_set_new(row, "grade_reason", call_string(reason));
 }
 
-static void add_grade(const struct api_case *about, const struct card *card, json_t *row) {
+static void add_grade(const struct api_case *about, const struct summary *summary, json_t *row) {
     struct case_grade grade;
     struct error err = {""};
     enum result result = grade_read(about->dir, &grade, &err);
-    if (!card->hash)
-        set_grade(row, "broken", error_without_folder(card->broken));
+    if (!summary->hash)
+        set_grade(row, "broken", error_without_folder(summary->broken));
     else if (result == RESULT_MISSING)
         set_grade(row, "unchecked", "");
     else if (result != RESULT_OK)
         set_grade(row, "unchecked", error_without_folder(err.text));
-    else if (grade.hash != card->hash)
+    else if (grade.hash != summary->hash)
         set_grade(row, "outdated", grade.reason);
     else
         set_grade(row, grade_name(grade.grade), grade.reason);
 }
 
-json_t *case_card(struct case_cards *cards, int index, char out_hash[17]) {
-    CHECK(index >= 0 && index < cards->count);
-    const struct api_case *about = &cards->cases[index];
-    struct card *card = &cards->cards[index];
+json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[17]) {
+    CHECK(index >= 0 && index < summaries->count);
+    const struct api_case *about = &summaries->cases[index];
+    struct summary *summary = &summaries->entries[index];
     struct stamp stamps[FILES];
-    pthread_mutex_lock(&cards->lock);
+    pthread_mutex_lock(&summaries->lock);
     take_stamps(about->dir, stamps);
-    if (!card->is_read || memcmp(stamps, card->stamps, sizeof stamps) != 0)
-        read_case(about, card);
-    card->is_read = true;
-    memcpy(card->stamps, stamps, sizeof stamps);
-    json_t *row = json_deep_copy(card->row);
+    if (!summary->is_read || memcmp(stamps, summary->stamps, sizeof stamps) != 0)
+        read_case(about, summary);
+    summary->is_read = true;
+    memcpy(summary->stamps, stamps, sizeof stamps);
+    json_t *row = json_deep_copy(summary->row);
     out_hash[0] = '\0';
-    if (card->hash)
-        snprintf(out_hash, 17, "%016" PRIx64, card->hash);
-    add_grade(about, card, row);
-    pthread_mutex_unlock(&cards->lock);
-    json_object_set_new(row, "hash", card->hash ? json_string(out_hash) : json_null());
+    if (summary->hash)
+        snprintf(out_hash, 17, "%016" PRIx64, summary->hash);
+    add_grade(about, summary, row);
+    pthread_mutex_unlock(&summaries->lock);
+    json_object_set_new(row, "hash", summary->hash ? json_string(out_hash) : json_null());
     return row;
 }

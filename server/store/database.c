@@ -1,4 +1,4 @@
-#include "store/connection.h"
+#include "store/database.h"
 
 #include "base/check.h"
 #include "base/clock.h"
@@ -22,7 +22,7 @@
 
 // ---- errors -------------------------------------------------------------------------------------
 
-enum result connection_failed(sqlite3 *db, const char *path, int code, struct error *err) {
+enum result database_failed(sqlite3 *db, const char *path, int code, struct error *err) {
     const char *text = db ? sqlite3_errmsg(db) : sqlite3_errstr(code);
     switch (code & 0xff) {
     case SQLITE_BUSY:
@@ -56,13 +56,13 @@ enum result connection_failed(sqlite3 *db, const char *path, int code, struct er
 }
 
 enum result store_failed(struct store *store, int code, struct error *err) {
-    return connection_failed(store->db, store->path, code, err);
+    return database_failed(store->db, store->path, code, err);
 }
 
 // ---- the lock beside the file -------------------------------------------------------------------
 
 // SQLite's own locks are on the file, and a restore exchanges the file.
-enum result connection_lock(const char *path, bool alone, int *out_fd, struct error *err) {
+enum result database_lock(const char *path, bool alone, int *out_fd, struct error *err) {
     char lock[PATH_MAX];
     if (snprintf(lock, sizeof lock, "%s-lock", path) >= (int)sizeof lock)
         return fail(err, RESULT_LIMIT, "%s: the path is too long", path);
@@ -105,10 +105,10 @@ static enum result read_number(sqlite3 *db, const char *path, const char *sql, i
     if (code == SQLITE_ROW)
         *out = sqlite3_column_int64(statement, 0);
     sqlite3_finalize(statement);
-    return code == SQLITE_ROW ? RESULT_OK : connection_failed(db, path, code, err);
+    return code == SQLITE_ROW ? RESULT_OK : database_failed(db, path, code, err);
 }
 
-enum result connection_version(sqlite3 *db, const char *path, int *out_version, struct error *err) {
+enum result database_version(sqlite3 *db, const char *path, int *out_version, struct error *err) {
     int64_t version = 0;
     enum result result = read_number(db, path, "PRAGMA user_version", &version, err);
     *out_version = (int)version;
@@ -127,7 +127,7 @@ static enum result read_owner(sqlite3 *db, const char *path, struct owner *out, 
     if (result == RESULT_OK)
         result = read_number(db, path, "SELECT count(*) FROM sqlite_schema", &out->tables, err);
     if (result == RESULT_OK)
-        result = connection_version(db, path, &out->version, err);
+        result = database_version(db, path, &out->version, err);
     sqlite3_exec(db, "ROLLBACK", NULL, NULL, NULL);
     return result;
 }
@@ -157,7 +157,7 @@ static enum result check_owner(sqlite3 *db, const char *path, bool make, struct 
     return RESULT_OK;
 }
 
-enum result connection_open(const char *path, int flags, sqlite3 **out_db, struct error *err) {
+enum result database_open(const char *path, int flags, sqlite3 **out_db, struct error *err) {
     enum result result = reach_file(path, flags, err);
     sqlite3 *db = NULL;
     *out_db = NULL;
@@ -170,7 +170,7 @@ enum result connection_open(const char *path, int flags, sqlite3 **out_db, struc
         code = sqlite3_exec(db, "PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON;", NULL,
                             NULL, NULL);
     result = code == SQLITE_OK ? check_owner(db, path, flags & SQLITE_OPEN_CREATE, err)
-                               : connection_failed(db, path, code, err);
+                               : database_failed(db, path, code, err);
     if (result == RESULT_OK)
         *out_db = db;
     else
@@ -188,7 +188,7 @@ static enum result expect(sqlite3 *db, const char *path, const char *pragma, con
     enum result result = RESULT_OK;
     const char *text = code == SQLITE_ROW ? (const char *)sqlite3_column_text(statement, 0) : NULL;
     if (code != SQLITE_ROW && code != SQLITE_DONE)
-        result = connection_failed(db, path, code, err);
+        result = database_failed(db, path, code, err);
     else if ((text || expected) && (!text || !expected || strcmp(text, expected) != 0))
         result = fail(err, RESULT_CORRUPT, "%s: the records are damaged: %s", path,
                       text ? text : "no answer");
@@ -196,7 +196,7 @@ static enum result expect(sqlite3 *db, const char *path, const char *pragma, con
     return result;
 }
 
-enum result connection_check(sqlite3 *db, const char *path, struct error *err) {
+enum result database_check(sqlite3 *db, const char *path, struct error *err) {
     enum result result = expect(db, path, "PRAGMA integrity_check(1)", "ok", err);
     if (result == RESULT_OK)
         result = expect(db, path, "PRAGMA foreign_key_check", NULL, err);
@@ -206,14 +206,14 @@ enum result connection_check(sqlite3 *db, const char *path, struct error *err) {
 // ---- versions -----------------------------------------------------------------------------------
 
 // Another program may be doing the same: the version counts that is found once nobody else writes.
-static enum result climb(struct store *store, bool *out_there, struct error *err) {
+static enum result apply_step(struct store *store, bool *out_there, struct error *err) {
     char sql[96];
     int version;
     *out_there = false;
     enum result result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = connection_version(store->db, store->path, &version, err);
+    result = database_version(store->db, store->path, &version, err);
     if (result == RESULT_OK && version >= schema_version) {
         *out_there = true;
         return store_end(store, result, err);
@@ -227,11 +227,11 @@ static enum result climb(struct store *store, bool *out_there, struct error *err
     return store_end(store, result, err);
 }
 
-static enum result bring_up_to_date(struct store *store, struct error *err) {
+static enum result migrate(struct store *store, struct error *err) {
     int version;
-    enum result result = connection_version(store->db, store->path, &version, err);
+    enum result result = database_version(store->db, store->path, &version, err);
     for (bool there = version >= schema_version; result == RESULT_OK && !there;)
-        result = climb(store, &there, err);
+        result = apply_step(store, &there, err);
     return result;
 }
 
@@ -257,9 +257,9 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
     if (mode == STORE_THERE && access(path, F_OK))
         result = fail(err, RESULT_MISSING, "%s: this file does not exist", path);
     if (result == RESULT_OK)
-        result = connection_lock(path, false, &store->lock_fd, err);
+        result = database_lock(path, false, &store->lock_fd, err);
     if (result == RESULT_OK)
-        result = connection_open(
+        result = database_open(
             path, SQLITE_OPEN_READWRITE | (mode == STORE_MAKE ? SQLITE_OPEN_CREATE : 0), &store->db,
             err);
     if (result == RESULT_OK)
@@ -270,7 +270,7 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
                            "PRAGMA foreign_keys = ON; PRAGMA secure_delete = ON;",
                            err);
     if (result == RESULT_OK)
-        result = bring_up_to_date(store, err);
+        result = migrate(store, err);
     if (result != RESULT_OK)
         store_close(&store);
     *out_store = store;

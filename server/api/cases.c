@@ -1,0 +1,83 @@
+#include "api/case_summary.h"
+#include "api/routes.h"
+#include "check/grade.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+void get_cases(struct call *call) {
+    char hash[17];
+    call_close_store(call);
+    json_t *cases = json_array();
+    for (int i = 0; i < call->api->config.case_count; i++)
+        json_array_append_new(cases, case_summary(call->api->summaries, i, hash));
+    call_answer(call, 200, json_pack("{s:o}", "cases", cases));
+}
+
+// -1 after a refusal.
+static int find_case(struct call *call) {
+    call_close_store(call);
+    for (int i = 0; i < call->api->config.case_count; i++)
+        if (!strcmp(call->api->config.cases[i].name, call->args[0]))
+            return i;
+    call_refuse(call, 404, "not_found", NULL, "The server's config has no case '%s'.",
+                call->args[0]);
+    return -1;
+}
+
+void get_case(struct call *call) {
+    char path[sizeof call->response->file], hash[17];
+    int index = find_case(call);
+    if (index < 0)
+        return;
+    snprintf(path, sizeof path, "%s/%s", call->api->config.cases[index].dir, GRADE_FILE);
+    json_t *check = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
+    call_answer(call, 200,
+                json_pack("{s:o, s:o}", "case", case_summary(call->api->summaries, index, hash),
+                          "check", check ? check : json_null()));
+}
+
+static void answer_file(struct call *call, const char *dir, const char *name, const char *type) {
+    struct web_response *r = call->response;
+    struct stat status;
+    int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
+    if (length >= (int)sizeof r->file || stat(r->file, &status) || !S_ISREG(status.st_mode)) {
+        r->file[0] = '\0';
+        call_refuse(call, 404, "not_found", NULL, "There is no %s.", name);
+        return;
+    }
+    r->status = 200;
+    r->compress = true;
+    snprintf(r->type, sizeof r->type, "%s", type);
+    snprintf(r->etag, sizeof r->etag, "%" PRIx64 "-%" PRIx64,
+             (uint64_t)status.st_mtim.tv_sec * 1000000000 + (uint64_t)status.st_mtim.tv_nsec,
+             (uint64_t)status.st_size);
+}
+
+// A file of the case itself, whose tag is the case's hash.
+static void answer_case_file(struct call *call, const char *name, const char *type) {
+    char hash[17];
+    int index = find_case(call);
+    if (index < 0)
+        return;
+    json_decref(case_summary(call->api->summaries, index, hash));
+    answer_file(call, call->api->config.cases[index].dir, name, type);
+    if (hash[0] && call->response->etag[0])
+        snprintf(call->response->etag, sizeof call->response->etag, "%s", hash);
+}
+
+void get_case_manifest(struct call *call) {
+    answer_case_file(call, "case.json", "application/json");
+}
+
+void get_case_anatomy(struct call *call) {
+    answer_case_file(call, "anatomy.glb", "model/gltf-binary");
+}
+
+void get_case_check(struct call *call) {
+    int index = find_case(call);
+    if (index >= 0)
+        answer_file(call, call->api->config.cases[index].dir, GRADE_FILE, "application/json");
+}

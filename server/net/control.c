@@ -15,7 +15,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define OUTBOX_LENGTH 64
 #define STRANGERS_MAX 64 // connections that have not said Hello yet
 #define UNSENT_MAX 16384
 #define HANDSHAKE_S 5
@@ -23,19 +22,11 @@
 
 // ---- queues -------------------------------------------------------------------------------------
 
-static void encode(const arthron_Control *message, struct outgoing *out) {
-    size_t size;
-    enum result result = wire_encode_control(message, out->bytes, sizeof out->bytes, &size);
-    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
-    out->size = (uint32_t)size;
-    out->last = false;
-}
-
 void control_say(struct peer *peer, const arthron_Control *message, bool last) {
     if (peer->closing)
         return;
     peer->closing = last;
-    encode(message, &peer->urgent);
+    outgoing_encode(message, &peer->urgent);
     peer->urgent.last = last;
     if (last)
         lws_set_timer_usecs(peer->wsi, LWS_USEC_PER_SEC);
@@ -44,7 +35,7 @@ void control_say(struct peer *peer, const arthron_Control *message, bool last) {
 
 bool control_seat(struct peer *peer) {
     struct control *control = peer->control;
-    struct ring *outbox = ring_create(OUTBOX_LENGTH, sizeof(struct outgoing));
+    struct outbox *outbox = outbox_create();
     int index = 0;
     pthread_mutex_lock(&control->lock);
     while (index < CONTROL_PEERS_MAX && control->slots[index].peer)
@@ -60,7 +51,7 @@ bool control_seat(struct peer *peer) {
     }
     pthread_mutex_unlock(&control->lock);
     if (index == CONTROL_PEERS_MAX)
-        ring_destroy(&outbox);
+        outbox_destroy(&outbox);
     return index < CONTROL_PEERS_MAX;
 }
 
@@ -69,7 +60,7 @@ void control_unseat(struct peer *peer) {
     pthread_mutex_lock(&peer->control->lock);
     slot->peer = NULL;
     pthread_mutex_unlock(&peer->control->lock);
-    ring_destroy(&slot->outbox);
+    outbox_destroy(&slot->outbox);
     control_drop_meshes(slot);
 }
 
@@ -87,32 +78,26 @@ int64_t control_certificate_end(struct control *control, struct control_peer han
     return until_s;
 }
 
-// What comes again anyway.
-static bool may_be_missed(const arthron_Control *message) {
-    return message->which_message == arthron_Control_reply_tag ||
-           message->which_message == arthron_Control_ping_tag ||
-           message->which_message == arthron_Control_pong_tag;
-}
-
 bool control_send(struct control *control, struct control_peer handle,
                   const arthron_Control *message) {
-    bool queued = false, wakes = true;
+    enum outbox_put put = OUTBOX_DROPPED;
+    bool wakes = true;
     struct outgoing out;
-    encode(message, &out);
+    outgoing_encode(message, &out);
     pthread_mutex_lock(&control->lock);
     struct slot *slot = control_find_slot(control, handle);
     if (slot) {
-        queued = ring_push(slot->outbox, &out);
-        slot->overflown |= !queued && !may_be_missed(message);
+        put = outbox_put(slot->outbox, message, &out);
+        slot->overflown |= put == OUTBOX_OVERFLOWN;
         wakes = slot->wakes;
         slot->wakes = true;
     }
     pthread_mutex_unlock(&control->lock);
-    if (slot && !queued && message->which_message == arthron_Control_reply_tag)
+    if (slot && put == OUTBOX_DROPPED && message->which_message == arthron_Control_reply_tag)
         atomic_fetch_add(&control->replies_dropped, 1);
     if (!wakes)
         lws_cancel_service(control->context);
-    return queued;
+    return put == OUTBOX_QUEUED;
 }
 
 // ---- the control thread -------------------------------------------------------------------------
@@ -213,7 +198,7 @@ static bool next_to_say(struct peer *peer, struct outgoing *out) {
         return true;
     }
     return peer->agreed && !peer->closing &&
-           ring_pop(peer->control->slots[peer->handle.index].outbox, out);
+           outbox_take(peer->control->slots[peer->handle.index].outbox, &peer->control->lock, out);
 }
 
 static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {

@@ -55,7 +55,8 @@ int control_port(const struct control *control);
 void control_destroy(struct control **control);
 
 // From any thread, never waits: queues a message for a peer. False where the peer is gone or its
-// queue is full (then a Reply is dropped and counted; what does not come again closes the peer).
+// queue is full (then a Reply is dropped and counted; what does not come again closes the peer). A
+// Resection takes the place of the one of its group that still waits.
 // What is sent out of on_hello or soon after goes out behind Welcome.
 bool control_send(struct control *control, struct control_peer peer,
                   const arthron_Control *message);

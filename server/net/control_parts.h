@@ -3,21 +3,14 @@
 #pragma once
 
 #include "base/clock.h"
-#include "base/ring.h"
 #include "net/control.h"
 #include "net/identity.h"
+#include "net/outbox.h"
 #include "net/registrar.h"
 
 #include <libwebsockets.h>
 #include <pthread.h>
 #include <stdatomic.h>
-
-struct outgoing {
-    bool last; // the connection closes behind it
-    uint32_t size;
-    uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
-    uint8_t bytes[WIRE_CONTROL_MAX];
-};
 
 struct outgoing_chunk {
     uint8_t header[LWS_PRE];
@@ -54,10 +47,10 @@ struct delivery {
 // One agreed peer as other threads know it; all of it under the lock.
 struct slot {
     uint32_t generation;
-    struct peer *peer;   // NULL: free
-    struct ring *outbox; // of struct outgoing; the lock makes many producers one
-    bool meshes;         // it takes them
-    int64_t until_s;     // its certificate
+    struct peer *peer; // NULL: free
+    struct outbox *outbox;
+    bool meshes;     // it takes them
+    int64_t until_s; // its certificate
     struct delivery deliveries[WIRE_MESH_GROUPS_MAX];
     int turn;       // of deliveries
     bool wakes;     // the control thread has something to do for it:

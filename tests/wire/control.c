@@ -533,6 +533,59 @@ static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **s
     websocket_close(deaf);
 }
 
+// Until nothing more goes to a peer that does not read.
+static void stall(void) {
+    arthron_Control reply = {.which_message = arthron_Control_reply_tag};
+    uint64_t before = control_counts(doorman.control).replies_dropped;
+    for (int i = 0; i < 1000000 && control_counts(doorman.control).replies_dropped < before + 100;
+         i++)
+        control_send(doorman.control, doorman.peer, &reply);
+    usleep(100000); // what can still go has gone
+    for (int i = 0; i < 64; i++)
+        control_send(doorman.control, doorman.peer, &reply);
+}
+
+static bool send_figures(const char *group, uint32_t cuts) {
+    arthron_Control message = {.which_message = arthron_Control_resection_tag};
+    strcpy(message.message.resection.group, group);
+    message.message.resection.cuts = cuts;
+    return control_send(doorman.control, doorman.peer, &message);
+}
+
+static void expect_figures(struct websocket *socket, const char *group, uint32_t cuts) {
+    arthron_Control message;
+    do
+        assert_true(hear(socket, &message));
+    while (message.which_message == arthron_Control_reply_tag ||
+           message.which_message == arthron_Control_ping_tag);
+    assert_int_equal(message.which_message, arthron_Control_resection_tag);
+    assert_string_equal(message.message.resection.group, group);
+    assert_int_equal(message.message.resection.cuts, cuts);
+}
+
+static void a_peer_that_stalls_gets_the_newest_figures_of_each_group(void **state) {
+    (void)state;
+    struct websocket *slow = call_and_greet();
+    arthron_Control change = {.which_message = arthron_Control_session_change_tag};
+    stall();
+    for (uint32_t cut = 1; cut <= 300; cut++) {
+        assert_true(send_figures("medial", cut));
+        assert_true(send_figures("lateral", 1000 + cut));
+    }
+    assert_true(control_send(doorman.control, doorman.peer, &change));
+    assert_true(send_figures("lateral", 1));
+    while (hear(slow, &change) && change.which_message != arthron_Control_resection_tag)
+        continue;
+    assert_string_equal(change.message.resection.group, "medial");
+    assert_int_equal(change.message.resection.cuts, 300);
+    expect_figures(slow, "lateral", 1300);
+    assert_true(hear(slow, &change)); // in order with what changes the session
+    assert_int_equal(change.which_message, arthron_Control_session_change_tag);
+    expect_figures(slow, "lateral", 1);
+    expect_pong(slow);
+    websocket_close(slow);
+}
+
 static void a_message_for_a_peer_that_is_gone_goes_nowhere(void **state) {
     (void)state;
     websocket_close(call_and_greet());
@@ -595,6 +648,7 @@ int main(void) {
         IN_A_HOUSE(times_that_no_clock_shows_are_ignored),
         IN_A_HOUSE(the_offset_leads_from_the_stations_clock_to_the_servers),
         IN_A_HOUSE(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
+        IN_A_HOUSE(a_peer_that_stalls_gets_the_newest_figures_of_each_group),
         IN_A_HOUSE(a_message_for_a_peer_that_is_gone_goes_nowhere),
         IN_A_HOUSE(a_stopping_server_says_so),
         IN_A_HOUSE(while_another_process_holds_the_keys_frames_are_answered),

@@ -27,7 +27,7 @@
 #define WIRE_DATAGRAM_MAX 1452
 #define WIRE_VIEW_MAX 2048
 #define WIRE_CHUNK_MAX 33024 // a Control that holds a MeshChunk
-#define WIRE_PAGE_MAX 4096  // what a page says
+#define WIRE_PAGE_MAX 4096   // what a page says
 
 #define WIRE_CHUNK_DATA 32768     // in each piece of a mesh but the last
 #define WIRE_MESH_MAX (64u << 20) // in all of them together
@@ -53,9 +53,9 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
 // UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
 // pose and a lead, both finite, each correction is a pose, a SessionChange's knee is one, and a
-// CommandReply's joint is finite; a page's Command is `from` nothing but a session's id. A
-// message of a kind that this version does not know is RESULT_OK with which_message == 0: skip and
-// count it.
+// CommandReply's joint is finite. What a Command names (stations, cases, sessions, files) is its
+// handler's to look up: where one may name a file is known there. A message of a kind that this
+// version does not know is RESULT_OK with which_message == 0: skip and count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
 enum result wire_decode_console(const uint8_t *data, size_t size, arthron_Console *out_message,

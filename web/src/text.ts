@@ -129,6 +129,7 @@ export const text = {
     noData: "Nothing is heard of it",
     server: "Server",
     serverQuiet: (ms: number) => `No data for ${format.ago(ms)}: all that is shown is old`,
+    certificate: (days: number) => `The server's certificate ends in ${count(days, "day")}: run arthron-server keys renew`,
     serverGone: "No data: all that is shown is old",
     lost: (ms: number) => `No connection to the server for ${format.ago(ms)}`,
     which: "Which",

@@ -8,7 +8,7 @@ import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
 import { CaseCache } from "../src/views/wall_cases";
 import { kneeParts, thin } from "../src/views/wall_knee";
-import { arrange, byUrgency, grouped, quietFor, runningSeconds, short, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
+import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
 
 function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): Seat {
   return { seat: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
@@ -22,6 +22,15 @@ test("a station stands where its connection and its session say", () => {
   assert.equal(of(true, SessionState.WAITING), "waiting");
   assert.equal(of(true, SessionState.CLOSED), "closed");
   assert.equal(standing(undefined), "gone");
+});
+
+test("the server's certificate is warned of from 30 days before its end", () => {
+  const now = 1_800_000_000;
+  const of = (days: number | null): string | undefined => certificateWarning(days === null ? null : now + days * 86400, now * 1000)?.words;
+  assert.equal(of(30), undefined);
+  assert.match(of(29.5)!, /ends in 29 days/);
+  assert.match(of(1.5)!, /ends in 1 day:/);
+  assert.equal(of(null), undefined);
 });
 
 test("a station that nothing is heard of is warned of, whatever the server last said", () => {

@@ -7,11 +7,12 @@ import { format, text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
 import { MiniScene } from "./wall_scene";
 import {
-  arrange, byUrgency, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
+  arrange, byUrgency, certificateWarning, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
   type Alarm, type Standing, type Warning,
 } from "./wall_model";
 
 const RATE_HZ = 10;
+const HOUR_MS = 3_600_000;
 const SOON_MS = 2000; // by then every station was told
 
 interface Card {
@@ -68,9 +69,15 @@ export const wall: View = (root, _route, app) => {
     for (const seat of seats) cards.get(seat.seat)!.update(seat, now, lost);
     setText(summary, lost !== undefined ? text.wall.lost(lost) : seats.length ? text.wall.summary(count(seats)) : "");
     setClass(summary, "fault", lost !== undefined);
-    rail.show(byUrgency([...(lost !== undefined ? [serverQuiet(lost)] : []), ...seats.flatMap((seat) => warningOf(seat, now, lost !== undefined) ?? [])]), seats.length > 0);
+    rail.show(byUrgency([...(lost !== undefined ? [serverQuiet(lost)] : []), ...certificate, ...seats.flatMap((seat) => warningOf(seat, now, lost !== undefined) ?? [])]), seats.length > 0);
     showState(state, seats.length, feed);
   };
+
+  let certificate: Warning[] = [];
+  const askForCertificate = (): void => void app.api.get<{ certificate_until_utc_s: number | null }>("/server").then(
+    ({ certificate_until_utc_s: until }) => (certificate = [certificateWarning(until, Date.now()) ?? []].flat()), () => undefined);
+  const hourly = setInterval(askForCertificate, HOUR_MS);
+  askForCertificate();
 
   let pending = false;
   const soon = (): void => {
@@ -91,7 +98,7 @@ export const wall: View = (root, _route, app) => {
     if (state === "open") picture.renewCases();
     soon();
   });
-  const ends = [feed.on("place", soon), linked, everySecond(soon), () => size.disconnect(), () => cancelAnimationFrame(frame), () => picture.end()];
+  const ends = [feed.on("place", soon), linked, everySecond(soon), () => clearInterval(hourly), () => size.disconnect(), () => cancelAnimationFrame(frame), () => picture.end()];
   feed.watch({ what: Watch_What.WALL, rateHz: RATE_HZ });
   return () => {
     for (const end of ends) end();

@@ -68,6 +68,14 @@ export function warningOf(seat: Seat, now: number, serverQuiet: boolean): Warnin
 /** That nothing has come for so many ms. */
 export const serverQuiet = (ms: number): Warning => ({ seat: 0, station: "", urgency: 3, words: text.wall.serverQuiet(ms) });
 
+const CERTIFICATE_WARNING_DAYS = 30;
+
+/** That the server's certificate ends soon; `until`: seconds since 1970, null where nobody knows. */
+export function certificateWarning(until: number | null, nowMs: number): Warning | undefined {
+  const days = until === null ? Infinity : Math.floor((until - nowMs / 1000) / 86400);
+  return days < CERTIFICATE_WARNING_DAYS ? { seat: 0, station: "", urgency: 1, words: text.wall.certificate(days) } : undefined;
+}
+
 /** The most urgent first; of equal ones by the station's name, so that nothing jumps about. */
 export function byUrgency(warnings: Warning[]): Warning[] {
   return [...warnings].sort((a, b) => b.urgency - a.urgency || compareNames(a.station, b.station));

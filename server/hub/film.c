@@ -305,6 +305,7 @@ static void show_record(struct film *f, const struct trace_record *record) {
     case TRACE_REMARK:
         show_remark(f, &record->remark);
         break;
+    case TRACE_FAULT:
     case TRACE_END:
         break;
     }

@@ -86,6 +86,13 @@ static bool on_resume(void *user, int64_t utc_ns) {
     return true;
 }
 
+static bool on_fault(void *user, int64_t utc_ns) {
+    struct survey *s = user;
+    (void)utc_ns;
+    s->faults++;
+    return true;
+}
+
 static bool on_remark(void *user, const struct remark *remark) {
     take_remark(remark, user);
     return true;
@@ -97,6 +104,7 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
                                   .past = on_past,
                                   .gap = on_gap,
                                   .resume = on_resume,
+                                  .fault = on_fault,
                                   .remark = on_remark,
                                   .progress = progress};
     memset(s, 0, sizeof *s);

@@ -6,6 +6,7 @@
 struct survey {
     uint64_t steps, gaps, missing; // step records, gap records, the steps those stand for
     uint64_t past, resumes;        // inputs alone; times that its server was started again
+    uint64_t faults;               // times that the disk failed
     uint64_t frames;               // steps whose input was a frame
     uint64_t lost_samples;         // samples that a station sent as lost
     uint64_t events[EVENT_COUNT];  // steps with EVENT_STATE, EVENT_DEVICE_LOST, ... in order

@@ -200,6 +200,9 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
         printf("copied      from session %s; %" PRIu64 " inputs of it before\n", id, s->past);
     if (trace_header_is_piece(h))
         printf("piece       of another trace; %" PRIu64 " inputs before it\n", s->past);
+    if (s->faults)
+        printf("disk        it failed %" PRIu64 " times; what it may have lost was written again\n",
+               s->faults);
     if (s->resumes)
         printf("resumed     %" PRIu64 " times after its server was killed\n", s->resumes);
     printf("state       %s\n", session_state_name(s->state));

@@ -97,6 +97,7 @@ static void print_json(const struct verdict *v) {
         seal_names[v->seal], "signed_by", v->signed_by, "signature_fault", v->seal_why.text,
         "damages", damages_array(v), "records_behind", (json_int_t)v->steps_behind);
     json_object_update_new(root, more);
+    json_object_set_new(root, "disk_faults", json_integer((json_int_t)s->faults));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -125,6 +126,9 @@ static void print_text(const struct verdict *v, bool asked) {
     if (v->steps_behind)
         printf("%" PRIu64 " steps behind that are as they were written\n", v->steps_behind);
     print_seal(v, asked);
+    if (s->faults)
+        printf("the disk failed %" PRIu64 " times; what it may have lost was written again\n",
+               s->faults);
     printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps; in %" PRIu64
            " samples the station told that a device was silent\n",
            s->steps, s->missing, s->gaps, s->lost_samples);

@@ -12,6 +12,8 @@ static bool tell(const struct trace_player *p, const struct trace_record *record
         return !p->gap || p->gap(p->user, record->missing);
     case TRACE_RESUME:
         return !p->resume || p->resume(p->user, record->utc_ns);
+    case TRACE_FAULT:
+        return !p->fault || p->fault(p->user, record->utc_ns);
     case TRACE_REMARK:
         return !p->remark || p->remark(p->user, &record->remark);
     case TRACE_END:

@@ -11,6 +11,7 @@ struct trace_player {
     bool (*past)(void *user, const struct trace_record *record);   // TRACE_PAST
     bool (*gap)(void *user, uint64_t missing);
     bool (*resume)(void *user, int64_t utc_ns);
+    bool (*fault)(void *user, int64_t utc_ns);
     bool (*remark)(void *user, const struct remark *remark);
     bool (*end)(void *user, uint64_t records, uint64_t missing);
     void (*progress)(uint64_t done, uint64_t all); // bytes, after each record

@@ -46,6 +46,7 @@ static enum result read_header(struct trace_reader *r, struct error *err) {
     if (result == RESULT_OK)
         result = header_decode(data, HEADER_PREFIX + rest, version, &r->chain, &r->header, err);
     r->place.offset = HEADER_PREFIX + rest;
+    r->place.version = r->header.version;
     r->place.rules = r->header.settings.rules;
     if (result != RESULT_OK)
         return fail_in(err, result, "%s, header: ", r->path);
@@ -152,6 +153,7 @@ static enum result follow(struct trace_reader *r, const struct trace_record *rec
         return RESULT_OK;
     case TRACE_RESUME:
     case TRACE_REMARK:
+    case TRACE_FAULT:
         return RESULT_OK;
     default:
         if (!r->damaged && (record->records != place->records || record->missing != place->missing))

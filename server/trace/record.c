@@ -168,6 +168,12 @@ size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out) {
     return end_record(&w, chain);
 }
 
+size_t record_encode_fault(int64_t utc_ns, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_FAULT, out);
+    write_i64(&w, utc_ns);
+    return end_record(&w, chain);
+}
+
 size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out) {
     struct writer w = begin_record(TRACE_REMARK, out);
     write_u32(&w, remark->number);
@@ -196,7 +202,10 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
 }
 
 static unsigned last_type(unsigned version) {
-    return version >= 4 ? TRACE_REMARK : version == 3 ? TRACE_RESUME : TRACE_END;
+    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_FAULT
+           : version >= 4                     ? TRACE_REMARK
+           : version == 3                     ? TRACE_RESUME
+                                              : TRACE_END;
 }
 
 enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
@@ -262,6 +271,7 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
         out->missing = read_u64(r);
         return out->missing > 0;
     case TRACE_RESUME:
+    case TRACE_FAULT:
         out->utc_ns = read_i64(r);
         return true;
     case TRACE_REMARK:

@@ -45,6 +45,7 @@ size_t record_encode_past(const struct session_input *input, bool job_done, stru
                           uint8_t *out);
 size_t record_encode_gap(uint64_t missing, struct chain *chain, uint8_t *out);
 size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out);
+size_t record_encode_fault(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out);
 size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 

@@ -12,7 +12,8 @@
 #include "trace/remark.h"
 
 #define TRACE_VERSION 5
-#define TRACE_OLDEST_VERSION 2 // that is still read
+#define TRACE_OLDEST_VERSION 2    // that is still read
+#define TRACE_FIRST_WITH_FAULTS 5 // that tells where the disk failed
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -46,13 +47,14 @@ bool trace_header_is_copied(const struct trace_header *header);
 
 // ---- writing
 //
-// One thread calls trace_append; a thread of the writer's own puts what came on disk every 20 ms
-// and calls fdatasync every second, so appending never waits for a disk and allocates nothing.
+// One thread calls trace_append. A thread for all writers writes what came every 20 ms, another one
+// calls fdatasync every second, so appending never waits for a disk and allocates nothing. What
+// fdatasync has not taken is kept, and is written again where that fails. At most 4 MB wait.
 
 struct trace_writer;
 
-// Who vouches for a trace that is closed. Outlives the writer, which calls `sign` once, from a
-// thread of its own.
+// Who vouches for a trace that is closed. Outlives the writer, which calls `sign` once, from
+// another thread.
 struct trace_signer {
     // With SHA-256, and the certificate (X.509, DER) of the key. False where it cannot: the trace
     // stays unsigned.
@@ -98,7 +100,7 @@ enum result trace_append_record(struct trace_writer *writer, const struct trace_
 struct trace_status {
     uint64_t records; // steps appended
     uint64_t missing; // steps dropped because the disk was too slow or full
-    uint64_t bytes;   // on disk
+    uint64_t bytes;   // written
     bool failing;     // the disk does not take what it is given
 };
 
@@ -119,7 +121,8 @@ enum trace_record_type {
     TRACE_END = 3,
     TRACE_PAST = 4,   // a step's input without its output: what led to where a piece begins
     TRACE_RESUME = 5, // here the server was started again
-    TRACE_REMARK = 6  // nothing that the session learnt
+    TRACE_REMARK = 6, // nothing that the session learnt
+    TRACE_FAULT = 7   // the disk failed: what it had not taken for sure was written again
 };
 
 struct trace_record {
@@ -131,7 +134,7 @@ struct trace_record {
     struct session_output output; // TRACE_STEP
     uint64_t missing;     // TRACE_GAP: steps not recorded here; TRACE_END: in the whole session
     uint64_t records;     // TRACE_END: steps recorded
-    int64_t utc_ns;       // TRACE_RESUME: when
+    int64_t utc_ns;       // TRACE_RESUME, TRACE_FAULT: when
     struct remark remark; // TRACE_REMARK
 };
 
@@ -143,6 +146,7 @@ struct trace_place {
     uint64_t missing; // in gaps
     uint64_t past;    // inputs alone
     int64_t time_ns;  // of the last step
+    unsigned version; // of the trace
     int rules;        // that its steps follow
     uint8_t hash[TRACE_HASH_SIZE];
 };

@@ -1,79 +1,50 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "trace/disk.h"
 #include "trace/record.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <libgen.h>
-#include <pthread.h>
-#include <signal.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <time.h>
 #include <unistd.h>
 
-#define WRITE_EVERY_NS (20 * NS_PER_MS)
-#define SYNC_EVERY_NS NS_PER_S
-#define BUFFER_SIZE ((size_t)4 << 20) // a power of two: about 40 s of one instrument at 100 Hz
-
-// The buffer is a stream of whole records between one appender and one thread that writes. A write
-// that fails leaves its bytes in the buffer, so the file stays a whole stream whatever the disk
-// does; only the appender drops, and only whole records.
-struct trace_writer {
-    int fd;
-    int rules; // that the session follows
-    char *path;
-    uint8_t *buffer;
-    _Alignas(64) atomic_size_t head; // next byte to fill, owned by the appender
-    uint64_t gap;                    // steps dropped since the last record, the appender's
-    struct chain chain;              // the appender's, through the records in the buffer
-    const struct trace_signer *signer;
-    _Alignas(64) atomic_size_t tail; // next byte to write, owned by the thread
-    bool unsynced;                   // the thread's
-    atomic_bool failing;
-    atomic_uint_fast64_t records, missing, bytes;
-    pthread_t thread;
-    pthread_mutex_t mutex; // of stop
-    pthread_cond_t wake;
-    bool stop;
-};
+// The appender and the threads of disk.c share the writer's buffer. Only the appender drops, and
+// only whole records.
 
 // ---- appending
-
-static bool put(struct trace_writer *w, const uint8_t *data, size_t size) {
-    size_t head = atomic_load_explicit(&w->head, memory_order_relaxed);
-    size_t tail = atomic_load_explicit(&w->tail, memory_order_acquire);
-    if (BUFFER_SIZE - (head - tail) < size)
-        return false;
-    size_t at = head & (BUFFER_SIZE - 1);
-    size_t first = size < BUFFER_SIZE - at ? size : BUFFER_SIZE - at;
-    memcpy(w->buffer + at, data, first);
-    memcpy(w->buffer, data + first, size - first);
-    atomic_store_explicit(&w->head, head + size, memory_order_release);
-    return true;
-}
-
-static size_t waiting_bytes(const struct trace_writer *w) {
-    return atomic_load_explicit(&w->head, memory_order_acquire) -
-           atomic_load_explicit(&w->tail, memory_order_relaxed);
-}
 
 static void count(atomic_uint_fast64_t *counter, uint64_t more) {
     atomic_fetch_add_explicit(counter, more, memory_order_relaxed);
 }
 
+// Before what follows: that the disk failed, that steps are missing.
+static size_t encode_troubles(struct trace_writer *w, uint8_t *data) {
+    size_t size = 0;
+    unsigned faults = atomic_load(&w->faults);
+    if (faults != w->faults_told && w->version >= TRACE_FIRST_WITH_FAULTS)
+        size += record_encode_fault(atomic_load(&w->fault_utc_ns), &w->chain, data);
+    if (w->gap)
+        size += record_encode_gap(w->gap, &w->chain, data + size);
+    w->faults_told = faults;
+    return size;
+}
+
 // Where the buffer is full the chain is as it was.
 static bool append(struct trace_writer *w, const struct session_input *input, bool job_done,
                    const struct session_output *output) {
-    uint8_t data[2 * RECORD_MAX], before[TRACE_HASH_SIZE];
+    uint8_t data[3 * RECORD_MAX], before[TRACE_HASH_SIZE];
+    unsigned told = w->faults_told;
     memcpy(before, w->chain.value, sizeof before);
-    size_t size = w->gap ? record_encode_gap(w->gap, &w->chain, data) : 0;
+    size_t size = encode_troubles(w, data);
     size += record_encode_step(input, job_done, output, w->rules, &w->chain, data + size);
-    if (!put(w, data, size)) {
+    if (!buffer_put(&w->buffer, data, size)) {
         memcpy(w->chain.value, before, sizeof before);
+        w->faults_told = told;
         return false;
     }
     w->gap = 0;
@@ -95,16 +66,17 @@ bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
     uint8_t data[RECORD_MAX], before[TRACE_HASH_SIZE];
     CHECK(remark_is_valid(remark));
     memcpy(before, w->chain.value, sizeof before);
-    if (put(w, data, record_encode_remark(remark, &w->chain, data)))
+    if (buffer_put(&w->buffer, data, record_encode_remark(remark, &w->chain, data)))
         return true;
     memcpy(w->chain.value, before, sizeof before);
     return false;
 }
 
 static enum result wait_for_room(struct trace_writer *w, struct error *err) {
-    while (BUFFER_SIZE - waiting_bytes(w) < 2 * RECORD_MAX) {
+    while (!buffer_has_room(&w->buffer, 3 * RECORD_MAX)) {
         if (atomic_load(&w->failing))
             return fail(err, RESULT_IO, "%s: the disk takes no more", w->path);
+        disk_hurry();
         nanosleep(&(struct timespec){0, NS_PER_MS}, NULL);
     }
     return RESULT_OK;
@@ -120,7 +92,8 @@ enum result trace_append_record(struct trace_writer *w, const struct trace_recor
     if (record->type == TRACE_STEP)
         taken = append(w, &record->input, record->job_done, &record->output);
     if (record->type == TRACE_PAST)
-        taken = put(w, data, record_encode_past(&record->input, record->job_done, &w->chain, data));
+        taken = buffer_put(&w->buffer, data,
+                           record_encode_past(&record->input, record->job_done, &w->chain, data));
     if (record->type == TRACE_REMARK)
         taken = trace_append_remark(w, &record->remark);
     if (record->type == TRACE_GAP) {
@@ -135,49 +108,12 @@ struct trace_status trace_writer_status(const struct trace_writer *w) {
     return (struct trace_status){
         .records = atomic_load_explicit(&w->records, memory_order_relaxed),
         .missing = atomic_load_explicit(&w->missing, memory_order_relaxed),
-        .bytes = atomic_load_explicit(&w->bytes, memory_order_relaxed),
+        .bytes = w->offset + atomic_load_explicit(&w->written, memory_order_relaxed),
         .failing = atomic_load_explicit(&w->failing, memory_order_relaxed),
     };
 }
 
-// ---- the thread
-
-static void disk_failed(struct trace_writer *w, const char *what) {
-    if (!atomic_exchange(&w->failing, true))
-        log_error("trace", "%s: %s: %s; trying again", w->path, what, strerror(errno));
-}
-
-static void drain(struct trace_writer *w) {
-    size_t tail = atomic_load_explicit(&w->tail, memory_order_relaxed);
-    size_t head = atomic_load_explicit(&w->head, memory_order_acquire);
-    while (tail != head) {
-        size_t at = tail & (BUFFER_SIZE - 1);
-        size_t left = head - tail, to_edge = BUFFER_SIZE - at;
-        ssize_t done = write(w->fd, w->buffer + at, left < to_edge ? left : to_edge);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done <= 0) {
-            disk_failed(w, "cannot write");
-            return;
-        }
-        tail += (size_t)done;
-        atomic_store_explicit(&w->tail, tail, memory_order_release);
-        count(&w->bytes, (uint64_t)done);
-        w->unsynced = true;
-    }
-}
-
-static void sync_data(struct trace_writer *w) {
-    if (!w->unsynced)
-        return;
-    if (fdatasync(w->fd) != 0) {
-        disk_failed(w, "cannot put on disk");
-        return;
-    }
-    w->unsynced = false;
-    if (waiting_bytes(w) == 0 && atomic_exchange(&w->failing, false))
-        log_warning("trace", "%s: the disk takes records again", w->path);
-}
+// ---- the end
 
 static void sign(struct trace_writer *w, struct trace_end *end) {
     const struct trace_signer *signer = w->signer;
@@ -194,63 +130,16 @@ static void sign(struct trace_writer *w, struct trace_end *end) {
     end->signature_size = signature_size;
 }
 
-// The appender has stopped: this thread has both ends.
-static void finish(struct trace_writer *w) {
-    uint8_t data[2 * RECORD_MAX];
+void writer_put_end(struct trace_writer *w) {
+    uint8_t data[3 * RECORD_MAX];
     struct trace_status status = trace_writer_status(w);
     struct trace_end end = {.records = status.records, .missing = status.missing};
-    drain(w);
-    size_t size = w->gap ? record_encode_gap(w->gap, &w->chain, data) : 0;
+    size_t size = encode_troubles(w, data);
     if (w->signer)
         sign(w, &end);
     size += record_encode_end(&end, &w->chain, data + size);
-    bool complete = put(w, data, size);
-    drain(w);
-    sync_data(w);
-    size_t lost = waiting_bytes(w);
-    if (lost || !complete)
-        log_error("trace", "%s: its last %zu bytes are lost, the disk does not take them", w->path,
-                  lost);
-}
-
-// Waits until `when` or until it is to stop, which it answers.
-static bool wait_until(struct trace_writer *w, int64_t when_ns) {
-    struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
-    pthread_mutex_lock(&w->mutex);
-    while (!w->stop && pthread_cond_timedwait(&w->wake, &w->mutex, &when) != ETIMEDOUT)
-        ;
-    bool stop = w->stop;
-    pthread_mutex_unlock(&w->mutex);
-    return stop;
-}
-
-static void *run(void *context) {
-    struct trace_writer *w = context;
-    int64_t synced_ns = clock_now_ns();
-    while (!wait_until(w, clock_now_ns() + WRITE_EVERY_NS)) {
-        drain(w);
-        if (clock_now_ns() - synced_ns >= SYNC_EVERY_NS) {
-            sync_data(w);
-            synced_ns = clock_now_ns();
-        }
-    }
-    finish(w);
-    return NULL;
-}
-
-// Signals are for the program's other threads; a file size limit then is an error like a full disk.
-static void start_thread(struct trace_writer *w) {
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&w->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
-    pthread_mutex_init(&w->mutex, NULL);
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    CHECK(pthread_create(&w->thread, NULL, run, w) == 0);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (!buffer_put(&w->buffer, data, size))
+        log_error("trace", "%s: its end is lost, the disk does not take it", w->path);
 }
 
 // ---- opening and closing
@@ -281,16 +170,18 @@ static struct trace_writer *writer_of(int fd, const char *path, const struct tra
     w->fd = fd;
     w->path = alloc_text(path);
     w->signer = signer;
+    w->synced_ns = clock_now_ns();
+    pthread_mutex_init(&w->writing, NULL);
     chain_init(&w->chain);
-    w->buffer = alloc(1, BUFFER_SIZE);
-    memset(w->buffer, 0xff, BUFFER_SIZE); // the appender must not meet a page for the first time
+    buffer_init(&w->buffer);
     return w;
 }
 
 static void release(struct trace_writer *w) {
     close(w->fd);
+    pthread_mutex_destroy(&w->writing);
     chain_fini(&w->chain);
-    free(w->buffer);
+    buffer_fini(&w->buffer);
     free(w->path);
     free(w);
 }
@@ -307,6 +198,7 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_writer *w = writer_of(fd, path, signer);
+    w->version = TRACE_VERSION;
     w->rules = header->settings.rules;
     uint8_t data[HEADER_MAX];
     size_t size = header_encode(header, &w->chain, data);
@@ -317,8 +209,8 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
         release(w);
         return result;
     }
-    count(&w->bytes, size);
-    start_thread(w);
+    w->offset = size;
+    disk_begin(w);
     *out_writer = w;
     return RESULT_OK;
 }
@@ -347,6 +239,7 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_writer *w = writer_of(fd, path, signer);
+    w->version = end->version;
     w->rules = end->rules;
     memcpy(w->chain.value, end->hash, sizeof end->hash);
     uint8_t data[RECORD_MAX];
@@ -358,10 +251,10 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
         release(w);
         return result;
     }
-    count(&w->bytes, end->offset + size);
+    w->offset = end->offset + size;
     count(&w->records, end->records);
     count(&w->missing, end->missing);
-    start_thread(w);
+    disk_begin(w);
     *out_writer = w;
     return RESULT_OK;
 }
@@ -370,13 +263,7 @@ void trace_writer_destroy(struct trace_writer **writer) {
     struct trace_writer *w = *writer;
     if (!w)
         return;
-    pthread_mutex_lock(&w->mutex);
-    w->stop = true;
-    pthread_cond_signal(&w->wake);
-    pthread_mutex_unlock(&w->mutex);
-    pthread_join(w->thread, NULL);
-    pthread_cond_destroy(&w->wake);
-    pthread_mutex_destroy(&w->mutex);
+    disk_end(w);
     release(w);
     *writer = NULL;
 }

@@ -2,8 +2,12 @@
 #include "test.h"
 #include "unit/trace_files.h"
 
+#include <dirent.h>
+#include <errno.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -156,7 +160,7 @@ static void appending_writing_and_watching_go_on_at_once(void **state) {
     for (uint64_t n = 1; n <= 20000; n++) {
         if (!append_step(writer, n))
             fail_msg("step %d was refused", (int)n);
-        if (n % 1000 == 0)
+        if (n % 300 == 0)
             wait_for_disk(writer);
     }
     pthread_join(watcher, NULL);
@@ -166,6 +170,127 @@ static void appending_writing_and_watching_go_on_at_once(void **state) {
     assert_int_equal(o.steps, 20000);
 }
 
+// ---- a disk that fails
+
+static atomic_int syncs_to_fail, syncs_failed;
+static atomic_long synced_size;
+
+int __real_fdatasync(int fd);
+int __wrap_fdatasync(int fd);
+
+// As a disk that fails: what was not on it yet is lost, and the system believes that it is clean.
+int __wrap_fdatasync(int fd) {
+    static const uint8_t nothing[1 << 16];
+    if (atomic_load(&syncs_to_fail) <= 0) {
+        long size = lseek(fd, 0, SEEK_END);
+        if (__real_fdatasync(fd) == 0)
+            atomic_store(&synced_size, size);
+        return 0;
+    }
+    long end = lseek(fd, 0, SEEK_END);
+    for (long at = atomic_load(&synced_size); at < end; at += (long)sizeof nothing) {
+        size_t left = (size_t)(end - at);
+        CHECK(pwrite(fd, nothing, left < sizeof nothing ? left : sizeof nothing, at) > 0);
+    }
+    atomic_fetch_sub(&syncs_to_fail, 1);
+    atomic_fetch_add(&syncs_failed, 1);
+    errno = EIO;
+    return -1;
+}
+
+static uint64_t faults_told(void) {
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    uint64_t faults = 0;
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        faults += record.type == TRACE_FAULT;
+    trace_reader_destroy(&reader);
+    return faults;
+}
+
+static void what_a_failed_sync_lost_is_written_again_and_told(void **state) {
+    (void)state;
+    atomic_store(&syncs_failed, 0);
+    struct trace_writer *writer = start_writing();
+    atomic_store(&synced_size, (long)trace_writer_status(writer).bytes);
+    uint64_t n = 0;
+    for (int round = 1; round <= 3; round++) {
+        for (int i = 0; i < 200; i++)
+            assert_true(append_step(writer, ++n));
+        atomic_store(&syncs_to_fail, round == 2 ? 0 : round); // once, not at all, three times
+        for (int i = 0; i < 100 && atomic_load(&syncs_to_fail) > 0; i++)
+            pause_ms(50);
+        assert_int_equal(atomic_load(&syncs_to_fail), 0);
+        pause_ms(100);
+    }
+    assert_true(append_step(writer, ++n));
+    trace_writer_destroy(&writer);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_int_equal(o.end, RESULT_CLOSED);
+    assert_int_equal(o.steps, n);
+    assert_int_equal(atomic_load(&syncs_failed), 4);
+    assert_in_range(faults_told(), 2, 4);
+}
+
+static void a_sync_that_fails_at_the_end_is_tried_again(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    atomic_store(&synced_size, (long)trace_writer_status(writer).bytes);
+    for (uint64_t n = 1; n <= 100; n++)
+        assert_true(append_step(writer, n));
+    atomic_store(&syncs_to_fail, 2);
+    trace_writer_destroy(&writer);
+    struct outcome o = read_prefix_of_steps(path);
+    assert_int_equal(o.end, RESULT_CLOSED);
+    assert_int_equal(o.steps, 100);
+    assert_int_equal(faults_told(), 1);
+}
+
+// ---- many writers
+
+static int threads_now(void) {
+    int count = 0;
+    DIR *folder = opendir("/proc/self/task");
+    while (readdir(folder))
+        count++;
+    closedir(folder);
+    return count - 2;
+}
+
+static long resident_kb(void) {
+    long pages = 0, unused;
+    FILE *file = fopen("/proc/self/statm", "re");
+    assert_int_equal(fscanf(file, "%ld %ld", &unused, &pages), 2);
+    fclose(file);
+    return pages * (sysconf(_SC_PAGESIZE) / 1024);
+}
+
+static void many_writers_share_two_threads_and_touch_little_memory(void **state) {
+    (void)state;
+    enum { MANY = 64 };
+    struct trace_writer *writers[MANY];
+    char names[MANY][FOLDER_MAX + 32];
+    struct trace_header header = some_header();
+    int threads = threads_now();
+    long before_kb = resident_kb();
+    for (int i = 0; i < MANY; i++) {
+        snprintf(names[i], sizeof names[i], "%s.%d", path, i);
+        assert_int_equal(trace_writer_create(names[i], &header, NULL, &writers[i], NULL),
+                         RESULT_OK);
+    }
+    for (uint64_t n = 1; n <= 50; n++)
+        for (int i = 0; i < MANY; i++)
+            assert_true(append_step(writers[i], n));
+    assert_int_equal(threads_now(), threads + 2);
+    assert_true(resident_kb() - before_kb < MANY * 512);
+    for (int i = 0; i < MANY; i++) {
+        trace_writer_destroy(&writers[i]);
+        assert_int_equal(steps_in(names[i]), 50);
+        unlink(names[i]);
+    }
+    assert_int_equal(threads_now(), threads);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_killed_writer_leaves_all_that_was_written),
@@ -173,6 +298,9 @@ int main(void) {
         cmocka_unit_test(steps_missing_at_the_very_end_are_told),
         cmocka_unit_test(a_disk_that_stays_full_loses_only_what_it_did_not_take),
         cmocka_unit_test(appending_writing_and_watching_go_on_at_once),
+        cmocka_unit_test(what_a_failed_sync_lost_is_written_again_and_told),
+        cmocka_unit_test(a_sync_that_fails_at_the_end_is_tried_again),
+        cmocka_unit_test(many_writers_share_two_threads_and_touch_little_memory),
     };
     return cmocka_run_group_tests_name("trace_disk", tests, make_folder, remove_folder);
 }

@@ -1,0 +1,271 @@
+#include "trace/disk.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define WRITE_EVERY_NS (20 * NS_PER_MS)
+#define LOOK_EVERY_NS (100 * NS_PER_MS)
+#define SYNC_EVERY_NS NS_PER_S
+#define SYNC_BYTES ((uint64_t)1 << 20) // so much is not left to wait for a second
+#define LAST_TRIES 3
+
+// The threads run while there are writers.
+static struct {
+    pthread_mutex_t changing; // of who begins and ends writers
+    pthread_mutex_t lock;     // of all below
+    pthread_cond_t tick, look, released;
+    struct trace_writer **writers;
+    int count;
+    bool stop;
+    pthread_t writing, syncing;
+} disk = {.changing = PTHREAD_MUTEX_INITIALIZER, .lock = PTHREAD_MUTEX_INITIALIZER};
+
+// ---- one writer ---------------------------------------------------------------------------------
+
+static void failed(struct trace_writer *w, const char *what) {
+    if (!atomic_exchange(&w->failing, true))
+        log_error("trace", "%s: %s: %s; trying again", w->path, what, strerror(errno));
+}
+
+// A disk that takes its time is no reason to drop steps: rather it gets what was written only once.
+static void make_room(struct trace_writer *w) {
+    uint64_t head = buffer_head(&w->buffer), written = atomic_load(&w->written);
+    if (head - w->buffer.kept > BUFFER_SIZE / 4 * 3)
+        buffer_release(&w->buffer,
+                       written < head - BUFFER_SIZE / 2 ? written : head - BUFFER_SIZE / 2);
+}
+
+// A write that fails leaves its bytes in the buffer, so the file stays a whole stream.
+static void write_out(struct trace_writer *w) {
+    pthread_mutex_lock(&w->writing);
+    if (atomic_load(&w->rewrite)) {
+        uint64_t synced = atomic_load(&w->synced), kept = w->buffer.kept;
+        atomic_store(&w->written, synced > kept ? synced : kept);
+        atomic_store(&w->rewrite, false);
+    }
+    uint64_t at = atomic_load(&w->written);
+    while (at != buffer_head(&w->buffer)) {
+        const uint8_t *data;
+        size_t size = buffer_span(&w->buffer, at, &data);
+        ssize_t done = pwrite(w->fd, data, size, (off_t)(w->offset + at));
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done <= 0) {
+            failed(w, "cannot write");
+            break;
+        }
+        at += (uint64_t)done;
+        atomic_store(&w->written, at);
+        make_room(w);
+    }
+    pthread_mutex_unlock(&w->writing);
+}
+
+static void put_on_disk(struct trace_writer *w) {
+    uint64_t written = atomic_load(&w->written);
+    w->synced_ns = clock_now_ns();
+    if (atomic_load(&w->rewrite) || written == atomic_load(&w->synced))
+        return;
+    if (fdatasync(w->fd) != 0) {
+        failed(w, "cannot put on disk");
+        atomic_store(&w->fault_utc_ns, clock_utc_ns());
+        atomic_fetch_add(&w->faults, 1);
+        atomic_store(&w->rewrite, true);
+        return;
+    }
+    pthread_mutex_lock(&w->writing);
+    atomic_store(&w->synced, written);
+    buffer_release(&w->buffer, written);
+    pthread_mutex_unlock(&w->writing);
+    if (written == buffer_head(&w->buffer) && atomic_exchange(&w->failing, false))
+        log_warning("trace", "%s: the disk takes records again", w->path);
+}
+
+static uint64_t not_on_disk(const struct trace_writer *w) {
+    return buffer_head(&w->buffer) - atomic_load(&w->synced);
+}
+
+static void finish(struct trace_writer *w) {
+    for (int i = 0; i < LAST_TRIES && (i == 0 || not_on_disk(w)); i++) {
+        write_out(w);
+        put_on_disk(w);
+    }
+    writer_put_end(w);
+    for (int i = 0; i < LAST_TRIES && not_on_disk(w); i++) {
+        write_out(w);
+        put_on_disk(w);
+    }
+    if (not_on_disk(w))
+        log_error("trace", "%s: its last %llu bytes are lost, the disk does not take them", w->path,
+                  (unsigned long long)not_on_disk(w));
+}
+
+static void sync_or_finish(struct trace_writer *w, bool ends) {
+    uint64_t waits = atomic_load(&w->written) - atomic_load(&w->synced);
+    if (ends)
+        finish(w);
+    else if (waits >= SYNC_BYTES || clock_now_ns() - w->synced_ns >= SYNC_EVERY_NS)
+        put_on_disk(w);
+}
+
+// ---- all of them --------------------------------------------------------------------------------
+
+// Those that there are now, each held until it was seen to. The caller frees them.
+static int hold_all(struct trace_writer ***out_writers) {
+    int count = 0;
+    *out_writers = alloc((size_t)disk.count + 1, sizeof **out_writers);
+    for (int i = 0; i < disk.count; i++) {
+        if (disk.writers[i]->ended)
+            continue;
+        disk.writers[i]->holds++;
+        (*out_writers)[count++] = disk.writers[i];
+    }
+    return count;
+}
+
+static void wait_for(pthread_cond_t *condition, int64_t for_ns) {
+    int64_t when_ns = clock_now_ns() + for_ns;
+    struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
+    pthread_cond_timedwait(condition, &disk.lock, &when);
+}
+
+static void *write_all(void *context) {
+    (void)context;
+    pthread_mutex_lock(&disk.lock);
+    while (!disk.stop) {
+        struct trace_writer **writers;
+        int count = hold_all(&writers);
+        bool hurry = false;
+        pthread_mutex_unlock(&disk.lock);
+        for (int i = 0; i < count; i++) {
+            write_out(writers[i]);
+            buffer_touch_ahead(&writers[i]->buffer);
+            hurry |= not_on_disk(writers[i]) >= SYNC_BYTES;
+        }
+        pthread_mutex_lock(&disk.lock);
+        for (int i = 0; i < count; i++)
+            writers[i]->holds--;
+        free(writers);
+        pthread_cond_broadcast(&disk.released);
+        if (hurry)
+            pthread_cond_signal(&disk.look);
+        if (!disk.stop)
+            wait_for(&disk.tick, WRITE_EVERY_NS);
+    }
+    pthread_mutex_unlock(&disk.lock);
+    return NULL;
+}
+
+static void *sync_all(void *context) {
+    (void)context;
+    pthread_mutex_lock(&disk.lock);
+    while (!disk.stop) {
+        struct trace_writer **writers;
+        int count = hold_all(&writers);
+        for (int i = 0; i < count; i++) {
+            bool ends = writers[i]->ends;
+            pthread_mutex_unlock(&disk.lock);
+            sync_or_finish(writers[i], ends);
+            pthread_mutex_lock(&disk.lock);
+            writers[i]->holds--;
+            writers[i]->ended |= ends;
+        }
+        free(writers);
+        pthread_cond_broadcast(&disk.released);
+        bool more = false;
+        for (int i = 0; i < disk.count; i++)
+            more |= disk.writers[i]->ends && !disk.writers[i]->ended;
+        if (!disk.stop && !more)
+            wait_for(&disk.look, LOOK_EVERY_NS);
+    }
+    pthread_mutex_unlock(&disk.lock);
+    return NULL;
+}
+
+static void init_condition(pthread_cond_t *condition) {
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(condition, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+}
+
+// Signals are for the program's other threads; a file size limit then is an error like a full disk.
+static void start_threads(void) {
+    init_condition(&disk.tick);
+    init_condition(&disk.look);
+    init_condition(&disk.released);
+    disk.stop = false;
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    CHECK(pthread_create(&disk.writing, NULL, write_all, NULL) == 0);
+    CHECK(pthread_create(&disk.syncing, NULL, sync_all, NULL) == 0);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+}
+
+static void stop_threads(void) {
+    pthread_mutex_lock(&disk.lock);
+    disk.stop = true;
+    pthread_cond_signal(&disk.tick);
+    pthread_cond_signal(&disk.look);
+    pthread_mutex_unlock(&disk.lock);
+    pthread_join(disk.writing, NULL);
+    pthread_join(disk.syncing, NULL);
+    pthread_cond_destroy(&disk.tick);
+    pthread_cond_destroy(&disk.look);
+    pthread_cond_destroy(&disk.released);
+    free(disk.writers);
+    disk.writers = NULL;
+}
+
+void disk_begin(struct trace_writer *w) {
+    pthread_mutex_lock(&disk.changing);
+    if (disk.count == 0)
+        start_threads();
+    pthread_mutex_lock(&disk.lock);
+    disk.writers = alloc_resize(disk.writers, (size_t)disk.count + 1, sizeof *disk.writers);
+    disk.writers[disk.count++] = w;
+    pthread_mutex_unlock(&disk.lock);
+    pthread_mutex_unlock(&disk.changing);
+}
+
+static void forget(struct trace_writer *w) {
+    int i = 0;
+    while (disk.writers[i] != w)
+        i++;
+    disk.count--;
+    memmove(&disk.writers[i], &disk.writers[i + 1],
+            (size_t)(disk.count - i) * sizeof *disk.writers);
+}
+
+void disk_end(struct trace_writer *w) {
+    pthread_mutex_lock(&disk.lock);
+    w->ends = true;
+    pthread_cond_signal(&disk.look);
+    while (!w->ended || w->holds)
+        pthread_cond_wait(&disk.released, &disk.lock);
+    pthread_mutex_unlock(&disk.lock);
+    pthread_mutex_lock(&disk.changing);
+    pthread_mutex_lock(&disk.lock);
+    forget(w);
+    bool last = disk.count == 0;
+    pthread_mutex_unlock(&disk.lock);
+    if (last)
+        stop_threads();
+    pthread_mutex_unlock(&disk.changing);
+}
+
+void disk_hurry(void) {
+    pthread_mutex_lock(&disk.lock);
+    pthread_cond_signal(&disk.tick);
+    pthread_cond_signal(&disk.look);
+    pthread_mutex_unlock(&disk.lock);
+}

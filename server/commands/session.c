@@ -231,9 +231,9 @@ static void print_table(const arthron_CommandReply *reply) {
             printf("  %s: its trace is incomplete, %" PRIu64 " steps are missing\n", info->station,
                    info->trace_missing);
         if (info->trace_failing)
-            printf("  %s: the disk does not take its trace\n", info->station);
+            printf("  %s: its trace cannot be written to the disk\n", info->station);
         if (info->touches)
-            printf("  %s: %" PRIu64 " touches, %.2f mm beside the surface\n", info->station,
+            printf("  %s: %" PRIu64 " touches, tip %.2f mm off the surface\n", info->station,
                    info->touches, info->drift_mm);
     }
     print_certificate("the server", reply->certificate_until_utc_s, "arthron-server keys renew");
@@ -260,7 +260,7 @@ static void print_resection(const arthron_Resection *r) {
                r->planned_mm3, shown(r->over_mm3), shown(r->under_mm3), shown(r->damage_mm3));
     printf("\n  rim %.2f mm at its narrowest, largest step of the contour %.2f mm\n", r->rim_mm,
            r->step_mm);
-    printf("  touch: %.1f mm3 not matched, at most %.2f mm beside the cut; %u cuts refused\n",
+    printf("  touch: %.1f mm3 not matched, at most %.2f mm off the cut; %u cuts refused\n",
            shown(r->left_mm3), r->distance_mm, r->cuts_refused);
 }
 

@@ -192,8 +192,7 @@ void copied_clear(const char *traces_dir) {
             continue;
         int used = snprintf(path, sizeof path, "%s/%s", traces_dir, entry->d_name);
         if (used < (int)sizeof path && !trace_is_written(path) && unlink(path) == 0)
-            log_warning("hub", "%s: removed, it is of a copy that the server's end broke off",
-                        path);
+            log_warning("hub", "%s: removed; the server ended before this copy was complete", path);
     }
     if (folder)
         closedir(folder);

@@ -181,7 +181,7 @@ static void release_retired(struct hub *hub, struct worker *worker) {
     while (theatre_retired(worker->theatre, &retired)) {
         struct seat *seat = &hub->seats[retired.seat];
         if (retired.deserted)
-            log_warning("hub", "station %s: no frame for %d s, its session ends",
+            log_warning("hub", "station %s: no frame for %d s; its session ends",
                         seat->station->name, hub->config.wait_s);
         if (retired.deserted)
             deed_of_server(hub, seat, "end", retired.live->tally.session_id);
@@ -255,7 +255,7 @@ static void warn_of_drift(const struct hub *hub, struct seat *seat) {
     bool told = atomic_load(&seat->counts.touches) >= DRIFT_TOUCHES;
     double drift_mm = (double)atomic_load(&seat->counts.drift_nm) / 1e6;
     if (told && !seat->drift_warned && drift_mm > hub->config.calibration_mm)
-        log_warning("hub", "station %s: it touches %.2f mm beside the surface: calibrate it",
+        log_warning("hub", "station %s: tip is %.2f mm off the surface; recalibrate",
                     seat->station->name, drift_mm);
     seat->drift_warned = told && drift_mm > hub->config.calibration_mm;
 }
@@ -264,7 +264,7 @@ static void warn_of_drift(const struct hub *hub, struct seat *seat) {
 static void warn_of_trace(struct seat *seat) {
     bool incomplete = atomic_load(&seat->counts.trace_missing) > 0;
     if (incomplete && !seat->trace_warned)
-        log_error("hub", "station %s: its trace is incomplete, the disk is too slow or full",
+        log_error("hub", "station %s: its trace is incomplete: the disk is too slow or full",
                   seat->station->name);
     seat->trace_warned = incomplete;
 }

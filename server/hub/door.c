@@ -96,7 +96,7 @@ static enum result receive_visit(struct hub *hub, int index, arthron_Welcome *we
     pthread_mutex_lock(&hub->card_lock);
     fill_welcome(hub, &hub->seats[index], false, welcome);
     pthread_mutex_unlock(&hub->card_lock);
-    log_info("hub", "station %s visits", hub->seats[index].station->name);
+    log_info("hub", "station %s tests its connection", hub->seats[index].station->name);
     return RESULT_OK;
 }
 
@@ -193,7 +193,7 @@ static void on_gone(void *user, struct control_peer peer) {
     if (index < 0)
         return;
     leave_seat(hub, index);
-    log_info("hub", "station %s is gone, its session waits", hub->seats[index].station->name);
+    log_info("hub", "station %s disconnected; its session waits", hub->seats[index].station->name);
     theatre_tell(seat_worker(hub, index)->theatre, index, peer, NULL);
     struct note note = {.kind = NOTE_GONE, .seat = index, .peer = peer};
     if (!tell(hub, &note))

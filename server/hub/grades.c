@@ -43,8 +43,11 @@ static void log_standing(const struct hub_config *config, int index, const struc
         log_warning("hub", "case %s: its check cannot be read: %s", entry->name, s->problem.text);
         break;
     case STANDING_OUTDATED:
-        log_warning("hub", "case %s has changed since it was checked: run arthron-case check %s",
-                    entry->name, entry->dir);
+        log_warning(
+            "hub",
+            "case %s: its check is of other files. Check it again (arthron-case check %s), or "
+            "restart the server if the case has changed",
+            entry->name, entry->dir);
         break;
     case STANDING_GRADED:
         log_grade(config, entry->name, &s->grade);

@@ -196,11 +196,11 @@ static void close_trace(const struct resumed *r, const char *path) {
         return;
     if (trace_writer_resume(path, &place, clock_utc_ns(), &r->hub->vouches, &writer, &err) !=
         RESULT_OK) {
-        log_error("hub", "station %s: a trace stays without its end: %s", station, err.text);
+        log_error("hub", "station %s: a trace could not be closed: %s", station, err.text);
         return;
     }
     trace_writer_destroy(&writer);
-    log_warning("hub", "station %s: %s had no end, and got it", station, path);
+    log_warning("hub", "station %s: closed %s, whose end was missing", station, path);
 }
 
 static void close_others(const struct resumed *r) {

@@ -45,7 +45,7 @@ static void warn_of_link(arthron_Place *place) {
 static void warn_of_trace(arthron_Place *place) {
     const arthron_SessionInfo *info = &place->info;
     if (info->trace_failing)
-        warn(place, URGENCY_NOW, "the disk does not take its trace");
+        warn(place, URGENCY_NOW, "its trace cannot be written to the disk");
     if (info->trace_missing)
         warn(place, URGENCY_ACT, "its trace is incomplete: %" PRIu64 " steps are missing",
              info->trace_missing);
@@ -78,8 +78,7 @@ void warning_of_place(arthron_Place *place, double drift_mm) {
             warn_of_devices(place);
         warn_of_trace(place);
         if (info->touches >= DRIFT_TOUCHES && info->drift_mm > drift_mm)
-            warn(place, URGENCY_ACT, "it touches %.2f mm beside the surface: calibrate it",
-                 info->drift_mm);
+            warn(place, URGENCY_ACT, "tip is %.2f mm off the surface; recalibrate", info->drift_mm);
     }
     if (info->connected && info->calibration_problem[0])
         warn(place, URGENCY_LOOK, "%s", info->calibration_problem);

@@ -81,7 +81,7 @@ class Resume(Bites):
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (os.path.getsize(trace) + 1000, hard))
         wait_until("the disk's failing", lambda: self.session()["trace_failing"])
         self.wait_for_steps(200)
-        self.assertIn("does not take its trace", call("arthron-server", "session", "--socket", self.socket, "list").stdout)
+        self.assertIn("its trace cannot be written to the disk", call("arthron-server", "session", "--socket", self.socket, "list").stdout)
         self.assertEqual(self.verify(trace, code=1)["signature"], "none")
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard, hard))
         wait_until("the disk again", lambda: not self.session()["trace_failing"])

@@ -11,7 +11,7 @@ import unittest
 
 BIN = os.environ["ARTHRON_BIN"]
 SOURCE = os.environ["ARTHRON_SOURCE"]
-PATIENCE_S = 20
+PATIENCE_S = 60  # an end for what hangs; nothing is measured by it
 
 
 def program(name):
@@ -49,9 +49,10 @@ def wait_until(what, condition, seconds=PATIENCE_S):
 
 
 class Process:
-    """A program in the background, its output in files."""
+    """A program in the background, its output in files. It must end with 0, or with a status in `statuses`."""
 
-    def __init__(self, folder, label, *command):
+    def __init__(self, folder, label, *command, statuses=(0,)):
+        self.label, self.statuses = label, set(statuses)
         self.out_path = os.path.join(folder, label + ".out")
         self.log_path = os.path.join(folder, label + ".log")
         with open(self.out_path, "wb") as out, open(self.log_path, "wb") as log:
@@ -75,9 +76,22 @@ class Process:
         wait_until(text, there, seconds)
 
     def end(self, signal_number=signal.SIGTERM):
+        """Its exit status, after the signal where it still runs. What SIGKILL ended is told by -SIGKILL."""
         if self.process.poll() is None:
+            if signal_number == signal.SIGKILL:
+                self.statuses.add(-signal.SIGKILL)
             self.process.send_signal(signal_number)
         return self.process.wait(timeout=PATIENCE_S)
+
+    def wrong_end(self):
+        """Ends it where it still runs. What is wrong with how it ended, with its log; "" where nothing is."""
+        try:
+            status = self.end()
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            return f"{self.label} did not end on SIGTERM:\n{self.log()}"
+        return "" if status in self.statuses else f"{self.label} ended with {status}:\n{self.log()}"
 
 
 class House(unittest.TestCase):
@@ -109,8 +123,8 @@ class House(unittest.TestCase):
         call("arthron-server", "keys", "init", self.keys)
 
     def tearDown(self):
-        for process in reversed(self.processes):
-            process.end(signal.SIGKILL if process.process.poll() is None else signal.SIGTERM)
+        wrong = [process.wrong_end() for process in reversed(self.processes)]
+        self.assertFalse(any(wrong), "\n".join(filter(None, wrong)))
 
     def path(self, name):
         return os.path.join(self.folder, name)
@@ -120,8 +134,8 @@ class House(unittest.TestCase):
             f.write(text)
         return self.path(name)
 
-    def start(self, label, name, *arguments):
-        process = Process(self.folder, label, program(name), *arguments)
+    def start(self, label, name, *arguments, statuses=(0,)):
+        process = Process(self.folder, label, program(name), *arguments, statuses=statuses)
         self.processes.append(process)
         return process
 
@@ -197,9 +211,10 @@ tool.probe = probe
 tool.punch = punch
 """)
 
-    def start_station(self, name="room-1", *arguments, label=None, **config):
+    def start_station(self, name="room-1", *arguments, label=None, statuses=(0,), **config):
         path = self.station_config(name, **config)
-        return self.start(label or name, "arthron-station", "run", "--config", path, "--json", *arguments)
+        return self.start(label or name, "arthron-station", "run", "--config", path, "--json", *arguments,
+                          statuses=statuses)
 
     # ---- questions
 

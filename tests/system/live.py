@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """What a page hears of a hall: the wall, a station while it cuts, and a session again when it is over."""
 
-import time
 import os
+import signal
+import time
 import unittest
 
 from arthron import call, call_json, free_port, wait_until
@@ -58,7 +59,7 @@ class Live(Bites):
         self.assertTrue(0 < rate < 22, rate)
         steps = [m["step"] for m in wall.moments]
         self.assertEqual(steps, sorted(set(steps)))
-        station.process.kill()
+        station.end(signal.SIGKILL)
         wall.read_until(lambda: "away" in wall.places["room-1"]["warning"])
         self.assertEqual(wall.places["room-1"]["urgency"], 3)
 

@@ -25,6 +25,7 @@ class Bites(House):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
+        cls.motion = os.path.join(cls.shared.name, "bites.csv")
         script = os.path.join(cls.shared.name, "bites.ini")
         with open(script, "w") as f:
             f.write(BITES)

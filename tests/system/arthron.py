@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -19,10 +20,24 @@ def program(name):
     return os.path.join(BIN, name)
 
 
+held_ports = []
+
+
 def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
+    """A port of this process alone: below those that the kernel gives to clients, and held against other
+    tests by an abstract socket of its name."""
+    while True:
+        port = random.randrange(10000, 32768)
+        name = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            name.bind(f"\0arthron-test-port-{port}")
+            with socket.socket(socket.AF_INET, kind) as s:
+                s.bind(("127.0.0.1", port))
+        except OSError:
+            name.close()
+            continue
+        held_ports.append(name)
+        return port
 
 
 def call(name, *arguments, code=0):

@@ -185,7 +185,7 @@ class Strangers(House):
         server = self.start_server(stations.format("bad"))
         self.enrol("room-1")
         self.assertIn("case healthy is not checked", server.log())
-        self.assertIn("case bad is unfit, no session is on it: femur: faces too much", server.log())
+        self.assertIn("case bad is unfit, so no session opens on it: femur: faces too much", server.log())
         station = self.start_station("room-1", "--seconds", "2", "--live")
         station.process.wait(timeout=30)
         self.assertIn("case bad is unfit: femur: faces too much", station.out() + station.log())

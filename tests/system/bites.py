@@ -53,7 +53,7 @@ class Bites(House):
 
         def rests():
             before = self.resection()
-            time.sleep(0.5)
+            time.sleep(2)
             return self.resection() == before
         wait_until("the last cut", rests)
 

@@ -23,7 +23,8 @@ class SecondServer(House):
         """The log of a server that ends without having been ready. Its values are its own, unless named."""
         values = {"port": free_port(), "udp_port": free_port(), "socket": self.path("s2"), **values}
         settings = [word for key, value in values.items() for word in ("--set", f"server.{key}={value}")]
-        second = self.start(label, "arthron-server", "run", "--config", self.path("server.ini"), *settings)
+        second = self.start(label, "arthron-server", "run", "--config", self.path("server.ini"), *settings,
+                            statuses=(1,))
         wait_until("the second server's end", lambda: second.process.poll() is not None)
         self.assertEqual(second.process.returncode, 1)
         self.assertNotIn("ready", second.log())

@@ -259,7 +259,7 @@ class Technician(House):
             ((f"server = 127.0.0.1:{self.port}", f"server = {nowhere}"), "server", "no connection"),
             ((self.modbus, nowhere), "encoders", "refused"),
             (("tool.probe = probe", "tool.probe = pointer"), "probe", "no value"),
-            (("keys = keys-room-1", "keys = nowhere"), "certificate", "station.pem"),
+            (("keys = keys-room-1", "keys = nowhere"), "certificate", "authority.pem"),
             (("rate_hz = 200", "rate_hz = fast"), "config", "rate_hz"),
         ):
             path = self.write("changed.ini", text.replace(*change, 1) if change[0] else text)

@@ -17,10 +17,10 @@ struct api_station {
 };
 
 // records: to see its figures beside those of others; NULL: they stand alone. course: of whose
-// trainees; NULL: of all. few_untold: as store_figures_on.
+// trainees; NULL: of all. hide_few: as store_figures_on.
 struct api_report {
     const char *trace, *records, *course;
-    bool few_untold;
+    bool hide_few;
 };
 
 // All of it must live as long as the api.

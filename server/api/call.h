@@ -1,4 +1,4 @@
-// One request on its way through the room: what it brings, who it is from, and what is answered.
+// A request in progress: its principal, its arguments and its response.
 #pragma once
 
 #include "api/api.h"
@@ -15,10 +15,10 @@ struct api {
     int64_t started_ns;
     struct throttle throttle;
     atomic_flag reporting;
-    atomic_bool failing; // nobody can be looked up in the records, as was logged
+    atomic_bool failing; // the log says that accounts cannot be looked up
     struct case_summaries *summaries;
     pthread_mutex_t first_lock;
-    char first_secret[65]; // of first_lock; empty: there is none, or it was used
+    char first_secret[65]; // guarded by first_lock; empty: none, or used
 };
 
 struct call {
@@ -26,9 +26,9 @@ struct call {
     const struct web_request *request;
     struct web_response *response;
     struct store *store;              // open, or NULL
-    struct store_principal principal; // where somebody has signed in
+    struct store_principal principal; // if is_signed_in
     bool is_signed_in;
-    char args[2][STORE_NAME_MAX]; // of the path: what stands for each *
+    char args[2][STORE_NAME_MAX]; // the parts of the path that match each *
     json_t *body;                 // an object of texts, or NULL
 };
 
@@ -38,28 +38,28 @@ struct call {
 void call_answer(struct call *call, int status, json_t *json);
 void call_done(struct call *call); // 204
 
-// field: whose fault it is, or NULL.
+// field: the field at fault, or NULL. The text is a sentence for people.
 void call_refuse(struct call *call, int status, const char *code, const char *field,
                  const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-// What a function of another room could not do; texts that are for the server's own are logged, and
-// not told. Returns whether there was nothing of the kind.
+// Answers an error of another room, and returns whether there was none. An error that concerns only
+// the server's administrator goes to the log.
 bool call_check(struct call *call, enum result result, const struct error *err);
 
-// ---- what it brings -----------------------------------------------------------------------------
+// ---- arguments ----------------------------------------------------------------------------------
 
-// The body, an object of texts with none but these fields, the last of them NULL. After false, here
-// and below, it has been answered.
+// Reads the body: an object of strings with no fields but these (NULL ends them). False, here and
+// below: the request has been refused.
 bool call_take_body(struct call *call, const char *const *fields);
 
 // NULL: left out, or null.
 const char *call_text(const struct call *call, const char *field);
 bool call_need_text(struct call *call, const char *field, const char **out_text);
-// One that becomes part of a path or a list: 1 to 63 bytes, printable, without '/'.
+// A name that can be a part of a path: 1 to 63 bytes, printable, without '/'.
 bool call_need_name(struct call *call, const char *field, const char **out_name);
 bool call_need_password(struct call *call, const char *field, const char **out_password);
 
-// The parameters of the query; false where one is unknown, twice there or too long.
+// Reads the parameters of the query. Refuses one that is unknown, repeated or too long.
 #define CALL_PARAMETERS_MAX 8
 struct call_query {
     const char *names[CALL_PARAMETERS_MAX]; // that are known; NULL behind the last
@@ -73,7 +73,7 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
 
 // ---- records ------------------------------------------------------------------------------------
 
-// They are not kept open over what takes long.
+// Close them before anything that takes long.
 bool call_open_store(struct call *call);
 void call_close_store(struct call *call);
 
@@ -82,9 +82,9 @@ bool call_is_still_in(struct call *call);
 
 // A row as an object: times in ns (x_utc_ns) become seconds (x_utc_s).
 json_t *call_row(const struct store_cell *cells, int count);
-void call_take_row(void *array, const struct store_cell *cells, int count); // a store_row_handler
+void call_take_row(void *array, const struct store_cell *cells, int count); // store_row_handler
 
-// A text that may come from a file: what is no UTF-8 cannot be told.
+// A text that may come from a file, or a placeholder if it is not UTF-8.
 json_t *call_string(const char *text);
 
 // Seconds of a time in ns, to the millisecond.

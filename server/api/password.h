@@ -1,5 +1,5 @@
-// Passwords by argon2id: 64 MiB, 3 passes, one lane (above what OWASP asks for). From any threads;
-// two at a time are worked on, the others wait, so that signing in takes 128 MiB at most.
+// Passwords, encoded by argon2id with 64 MiB, 3 passes and one lane (more than OWASP requires). Any
+// thread may call. Two calls run at a time and the others wait, so sign-ins take at most 128 MiB.
 #pragma once
 
 #include "base/result.h"
@@ -13,8 +13,8 @@
 // RESULT_INVALID: too short, too long, or no UTF-8.
 enum result password_check(const char *password, struct error *err);
 
-// With a salt of its own: twice the same password is not the same text.
+// With a random salt: the same password gives another text each time.
 void password_encode(const char *password, char out_encoded[PASSWORD_ENCODED]);
 
-// encoded NULL: there is no such account. False after the same time as for any other.
+// encoded NULL (no such account): false, after the same time as for any other.
 bool password_is(const char *encoded, const char *password);

@@ -1,4 +1,4 @@
-// Secrets that are made by chance, and what of them may be kept.
+// Random secrets, and their hashes, which may be stored.
 #pragma once
 
 #include <stdbool.h>
@@ -8,15 +8,14 @@
 
 void secret_make(char out_secret[SECRET_MAX]);
 
-// 40 bits that a person types: 8 of 32 letters and digits that are hard to take for each other.
+// 40 bits for a person to type: 8 characters out of 32 that are easy to tell apart.
 void secret_make_code(char out_code[SECRET_CODE_MAX]);
 
-// A code as it was made, of one as it was typed: small letters, blanks and hyphens are fine. False
-// where it can be none.
+// Normalizes a typed code: case, blanks and hyphens do not matter. False if it cannot be a code.
 bool secret_read_code(const char *typed, char out_code[SECRET_CODE_MAX]);
 
 // Its SHA-256, in hexadecimal digits.
 void secret_hash(const char *secret, char out_hash[SECRET_MAX]);
 
-// The time that it takes tells nothing.
+// Compares in constant time.
 bool secret_is(const char *secret, const char *given);

@@ -345,7 +345,7 @@ static bool choose_course(struct call *call, struct call_query *query, struct ap
 void get_session_report(struct call *call) {
     struct call_query query = {.names = {"course"}};
     char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
-    struct api_report about = {.trace = path, .few_untold = is_trainee(call)};
+    struct api_report about = {.trace = path, .hide_few = is_trainee(call)};
     if (!find_trace(call, path) || !choose_course(call, &query, &about, first))
         return;
     call_close_store(call);

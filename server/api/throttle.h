@@ -1,8 +1,8 @@
-// How often somebody may be wrong within a minute. From any threads.
+// Limits failed sign-ins within a minute. Any thread may call.
 //
-// An address has few tries, whatever names it tries them on. A name has more, from all addresses
-// together: so few that guessing from many of them does not pay, and so many that nobody at one
-// address keeps the name's owner out.
+// An address has few tries, for all names together. A name has more, from all addresses together:
+// few enough to make guessing from many addresses useless, and more than one address can use up, so
+// that it cannot lock the owner of the name out.
 #pragma once
 
 #include <pthread.h>
@@ -13,7 +13,7 @@
 #define THROTTLE_NAME_TRIES 30
 #define THROTTLE_KEYS 4096
 
-// Zeroed but for the lock, it knows of nothing wrong.
+// Zero, except for the lock, is a valid start.
 struct throttle {
     pthread_mutex_t lock;
     struct throttle_key {
@@ -22,13 +22,12 @@ struct throttle {
     } keys[THROTTLE_KEYS];
 };
 
-// A try by `who` ("name ada"), which counts as wrong until throttle_take_back says otherwise. False
-// where there were `most` (at most THROTTLE_NAME_TRIES, of one the same each time) within a minute;
-// *out_wait_s says how long to wait then. now_ns: monotonic, above 0.
+// Counts a try by `who` ("name ada") as failed until throttle_take_back. False if there were `most`
+// within a minute: then *out_wait_s is the time to wait. most: at most THROTTLE_NAME_TRIES, and the
+// same for each call with one `who`. now_ns: monotonic, above 0.
 bool throttle_try(struct throttle *throttle, const char *who, int most, int64_t now_ns,
                   int *out_wait_s);
 void throttle_take_back(struct throttle *throttle, const char *who, int64_t tried_ns);
 
-// Of an address as texts say it, what one person may have: it itself, or of IPv6 its network of 64
-// bits.
+// The `who` of an address: the IPv4 address, or the IPv6 network of 64 bits.
 void throttle_address(const char *address, char out_who[64]);

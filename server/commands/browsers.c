@@ -98,7 +98,7 @@ static bool allowed(void *user, const struct guest *guest, const char *session) 
 
 static enum result write_report(const struct api_report *about, FILE *file, struct error *err) {
     struct review_source source = {
-        .trace = about->trace, .course = about->course, .few_untold = about->few_untold};
+        .trace = about->trace, .course = about->course, .hide_few = about->hide_few};
     enum result result = RESULT_OK;
     bool whole;
     if (about->records)

@@ -56,7 +56,7 @@ static void count_row(void *user, const struct store_cell *cells, int count) {
 }
 
 enum result cohort_read(struct store *store, const char *case_name, const char *course,
-                        bool few_untold, struct cohort *out, struct error *err) {
+                        bool hide_few, struct cohort *out, struct error *err) {
     int courses = 0;
     enum result result = RESULT_OK;
     *out = (struct cohort){0};
@@ -65,7 +65,7 @@ enum result cohort_read(struct store *store, const char *case_name, const char *
     if (result == RESULT_OK && course && !courses)
         result = fail(err, RESULT_MISSING, "there is no course '%.64s' in the records", course);
     return result == RESULT_OK
-               ? store_figures_on(store, case_name, course, few_untold, take_figure, out, err)
+               ? store_figures_on(store, case_name, course, hide_few, take_figure, out, err)
                : result;
 }
 

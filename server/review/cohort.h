@@ -19,7 +19,7 @@ struct cohort {
 
 // As store_figures_on. RESULT_MISSING where there is no such course.
 enum result cohort_read(struct store *store, const char *case_name, const char *course,
-                        bool few_untold, struct cohort *out_cohort, struct error *err);
+                        bool hide_few, struct cohort *out_cohort, struct error *err);
 void cohort_fini(struct cohort *cohort); // a zeroed one is fine
 
 // Those of the same kind, version and unit, about the same; NULL where there are none.

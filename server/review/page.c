@@ -25,7 +25,7 @@ struct page {
     struct report_lines lines;
     bool beside; // others
     const char *course;
-    bool few_untold;
+    bool hide_few;
     struct cohort cohort;
     char seal[TRACE_SIGNED_BY_MAX + sizeof((struct error){0}).text];
 };
@@ -204,7 +204,7 @@ static void write_beside(const struct page *page, const struct metric_kind *kind
     const struct spread *spread = cohort_find(&page->cohort, kind, about);
     if (!spread || !isfinite(value)) {
         fprintf(page->file, "<td class=\"n\">%s</td><td colspan=\"2\">-</td>",
-                page->few_untold ? "few" : "0");
+                page->hide_few ? "few" : "0");
         return;
     }
     const double *values = page->cohort.values + spread->first;
@@ -245,8 +245,8 @@ static void write_whose(const struct page *page) {
             " that the records have, this one too where they have it; how many these are, their "
             "quartiles with the median in the middle, and where this session (the diamond) stands "
             "among them. Of fewer than %d %s.</p>\n",
-            page->few_untold ? STORE_TRAINEES_TOLD : FEW,
-            page->few_untold ? "trainees, nothing" : "sessions, the figures themselves");
+            page->hide_few ? STORE_TRAINEES_MIN : FEW,
+            page->hide_few ? "trainees, nothing" : "sessions, the figures themselves");
 }
 
 static void write_figures(const struct page *page) {
@@ -293,9 +293,9 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
     trace_reader_destroy(&again);
     page->beside = source->records != NULL;
     page->course = source->course;
-    page->few_untold = source->few_untold;
+    page->hide_few = source->hide_few;
     return page->beside ? cohort_read(source->records, page->header->case_name, source->course,
-                                      source->few_untold, &page->cohort, err)
+                                      source->hide_few, &page->cohort, err)
                         : RESULT_OK;
 }
 

@@ -13,7 +13,7 @@ struct review_source {
     struct store
         *records;       // to draw the figures beside those on the same case; NULL: they stand alone
     const char *course; // only of its trainees; NULL: of all
-    bool few_untold;    // as store_figures_on
+    bool hide_few;      // as store_figures_on
 };
 
 // Whose session it is, the paths of the instruments' tips as measured and as seen, the warp and

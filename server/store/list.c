@@ -99,8 +99,8 @@ static int read_row(sqlite3_stmt *statement, struct store_cell cells[COLUMNS_MAX
     return count;
 }
 
-enum result store_give(struct store *store, sqlite3_stmt *statement, store_row_handler take,
-                       void *user, struct error *err) {
+enum result store_each_row(struct store *store, sqlite3_stmt *statement, store_row_handler take,
+                           void *user, struct error *err) {
     struct store_cell cells[COLUMNS_MAX];
     enum result result = RESULT_OK;
     int code;
@@ -118,7 +118,7 @@ static enum result read_all(struct store *store, const char *sql, const char *ke
                             store_row_handler take, void *user, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(store, sql, &statement, err, "t", key);
-    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
 enum result store_rows(struct store *store, enum store_list list, const char *key,
@@ -161,7 +161,7 @@ enum result store_find_sessions(struct store *store, const struct store_filter *
         "ORDER BY s.start_utc_ns DESC, s.id DESC LIMIT ?5",
         &statement, err, "tttti", filter->trainee, filter->course, filter->case_name,
         filter->before, (int64_t)filter->limit);
-    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
 enum result store_last_audit(struct store *store, int limit, store_row_handler take, void *user,
@@ -170,12 +170,11 @@ enum result store_last_audit(struct store *store, int limit, store_row_handler t
     enum result result = store_prepare(
         store, "SELECT utc_ns, actor, action, subject FROM audit ORDER BY id DESC LIMIT ?",
         &statement, err, "i", (int64_t)limit);
-    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             bool few_untold, store_row_handler take, void *user,
-                             struct error *err) {
+                             bool hide_few, store_row_handler take, void *user, struct error *err) {
     sqlite3_stmt *statement;
     enum result result = store_prepare(
         store,
@@ -188,8 +187,8 @@ enum result store_figures_on(struct store *store, const char *case_name, const c
         "JOIN (SELECT metric, subject, version, unit FROM figure GROUP BY 1, 2, 3, 4 "
         "HAVING count(DISTINCT trainee_id) >= ?3) USING (metric, subject, version, unit) "
         "ORDER BY 1, 2, 3, 4, 5",
-        &statement, err, "tti", case_name, course, (int64_t)(few_untold ? STORE_TRAINEES_TOLD : 0));
-    return result == RESULT_OK ? store_give(store, statement, take, user, err) : result;
+        &statement, err, "tti", case_name, course, (int64_t)(hide_few ? STORE_TRAINEES_MIN : 0));
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
 enum result store_trainees_in(struct store *store, const char *course, store_row_handler take,

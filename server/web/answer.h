@@ -1,5 +1,5 @@
-// Answers as HTTP: a status, headers, and bytes that are there or a file's. No socket; where an
-// answer is made may take time (it packs and opens files), but for pages and refusals.
+// Answers in HTTP: a status, headers, and bytes in memory or of a file. No sockets. Making an
+// answer may take time, because it compresses and opens files; pages and refusals take none.
 #pragma once
 
 #include "web/gzip_cache.h"
@@ -10,7 +10,7 @@
 #define ANSWER_HEAD_MAX 2048
 #define ANSWER_PIECE 262144 // of a file, read at once
 
-// What a request's headers ask of the answer; texts are empty where they were not sent.
+// What the headers of a request ask for. The text of a missing header is empty.
 struct answer_options {
     bool head_only;
     bool takes_gzip;
@@ -21,19 +21,19 @@ struct answer {
     int status;
     char head[ANSWER_HEAD_MAX];
     size_t head_size;
-    uint8_t *owned;                 // what is released with it
-    const struct gzip_file *packed; // too
-    const uint8_t *bytes;           // of `size`, behind the head
+    uint8_t *owned;                 // memory to release with the answer
+    const struct gzip_file *packed; // to release with the answer
+    const uint8_t *bytes;           // `size` of them, after the head
     size_t size;
-    int file; // -1: none; else its bytes from `at` on follow, `left` of them
+    int file; // -1: none; else `left` bytes of it, from `at` on, follow
     int64_t at, left;
-    bool closes; // the connection, behind it
+    bool closes; // the connection, after the answer
 };
 
 struct answer answer_none(void);
 void answer_release(struct answer *answer); // it is none then
 
-// Takes the response's body. What of files is packed is kept on the cache.
+// Takes the response's body. Compressed files go into the cache.
 struct answer answer_of(const struct web_response *response, const struct answer_options *options,
                         struct gzip_cache *cache);
 struct answer answer_page(const struct web_page *page, const struct answer_options *options);
@@ -41,12 +41,12 @@ struct answer answer_page(const struct web_page *page, const struct answer_optio
 // {"error": {"code": ..., "text": ...}}
 struct answer answer_refusal(int status, const char *code, const char *text, bool closes);
 
-// Reads the next piece of the file into bytes. False where it cannot be read.
+// Reads the next piece of the file into `bytes`. False if it cannot be read.
 bool answer_read(struct answer *answer);
 
-// What of `size` bytes a Range header asks for.
+// The part of `size` bytes that a Range header asks for.
 enum range { RANGE_NONE, RANGE_SOME, RANGE_BEYOND };
 
-// RANGE_NONE: all (also for several ranges at once, which nobody has to serve). RANGE_SOME: from
-// *out_from until before *out_to. RANGE_BEYOND: nothing of it is there.
+// RANGE_NONE: all bytes (also for several ranges, which a server may ignore). RANGE_SOME: from
+// *out_from up to, but without, *out_to. RANGE_BEYOND: there are no such bytes.
 enum range range_parse(const char *range, int64_t size, int64_t *out_from, int64_t *out_to);

@@ -1,5 +1,5 @@
-// The inside of the web room: what server.c (the thread, the connections), http.c and live.c
-// (WebSockets) share. Everything belongs to the web thread except what is marked.
+// Shared by server.c (the thread, the connections), http.c and live.c (WebSockets). Everything
+// belongs to the web thread, unless it is marked.
 #pragma once
 
 #include "web/answer.h"
@@ -21,19 +21,19 @@ struct web_connection;
 struct refusal {
     int status;
     const char *code, *text;
-    bool closes; // the connection: what else comes on it is not to be understood
+    bool closes; // the connection, because what follows on it cannot be parsed
 };
 
 // A WebSocket of a page.
 struct live_socket {
     struct web_connection *connection;
-    void *user; // the handler's; NULL: it does not know of it yet, or no more
+    void *user; // the handler's; NULL: before on_viewer, and after on_left
     char token[WEB_TOKEN_MAX];
     struct web_account account;
     uint64_t sent, drawn; // batches
     int64_t next_ns;      // when to ask for the next one; INT64_MAX: not by itself
     int closing;          // the close frame's status; 0: not closing
-    bool open;            // something may be said to it, the close frame at last
+    bool open;            // frames may still be sent, the close frame last
     struct bucket messages;
     lws_sorted_usec_list_t due, recheck;
     size_t used; // of incoming

@@ -1,5 +1,5 @@
-// Packed files, for those who ask for the same ones: whole classes open the same case. Bounded:
-// what was asked for least lately makes room. From any threads.
+// Compressed files, because whole classes open the same case. The cache is bounded, and drops the
+// least recently used file. Any thread may call.
 #pragma once
 
 #include <stddef.h>
@@ -10,19 +10,19 @@
 
 struct gzip_cache;
 
-struct gzip_cache *gzip_cache_create(size_t most);  // bytes in all
-void gzip_cache_destroy(struct gzip_cache **cache); // what was taken lives on
+struct gzip_cache *gzip_cache_create(size_t most);  // most: bytes in all
+void gzip_cache_destroy(struct gzip_cache **cache); // files that were taken live on
 
 struct gzip_file {
     const uint8_t *bytes;
     size_t size;
 };
 
-// What is there of this name, or NULL; to be released.
+// The file of this name, or NULL. The caller releases it.
 const struct gzip_file *gzip_cache_take(struct gzip_cache *cache, const char *name);
 
-// Keeps the bytes (of malloc, the cache's from now on) where there is room for them, in the place
-// of what had the name; they are taken, too.
+// Stores the bytes (of malloc; the cache owns them now) in the place of the file of that name, if
+// they fit, and returns them, for the caller to release.
 const struct gzip_file *gzip_cache_put(struct gzip_cache *cache, const char *name, uint8_t *bytes,
                                        size_t size);
 

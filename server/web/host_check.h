@@ -1,7 +1,7 @@
-// Which hosts this server is, and which pages may speak to it. A page of another site reaches the
-// server too, through the browser of whoever visits that site, with their cookie (RFC 6265, 8.8):
-// so what changes something must come from a page of the very host that was called, and that host
-// must be one of ours, not a stranger's name that points here.
+// Checks the Host and Origin of requests. A page of another site can send requests through a
+// visitor's browser, with the visitor's cookie (RFC 6265, 8.8). So a request that changes something
+// must come from a page of the host that it is sent to. That host must be a name of this server,
+// and not another name that resolves to it.
 #pragma once
 
 #include "base/result.h"
@@ -11,21 +11,21 @@
 
 struct host_check;
 
-// names: what the server is called besides, NULL behind the last. RESULT_MISSING or RESULT_FORMAT
-// name the certificate's file.
+// names: other names of the server, NULL behind the last. RESULT_MISSING or RESULT_FORMAT name the
+// file of the certificate.
 enum result host_check_create(const char *certificate_path, const char *const *names,
                               struct host_check **out_check, struct error *err);
-void host_check_renew(
-    struct host_check *hosts); // its certificate's file is another one; where it can be read
+// Reads the file of the certificate again, and keeps the old one if it cannot be read.
+void host_check_renew(struct host_check *hosts);
 void host_check_destroy(struct host_check **hosts); // NULL inside is fine; *hosts becomes NULL
 
 // host: as in the header of that name, with or without a port.
 bool host_check_is_own(const struct host_check *hosts, const char *host);
 
-// What browsers reach it as: `name` where it is its own, else the first name of its certificate,
+// The name for links: `name` if it is the server's own, else the first name of the certificate,
 // else localhost. size: of out_name, above 0.
 void host_check_public_name(const struct host_check *hosts, const char *name, char *out_name,
                             size_t size);
 
-// Whether `origin` is the page that the host itself serves.
+// Whether `origin` is this host over HTTPS.
 bool host_check_is_origin(const char *origin, const char *host);

@@ -1,4 +1,4 @@
-// How much each address may take: connections, and requests over time. One thread.
+// Limits of each address: connections, and requests over time. For one thread.
 #pragma once
 
 #include <stdbool.h>
@@ -24,10 +24,10 @@ struct rate_limit; // an IPv4 address, or an IPv6 network of 64 bits
 struct rate_limits *rate_limits_create(void);
 void rate_limits_destroy(struct rate_limits **limits); // *limits becomes NULL
 
-// Who is at the other end of a socket. NULL where it has gone.
+// The limit of the address at the other end of a socket. NULL if it has disconnected.
 struct rate_limit *rate_limits_find(struct rate_limits *limits, int fd);
 
-// False where it, or all together, have as many connections as they may.
+// False if this address, or all together, have as many connections as allowed.
 bool rate_limit_may_connect(const struct rate_limits *limits, const struct rate_limit *limit);
 void rate_limit_connected(struct rate_limits *limits, struct rate_limit *limit);
 void rate_limit_disconnected(struct rate_limits *limits, struct rate_limit *limit);

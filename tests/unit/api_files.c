@@ -102,7 +102,7 @@ static enum result report(const struct api_report *about, FILE *file, struct err
             !about->records ? "nobody"
             : about->course ? about->course
                             : "all",
-            about->few_untold ? ", if many" : "");
+            about->hide_few ? ", if many" : "");
     return RESULT_OK;
 }
 

@@ -98,7 +98,7 @@ void get_accounts(struct call *call) {
         json_decref(all);
 }
 
-// Who could give a role, or a password, could come in as anybody who has it.
+// Otherwise a technician could make an instructor, and sign in as one.
 static bool may_manage(struct call *call, enum store_role role) {
     if (call->principal.role == ROLE_INSTRUCTOR || role == call->principal.role)
         return true;
@@ -124,14 +124,14 @@ static bool need_role(struct call *call, enum store_role *out_role) {
     return false;
 }
 
-// It takes its time: who asked may be signed out by then.
+// Encoding takes long: somebody may have signed the caller out meanwhile.
 static bool encode(struct call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
     call_close_store(call);
     password_encode(password, encoded);
     return call_open_store(call) && call_is_still_in(call);
 }
 
-// One whose role is trainee has a trainee, any other has none.
+// An account with the role trainee belongs to a trainee, any other to none.
 static bool take_trainee(struct call *call, enum store_role role, const char **out_trainee) {
     const char *trainee = call_text(call, "trainee");
     *out_trainee = trainee && trainee[0] ? trainee : NULL;
@@ -176,7 +176,7 @@ static bool change_role(struct call *call, const struct store_principal *account
     return call_check(call, store_set_role(call->store, call->args[0], role, &err), &err);
 }
 
-// What follows finds it by its new name.
+// The path's argument becomes the new name.
 static bool change_name(struct call *call) {
     const char *name;
     struct error err = {""};

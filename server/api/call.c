@@ -200,7 +200,8 @@ static int digit(char c) {
     return isdigit((unsigned char)c) ? c - '0' : tolower((unsigned char)c) - 'a' + 10;
 }
 
-// Up to `end` or '&', unescaped; where it ended, or NULL where it is wrong or too long.
+// Unescapes up to `end` or '&'. Returns where it stopped, or NULL if the text is malformed or too
+// long.
 static const char *unescape(const char *at, char end, char *out, size_t size) {
     size_t used = 0;
     for (; *at && *at != '&' && *at != end; at++) {
@@ -219,7 +220,7 @@ static const char *unescape(const char *at, char end, char *out, size_t size) {
     return at;
 }
 
-// One parameter; where the next one begins, or NULL after a refusal.
+// Takes one parameter. Returns where the next one begins, or NULL after a refusal.
 static const char *take_parameter(struct call *call, const char *at, struct call_query *query) {
     char name[32], value[STORE_TEXT_MAX] = "";
     const char *next = unescape(at, '=', name, sizeof name);

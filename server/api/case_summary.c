@@ -61,7 +61,7 @@ static void take_stamps(const char *dir, struct stamp out[FILES]) {
         char path[1024];
         struct stat status = {0};
         snprintf(path, sizeof path, "%s/%s", dir, files[i]);
-        stat(path, &status); // what is not there has no size
+        stat(path, &status); // a missing file has size 0
         out[i].changed_ns =
             (int64_t)status.st_mtim.tv_sec * 1000000000 + (int64_t)status.st_mtim.tv_nsec;
         out[i].size = (int64_t)status.st_size;

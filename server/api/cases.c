@@ -56,7 +56,7 @@ static void answer_file(struct call *call, const char *dir, const char *name, co
              (uint64_t)status.st_size);
 }
 
-// A file of the case itself, whose tag is the case's hash.
+// A file of the case; its ETag is the hash of the case.
 static void answer_case_file(struct call *call, const char *name, const char *type) {
     char hash[17];
     int index = find_case(call);

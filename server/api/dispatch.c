@@ -104,7 +104,7 @@ enum result api_enter(void *user, const char *token, struct web_account *out) {
     return RESULT_OK;
 }
 
-// Whether the principal may; answered where not.
+// Whether the principal may use the route; else refuses the request.
 static bool authorize(struct call *call, const struct route *route) {
     struct error err = {""};
     enum result result = find_principal(call->store, call->request->token, &call->is_signed_in,

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-// Answers {key: rows} where they were read.
+// Answers {key: rows}, or the error of reading them.
 static void answer_rows(struct call *call, const char *key, json_t *rows, enum result result,
                         const struct error *err) {
     json_t *all = json_pack("{s:o}", key, rows);

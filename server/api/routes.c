@@ -56,7 +56,7 @@ const struct route routes[] = {
 
 const int route_count = sizeof routes / sizeof *routes;
 
-// One part of a path of '/'-separated ones, whose end is returned; NULL where it does not fit.
+// Takes one part of a path. Returns its end, or NULL if the part is empty or too long.
 static const char *take_part(const char *at, char out[STORE_NAME_MAX]) {
     size_t length = strcspn(at, "/");
     if (!length || length >= STORE_NAME_MAX)

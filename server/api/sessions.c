@@ -13,7 +13,7 @@
 
 static void take_session(void *array, const struct store_cell *cells, int count) {
     json_t *row = call_row(cells, count);
-    json_object_del(row, "trace"); // where it lies is the server's own matter
+    json_object_del(row, "trace"); // the path concerns only the server
     json_array_append_new(array, row);
 }
 
@@ -25,7 +25,7 @@ static bool is_id(const char *text) {
     return strlen(text) == STORE_ID_MAX - 1 && strspn(text, "0123456789abcdef") == strlen(text);
 }
 
-// The session that the next page goes on from, or null where there is none: one more was read.
+// The id that the next page starts after, or null: the query reads one row more than the limit.
 static json_t *take_next(json_t *rows, int limit) {
     if (json_array_size(rows) <= (size_t)limit)
         return json_null();
@@ -178,7 +178,7 @@ void get_session_trace(struct call *call) {
 
 // ---- distributions ------------------------------------------------------------------------------
 
-// The figures come in order: those of one metric, subject, version and unit follow each other.
+// Figures are sorted, so those of one metric, subject, version and unit are adjacent.
 struct gathering {
     json_t *all;
     json_t *head; // of those that are being gathered, or NULL
@@ -306,7 +306,7 @@ static void make_report(struct call *call, const struct api_report *about) {
         free(page);
         return;
     }
-    if (result != RESULT_OK) // what is wrong with the trace is nobody's fault out there
+    if (result != RESULT_OK) // a damaged trace is not the caller's fault
         result = RESULT_IO;
     if (!call_check(call, result, &err)) {
         free(page);

@@ -50,8 +50,8 @@ static json_t *account_json(const struct store_principal *p) {
                      "trainee", p->trainee);
 }
 
-// Sets a cookie for whoever was found; RESULT_MISSING, where they have another password or code by
-// now, is the caller's to answer.
+// Sets a cookie for the principal. RESULT_MISSING if the password or code has changed meanwhile;
+// then the caller answers.
 static enum result set_cookie(struct call *call, int status) {
     char secret[SECRET_MAX], hash[SECRET_MAX];
     int64_t id, until_ns;
@@ -69,7 +69,7 @@ static enum result set_cookie(struct call *call, int status) {
     return RESULT_OK;
 }
 
-// Finds the account without telling whether there is one.
+// Finds the account without revealing whether it exists.
 static bool find_account(struct call *call, const char *name, bool *out_there) {
     struct error err = {""};
     enum result result = store_find_account(call->store, name, &call->principal, &err);

@@ -42,7 +42,7 @@ static struct throttle_key *find(struct throttle *t, uint64_t key) {
     return NULL;
 }
 
-// Where all places are taken, that of whom nothing was heard for the longest time.
+// If all places are taken, the one that was unused for the longest time.
 static struct throttle_key *find_or_make(struct throttle *t, uint64_t key) {
     struct throttle_key *place = find(t, key);
     if (place)

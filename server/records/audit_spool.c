@@ -22,7 +22,7 @@ static enum result path_of(const char *records, const char *end, char out[PATH_M
     return length < PATH_MAX ? RESULT_OK : fail(err, RESULT_LIMIT, "%s: too long", records);
 }
 
-// What would end the field or the line is not part of any name.
+// Control characters would end the field or the line; no name contains them.
 static void put_field(FILE *file, const char *text, char end) {
     for (; *text; text++)
         fputc((unsigned char)*text < ' ' ? '?' : *text, file);

@@ -17,7 +17,7 @@ struct claim {
     int records, traces; // descriptors of the locks; -1: none
 };
 
-// The process that wrote its number into the lock, for the message; 0: it is not there.
+// The process that holds the lock, for the message; 0: unknown.
 static int holder_of(int fd) {
     char text[16] = "";
     return pread(fd, text, sizeof text - 1, 0) > 0 ? atoi(text) : 0;

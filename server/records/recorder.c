@@ -48,8 +48,7 @@ struct recorder {
 
 // ---- what waits ---------------------------------------------------------------------------------
 
-// The place of a session that goes on, by its trace, or a free one for ""; NULL where there is
-// none.
+// The entry of a running session with this trace, or a free one for ""; or NULL.
 static struct store_session *find_live(struct recorder *r, const char *trace) {
     for (int i = 0; i < LIVE_MAX; i++)
         if (!strcmp(r->live[i].trace, trace))
@@ -145,7 +144,7 @@ static void tell_success(struct recorder *r) {
     r->failing = false;
 }
 
-// A backup was put back, or the file was moved away: what it lacks is in the traces.
+// After a restore, or if the file was moved away, the traces have the missing sessions.
 static void notice_exchange(struct recorder *r) {
     struct store_identity now;
     struct error err;
@@ -195,7 +194,7 @@ static bool may_read(struct recorder *r, const char *trace) {
     return !should_stop(r) || (stat(trace, &status) == 0 && status.st_size < AT_THE_END_BYTES);
 }
 
-// What is read from the trace, into the row that is there.
+// Adds to the row what the trace contains.
 static enum result write_score(struct recorder *r, const struct store_session *session,
                                struct error *err) {
     struct session_score score;
@@ -221,7 +220,7 @@ static enum result write_session(struct recorder *r, const struct store_session 
     return write_score(r, session, err);
 }
 
-// False where the rest has to wait.
+// False if the rest has to wait.
 static bool write_all(struct recorder *r) {
     struct waiting *first;
     while ((first = first_waiting(r))) {
@@ -303,7 +302,7 @@ static bool take_over_trace(struct recorder *r, const char *path) {
     struct trace_reader *reader;
     struct store_session session;
     struct error err;
-    if (trace_is_written(path)) // its session goes on
+    if (trace_is_written(path)) // its session is running
         return false;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK) {
         log_warning("records", "not recorded: %s", err.text);
@@ -340,7 +339,7 @@ static bool take_over(struct recorder *r) {
 
 // ---- the thread ---------------------------------------------------------------------------------
 
-// For a second at most: then there is something to try again, or to notice.
+// For a second at most, to try again and to look at the file.
 static void wait_for_work(struct recorder *r, bool again) {
     int64_t when_ns = clock_now_ns() + NS_PER_S;
     struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
@@ -355,7 +354,7 @@ static void take_spooled(void *user, const struct store_audit_entry *entry) {
     append(user, &(struct waiting){.is_audit = true, .entry = *entry});
 }
 
-// Sessions are in the traces; of what somebody did nothing else tells.
+// The traces contain the sessions, but only the spool keeps the audit entries.
 static void leave_the_rest(struct recorder *r) {
     struct error err;
     struct store_audit_entry *entries = NULL;

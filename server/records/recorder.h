@@ -1,11 +1,11 @@
-// The recorder: a thread that writes what becomes of sessions into the records (store), so that
-// neither a step nor the desk waits for a database.
+// The recorder: a thread that writes sessions and audit entries into the records (store), so that
+// no step and no command waits for a database.
 //
-// When a session has ended, its row is written at once, and then its trace is read: for its hash,
-// and for its metrics. What the database does not take (it is locked, damaged, its disk is full)
-// waits in order and is tried again, and the log says so. What is not written when the server ends,
-// by a signal too, is taken from the traces when it starts the next time; audit entries, which no
-// trace has, from a file that it leaves beside the records as it ends (audit_spool.h).
+// When a session has ended, the recorder writes its row at once. Then it reads the trace for its
+// hash and metrics. If the database cannot be written (locked, damaged, full disk), the log says
+// so, everything waits in order, and the recorder tries again. Sessions that still wait when the
+// server ends come from their traces at the next start. Audit entries, which no trace contains,
+// come from a file beside the records (audit_spool.h).
 #pragma once
 
 #include "records/session_row.h"
@@ -21,19 +21,19 @@ struct recorder_config {
     void *user;
 };
 
-// Takes over the sessions whose traces lie in traces_dir and whose end is not in the records, and
-// then waits for more; again where the file is another one (a backup was put back).
+// Adds the sessions in traces_dir whose end the records lack, then waits for more. Does the same
+// again if somebody replaces the file of the records.
 struct recorder *recorder_start(const struct recorder_config *config);
 
-// From any thread: copies, and waits for no disk. The trace of a session that has ended must be
-// closed. NULL: no records are kept.
+// From any thread; copies, and does not wait for a disk. The trace of a session that has ended must
+// be closed. recorder NULL: the server keeps no records.
 void recorder_put(struct recorder *recorder, const struct store_session *session);
 
-// The same for the audit log: now, by `actor` (empty: by the server itself). What is too long is
-// cut.
+// The same for an entry of the audit log with the current time. An empty actor is the server
+// itself. Texts that are too long are cut.
 void recorder_note(struct recorder *recorder, const char *actor, const char *action,
                    const char *subject);
 
-// Tries once more to write what waits; large traces are left to the next start. NULL inside is
-// fine.
+// Tries once more to write everything that waits. Leaves large traces to the next start. NULL
+// inside is fine.
 void recorder_stop(struct recorder **recorder);

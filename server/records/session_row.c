@@ -113,7 +113,7 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
     free(record);
 }
 
-// Whether the authority vouches for what was read to its end.
+// Whether the trace, read to its end, has a signature of the authority.
 static bool is_signed(const struct trace_reader *reader, const char *authority,
                       const struct store_session *s) {
     char signed_by[TRACE_SIGNED_BY_MAX];

@@ -5,11 +5,11 @@
 #include "store/store.h"
 #include "trace/trace.h"
 
-// What is known when a session begins.
+// The row of a session that begins.
 void session_row_begin(const struct trace_header *header, const char *trace,
                        struct store_session *out);
 
-// The names of a case's groups, or NULL where the case is not known any more.
+// The scene of a case, for the names of its groups, or NULL if the server no longer has the case.
 typedef const struct scene *(*scene_finder)(void *user, uint64_t case_hash);
 
 struct session_score {
@@ -18,12 +18,11 @@ struct session_score {
     int count, room;
 };
 
-// All of a session that has ended, from its trace alone: what its header says, up to which step it
-// went, its metrics (docs/METRICS.md), and the file's hash. A
-// trace that ends early is of a session that was interrupted, and counts up to its last whole
-// record. A trace that the authority (a PEM file) does not vouch for, by a signature at its end,
-// has no results: anybody could have written it. It reads the whole file: as long as the disk needs
-// for that, and some 2 us a step.
+// Everything about a session that has ended, from its trace: header, steps, metrics
+// (docs/METRICS.md) and the file's hash. A trace that ends early is of an interrupted session, and
+// counts up to its last whole record. Only a trace with a signature of the authority (a PEM file)
+// has results, because anybody could have written another one. Reads the whole file: as long as the
+// disk needs, and some 2 us a step.
 enum result session_score_trace(const char *trace, const char *authority, scene_finder find,
                                 void *user, struct session_score *out, struct error *err);
 void session_score_fini(struct session_score *score);

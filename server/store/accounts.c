@@ -1,4 +1,4 @@
-// Accounts: who may sign in, as whom, and with which password.
+// Accounts: roles, passwords and names.
 #include "base/check.h"
 #include "base/clock.h"
 #include "store/database.h"
@@ -74,7 +74,7 @@ static enum result end_tokens(struct store *store, int64_t account, struct error
     return store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", account);
 }
 
-// Inside a transaction, after a change. `had`: there was one before it.
+// Inside a transaction, after a change. had: there was an instructor before it.
 static enum result keep_an_instructor(struct store *store, bool had, struct error *err) {
     bool has;
     enum result result = store_has_instructor(store, &has, err);

@@ -58,7 +58,7 @@ static enum result sync_file_and_folder(const char *path, struct error *err) {
 
 // ---- copying ------------------------------------------------------------------------------------
 
-// Others may write between two turns; what they do then is in the copy too.
+// Others may write between two turns; the copy contains those changes too.
 static int copy_pages(sqlite3 *from, sqlite3 *to) {
     sqlite3_backup *backup = sqlite3_backup_init(to, "main", from, "main");
     if (!backup)
@@ -76,7 +76,7 @@ static int copy_pages(sqlite3 *from, sqlite3 *to) {
     return code == SQLITE_OK ? SQLITE_BUSY : code;
 }
 
-// What went wrong between two databases: the space is missing where the copy goes.
+// The error of copying: missing space is the target's.
 static enum result copy_failed(const char *from_path, const char *to_name, int code,
                                struct error *err) {
     int kind = code & 0xff;
@@ -85,8 +85,8 @@ static enum result copy_failed(const char *from_path, const char *to_name, int c
     return database_failed(NULL, is_target ? to_name : from_path, code, err);
 }
 
-// Into a new file that needs no other beside it, checked and on disk. to_name: what the file will
-// be called, for errors.
+// Copies into a new file without a log beside it, checks it and syncs it. to_name: its final name,
+// for errors.
 static enum result copy_checked(sqlite3 *from, const char *from_path, const char *to_path,
                                 const char *to_name, struct error *err) {
     sqlite3 *to = NULL;
@@ -168,8 +168,8 @@ static enum result free_name(const char *path, char *out, size_t size, struct er
                 ASIDE_MAX);
 }
 
-// Takes what is in the log beside the file into it, and the log away, so that the file can be
-// moved. What is too damaged for that is moved as it is, log and all.
+// Merges the log beside the file into it, so that the file can be moved. A file that is too damaged
+// for that is moved together with its log.
 static enum result settle(const char *path, struct error *err) {
     sqlite3 *db;
     struct error why;

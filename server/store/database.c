@@ -178,7 +178,7 @@ enum result database_open(const char *path, int flags, sqlite3 **out_db, struct 
     return result;
 }
 
-// One row "ok" where all is well, else what is wrong.
+// The pragma answers `expected` (NULL: no row), or describes the damage.
 static enum result expect(sqlite3 *db, const char *path, const char *pragma, const char *expected,
                           struct error *err) {
     sqlite3_stmt *statement;
@@ -235,7 +235,7 @@ static enum result migrate(struct store *store, struct error *err) {
     return result;
 }
 
-// Where a file changes to WAL, SQLite refuses at once what others are in the way of.
+// SQLite does not wait for other connections when a file changes to WAL.
 static enum result use_wal(struct store *store, struct error *err) {
     const struct timespec round = {0, LOCK_ROUND_MS * NS_PER_MS};
     int code = SQLITE_BUSY;

@@ -173,7 +173,7 @@ enum result store_remove_course(struct store *store, const char *name, struct er
 // ---- erasing, removing
 // ------------------------------------------------------------------------------------
 
-// Made by chance, so that it tells nothing of whom it stands for.
+// Random, so that it reveals nothing about the person.
 static void make_pseudonym(char out[STORE_NAME_MAX]) {
     uint64_t chance;
     ssize_t got = getrandom(&chance, sizeof chance, 0);
@@ -181,7 +181,7 @@ static void make_pseudonym(char out[STORE_NAME_MAX]) {
     snprintf(out, STORE_NAME_MAX, "erased-%016" PRIx64, chance);
 }
 
-// What a trainee has besides sessions.
+// Removes everything of a trainee except the sessions.
 static enum result remove_belongings(struct store *store, int64_t id, struct error *err) {
     enum result result =
         store_do(store, "DELETE FROM enrolment WHERE trainee_id = ?", err, "i", id);
@@ -208,7 +208,7 @@ static enum result erase_rows(struct store *store, int64_t id, const char *pseud
     return result;
 }
 
-// What was overwritten is still in the log that SQLite writes beside the file.
+// SQLite's log beside the file still contains the overwritten data.
 static void cut_log(struct store *store) {
     int code = sqlite3_wal_checkpoint_v2(store->db, NULL, SQLITE_CHECKPOINT_TRUNCATE, NULL, NULL);
     if (code != SQLITE_OK)

@@ -57,7 +57,7 @@ enum result store_prepare(struct store *store, const char *sql, sqlite3_stmt **o
     return result;
 }
 
-// The row's number into *out where there is one and it is asked for.
+// If out is not NULL, *out becomes the number in the first row.
 static enum result run_once(struct store *store, sqlite3_stmt *statement, int64_t *out,
                             struct error *err) {
     int code = sqlite3_step(statement);

@@ -3,7 +3,7 @@
 #include <stdint.h>
 #include <string.h>
 
-// The length of the character at `text`, 0 where there is none: shortest forms only, no surrogates.
+// The length of the UTF-8 character at `text`, or 0 if it is invalid (overlong or a surrogate).
 static size_t character(const unsigned char *text, uint32_t *out_code) {
     static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
     size_t length = text[0] < 0x80 ? 1 : text[0] < 0xc0 ? 0 : text[0] < 0xe0 ? 2 : 4;

@@ -25,7 +25,7 @@ static void take_text(sqlite3_stmt *statement, int column, char *out, size_t siz
     snprintf(out, size, "%s", text ? text : "");
 }
 
-// What the columns of PRINCIPAL are.
+// The columns of PRINCIPAL, and of store_find_token.
 enum { ACCOUNT_ID, ACCOUNT, ROLE, PASSWORD, TRAINEE_ID, TRAINEE, TOKEN, USED };
 
 #define PRINCIPAL "SELECT a.id, a.name, a.role, a.password, t.id, t.name"
@@ -50,7 +50,7 @@ static void read_principal(sqlite3_stmt *statement, struct store_principal *out)
         snprintf(out->actor, sizeof out->actor, "account %lld", account);
 }
 
-// The first row of a statement whose columns are PRINCIPAL's.
+// The first row of a statement with the columns of PRINCIPAL.
 static enum result find_principal(struct store *store, sqlite3_stmt *statement,
                                   struct store_principal *out, struct error *err) {
     int code = sqlite3_step(statement);
@@ -81,8 +81,8 @@ enum result store_find_account(struct store *store, const char *name, struct sto
 
 // ---- tokens -------------------------------------------------------------------------------------
 
-// Who is known is let in, whether that can be written down or not. A cookie moves its end, but
-// never beyond its age, or the end of the code that it came in by.
+// A principal may enter even if the use cannot be recorded. The end of a cookie moves, up to its
+// maximum age or the end of its code.
 static void note_use(struct store *store, int64_t token, int64_t now_ns) {
     struct error err;
     if (store_do(store,
@@ -92,11 +92,11 @@ static void note_use(struct store *store, int64_t token, int64_t now_ns) {
                  "until_utc_ns) WHERE id = ?4",
                  &err, "iiii", now_ns, (int64_t)COOKIE_NS, (int64_t)COOKIE_MOST_NS,
                  token) != RESULT_OK)
-        log_warning("store", "a token's use is not noted: %s", err.text);
+        log_warning("store", "the use of a token cannot be recorded: %s", err.text);
 }
 
-// A cookie has its age, and one of a trainee by a code needs the code that was there before it.
-#define LIVING                                                                                     \
+// A cookie has a maximum age. A cookie of a code also needs that code, which is older than it.
+#define IS_VALID                                                                                   \
     "k.until_utc_ns > ?2 AND (k.kind = 'token' OR (k.kind = 'cookie' AND "                         \
     "k.created_utc_ns > ?2 - ?3 AND (k.trainee_id IS NULL OR EXISTS (SELECT 1 FROM token c "       \
     "WHERE c.trainee_id = k.trainee_id AND c.kind = 'code' AND c.until_utc_ns > ?2 AND "           \
@@ -111,7 +111,7 @@ enum result store_find_token(struct store *store, const char *hash, struct store
                       PRINCIPAL ", k.id, k.used_utc_ns FROM token k "
                                 "LEFT JOIN account a ON a.id = k.account_id LEFT JOIN trainee t ON "
                                 "t.id = coalesce(k.trainee_id, a.trainee_id) "
-                                "WHERE k.hash = ?1 AND " LIVING,
+                                "WHERE k.hash = ?1 AND " IS_VALID,
                       &statement, err, "tii", hash, now_ns, (int64_t)COOKIE_MOST_NS);
     if (result != RESULT_OK)
         return result;
@@ -140,7 +140,7 @@ enum result store_find_code(struct store *store, const char *hash, struct store_
     return result;
 }
 
-// What has ended goes, and of what its owner has, all but the newest `keep`.
+// Deletes everything that has ended, and all but the newest `keep` of this owner.
 static enum result make_room(struct store *store, enum store_token_kind kind, int64_t account,
                              int64_t trainee, int keep, int64_t now_ns, struct error *err) {
     enum result result =
@@ -214,8 +214,8 @@ static enum result find_owner(struct store *store, const struct store_principal 
                             out_trainee, err);
 }
 
-// Between finding somebody and letting them in there is time for another password, or to be signed
-// out. Inside a transaction.
+// Since the lookup, the password may have changed, or somebody may have signed the owner out.
+// Inside a transaction.
 static enum result check_unchanged(struct store *store, const struct store_principal *owner,
                                    struct error *err) {
     int64_t id;
@@ -264,7 +264,7 @@ enum result store_add_code(struct store *store, const char *trainee, const char 
     result =
         store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
                          "trainee", trainee, &id, err);
-    if (result == RESULT_OK) // what came in by the code before
+    if (result == RESULT_OK) // cookies of the previous code
         result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind = 'cookie'", err,
                           "i", id);
     if (result == RESULT_OK)
@@ -311,7 +311,7 @@ enum result store_sign_out_account(struct store *store, const char *name, struct
     return store_end(store, result, err);
 }
 
-// Begins a transaction in which what a trainee's code let in has ended.
+// Begins a transaction, and deletes the cookies of the trainee's code.
 static enum result begin_sign_out(struct store *store, const char *trainee, int64_t *out_id,
                                   struct error *err) {
     enum result result = store_begin(store, err);

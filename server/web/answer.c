@@ -83,7 +83,7 @@ static bool is_one_line(const char *text) {
     return true;
 }
 
-// A header whose value is the handler's.
+// A header with a value from the handler.
 static void put_header(struct answer *a, const char *name, const char *value) {
     CHECK(is_one_line(value)); // else it could end the headers
     if (value[0])
@@ -256,7 +256,7 @@ static bool load(struct answer *a) {
     return whole;
 }
 
-// The file as it is now has this name; what it was before is not asked for any more.
+// The name identifies this version of the file; older versions drop out of the cache.
 static bool load_packed(struct answer *a, const char *path, struct gzip_cache *cache) {
     char name[GZIP_CACHE_NAME_MAX];
     struct stat status;
@@ -291,12 +291,12 @@ static bool is_known(const struct web_response *r, const struct answer_options *
     return r->status == 200 && matches(options->none_match, r->etag);
 }
 
-// What the browser has is neither read nor packed.
+// A file that the browser already has is neither read nor compressed.
 static bool is_packed(const struct web_response *r, const struct answer_options *options) {
     return r->compress && options->takes_gzip && !is_known(r, options);
 }
 
-// The status, and with 206 and 416 what of the file is meant.
+// The status; for 206 and 416 also the range of the file.
 static int choose(struct answer *a, const struct web_response *r,
                   const struct answer_options *options, int64_t size) {
     char quoted[sizeof r->etag + 2];

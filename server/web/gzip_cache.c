@@ -9,7 +9,7 @@
 #include <string.h>
 
 struct item {
-    struct gzip_file packed; // first: what is taken is this
+    struct gzip_file packed; // first: a pointer to it is a pointer to the item
     atomic_int holders;      // the cache too
     struct item *next;       // asked for less lately
     char name[GZIP_CACHE_NAME_MAX];

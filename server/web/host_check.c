@@ -71,7 +71,7 @@ void host_check_destroy(struct host_check **hosts) {
 
 // ---- hosts --------------------------------------------------------------------------------------
 
-// Splits "name", "name:port", "[address]:port" and leaves the name; false where it is none of them.
+// The name in "name", "name:port" or "[address]:port". False if the text is something else.
 static bool name_of_host(const char *host, char out[NAME_MAX_LENGTH]) {
     bool bracketed = host[0] == '[';
     size_t length = bracketed ? strcspn(++host, "]") : strcspn(host, ":");
@@ -104,7 +104,7 @@ bool host_check_is_own(const struct host_check *hosts, const char *host) {
            X509_check_host(hosts->certificate, name, 0, 0, NULL) == 1;
 }
 
-// The certificate's first name; false where it has none but addresses, or it is too long.
+// The certificate's first name. False if it has only addresses, or the name is too long.
 static bool first_name(const X509 *certificate, char *out_name, size_t size) {
     GENERAL_NAMES *names = X509_get_ext_d2i(certificate, NID_subject_alt_name, NULL, NULL);
     int length = -1;

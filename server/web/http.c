@@ -13,7 +13,7 @@
 
 // ---- headers ------------------------------------------------------------------------------------
 
-// Empty where it was not sent; false where it is too long for `out`.
+// Empty if the header is missing. False if it is too long for `out`.
 static bool header(struct lws *socket, enum lws_token_indexes token, char *out, size_t size) {
     if (lws_hdr_copy(socket, out, (int)size, token) >= 0)
         return true;
@@ -128,7 +128,7 @@ static struct refusal check_host(const struct web_connection *c, char *out_host,
     return (struct refusal){0};
 }
 
-// `needed`: who does not say where it comes from may be a page of anywhere.
+// needed: refuse a request without Origin, because any site may have sent it.
 static struct refusal check_origin(const struct web_connection *c, const char *host, bool needed) {
     char origin[300];
     bool fits = header(c->socket, WSI_TOKEN_ORIGIN, origin, sizeof origin);
@@ -269,7 +269,7 @@ int http_take_body(struct web_connection *c, const void *bytes, size_t size) {
 }
 
 int http_end_body(struct web_connection *c) {
-    if (c->body_ended) // of what is behind the body, before it was answered: libwebsockets cannot
+    if (c->body_ended) // bytes follow before the answer, which libwebsockets cannot handle
         return -1;
     c->body_ended = true;
     return c->state == CONNECTION_READING ? dispatch(c) : 0;
@@ -287,7 +287,7 @@ void http_task_done(struct web_connection *c, struct web_task *task) {
     c->answer = answer;
     c->sent = 0;
     lws_set_timeout(c->socket, PENDING_TIMEOUT_HTTP_CONTENT, c->web->timeout_s);
-    if (task->failed) // in the middle of the answer: there is no other way to tell
+    if (task->failed) // the answer has begun, so closing is the only way to signal the error
         hang_up(c);
     else
         lws_callback_on_writable(c->socket);

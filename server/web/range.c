@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// Decimal digits only, up to `end`; -1 where there are none, -2 where there is something else.
+// A number in decimal digits, up to `end`. -1: there is none. -2: there is something else.
 static int64_t read_position(const char *text, const char *end) {
     char digits[20];
     int64_t value;

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#define ADDRESSES_MAX 1024 // more than connections: who is gone is remembered for a while
+#define ADDRESSES_MAX 1024 // more than connections, to remember addresses after they disconnect
 
 struct rate_limit {
     bool known;

@@ -86,7 +86,7 @@ static void finish(void *data, bool done) {
 // ---- the web thread -----------------------------------------------------------------------------
 
 bool request_pool_add(struct request_pool *p, struct web_task *task) {
-    bool urgent = task->kind != WEB_TASK_REQUEST; // a file goes on before a request begins
+    bool urgent = task->kind != WEB_TASK_REQUEST; // a running download goes before a new request
     task->pool = p;
     return task_pool_add(
         p->tasks, &(struct task){.urgent = urgent, .run = run, .finish = finish, .data = task});

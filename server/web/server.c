@@ -33,7 +33,7 @@ static int filter_connection(struct web *web, int fd) {
     return web->draining || !limit || !rate_limit_may_connect(web->limits, limit) ? -1 : 0;
 }
 
-// So little may wait in the kernel: what is new does not queue behind what is old.
+// Little may wait in the kernel, so that new batches do not queue behind old ones.
 static void keep_queue_short(int fd) {
     int bytes = UNSENT_MAX, yes = 1;
     setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);

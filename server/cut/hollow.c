@@ -1,20 +1,7 @@
 #include "cut/hollow.h"
 
 #include "cut/ray.h"
-
-static void spread(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *list,
-                   uint32_t triangle) {
-    uint32_t next = list->count;
-    stamped_set_put(seen, triangle, 0);
-    for (ids_push(list, triangle); next < list->count; next++)
-        for (size_t i = 0; i < 3; i++) {
-            uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
-            if (!stamped_set_has(seen, beside)) {
-                stamped_set_put(seen, beside, 0);
-                ids_push(list, beside);
-            }
-        }
-}
+#include "cut/spread.h"
 
 static double six_volumes_of(const struct cut_mesh *mesh, const struct ids *triangles) {
     vec3 apex = mesh->points[mesh->corners[3 * (size_t)triangles->at[0]]], points[3];
@@ -36,7 +23,7 @@ void hollow_append(const struct cut_mesh *mesh, struct stamped_set *seen, struct
         if (!cut_mesh_triangle_alive(mesh, t) || stamped_set_has(seen, t))
             continue;
         part.count = 0;
-        spread(mesh, seen, &part, t);
+        spread(mesh, NULL, seen, &part, t);
         vec3 point = mesh->points[mesh->corners[3 * (size_t)t]];
         if (six_volumes_of(mesh, &part) < 0 &&
             ray_winding_of(mesh, triangles->at, around, point) == 1)

@@ -1,26 +1,12 @@
 #include "cut/change.h"
 #include "cut/flood.h"
+#include "cut/spread.h"
 
 // ---- one patch ----
 
 static bool is_new_surface(const struct cut_mesh *mesh, uint32_t triangle) {
     return stamped_set_has(&mesh->undo.triangles_seen, triangle) &&
            cut_mesh_triangle_alive(mesh, triangle) && mesh->labels[triangle] == mesh->number;
-}
-
-// All new surface that hangs together with a triangle: appended to `list`.
-static void spread(const struct cut_mesh *mesh, struct stamped_set *seen, struct ids *list,
-                   uint32_t triangle) {
-    uint32_t next = list->count;
-    stamped_set_put(seen, triangle, 0);
-    for (ids_push(list, triangle); next < list->count; next++)
-        for (size_t i = 0; i < 3; i++) {
-            uint32_t beside = mesh->twins[3 * (size_t)list->at[next] + i] / 3;
-            if (stamped_set_has(seen, beside) || !is_new_surface(mesh, beside))
-                continue;
-            stamped_set_put(seen, beside, 0);
-            ids_push(list, beside);
-        }
 }
 
 static struct cut_patch measure(const struct cut_mesh *mesh, const uint32_t *triangles,
@@ -55,7 +41,7 @@ void change_measure_patches(struct cut_mesh *mesh, struct cut_change *change) {
         uint32_t first = list->count, triangle = change->made[i];
         if (stamped_set_has(seen, triangle) || !is_new_surface(mesh, triangle))
             continue;
-        spread(mesh, seen, list, triangle);
+        spread(mesh, is_new_surface, seen, list, triangle);
         change->patches =
             alloc_resize(change->patches, (size_t)change->patch_count + 1, sizeof *change->patches);
         change->patches[change->patch_count++] =

@@ -18,7 +18,8 @@ static void fill_instrument(const struct session_output *output, int index,
     const struct instrument_output *instrument = &output->instruments[index];
     enum body body = nearest_body(instrument, knee);
     pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
-    struct avatar_lead lead = avatar_lead_in(T_body_mockup, &instrument->lead);
+    struct avatar_extrapolation lead =
+        avatar_extrapolation_in(T_body_mockup, &instrument->extrapolation);
 
     out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
     out->validity = (arthron_Validity)instrument->validity;

@@ -3,18 +3,19 @@
 #define STEP_MM 1e-3
 #define POLAR_STEPS 12
 
-static vec3 shown_at(const struct avatar_lead *lead, pose tip, vec3 way) {
+static vec3 shown_at(const struct avatar_extrapolation *extrapolation, pose tip, vec3 way) {
     pose now = {tip.rotation, vec3_add(tip.translation, way)};
-    struct avatar_motion motion = avatar_follow(lead, tip, now);
-    return avatar_place(lead->mode, lead->portal, &motion, now).translation;
+    struct avatar_motion motion = avatar_extrapolate(extrapolation, tip, now);
+    return avatar_place(extrapolation->mode, extrapolation->portal, &motion, now).translation;
 }
 
 // By central differences: exact for what is linear in the hand, and within 1e-7 for `rigid`.
-static mat3 motion_of(const struct avatar_lead *lead, pose tip) {
+static mat3 motion_of(const struct avatar_extrapolation *extrapolation, pose tip) {
     mat3 F;
     for (int axis = 0; axis < 3; axis++) {
         vec3 way = {axis == 0 ? STEP_MM : 0, axis == 1 ? STEP_MM : 0, axis == 2 ? STEP_MM : 0};
-        vec3 ahead = shown_at(lead, tip, way), behind = shown_at(lead, tip, vec3_scale(-1, way));
+        vec3 ahead = shown_at(extrapolation, tip, way),
+             behind = shown_at(extrapolation, tip, vec3_scale(-1, way));
         vec3 column = vec3_scale(0.5 / STEP_MM, vec3_sub(ahead, behind));
         F.m[0][axis] = column.x;
         F.m[1][axis] = column.y;
@@ -63,8 +64,9 @@ static double turn_of(mat3 F) {
     return DEG_PER_RAD * atan2(vec3_length(axis), trace - 1);
 }
 
-struct discrepancy discrepancy_of(const struct avatar_lead *lead, pose tip, pose shown) {
-    mat3 F = motion_of(lead, tip);
+struct discrepancy discrepancy_of(const struct avatar_extrapolation *extrapolation, pose tip,
+                                  pose shown) {
+    mat3 F = motion_of(extrapolation, tip);
     struct discrepancy d = {
         .offset_mm = vec3_distance(shown.translation, tip.translation),
         .tilt_deg = DEG_PER_RAD * quat_angle(tip.rotation, shown.rotation),

@@ -3,7 +3,7 @@
 // headset (Zenner, Krüger, IEEE VR 2019); a tool held in the hand tolerates more.
 #pragma once
 
-#include "base/follow.h"
+#include "base/extrapolation.h"
 
 #define NOTICED_TURN_DEG 4.5
 #define NOTICED_GAIN_LEAST 0.88
@@ -18,7 +18,8 @@ struct discrepancy {
     double turn_deg;   // its rotation: 180 where space folds
 };
 
-// `shown` is the lead's own, at the tip's pose that it was made for.
-struct discrepancy discrepancy_of(const struct avatar_lead *lead, pose tip, pose shown);
+// `shown` is the extrapolation's own, at the tip's pose that it was made for.
+struct discrepancy discrepancy_of(const struct avatar_extrapolation *extrapolation, pose tip,
+                                  pose shown);
 
 bool discrepancy_is_noticed(const struct discrepancy *d); // past one of the thresholds

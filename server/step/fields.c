@@ -92,14 +92,15 @@ static const struct member instrument_members[] = {
     ONE("nearest_mm", real, struct instrument_output, warp.nearest_mm),
 };
 
-static const struct member mode_member[] = {ONE_SINCE(3, "mode", mode, struct avatar_lead, mode)};
+static const struct member mode_member[] = {
+    ONE_SINCE(3, "mode", mode, struct avatar_extrapolation, mode)};
 
 static const struct member lead_members[] = {
-    {"portal", length_parts, &field_real, offsetof(struct avatar_lead, portal), 3, 3},
-    {"", motion_parts, &field_real, offsetof(struct avatar_lead, motion), 4, 3},
-    {"", slope_parts, &field_real, offsetof(struct avatar_lead, slope), 24, 3},
-    ONE_SINCE(3, "reach_mm", real, struct avatar_lead, reach_mm),
-    ONE_SINCE(3, "trust_radius_mm", real, struct avatar_lead, trust_radius_mm),
+    {"portal", length_parts, &field_real, offsetof(struct avatar_extrapolation, portal), 3, 3},
+    {"", motion_parts, &field_real, offsetof(struct avatar_extrapolation, motion), 4, 3},
+    {"", slope_parts, &field_real, offsetof(struct avatar_extrapolation, slope), 24, 3},
+    ONE_SINCE(3, "reach_mm", real, struct avatar_extrapolation, reach_mm),
+    ONE_SINCE(3, "trust_radius_mm", real, struct avatar_extrapolation, trust_radius_mm),
 };
 
 static const struct member discrepancy_members[] = {
@@ -288,7 +289,7 @@ static void take_torn(struct pass *p, struct session_output *o) {
 }
 
 // That of `tip` is the space warp's.
-static void lead_of_tip(const struct warp *warp, struct avatar_lead *out) {
+static void lead_of_tip(const struct warp *warp, struct avatar_extrapolation *out) {
     out->mode = AVATAR_TIP;
     out->motion.v = warp->displacement;
     for (int i = 0; i < 3; i++)
@@ -298,11 +299,11 @@ static void lead_of_tip(const struct warp *warp, struct avatar_lead *out) {
 
 static void take_lead(struct pass *p, struct instrument_output *o, const char *tool) {
     name(p, p->owner, tool, "lead");
-    TAKE(p, mode_member, &o->lead);
-    if (o->lead.mode != AVATAR_TIP || p->task == LIST)
-        TAKE(p, lead_members, &o->lead);
+    TAKE(p, mode_member, &o->extrapolation);
+    if (o->extrapolation.mode != AVATAR_TIP || p->task == LIST)
+        TAKE(p, lead_members, &o->extrapolation);
     else if (p->task == DECODE)
-        lead_of_tip(&o->warp, &o->lead);
+        lead_of_tip(&o->warp, &o->extrapolation);
     name(p, p->owner, tool, NULL);
 }
 

@@ -13,11 +13,11 @@
 
 // A state is kept before a stroke when so many cuts have been made since the last one; the newest
 // few stay.
-#define KEEP_EVERY 32
-#define KEPT_MAX 2
+#define CHECKPOINT_EVERY 32
+#define CHECKPOINTS_MAX 2
 
 // Tissue as far as it is cut.
-struct resected {
+struct tissue_state {
     struct cut_mesh *mesh;
     struct match *match; // NULL where the group has no S'_max
     struct quality *quality;
@@ -32,30 +32,30 @@ struct past_cut {
     struct tissue_figures before;
 };
 
-struct kept {
+struct checkpoint {
     uint32_t cuts; // that were made by then; 0: nothing is kept
-    struct resected state;
+    struct tissue_state state;
 };
 
-struct tissue {
+struct operated_tissue {
     const struct scene_tissue *scene;
     const struct case_group *group;
-    struct resected now;
+    struct tissue_state now;
     struct past_cut *cuts; // since it was whole
     uint32_t cut_count, cut_room;
-    struct kept kept[KEPT_MAX]; // the newest first
+    struct checkpoint checkpoints[CHECKPOINTS_MAX]; // the newest first
 };
 
 struct operation {
     int count;
     uint64_t cuts; // so many were made, undone ones too
-    struct tissue tissues[TISSUES_MAX];
+    struct operated_tissue tissues[TISSUES_MAX];
 };
 
 // ---- whole tissue -------------------------------------------------------------------------------
 
-static struct resected whole(const struct tissue *t, uint32_t mesh_number) {
-    struct resected r = {
+static struct tissue_state whole(const struct operated_tissue *t, uint32_t mesh_number) {
+    struct tissue_state r = {
         .mesh = cut_mesh_copy(t->scene->mesh),
         .match = t->scene->match ? match_create(t->scene->match) : NULL,
         .quality = quality_create(t->scene->plan),
@@ -69,8 +69,8 @@ static struct resected whole(const struct tissue *t, uint32_t mesh_number) {
     return r;
 }
 
-static struct resected copy_of(const struct resected *r) {
-    return (struct resected){
+static struct tissue_state copy_of(const struct tissue_state *r) {
+    return (struct tissue_state){
         .mesh = cut_mesh_copy(r->mesh),
         .match = r->match ? match_copy(r->match) : NULL,
         .quality = quality_copy(r->quality),
@@ -78,21 +78,21 @@ static struct resected copy_of(const struct resected *r) {
     };
 }
 
-static void release(struct resected *r) {
+static void release(struct tissue_state *r) {
     cut_mesh_destroy(&r->mesh);
     match_destroy(&r->match);
     quality_destroy(&r->quality);
 }
 
-static void drop(struct kept *kept) {
-    if (kept->cuts)
-        release(&kept->state);
-    kept->cuts = 0;
+static void drop(struct checkpoint *checkpoint) {
+    if (checkpoint->cuts)
+        release(&checkpoint->state);
+    checkpoint->cuts = 0;
 }
 
-static void forget_cuts(struct tissue *t) {
-    for (int i = 0; i < KEPT_MAX; i++)
-        drop(&t->kept[i]);
+static void forget_cuts(struct operated_tissue *t) {
+    for (int i = 0; i < CHECKPOINTS_MAX; i++)
+        drop(&t->checkpoints[i]);
     free(t->cuts);
     t->cuts = NULL;
     t->cut_count = t->cut_room = 0;
@@ -102,7 +102,7 @@ struct operation *operation_create(const struct scene *scene) {
     struct operation *operation = alloc(1, sizeof *operation);
     operation->count = scene->tissue_count;
     for (int i = 0; i < operation->count; i++) {
-        struct tissue *t = &operation->tissues[i];
+        struct operated_tissue *t = &operation->tissues[i];
         t->scene = &scene->tissues[i];
         t->group = &scene->knee->groups[t->scene->group];
         t->now = whole(t, 1);
@@ -131,7 +131,7 @@ static void make_room(struct job_result *result, uint32_t count) {
     result->blends = alloc(count, sizeof *result->blends);
 }
 
-static void restore(struct tissue *t, struct job_result *result) {
+static void restore(struct operated_tissue *t, struct job_result *result) {
     uint32_t number = t->now.figures.mesh_number + 1;
     release(&t->now);
     forget_cuts(t);
@@ -146,7 +146,7 @@ static void restore(struct tissue *t, struct job_result *result) {
 // ---- a cut --------------------------------------------------------------------------------------
 
 // What the tissue's own volume lost, S'' is to lose too.
-static void match_cut(struct tissue *t, const struct cut_change *change,
+static void match_cut(struct operated_tissue *t, const struct cut_change *change,
                       struct job_result *result) {
     double gone = t->now.figures.removed_mm3 + t->now.figures.pieces_mm3;
     t->now.figures.left_mm3 = gone;
@@ -181,8 +181,8 @@ static bool may_reach(const struct mesh *mesh, const uint32_t corners[3],
 }
 
 // The triangles of S'' within reach of the cut's new surface, and others that are not far.
-static void near_triangles(const struct tissue *t, const struct cut_change *change, double reach_mm,
-                           struct mesh *out_mesh) {
+static void near_triangles(const struct operated_tissue *t, const struct cut_change *change,
+                           double reach_mm, struct mesh *out_mesh) {
     const struct mesh *mesh = &t->group->mesh;
     mesh_init(out_mesh, mesh->vertex_count, mesh->triangle_count);
     for (uint32_t i = 0; i < mesh->vertex_count; i++)
@@ -197,7 +197,7 @@ static void near_triangles(const struct tissue *t, const struct cut_change *chan
 }
 
 // The largest distance of points of the cut's new surface to S'', exact where it is within reach.
-static double distance_within(const struct tissue *t, const struct cut_change *change,
+static double distance_within(const struct operated_tissue *t, const struct cut_change *change,
                               double reach_mm) {
     struct mesh warped;
     double largest = 0;
@@ -217,14 +217,14 @@ static double distance_within(const struct tissue *t, const struct cut_change *c
     return largest;
 }
 
-static double distance_to_warped(const struct tissue *t, const struct cut_change *change) {
+static double distance_to_warped(const struct operated_tissue *t, const struct cut_change *change) {
     if (!change->patch_count)
         return 0;
     double distance_mm = distance_within(t, change, NEAR_MM);
     return distance_mm <= NEAR_MM ? distance_mm : distance_within(t, change, INFINITY);
 }
 
-static void count_cut(struct tissue *t, const struct cut_change *change) {
+static void count_cut(struct operated_tissue *t, const struct cut_change *change) {
     struct tissue_figures *f = &t->now.figures;
     f->mesh_number++;
     f->cuts++;
@@ -236,7 +236,8 @@ static void count_cut(struct tissue *t, const struct cut_change *change) {
 }
 
 // What undoing makes again: all but the figures of the resection.
-static void take_out(struct tissue *t, const struct blade_move *move, struct job_result *result) {
+static void take_out(struct operated_tissue *t, const struct blade_move *move,
+                     struct job_result *result) {
     static const enum job_outcome outcomes[] = {
         [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
@@ -255,7 +256,7 @@ static void take_out(struct tissue *t, const struct blade_move *move, struct job
     free(parts);
 }
 
-static void note_cut(struct tissue *t, const struct past_cut *cut) {
+static void note_cut(struct operated_tissue *t, const struct past_cut *cut) {
     if (t->cut_count == t->cut_room) {
         t->cut_room = 2 * t->cut_room + 64;
         t->cuts = alloc_resize(t->cuts, t->cut_room, sizeof *t->cuts);
@@ -264,15 +265,15 @@ static void note_cut(struct tissue *t, const struct past_cut *cut) {
 }
 
 // After so many cuts, before one of that stroke.
-static void keep(struct tissue *t, uint32_t cuts, uint32_t stroke) {
-    if (cuts < t->kept[0].cuts + KEEP_EVERY || t->cuts[cuts - 1].stroke == stroke)
+static void keep(struct operated_tissue *t, uint32_t cuts, uint32_t stroke) {
+    if (cuts < t->checkpoints[0].cuts + CHECKPOINT_EVERY || t->cuts[cuts - 1].stroke == stroke)
         return;
-    drop(&t->kept[KEPT_MAX - 1]);
-    memmove(t->kept + 1, t->kept, (KEPT_MAX - 1) * sizeof *t->kept);
-    t->kept[0] = (struct kept){cuts, copy_of(&t->now)};
+    drop(&t->checkpoints[CHECKPOINTS_MAX - 1]);
+    memmove(t->checkpoints + 1, t->checkpoints, (CHECKPOINTS_MAX - 1) * sizeof *t->checkpoints);
+    t->checkpoints[0] = (struct checkpoint){cuts, copy_of(&t->now)};
 }
 
-static void cut(struct operation *operation, struct tissue *t, const struct job *job,
+static void cut(struct operation *operation, struct operated_tissue *t, const struct job *job,
                 struct job_result *result) {
     struct past_cut past = {operation->cuts + 1, job->stroke, job->moves[0], t->now.figures};
     keep(t, t->cut_count, job->stroke);
@@ -290,11 +291,11 @@ static void cut(struct operation *operation, struct tissue *t, const struct job 
 // ---- undoing ------------------------------------------------------------------------------------
 
 // NULL where none was.
-static struct tissue *tissue_cut_last(struct operation *operation) {
-    struct tissue *last = NULL;
+static struct operated_tissue *tissue_cut_last(struct operation *operation) {
+    struct operated_tissue *last = NULL;
     uint64_t number = 0;
     for (int i = 0; i < operation->count; i++) {
-        struct tissue *t = &operation->tissues[i];
+        struct operated_tissue *t = &operation->tissues[i];
         if (!t->cut_count || t->cuts[t->cut_count - 1].number < number)
             continue;
         last = t;
@@ -304,14 +305,14 @@ static struct tissue *tissue_cut_last(struct operation *operation) {
 }
 
 // The tissue as it was after all cuts that are left, but for its figures.
-static void make_again(struct tissue *t) {
-    while (t->kept[0].cuts > t->cut_count) {
-        drop(&t->kept[0]);
-        memmove(t->kept, t->kept + 1, (KEPT_MAX - 1) * sizeof *t->kept);
-        t->kept[KEPT_MAX - 1] = (struct kept){0};
+static void make_again(struct operated_tissue *t) {
+    while (t->checkpoints[0].cuts > t->cut_count) {
+        drop(&t->checkpoints[0]);
+        memmove(t->checkpoints, t->checkpoints + 1, (CHECKPOINTS_MAX - 1) * sizeof *t->checkpoints);
+        t->checkpoints[CHECKPOINTS_MAX - 1] = (struct checkpoint){0};
     }
-    uint32_t made = t->kept[0].cuts;
-    t->now = made ? copy_of(&t->kept[0].state) : whole(t, 1);
+    uint32_t made = t->checkpoints[0].cuts;
+    t->now = made ? copy_of(&t->checkpoints[0].state) : whole(t, 1);
     while (made < t->cut_count) {
         struct job_result *again = alloc(1, sizeof *again);
         keep(t, made, t->cuts[made].stroke);
@@ -321,7 +322,7 @@ static void make_again(struct tissue *t) {
     }
 }
 
-static void tell_blends(const struct match *before, const struct tissue *t,
+static void tell_blends(const struct match *before, const struct operated_tissue *t,
                         struct job_result *result) {
     if (!before)
         return;
@@ -335,7 +336,7 @@ static void tell_blends(const struct match *before, const struct tissue *t,
 static uint64_t end_before(const struct operation *operation, uint32_t stroke) {
     uint64_t end = 0;
     for (int i = 0; i < operation->count; i++) {
-        const struct tissue *t = &operation->tissues[i];
+        const struct operated_tissue *t = &operation->tissues[i];
         uint32_t left = t->cut_count;
         while (left && t->cuts[left - 1].stroke == stroke)
             left--;
@@ -345,7 +346,7 @@ static uint64_t end_before(const struct operation *operation, uint32_t stroke) {
     return end;
 }
 
-static struct tissue_figures take_back(struct tissue *t, uint64_t end) {
+static struct tissue_figures take_back(struct operated_tissue *t, uint64_t end) {
     struct tissue_figures figures = t->now.figures;
     while (t->cut_count && t->cuts[t->cut_count - 1].number > end)
         figures = t->cuts[--t->cut_count].before;
@@ -355,18 +356,18 @@ static struct tissue_figures take_back(struct tissue *t, uint64_t end) {
 }
 
 static void undo(struct operation *operation, struct job_result *result) {
-    struct tissue *t = tissue_cut_last(operation);
+    struct operated_tissue *t = tissue_cut_last(operation);
     if (!t) {
         result->outcome = JOB_NOTHING;
         return;
     }
-    struct resected before = t->now;
+    struct tissue_state before = t->now;
     uint64_t end = end_before(operation, t->cuts[t->cut_count - 1].stroke);
     struct tissue_figures figures = take_back(t, end);
     make_again(t);
     t->now.figures = figures;
     tell_blends(before.match, t, result);
-    const struct tissue *next = tissue_cut_last(operation);
+    const struct operated_tissue *next = tissue_cut_last(operation);
     result->tissue = (int)(t - operation->tissues);
     result->more = next && next->cuts[next->cut_count - 1].number > end;
     result->cuts_back = before.figures.cuts - figures.cuts;
@@ -408,7 +409,7 @@ struct job_result *operation_run(struct operation *operation, const struct job *
         restore(&operation->tissues[job->tissue], result);
     else
         cut(operation, &operation->tissues[job->tissue], job, result);
-    const struct tissue *t = &operation->tissues[result->tissue];
+    const struct operated_tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
     result->hash = hash_of(t->now.mesh, result);
     return result;

@@ -6,8 +6,8 @@
 #include "step/discrepancy.h"
 #include "step/job.h"
 #include "warp/adaptive.h"
-#include "warp/warp.h"
 #include "warp/avatar.h"
+#include "warp/warp.h"
 
 enum session_state {
     SESSION_WAITING,
@@ -20,14 +20,15 @@ enum session_state {
 const char *session_state_name(enum session_state state);
 
 struct instrument_output {
-    bool present;            // a pose was known at this step; else all below is 0
-    enum validity validity;  // of that pose
-    pose T_mockup_tip;       // as measured
-    pose T_mockup_warped;    // as to be shown
-    struct warp warp;        // the space warp at the tip, in the mock-up's frame
-    struct avatar_lead lead; // how T_mockup_warped goes on, in the mock-up's frame
-    double penetration_mm;   // of the body, and
-    double tip_gap_mm;       // of its tip: warp/avatar.h
+    bool present;           // a pose was known at this step; else all below is 0
+    enum validity validity; // of that pose
+    pose T_mockup_tip;      // as measured
+    pose T_mockup_warped;   // as to be shown
+    struct warp warp;       // the space warp at the tip, in the mock-up's frame
+    struct avatar_extrapolation
+        extrapolation;     // how T_mockup_warped goes on, in the mock-up's frame
+    double penetration_mm; // of the body, and
+    double tip_gap_mm;     // of its tip: warp/avatar.h
     struct discrepancy discrepancy;
     struct handle handle;          // the last known; 0 where the instrument never had one
     enum validity handle_validity; // lost where it has none

@@ -385,10 +385,10 @@ static void warp_instrument(struct session *s, struct session_output *out, int i
                 o->T_mockup_tip, &s->memory[instrument], &avatar);
     o->T_mockup_warped = avatar.T_world_warped;
     o->warp = avatar.tip;
-    o->lead = avatar.lead;
+    o->extrapolation = avatar.extrapolation;
     o->penetration_mm = avatar.penetration_mm;
     o->tip_gap_mm = avatar.tip_gap_mm;
-    o->discrepancy = discrepancy_of(&o->lead, o->T_mockup_tip, o->T_mockup_warped);
+    o->discrepancy = discrepancy_of(&o->extrapolation, o->T_mockup_tip, o->T_mockup_warped);
 }
 
 static uint32_t feel_contact(struct session *s, int instrument, double distance_mm) {

@@ -66,9 +66,9 @@ static void add_row(double row[6], vec3 way, vec3 turn) {
 
 static void follow_tip(const struct fit *fit, struct avatar *out) {
     const struct warp *warp = &fit->points[0].warp;
-    out->lead.motion.v = warp->displacement;
+    out->extrapolation.motion.v = warp->displacement;
     for (int i = 0; i < 3; i++)
-        memcpy(out->lead.slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
+        memcpy(out->extrapolation.slope[i], warp->gradient.m[i], sizeof warp->gradient.m[i]);
 }
 
 // Ω = h Σ_k ω_k of a point, and over the point's way and h.
@@ -92,7 +92,7 @@ static void add_mean_slopes(const struct fit *fit, const struct fit_point *p, do
     const struct axis *axis = &fit->axis;
     vec3 slope, W = p->warp.displacement;
     double by_heard, weight = loudness(fit, p, &slope, &by_heard);
-    vec3 off = vec3_add_scaled(vec3_scale(fit->shown, W), -1, out->lead.motion.v);
+    vec3 off = vec3_add_scaled(vec3_scale(fit->shown, W), -1, out->extrapolation.motion.v);
     mat3 place = mat3_add_scaled(mat3_outer(off, slope), weight * fit->shown, p->warp.gradient);
     vec3 fading = vec3_scale(by_heard * p->heard_slope / sum, off);
     fading = vec3_add_scaled(fading, weight * fit->shown_slope / sum, W);
@@ -101,7 +101,7 @@ static void add_mean_slopes(const struct fit *fit, const struct fit_point *p, do
     for (int i = 0; i < 3; i++) {
         vec3 row = {place.m[i][0] / sum, place.m[i][1] / sum, place.m[i][2] / sum};
         vec3 turn = vec3_add_scaled(vec3_cross(p->arm, row), -fades[i], portal_turn);
-        add_row(out->lead.slope[i], vec3_add_scaled(row, fades[i], axis->u), turn);
+        add_row(out->extrapolation.slope[i], vec3_add_scaled(row, fades[i], axis->u), turn);
     }
 }
 
@@ -118,7 +118,7 @@ static void follow_mean(const struct fit *fit, struct avatar *out) {
     }
     if (!(sum > 0))
         return;
-    out->lead.motion.v = vec3_scale(fit->shown / sum, mean);
+    out->extrapolation.motion.v = vec3_scale(fit->shown / sum, mean);
     for (int i = 0; i < fit->count; i++)
         if (fit->points[i].count)
             add_mean_slopes(fit, &fit->points[i], sum, out);
@@ -129,16 +129,16 @@ static void follow_fit(const struct fit *fit, struct avatar *out) {
     const vec3 *e = fit->axis.e;
     double q[3], slope[3][6];
     fit_find(fit, q, slope);
-    out->lead.motion.v = vec3_add_scaled(vec3_scale(q[0], e[0]), q[1], e[1]);
-    out->lead.motion.s = q[2];
+    out->extrapolation.motion.v = vec3_add_scaled(vec3_scale(q[0], e[0]), q[1], e[1]);
+    out->extrapolation.motion.s = q[2];
     for (int k = 0; k < 6; k++) {
         vec3 around = {k == 3, k == 4, k == 5};
         vec3 v = vec3_add_scaled(vec3_scale(slope[0][k], e[0]), slope[1][k], e[1]);
-        v = vec3_add(v, vec3_cross(around, out->lead.motion.v));
-        out->lead.slope[0][k] = v.x;
-        out->lead.slope[1][k] = v.y;
-        out->lead.slope[2][k] = v.z;
-        out->lead.slope[3][k] = slope[2][k];
+        v = vec3_add(v, vec3_cross(around, out->extrapolation.motion.v));
+        out->extrapolation.slope[0][k] = v.x;
+        out->extrapolation.slope[1][k] = v.y;
+        out->extrapolation.slope[2][k] = v.z;
+        out->extrapolation.slope[3][k] = slope[2][k];
     }
 }
 
@@ -180,7 +180,7 @@ static void measure_tip(const struct fit_point *tip, struct avatar *out) {
 static void measure(const struct fit *fit, const struct avatar_body *body, pose T,
                     struct avatar *out) {
     out->tip = fit->points[0].warp;
-    out->lead.trust_radius_mm = out->tip.trust_radius_mm;
+    out->extrapolation.trust_radius_mm = out->tip.trust_radius_mm;
     for (int i = 0; i < body->point_count; i++) {
         vec3 at = body->points[i].at;
         out->displacement[i] = vec3_sub(pose_apply(out->T_world_warped, at), pose_apply(T, at));
@@ -190,7 +190,7 @@ static void measure(const struct fit *fit, const struct avatar_body *body, pose 
         if (!p->count)
             continue;
         if (body->mode != AVATAR_TIP)
-            out->lead.trust_radius_mm = fmin(out->lead.trust_radius_mm, trust(p));
+            out->extrapolation.trust_radius_mm = fmin(out->extrapolation.trust_radius_mm, trust(p));
         measure_depth(p, out->displacement[i], out);
     }
     measure_tip(&fit->points[0], out);
@@ -205,10 +205,10 @@ void avatar_warp(const struct warp_scene *scene, const struct field *field,
     fit.axis = axis_of(T_world_tip, portal);
     look(scene, field, body, T_world_tip, memory, &fit);
     memset(out, 0, sizeof *out);
-    out->lead.mode = body->mode;
+    out->extrapolation.mode = body->mode;
     if (body->mode != AVATAR_TIP)
-        out->lead.portal = portal;
-    out->lead.reach_mm = reach_of(body);
+        out->extrapolation.portal = portal;
+    out->extrapolation.reach_mm = reach_of(body);
     switch (body->mode) {
     case AVATAR_TIP:
         follow_tip(&fit, out);
@@ -220,6 +220,6 @@ void avatar_warp(const struct warp_scene *scene, const struct field *field,
         follow_fit(&fit, out);
         break;
     }
-    out->T_world_warped = avatar_place(body->mode, portal, &out->lead.motion, T_world_tip);
+    out->T_world_warped = avatar_place(body->mode, portal, &out->extrapolation.motion, T_world_tip);
     measure(&fit, body, T_world_tip, out);
 }

@@ -23,7 +23,7 @@
 // Allocates nothing.
 #pragma once
 
-#include "base/follow.h"
+#include "base/extrapolation.h"
 #include "warp/warp.h"
 
 #define AVATAR_POINTS_MAX 16
@@ -50,7 +50,7 @@ struct avatar {
     pose T_world_warped; // of the tip's frame
     // In the world. Its trust radius for tip: the space warp's; else the least over points, of it
     // and of twice the point's gap, but 0.1.
-    struct avatar_lead lead;
+    struct avatar_extrapolation extrapolation;
     struct warp tip;                      // the space warp of the tip alone
     vec3 displacement[AVATAR_POINTS_MAX]; // of each point of the body
     // As far as surfaces are flat, over all that is looked at (`tip`: the tip), 0 where it is not:

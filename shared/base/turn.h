@@ -1,5 +1,5 @@
 // The shortest turn of one direction into another, and its first and second derivatives. For
-// follow.c and the fit of an avatar.
+// extrapolation.c and the fit of an avatar.
 #pragma once
 
 #include "base/pose.h"

@@ -19,7 +19,7 @@ _Static_assert((int)_arthron_Validity_ARRAYSIZE == VALIDITY_COUNT &&
 _Static_assert((int)_arthron_AvatarMode_ARRAYSIZE == AVATAR_MODE_COUNT &&
                    (int)arthron_AvatarMode_POINTS == AVATAR_POINTS &&
                    (int)arthron_AvatarMode_RIGID == AVATAR_RIGID,
-               "modes on the wire are those of base/follow.h");
+               "modes on the wire are those of base/extrapolation.h");
 _Static_assert(sizeof((arthron_Frame){0}.samples) / sizeof(arthron_Sample) == FRAME_SAMPLES_MAX,
                "a whole frame goes on the wire");
 _Static_assert((int)arthron_Knee_Side_LEFT == (int)SIDE_LEFT &&
@@ -424,7 +424,7 @@ static vec3 floats_to(const float v[3]) {
     return (vec3){v[0], v[1], v[2]};
 }
 
-void wire_lead_from(const struct avatar_lead *lead, arthron_WarpedInstrument *out) {
+void wire_lead_from(const struct avatar_extrapolation *lead, arthron_WarpedInstrument *out) {
     struct slope_shape shape = slope_shape(lead->mode);
     arthron_Lead *m = &out->lead;
     *m = (arthron_Lead){.mode = (arthron_AvatarMode)lead->mode, .v_count = 3};
@@ -442,13 +442,13 @@ void wire_lead_from(const struct avatar_lead *lead, arthron_WarpedInstrument *ou
     out->trust_radius_mm = (float)lead->trust_radius_mm;
 }
 
-struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument) {
+struct avatar_extrapolation wire_lead_to(const arthron_WarpedInstrument *instrument) {
     const arthron_Lead *m = &instrument->lead;
-    struct avatar_lead lead = {.mode = (enum avatar_mode)m->mode,
-                               .portal = floats_to(m->portal),
-                               .motion = {floats_to(m->v), m->s},
-                               .reach_mm = m->reach_mm,
-                               .trust_radius_mm = instrument->trust_radius_mm};
+    struct avatar_extrapolation lead = {.mode = (enum avatar_mode)m->mode,
+                                        .portal = floats_to(m->portal),
+                                        .motion = {floats_to(m->v), m->s},
+                                        .reach_mm = m->reach_mm,
+                                        .trust_radius_mm = instrument->trust_radius_mm};
     struct slope_shape shape = slope_shape(lead.mode);
     for (int i = 0; i < shape.rows; i++)
         for (int k = 0; k < shape.columns; k++)

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "arthron.pb.h"
-#include "base/follow.h"
+#include "base/extrapolation.h"
 #include "base/result.h"
 #include "base/sample.h"
 
@@ -85,8 +85,9 @@ enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame,
 // How an instrument's avatar goes on with the hand, in the frame of its body: sets the instrument's
 // lead and trust radius, and gives them back from a decoded one that is not LOST. Values are
 // rounded to floats.
-void wire_lead_from(const struct avatar_lead *lead, arthron_WarpedInstrument *out_instrument);
-struct avatar_lead wire_lead_to(const arthron_WarpedInstrument *instrument);
+void wire_lead_from(const struct avatar_extrapolation *lead,
+                    arthron_WarpedInstrument *out_instrument);
+struct avatar_extrapolation wire_lead_to(const arthron_WarpedInstrument *instrument);
 
 // Pads a frame's datagram so that the encoded frame is at least as long as the longest reply to it
 // can be (a server is no amplifier). Its channels must be known ones. Not for the control

@@ -28,7 +28,7 @@ struct sent {
 struct answer {
     bool known;
     enum bone bone;
-    struct avatar_lead lead;
+    struct avatar_extrapolation lead;
     pose T_body_sent; // the tip in the frame that was answered
 };
 
@@ -165,10 +165,10 @@ static void show_warp(const struct predict *p, const struct answer *answer, pose
     out->warp_validity = answer->known ? answer_validity(age_ns) : arthron_Validity_LOST;
     if (out->warp_validity == arthron_Validity_LOST)
         return;
-    const struct avatar_lead *lead = &answer->lead;
+    const struct avatar_extrapolation *lead = &answer->lead;
     pose T_mockup_body = p->places[answer->bone].T_mockup_body;
     pose T_body_now = pose_compose(pose_inverse(T_mockup_body), T_mockup_tip);
-    struct avatar_motion motion = avatar_follow(lead, answer->T_body_sent, T_body_now);
+    struct avatar_motion motion = avatar_extrapolate(lead, answer->T_body_sent, T_body_now);
     pose T_body_warped = avatar_place(lead->mode, lead->portal, &motion, T_body_now);
     out->has_warped = true;
     out->warped = wire_pose_from(pose_compose(T_mockup_body, T_body_warped));

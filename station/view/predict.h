@@ -1,5 +1,5 @@
 // What a viewer is shown: the newest bones and instruments, each avatar gone on with the hand from
-// the server's last answer (base/follow.h):
+// the server's last answer (base/extrapolation.h):
 //
 //     T_mockup_warped = B_now · place(follow(lead, B_sent⁻¹ · T_sent, B_now⁻¹ · T_now))
 //

@@ -67,7 +67,7 @@ static void fill(uint64_t step, int64_t now_ns, struct session_input *input,
                                   .time_ns = now_ns,
                                   .T_mockup_body = pose_identity()};
         output->instruments[i].present = true;
-        output->instruments[i].lead.mode = AVATAR_RIGID;
+        output->instruments[i].extrapolation.mode = AVATAR_RIGID;
     }
     output->step = step;
     output->frame_number = step;

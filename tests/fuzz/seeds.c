@@ -144,7 +144,7 @@ static void datagrams(void) {
     seed("datagram", "sealed", sealed, seal_seal(seal, data, used, sealed));
     seal_destroy(&seal);
     arthron_Reply reply = {.frame_number = 7, .instruments_count = 1};
-    const struct avatar_lead lead = {.mode = AVATAR_RIGID, .trust_radius_mm = 1};
+    const struct avatar_extrapolation lead = {.mode = AVATAR_RIGID, .trust_radius_mm = 1};
     reply.instruments[0].channel = arthron_Channel_PROBE;
     reply.instruments[0].has_pose = true;
     reply.instruments[0].pose.qw = 1;

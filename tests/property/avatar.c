@@ -93,7 +93,7 @@ static void a_tip_goes_where_the_space_warp_takes_it(void **state) {
         assert_memory_equal(&avatar.T_world_warped.translation, &target, sizeof target);
         assert_memory_equal(&avatar.T_world_warped.rotation, &probe.T_world_tip.rotation,
                             sizeof(quat));
-        assert_true(avatar.lead.trust_radius_mm == warp.trust_radius_mm);
+        assert_true(avatar.extrapolation.trust_radius_mm == warp.trust_radius_mm);
     }
     world_fini(&w);
 }
@@ -110,7 +110,7 @@ static void the_reach_of_what_lies_beside_and_before_the_tip_is_one_zero(void **
         struct avatar_body body = {AVATAR_RIGID, points, count};
         struct probe probe = somewhere(&r);
         struct avatar avatar = warp_once(&w.scene, &body, &probe);
-        assert_true(avatar.lead.reach_mm == 0 && !signbit(avatar.lead.reach_mm));
+        assert_true(avatar.extrapolation.reach_mm == 0 && !signbit(avatar.extrapolation.reach_mm));
     }
     world_fini(&w);
 }
@@ -259,7 +259,7 @@ static void the_fit_is_the_best_there_is(void **state) {
         double best = cost_of(&w.scene, &body, &probe, avatar.T_world_warped);
         for (int k = 0; k < 40; k++) {
             double size = pow(10, random_between(&r, -4, 0));
-            struct avatar_motion other = avatar.lead.motion;
+            struct avatar_motion other = avatar.extrapolation.motion;
             other.v = vec3_add(other.v, random_in_box(&r, size / 50));
             other.s += random_between(&r, -size, size);
             pose after = avatar_place(AVATAR_RIGID, probe.portal, &other, probe.T_world_tip);
@@ -281,8 +281,8 @@ static void a_roll_of_a_straight_instrument_does_not_matter(void **state) {
         struct avatar_body body = body_of(AVATAR_RIGID, false);
         struct avatar one = warp_once(&w.scene, &body, &probe);
         struct avatar other = warp_once(&w.scene, &body, &rolled);
-        assert_vec3_near(one.lead.motion.v, other.lead.motion.v, 1e-9);
-        assert_near(one.lead.motion.s, other.lead.motion.s, 1e-8);
+        assert_vec3_near(one.extrapolation.motion.v, other.extrapolation.motion.v, 1e-9);
+        assert_near(one.extrapolation.motion.s, other.extrapolation.motion.s, 1e-8);
         assert_vec3_near(one.T_world_warped.translation, other.T_world_warped.translation, 1e-7);
     }
     world_fini(&w);
@@ -305,7 +305,7 @@ static void an_instrument_outside_is_not_moved(void **state) {
         struct avatar avatar = warp_once(&scene, &body, &probe);
         if (depth < 4)
             assert_memory_equal(&avatar.T_world_warped, &probe.T_world_tip, sizeof(pose));
-        else if (vec3_length(before.lead.motion.v) > 0)
+        else if (vec3_length(before.extrapolation.motion.v) > 0)
             assert_vec3_near(avatar.displacement[0], before.displacement[0], 0.01);
         before = avatar;
     }

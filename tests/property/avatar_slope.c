@@ -48,7 +48,7 @@ struct row {
 };
 
 static struct row motion_at(const struct setting *s, pose T, int way, double by) {
-    struct avatar_motion motion = warp_at(s, moved(T, way, by)).lead.motion;
+    struct avatar_motion motion = warp_at(s, moved(T, way, by)).extrapolation.motion;
     return (struct row){{motion.v.x, motion.v.y, motion.v.z, motion.s}};
 }
 
@@ -94,7 +94,7 @@ static void check_slopes(const struct setting *s, pose T, int *out_checked) {
         if (!differences(s, T, way, way < 3 ? 1e-4 : 1e-5, &found))
             continue;
         for (int i = 0; i < 4; i++) {
-            told.m[i] = avatar.lead.slope[i][way];
+            told.m[i] = avatar.extrapolation.slope[i][way];
             assert_near(told.m[i], found.m[i], 1e-4 * (1 + fabs(found.m[i])));
         }
         ++*out_checked;
@@ -168,8 +168,8 @@ static void be_late(struct setting *s, const struct bodies *knee, int poses, dou
                     vec3_add(sent.translation, late.translation)};
         s->portal = probe.portal;
         struct avatar before = warp_at(s, sent), after = warp_at(s, now);
-        struct avatar_motion followed = avatar_follow(&before.lead, sent, now);
-        const struct avatar_motion *motions[2] = {&before.lead.motion, &followed};
+        struct avatar_motion followed = avatar_extrapolate(&before.extrapolation, sent, now);
+        const struct avatar_motion *motions[2] = {&before.extrapolation.motion, &followed};
         for (int k = 0; k < 4; k++) {
             vec3 at = {0, 0, k / 2 ? -30.0 : 0};
             pose guess = avatar_place(s->mode, s->portal, motions[k % 2], now);
@@ -197,8 +197,8 @@ static void a_late_pose_is_made_up_for(void **state) {
 }
 
 static double change(const struct avatar *avatar, const struct avatar_motion *motion) {
-    return vec3_distance(motion->v, avatar->lead.motion.v) +
-           fabs(motion->s - avatar->lead.motion.s);
+    return vec3_distance(motion->v, avatar->extrapolation.motion.v) +
+           fabs(motion->s - avatar->extrapolation.motion.s);
 }
 
 static void past_the_trust_radius_the_way_is_cut_short(void **state) {
@@ -211,15 +211,16 @@ static void past_the_trust_radius_the_way_is_cut_short(void **state) {
         struct setting s = {&w.scene, (enum avatar_mode)(i % AVATAR_MODE_COUNT), {0}};
         pose sent = somewhere(&s, &r, 1), near = sent, far = sent;
         struct avatar avatar = warp_at(&s, sent);
-        assert_true(avatar.lead.trust_radius_mm >= 0.1 && avatar.lead.trust_radius_mm <= 2);
-        vec3 way = vec3_scale(avatar.lead.trust_radius_mm, random_direction(&r));
+        assert_true(avatar.extrapolation.trust_radius_mm >= 0.1 &&
+                    avatar.extrapolation.trust_radius_mm <= 2);
+        vec3 way = vec3_scale(avatar.extrapolation.trust_radius_mm, random_direction(&r));
         near.translation = vec3_add_scaled(sent.translation, 0.999999999, way);
         far.translation = vec3_add_scaled(sent.translation, 10, way);
-        struct avatar_motion a = avatar_follow(&avatar.lead, sent, near),
-                             b = avatar_follow(&avatar.lead, sent, far);
+        struct avatar_motion a = avatar_extrapolate(&avatar.extrapolation, sent, near),
+                             b = avatar_extrapolate(&avatar.extrapolation, sent, far);
         assert_vec3_near(a.v, b.v, 1e-6 * (1 + vec3_length(a.v)));
         assert_near(a.s, b.s, 1e-6 * (1 + fabs(a.s)));
-        struct avatar_motion none = avatar_follow(&avatar.lead, sent, sent);
+        struct avatar_motion none = avatar_extrapolate(&avatar.extrapolation, sent, sent);
         assert_near(change(&avatar, &none), 0, 1e-12);
         changed += change(&avatar, &b) > 1e-3;
     }

@@ -139,11 +139,12 @@ static void hand_moves(struct house *h, pose T_mockup_tip) {
     tip.translation = vec3_add(tip.translation, random_in_box(&h->random, 1));
     now.number++;
     now.samples[2].T_mockup_body = tip;
-    struct avatar_motion motion = avatar_follow(&o->lead, T_mockup_tip, tip);
+    struct avatar_motion motion = avatar_extrapolate(&o->extrapolation, T_mockup_tip, tip);
     arthron_View view = show(h, &now);
     assert_shown(&view.instruments[0].warped,
-                 avatar_place(o->lead.mode, o->lead.portal, &motion, tip), 2e-5);
-    assert_int_equal(view.instruments[0].clamped, avatar_share(&o->lead, T_mockup_tip, tip) < 1);
+                 avatar_place(o->extrapolation.mode, o->extrapolation.portal, &motion, tip), 2e-5);
+    assert_int_equal(view.instruments[0].clamped,
+                     avatar_share(&o->extrapolation, T_mockup_tip, tip) < 1);
 }
 
 // Hand and bones are moved as one: all that is shown is moved just so.
@@ -214,14 +215,14 @@ static void fill_instrument(struct random *random, struct instrument_output *o) 
                                     .T_mockup_tip = random_pose(random, 100),
                                     .T_mockup_warped = random_pose(random, 100),
                                     .warp.nearest_mm = 1};
-    o->lead = (struct avatar_lead){.mode = AVATAR_RIGID,
-                                   .portal = random_in_box(random, 100),
-                                   .motion = {random_in_box(random, 1), 1},
-                                   .reach_mm = 100,
-                                   .trust_radius_mm = 1};
+    o->extrapolation = (struct avatar_extrapolation){.mode = AVATAR_RIGID,
+                                                     .portal = random_in_box(random, 100),
+                                                     .motion = {random_in_box(random, 1), 1},
+                                                     .reach_mm = 100,
+                                                     .trust_radius_mm = 1};
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 6; k++)
-            o->lead.slope[i][k] = random_between(random, 0.1, 1);
+            o->extrapolation.slope[i][k] = random_between(random, 0.1, 1);
 }
 
 static int group_on_patella(const struct knee_case *knee) {

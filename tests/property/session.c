@@ -227,8 +227,8 @@ static void a_rigid_instrument_turns_in_the_portal_that_it_goes_through(void **s
         const struct instrument_output *o =
             hold(&h, T_mockup_femur, joint, channel, through(portal, aim, 30 + i % 30));
         vec3 P = pose_apply(T_mockup_femur, scene->knee->portals[portal].position);
-        assert_int_equal(o->lead.mode, AVATAR_RIGID);
-        assert_vec3_near(o->lead.portal, P, 1e-9);
+        assert_int_equal(o->extrapolation.mode, AVATAR_RIGID);
+        assert_vec3_near(o->extrapolation.portal, P, 1e-9);
         assert_true(axis_misses(o->T_mockup_warped, P) < 1e-6);
         turned += o->discrepancy.tilt_deg > 0.1;
         if (i % 100 == 99) // out, and to the other portal
@@ -257,7 +257,7 @@ static void an_instrument_keeps_its_portal_while_it_is_inside(void **state) {
     const int through_portal[] = {0, 0, 1, 1};
     for (int i = 0; i < 4; i++) {
         const struct instrument_output *o = hold(&h, pose_identity(), joint, CHANNEL_SCOPE, way[i]);
-        assert_vec3_near(o->lead.portal, portals[through_portal[i]].position, 1e-9);
+        assert_vec3_near(o->extrapolation.portal, portals[through_portal[i]].position, 1e-9);
     }
     session_destroy(&h.session);
 }

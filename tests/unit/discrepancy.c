@@ -3,19 +3,21 @@
 #include "random.h"
 #include "test.h"
 
-// A lead of the tip whose motion is F = I + slope.
-static struct avatar_lead lead_of(mat3 F, vec3 offset) {
-    struct avatar_lead lead = {.motion = {.v = offset}, .trust_radius_mm = 1};
+// A extrapolation of the tip whose motion is F = I + slope.
+static struct avatar_extrapolation lead_of(mat3 F, vec3 offset) {
+    struct avatar_extrapolation extrapolation = {.motion = {.v = offset}, .trust_radius_mm = 1};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
-            lead.slope[i][k] = F.m[i][k] - (i == k);
-    return lead;
+            extrapolation.slope[i][k] = F.m[i][k] - (i == k);
+    return extrapolation;
 }
 
 static struct discrepancy meet(mat3 F, vec3 offset) {
-    struct avatar_lead lead = lead_of(F, offset);
+    struct avatar_extrapolation extrapolation = lead_of(F, offset);
     pose tip = {quat_from_axis_angle((vec3){0, 1, 0}, 0.4), {3, -4, 5}};
-    return discrepancy_of(&lead, tip, avatar_place(lead.mode, lead.portal, &lead.motion, tip));
+    return discrepancy_of(
+        &extrapolation, tip,
+        avatar_place(extrapolation.mode, extrapolation.portal, &extrapolation.motion, tip));
 }
 
 static mat3 diagonal(double a, double b, double c) {
@@ -54,12 +56,13 @@ static void a_fold_has_a_negative_gain_and_is_turned_right_round(void **state) {
 // Against differences over the whole path of hand, network and picture: a turn in the portal.
 static void a_rigid_avatars_shaft_tilts(void **state) {
     (void)state;
-    struct avatar_lead lead = {.mode = AVATAR_RIGID,
-                               .portal = {0, 0, -50},
-                               .motion = {{tan(0.1), 0, 0}, 2},
-                               .trust_radius_mm = 1};
-    pose tip = pose_identity(), shown = avatar_place(AVATAR_RIGID, lead.portal, &lead.motion, tip);
-    struct discrepancy d = discrepancy_of(&lead, tip, shown);
+    struct avatar_extrapolation extrapolation = {.mode = AVATAR_RIGID,
+                                                 .portal = {0, 0, -50},
+                                                 .motion = {{tan(0.1), 0, 0}, 2},
+                                                 .trust_radius_mm = 1};
+    pose tip = pose_identity(),
+         shown = avatar_place(AVATAR_RIGID, extrapolation.portal, &extrapolation.motion, tip);
+    struct discrepancy d = discrepancy_of(&extrapolation, tip, shown);
     assert_near(d.tilt_deg, 0.1 * DEG_PER_RAD, 1e-9);
     assert_near(d.offset_mm, vec3_distance(shown.translation, (vec3){0, 0, 0}), 1e-12);
     assert_near(shown.translation.x, 52 * sin(0.1), 1e-9);

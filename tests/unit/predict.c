@@ -91,13 +91,13 @@ static pose tip_in_tibia(const struct moment *m) {
 
 // ---- answers ------------------------------------------------------------------------------------
 
-static struct avatar_lead some_lead(struct random *random, enum avatar_mode mode) {
+static struct avatar_extrapolation some_lead(struct random *random, enum avatar_mode mode) {
     double size = mode == AVATAR_RIGID ? 0.05 : 3;
-    struct avatar_lead lead = {.mode = mode,
-                               .portal = random_in_box(random, 100),
-                               .motion = {random_in_box(random, size), 0},
-                               .trust_radius_mm = 1e6,
-                               .reach_mm = mode == AVATAR_TIP ? 0 : 120};
+    struct avatar_extrapolation lead = {.mode = mode,
+                                        .portal = random_in_box(random, 100),
+                                        .motion = {random_in_box(random, size), 0},
+                                        .trust_radius_mm = 1e6,
+                                        .reach_mm = mode == AVATAR_TIP ? 0 : 120};
     if (mode == AVATAR_RIGID)
         lead.motion.s = random_between(random, -2, 2);
     for (int i = 0; i < (mode == AVATAR_RIGID ? 4 : 3); i++)
@@ -108,7 +108,7 @@ static struct avatar_lead some_lead(struct random *random, enum avatar_mode mode
 }
 
 static arthron_Reply reply_to(uint64_t number, const struct moment *m,
-                              const struct avatar_lead *lead) {
+                              const struct avatar_extrapolation *lead) {
     arthron_Reply reply = {
         .frame_number = number, .state = arthron_SessionState_RUNNING, .instruments_count = 1};
     arthron_WarpedInstrument *w = &reply.instruments[0];
@@ -121,7 +121,8 @@ static arthron_Reply reply_to(uint64_t number, const struct moment *m,
 }
 
 // v and s where the server's motion is linear in the way from `sent`: its rule, written once more.
-static struct avatar_motion linear_motion(const struct avatar_lead *lead, pose sent, pose now) {
+static struct avatar_motion linear_motion(const struct avatar_extrapolation *lead, pose sent,
+                                          pose now) {
     pose turn = {quat_multiply(now.rotation, quat_conjugate(sent.rotation)), {0}};
     vec3 w = pose_log(turn).rotation, d = vec3_sub(now.translation, sent.translation);
     const double way[6] = {d.x, d.y, d.z, w.x, w.y, w.z};
@@ -153,7 +154,7 @@ static void a_motion_that_is_linear_is_met_while_hand_and_bones_move(void **stat
     for (int i = 0; i < 300; i++) {
         enum avatar_mode mode = (enum avatar_mode)(i % AVATAR_MODE_COUNT);
         struct moment sent = some_moment(&random), now = moved(&sent, &random, 4);
-        struct avatar_lead lead = some_lead(&random, mode);
+        struct avatar_extrapolation lead = some_lead(&random, mode);
         arthron_Reply reply = reply_to(++number, &sent, &lead);
         pass(&sent, number, 1000, true);
         pass(&now, ++number, 2000, true);
@@ -175,7 +176,7 @@ static void where_nothing_moved_the_avatar_is_where_the_server_put_it(void **sta
     struct random random = {2};
     for (uint64_t number = 1; number < 200; number++) {
         struct moment m = some_moment(&random);
-        struct avatar_lead lead = some_lead(&random, (enum avatar_mode)(number % 3));
+        struct avatar_extrapolation lead = some_lead(&random, (enum avatar_mode)(number % 3));
         arthron_Reply reply = reply_to(number, &m, &lead);
         pass(&m, number, 1000, true);
         assert_true(predict_reply(predict, &reply));
@@ -192,7 +193,7 @@ static void what_rides_on_a_bone_stays_on_it(void **state) {
     (void)state;
     struct random random = {3};
     struct moment sent = some_moment(&random), now = moved(&sent, &random, 1);
-    struct avatar_lead lead = some_lead(&random, AVATAR_RIGID);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_RIGID);
     now.T_mockup_tip = pose_compose(tibia_of(&now), tip_in_tibia(&sent));
     arthron_Reply reply = reply_to(1, &sent, &lead);
     pass(&sent, 1, 1000, true);
@@ -208,7 +209,7 @@ static void past_the_trust_radius_the_way_is_cut(void **state) {
     (void)state;
     struct random random = {4};
     struct moment sent = some_moment(&random), now = sent;
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     lead.trust_radius_mm = 0.5;
     now.T_mockup_tip.translation.z += 2;
     arthron_Reply reply = reply_to(1, &sent, &lead);
@@ -232,7 +233,7 @@ static void an_answer_grows_old_then_is_lost(void **state) {
     (void)state;
     struct random random = {5};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &lead);
     pass(&m, 1, 0, true);
     predict_reply(predict, &reply);
@@ -263,7 +264,7 @@ static void answers_to_forgotten_unsent_or_older_frames_are_dropped(void **state
     (void)state;
     struct random random = {6};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(3, &m, &lead);
     assert_false(predict_reply(predict, &reply));
     pass(&m, 3, 1000, false);
@@ -284,7 +285,7 @@ static void events_are_counted_even_of_dropped_answers(void **state) {
     (void)state;
     struct random random = {7};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &lead);
     pass(&m, 1, 1000, true);
     reply.events = 1u << 3 | 1u << 31;
@@ -302,7 +303,7 @@ static void another_case_makes_all_answers_void(void **state) {
     (void)state;
     struct random random = {8};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &lead);
     pass(&m, 1, 1000, true);
     predict_reply(predict, &reply);
@@ -323,7 +324,7 @@ static void an_instrument_that_an_answer_leaves_out_has_none(void **state) {
     (void)state;
     struct random random = {9};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &lead), other = reply_to(2, &m, &lead);
     other.instruments[0].channel = arthron_Channel_KNIFE; // which no frame had
     pass(&m, 1, 1000, true);
@@ -340,7 +341,7 @@ static void a_lost_instrument_has_neither_pose(void **state) {
     (void)state;
     struct random random = {10};
     struct moment m = some_moment(&random);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     arthron_Reply reply = reply_to(1, &m, &lead);
     pass(&m, 1, 1000, true);
     predict_reply(predict, &reply);
@@ -442,7 +443,7 @@ static void a_corrected_bone_is_shown_where_its_ligaments_let_it(void **state) {
     (void)state;
     struct random random = {14};
     struct moment sent = some_moment(&random), now = moved(&sent, &random, 1);
-    struct avatar_lead lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
     pose T_body_virtual = random_pose(&random, 10);
     arthron_Reply reply = reply_to(1, &sent, &lead);
     reply.corrections_count = 1;

@@ -82,7 +82,8 @@ static void random_input(struct random *r, int64_t time_ns, struct session_input
 }
 
 // That of `tip` says what the space warp says.
-static void random_lead(struct random *r, const struct warp *warp, struct avatar_lead *out) {
+static void random_lead(struct random *r, const struct warp *warp,
+                        struct avatar_extrapolation *out) {
     out->mode = random_bits(r) % AVATAR_MODE_COUNT;
     bool tip = out->mode == AVATAR_TIP;
     out->motion.v = tip ? warp->displacement : any_vec3(r);
@@ -124,7 +125,7 @@ static void random_instrument(struct random *r, struct instrument_output *out) {
     out->warp.trust_radius_mm = any_real(r);
     out->warp.nearest = (int)(random_bits(r) % (WARP_SURFACES_MAX + 1)) - 1;
     out->warp.nearest_mm = any_real(r);
-    random_lead(r, &out->warp, &out->lead);
+    random_lead(r, &out->warp, &out->extrapolation);
     double *meters[] = {&out->penetration_mm,        &out->tip_gap_mm,
                         &out->discrepancy.offset_mm, &out->discrepancy.tilt_deg,
                         &out->discrepancy.gain,      &out->discrepancy.gain_least,

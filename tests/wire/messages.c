@@ -455,7 +455,7 @@ static void assert_lead_refused(int mode, void (*spoil)(arthron_WarpedInstrument
                                 const char *text) {
     arthron_Control *m = malloc(sizeof *m);
     fill_control(arthron_Control_reply_tag, m);
-    struct avatar_lead lead = make_lead((enum avatar_mode)mode);
+    struct avatar_extrapolation lead = make_lead((enum avatar_mode)mode);
     wire_lead_from(&lead, &m->message.reply.instruments[4]);
     spoil(&m->message.reply.instruments[4]);
     assert_control_refused(m, text);
@@ -521,10 +521,10 @@ static void leads_that_are_none_are_refused(void **state) {
 static void a_lead_comes_back_as_floats(void **state) {
     (void)state;
     for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
-        struct avatar_lead lead = make_lead((enum avatar_mode)mode);
+        struct avatar_extrapolation lead = make_lead((enum avatar_mode)mode);
         arthron_WarpedInstrument w = {0};
         wire_lead_from(&lead, &w);
-        struct avatar_lead back = wire_lead_to(&w);
+        struct avatar_extrapolation back = wire_lead_to(&w);
         int rows = mode == AVATAR_RIGID ? 4 : 3, columns = mode == AVATAR_TIP ? 3 : 6;
         assert_int_equal(back.mode, mode);
         assert_vec3_near(back.motion.v, lead.motion.v, 1e-6);

@@ -1,4 +1,4 @@
-#include "base/follow.h"
+#include "base/extrapolation.h"
 
 #include "base/turn.h"
 
@@ -46,14 +46,15 @@ static vec3 turn_between(quat a, quat b) {
 }
 
 // A rigid motion takes no point between two others farther than both.
-double avatar_share(const struct avatar_lead *lead, pose sent, pose now) {
+double avatar_share(const struct avatar_extrapolation *lead, pose sent, pose now) {
     vec3 end = {0, 0, -lead->reach_mm};
     double longest = fmax(vec3_distance(now.translation, sent.translation),
                           vec3_distance(pose_apply(now, end), pose_apply(sent, end)));
     return longest > lead->trust_radius_mm ? lead->trust_radius_mm / longest : 1;
 }
 
-struct avatar_motion avatar_follow(const struct avatar_lead *lead, pose sent, pose now) {
+struct avatar_motion avatar_extrapolate(const struct avatar_extrapolation *lead, pose sent,
+                                        pose now) {
     double share = avatar_share(lead, sent, now);
     vec3 way = vec3_sub(now.translation, sent.translation);
     vec3 turn = turn_between(sent.rotation, now.rotation);
@@ -79,8 +80,9 @@ static void set_row_part(double row[6], int from, vec3 part) {
 }
 
 // The slopes of v turn on both sides, those of s only over the hand's way.
-struct avatar_lead avatar_lead_in(pose T_a_b, const struct avatar_lead *lead) {
-    struct avatar_lead out = *lead;
+struct avatar_extrapolation avatar_extrapolation_in(pose T_a_b,
+                                                    const struct avatar_extrapolation *lead) {
+    struct avatar_extrapolation out = *lead;
     mat3 R = quat_to_mat3(T_a_b.rotation);
     out.portal = pose_apply(T_a_b, lead->portal);
     out.motion.v = mat3_apply(R, lead->motion.v);

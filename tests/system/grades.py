@@ -2,12 +2,18 @@
 
 import json
 import os
+import shutil
 import unittest
 
 from arthron import House, call, wait_until
 
 
 class Grades(House):
+    def setUp(self):
+        super().setUp()
+        shutil.copytree(self.cases, self.path("cases"))
+        self.cases = self.path("cases")
+
     def refused(self, case):
         return "unfit" in call("arthron-server", "session", "--socket", self.socket, "case", "room-1", case,
                                code=None).stderr

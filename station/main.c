@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "tools/tools.h"
 
 #include <stdio.h>
@@ -28,6 +29,8 @@ static const struct {
     {"check", tool_check},
 };
 
+enum { TOOL_COUNT = sizeof tools / sizeof *tools };
+
 int main(int argc, char **argv) {
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
@@ -37,11 +40,13 @@ int main(int argc, char **argv) {
         puts("arthron-station " ARTHRON_VERSION);
         return 0;
     }
-    for (size_t i = 0; argc > 1 && i < sizeof tools / sizeof *tools; i++)
+    for (size_t i = 0; argc > 1 && i < TOOL_COUNT; i++)
         if (!strcmp(argv[1], tools[i].name))
             return tools[i].run(argc - 1, argv + 1);
-    if (argc > 1)
-        fprintf(stderr, "arthron-station: no command '%s'\n", argv[1]);
-    fputs(help, stderr);
-    return 2;
+    if (argc == 1)
+        return argument_wrong("arthron-station", "the command is missing");
+    const char *names[TOOL_COUNT + 1] = {NULL};
+    for (size_t i = 0; i < TOOL_COUNT; i++)
+        names[i] = tools[i].name;
+    return argument_unknown("arthron-station", "command", argv[1], names);
 }

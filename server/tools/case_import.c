@@ -18,45 +18,49 @@ static const char help[] =
     "\n"
     "Makes a case from meshes (PLY, OBJ, STL, OFF). tibia and femur are needed.\n"
     "\n"
-    "  --unit mm|cm|m     unit of the files of the --group options after it; may be repeated, and\n"
-    "                     the first one holds for the files before it\n"
+    "  --unit mm|cm|m     unit of the files of the --group options after it. It may be repeated;\n"
+    "                     the first one holds for the files before it, too\n"
     "  --group NAME=FILE[@x,y,z,qw,qx,qy,qz]\n"
-    "                     a mesh of the group; several of the same NAME are its parts. The pose,\n"
-    "                     in mm, takes the file's frame (scaled to mm) to the common frame;\n"
-    "                     x,y,z alone is a shift\n"
+    "                     a mesh of the group; several of the same NAME are its parts. The pose, "
+    "in\n"
+    "                     mm, takes the file's frame (scaled to mm) to the common frame; x,y,z "
+    "alone\n"
+    "                     is a shift\n"
     "                     Usual names: tibia, femur, patella, meniscus_medial, meniscus_lateral,\n"
     "                     acl, pcl, mcl, lcl, skin\n"
-    "  --axes XYZ         where x, y and z of the common frame point, three of R or L (right, "
-    "left\n"
-    "                     of the patient), A or P (anterior, posterior), S or I (superior,\n"
-    "                     inferior). The case has RAS, which is the default\n"
-    "  --body NAME=BODY   what a group moves with: femur, tibia or patella. Default: tibia for\n"
-    "                     tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
-    "  --bridge NAME=BODY the group is a ligament that goes over to another bone: its vertices\n"
-    "                     follow both, by how near they are. Default: acl, pcl, mcl, lcl from "
+    "  --axes XYZ         the directions of x, y and z of the common frame, three of R or L "
+    "(right,\n"
+    "                     left of the patient), A or P (anterior, posterior), S or I (superior,\n"
+    "                     inferior). Default: RAS, as in the case\n"
+    "  --body NAME=BODY   the body that a group moves with: femur, tibia or patella. Default: "
     "tibia\n"
-    "                     to femur, patellar_ligament and skin to tibia; NAME=none for not\n"
-    "  --cuttable NAME    the group will be cut: one closed, manifold mesh\n"
+    "                     for tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
+    "  --bridge NAME=BODY the group is a ligament that reaches another bone. Each vertex follows "
+    "the\n"
+    "                     nearer bone more. Default: acl, pcl, mcl, lcl from tibia to femur,\n"
+    "                     patellar_ligament and skin to tibia. NAME=none: no bridge\n"
+    "  --cuttable NAME    instruments cut this group: one closed, manifold mesh\n"
     "  --portal NAME=x,y,z,dx,dy,dz\n"
     "                     an entry through the skin and its direction into the joint, RAS, mm\n"
     "  --joint x,y,z,qw,qx,qy,qz\n"
-    "                     the joint's frame, RAS, mm. Default, from the distal 35 mm of the\n"
-    "                     femur: not turned, in the middle from left to right, and 0.27 times the\n"
-    "                     width above the distal and before the posterior end\n"
-    "  --title TEXT       for people\n"
-    "  --json             what is said of each mesh, as JSON\n"
-    "  --side left|right  whose knee; --name NAME: letters, digits and \"_-.\"\n"
+    "                     the joint's frame, RAS, mm. Default, from the distal 35 mm of the "
+    "femur:\n"
+    "                     not turned, in the middle from left to right, and 0.27 times the width\n"
+    "                     above the distal and before the posterior end\n"
+    "  --title TEXT       the title that people see\n"
+    "  --json             print the report of each mesh as JSON\n"
+    "  --side left|right  the side of the knee\n"
+    "  --name NAME        the name of the case: letters, digits and \"_-.\"\n"
     "\n"
-    "All bones must be given as they lie in extension. Each mesh is repaired where that is safe:\n"
-    "vertices of open edges in one place become one (within 0.001 mm where triangles share none,\n"
-    "as in STL), bad and duplicate triangles go, triangles run the same way round and face\n"
-    "outwards, sheets that touch in a vertex or an edge are split, components of less than 2 % of\n"
-    "the area go. Nothing else is moved or filled. Printed for each mesh: what was wrong, what "
-    "was\n"
-    "done, what remains; open meshes can be warped and touched, but not cut.\n"
+    "Give all bones as they lie in extension. The import repairs each mesh where that is safe.\n"
+    "It joins vertices of open edges in one place (within 0.001 mm where triangles share none,\n"
+    "as in STL). It removes bad and duplicate triangles, and components of less than 2 % of the\n"
+    "area. It turns triangles outwards, and splits sheets that touch in a vertex or an edge. It\n"
+    "moves and fills nothing else. For each mesh it prints what was wrong, what it did, and\n"
+    "what remains. Open meshes can be warped and touched, but not cut.\n"
     "\n"
-    "Refused: a file that is misread, a knee of 4 cm or 40 m (with the unit that would fit), and\n"
-    "what `arthron-case check` calls a fault; nothing is written then.\n";
+    "It refuses a file that is misread, and a knee of 4 cm or 40 m, with the unit that would\n"
+    "fit. It also refuses a case with a fault of `arthron-case check`, and writes nothing.\n";
 
 struct source {
     char group[CASE_NAME_MAX];
@@ -362,6 +366,8 @@ int command_import(int argc, char **argv) {
                                             {"json", no_argument, NULL, 'J'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
+    static const char *const sides[] = {"left", "right", NULL};
+    static const char *const units[] = {"mm", "cm", "m", NULL};
     static struct request request;
     request = (struct request){.title = "", .T_case_common = pose_identity()};
     int option, which = 0;
@@ -372,8 +378,15 @@ int command_import(int argc, char **argv) {
         }
         if (option == '?')
             return EXIT_USAGE;
-        if (!take_option(option, optarg, &request))
-            return usage_error("import", "--%s %s: not what it takes", options[which].name, optarg);
+        if (take_option(option, optarg, &request))
+            continue;
+        if (option == 's')
+            return unknown_choice("import", "--side", optarg, sides);
+        if (option == 'u')
+            return unknown_choice("import", "--unit", optarg, units);
+        return usage_error("import",
+                           "--%s %s: not of the form that --help shows, or given too often",
+                           options[which].name, optarg);
     }
     if (optind != argc)
         return usage_error("import", "what is \"%s\"?", argv[optind]);

@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "base/clock.h"
 #include "trace_commands.h"
 
@@ -85,25 +86,25 @@ void show_progress(uint64_t done, uint64_t all) {
     begun = !ends;
 }
 
-static void print_help(FILE *file) {
+static void print_help(void) {
     fputs("Usage: arthron-trace COMMAND FILE [OPTIONS]\n"
           "\n"
-          "Reads the record of a session: all that it learnt and all that it answered.\n"
+          "Reads the trace of a session: its inputs, and the outputs that they led to.\n"
           "\n"
           "Commands:\n",
-          file);
+          stdout);
     for (size_t i = 0; i < COMMAND_COUNT; i++)
-        fprintf(file, "  %-8s  %s\n", commands[i].name, commands[i].what);
+        printf("  %-8s  %s\n", commands[i].name, commands[i].what);
     fputs("\n"
-          "arthron-trace COMMAND --help tells more.\n"
+          "arthron-trace COMMAND --help explains a command.\n"
           "  --help      show this\n"
           "  --version   show the version\n",
-          file);
+          stdout);
 }
 
 int main(int argc, char **argv) {
     if (argc > 1 && !strcmp(argv[1], "--help")) {
-        print_help(stdout);
+        print_help();
         return EXIT_GOOD;
     }
     if (argc > 1 && !strcmp(argv[1], "--version")) {
@@ -113,8 +114,10 @@ int main(int argc, char **argv) {
     for (size_t i = 0; argc > 1 && i < COMMAND_COUNT; i++)
         if (!strcmp(argv[1], commands[i].name))
             return commands[i].run(argc - 1, argv + 1);
-    if (argc > 1)
-        fprintf(stderr, "arthron-trace: no command '%s'\n", argv[1]);
-    print_help(stderr);
-    return EXIT_USAGE;
+    if (argc == 1)
+        return argument_wrong("arthron-trace", "the command is missing");
+    const char *names[COMMAND_COUNT + 1] = {NULL};
+    for (size_t i = 0; i < COMMAND_COUNT; i++)
+        names[i] = commands[i].name;
+    return argument_unknown("arthron-trace", "command", argv[1], names);
 }

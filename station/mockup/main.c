@@ -1,5 +1,6 @@
 // arthron-mockup: a knee on your desk. It speaks the protocols of the hardware and plays a file.
 
+#include "base/argument.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -67,10 +68,11 @@ static bool parse_whole(const char *text, int low, int high, int *out) {
     return true;
 }
 
+static const char *const message_names[] = {"TRANSFORM", "TDATA", "POSITION", "QTDATA", NULL};
+
 static bool parse_message(const char *text, enum message_type *out) {
-    static const char *const names[] = {"TRANSFORM", "TDATA", "POSITION", "QTDATA"};
-    for (int i = 0; i < 4; i++)
-        if (!strcmp(text, names[i])) {
+    for (int i = 0; message_names[i]; i++)
+        if (!strcmp(text, message_names[i])) {
             *out = (enum message_type)i;
             return true;
         }
@@ -201,6 +203,13 @@ static void check_usage(const struct mockup *m) {
         end_with_usage("nothing to be: --modbus-tcp, --modbus-rtu, --tracker or --hid");
 }
 
+_Noreturn static void end_with_unknown_tool(const char *text) {
+    const char *names[CHANNEL_COUNT + 1] = {NULL};
+    for (int i = CHANNEL_JOINT + 1; i < CHANNEL_COUNT; i++)
+        names[i - CHANNEL_JOINT - 1] = channel_name((enum channel)i);
+    exit(argument_unknown("arthron-mockup", "--tool", text, names));
+}
+
 static void parse_options(struct mockup *m, int argc, char **argv) {
     int code, index;
     while ((code = getopt_long(argc, argv, "", options, &index)) != -1) {
@@ -213,8 +222,13 @@ static void parse_options(struct mockup *m, int argc, char **argv) {
         }
         snprintf(text, sizeof text, "--%s: \"%.200s\" is not what it takes", options[index].name,
                  optarg ? optarg : "");
-        if (!set_option(m, code, optarg))
-            end_with_usage(text);
+        if (set_option(m, code, optarg))
+            continue;
+        if (code == MESSAGE)
+            exit(argument_unknown("arthron-mockup", "--message", optarg, message_names));
+        if (code == TOOL)
+            end_with_unknown_tool(optarg);
+        end_with_usage(text);
     }
     if (optind < argc)
         end_with_usage("takes options only");

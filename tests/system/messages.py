@@ -131,6 +131,12 @@ class Arguments(unittest.TestCase):
             ("arthron-case record-pose x --as targt", "did you mean target?"),
             ("arthron-station calibrate tip --channel prob", "--channel prob is unknown; did you mean probe?"),
             ("arthron-station calibrate tip --channel probe", "usage: tip --config FILE"),
+            ("arthron-station runn", "did you mean run?"),
+            ("arthron-trace repaly", "did you mean replay?"),
+            ("arthron-mockup --tool prob", "did you mean probe?"),
+            ("arthron-mockup --message TDTA", "did you mean TDATA?"),
+            ("arthron-case import --side lft", "did you mean left?"),
+            ("arthron-case import --unit inch", "the choices are mm, cm, m"),
             ("arthron-station calibrate tips", "did you mean tip?"),
         )
         with tempfile.TemporaryDirectory() as folder:

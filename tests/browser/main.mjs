@@ -6,6 +6,8 @@ import { parseArgs } from "node:util";
 import { House } from "./house.mjs";
 import { Browser, CHROMIUM } from "./look.mjs";
 import { Report } from "./report.mjs";
+import { Runner } from "./runner.mjs";
+import { tests as runs } from "./tests/runner.mjs";
 import { tests as door } from "./tests/door.mjs";
 import { tests as wall } from "./tests/wall.mjs";
 import { tests as station } from "./tests/station.mjs";
@@ -19,11 +21,11 @@ import { tests as restart } from "./tests/restart.mjs";
 import { tests as throttle } from "./tests/throttle.mjs";
 
 // In this order: who signs in first, and what ends the server last.
-const ROOMS = { door, wall, station, scope, debrief, looks, keyboard, crowd, memory, restart, throttle };
+const ROOMS = { runner: runs, door, wall, station, scope, debrief, looks, keyboard, crowd, memory, restart, throttle };
 
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },
-  only: { type: "string", default: "" }, minutes: { type: "string", default: "0" },
+  only: { type: "string", default: "" }, minutes: { type: "string", default: "1" },
 } });
 const say = (words) => console.error(`browser: ${words}`);
 
@@ -54,16 +56,8 @@ async function attempt({ name, run }, world) {
   }
   await world.browser.closeAll();
   const seconds = Number(((performance.now() - begun) / 1000).toFixed(1));
-  world.report.tests.push({ name, seconds, passed: !fault });
   say(`${fault ? "FAILED" : "passed"} ${seconds.toFixed(1).padStart(5)} s  ${name}${fault ? `\n${fault.stack}` : ""}`);
-  return !fault;
-}
-
-// As in ./check: who fails on a busy machine is tried once more, and named.
-async function attemptTwice(test, world) {
-  if (await attempt(test, world)) return;
-  const failed = world.report.tests.pop();
-  if (await attempt(test, world)) say(`failed at first and passed then: ${failed.name}`);
+  return { name, seconds, passed: !fault };
 }
 
 async function main() {
@@ -73,11 +67,12 @@ async function main() {
   const report = new Report();
   const house = await House.open(source);
   for (const signal of ["SIGINT", "SIGTERM"]) process.once(signal, () => void house.close().finally(() => process.exit(1)));
-  let browser;
+  let browser, runner;
   try {
     browser = await Browser.open(house.url, out);
     const world = { house, browser, report, quick: options.quick, minutes: Number(options.minutes), who: {} };
-    for (const test of chosen()) await attemptTwice(test, world);
+    runner = new Runner(report, (test) => attempt(test, world));
+    await runner.run(chosen());
     for (const words of [...browser.errors, ...browser.violations]) say(words);
     report.mark("console_errors", browser.errors.length, "errors", 0);
     report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
@@ -85,7 +80,9 @@ async function main() {
     await browser?.close();
     await house.close();
   }
+  report.retried = runner.retried;
   report.print(options.json);
+  say(runner.summary);
   return report.holds(options.json) ? 0 : 1;
 }
 

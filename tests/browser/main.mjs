@@ -1,27 +1,27 @@
-// Runs the tests one after the other, in one house and one browser, and reports.
+// Runs the tests one after the other, on one test bed and in one browser, and reports.
 import { existsSync, readdirSync, rmSync } from "node:fs";
 import { resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
-import { House } from "./house.mjs";
-import { Browser, CHROMIUM } from "./look.mjs";
+import { Testbed } from "./testbed.mjs";
+import { Browser, CHROMIUM } from "./browser.mjs";
 import { Report } from "./report.mjs";
 import { Runner } from "./runner.mjs";
 import { tests as runs } from "./tests/runner.mjs";
-import { tests as door } from "./tests/door.mjs";
+import { tests as signIn } from "./tests/sign_in.mjs";
 import { tests as wall } from "./tests/wall.mjs";
 import { tests as station } from "./tests/station.mjs";
 import { tests as scope } from "./tests/scope.mjs";
 import { tests as debrief } from "./tests/debrief.mjs";
-import { tests as looks } from "./tests/looks.mjs";
+import { tests as views } from "./tests/views.mjs";
 import { tests as keyboard } from "./tests/keyboard.mjs";
-import { tests as crowd } from "./tests/crowd.mjs";
+import { tests as load } from "./tests/load.mjs";
 import { tests as memory } from "./tests/memory.mjs";
 import { tests as restart } from "./tests/restart.mjs";
 import { tests as throttle } from "./tests/throttle.mjs";
 
-// In this order: who signs in first, and what ends the server last.
-const ROOMS = { runner: runs, door, wall, station, scope, debrief, looks, keyboard, crowd, memory, restart, throttle };
+// In this order: the tests that sign in come first, those that stop the server last.
+const SUITES = { runner: runs, "sign-in": signIn, wall, station, scope, debrief, views, keyboard, load, memory, restart, throttle };
 
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },
@@ -40,7 +40,7 @@ if (!chosen().some(({ name }) => name.includes(options.only))) {
 }
 
 function chosen() {
-  const all = Object.entries(ROOMS).flatMap(([room, tests]) => tests.map((run) => ({ name: `${room}: ${run.name.replaceAll("_", " ")}`, run })));
+  const all = Object.entries(SUITES).flatMap(([suite, tests]) => tests.map((run) => ({ name: `${suite}: ${run.name.replaceAll("_", " ")}`, run })));
   return all.filter(({ name, run }) => run.always || name.includes(options.only));
 }
 
@@ -51,7 +51,7 @@ async function attempt({ name, run }, world) {
     await run(world);
   } catch (error) {
     fault = error;
-    world.house.keepLogs(world.browser.picturePath("failed").replace(/png$/, "log"));
+    world.testbed.keepLogs(world.browser.picturePath("failed").replace(/png$/, "log"));
     await world.browser.keepAll();
   }
   await world.browser.closeAll();
@@ -65,12 +65,12 @@ async function main() {
   const out = resolve(source, "build/browser");
   if (existsSync(out)) for (const name of readdirSync(out)) if (name.startsWith("failed")) rmSync(resolve(out, name));
   const report = new Report();
-  const house = await House.open(source);
-  for (const signal of ["SIGINT", "SIGTERM"]) process.once(signal, () => void house.close().finally(() => process.exit(1)));
+  const testbed = await Testbed.open(source);
+  for (const signal of ["SIGINT", "SIGTERM"]) process.once(signal, () => void testbed.close().finally(() => process.exit(1)));
   let browser, runner;
   try {
-    browser = await Browser.open(house.url, out);
-    const world = { house, browser, report, quick: options.quick, minutes: Number(options.minutes), who: {} };
+    browser = await Browser.open(testbed.url, out);
+    const world = { testbed, browser, report, quick: options.quick, minutes: Number(options.minutes), users: {} };
     runner = new Runner(report, (test) => attempt(test, world));
     await runner.run(chosen());
     for (const words of [...browser.errors, ...browser.violations]) say(words);
@@ -78,7 +78,7 @@ async function main() {
     report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
   } finally {
     await browser?.close();
-    await house.close();
+    await testbed.close();
   }
   report.retried = runner.retried;
   report.print(options.json);

@@ -178,21 +178,21 @@ function shifted(values: Values, ahead: number): Values {
 }
 
 const PLOT_ROWS: PlotRow[] = [
-  { label: text.session.rows.flexion, unit: "°", digits: 1, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 30 },
-  { label: text.session.rows.varus, unit: "°", digits: 1, traces: [{ label: "", colour: "--plot-1" }], least: -5, most: 5, lines: [0] },
-  { label: text.session.rows.warp, unit: "mm", digits: 2, traces: [{ label: "", colour: "--plot-2" }], least: 0, most: 1 },
+  { label: text.session.rows.flexion, unit: text.units.degrees, digits: 1, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 30 },
+  { label: text.session.rows.varus, unit: text.units.degrees, digits: 1, traces: [{ label: "", colour: "--plot-1" }], least: -5, most: 5, lines: [0] },
+  { label: text.session.rows.warp, unit: text.units.mm, digits: 2, traces: [{ label: "", colour: "--plot-2" }], least: 0, most: 1 },
   {
     label: text.session.rows.gain, unit: "", digits: 2, least: 0.8, most: 1.2, lines: [0.88, 1.07],
     traces: [{ label: text.session.rows.gainMost, colour: "--plot-2" }, { label: text.session.rows.gainLeast, colour: "--plot-3" }],
   },
   {
-    label: text.session.rows.removed, unit: "mm³", digits: 0, least: 0, most: 50, step: true,
+    label: text.session.rows.removed, unit: text.units.mm3, digits: 0, least: 0, most: 50, step: true,
     traces: [
       { label: text.session.shortGroups.meniscus_medial!, colour: "--plot-4" }, { label: text.session.shortGroups.meniscus_lateral!, colour: "--plot-5" },
       { label: text.session.otherGroups, colour: "--plot-3" },
     ],
   },
-  { label: text.session.rows.speed, unit: "mm/s", digits: 0, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 20 },
+  { label: text.session.rows.speed, unit: text.units.mmPerSecond, digits: 0, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 20 },
 ];
 
 const SIGN_COLOURS: Record<string, string> = {

@@ -186,16 +186,16 @@ export function resectionFigures(r: Resection): HTMLElement {
   const removed = r.removedMm3 + r.piecesMm3;
   const mm3 = (value: number): string => format.number(value, value < 10 ? 1 : 0);
   const head = h("div", { class: "resection-head" }, h("h2", { class: "group-name" }, text.session.groups[r.group] ?? r.group),
-    h("p", { class: "resection-main" }, h("strong", {}, mm3(removed)), " mm³", r.plannedMm3 > 0 && h("span", { class: "quiet-text" },
+    h("p", { class: "resection-main" }, h("strong", {}, mm3(removed)), ` ${text.units.mm3}`, r.plannedMm3 > 0 && h("span", { class: "quiet-text" },
       ` · ${words.share(format.percent((r.plannedMm3 - r.underMm3) / r.plannedMm3, 0))}`)));
   const ofPlan = r.plannedMm3 > 0 ? [
-    figure(words.planned, mm3(r.plannedMm3), "mm³"), figure(words.under, mm3(r.underMm3), "mm³", "under"),
-    figure(words.over, mm3(r.overMm3), "mm³", "over"), figure(words.damage, mm3(r.damageMm3), "mm³"),
+    figure(words.planned, mm3(r.plannedMm3), text.units.mm3), figure(words.under, mm3(r.underMm3), text.units.mm3, "under"),
+    figure(words.over, mm3(r.overMm3), text.units.mm3, "over"), figure(words.damage, mm3(r.damageMm3), text.units.mm3),
   ] : [];
   return h("section", { class: "resection-group" }, head, planBar(r),
     h("dl", { class: "figures" }, ...ofPlan,
-      figure(words.rim, format.number(r.rimMm, 1), "mm"), figure(words.step, format.number(r.stepMm, 1), "mm"),
-      figure(words.volume, mm3(r.volumeMm3), "mm³"), figure(words.left, mm3(r.leftMm3), "mm³"),
+      figure(words.rim, format.number(r.rimMm, 1), text.units.mm), figure(words.step, format.number(r.stepMm, 1), text.units.mm),
+      figure(words.volume, mm3(r.volumeMm3), text.units.mm3), figure(words.left, mm3(r.leftMm3), text.units.mm3),
       figure(words.cuts, format.number(r.cuts), ""), figure(words.refused, format.number(r.cutsRefused), ""),
       figure(words.pieces, format.number(r.pieces), "")),
     r.wholeZoneMm3.length === 9 && zones(r));

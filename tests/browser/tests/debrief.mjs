@@ -2,12 +2,12 @@
 import assert from "node:assert/strict";
 import { truncateSync } from "node:fs";
 import { basename } from "node:path";
-import { ALIKE, difference, still } from "../look.mjs";
+import { ALIKE, difference, still } from "../browser.mjs";
 import { call, sleep, until } from "../programs.mjs";
 
-async function a_recorded_session_ends_with_the_volume_that_it_had({ house, browser, who }) {
-  const { id, resection: live } = await house.recorded();
-  const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
+async function a_recorded_session_ends_with_the_volume_that_it_had({ testbed, browser, users }) {
+  const { id, resection: live } = await testbed.recorded();
+  const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
   const left = page.locator(".resection-group").first().locator(".figure").filter({ hasText: "Volume left" }).locator("dd").first();
   await page.getByText("Complete; final volume matches the record").waitFor(); // of the page's own mesh
   const begin = Number((await left.innerText()).replace(/[^0-9.]/g, ""));
@@ -18,8 +18,8 @@ async function a_recorded_session_ends_with_the_volume_that_it_had({ house, brow
 }
 
 // Beside another session: what is found in the page, and what was asked for.
-async function beside({ browser, who }, query, id) {
-  const context = await browser.context(who.instructor);
+async function beside({ browser, users }, query, id) {
+  const context = await browser.context(users.instructor);
   const asked = [];
   context.on("request", (request) => asked.push(new URL(request.url()).pathname));
   const page = await browser.page(context, `#/session/${id}?${query}`);
@@ -62,9 +62,9 @@ async function sameFigures(page, id) {
 }
 
 async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
-  const { house } = world;
-  const { id } = await house.recorded();
-  const other = await house.record("room-1", () => until("a cut", async () => (await house.resection("room-1")).cuts >= 1));
+  const { testbed } = world;
+  const { id } = await testbed.recorded();
+  const other = await testbed.record("room-1", () => until("a cut", async () => (await testbed.resection("room-1")).cuts >= 1));
   const { page } = await beside(world, `with=${other.id}`, id);
   assert.match(await page.locator(".compare-name a").getAttribute("href"), new RegExp(`${other.id}$`));
   assert.equal(await page.locator(".compare-line").innerText(), "");
@@ -85,11 +85,11 @@ async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
 }
 
 async function the_hands_of_a_session_on_another_case_are_carried_over(world) {
-  const { house } = world;
-  const { id } = await house.recorded();
-  const other = await house.record("room-3");
+  const { testbed } = world;
+  const { id } = await testbed.recorded();
+  const other = await testbed.record("room-3");
   const { page, asked } = await beside(world, `with=${other.id}&as=ghost`, id);
-  await page.locator(".compare-line", { hasText: "The hands of arthrosis on tear-radial: carried over" }).waitFor();
+  await page.locator(".compare-line", { hasText: "The hands of arthrosis, replayed on tear-radial" }).waitFor();
   await key(page, "Home");
   const ghosts = [];
   for (let i = 0; i < 5; i++) {
@@ -107,14 +107,14 @@ async function the_hands_of_a_session_on_another_case_are_carried_over(world) {
   assert.deepEqual([...cases], ["tear-radial"], "both are shown on this session's case");
 }
 
-async function a_record_that_cannot_be_read_says_what_is_wrong({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const { id, trace } = await house.station("room-1");
-  await house.session("stop", "room-1");
+async function a_record_that_cannot_be_read_says_what_is_wrong({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const { id, trace } = await testbed.station("room-1");
+  await testbed.session("stop", "room-1");
   await until("it is on the disk", () => call("arthron-trace", "info", trace).then(() => true, () => false));
   truncateSync(trace, 3);
-  const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
-  await page.getByText("It cannot be replayed now").waitFor();
+  const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
+  await page.getByText("This session cannot be replayed").waitFor();
   await page.locator(".state").getByText(basename(trace)).waitFor();
   await page.getByRole("button", { name: "Try again" }).waitFor();
   await sleep(4000); // a page that is told nothing calls what it shows old
@@ -123,25 +123,25 @@ async function a_record_that_cannot_be_read_says_what_is_wrong({ house, browser,
 }
 
 // What others came to is told to a trainee only where there are many of them.
-async function a_trainees_report_tells_nothing_of_the_few_others({ house, browser, who }) {
-  const { id } = await house.recorded();
+async function a_trainees_report_tells_nothing_of_the_few_others({ testbed, browser, users }) {
+  const { id } = await testbed.recorded();
   const open = async (state) => browser.page(await browser.context(state), "#/nowhere");
   const report = (page) => page.evaluate(async (session) => (await fetch(`/api/v1/sessions/${session}/report?course=autumn`)).text(), id);
-  const [trainee, instructor] = [await open(who.trainee), await open(who.instructor)];
+  const [trainee, instructor] = [await open(users.trainee), await open(users.instructor)];
   await instructor.evaluate(async () => {
     const send = (path, body) => fetch(`/api/v1${path}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
     await send("/courses", { name: "autumn" });
     await send("/courses/autumn/trainees", { trainee: "anna" });
   });
-  const [own, desk] = [await report(trainee), await report(instructor)];
+  const [own, admin] = [await report(trainee), await report(instructor)];
   assert.ok(/Of fewer than \d+ trainees, nothing/.test(own), "the trainee is told what is kept back");
-  assert.ok(/Of fewer than \d+ sessions, the figures themselves/.test(desk), "and the instructor what is not");
+  assert.ok(/Of fewer than \d+ sessions, the figures themselves/.test(admin), "and the instructor what is not");
   const figures = (words) => words.split("<h2>Figures</h2>")[1].split("</table>")[0];
   const silent = (words) => figures(words).match(/<td class="n">(?:few|0)<\/td><td colspan="2">-<\/td>/g)?.length ?? 0;
   const rows = (words) => figures(words).match(/<tr><td>[a-z_]+<\/td><td class="n">/g).length;
   assert.ok(rows(own) > 10);
   assert.equal(silent(own), rows(own), "a row tells of others");
-  assert.ok(silent(desk) < rows(desk) / 2, "the instructor is told");
+  assert.ok(silent(admin) < rows(admin) / 2, "the instructor is told");
 }
 
 export const tests = [

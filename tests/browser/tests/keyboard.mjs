@@ -1,7 +1,7 @@
 // Every view with the keyboard alone: Tab comes to all that can be used, and one sees where one is.
 import assert from "node:assert/strict";
 import { until } from "../programs.mjs";
-import { viewsOf } from "./looks.mjs";
+import { viewsOf } from "./views.mjs";
 
 const MOST = 150; // stops in a view
 
@@ -53,19 +53,19 @@ async function walk(page, name) {
   assert.deepEqual(missed, [], `${name}: Tab does not come to these`);
 }
 
-async function tab_comes_to_all_that_can_be_used_in_every_view({ house, browser, who }) {
-  const views = await viewsOf(house);
-  await house.runRoom("room-1");
+async function tab_comes_to_all_that_can_be_used_in_every_view({ testbed, browser, users }) {
+  const views = await viewsOf(testbed);
+  await testbed.runStation("room-1");
   for (const [name, hash, there] of views) {
-    const page = await browser.page(await browser.context(who.instructor), hash);
+    const page = await browser.page(await browser.context(users.instructor), hash);
     await page.locator(there).first().waitFor();
     await walk(page, name);
     await browser.closeAll();
   }
 }
 
-async function the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall({ browser, who }) {
-  const page = await browser.page(await browser.context(who.instructor), "#/wall");
+async function the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall({ browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/wall");
   await page.locator("article.card").first().waitFor();
   assert.equal(await page.locator("a, button").first().getAttribute("class"), "skip");
   await page.locator("a.skip").press("Enter");
@@ -76,15 +76,15 @@ async function the_first_stop_skips_to_the_content_and_arrows_walk_over_the_wall
   await page.keyboard.press("ArrowRight");
   assert.equal(await at(), "room-2");
   await page.keyboard.press("End");
-  assert.equal(await at(), "seat-29");
+  assert.equal(await at(), "sim-29");
   await page.keyboard.press("Home");
   await page.keyboard.press("Enter");
   await page.getByRole("heading", { name: "room-1" }).waitFor();
 }
 
-async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+async function a_dialog_keeps_the_focus_and_gives_it_back({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.instructor), "#/station/room-1");
   const note = page.getByRole("button", { name: "Note …" });
   await until("there is a session to note something in", () => note.isEnabled());
   await note.focus();
@@ -99,8 +99,8 @@ async function a_dialog_keeps_the_focus_and_gives_it_back({ house, browser, who 
   assert.ok(await note.evaluate((button) => document.activeElement === button), "the focus is where it was");
 }
 
-async function a_drag_that_ends_outside_leaves_a_dialog_open_and_a_click_there_closes_it({ browser, who }) {
-  const page = await browser.page(await browser.context(who.instructor), "#/admin/tokens");
+async function a_drag_that_ends_outside_leaves_a_dialog_open_and_a_click_there_closes_it({ browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/admin/tokens");
   await page.getByRole("button", { name: "Add token" }).first().click();
   const dialog = page.locator("dialog");
   await dialog.getByLabel("Name").fill("nightly export");
@@ -124,8 +124,8 @@ async function a_drag_that_ends_outside_leaves_a_dialog_open_and_a_click_there_c
 
 const focusIs = (locator) => until("it has the focus", () => locator.evaluate((element) => document.activeElement === element), 5);
 
-async function a_list_that_is_made_anew_keeps_the_focus({ browser, who }) {
-  const page = await browser.page(await browser.context(who.instructor), "#/admin/tokens");
+async function a_list_that_is_made_anew_keeps_the_focus({ browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/admin/tokens");
   const add = page.getByRole("button", { name: "Add token" });
   await add.press("Enter");
   await page.locator("dialog").getByLabel("Name").fill("nightly");
@@ -144,11 +144,11 @@ async function a_list_that_is_made_anew_keeps_the_focus({ browser, who }) {
   await focusIs(change);
 }
 
-async function events_that_come_leave_the_focus_where_it_is({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+async function events_that_come_leave_the_focus_where_it_is({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.instructor), "#/station/room-1");
   await page.getByRole("tab", { name: "Events" }).click();
-  const touches = page.getByLabel("Touches too");
+  const touches = page.getByLabel("Show touches");
   await touches.press("Space");
   await focusIs(touches);
   await page.locator(".event").first().focus();
@@ -158,9 +158,9 @@ async function events_that_come_leave_the_focus_where_it_is({ house, browser, wh
   assert.equal(await page.evaluate(() => document.activeElement.dataset.time), time);
 }
 
-async function escape_leads_from_the_scope_to_the_station({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.trainee), "#/scope/room-1");
+async function escape_leads_from_the_scope_to_the_station({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.trainee), "#/scope/room-1");
   await page.locator(".scope-round:not(.dark)").waitFor();
   await page.keyboard.press("s");
   await page.locator("dialog").waitFor();
@@ -172,16 +172,16 @@ async function escape_leads_from_the_scope_to_the_station({ house, browser, who 
   assert.match(page.url(), /#\/station\/room-1$/);
 }
 
-async function a_server_that_falls_silent_is_told_of_once({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1");
+async function a_server_that_falls_silent_is_told_of_once({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.instructor), "#/station/room-1");
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
   await page.evaluate(() => {
     window.told = [];
     const said = document.getElementById("said");
     new MutationObserver(() => window.told.push(said.textContent)).observe(said, { childList: true });
   });
-  const { process: server } = house.server;
+  const { process: server } = testbed.server;
   server.kill("SIGSTOP");
   try {
     await page.locator(".link-sign", { hasText: /[5-9] s$/ }).waitFor();

@@ -59,10 +59,10 @@ function check(station, minutes, before, after) {
 }
 
 async function pages_that_stay_do_not_grow_without_end(world) {
-  const { house, browser, who, report, minutes } = world;
+  const { testbed, browser, users, report, minutes } = world;
   const open = async (station) => {
-    await house.runRoom(station);
-    const page = await browser.page(await browser.context(who.instructor), `#/station/${station}`);
+    await testbed.runStation(station);
+    const page = await browser.page(await browser.context(users.instructor), `#/station/${station}`);
     await page.locator("canvas.scene-canvas").waitFor();
     return { station, page };
   };

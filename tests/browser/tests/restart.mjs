@@ -9,41 +9,41 @@ const steering = (page) => page.locator(".steer button");
 async function brokenStation(page) {
   await page.getByText(/No connection to the server for \d+ s/).waitFor();
   assert.equal(await page.locator(".state-badge").innerText(), "No data");
-  await page.locator(".steer-line", { hasText: "Steering is off: the server cannot be reached" }).waitFor();
+  await page.locator(".steer-line", { hasText: "Commands are disabled: the server cannot be reached" }).waitFor();
   const enabled = await steering(page).evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.textContent));
   assert.deepEqual(enabled, [], "these can be pressed");
 }
 
 async function wholeStation(page) {
-  await until("nothing is old", async () => !(await page.getByText(/No connection to the server|Nothing from the station/).isVisible()));
+  await until("nothing is old", async () => !(await page.getByText(/No connection to the server|No data from the station/).isVisible()));
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
   await until("it can be steered", () => page.getByRole("button", { name: "Pause" }).isEnabled());
-  assert.doesNotMatch(await page.locator(".steer-line").innerText(), /Steering is off/);
+  assert.doesNotMatch(await page.locator(".steer-line").innerText(), /Commands are disabled/);
 }
 
-async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const context = await browser.context(who.instructor);
+async function pages_outlive_a_server_that_is_killed({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const context = await browser.context(users.instructor);
   const wall = await browser.page(context, "#/wall", MAY);
   const station = await browser.page(context, "#/station/room-1", MAY);
   const scope = await browser.page(context, "#/scope/room-1", MAY);
   const clock = async () => (await station.locator(".session-clock").innerText()).split(":").reduce((sum, part) => 60 * sum + Number(part), 0);
   await station.locator("canvas.scene-canvas").waitFor();
   await until("a session", async () => (await station.locator(".session-clock").innerText()) !== "");
-  const [before, at] = [await house.station("room-1"), await clock()];
-  await house.killServer();
+  const [before, at] = [await testbed.station("room-1"), await clock()];
+  await testbed.killServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: /Connection lost \d+ s ago/ }).waitFor();
   await brokenStation(station);
   await scope.locator(".scope-sign.stale", { hasText: /No connection to the server for \d+ s/ }).waitFor();
   await wall.locator(".wall-summary", { hasText: /No connection to the server for \d+ s/ }).waitFor();
-  await wall.locator(".alarm", { hasText: /No data for \d+ s: all that is shown is old/ }).waitFor();
+  await wall.locator(".alarm", { hasText: /No data for \d+ s. Everything shown is out of date/ }).waitFor();
   await wall.locator("article.card.old", { hasText: "room-1" }).getByText(/No data for \d+ s/).waitFor();
   await browser.picture(wall, "wall-broken");
   await browser.picture(station, "station-broken");
-  await house.startServer();
+  await testbed.startServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: "Live" }).waitFor({ timeout: 30_000 });
   await wall.locator('article.card[data-standing="running"]').filter({ hasText: "room-1" }).waitFor({ timeout: 60_000 });
-  assert.equal((await house.station("room-1")).id, before.id);
+  assert.equal((await testbed.station("room-1")).id, before.id);
   await until("the session goes on", async () => (await clock()) > at);
   await wholeStation(station);
   await until("the scope is new", async () => (await scope.locator(".scope-sign.stale").innerText()) === "");
@@ -54,31 +54,31 @@ async function pages_outlive_a_server_that_is_killed({ house, browser, who }) {
 }
 
 // It closes its sessions and says so: for a moment the page has none.
-async function a_server_that_is_restarted_leaves_nothing_over_the_joint({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1", MAY);
+async function a_server_that_is_restarted_leaves_nothing_over_the_joint({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.instructor), "#/station/room-1", MAY);
   await page.locator("canvas.scene-canvas").waitFor();
-  await house.endServer();
+  await testbed.endServer();
   await page.locator(".link-sign", { hasText: /Connection lost/ }).waitFor();
-  await house.startServer();
+  await testbed.startServer();
   await page.locator(".link-sign", { hasText: "Live" }).waitFor({ timeout: 30_000 });
-  await house.runRoom("room-1");
+  await testbed.runStation("room-1");
   await wholeStation(page);
   await page.locator("canvas.scene-canvas").waitFor();
   await until("nothing is over the joint", async () => (await page.locator(".stage-state").innerText()) === "");
 }
 
 // As where a cable is pulled: the connection stands, and nothing comes.
-async function a_connection_that_says_nothing_is_called_old({ house, browser, who }) {
-  await house.runRoom("room-1");
-  const page = await browser.page(await browser.context(who.instructor), "#/station/room-1", MAY);
+async function a_connection_that_says_nothing_is_called_old({ testbed, browser, users }) {
+  await testbed.runStation("room-1");
+  const page = await browser.page(await browser.context(users.instructor), "#/station/room-1", MAY);
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
-  house.server.process.kill("SIGSTOP");
+  testbed.server.process.kill("SIGSTOP");
   try {
     await page.locator(".link-sign", { hasText: /No data for \d+ s/ }).waitFor();
     await brokenStation(page);
   } finally {
-    house.server.process.kill("SIGCONT");
+    testbed.server.process.kill("SIGCONT");
   }
   await page.locator(".link-sign", { hasText: "Live" }).waitFor();
   await wholeStation(page);

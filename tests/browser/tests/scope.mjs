@@ -1,7 +1,7 @@
 // What the trainee sees.
 import assert from "node:assert/strict";
-import { ROOMS } from "../house.mjs";
-import { pixels } from "../look.mjs";
+import { STATIONS } from "../testbed.mjs";
+import { pixels } from "../browser.mjs";
 import { sleep, until } from "../programs.mjs";
 import { project, seenFrom } from "../optic.mjs";
 import { mean, quantile } from "../report.mjs";
@@ -13,15 +13,15 @@ const OFF_PX = 3;
 const SETTLED_MS = 5000;
 const STEP_DEG = 15; // of a key
 // As the server's config has it, or the usual one: as long as nobody has chosen another.
-const opticOf = (name) => ({ tiltDeg: 30, fieldDeg: 90, postDeg: 0, ...ROOMS[name].optic });
+const opticOf = (name) => ({ tiltDeg: 30, fieldDeg: 90, postDeg: 0, ...STATIONS[name].optic });
 const WHITE = 250; // of 255
 const CLIPPED_MOST = 0.03; // share of the round picture
 
 const instrument = (seen, channel) => seen.instruments.find((of) => of.channel === channel);
 
-async function open({ house, browser, who }, name, script = undefined) {
-  const { port, token } = house.viewOf(name);
-  const context = await browser.context(who.instructor, { width: SIDE, height: SIDE });
+async function open({ testbed, browser, users }, name, script = undefined) {
+  const { port, token } = testbed.viewOf(name);
+  const context = await browser.context(users.instructor, { width: SIDE, height: SIDE });
   const page = await browser.page(context, `#/scope/${name}?port=${port}&token=${token}`, [/ws:\/\/127.0.0.1/], script);
   await page.locator("canvas[data-drawn]").waitFor();
   return page;
@@ -45,15 +45,15 @@ function blue({ width, height, data }) {
 }
 
 async function a_marker_is_where_an_independent_projection_says(world) {
-  const { house, browser, who } = world;
-  await house.runRoom("room-2");
-  const desk = await browser.page(await browser.context(who.instructor), "#/station/room-2");
-  await desk.getByRole("button", { name: "Marker", exact: true }).click();
+  const { testbed, browser, users } = world;
+  await testbed.runStation("room-2");
+  const admin = await browser.page(await browser.context(users.instructor), "#/station/room-2");
+  await admin.getByRole("button", { name: "Marker", exact: true }).click();
   await until("the tip is marked", async () => {
-    await desk.locator("body").press("t");
-    return desk.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
+    await admin.locator("body").press("t");
+    return admin.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
   });
-  await desk.close();
+  await admin.close();
   const page = await open(world, "room-2");
   await page.getByText("Touch the marked point").waitFor();
   await page.evaluate(() => document.querySelector(".scope-bottom").remove()); // it has the marker's colour, too
@@ -112,7 +112,7 @@ function brightness({ width, height, data }) {
 async function near_bone_and_far_from_it_the_picture_is_neither_white_nor_black(world) {
   let most = 0;
   for (const name of ["room-2", "room-3"]) {
-    await world.house.runRoom(name);
+    await world.testbed.runStation(name);
     const page = await open(world, name);
     for (let turn = 0; turn < 360 / STEP_DEG; turn++) {
       if (turn % (world.quick ? 12 : 4) === 0)
@@ -140,7 +140,7 @@ async function exposed(page, where) {
 }
 
 async function what_stands_is_drawn_finely(world) {
-  await world.house.runRoom("room-2");
+  await world.testbed.runStation("room-2");
   const page = await open(world, "room-2");
   await page.waitForFunction((side) => document.querySelector("canvas.scope-canvas").width === side, SIDE);
 }
@@ -189,8 +189,8 @@ function drawnOff({ places }, seen, tip) {
 }
 
 async function a_far_server_does_not_make_the_tip_late(world) {
-  const { house, browser, report, quick } = world;
-  await house.runRoom("room-3");
+  const { testbed, browser, report, quick } = world;
+  await testbed.runStation("room-3");
   const page = await open(world, "room-3", watchDrawn);
   await page.evaluate(() => (window.drawn = []));
   browser.heard(page).views.length = 0;
@@ -200,7 +200,7 @@ async function a_far_server_does_not_make_the_tip_late(world) {
   await sleep(1000);
   const key = ([x, y, z]) => `${x} ${y} ${z}`;
   const place = (step, name) => ["tx_mm", "ty_mm", "tz_mm"].map((axis) => Number(step[`${name}_${axis}`]));
-  const said = new Map((await house.steps("room-3")).filter((step) => step.probe_warped_tx_mm).map((step) => [key(place(step, "probe")), place(step, "probe_warped")]));
+  const said = new Map((await testbed.steps("room-3")).filter((step) => step.probe_warped_tx_mm).map((step) => [key(place(step, "probe")), place(step, "probe_warped")]));
   const shown = drawn.flatMap((frame) => {
     const seen = views.get(frame.number);
     const probe = seen && instrument(seen, PROBE);
@@ -230,7 +230,7 @@ function tell(report, shown, drawn) {
 const distance = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
 
 async function the_place_of_one_station_is_not_asked_for_another(world) {
-  for (const name of ["room-2", "room-3"]) await world.house.runRoom(name);
+  for (const name of ["room-2", "room-3"]) await world.testbed.runStation(name);
   const page = await open(world, "room-2");
   const source = page.locator(".scope-sign.source");
   for (const [name, words] of [["room-3", /server/], ["room-2", /station/]]) {

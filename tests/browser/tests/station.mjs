@@ -1,12 +1,12 @@
 // A session as the instructor sees and steers it. What the page shows is held against what the server says
 // by another way, its local socket.
 import assert from "node:assert/strict";
-import { ALIKE, difference, still } from "../look.mjs";
+import { ALIKE, difference, still } from "../browser.mjs";
 import { call, sleep, until } from "../programs.mjs";
 
-const open = async ({ house, browser, who }, name) => {
-  await house.runRoom(name);
-  const page = await browser.page(await browser.context(who.instructor), `#/station/${name}`);
+const open = async ({ testbed, browser, users }, name) => {
+  await testbed.runStation(name);
+  const page = await browser.page(await browser.context(users.instructor), `#/station/${name}`);
   await page.locator("canvas.scene-canvas").waitFor();
   return page;
 };
@@ -19,9 +19,9 @@ const press = (page, name) => page.getByRole("button", { name, exact: true }).cl
 const said = (page, words) => page.locator(".steer-line", { hasText: words }).waitFor();
 
 /** The page has the mesh that the server has, to the bit. */
-async function sameMesh({ house, browser }, page, name) {
+async function sameMesh({ testbed, browser }, page, name) {
   await until("the page has the server's mesh", async () => {
-    const there = await house.resection(name);
+    const there = await testbed.resection(name);
     const here = browser.heard(page).acks.meniscus_medial;
     return here?.number === there.mesh_number && here.hash === there.mesh_hash;
   });
@@ -30,27 +30,27 @@ async function sameMesh({ house, browser }, page, name) {
 const scene = (page) => still(page.locator("canvas.scene-canvas"));
 
 // Stroke by stroke, until the server has none.
-const undoAll = (house) => until("nothing is left to be undone", () => house.session("undo", "room-1").then(() => false, () => true));
+const undoAll = (testbed) => until("nothing is left to be undone", () => testbed.session("undo", "room-1").then(() => false, () => true));
 
 // From above, without what lies over them.
 async function showMenisci(page) {
   await page.locator("summary", { hasText: "Show" }).click();
-  for (const name of ["Femur", "Patella", "Measured instruments", "Trails of the tips"]) await page.getByLabel(name, { exact: true }).uncheck();
+  for (const name of ["Femur", "Patella", "Measured instruments", "Tip trails"]) await page.getByLabel(name, { exact: true }).uncheck();
   await page.keyboard.press("Escape");
   await page.getByRole("button", { name: "Superior" }).click();
   await sleep(1000);
 }
 
 async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
-  const { house } = world;
+  const { testbed } = world;
   const page = await open(world, "room-1");
-  await until("cuts", async () => (await house.resection("room-1")).cuts >= 6);
+  await until("cuts", async () => (await testbed.resection("room-1")).cuts >= 6);
   await press(page, "Pause");
   await said(page, "Pause: done");
-  assert.equal((await house.station("room-1")).state, "paused");
-  await house.session("undo", "room-1"); // a cut that was on its way has landed before
+  assert.equal((await testbed.station("room-1")).state, "paused");
+  await testbed.session("undo", "room-1"); // a cut that was on its way has landed before
   await sameMesh(world, page, "room-1");
-  const cut = await house.resection("room-1");
+  const cut = await testbed.resection("room-1");
   await until("the volume that is left", async () => Math.abs((await figure(page, "Volume left")) - cut.volume_mm3) <= 0.5);
   await until("the plot has what was removed", async () => Math.abs((await plotted(page, "Removed")) - cut.removed_mm3 - cut.pieces_mm3) <= 0.6);
   await showMenisci(page);
@@ -58,12 +58,12 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   await press(page, "Undo cut");
   await said(page, "Undo cut: done");
   await sameMesh(world, page, "room-1");
-  const back = await house.resection("room-1");
+  const back = await testbed.resection("room-1");
   assert.ok(back.cuts < cut.cuts, `${back.cuts} cuts are left of ${cut.cuts}`);
   await until("the volume of before", async () => Math.abs((await figure(page, "Volume left")) - back.volume_mm3) <= 0.5);
-  await undoAll(house);
+  await undoAll(testbed);
   await sameMesh(world, page, "room-1");
-  const whole = (await house.resection("room-1")).volume_mm3;
+  const whole = (await testbed.resection("room-1")).volume_mm3;
   assert.ok(whole > cut.volume_mm3 + 1, `${whole} whole, ${cut.volume_mm3} cut`);
   await until("the whole again", async () => Math.abs((await figure(page, "Volume left")) - whole) <= 0.5);
   const changed = difference(before, await scene(page));
@@ -77,7 +77,7 @@ async function a_refusal_is_shown_in_the_servers_words(world) {
   const page = await open(world, "room-1");
   await press(page, "Pause");
   await said(page, "Pause: done");
-  await undoAll(world.house);
+  await undoAll(world.testbed);
   await press(page, "Undo cut");
   await said(page, /Undo cut: .*no cut/);
   await press(page, "Resume");
@@ -85,9 +85,9 @@ async function a_refusal_is_shown_in_the_servers_words(world) {
 }
 
 async function a_note_and_a_marker_reach_the_scope_and_the_trace(world) {
-  const { house, browser, who } = world;
+  const { testbed, browser, users } = world;
   const page = await open(world, "room-1");
-  const trainee = await browser.page(await browser.context(who.trainee), "#/scope/room-1");
+  const trainee = await browser.page(await browser.context(users.trainee), "#/scope/room-1");
   await press(page, "Note …");
   await page.getByLabel("Text").fill("Lift the hand");
   await press(page, "Send");
@@ -103,7 +103,7 @@ async function a_note_and_a_marker_reach_the_scope_and_the_trace(world) {
   await press(page, "Remove marker");
   await said(page, "Remove marker: done");
   await until("the marker is gone", async () => !(await trainee.getByText("Touch the marked point").isVisible()));
-  const { trace } = await house.station("room-1");
+  const { trace } = await testbed.station("room-1");
   const remarks = await until("it is on the disk", async () => {
     const { remarks: all } = JSON.parse(await call("arthron-trace", "info", trace, "--json").catch((error) => error.stdout));
     return all?.length === 2 && all;
@@ -115,30 +115,30 @@ async function a_note_and_a_marker_reach_the_scope_and_the_trace(world) {
 }
 
 async function a_session_is_started_stopped_and_given_another_case(world) {
-  const { house } = world;
+  const { testbed } = world;
   const page = await open(world, "room-1");
   await press(page, "Pause");
   await said(page, "Pause: done");
-  const first = await house.station("room-1");
+  const first = await testbed.station("room-1");
   await press(page, "Case …");
   await page.getByLabel("Case", { exact: true }).selectOption("healthy");
-  await page.getByLabel("Strength of the warp").fill("40");
-  await press(page, "Begin");
+  await page.getByLabel("Warp strength").fill("40");
+  await press(page, "Start session");
   await page.getByText("healthy · Warp 40 %").waitFor();
-  const second = await house.station("room-1");
+  const second = await testbed.station("room-1");
   assert.equal(second.case, "healthy");
   assert.notEqual(second.id, first.id);
   await press(page, "Stop");
   await page.locator("dialog").getByRole("button", { name: "Stop" }).click();
   await page.locator(".state-badge", { hasText: "Closed" }).waitFor();
-  assert.equal((await house.station("room-1")).state, "closed");
+  assert.equal((await testbed.station("room-1")).state, "closed");
   await press(page, "Start");
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
-  assert.notEqual((await house.station("room-1")).id, second.id);
+  assert.notEqual((await testbed.station("room-1")).id, second.id);
   await press(page, "Case …");
   await page.getByLabel("Case", { exact: true }).selectOption("tear-radial");
-  await page.getByLabel("Strength of the warp").fill("100");
-  await press(page, "Begin");
+  await page.getByLabel("Warp strength").fill("100");
+  await press(page, "Start session");
   await page.getByText("tear-radial · Warp 100 %").waitFor();
   const actions = await page.evaluate(async () => (await (await fetch("/api/v1/audit?limit=50")).json()).audit);
   for (const action of [/stop/, /case/, /pause/])
@@ -146,26 +146,26 @@ async function a_session_is_started_stopped_and_given_another_case(world) {
 }
 
 async function a_reset_makes_the_tissue_whole(world) {
-  const { house } = world;
+  const { testbed } = world;
   const page = await open(world, "room-1");
-  await until("a cut", async () => (await house.resection("room-1")).cuts > 0);
-  const mockup = house.mockups["room-1"].program.process;
+  await until("a cut", async () => (await testbed.resection("room-1")).cuts > 0);
+  const mockup = testbed.mockups["room-1"].program.process;
   mockup.kill("SIGSTOP"); // a session that was reset runs, and would be cut again
   try {
     const cut = await until("the last cut has landed", async () => {
-      const before = await house.resection("room-1");
+      const before = await testbed.resection("room-1");
       await sleep(1000);
-      return (await house.resection("room-1")).cuts === before.cuts && before;
+      return (await testbed.resection("room-1")).cuts === before.cuts && before;
     });
     await press(page, "Reset");
     await page.locator("dialog").getByRole("button", { name: "Cancel" }).click();
-    assert.equal((await house.resection("room-1")).cuts, cut.cuts, "Cancel cancels");
+    assert.equal((await testbed.resection("room-1")).cuts, cut.cuts, "Cancel cancels");
     await press(page, "Reset");
     await page.locator("dialog").getByRole("button", { name: "Reset" }).click();
     await said(page, "Reset: done");
-    await until("nothing is cut", async () => (await house.resection("room-1")).removed_mm3 === 0);
+    await until("nothing is cut", async () => (await testbed.resection("room-1")).removed_mm3 === 0);
     await sameMesh(world, page, "room-1");
-    const now = await house.resection("room-1");
+    const now = await testbed.resection("room-1");
     assert.ok(now.volume_mm3 > cut.volume_mm3, `${now.volume_mm3} now, ${cut.volume_mm3} before`);
     await until("the page says so", async () => Math.abs((await figure(page, "Volume left")) - now.volume_mm3) <= 0.5);
   } finally {
@@ -174,9 +174,9 @@ async function a_reset_makes_the_tissue_whole(world) {
 }
 
 /** A trainee of the config who signs in by a code that the instructor makes. */
-async function traineeOf({ browser, who }, name) {
-  const desk = await browser.page(await browser.context(who.instructor), "#/nowhere");
-  const code = await desk.evaluate(async (trainee) => {
+async function traineeOf({ browser, users }, name) {
+  const admin = await browser.page(await browser.context(users.instructor), "#/nowhere");
+  const code = await admin.evaluate(async (trainee) => {
     const post = async (path, body) => (await fetch(`/api/v1${path}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) })).json();
     await post("/trainees", { name: trainee });
     return (await post(`/trainees/${trainee}/code`, {})).code;
@@ -191,13 +191,13 @@ async function traineeOf({ browser, who }, name) {
 }
 
 async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not(world) {
-  const { house, browser } = world;
-  await house.runRoom("room-1");
+  const { testbed, browser } = world;
+  await testbed.runStation("room-1");
   const dora = await traineeOf(world, "dora");
   await dora.goto(`${browser.url}/#/station/room-99`);
-  await dora.getByText("No session of yours here").waitFor();
+  await dora.getByText("You have no session here").waitFor();
   await dora.goto(`${browser.url}/#/station/room-1`);
-  await dora.getByText("No session of yours here").waitFor();
+  await dora.getByText("You have no session here").waitFor();
   await browser.check(dora, "another's station");
   await browser.picture(dora, "station-of-another");
   assert.equal(await dora.getByRole("link", { name: "Wall" }).count(), 0);
@@ -207,28 +207,28 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
   await sleep(4000);
   assert.equal(await dora.locator(".link-sign").innerText(), "Live"); // nothing comes, and nothing is wrong
   await dora.goto(`${browser.url}/#/scope/room-1`);
-  await dora.getByText("No session of yours here").waitFor();
+  await dora.getByText("You have no session here").waitFor();
   await dora.goto(`${browser.url}/#/station/room-1`);
-  const desk = await open(world, "room-1");
-  await press(desk, "Trainee …");
-  await desk.getByLabel("Trainee", { exact: true }).selectOption("dora");
-  await press(desk, "Assign");
-  await said(desk, "Trainee: done");
-  await press(desk, "Stop");
-  await desk.locator("dialog").getByRole("button", { name: "Stop" }).click();
-  await desk.locator(".state-badge", { hasText: "Closed" }).waitFor();
-  await press(desk, "Start");
+  const admin = await open(world, "room-1");
+  await press(admin, "Trainee …");
+  await admin.getByLabel("Trainee", { exact: true }).selectOption("dora");
+  await press(admin, "Assign");
+  await said(admin, "Trainee: done");
+  await press(admin, "Stop");
+  await admin.locator("dialog").getByRole("button", { name: "Stop" }).click();
+  await admin.locator(".state-badge", { hasText: "Closed" }).waitFor();
+  await press(admin, "Start");
   await dora.locator(".state-badge", { hasText: "Running" }).waitFor();
-  await desk.getByText("dora · tear-radial").waitFor();
-  const hers = await desk.evaluate(async () => (await (await fetch("/api/v1/sessions?trainee=dora")).json()).sessions);
-  assert.deepEqual(hers.map(({ id }) => id), [(await house.station("room-1")).id]);
-  await press(desk, "Trainee …");
-  await desk.getByLabel("Trainee", { exact: true }).selectOption("anna");
-  await press(desk, "Assign");
-  await said(desk, "Trainee: done");
-  await house.session("stop", "room-1");
-  await house.session("start", "room-1");
-  await dora.getByText("No session of yours here").waitFor();
+  await admin.getByText("dora · tear-radial").waitFor();
+  const hers = await admin.evaluate(async () => (await (await fetch("/api/v1/sessions?trainee=dora")).json()).sessions);
+  assert.deepEqual(hers.map(({ id }) => id), [(await testbed.station("room-1")).id]);
+  await press(admin, "Trainee …");
+  await admin.getByLabel("Trainee", { exact: true }).selectOption("anna");
+  await press(admin, "Assign");
+  await said(admin, "Trainee: done");
+  await testbed.session("stop", "room-1");
+  await testbed.session("start", "room-1");
+  await dora.getByText("You have no session here").waitFor();
 }
 
 export const tests = [

@@ -6,14 +6,14 @@ const card = (page, station) => page.locator("article.card").filter({ has: page.
 const standing = (page, station, kind, seconds) =>
   until(`${station} is ${kind}`, async () => (await card(page, station).getAttribute("data-standing")) === kind, seconds);
 
-async function a_station_comes_degrades_goes_and_comes_back({ house, browser, who }) {
-  const page = await browser.page(await browser.context(who.instructor), "#/wall");
+async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/wall");
   await card(page, "room-2").waitFor();
   assert.equal(await page.locator("article.card").count(), 32);
   await standing(page, "room-2", "gone");
-  await house.enrol("room-2"); // the tracker's time runs from the mock-up's start
-  await house.startMockup("room-2", [["dropout", 4, 3]]);
-  const station = await house.startRoom("room-2");
+  await testbed.enrol("room-2"); // the tracker's time runs from the mock-up's start
+  await testbed.startMockup("room-2", [["dropout", 4, 3]]);
+  const station = await testbed.startStation("room-2");
   await standing(page, "room-2", "running");
   await card(page, "room-2").getByText("bert").waitFor();
   const devices = card(page, "room-2").locator(".value").filter({ has: page.locator("dt", { hasText: /^Devices$/ }) }).locator(".figure");
@@ -24,18 +24,18 @@ async function a_station_comes_degrades_goes_and_comes_back({ house, browser, wh
   await until("the tracker is back", async () => (await devices.innerText()) === "2/2");
   await station.end("SIGKILL");
   await standing(page, "room-2", "gone");
-  const before = await house.station("room-2");
-  await house.startRoom("room-2");
+  const before = await testbed.station("room-2");
+  await testbed.startStation("room-2");
   await standing(page, "room-2", "running");
-  assert.equal((await house.station("room-2")).id, before.id);
-  await house.endRoom("room-2");
+  assert.equal((await testbed.station("room-2")).id, before.id);
+  await testbed.endStation("room-2");
 }
 
-async function a_card_leads_to_its_station({ browser, who }) {
-  const page = await browser.page(await browser.context(who.instructor), "#/wall");
-  await card(page, "seat-05").locator("a").click();
-  await page.getByRole("heading", { name: "seat-05" }).waitFor();
-  assert.match(page.url(), /#\/station\/seat-05$/);
+async function a_card_leads_to_its_station({ browser, users }) {
+  const page = await browser.page(await browser.context(users.instructor), "#/wall");
+  await card(page, "sim-05").locator("a").click();
+  await page.getByRole("heading", { name: "sim-05" }).waitFor();
+  assert.match(page.url(), /#\/station\/sim-05$/);
 }
 
 export const tests = [a_station_comes_degrades_goes_and_comes_back, a_card_leads_to_its_station];

@@ -1,6 +1,7 @@
 // Colour maps that colour-blind eyes can read: cividis (Nuñez, Anderton, Renslow 2018) and viridis for
 // amounts, and one from blue over grey to orange for more and less. Each is a table of samples; colours
 // between them are linear in sRGB, which differs from the originals by less than the eye sees.
+import { text } from "../text";
 
 export type Colour = [r: number, g: number, b: number]; // 0 to 255, sRGB
 export type Table = readonly Colour[];
@@ -35,10 +36,10 @@ export interface ColourMap {
 }
 
 export const MAPS: Record<Exclude<MapName, "none">, ColourMap> = {
-  displacement: { table: VIRIDIS, from: 0, to: 3, unit: "mm", ticks: [0, 1, 2, 3] },
+  displacement: { table: VIRIDIS, from: 0, to: 3, unit: text.units.mm, ticks: [0, 1, 2, 3] },
   gain: { table: LESS_MORE, from: 0.5, to: 1.5, unit: "", ticks: [0.5, 0.75, 1, 1.25, 1.5], marks: [0.88, 1.07] },
-  plan: { table: LESS_MORE, from: -2, to: 2, unit: "mm", ticks: [-2, -1, 0, 1, 2] },
-  contact: { table: CIVIDIS, from: 0, to: 1, unit: "mm", ticks: [0, 0.25, 0.5, 0.75, 1] },
+  plan: { table: LESS_MORE, from: -2, to: 2, unit: text.units.mm, ticks: [-2, -1, 0, 1, 2] },
+  contact: { table: CIVIDIS, from: 0, to: 1, unit: text.units.mm, ticks: [0, 0.25, 0.5, 0.75, 1] },
 };
 
 export function share(map: ColourMap, value: number): number {

@@ -1,15 +1,15 @@
 // 32 stations and 8 browsers: what they cost the server, and what comes to each.
 import assert from "node:assert/strict";
-import { SEAT_HZ } from "../house.mjs";
+import { SIMULATED_HZ } from "../testbed.mjs";
 import { sleep } from "../programs.mjs";
 import { quantile } from "../report.mjs";
 
 const BROWSERS = 8;
 
-async function during(house, seconds) {
-  const [cpu, begun] = [house.server.cpuS, performance.now()];
+async function during(testbed, seconds) {
+  const [cpu, begun] = [testbed.server.cpuS, performance.now()];
   await sleep(seconds * 1000);
-  return (house.server.cpuS - cpu) / ((performance.now() - begun) / 1000);
+  return (testbed.server.cpuS - cpu) / ((performance.now() - begun) / 1000);
 }
 
 function frames() {
@@ -40,32 +40,32 @@ function takeAll() {
 const taken = async (pages) => (await Promise.all(pages.map((page) => page.evaluate(() => window.taken))))
   .reduce((sum, one) => ({ messages: sum.messages + one.messages, bytes: sum.bytes + one.bytes }));
 
-async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time({ house, browser, who, report, quick }) {
+async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time({ testbed, browser, users, report, quick }) {
   const seconds = quick ? 6 : 30;
-  await house.runAll();
+  await testbed.runAll();
   await sleep(2000);
-  const alone = await during(house, seconds);
+  const alone = await during(testbed, seconds);
   const pages = [];
-  for (let i = 0; i < BROWSERS; i++) pages.push(await browser.page(await browser.context(who.instructor), "#/nowhere"));
+  for (let i = 0; i < BROWSERS; i++) pages.push(await browser.page(await browser.context(users.instructor), "#/nowhere"));
   for (const page of pages) await page.evaluate(takeAll);
   await sleep(1000);
-  const [before, steps] = [await taken(pages), (await house.session("list")).sessions];
-  const together = await during(house, seconds);
-  const [after, later] = [await taken(pages), (await house.session("list")).sessions];
+  const [before, steps] = [await taken(pages), (await testbed.session("list")).sessions];
+  const together = await during(testbed, seconds);
+  const [after, later] = [await taken(pages), (await testbed.session("list")).sessions];
   report.timedMark("server_cpu_share_8_browsers_32_stations", together - alone, "core", 0.3);
   report.figure("server_cpu_32_stations_alone", alone, "core");
   report.figure("wall_of_32_messages_per_browser", (after.messages - before.messages) / BROWSERS / seconds, "1/s");
   report.figure("wall_of_32_bytes_per_browser", (after.bytes - before.bytes) / BROWSERS / seconds, "B/s");
   for (const { station, steps: made, trace_missing: missing } of later) {
     const more = made - steps.find((of) => of.station === station).steps;
-    assert.ok(more >= 0.5 * SEAT_HZ * seconds, `${station} made ${more} steps in ${seconds} s`);
+    assert.ok(more >= 0.5 * SIMULATED_HZ * seconds, `${station} made ${more} steps in ${seconds} s`);
     assert.equal(missing, 0, `the trace of ${station} lacks steps`);
   }
 }
 
-async function thirty_two_stations_are_on_one_wall({ house, browser, who, report }) {
-  await house.runAll();
-  const page = await browser.page(await browser.context(who.instructor), "#/wall", [], frames);
+async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, report }) {
+  await testbed.runAll();
+  const page = await browser.page(await browser.context(users.instructor), "#/wall", [], frames);
   await page.locator("article.card[data-standing=running]").nth(31).waitFor();
   await sleep(5000);
   report.figure("wall_of_32_frame_p50", quantile(await page.evaluate(() => window.frames_ms.slice(-60)), 0.5), "ms");
@@ -74,11 +74,11 @@ async function thirty_two_stations_are_on_one_wall({ house, browser, who, report
   assert.ok(fits, "all 32 are on the screen");
 }
 
-async function messages_and_bytes_of_each_view({ house, browser, who, report, quick }) {
+async function messages_and_bytes_of_each_view({ testbed, browser, users, report, quick }) {
   const seconds = quick ? 3 : 10;
-  await house.runRoom("room-1");
+  await testbed.runStation("room-1");
   for (const [name, hash] of [["wall", "#/wall"], ["station", "#/station/room-1"], ["scope", "#/scope/room-1"]]) {
-    const page = await browser.page(await browser.context(who.instructor), hash);
+    const page = await browser.page(await browser.context(users.instructor), hash);
     await page.locator("canvas").first().waitFor();
     await sleep(2000);
     const heard = browser.heard(page);
@@ -88,8 +88,8 @@ async function messages_and_bytes_of_each_view({ house, browser, who, report, qu
     report.figure(`${name}_bytes`, (heard.bytes - before.bytes) / seconds, "B/s");
     await browser.closeAll();
   }
-  const { id } = await house.recorded();
-  const page = await browser.page(await browser.context(who.instructor), `#/session/${id}`);
+  const { id } = await testbed.recorded();
+  const page = await browser.page(await browser.context(users.instructor), `#/session/${id}`);
   await page.getByText("Complete; final volume matches the record").waitFor();
   report.figure("debrief_messages_in_all", browser.heard(page).messages, "");
   report.figure("debrief_bytes_in_all", browser.heard(page).bytes, "B");

@@ -1,4 +1,4 @@
-// The browser, and what tests look at in it: what it complains of, what comes over its sockets, pictures.
+// The browser, and what tests observe in it: errors on its consoles, messages on its sockets, pictures.
 import { readFileSync, mkdirSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
@@ -53,7 +53,7 @@ export class Browser {
     this.#pages.clear();
   }
 
-  /** Pictures of all pages, for who looks why a test failed. */
+  /** Pictures of all pages, to find out why a test failed. */
   async keepAll() {
     let count = 0;
     for (const page of this.#pages.keys()) if (!page.isClosed()) await this.picture(page, `failed-${++count}`).catch(() => {});

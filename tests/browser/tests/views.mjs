@@ -2,19 +2,19 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { SIZES } from "../look.mjs";
+import { SIZES } from "../browser.mjs";
 import { BIN, sleep } from "../programs.mjs";
 
 const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens", "audit"];
 
 /** Name, address, and what is there once it shows what it has, of every view. */
-export const viewsOf = async (house) => [
+export const viewsOf = async (testbed) => [
   ["wall", "#/wall", "article.card"],
   ["station", "#/station/room-1", "canvas.scene-canvas"],
-  ["station-without-session", "#/station/seat-29", ".station-waiting .state.empty"],
+  ["station-without-session", "#/station/sim-29", ".station-waiting .state.empty"],
   ["scope", "#/scope/room-1?optic=30", ".scope-round:not(.dark) canvas.scope-canvas"],
   ["sessions", "#/sessions", "table"],
-  ["debrief", `#/session/${(await house.recorded()).id}`, "canvas.scene-canvas"],
+  ["debrief", `#/session/${(await testbed.recorded()).id}`, "canvas.scene-canvas"],
   ...ADMIN.map((part) => [`admin-${part}`, `#/admin/${part}`, "table, .state.empty"]),
   ["nowhere", "#/nowhere", ".state"],
 ];
@@ -39,16 +39,16 @@ async function pictures({ browser, quick }, page, name) {
 }
 
 async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds(world) {
-  const { house, browser, who } = world;
-  const views = await viewsOf(house);
-  await house.runRoom("room-1");
+  const { testbed, browser, users } = world;
+  const views = await viewsOf(testbed);
+  await testbed.runStation("room-1");
   const faults = [];
-  const door = await browser.page(await browser.context(), "#/sign-in");
-  await door.getByRole("heading", { name: "Sign in" }).waitFor();
-  await pictures(world, door, "sign-in");
+  const signIn = await browser.page(await browser.context(), "#/sign-in");
+  await signIn.getByRole("heading", { name: "Sign in" }).waitFor();
+  await pictures(world, signIn, "sign-in");
   await browser.closeAll();
   for (const [name, hash, there] of views) {
-    const page = await browser.page(await browser.context(who.instructor), hash);
+    const page = await browser.page(await browser.context(users.instructor), hash);
     await page.locator(there).first().waitFor();
     if (name === "scope") for (let turn = 0; turn < 9; turn++) await page.keyboard.press(".");
     await sleep(300);

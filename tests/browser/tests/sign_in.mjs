@@ -4,30 +4,30 @@ import assert from "node:assert/strict";
 export const PASSWORD = "correct horse battery";
 const REFUSED = [/status of 40[13]/, /429/];
 
-async function signIn(page, name, password) {
+export async function signIn(page, name, password) {
   await page.getByLabel("Name").fill(name);
   await page.getByLabel("Password", { exact: true }).fill(password);
   await page.getByRole("button", { name: "Sign in" }).click();
 }
 
-async function the_first_instructor_makes_an_account_through_the_link({ house, browser, who }) {
+async function the_first_instructor_makes_an_account_through_the_link({ testbed, browser, users }) {
   const context = await browser.context();
-  const page = await browser.page(context, await house.firstLink());
+  const page = await browser.page(context, await testbed.firstLink());
   await page.getByLabel("Name").fill("grace");
   await page.getByLabel("Password", { exact: true }).fill("short");
-  await page.getByLabel("Password again").fill("other");
-  await page.getByRole("button", { name: "Make account" }).click();
+  await page.getByLabel("Repeat password").fill("other");
+  await page.getByRole("button", { name: "Create account" }).click();
   await page.getByText("The two passwords differ.").waitFor();
   await browser.check(page, "first");
   await browser.picture(page, "first");
-  for (const label of ["Password", "Password again"]) await page.getByLabel(label, { exact: true }).fill(PASSWORD);
-  await page.getByRole("button", { name: "Make account" }).click();
+  for (const label of ["Password", "Repeat password"]) await page.getByLabel(label, { exact: true }).fill(PASSWORD);
+  await page.getByRole("button", { name: "Create account" }).click();
   await page.getByRole("heading", { name: "Wall" }).waitFor();
-  who.instructor = await context.storageState();
-  const again = await browser.page(await browser.context(), await house.firstLink(), REFUSED);
+  users.instructor = await context.storageState();
+  const again = await browser.page(await browser.context(), await testbed.firstLink(), REFUSED);
   await again.getByLabel("Name").fill("mallory");
-  for (const label of ["Password", "Password again"]) await again.getByLabel(label, { exact: true }).fill(PASSWORD);
-  await again.getByRole("button", { name: "Make account" }).click();
+  for (const label of ["Password", "Repeat password"]) await again.getByLabel(label, { exact: true }).fill(PASSWORD);
+  await again.getByRole("button", { name: "Create account" }).click();
   await again.getByRole("alert").filter({ hasText: /./ }).waitFor();
   assert.match(again.url(), /first/);
 }
@@ -42,13 +42,13 @@ async function a_wrong_password_is_refused_and_the_right_one_leads_where_one_wan
   assert.match(page.url(), /#\/admin\/audit$/);
 }
 
-async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ browser, who }) {
-  const desk = await browser.page(await browser.context(who.instructor), "#/admin/trainees");
-  await desk.getByRole("button", { name: "Add trainee" }).first().click();
-  await desk.locator("dialog").getByLabel("Name", { exact: true }).fill("anna");
-  await desk.locator("dialog").getByRole("button", { name: "Add trainee" }).click();
-  await desk.getByRole("row", { name: /anna/ }).getByRole("button", { name: /code/i }).click();
-  const code = await desk.locator("dialog .code, dialog code, dialog output").first().innerText();
+async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ browser, users }) {
+  const admin = await browser.page(await browser.context(users.instructor), "#/admin/trainees");
+  await admin.getByRole("button", { name: "Add trainee" }).first().click();
+  await admin.locator("dialog").getByLabel("Name", { exact: true }).fill("anna");
+  await admin.locator("dialog").getByRole("button", { name: "Add trainee" }).click();
+  await admin.getByRole("row", { name: /anna/ }).getByRole("button", { name: /code/i }).click();
+  const code = await admin.locator("dialog .code, dialog code, dialog output").first().innerText();
   assert.match(code.replace(/[\s-]/g, ""), /^[A-Z0-9]{8}$/);
   const context = await browser.context();
   const page = await browser.page(context, "#/sign-in", REFUSED);
@@ -56,10 +56,10 @@ async function a_trainee_comes_in_by_a_code_and_sees_only_what_is_their_own({ br
   await page.getByLabel("Sign-in code").fill(code.toLowerCase());
   await page.getByRole("button", { name: "Sign in" }).click();
   await page.getByRole("link", { name: "Sessions" }).waitFor();
-  who.trainee = await context.storageState();
+  users.trainee = await context.storageState();
   for (const hash of ["#/admin/accounts", "#/wall"]) {
     await page.goto(`${browser.url}/${hash}`);
-    await page.locator(".state-title", { hasText: "Not for this account" }).waitFor();
+    await page.locator(".state-title", { hasText: "No access to this page" }).waitFor();
   }
   const statuses = await page.evaluate(() => Promise.all(["accounts", "trainees", "audit", "stations", "me"].map(async (path) => (await fetch(`/api/v1/${path}`)).status)));
   assert.deepEqual(statuses, [403, 403, 403, 403, 200]);
@@ -74,7 +74,7 @@ async function signed_out_in_one_tab_is_signed_out_in_all({ browser }) {
   const other = await browser.page(context, "#/wall", [...REFUSED, /WebSocket connection/]);
   await other.getByRole("heading", { name: "Wall" }).waitFor();
   await page.getByRole("button", { name: /grace/ }).click();
-  await page.getByRole("button", { name: "Sign out" }).click();
+  await page.getByRole("button", { name: "Sign out", exact: true }).click();
   await other.getByRole("heading", { name: "Sign in" }).waitFor();
 }
 

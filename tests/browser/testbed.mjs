@@ -5,15 +5,15 @@ import { join } from "node:path";
 import { call, callJson, freePort, Program, sleep, until } from "./programs.mjs";
 import { BITES, motion, palpation, scopeAt, stand, stroke, write } from "./motion.mjs";
 
-export const STATIONS = 32;
-export const SEAT_HZ = 25; // frames of a simulated station
+export const STATION_COUNT = 32;
+export const SIMULATED_HZ = 25; // frames of a simulated station
 const CASES = ["tear-radial", "arthrosis", "healthy"];
 const FAR = "127.0.0.2"; // where a station calls the server through the relay
 const ROUND_TRIP_MS = 50; // through it
 const LEAST_S = 4; // of a session that is recorded
 
 /** What the config says of each station; the others are simulated. */
-export const ROOMS = {
+export const STATIONS = {
   "room-1": { case: "tear-radial", trainee: "anna", motion: "bites" },
   "room-2": { case: "arthrosis", trainee: "bert", motion: "stand", optic: { tiltDeg: 70, fieldDeg: 80 } },
   "room-3": { case: "arthrosis", trainee: "carla", motion: "stroke", far: true },
@@ -21,24 +21,24 @@ export const ROOMS = {
 
 const opticOf = ({ optic }) => (optic ? `optic_deg = ${optic.tiltDeg}\noptic_view_deg = ${optic.fieldDeg}\n` : "");
 
-export class House {
+export class Testbed {
   programs = new Set();
-  rooms = Object.keys(ROOMS);
-  seats = Array.from({ length: STATIONS - this.rooms.length }, (_, i) => `seat-${String(i + 1).padStart(2, "0")}`);
-  views = {}; // of each room: the port of the station's view
+  equipped = Object.keys(STATIONS);
+  simulated = Array.from({ length: STATION_COUNT - this.equipped.length }, (_, i) => `sim-${String(i + 1).padStart(2, "0")}`);
+  views = {}; // port of the view of each equipped station
   mockups = {};
   stations = {};
 
   static async open(source) {
-    const house = new House();
-    house.source = source;
-    house.folder = mkdtempSync(join(tmpdir(), "arthron-browser-"));
-    await Promise.all([house.#makeCases(), house.#makeKeys()]);
-    await house.#makeMotions();
-    await house.startServer();
-    house.enrolled = house.enrolAll();
-    house.enrolled.catch(() => {}); // told to who waits for it
-    return house;
+    const testbed = new Testbed();
+    testbed.source = source;
+    testbed.folder = mkdtempSync(join(tmpdir(), "arthron-browser-"));
+    await Promise.all([testbed.#makeCases(), testbed.#makeKeys()]);
+    await testbed.#makeMotions();
+    await testbed.startServer();
+    testbed.enrolled = testbed.enrolAll();
+    testbed.enrolled.catch(() => {}); // who waits for it gets the error
+    return testbed;
   }
 
   async close() {
@@ -79,8 +79,8 @@ export class House {
 
   #serverConfig() {
     const cases = CASES.map((name) => `[case ${name}]\ndir = cases/${name}\n`);
-    const rooms = Object.entries(ROOMS).map(([name, room]) => `[station ${name}]\ncase = ${room.case}\ntrainee = ${room.trainee}\n${opticOf(room)}`);
-    const seats = this.seats.map((name, i) => `[station ${name}]\ncase = ${CASES[i % CASES.length]}\n`);
+    const equipped = Object.entries(STATIONS).map(([name, station]) => `[station ${name}]\ncase = ${station.case}\ntrainee = ${station.trainee}\n${opticOf(station)}`);
+    const simulated = this.simulated.map((name, i) => `[station ${name}]\ncase = ${CASES[i % CASES.length]}\n`);
     writeFileSync(this.path("server.ini"), `[server]
 address = 127.0.0.1
 port = ${this.port}
@@ -92,7 +92,7 @@ socket = s
 records = records.db
 [web]
 port = ${this.webPort}
-${cases.join("")}${rooms.join("")}${seats.join("")}`);
+${cases.join("")}${equipped.join("")}${simulated.join("")}`);
   }
 
   async startServer() {
@@ -157,13 +157,13 @@ ${cases.join("")}${rooms.join("")}${seats.join("")}`);
   }
 
   async enrolAll() {
-    for (const name of this.seats) await this.enrol(name);
+    for (const name of this.simulated) await this.enrol(name);
   }
 
   /** `faults`: [what, at_s, for_s] of the tracker, in s after the mock-up's start. */
   async startMockup(name, faults = []) {
     const before = this.mockups[name];
-    const args = ["--motion", this.path(`${ROOMS[name].motion}.csv`), "--modbus-tcp", `127.0.0.1:${before?.modbus ?? 0}`, "--tracker", `127.0.0.1:${before?.tracker ?? 0}`];
+    const args = ["--motion", this.path(`${STATIONS[name].motion}.csv`), "--modbus-tcp", `127.0.0.1:${before?.modbus ?? 0}`, "--tracker", `127.0.0.1:${before?.tracker ?? 0}`];
     if (faults.length) {
       const text = faults.map(([what, at, length], i) => `[fault ${i}]\nwho = tracker\nwhat = ${what}\nat_s = ${at}\nfor_s = ${length}\n`);
       writeFileSync(this.path(`${name}-faults.ini`), text.join(""));
@@ -176,12 +176,12 @@ ${cases.join("")}${rooms.join("")}${seats.join("")}`);
     return program;
   }
 
-  async #roomConfig(name) {
+  async #stationConfig(name) {
     const { modbus, tracker } = this.mockups[name];
     this.views[name] ??= await freePort();
     return `[station]
 name = ${name}
-server = ${ROOMS[name].far ? FAR : "127.0.0.1"}:${this.port}
+server = ${STATIONS[name].far ? FAR : "127.0.0.1"}:${this.port}
 keys = keys-${name}
 [view]
 port = ${this.views[name]}
@@ -208,12 +208,12 @@ tool.scope = scope
   }
 
   /** Its mock-up too, where none runs. The station that runs already, where one does. */
-  async startRoom(name) {
+  async startStation(name) {
     if (this.stations[name]) return this.stations[name];
     if (!this.mockups[name]) await this.startMockup(name);
     await this.enrol(name);
-    if (ROOMS[name].far && !this.relay) await this.#startRelay();
-    writeFileSync(this.path(`${name}.ini`), await this.#roomConfig(name));
+    if (STATIONS[name].far && !this.relay) await this.#startRelay();
+    writeFileSync(this.path(`${name}.ini`), await this.#stationConfig(name));
     const station = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
     await station.said(/\/view\?token=/);
     this.stations[name] = station;
@@ -221,17 +221,17 @@ tool.scope = scope
     return station;
   }
 
-  /** The room, with its session running. */
-  async runRoom(name) {
-    await this.startRoom(name);
+  /** The station, with its session running. */
+  async runStation(name) {
+    await this.startStation(name);
     await until(`a session of ${name}`, async () => (await this.station(name)).connected);
     await this.session("start", name).catch(() => {}); // it runs already
     return until(`${name} runs`, async () => (await this.station(name)).state === "running");
   }
 
-  /** A session of a room from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
+  /** A session of a station from its beginning until `enough` is done, and some seconds at least: {id, resection}. */
   async record(name, enough = () => {}) {
-    await this.startRoom(name);
+    await this.startStation(name);
     await until(`a session of ${name}`, async () => (await this.station(name)).connected);
     await this.session("stop", name).catch(() => {}); // it is closed
     const { id: before } = await this.station(name);
@@ -253,7 +253,7 @@ tool.scope = scope
     return this.past;
   }
 
-  async endRoom(name) {
+  async endStation(name) {
     await this.stations[name]?.end();
     await this.mockups[name].program.end();
     delete this.mockups[name];
@@ -271,16 +271,16 @@ tool.scope = scope
   }
 
   /** A station without hardware. */
-  startSeat(name, seed) {
+  startSimulated(name, seed) {
     writeFileSync(this.path(`${name}.ini`), `[station]
 name = ${name}
 server = 127.0.0.1:${this.port}
 keys = keys-${name}
-rate_hz = ${SEAT_HZ}
+rate_hz = ${SIMULATED_HZ}
 [device all]
 driver = simulated
 seed = ${seed}
-rate_hz = ${SEAT_HZ}
+rate_hz = ${SIMULATED_HZ}
 `);
     this.stations[name] = this.#start(name, "arthron-station", "run", "--config", this.path(`${name}.ini`));
   }
@@ -288,15 +288,15 @@ rate_hz = ${SEAT_HZ}
   /** All 32 stations, with their sessions running. */
   async runAll() {
     await this.enrolled;
-    for (const name of this.rooms) await this.runRoom(name);
-    this.seats.forEach((name, i) => this.stations[name] || this.startSeat(name, i + 1));
+    for (const name of this.equipped) await this.runStation(name);
+    this.simulated.forEach((name, i) => this.stations[name] || this.startSimulated(name, i + 1));
     await until("all stations run", async () => (await this.session("list")).sessions.every(({ connected, state }) => connected && state === "running"), 60);
   }
 
-  /** All that the programs said, for who looks why a test failed. */
+  /** The logs of all programs, to find out why a test failed. */
   keepLogs(path) {
     writeFileSync(path, "");
-    for (const name of ["server", ...this.rooms]) {
+    for (const name of ["server", ...this.equipped]) {
       const log = this.path(`${name}.log`);
       if (existsSync(log)) appendFileSync(path, `==== ${name}\n${readFileSync(log, "utf8")}`);
     }

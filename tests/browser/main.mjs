@@ -17,11 +17,12 @@ import { tests as views } from "./tests/views.mjs";
 import { tests as keyboard } from "./tests/keyboard.mjs";
 import { tests as load } from "./tests/load.mjs";
 import { tests as memory } from "./tests/memory.mjs";
+import { tests as people } from "./tests/people.mjs";
 import { tests as restart } from "./tests/restart.mjs";
 import { tests as throttle } from "./tests/throttle.mjs";
 
 // In this order: the tests that sign in come first, those that stop the server last.
-const SUITES = { runner: runs, "sign-in": signIn, wall, station, scope, debrief, views, keyboard, load, memory, restart, throttle };
+const SUITES = { runner: runs, "sign-in": signIn, wall, station, scope, debrief, views, keyboard, load, memory, people, restart, throttle };
 
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },

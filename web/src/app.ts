@@ -8,7 +8,8 @@ export interface App {
   readonly feed: Feed;
   account: Account | undefined; // undefined: nobody is signed in
   signedIn(account: Account): void;
-  signOut(): Promise<void>;
+  /** `everywhere`: all browsers and programs of the account. */
+  signOut(everywhere?: boolean): Promise<void>;
   /** The page's title, and the name of the view for who cannot see it. */
   title(text: string): void;
 }

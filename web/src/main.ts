@@ -50,8 +50,8 @@ const app: App = {
     if (location.hash === to) void show();
     else location.hash = to;
   },
-  async signOut() {
-    await api.post("/sign-out").catch((error: unknown) => {
+  async signOut(everywhere = false) {
+    await api.post(everywhere ? "/me/sign-out" : "/sign-out").catch((error: unknown) => {
       if (!(error instanceof ApiError && error.status === 401)) throw error;
     });
     signedOut("");

@@ -4,7 +4,7 @@ import type { App } from "./app";
 import type { Route } from "./router";
 import { text } from "./text";
 import { setTheme, theme, type Theme } from "./theme";
-import { announcer, button, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
+import { announcer, button, confirm, everySecond, explain, field, formDialog, h, icon, setText, toast } from "./ui";
 
 interface Entry {
   name: string; // of the route
@@ -89,10 +89,16 @@ function accountMenu(app: App): HTMLElement {
     h("p", { class: "menu-name" }, account.name), h("p", { class: "menu-role" }, text.roles[account.role] ?? account.role),
     h("fieldset", { class: "choices" }, h("legend", {}, text.account.theme), h("div", {}, ...choices)),
     h("div", { class: "menu-actions" }, button(text.account.password, () => changePassword(app), { class: "wide" }),
-    button(text.account.signOut, () => void app.signOut().catch((error) => toast(explain(error), "fault")), { class: "wide" })));
+    button(text.account.signOut, () => void app.signOut().catch((error) => toast(explain(error), "fault")), { class: "wide" }),
+    button(text.account.signOutEverywhere, () => signOutEverywhere(app), { class: "wide" })));
   const opener = h("button", { type: "button", class: "button quiet", popovertarget: menu.id, "aria-label": text.account.menu(account.name) },
     icon("person"), h("span", { class: "account-name" }, account.name), icon("down"));
   return h("div", { class: "account" }, opener, menu);
+}
+
+function signOutEverywhere(app: App): void {
+  document.getElementById("account-menu")?.hidePopover();
+  confirm(text.account.everywhereTitle, text.account.everywhereHint, text.account.signOutEverywhere, () => app.signOut(true));
 }
 
 function changePassword(app: App): void {

@@ -184,15 +184,19 @@ export function dialog(title: string, body: Child[], actions: Child[] = [], clos
   return { element, close: () => element.close() };
 }
 
-/** Asks before what cannot be taken back; `then` may fail, which the dialog shows. */
-export function confirm(title: string, hint: string, label: string, then: () => Promise<void>): void {
+/**
+ * Asks before an action that cannot be undone. `act` may fail: the dialog stays and shows why. What `act`
+ * returns is called after the dialog has closed.
+ */
+export function confirm(title: string, hint: string, label: string, act: () => Promise<void | (() => void)>): void {
   const fault = h("p", { class: "fault", role: "alert" });
   const go = button(label, () => void run(), { kind: "danger" });
-  const shown = dialog(title, [h("p", {}, hint), fault], [button(text.cancel, () => shown.close()), go]);
+  let then: void | (() => void);
+  const shown = dialog(title, [h("p", {}, hint), fault], [button(text.cancel, () => shown.close()), go], () => then?.());
   const run = async (): Promise<void> => {
     go.disabled = true;
     try {
-      await then();
+      then = await act();
       shown.close();
     } catch (error) {
       setText(fault, explain(error));

@@ -4,7 +4,7 @@ import type { App, View } from "../app";
 import { listing } from "../listing";
 import { routeTo } from "../router";
 import { format, text } from "../text";
-import { button, empty, explain, h, select, setText, toast, type Props } from "../ui";
+import { button, confirm, empty, explain, h, select, setText, toast, type Props } from "../ui";
 
 interface Session {
   id: string;
@@ -59,7 +59,7 @@ export const sessions: View = (root, route, app) => {
     showPaging();
   };
 
-  const list = listing<Session>(text.views.sessions, columns(app, choose), load, none);
+  const list = listing<Session>(text.views.sessions, columns(app, choose, () => list.reload()), load, none);
   const go = (change: Record<string, string>): void => {
     Object.assign(asked, change);
     history.pushState(null, "", routeTo("sessions", [], asked));
@@ -101,19 +101,24 @@ async function fillFilters(app: App, filters: Record<Filter, HTMLSelectElement>,
   }
 }
 
-function columns(app: App, choose: (id: string, on: boolean) => void): Parameters<typeof listing<Session>>[1] {
+function columns(app: App, choose: (id: string, on: boolean) => void, changed: () => void): Parameters<typeof listing<Session>>[1] {
   const t = text.sessions;
   const pick = (session: Session): HTMLElement => {
     const input = h("input", { type: "checkbox", "aria-label": t.choose(format.time(session.start_utc_s * 1000)) });
     input.addEventListener("change", () => choose(session.id, input.checked));
     return input;
   };
+  const remove = (session: Session): void => confirm(t.removeTitle, t.removeHint(format.time(session.start_utc_s * 1000), session.trainee ?? t.nobody), t.remove, async () => {
+    await app.api.delete(`/sessions/${part(session.id)}`);
+    changed();
+  });
   const link = (href: string, label: string, more: Props = {}): HTMLElement => h("a", { class: "button quiet small", href, ...more }, label);
   const links = (session: Session): HTMLElement => (session.state === "open"
     ? h("span", { class: "row-actions" }, link(routeTo("station", [session.station]), t.live), link(routeTo("scope", [session.station]), t.scope))
     : h("span", { class: "row-actions" },
       link(`/api/v1/sessions/${part(session.id)}/report`, t.report, { target: "_blank", rel: "noopener" }),
-      link(`/api/v1/sessions/${part(session.id)}/trace`, t.trace, { download: true })));
+      link(`/api/v1/sessions/${part(session.id)}/trace`, t.trace, { download: true }),
+      app.account!.role === "instructor" && button(t.remove, () => remove(session), { kind: "quiet", class: "small" })));
   return [
     { label: t.pick, hidden: true, cell: pick },
     { label: t.start, cell: (session) => h("a", { class: "number", href: routeTo("session", [session.id]) }, format.time(session.start_utc_s * 1000)) },

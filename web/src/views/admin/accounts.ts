@@ -25,8 +25,13 @@ export const accounts: Part = (root, app) => {
     await app.api.delete(`/accounts/${part(one.name)}`);
     list.reload();
   });
+  const signOut = (one: Listed): void => confirm(t.signOutTitle(one.name), t.signOutHint, t.signOut, async () => {
+    await app.api.post(`/accounts/${part(one.name)}/sign-out`);
+    toast(t.signedOut(one.name));
+  });
   const actions = (one: Listed): HTMLElement[] => [
     button(t.change, () => change(app, one, list.reload), { kind: "quiet", class: "small" }),
+    button(t.signOut, () => signOut(one), { kind: "quiet", class: "small" }),
     button(t.remove, () => remove(one), { kind: "quiet", class: "small", disabled: one.name === app.account!.name }),
   ];
   const list = listing<Listed>(text.admin.parts.accounts, [
@@ -62,12 +67,15 @@ async function make(app: App, made: () => void): Promise<void> {
 
 function change(app: App, one: Listed, changed: () => void): void {
   const t = text.admin.accounts;
+  const name = h("input", { name: "name", value: one.name, maxlength: 63, autocomplete: "off", spellcheck: "false" });
   const role = select(roleOptions(app).filter(([value]) => value !== "trainee" || one.role === "trainee"), one.role, { name: "role", disabled: one.role === "trainee" });
   const password = h("input", { name: "password", type: "password", autocomplete: "new-password", maxlength: 128 });
-  formDialog(t.changeTitle(one.name), [field(t.role, role), field(t.newPassword, password, t.keepHint), h("p", { class: "quiet-text" }, t.changeHint)], text.save, async () => {
-    const body = { ...(role.value !== one.role ? { role: role.value } : {}), ...(password.value ? { password: password.value } : {}) };
+  formDialog(t.changeTitle(one.name), [field(t.name, name), field(t.role, role), field(t.newPassword, password, t.keepHint), h("p", { class: "quiet-text" }, t.changeHint)], text.save, async () => {
+    const wanted = name.value.trim();
+    const body = { ...(wanted !== one.name ? { name: wanted } : {}), ...(role.value !== one.role ? { role: role.value } : {}), ...(password.value ? { password: password.value } : {}) };
     if (Object.keys(body).length) await app.api.patch(`/accounts/${part(one.name)}`, body);
-    toast(t.changed(one.name));
+    if (one.name === app.account!.name && wanted !== one.name) return () => location.reload(); // the frame has the name, too
+    toast(t.changed(wanted));
     changed();
   });
 }

@@ -3,7 +3,7 @@ import type { App } from "../../app";
 import { listing } from "../../listing";
 import { routeTo } from "../../router";
 import { format, text } from "../../text";
-import { broken, button, dialog, empty, explain, field, fill, formDialog, h, loading, select, toast } from "../../ui";
+import { broken, button, confirm, dialog, empty, explain, field, fill, formDialog, h, loading, select, toast } from "../../ui";
 import type { Part } from "../admin";
 import { head } from "./shared";
 
@@ -20,13 +20,19 @@ interface Person {
 
 export const courses: Part = (root, app) => {
   const t = text.admin.courses;
+  const remove = (course: Course): void => confirm(t.removeTitle(course.name), t.removeHint, t.remove, async () => {
+    await app.api.delete(`/courses/${part(course.name)}`);
+    list.reload();
+  });
   const list = listing<Course>(text.admin.parts.courses, [
     { label: t.name, cell: (course) => h("b", {}, course.name) },
     { label: t.trainees, number: true, cell: (course) => format.number(course.trainees) },
     { label: t.created, cell: (course) => h("span", { class: "number" }, format.date(course.created_utc_s * 1000)) },
     { label: t.actions, hidden: true, cell: (course) => h("span", { class: "row-actions" },
       button(t.people, () => people(app, course.name, list.reload), { kind: "quiet", class: "small" }),
-      h("a", { class: "button quiet small", href: routeTo("sessions", [], { course: course.name }) }, t.sessions)) },
+      h("a", { class: "button quiet small", href: routeTo("sessions", [], { course: course.name }) }, t.sessions),
+      button(t.rename, () => rename(app, course, list.reload), { kind: "quiet", class: "small" }),
+      button(t.remove, () => remove(course), { kind: "quiet", class: "small" })) },
   ], async () => (await app.api.get<{ courses: Course[] }>("/courses")).courses, () => empty(t.none, t.noneHint));
   root.append(head(text.admin.parts.courses, t.hint, button(t.add, () => make(app, list.reload), { kind: "primary", icon: "plus" })), list.element);
   return () => list.end();
@@ -41,7 +47,16 @@ function make(app: App, made: () => void): void {
   });
 }
 
-// Who is in a course, and one more.
+function rename(app: App, course: Course, changed: () => void): void {
+  const t = text.admin.courses;
+  const name = h("input", { name: "name", value: course.name, maxlength: 63, autocomplete: "off" });
+  formDialog(t.renameTitle(course.name), [field(t.name, name, t.nameHint)], text.save, async () => {
+    if (name.value.trim() !== course.name) await app.api.patch(`/courses/${part(course.name)}`, { name: name.value.trim() });
+    changed();
+  });
+}
+
+// The trainees of a course: add one, remove one.
 function people(app: App, course: string, changed: () => void): void {
   const t = text.admin.courses;
   const body = h("div", { class: "people" }, loading());
@@ -54,15 +69,22 @@ function people(app: App, course: string, changed: () => void): void {
     const members = inside.course.trainees;
     const others = all.trainees.filter((one) => !one.erased && !members.some((member) => member.name === one.name));
     const choice = select([["", t.choose], ...others.map((one): [string, string] => [one.name, called(one)])]);
-    const enter = async (): Promise<void> => {
-      if (!choice.value) return;
-      await app.api.post(`/courses/${part(course)}/trainees`, { trainee: choice.value });
-      different = true;
-      await show();
-      body.querySelector("select")?.focus();
+    const change = async (request: () => Promise<void>): Promise<void> => {
+      try {
+        await request();
+        different = true;
+        await show();
+        body.querySelector("select")?.focus();
+      } catch (error) {
+        toast(explain(error), "fault");
+      }
     };
-    fill(body, members.length ? h("ul", { class: "names" }, ...members.map((member) => h("li", {}, called(member)))) : empty(t.nobody),
-      h("div", { class: "enter" }, field(t.enter, choice), button(t.enter, () => void enter().catch((error) => toast(explain(error), "fault")), { kind: "primary" })));
+    const membersPath = `/courses/${part(course)}/trainees`;
+    const enter = (): void => void (choice.value && change(() => app.api.post(membersPath, { trainee: choice.value })));
+    const leave = (member: Person): HTMLElement => button(t.leave, () => void change(() => app.api.delete(`${membersPath}/${part(member.name)}`)),
+      { kind: "quiet", class: "small", "aria-label": t.leaveLabel(called(member)) });
+    fill(body, members.length ? h("ul", { class: "names" }, ...members.map((member) => h("li", {}, h("span", {}, called(member)), leave(member)))) : empty(t.nobody),
+      h("div", { class: "enter" }, field(t.enter, choice), button(t.enter, enter, { kind: "primary" })));
   };
   show().catch((error: unknown) => fill(body, broken(text.listBroken, explain(error))));
 }

@@ -8,7 +8,7 @@ export interface Account {
   trainee?: string;
 }
 
-/** What the server answered where it did not do it; `code` is for programs, the message for people; `field` is what is wrong. */
+/** A refusal by the server: `code` is for programs, the message for people; `field` names the wrong input. */
 export class ApiError extends Error {
   constructor(readonly status: number, readonly code: string, text: string, readonly field: string, readonly retryAfterS: number) {
     super(text);
@@ -21,7 +21,7 @@ export class Unreachable extends Error {}
 type Query = Record<string, string | number | undefined>;
 
 export class Api {
-  /** Called where the server no longer knows who this is. */
+  /** Called when the server no longer accepts the sign-in. */
   onSignedOut: () => void = () => {};
 
   get<T>(path: string, query: Query = {}): Promise<T> {

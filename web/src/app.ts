@@ -10,7 +10,7 @@ export interface App {
   signedIn(account: Account): void;
   /** `everywhere`: all browsers and programs of the account. */
   signOut(everywhere?: boolean): Promise<void>;
-  /** The page's title, and the name of the view for who cannot see it. */
+  /** Sets the page's title and announces it to screen readers. */
   title(text: string): void;
 }
 

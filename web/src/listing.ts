@@ -16,7 +16,7 @@ export interface Listing {
   end(): void;
 }
 
-// What is made anew takes the focus from who has it there: it goes to what is now in its place, or to the list.
+// A rebuilt list would lose the focus: it moves to the element now in the same place, or to the list.
 function keepFocus(element: HTMLElement, change: () => void): void {
   const all = (): Element[] => [...element.querySelectorAll("td :is(a, button, input, select)")];
   const focused = document.activeElement;

@@ -12,14 +12,14 @@ export const QUIET_MS = 3000; // from here on what is shown is called old
 const RETRY_LEAST_MS = 500;
 const RETRY_MOST_MS = 8000;
 const REPLY_MS = 10_000;
-const DEAD_MS = 10_000; // a connection on which nothing came for so long is made anew
+const DEAD_MS = 10_000; // after so long without data the connection is replaced
 
 export type Kind = NonNullable<Live["message"]["case"]>;
 export type ValueOf<K extends Kind> = Extract<Live["message"], { case: K }>["value"];
 export type WatchInit = MessageInitShape<typeof WatchSchema>;
 export type CommandInit = MessageInitShape<typeof CommandSchema>;
 
-/** Connection to the server; times as of World.now. */
+/** Connection to the server; times as of Environment.now. */
 export type Link =
   | { state: "idle" } // nothing is watched
   | { state: "connecting" }
@@ -27,16 +27,16 @@ export type Link =
   | { state: "broken"; since: number; retryAt: number };
 
 /** What is known of a station, or of the recorded session, that Place.seat and Moment.seat name. */
-export interface Seat {
+export interface StationState {
   readonly seat: number;
   place?: Place;
-  placeAt: number; // World.now of its arrival
+  placeAt: number; // Environment.now of its arrival
   moment?: Moment;
   momentAt: number;
 }
 
 /** All that is of the browser, so that tests can stand in for it. */
-export interface World {
+export interface Environment {
   open(): WebSocket;
   now(): number; // ms, monotonic
   afterDraw(then: () => void): void; // once, when the next frame is on the screen
@@ -45,13 +45,13 @@ export interface World {
   random(): number;
 }
 
-interface Asked {
+interface PendingCommand {
   resolve(reply: CommandReply): void;
   reject(error: Error): void;
   cancel(): void;
 }
 
-/** No answer to a command: it was not sent, or nobody can say what became of it. */
+/** A command without an answer: it was not sent (`sent` false), or its outcome is unknown. */
 export class NoAnswer extends Error {
   constructor(readonly sent: boolean) {
     super(sent ? "no answer" : "not connected");
@@ -60,21 +60,21 @@ export class NoAnswer extends Error {
 
 export class Feed {
   /** By seat; kept while the connection is broken, so that a view can show what was last known. */
-  readonly seats = new Map<number, Seat>();
+  readonly stations = new Map<number, StationState>();
   link: Link = { state: "idle" };
   batches = 0; // on this connection
   lastBatchAt = 0;
 
   private socket: WebSocket | undefined;
   private watched: Watch | undefined;
-  private asked: Asked[] = [];
+  private asked: PendingCommand[] = [];
   private failures = 0;
   private lostAt: number | undefined; // since when nothing comes; until something does
   private drawPending = false;
   private cancelRetry: (() => void) | undefined;
   private readonly listeners = new Map<string, Set<(value: never) => void>>();
 
-  constructor(private readonly world: World) {}
+  constructor(private readonly environment: Environment) {}
 
   /** Called for each message of that kind, in the order in which they came. Returns what ends it. */
   on<K extends Kind>(kind: K, listener: (value: ValueOf<K>) => void): () => void {
@@ -89,7 +89,7 @@ export class Feed {
   /** Takes the place of what was watched before, and is asked for again after a reconnect. */
   watch(what: WatchInit): void {
     this.watched = create(WatchSchema, what);
-    this.seats.clear();
+    this.stations.clear();
     if (this.link.state === "open") this.sendWatch();
     else if (this.link.state === "idle") this.connect();
   }
@@ -101,7 +101,7 @@ export class Feed {
     this.cancelRetry = undefined;
     this.lostAt = undefined;
     this.lastBatchAt = 0;
-    this.seats.clear();
+    this.stations.clear();
     this.drop();
     this.setLink({ state: "idle" });
   }
@@ -113,7 +113,7 @@ export class Feed {
     return true;
   }
 
-  /** The server's answer; rejects with NoAnswer where there is none. */
+  /** The server's answer; rejects with NoAnswer if none comes. */
   command(command: CommandInit): Promise<CommandReply> {
     const page = create(PageSchema, { message: { case: "command", value: command } });
     return new Promise((resolve, reject) => {
@@ -122,27 +122,27 @@ export class Feed {
         return;
       }
       // One that comes too late is still the answer to this one: it keeps its place.
-      const cancel = this.world.later(REPLY_MS, () => reject(new NoAnswer(true)));
+      const cancel = this.environment.later(REPLY_MS, () => reject(new NoAnswer(true)));
       this.asked.push({ resolve, reject, cancel });
     });
   }
 
-  /** How long the server has said nothing, in ms; 0 where nothing is expected. */
+  /** How long the server has sent nothing, in ms; 0 if nothing is watched. */
   quietMs(): number {
     if (this.link.state === "idle") return 0;
-    return this.lastBatchAt ? this.world.now() - this.lastBatchAt : 0;
+    return this.lastBatchAt ? this.environment.now() - this.lastBatchAt : 0;
   }
 
   /** For how long all that is shown has been old, in ms; undefined: it is not. */
   lostMs(): number | undefined {
     if (this.link.state === "idle") return undefined;
-    if (this.lostAt !== undefined) return this.world.now() - this.lostAt;
+    if (this.lostAt !== undefined) return this.environment.now() - this.lostAt;
     const quiet = this.quietMs();
     return quiet >= QUIET_MS ? quiet : undefined;
   }
 
   now(): number {
-    return this.world.now();
+    return this.environment.now();
   }
 
   private listen<V>(kind: string, listener: (value: V) => void): () => void {
@@ -163,32 +163,32 @@ export class Feed {
 
   private connect(): void {
     this.setLink({ state: "connecting" });
-    const socket = this.world.open();
+    const socket = this.environment.open();
     this.socket = socket;
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.batches = 0;
-      this.lastBatchAt = this.world.now();
+      this.lastBatchAt = this.environment.now();
       this.setLink({ state: "open" });
       this.sendWatch();
-      this.forgetGone(socket, this.world.now());
+      this.forgetGone(socket, this.environment.now());
       this.watchSilence(socket);
     };
     socket.onmessage = (event: MessageEvent) => this.take(socket, event.data);
     socket.onclose = () => this.broke(socket);
   }
 
-  // The server tells of every seat at once; one that it does not know any more is not told of.
+  // After a reconnect the server sends every station at once. A station that it does not send is gone.
   private forgetGone(socket: WebSocket, since: number): void {
-    this.world.later(QUIET_MS, () => {
+    this.environment.later(QUIET_MS, () => {
       if (socket !== this.socket || !this.batches) return;
-      for (const seat of this.seats.values()) if (Math.max(seat.placeAt, seat.momentAt) < since) this.seats.delete(seat.seat);
+      for (const seat of this.stations.values()) if (Math.max(seat.placeAt, seat.momentAt) < since) this.stations.delete(seat.seat);
     });
   }
 
-  // The server says something each second, at least that it is there. A page that draws nothing is not told.
+  // The server sends at least a Beat each second, except to a page that does not draw.
   private watchSilence(socket: WebSocket): void {
-    this.world.later(DEAD_MS / 2, () => {
+    this.environment.later(DEAD_MS / 2, () => {
       if (socket !== this.socket) return;
       if (this.drawPending || this.quietMs() < DEAD_MS) {
         this.watchSilence(socket);
@@ -210,14 +210,14 @@ export class Feed {
       if (!(data instanceof ArrayBuffer)) throw new Error("not binary");
       items = fromBinary(LiveBatchSchema, new Uint8Array(data)).items;
     } catch {
-      socket.close(); // not ours to guess at: start anew
+      socket.close(); // unreadable: start again
       this.broke(socket);
       return;
     }
     this.failures = 0;
     this.lostAt = undefined;
     this.batches++;
-    this.lastBatchAt = this.world.now();
+    this.lastBatchAt = this.environment.now();
     for (const item of items) this.takeItem(item);
     this.sayDrawn(socket);
   }
@@ -230,26 +230,26 @@ export class Feed {
     this.tell(message.case, message.value);
   }
 
-  private seat(seat: number): Seat {
-    let found = this.seats.get(seat);
-    if (!found) this.seats.set(seat, (found = { seat, placeAt: 0, momentAt: 0 }));
+  private seat(seat: number): StationState {
+    let found = this.stations.get(seat);
+    if (!found) this.stations.set(seat, (found = { seat, placeAt: 0, momentAt: 0 }));
     return found;
   }
 
   private keepPlace(place: Place): void {
     if (place.gone) {
-      this.seats.delete(place.seat);
+      this.stations.delete(place.seat);
       return;
     }
     const seat = this.seat(place.seat);
     seat.place = place;
-    seat.placeAt = this.world.now();
+    seat.placeAt = this.environment.now();
   }
 
   private keepMoment(moment: Moment): void {
     const seat = this.seat(moment.seat);
     seat.moment = moment;
-    seat.momentAt = this.world.now();
+    seat.momentAt = this.environment.now();
   }
 
   private answer(reply: CommandReply): void {
@@ -262,7 +262,7 @@ export class Feed {
   private sayDrawn(socket: WebSocket): void {
     if (this.drawPending) return;
     this.drawPending = true;
-    this.world.afterDraw(() => {
+    this.environment.afterDraw(() => {
       this.drawPending = false;
       if (socket === this.socket) this.send({ case: "drawn", value: { $typeName: "arthron.Drawn", batches: BigInt(this.batches) } });
       else if (this.socket && this.batches) this.sayDrawn(this.socket);
@@ -284,24 +284,24 @@ export class Feed {
   private broke(socket: WebSocket): void {
     if (socket !== this.socket) return;
     this.drop();
-    const wait = Math.min(RETRY_MOST_MS, RETRY_LEAST_MS * 2 ** this.failures) * (0.75 + 0.5 * this.world.random());
+    const wait = Math.min(RETRY_MOST_MS, RETRY_LEAST_MS * 2 ** this.failures) * (0.75 + 0.5 * this.environment.random());
     this.failures++;
-    this.lostAt ??= this.lastBatchAt || this.world.now();
-    this.setLink({ state: "broken", since: this.lostAt, retryAt: this.world.now() + wait });
-    this.cancelRetry = this.world.later(wait, () => void this.retry());
+    this.lostAt ??= this.lastBatchAt || this.environment.now();
+    this.setLink({ state: "broken", since: this.lostAt, retryAt: this.environment.now() + wait });
+    this.cancelRetry = this.environment.later(wait, () => void this.retry());
   }
 
   private async retry(): Promise<void> {
     this.cancelRetry = undefined;
-    const may = await this.world.mayRetry().catch(() => true);
+    const may = await this.environment.mayRetry().catch(() => true);
     if (this.link.state !== "broken" || this.cancelRetry) return;
     if (may) this.connect();
     else this.unwatch();
   }
 }
 
-/** The world as it is. */
-export function browserWorld(mayRetry: () => Promise<boolean>): World {
+/** The environment as it is. */
+export function browserEnvironment(mayRetry: () => Promise<boolean>): Environment {
   return {
     open: () => new WebSocket(new URL("/live", location.href.replace(/^http/, "ws")), SUBPROTOCOL),
     now: () => performance.now(),

@@ -1,7 +1,7 @@
-// Where the page begins: who is signed in, which view is shown, and the frame around it.
+// Entry point: who is signed in, which view is shown, and the frame around it.
 import { Api, ApiError, type Account, type Role } from "./api";
 import type { App, View } from "./app";
-import { browserWorld, Feed } from "./live";
+import { browserEnvironment, Feed } from "./live";
 import { parseRoute, type Route } from "./router";
 import { frame } from "./shell";
 import { text } from "./text";
@@ -33,7 +33,7 @@ const SIGNED_IN = "signed-in";
 const home = (account: Account): string => (account.role === "trainee" ? "#/sessions" : "#/wall");
 
 const api = new Api();
-const feed = new Feed(browserWorld(stillSignedIn));
+const feed = new Feed(browserEnvironment(stillSignedIn));
 let wanted = ""; // where to go after signing in
 let leave: () => void = () => {};
 let turn = 0; // of what is shown: a view that loads slower than a person clicks is not shown
@@ -58,11 +58,11 @@ const app: App = {
   },
   title(title) {
     document.title = `${title} · ${text.product}`;
-    document.getElementById("said")!.textContent = title;
+    document.getElementById("announcements")!.textContent = title;
   },
 };
 
-// null: nobody. A browser that nobody signed in from is not worth a question.
+// null: nobody. Without an earlier sign-in from this browser the server is not asked.
 async function whoAmI(): Promise<Account | null> {
   if (!localStorage.getItem(SIGNED_IN)) return null;
   try {
@@ -81,7 +81,7 @@ async function stillSignedIn(): Promise<boolean> {
   return account !== null;
 }
 
-// Of questions that were asked side by side only the first answer tells where one was.
+// Several requests may fail at once: only the first remembers where the user was.
 function expired(): void {
   if (app.account) signedOut(location.hash);
 }
@@ -156,7 +156,7 @@ function bare(root: HTMLElement): () => void {
 
 async function begin(): Promise<void> {
   const page = h("div", { id: "app" }, loading());
-  document.body.append(page, h("div", { id: "toasts", role: "status" }), h("div", { id: "said", class: "unseen", "aria-live": "polite" }));
+  document.body.append(page, h("div", { id: "toasts", role: "status" }), h("div", { id: "announcements", class: "unseen", "aria-live": "polite" }));
   try {
     app.account = (await whoAmI()) ?? undefined;
   } catch {

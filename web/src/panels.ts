@@ -1,7 +1,7 @@
 // What a session's page says beside the pictures, in tabs: resection, events, remarks, metrics.
 import type { Metric, Resection } from "wire";
 import { lastBefore } from "./axes";
-import type { Change, Mark, Source } from "./source";
+import type { Change, TimedEvent, Source } from "./source";
 import { resectionsAt } from "./source";
 import { format, text } from "./text";
 import { empty, fill, h, setText } from "./ui";
@@ -46,7 +46,7 @@ export class Panels {
     if (change === "remark") this.stale.add("remarks").add("events");
     if (change === "metrics") this.stale.add("metrics");
     // A record comes faster than a list is made.
-    if (change === (this.source.recorded ? "progress" : "moment") && this.eventsShown !== this.source.marks.length) this.stale.add("events");
+    if (change === (this.source.recorded ? "progress" : "moment") && this.eventsShown !== this.source.events.length) this.stale.add("events");
     this.refresh();
   }
   private eventsShown = -1;
@@ -112,12 +112,12 @@ export class Panels {
   }
 
   private refreshEvents(): void {
-    this.eventsShown = this.source.marks.length;
-    const marks = withBlinks(inBursts(this.source.marks.filter(({ event }) => this.touches.checked || !QUIET.includes(event))));
-    const listed = this.source.recorded ? marks : marks.slice(-LIST_MOST).reverse(); // what happens now is on top
+    this.eventsShown = this.source.events.length;
+    const events = withBlinks(inBursts(this.source.events.filter(({ event }) => this.touches.checked || !QUIET.includes(event))));
+    const listed = this.source.recorded ? events : events.slice(-LIST_MOST).reverse(); // what happens now is on top
     this.eventTimes = listed.map(({ time }) => time);
     const focused = this.events.contains(document.activeElement) ? (document.activeElement as HTMLElement).dataset : undefined;
-    fill(this.events, listed.length ? h("ol", { class: "events-list" }, ...listed.map((mark) => this.event(mark))) : empty(text.session.noEvents));
+    fill(this.events, listed.length ? h("ol", { class: "events-list" }, ...listed.map((one) => this.event(one))) : empty(text.session.noEvents));
     if (focused) this.focusEvent(focused);
     this.markEvent();
   }
@@ -147,30 +147,30 @@ export class Panels {
 const BURST_S = 1;
 
 /** The same event again and again within a second is one, at the time of the first. */
-export function inBursts(marks: readonly Mark[]): Mark[] {
-  const found: Mark[] = [];
+export function inBursts(events: readonly TimedEvent[]): TimedEvent[] {
+  const found: TimedEvent[] = [];
   let last = 0;
-  for (const mark of marks) {
+  for (const one of events) {
     const burst = found.at(-1);
-    if (burst?.event === mark.event && mark.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + mark.times };
-    else found.push({ ...mark });
-    last = mark.time;
+    if (burst?.event === one.event && one.time - last < BURST_S) found[found.length - 1] = { ...burst, times: burst.times + one.times };
+    else found.push({ ...one });
+    last = one.time;
   }
   return found;
 }
 
-export interface Listed extends Mark {
+export interface Listed extends TimedEvent {
   blink?: boolean; // lost, and back within a second
 }
 
 /** As many devices back as were lost within the second before: one line for both. */
-export function withBlinks(marks: readonly Mark[]): Listed[] {
+export function withBlinks(events: readonly TimedEvent[]): Listed[] {
   const found: Listed[] = [];
-  for (const mark of marks) {
+  for (const one of events) {
     const before = found.at(-1);
-    const blink = mark.event === "deviceBack" && before?.event === "deviceLost" && !before.blink && before.times === mark.times && mark.time - before.time < BURST_S;
+    const blink = one.event === "deviceBack" && before?.event === "deviceLost" && !before.blink && before.times === one.times && one.time - before.time < BURST_S;
     if (blink) found[found.length - 1] = { ...before, blink };
-    else found.push(mark);
+    else found.push(one);
   }
   return found;
 }

@@ -31,23 +31,23 @@ export interface Values {
   spacing(): number; // between the older values where some were left out, s; else 0
 }
 
-export interface Sign {
+export interface Flag {
   time: number;
   colour: string;
   label: string;
 }
 
 export interface PlotTexts {
-  name: string; // of the whole, for who cannot see it
+  name: string; // of the whole, for screen readers
   help: string;
 }
 
 const LABEL = 204; // px, left of the plots
 const AXIS = 20; // below
-const TOP = 14; // for signs
+const TOP = 14; // for flags
 const COST_SHARE = 6; // a picture that takes so long is drawn again after so many times that
 const TICK = 14; // between figures of an axis at least, and so much of a row is theirs at its edges
-const GAP_S = 2; // nobody knows what was between: no line
+const GAP_S = 2; // a longer gap is not drawn as a line
 
 // A line over columns of pixels: of each the least and the greatest value. It breaks where a value is NaN.
 class Columns {
@@ -89,7 +89,7 @@ export class Plots {
   private cursor: number | undefined;
   private unknown = -Infinity; // what was before that time
   private here: number | undefined; // what is shown elsewhere: a line of its own
-  private signs: Sign[] = [];
+  private flags: Flag[] = [];
   private wide = 0;
   private high = 0;
   private pending = 0;
@@ -130,12 +130,12 @@ export class Plots {
     cancelAnimationFrame(this.pending);
   }
 
-  setSigns(signs: Sign[]): void {
-    this.signs = signs;
+  setFlags(flags: Flag[]): void {
+    this.flags = flags;
     this.draw();
   }
 
-  /** Nobody here knows what was before that time. */
+  /** Values before that time are unknown to this page. */
   setUnknown(until: number): void {
     if (this.unknown === until) return;
     this.unknown = until;
@@ -258,7 +258,7 @@ export class Plots {
     this.paintTimes();
     this.paintUnknown();
     this.rows.forEach((_, i) => this.paintRow(i, TOP + i * each, each));
-    this.paintSigns();
+    this.paintFlags();
   }
 
   private paintTimes(): void {
@@ -384,9 +384,9 @@ export class Plots {
     return path;
   }
 
-  private paintSigns(): void {
+  private paintFlags(): void {
     const { surface } = this;
-    for (const { time, colour } of this.signs) {
+    for (const { time, colour } of this.flags) {
       if (time < this.from || time > this.to) continue;
       const x = Math.round(this.x(time)) + 0.5;
       surface.fillStyle = this.colour(colour);

@@ -1,5 +1,5 @@
 // What was cut away, for the plot of it.
-import type { Resected, Source } from "./source";
+import type { TimedResection, Source } from "./source";
 
 const REMOVED_GROUPS = ["meniscus_medial", "meniscus_lateral"];
 
@@ -12,7 +12,7 @@ interface RemovedAt {
 export class Removed {
   private readonly found: RemovedAt[][] = [[], [], []];
   private readonly newest = new Map<string, number>(); // mm³ of each group
-  private taken: readonly Resected[] = []; // another session has another list
+  private taken: readonly TimedResection[] = []; // another session has another list
   private count = 0; // of the resections that are in it
 
   constructor(private readonly source: Source) {}

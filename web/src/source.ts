@@ -17,19 +17,19 @@ export type Change = "session" | "moment" | "mesh" | "resection" | "remark" | "m
 export const EVENTS = ["state", "deviceLost", "deviceBack", "contact", "release", "cut", "piece", "refused", "undone"] as const;
 export type EventName = (typeof EVENTS)[number];
 
-export interface Mark {
+export interface TimedEvent {
   time: number; // s
   event: EventName;
   times: number; // how often between this moment and the one before
 }
 
-export interface Resected {
+export interface TimedResection {
   time: number;
   resection: Resection;
 }
 
 /** A remark as it stood from a time on; one that was changed since stands more than once. */
-export interface Said {
+export interface RemarkChange {
   from: number;
   remark: Remark;
 }
@@ -41,10 +41,10 @@ export interface Source {
   readonly recorded: boolean;
   readonly session: LiveSession | undefined;
   readonly history: History;
-  readonly marks: readonly Mark[];
-  readonly resections: readonly Resected[];
+  readonly events: readonly TimedEvent[];
+  readonly resections: readonly TimedResection[];
   readonly remarks: readonly Remark[]; // as they are in the end, by rising number
-  readonly said: readonly Said[]; // as they came
+  readonly remarkChanges: readonly RemarkChange[]; // as they came
   readonly metrics: readonly Metric[];
   readonly progress: number; // of a recorded session, 0 to 1; 1: all is here
   readonly trouble: string;
@@ -70,7 +70,7 @@ export function resectionsAt(source: Source, time: number): Map<string, Resectio
 // As they stood at a time.
 function remarksAt(source: Source, time: number): Iterable<Remark> {
   const found = new Map<bigint, Remark>();
-  for (const { from, remark } of source.said) if (from <= time) found.set(remark.number, remark);
+  for (const { from, remark } of source.remarkChanges) if (from <= time) found.set(remark.number, remark);
   return found.values();
 }
 
@@ -91,10 +91,10 @@ export function noteAt(source: Source, time: number): Remark | undefined {
 export class FeedSource implements Source {
   session: LiveSession | undefined;
   readonly history: History;
-  marks: Mark[] = [];
-  resections: Resected[] = [];
+  events: TimedEvent[] = [];
+  resections: TimedResection[] = [];
   remarks: Remark[] = [];
-  said: Said[] = [];
+  remarkChanges: RemarkChange[] = [];
   metrics: Metric[] = [];
   progress = 0;
   trouble = "";
@@ -102,7 +102,7 @@ export class FeedSource implements Source {
   refused = false; // what is asked for is not there, or not for this account
 
   private readonly meshes = new Meshes();
-  private readonly landed = new Map<string, MeshHistory>();
+  private readonly meshHistories = new Map<string, MeshHistory>();
   private readonly listeners = new Set<(change: Change) => void>();
   private counts: number[] | undefined; // of events, at the last moment
   private resectionSpacing = 0.5; // between the older figures of a live session, s
@@ -110,15 +110,15 @@ export class FeedSource implements Source {
 
   private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, limits?: Limits) {
     this.history = new History(limits);
-    this.meshes.onPayload = (group, tissue, payload) => this.land(group, tissue, payload);
+    this.meshes.onPayload = (group, tissue, payload) => this.keepMesh(group, tissue, payload);
     this.ends = [
       feed.onLink(({ state }) => {
-        if (state === "open") this.note = ""; // it is said again where it still holds
+        if (state === "open") this.note = ""; // the server repeats it if it still holds
       }),
       feed.on("session", (session) => this.begin(session)),
       feed.on("moment", (moment) => this.take(moment)),
       feed.on("meshChunk", (chunk) => this.answer(this.meshes.chunk(chunk))),
-      feed.on("resection", (resection) => this.resected(resection)),
+      feed.on("resection", (resection) => this.addResection(resection)),
       feed.on("remark", (remark) => this.remarked(remark)),
       feed.on("metrics", ({ metrics }) => this.set("metrics", () => (this.metrics = metrics))),
       feed.on("progress", ({ share, done }) => this.progressed(share, done)),
@@ -144,11 +144,11 @@ export class FeedSource implements Source {
   }
 
   groups(): string[] {
-    return [...this.landed.keys()];
+    return [...this.meshHistories.keys()];
   }
 
   tissue(group: string, time: number): Tissue | undefined {
-    return time >= this.history.end ? this.meshes.tissue(group) : this.landed.get(group)?.at(time);
+    return time >= this.history.end ? this.meshes.tissue(group) : this.meshHistories.get(group)?.at(time);
   }
 
   onChange(listener: (change: Change) => void): () => void {
@@ -207,12 +207,12 @@ export class FeedSource implements Source {
   private clear(): void {
     this.history.clear();
     this.meshes.clear();
-    this.landed.clear();
-    this.marks = [];
+    this.meshHistories.clear();
+    this.events = [];
     this.resections = [];
     this.resectionSpacing = 0.5;
     this.remarks = [];
-    this.said = [];
+    this.remarkChanges = [];
     this.metrics = [];
     this.progress = 0;
     this.counts = this.recorded ? [] : undefined;
@@ -222,25 +222,25 @@ export class FeedSource implements Source {
     if (!this.recorded && this.session && moment.seat !== this.session.seat) return;
     if (!this.history.append(moment)) return;
     this.settle();
-    if (!this.recorded && this.history.count === 1) for (const resected of this.resections) resected.time = this.history.start; // nobody said since when
+    if (!this.recorded && this.history.count === 1) for (const resected of this.resections) resected.time = this.history.start; // their time is unknown
     this.count(moment.events);
     this.tell("moment");
   }
 
   // In a record what a cut did comes right before the moment at which it landed.
-  private get landing(): number {
+  private get arrivalTime(): number {
     return this.recorded ? Infinity : this.history.end;
   }
 
-  private land(group: string, tissue: Tissue, payload: Uint8Array): void {
-    const landed = this.landed.get(group) ?? new MeshHistory(this.recorded ? Infinity : LIVE_MESH_BYTES);
-    this.landed.set(group, landed);
-    landed.push(this.landing, tissue, payload);
+  private keepMesh(group: string, tissue: Tissue, payload: Uint8Array): void {
+    const landed = this.meshHistories.get(group) ?? new MeshHistory(this.recorded ? Infinity : LIVE_MESH_BYTES);
+    this.meshHistories.set(group, landed);
+    landed.push(this.arrivalTime, tissue, payload);
     this.tell("mesh");
   }
 
-  private resected(resection: Resection): void {
-    this.resections.push({ time: this.landing, resection });
+  private addResection(resection: Resection): void {
+    this.resections.push({ time: this.arrivalTime, resection });
     if (!this.recorded && this.resections.length > RESECTIONS_MOST) this.thinResections();
     this.tell("resection");
   }
@@ -262,7 +262,7 @@ export class FeedSource implements Source {
   }
 
   private settle(): void {
-    for (const landed of this.landed.values()) landed.settle(this.history.end);
+    for (const landed of this.meshHistories.values()) landed.settle(this.history.end);
     for (let i = this.resections.length; i-- > 0 && this.resections[i]!.time === Infinity; ) this.resections[i]!.time = this.history.end;
   }
 
@@ -274,23 +274,23 @@ export class FeedSource implements Source {
     this.tell("progress");
   }
 
-  // What happened before a page came is counted, but nobody knows when.
+  // Events before the page was opened are counted, but their time is unknown.
   private count(counts: number[]): void {
     const before = this.counts ?? counts;
     counts.forEach((count, bit) => {
       const times = count - (before[bit] ?? 0);
       const event = EVENTS[bit];
-      if (times > 0 && event) this.marks.push({ time: this.history.end, event, times });
+      if (times > 0 && event) this.events.push({ time: this.history.end, event, times });
     });
     this.counts = [...counts];
-    if (this.marks.length > EVENTS_MOST) this.marks = this.marks.slice(EVENTS_MOST / 2);
+    if (this.events.length > EVENTS_MOST) this.events = this.events.slice(EVENTS_MOST / 2);
   }
 
   // One that is changed keeps its number and its time: the change is of now.
   private remarked(remark: Remark): void {
     const at = this.remarks.findIndex(({ number }) => number === remark.number);
     const since = Number(remark.timeNs) * 1e-9;
-    this.said.push({ from: at < 0 ? since : Math.max(since, this.history.end), remark });
+    this.remarkChanges.push({ from: at < 0 ? since : Math.max(since, this.history.end), remark });
     if (at < 0) this.remarks.push(remark);
     else this.remarks[at] = remark;
     this.tell("remark");

@@ -6,7 +6,7 @@ const SUBPROTOCOL = "arthron-view.1";
 const RETRY_MS = 1500;
 const FRESH_MS = 500;
 
-export interface ViewPlace {
+export interface ViewAddress {
   port: number;
   token: string; // 64 hexadecimal digits
 }
@@ -22,7 +22,7 @@ export class StationView {
   private socket: WebSocket | undefined;
   private timer = 0;
 
-  constructor(private readonly place: ViewPlace) {
+  constructor(private readonly place: ViewAddress) {
     this.connect();
   }
 

@@ -251,17 +251,17 @@ export function toast(message: string, kind: "done" | "fault" = "done"): void {
   setTimeout(() => element.remove(), kind === "done" ? 4000 : 8000);
 }
 
-/** Says, to who cannot see it, that something is in another state, "" for the usual one; its words may tick, and are read once. */
+/** Announces a change of state to screen readers ("" is the normal state). The words may change each second; they are read once. */
 export function announcer(): (state: string, words: string) => void {
   let told = "";
   return (state, words) => {
     if (state === told) return;
     told = state;
-    document.getElementById("said")!.textContent = words;
+    document.getElementById("announcements")!.textContent = words;
   };
 }
 
-/** What to tell a person about an error. */
+/** The text of an error for a person. */
 export function explain(error: unknown): string {
   if (error instanceof Unreachable) return text.errors.unreachable;
   if (error instanceof NoAnswer) return error.sent ? text.errors.noAnswer : text.errors.notSent;

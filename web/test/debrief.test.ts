@@ -10,8 +10,8 @@ import { STATE } from "../src/history";
 import type { Feed } from "../src/live";
 import { Tissue } from "../src/mesh";
 import { inBursts, withBlinks } from "../src/panels";
-import { FeedSource, markerAt, noteAt, resectionsAt, type Mark } from "../src/source";
-import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/timeline";
+import { FeedSource, markerAt, noteAt, resectionsAt, type TimedEvent } from "../src/source";
+import { bandsOf, firstOf, nextStop, Player, stopsOf } from "../src/playback";
 import { steps } from "./meshes";
 
 // ---- the time of a replay --------------------------------------------------------------------------------
@@ -46,7 +46,7 @@ test("a replay is put nowhere outside the session, and has a slowest and a faste
   assert.equal(player.speed, 0.25);
 });
 
-const mark = (time: number, event: Mark["event"], times = 1): Mark => ({ time, event, times });
+const mark = (time: number, event: TimedEvent["event"], times = 1): TimedEvent => ({ time, event, times });
 
 test("jumps go to what happened and was said, not to touches, nor twice to one moment", () => {
   const stops = stopsOf([mark(1, "state"), mark(2, "contact"), mark(3, "cut"), mark(3.01, "piece"), mark(7, "refused")], [5]);
@@ -133,7 +133,7 @@ test("what a cut did has the time of the moment that comes after it", () => {
   assert.equal(resectionsAt(source, 1.2).get("meniscus_medial")?.volumeMm3, 100);
   assert.equal(source.tissue("meniscus_medial", 1.2)?.number, first!.number);
   assert.equal(source.tissue("meniscus_medial", 1.25)?.number, second!.number);
-  assert.deepEqual(source.marks.map(({ time, event }) => [time, event]), [[0.5, "state"], [1.25, "cut"], [2, "state"], [2, "contact"]]);
+  assert.deepEqual(source.events.map(({ time, event }) => [time, event]), [[0.5, "state"], [1.25, "cut"], [2, "state"], [2, "contact"]]);
   assert.equal(source.history.value(3, STATE), 2);
   assert.equal(played.sent, 0); // nothing is asked for in a replay
 });
@@ -214,11 +214,11 @@ test("a replay that begins afresh leaves nothing of the one before", () => {
   played.cut(0, first!.number, first!.payload, 100);
   played.moment(3, [1, 0, 0, 0, 0, 4]);
   played.session();
-  assert.deepEqual([played.source.history.count, played.source.marks.length, played.source.resections.length, played.source.groups().length], [0, 0, 0, 0]);
+  assert.deepEqual([played.source.history.count, played.source.events.length, played.source.resections.length, played.source.groups().length], [0, 0, 0, 0]);
   played.cut(0, first!.number, first!.payload, 100);
   played.moment(1, [1]);
   assert.equal(played.source.tissue("meniscus_medial", 1)?.number, first!.number);
-  assert.deepEqual(played.source.marks, [mark(1, "state")]);
+  assert.deepEqual(played.source.events, [mark(1, "state")]);
 });
 
 test("states are bands from change to change, and two sessions meet at what first happened in each", () => {
@@ -228,10 +228,10 @@ test("states are bands from change to change, and two sessions meet at what firs
   played.moment(1, [1]);
   for (let i = 2; i <= 4; i++) played.moment(i, [2, 0, 0, i - 1], 2);
   played.moment(6, [3, 0, 0, 3], 1);
-  assert.deepEqual(bandsOf(source.history, source.marks), [{ from: 1, to: 2, state: 1 }, { from: 2, to: 6, state: 2 }]);
-  assert.equal(firstOf("start", source.history, source.marks), 1);
-  assert.equal(firstOf("contact", source.history, source.marks), 2);
-  assert.equal(firstOf("cut", source.history, source.marks), undefined);
+  assert.deepEqual(bandsOf(source.history, source.events), [{ from: 1, to: 2, state: 1 }, { from: 2, to: 6, state: 2 }]);
+  assert.equal(firstOf("start", source.history, source.events), 1);
+  assert.equal(firstOf("contact", source.history, source.events), 2);
+  assert.equal(firstOf("cut", source.history, source.events), undefined);
 });
 
 test("the volume of a mesh is that inside its surface", () => {

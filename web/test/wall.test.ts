@@ -3,25 +3,25 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create, type MessageInitShape } from "@bufbuild/protobuf";
 import { PlaceSchema, SessionState } from "wire";
-import type { Seat } from "../src/live";
+import type { StationState } from "../src/live";
 import { sentence } from "../src/text";
 import { parseRoute, routeTo } from "../src/router";
 import { CaseCache } from "../src/views/wall_cases";
 import { kneeParts, thin } from "../src/views/wall_knee";
-import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, standing, sumOfDevices, warningOf } from "../src/views/wall_model";
+import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
 
-function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): Seat {
+function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): StationState {
   return { seat: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
 }
 
 test("a station stands where its connection and its session say", () => {
-  const of = (connected: boolean, state: SessionState): string => standing(create(PlaceSchema, { info: { connected, state } }));
+  const of = (connected: boolean, state: SessionState): string => statusOf(create(PlaceSchema, { info: { connected, state } }));
   assert.equal(of(false, SessionState.RUNNING), "gone");
   assert.equal(of(true, SessionState.RUNNING), "running");
   assert.equal(of(true, SessionState.PAUSED), "paused");
   assert.equal(of(true, SessionState.WAITING), "waiting");
   assert.equal(of(true, SessionState.CLOSED), "closed");
-  assert.equal(standing(undefined), "gone");
+  assert.equal(statusOf(undefined), "gone");
 });
 
 test("the server's certificate is warned of from 30 days before its end", () => {
@@ -29,7 +29,7 @@ test("the server's certificate is warned of from 30 days before its end", () => 
   const of = (days: number | null): string | undefined => certificateWarning(days === null ? null : now + days * 86400, now * 1000)?.words;
   assert.equal(of(30), undefined);
   assert.match(of(29.5)!, /ends in 29 days/);
-  assert.match(of(1.5)!, /ends in 1 day:/);
+  assert.match(of(1.5)!, /ends in 1 day\./);
   assert.equal(of(null), undefined);
 });
 

@@ -28,7 +28,7 @@ async function beside({ browser, users }, query, id) {
   return { page, asked };
 }
 
-const picture = (page, stage) => still(page.locator(`${stage} canvas.scene-canvas`));
+const picture = (page, viewport) => still(page.locator(`${viewport} canvas.scene-canvas`));
 
 const key = async (page, name) => {
   await page.locator("main").press(name);
@@ -70,16 +70,16 @@ async function another_session_is_seen_beside_and_goes_with_the_cursor(world) {
   assert.equal(await page.locator(".compare-line").innerText(), "");
   assert.ok(await page.locator(".transport.with-other").isVisible());
   await key(page, "End");
-  const end = await picture(page, ".stage.other");
+  const end = await picture(page, ".viewport.other");
   await key(page, "Home");
-  const moved = difference(end, await picture(page, ".stage.other"));
+  const moved = difference(end, await picture(page, ".viewport.other"));
   assert.ok(moved > 4 * ALIKE, `${moved} of the other's picture is another at the beginning`);
   await key(page, "End");
-  const back = difference(end, await picture(page, ".stage.other"));
+  const back = difference(end, await picture(page, ".viewport.other"));
   assert.ok(back < moved / 4, `${back} of it is another at the end again, ${moved} at the beginning`);
   await sameFigures(page, other.id);
   await page.getByRole("button", { name: "End comparison" }).click();
-  await page.locator(".stage.other").waitFor({ state: "detached" });
+  await page.locator(".viewport.other").waitFor({ state: "detached" });
   assert.equal(await page.locator(".strip-other, .transport.with-other").count(), 0);
   assert.match(page.url(), new RegExp(`#/session/${id}$`));
 }
@@ -94,15 +94,15 @@ async function the_hands_of_a_session_on_another_case_are_carried_over(world) {
   const ghosts = [];
   for (let i = 0; i < 5; i++) {
     await key(page, "ArrowRight");
-    ghosts.push(ghost(await picture(page, ".stage")));
+    ghosts.push(ghost(await picture(page, ".viewport")));
   }
   const seen = ghosts.filter(({ count }) => count > 100);
   assert.ok(seen.length >= 3, `the other's hands are in ${seen.length} of 5 pictures`);
   const farthest = Math.max(...seen.map(({ x, y }) => Math.hypot(x - seen[0].x, y - seen[0].y)));
   assert.ok(farthest > 2, "they do not go with the cursor");
   await page.getByText("Side by side").click();
-  assert.equal(ghost(await picture(page, ".stage:not(.other)")).count, 0, "no ghost is left");
-  await picture(page, ".stage.other");
+  assert.equal(ghost(await picture(page, ".viewport:not(.other)")).count, 0, "no ghost is left");
+  await picture(page, ".viewport.other");
   const cases = new Set(asked.flatMap((path) => /^\/api\/v1\/cases\/([^/]+)/.exec(path)?.[1] ?? []));
   assert.deepEqual([...cases], ["tear-radial"], "both are shown on this session's case");
 }

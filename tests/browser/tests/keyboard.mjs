@@ -178,7 +178,7 @@ async function a_server_that_falls_silent_is_told_of_once({ testbed, browser, us
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
   await page.evaluate(() => {
     window.told = [];
-    const said = document.getElementById("said");
+    const said = document.getElementById("announcements");
     new MutationObserver(() => window.told.push(said.textContent)).observe(said, { childList: true });
   });
   const { process: server } = testbed.server;

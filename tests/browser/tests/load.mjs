@@ -66,7 +66,7 @@ async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time(
 async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, report }) {
   await testbed.runAll();
   const page = await browser.page(await browser.context(users.instructor), "#/wall", [], frames);
-  await page.locator("article.card[data-standing=running]").nth(31).waitFor();
+  await page.locator("article.card[data-status=running]").nth(31).waitFor();
   await sleep(5000);
   report.figure("wall_of_32_frame_p50", quantile(await page.evaluate(() => window.frames_ms.slice(-60)), 0.5), "ms");
   await browser.picture(page, "wall-of-32");

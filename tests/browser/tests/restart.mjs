@@ -4,12 +4,12 @@ import { until } from "../programs.mjs";
 
 const MAY = [/ERR_CONNECTION/, /WebSocket connection/, /Failed to load resource/];
 
-const steering = (page) => page.locator(".steer button");
+const steering = (page) => page.locator(".controls button");
 
 async function brokenStation(page) {
   await page.getByText(/No connection to the server for \d+ s/).waitFor();
   assert.equal(await page.locator(".state-badge").innerText(), "No data");
-  await page.locator(".steer-line", { hasText: "Commands are disabled: the server cannot be reached" }).waitFor();
+  await page.locator(".controls-line", { hasText: "Commands are disabled: the server cannot be reached" }).waitFor();
   const enabled = await steering(page).evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.textContent));
   assert.deepEqual(enabled, [], "these can be pressed");
 }
@@ -18,7 +18,7 @@ async function wholeStation(page) {
   await until("nothing is old", async () => !(await page.getByText(/No connection to the server|No data from the station/).isVisible()));
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
   await until("it can be steered", () => page.getByRole("button", { name: "Pause" }).isEnabled());
-  assert.doesNotMatch(await page.locator(".steer-line").innerText(), /Commands are disabled/);
+  assert.doesNotMatch(await page.locator(".controls-line").innerText(), /Commands are disabled/);
 }
 
 async function pages_outlive_a_server_that_is_killed({ testbed, browser, users }) {
@@ -42,7 +42,7 @@ async function pages_outlive_a_server_that_is_killed({ testbed, browser, users }
   await browser.picture(station, "station-broken");
   await testbed.startServer();
   for (const page of [wall, station]) await page.locator(".link-sign", { hasText: "Live" }).waitFor({ timeout: 30_000 });
-  await wall.locator('article.card[data-standing="running"]').filter({ hasText: "room-1" }).waitFor({ timeout: 60_000 });
+  await wall.locator('article.card[data-status="running"]').filter({ hasText: "room-1" }).waitFor({ timeout: 60_000 });
   assert.equal((await testbed.station("room-1")).id, before.id);
   await until("the session goes on", async () => (await clock()) > at);
   await wholeStation(station);
@@ -65,7 +65,7 @@ async function a_server_that_is_restarted_leaves_nothing_over_the_joint({ testbe
   await testbed.runStation("room-1");
   await wholeStation(page);
   await page.locator("canvas.scene-canvas").waitFor();
-  await until("nothing is over the joint", async () => (await page.locator(".stage-state").innerText()) === "");
+  await until("nothing is over the joint", async () => (await page.locator(".viewport-state").innerText()) === "");
 }
 
 // As where a cable is pulled: the connection stands, and nothing comes.

@@ -51,7 +51,7 @@ async function a_marker_is_where_an_independent_projection_says(world) {
   await admin.getByRole("button", { name: "Marker", exact: true }).click();
   await until("the tip is marked", async () => {
     await admin.locator("body").press("t");
-    return admin.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
+    return admin.locator(".controls-line", { hasText: "Marker: done" }).isVisible();
   });
   await admin.close();
   const page = await open(world, "room-2");

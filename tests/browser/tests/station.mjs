@@ -16,7 +16,7 @@ const figure = async (page, label) => {
 };
 const plotted = async (page, row) => Number((await page.locator(".plot-label", { hasText: row }).locator(".plot-reading").first().innerText()).replace(",", ""));
 const press = (page, name) => page.getByRole("button", { name, exact: true }).click();
-const said = (page, words) => page.locator(".steer-line", { hasText: words }).waitFor();
+const said = (page, words) => page.locator(".controls-line", { hasText: words }).waitFor();
 
 /** The page has the mesh that the server has, to the bit. */
 async function sameMesh({ testbed, browser }, page, name) {
@@ -97,7 +97,7 @@ async function a_note_and_a_marker_reach_the_scope_and_the_trace(world) {
   await press(page, "Marker");
   await until("the tip is marked", async () => {
     await page.locator("body").press("t");
-    return page.locator(".steer-line", { hasText: "Marker: done" }).isVisible();
+    return page.locator(".controls-line", { hasText: "Marker: done" }).isVisible();
   });
   await trainee.getByText("Touch the marked point").waitFor();
   await press(page, "Remove marker");

@@ -4,7 +4,7 @@ import { until } from "../programs.mjs";
 
 const card = (page, station) => page.locator("article.card").filter({ has: page.locator(".name", { hasText: new RegExp(`^${station}$`) }) });
 const standing = (page, station, kind, seconds) =>
-  until(`${station} is ${kind}`, async () => (await card(page, station).getAttribute("data-standing")) === kind, seconds);
+  until(`${station} is ${kind}`, async () => (await card(page, station).getAttribute("data-status")) === kind, seconds);
 
 async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, users }) {
   const page = await browser.page(await browser.context(users.instructor), "#/wall");

@@ -7,7 +7,7 @@ import { HAS_WARPED, LOST, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "..
 import { Exposure, TONE } from "./exposure";
 import type { Joint } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
-import { Fineness, newRenderer } from "./view3d";
+import { AdaptiveResolution, newRenderer } from "./view3d";
 
 const LIGHT = 260; // at 1 mm, before it fades with distance
 const FADE = 1.4; // less than the square: water and walls scatter some of it back
@@ -19,7 +19,7 @@ export class Arthroscope {
   readonly camera = new PerspectiveCamera(90, 1, 0.4, 260);
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  readonly fineness: Fineness;
+  readonly resolution: AdaptiveResolution;
   private readonly turn = new Quaternion(); // of the camera in the tip's frame
   private side = 0; // px of the page
   private ratio = 0; // pixels of the picture for each of those; 0: not sized yet
@@ -28,7 +28,7 @@ export class Arthroscope {
 
   constructor(canvas: HTMLCanvasElement, private readonly joint: Joint, optic: Optic) {
     this.renderer = newRenderer(canvas);
-    this.fineness = new Fineness();
+    this.resolution = new AdaptiveResolution();
     this.exposure = new Exposure(this.renderer.getContext() as WebGL2RenderingContext);
     this.renderer.toneMapping = CustomToneMapping;
     this.scene.background = new Color(DEPTH);
@@ -41,7 +41,7 @@ export class Arthroscope {
   }
 
   close(): void {
-    this.fineness.close();
+    this.resolution.close();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -62,8 +62,8 @@ export class Arthroscope {
 
   // setSize clears what was drawn: right before the next picture.
   private resize(): void {
-    if (!this.side || this.fineness.value === this.ratio) return;
-    this.ratio = this.fineness.value;
+    if (!this.side || this.resolution.value === this.ratio) return;
+    this.ratio = this.resolution.value;
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.setSize(this.side, this.side, false);
   }

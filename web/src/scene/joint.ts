@@ -13,7 +13,7 @@ import type { Tissue } from "../mesh";
 import type { Knee } from "./anatomy";
 import { MAPS, scaledTo, type ColourMap, type MapName } from "./colours";
 import { shapeOf, type Shape } from "./instruments";
-import { Loose } from "./loose";
+import { DetachedPieces } from "./pieces";
 import { steelMaterial } from "./materials";
 import { Surface } from "./surface";
 
@@ -44,7 +44,7 @@ export const TRAIL_S = 8;
 export const TRAIL_POINTS = 400;
 const MARKER = 0x00a8ff;
 const PAINT_MS = 250;
-const MOVED_MM = 0.05; // of a body: displacements are measured anew
+const MOVED_MM = 0.05; // of a body: displacements are measured again
 
 interface Tool {
   shown: Shape;
@@ -62,7 +62,7 @@ export function poseMatrix(row: Row, at: number, out: Matrix4): Matrix4 {
   return out.compose(position.set(row[at + 4]!, row[at + 5]!, row[at + 6]!), rotation, one);
 }
 
-function place(node: Object3D, row: Row, at: number): void {
+function setPose(node: Object3D, row: Row, at: number): void {
   poseMatrix(row, at, node.matrix);
   node.matrixWorldNeedsUpdate = true;
 }
@@ -82,14 +82,14 @@ export class Joint {
   private readonly bodies = Array.from({ length: BODIES }, () => ({ physical: fixed(), virtual: fixed() }));
   private readonly tools: (Tool | undefined)[] = Array.from({ length: INSTRUMENTS });
   private readonly marker: Group;
-  private readonly loose = new Loose();
+  private readonly pieces = new DetachedPieces();
   private show: Show = { ...USUAL_SHOW };
   private stale = new Set<Surface>(); // to be painted anew
   private paintedAt = 0;
   private readonly displacedAt = Array.from({ length: 2 * BODIES }, () => new Matrix4());
 
-  constructor(readonly knee: Knee, private readonly wet = false) {
-    this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, wet));
+  constructor(readonly knee: Knee, private readonly inScope = false) {
+    this.surfaces = knee.groups.filter(({ body }) => body >= 0).map((group) => new Surface(group, inScope));
     for (const { physical, virtual } of this.bodies) this.root.add(physical, virtual);
     for (const surface of this.surfaces) this.bodies[surface.group.body]!.virtual.add(surface.shown);
     this.marker = markerShape();
@@ -144,8 +144,8 @@ export class Joint {
 
   setRow(row: Row, time: number): void {
     for (let body = 0; body < BODIES; body++) {
-      place(this.bodies[body]!.physical, row, bodyAt(body, false));
-      place(this.bodies[body]!.virtual, row, bodyAt(body, true));
+      setPose(this.bodies[body]!.physical, row, bodyAt(body, false));
+      setPose(this.bodies[body]!.virtual, row, bodyAt(body, true));
     }
     for (const surface of this.surfaces) {
       const { body, other } = surface.group;
@@ -166,11 +166,11 @@ export class Joint {
     }
     const tool = (this.tools[instrument] ??= this.newTool(instrument));
     const there = seen - 1 !== LOST;
-    const inside = this.wet && instrument === SCOPE;
+    const inside = this.inScope && instrument === SCOPE;
     tool.shown.root.visible = there && row[at + HAS_WARPED] === 1 && !inside;
-    tool.raw.root.visible = there && this.show.raw && !this.wet;
-    place(tool.shown.root, row, at + WARPED);
-    place(tool.raw.root, row, at + TIP);
+    tool.raw.root.visible = there && this.show.raw && !this.inScope;
+    setPose(tool.shown.root, row, at + WARPED);
+    setPose(tool.raw.root, row, at + TIP);
     const running = row[at + BUTTONS] !== 0;
     tool.shown.move(row[at + OPENING]!, running, time);
     tool.raw.move(row[at + OPENING]!, running, time);
@@ -179,7 +179,7 @@ export class Joint {
   private newTool(instrument: number): Tool {
     const colour = TOOL_COLOURS[instrument]!;
     const bright = steelMaterial(0xe6ebef);
-    const steel = new Color(this.wet ? 0xd8dfe4 : 0x9aa5ae).lerp(new Color(colour), this.wet ? 0 : 0.25);
+    const steel = new Color(this.inScope ? 0xd8dfe4 : 0x9aa5ae).lerp(new Color(colour), this.inScope ? 0 : 0.25);
     const shown = shapeOf(instrument, steelMaterial(steel.getHex()), bright);
     const ghost = steelMaterial(colour, 0.22);
     const raw = shapeOf(instrument, ghost, ghost);
@@ -189,7 +189,7 @@ export class Joint {
     }
     raw.root.renderOrder = 3;
     const trails: [Line, Line] = [trail(colour, 1), trail(colour, 0.4)];
-    for (const line of trails) line.visible = this.show.trails && !this.wet;
+    for (const line of trails) line.visible = this.show.trails && !this.inScope;
     this.root.add(...trails);
     return { shown, raw, trails };
   }
@@ -215,7 +215,7 @@ export class Joint {
     if (!surface.setTissue(tissue)) return;
     this.stale.add(surface);
     if (!number || number !== tissue.before) return;
-    for (const piece of tissue.pieces) this.loose.add(piece, group, this.bodies[surface.group.body]!.virtual, this.wet);
+    for (const piece of tissue.pieces) this.pieces.add(piece, group, this.bodies[surface.group.body]!.virtual, this.inScope);
   }
 
   /** Shows something that goes with the patient's bone. */
@@ -249,7 +249,7 @@ export class Joint {
 
   /** Paints what has changed, some times a second, and moves what came off. True where a picture is needed again for it. */
   paint(now: number): boolean {
-    const drifting = this.loose.move(now);
+    const drifting = this.pieces.move(now);
     return this.paintStale(now) || drifting;
   }
 

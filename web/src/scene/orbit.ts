@@ -9,9 +9,9 @@ const KEY_TURN = Math.PI / 24;
 const STEEPEST = Math.PI / 2 - 0.001;
 const LEAST_MM = 12;
 const MOST_MM = 900;
-const GLIDE_MS = 280;
+const ANIMATION_MS = 280;
 
-export interface Place {
+export interface CameraState {
   azimuth: number; // 0: from anterior, towards the patient's right
   height: number;
   distance: number;
@@ -21,11 +21,11 @@ export interface Place {
 export class Orbit {
   onChange: () => void = () => {};
   onPress: (x: number, y: number) => void = () => {}; // a click that turned nothing; shares of the canvas
-  onLook: (place: Place) => void = () => {}; // where the eye is, before each picture
+  onCamera: (state: CameraState) => void = () => {}; // where the eye is, before each picture
   follow: (() => Vector3 | undefined) | undefined;
 
-  private place: Place = { azimuth: 0.35, height: 0.3, distance: 260, target: new Vector3(0, 0, -18) };
-  private glide: { from: Place; to: Place; began: number } | undefined;
+  private current: CameraState = { azimuth: 0.35, height: 0.3, distance: 260, target: new Vector3(0, 0, -18) };
+  private animation: { from: CameraState; to: CameraState; began: number } | undefined;
   private readonly pointers = new Map<number, { x: number; y: number }>();
   private moved = 0;
   private readonly ends: (() => void)[] = [];
@@ -51,57 +51,57 @@ export class Orbit {
       anterior: [0, 0.12], posterior: [Math.PI, 0.12], lateral: [(lateral * Math.PI) / 2, 0.12], medial: [(-lateral * Math.PI) / 2, 0.12],
       superior: [0, STEEPEST], inferior: [0, -STEEPEST],
     }[name] as [number, number];
-    this.glideTo({ azimuth, height, distance: 230, target: new Vector3(0, 0, -18) });
+    this.animateTo({ azimuth, height, distance: 230, target: new Vector3(0, 0, -18) });
   }
 
   /** Near to what is followed, or back. */
   closeUp(on: boolean): void {
-    const target = (on && this.follow?.()) || this.place.target;
-    this.glideTo({ ...this.place, distance: on ? 70 : 230, target: target.clone() });
+    const target = (on && this.follow?.()) || this.current.target;
+    this.animateTo({ ...this.current, distance: on ? 70 : 230, target: target.clone() });
   }
 
   /** Looks from there at once. */
-  put({ azimuth, height, distance, target }: Place): void {
-    this.glide = undefined;
-    this.place = { azimuth, height, distance, target: target.clone() };
+  put({ azimuth, height, distance, target }: CameraState): void {
+    this.animation = undefined;
+    this.current = { azimuth, height, distance, target: target.clone() };
     this.onChange();
   }
 
   /** Puts the camera where it is now. True while it is on its way. */
   update(now: number): boolean {
-    if (this.glide) this.glideOn(now);
+    if (this.animation) this.advance(now);
     else {
       const target = this.follow?.();
-      if (target) this.place.target.lerp(target, 0.25);
+      if (target) this.current.target.lerp(target, 0.25);
     }
-    const { azimuth, height, distance, target } = this.place;
+    const { azimuth, height, distance, target } = this.current;
     this.camera.position.set(Math.sin(azimuth) * Math.cos(height), Math.cos(azimuth) * Math.cos(height), Math.sin(height));
     this.camera.position.multiplyScalar(distance).add(target);
     this.camera.lookAt(target);
-    this.onLook(this.place);
-    return this.glide !== undefined;
+    this.onCamera(this.current);
+    return this.animation !== undefined;
   }
 
-  private glideTo(to: Place): void {
-    const from = { ...this.place, target: this.place.target.clone() };
+  private animateTo(to: CameraState): void {
+    const from = { ...this.current, target: this.current.target.clone() };
     const turns = Math.round((to.azimuth - from.azimuth) / (2 * Math.PI));
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.glide = { from, to: { ...to, azimuth: to.azimuth - 2 * Math.PI * turns }, began: still ? -Infinity : performance.now() };
+    this.animation = { from, to: { ...to, azimuth: to.azimuth - 2 * Math.PI * turns }, began: still ? -Infinity : performance.now() };
     this.onChange();
   }
 
-  private glideOn(now: number): void {
-    const { from, to, began } = this.glide!;
-    const t = Math.min(1, (now - began) / GLIDE_MS);
+  private advance(now: number): void {
+    const { from, to, began } = this.animation!;
+    const t = Math.min(1, (now - began) / ANIMATION_MS);
     const s = t * t * (3 - 2 * t);
     const mix = (a: number, b: number): number => a + s * (b - a);
-    this.place = {
+    this.current = {
       azimuth: mix(from.azimuth, to.azimuth),
       height: mix(from.height, to.height),
       distance: mix(from.distance, to.distance),
       target: from.target.clone().lerp(to.target, s),
     };
-    if (t === 1) this.glide = undefined;
+    if (t === 1) this.animation = undefined;
   }
 
   private listen<K extends keyof HTMLElementEventMap>(kind: K, listener: (event: HTMLElementEventMap[K]) => void): void {
@@ -110,29 +110,29 @@ export class Orbit {
   }
 
   private turn(x: number, y: number): void {
-    this.glide = undefined;
-    this.place.azimuth += x;
-    this.place.height = Math.min(STEEPEST, Math.max(-STEEPEST, this.place.height + y));
+    this.animation = undefined;
+    this.current.azimuth += x;
+    this.current.height = Math.min(STEEPEST, Math.max(-STEEPEST, this.current.height + y));
     this.onChange();
   }
 
   // x to the right, y up; mm in the plane through the target.
   private pan(x: number, y: number): void {
-    this.glide = undefined;
+    this.animation = undefined;
     const right = new Vector3().setFromMatrixColumn(this.camera.matrix, 0);
     const up = new Vector3().setFromMatrixColumn(this.camera.matrix, 1);
-    this.place.target.addScaledVector(right, x).addScaledVector(up, y);
+    this.current.target.addScaledVector(right, x).addScaledVector(up, y);
     this.onChange();
   }
 
   private zoom(factor: number): void {
-    this.glide = undefined;
-    this.place.distance = Math.min(MOST_MM, Math.max(LEAST_MM, this.place.distance * factor));
+    this.animation = undefined;
+    this.current.distance = Math.min(MOST_MM, Math.max(LEAST_MM, this.current.distance * factor));
     this.onChange();
   }
 
   private mmPerPixel(): number {
-    return (2 * this.place.distance * Math.tan((this.camera.fov * Math.PI) / 360)) / Math.max(1, this.element.clientHeight);
+    return (2 * this.current.distance * Math.tan((this.camera.fov * Math.PI) / 360)) / Math.max(1, this.element.clientHeight);
   }
 
   private down(event: PointerEvent): void {

@@ -21,7 +21,7 @@ export class Surface {
   private hash = 0n;
   private twin = 0; // vertex i of a cut surface is i + twin; 0: the mesh has none
 
-  constructor(readonly group: Group, private readonly wet: boolean) {
+  constructor(readonly group: Group, private readonly inScope: boolean) {
     const geometry = new BufferGeometry();
     const { positions, normals } = group.virtual;
     const count = positions.length / 3;
@@ -32,12 +32,12 @@ export class Surface {
     if (group.otherShare) geometry.setAttribute("share", new BufferAttribute(group.otherShare, 1));
     const skin = group.name === "skin";
     this.shown = new Mesh(geometry, tissueMaterial({
-      grain: wet ? grainOf(group.name) : undefined, side: wet && skin ? BackSide : FrontSide, // the scope is in it
-      opacity: skin && !wet ? 0.25 : 1,
+      grain: inScope ? grainOf(group.name) : undefined, side: inScope && skin ? BackSide : FrontSide, // the scope is in it
+      opacity: skin && !inScope ? 0.25 : 1,
     }, group.otherShare && this.other));
     this.shown.frustumCulled = false;
     this.shown.userData.body = group.body;
-    if (wet && skin) this.shown.renderOrder = 1; // last: most of it is behind other things
+    if (inScope && skin) this.shown.renderOrder = 1; // last: most of it is behind other things
     this.canvas = this.newCanvas(positions, count, () => false);
     this.paint("none");
   }
@@ -104,7 +104,7 @@ export class Surface {
 
   private newCanvas(positions: Float32Array, count: number, cut: (vertex: number) => boolean): Canvas {
     const colours = this.shown.geometry.getAttribute("color").array as Uint8Array;
-    return { group: this.group, inside: this.wet, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN) };
+    return { group: this.group, inside: this.inScope, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN) };
   }
 
   // ---- maps -----------------------------------------------------------------------------------------

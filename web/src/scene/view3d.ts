@@ -26,7 +26,7 @@ export function newRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
 }
 
 /** How fine a picture is drawn: pixels of it for each of the page's. */
-export class Fineness {
+export class AdaptiveResolution {
   private moving: number;
   private still = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
@@ -81,7 +81,7 @@ export class View3D {
 
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly fineness: Fineness;
+  private readonly resolution: AdaptiveResolution;
   private readonly resize: ResizeObserver;
   private pending = 0;
   private drawnAt = 0;
@@ -92,7 +92,7 @@ export class View3D {
   constructor(readonly element: HTMLElement, private readonly joint: Joint, name: string) {
     this.canvas = h("canvas", { class: "scene-canvas", tabindex: 0, role: "application", "aria-label": name });
     this.renderer = newRenderer(this.canvas);
-    this.fineness = new Fineness();
+    this.resolution = new AdaptiveResolution();
     element.append(this.canvas);
     const lamp = new DirectionalLight(0xffffff, 2.1);
     lamp.position.set(-0.5, 0.8, 1);
@@ -113,7 +113,7 @@ export class View3D {
   close(): void {
     this.closed = true;
     cancelAnimationFrame(this.pending);
-    this.fineness.close();
+    this.resolution.close();
     this.resize.disconnect();
     this.orbit.close();
     this.renderer.dispose();
@@ -123,7 +123,7 @@ export class View3D {
 
   /** Something has changed. Once for all changes until the next frame. */
   draw(): void {
-    this.fineness.move();
+    this.resolution.move();
     this.request();
   }
 
@@ -140,13 +140,13 @@ export class View3D {
     const more = this.onFrame(now);
     const gliding = this.orbit.update(now);
     this.joint.faceMarker(this.camera.quaternion);
-    if (this.running) this.fineness.took(now - this.drawnAt);
-    if (this.fineness.value !== this.ratio) this.size();
+    if (this.running) this.resolution.took(now - this.drawnAt);
+    if (this.resolution.value !== this.ratio) this.size();
     this.drawnAt = now;
     this.renderer.render(this.scene, this.camera);
     this.running = more || gliding;
     if (this.running) this.draw();
-    else this.fineness.rest(() => this.request());
+    else this.resolution.rest(() => this.request());
   }
 
   private measure(): void {
@@ -157,7 +157,7 @@ export class View3D {
   private size(): void {
     const { clientWidth, clientHeight } = this.element;
     if (!clientWidth || !clientHeight) return;
-    this.ratio = this.fineness.value;
+    this.ratio = this.resolution.value;
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;

@@ -1,9 +1,9 @@
 // #/session/ID: a recorded session, replayed; ?with=ID: beside another one.
 import type { App, View } from "../app";
 import { ApiError, part } from "../api";
-import { Cockpit } from "../cockpit";
+import { Dashboard } from "../dashboard";
 import { hasOthers, strips, type Distribution, type Value } from "../distribution";
-import { browserWorld, Feed } from "../live";
+import { browserEnvironment, Feed } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, resectionsAt } from "../source";
 import { format, text } from "../text";
@@ -47,7 +47,7 @@ export function valuesOf(results: readonly Result[]): Value[] {
 
 /** A connection of its own for one more replay. */
 export function anotherFeed(app: App): Feed {
-  return new Feed(browserWorld(async () => {
+  return new Feed(browserEnvironment(async () => {
     await app.api.get("/me");
     return true;
   }));
@@ -88,21 +88,21 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
   app.title(sessionTitle(session));
   const source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
   const metrics = new Metrics(app, record);
-  const cockpit = new Cockpit(source, { onTime: (time) => transport.seek(time ?? 0), metrics: (replayed) => metrics.draw(replayed) });
+  const dashboard = new Dashboard(source, { onTime: (time) => transport.seek(time ?? 0), metrics: (replayed) => metrics.draw(replayed) });
   const transport = new Transport(source);
   const cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
   const notices = h("div", { class: "notices", role: "status" });
-  const comparison = new Comparison(app, session, source, cockpit);
+  const comparison = new Comparison(app, session, source, dashboard);
 
   transport.onTime = (time) => {
-    cockpit.setTime(time);
+    dashboard.setTime(time);
     comparison.setTime(time);
   };
   comparison.onOther = (other, ahead, values) => {
     transport.setOther(other, ahead);
     metrics.setOther(values);
   };
-  root.append(head(session, metrics, comparison), notices, comparison.element, transport.element, h("div", { class: "station-main" }, cockpit.element, cover));
+  root.append(head(session, metrics, comparison), notices, comparison.element, transport.element, h("div", { class: "station-main" }, dashboard.element, cover));
   const other = query.get("with");
   if (other) void comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
   transport.seek(0);
@@ -110,7 +110,7 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
   let noticed = "";
   const show = (): void => {
     cover.hidden = source.history.count > 0;
-    cockpit.element.inert = !cover.hidden;
+    dashboard.element.inert = !cover.hidden;
     if (!cover.hidden) showCover(cover, source, app.feed, metrics);
     setClass(root, "nothing", !cover.hidden && source.progress === 1);
     const found = noticesOf(session, source);
@@ -125,7 +125,7 @@ function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: 
       if (change !== "moment") show();
     }),
     app.feed.onLink(show),
-    () => comparison.close(), () => transport.close(), () => cockpit.close(), () => source.close(),
+    () => comparison.close(), () => transport.close(), () => dashboard.close(), () => source.close(),
   ];
   show();
   return () => {

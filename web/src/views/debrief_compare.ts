@@ -1,15 +1,15 @@
-// Another session beside the one that is replayed: in a picture of its own, or as a ghost in this one's.
+// A second session compared with the replayed one: in a viewport of its own, or overlaid on the first one's.
 import { part } from "../api";
 import type { App } from "../app";
-import type { Cockpit } from "../cockpit";
+import type { Dashboard } from "../dashboard";
 import type { Value } from "../distribution";
 import type { Feed } from "../live";
 import { routeTo } from "../router";
-import { Companion } from "../scene/companion";
+import { Overlay } from "../scene/overlay";
 import { FeedSource, type Source } from "../source";
-import { Stage } from "../stage";
+import { Viewport } from "../viewport";
 import { format, text } from "../text";
-import { firstOf, STEPS, type Step } from "../timeline";
+import { firstOf, STEPS, type Step } from "../playback";
 import { button, dialog, empty, explain, fill, h, loading, select, setText, toast } from "../ui";
 import { anotherFeed, RATE_HZ, sessionTitle, valuesOf, type Record, type SessionRow } from "./debrief";
 
@@ -21,8 +21,8 @@ interface Other {
   feed: Feed;
   source: FeedSource;
   values: readonly Value[];
-  stage: Stage | undefined; // side by side
-  companion: Companion | undefined; // as a ghost
+  viewport: Viewport | undefined; // side by side
+  overlay: Overlay | undefined; // as a ghost
   end(): void;
 }
 
@@ -38,11 +38,11 @@ export class Comparison {
   private readonly line = h("p", { class: "compare-line", role: "status" });
   private readonly share = h("span", { class: "compare-share number" });
   private readonly steps: HTMLSelectElement;
-  private readonly caption = h("p", { class: "stage-caption" }, text.debrief.this);
+  private readonly caption = h("p", { class: "viewport-caption" }, text.debrief.this);
   private turn = 0;
   private readonly end: () => void;
 
-  constructor(private readonly app: App, private readonly session: SessionRow, private readonly source: FeedSource, private readonly cockpit: Cockpit) {
+  constructor(private readonly app: App, private readonly session: SessionRow, private readonly source: FeedSource, private readonly dashboard: Dashboard) {
     this.steps = select(STEPS.map((step) => [step, text.debrief.steps[step]!]), "start", { "aria-label": text.debrief.align, on: { change: () => {
       this.step = this.steps.value as Step;
       this.inStep();
@@ -61,7 +61,7 @@ export class Comparison {
 
   setTime(time: number): void {
     this.time = time;
-    this.other?.stage?.setTime(time + this.ahead);
+    this.other?.viewport?.setTime(time + this.ahead);
   }
 
   // ---- which one ---------------------------------------------------------------------------------------
@@ -116,11 +116,11 @@ export class Comparison {
     const { session, results } = this.wanted;
     const feed = anotherFeed(this.app);
     const source = FeedSource.recorded(feed, session.id, RATE_HZ, session.case === here.caseName ? "" : here.caseName);
-    const other: Other = { session, feed, source, values: valuesOf(results), stage: undefined, companion: undefined, end: () => {} };
+    const other: Other = { session, feed, source, values: valuesOf(results), viewport: undefined, overlay: undefined, end: () => {} };
     const end = source.onChange((change) => {
       if (change !== "moment") this.showLine();
       if (change === "moment" || change === "progress") this.offerSteps();
-      if (change === "moment") other.companion && this.cockpit.stage.draw();
+      if (change === "moment") other.overlay && this.dashboard.viewport.draw();
     });
     other.end = () => {
       end();
@@ -138,7 +138,7 @@ export class Comparison {
     this.other.end();
     this.other = undefined;
     this.element.hidden = true;
-    this.cockpit.setOther(undefined);
+    this.dashboard.setOther(undefined);
     this.onOther(undefined, 0, []);
   }
 
@@ -152,19 +152,19 @@ export class Comparison {
   private get ahead(): number {
     const { other } = this;
     if (!other) return 0;
-    const here = firstOf(this.step, this.source.history, this.source.marks);
-    const there = firstOf(this.step, other.source.history, other.source.marks);
+    const here = firstOf(this.step, this.source.history, this.source.events);
+    const there = firstOf(this.step, other.source.history, other.source.events);
     return here === undefined || there === undefined ? 0 : there - here;
   }
 
   private inStep(): void {
     const { other, ahead } = this;
     if (!other) return;
-    if (other.companion) other.companion.ahead = ahead;
-    this.cockpit.setOther(other.source, ahead);
+    if (other.overlay) other.overlay.ahead = ahead;
+    this.dashboard.setOther(other.source, ahead);
     this.onOther(other.source, ahead, other.values);
     this.setTime(this.time);
-    this.cockpit.stage.draw();
+    this.dashboard.viewport.draw();
   }
 
   // Only what happened in both can bring them into step.
@@ -172,7 +172,7 @@ export class Comparison {
     const { other } = this;
     if (!other) return;
     for (const option of this.steps.options) {
-      const both = [this.source, other.source].every(({ history: past, marks }) => firstOf(option.value as Step, past, marks) !== undefined);
+      const both = [this.source, other.source].every(({ history: past, events }) => firstOf(option.value as Step, past, events) !== undefined);
       if (option.disabled !== !both) option.disabled = !both;
     }
     const { ahead } = this;
@@ -224,43 +224,43 @@ export class Comparison {
   // undefined: not at all any more.
   private setMode(mode: Mode | undefined): void {
     const other = this.other!;
-    other.stage?.close();
-    other.stage?.element.remove();
-    other.stage = undefined;
-    this.cockpit.stage.setCompanion(undefined);
-    other.companion?.dispose();
-    other.companion = undefined;
+    other.viewport?.close();
+    other.viewport?.element.remove();
+    other.viewport = undefined;
+    this.dashboard.viewport.setOverlay(undefined);
+    other.overlay?.dispose();
+    other.overlay = undefined;
     this.caption.remove();
-    this.cockpit.stage.onLook = () => {};
+    this.dashboard.viewport.onCamera = () => {};
     if (!mode) return;
     this.mode = mode;
     if (mode === "ghost") {
-      other.companion = new Companion(other.source.history);
-      this.cockpit.stage.setCompanion(other.companion);
-    } else this.addStage(other);
+      other.overlay = new Overlay(other.source.history);
+      this.dashboard.viewport.setOverlay(other.overlay);
+    } else this.addViewport(other);
     this.showLine();
     this.inStep();
   }
 
-  private addStage(other: Other): void {
-    const stage = new Stage(other.source, text.debrief.otherScene);
-    other.stage = stage;
-    stage.element.classList.add("other");
-    stage.element.append(h("p", { class: "stage-caption" }, sessionTitle(other.session)));
-    this.cockpit.stage.element.append(this.caption);
-    this.cockpit.stages.append(stage.element);
-    twins(this.cockpit.stage, stage);
+  private addViewport(other: Other): void {
+    const viewport = new Viewport(other.source, text.debrief.otherScene);
+    other.viewport = viewport;
+    viewport.element.classList.add("other");
+    viewport.element.append(h("p", { class: "viewport-caption" }, sessionTitle(other.session)));
+    this.dashboard.viewport.element.append(this.caption);
+    this.dashboard.viewports.append(viewport.element);
+    twins(this.dashboard.viewport, viewport);
   }
 }
 
-// Both are seen from the same place: the one that was touched last leads.
-function twins(a: Stage, b: Stage): void {
+// Both are seen from the same camera: the one that was touched last leads.
+function twins(a: Viewport, b: Viewport): void {
   let leader = a;
   let met = false; // the second one has looked from where the first one does
-  for (const [stage, follower] of [[a, b], [b, a]] as const) {
-    for (const kind of ["pointerdown", "wheel", "keydown", "click"]) stage.element.addEventListener(kind, () => (leader = stage), { capture: true, passive: true });
-    stage.onLook = (place) => {
-      if (leader === stage) follower.look(place);
+  for (const [viewport, follower] of [[a, b], [b, a]] as const) {
+    for (const kind of ["pointerdown", "wheel", "keydown", "click"]) viewport.element.addEventListener(kind, () => (leader = viewport), { capture: true, passive: true });
+    viewport.onCamera = (camera) => {
+      if (leader === viewport) follower.setCamera(camera);
       else if (!met) {
         met = true;
         follower.draw();

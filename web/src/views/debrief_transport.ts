@@ -1,8 +1,8 @@
 // What a replay is run with: play, speed, events, the timeline, keys.
 import type { Change, FeedSource, Source } from "../source";
 import { format, text } from "../text";
-import { nextStop, Player, SPEEDS, stopsOf } from "../timeline";
-import { Track } from "../track";
+import { nextStop, Player, SPEEDS, stopsOf } from "../playback";
+import { Timeline } from "../timeline";
 import { fill, h, icon, select, setText, type IconName } from "../ui";
 
 const PICTURE_MOST_S = 1; // a page that was hidden goes on where it was
@@ -12,7 +12,7 @@ export class Transport {
   onTime: (time: number) => void = () => {};
 
   private readonly player = new Player();
-  private readonly track: Track;
+  private readonly timeline: Timeline;
   private readonly play: HTMLButtonElement;
   private readonly speed: HTMLSelectElement;
   private readonly clock = h("output", { class: "transport-clock number" });
@@ -26,8 +26,8 @@ export class Transport {
 
   constructor(private readonly source: FeedSource) {
     const words = text.debrief;
-    this.track = new Track(source);
-    this.track.onSeek = (time) => this.seek(time);
+    this.timeline = new Timeline(source);
+    this.timeline.onSeek = (time) => this.seek(time);
     this.play = this.tool("running", words.play, () => this.toggle());
     this.speed = select(SPEEDS.map((speed) => [String(speed), words.times(speed)]), "1", { "aria-label": words.speed,
       on: { change: () => (this.player.speed = Number(this.speed.value)) } });
@@ -36,10 +36,10 @@ export class Transport {
     this.element = h("section", { class: "transport panel", "aria-label": words.transport },
       h("div", { class: "transport-tools" }, this.tool("previous", words.previous, () => this.jump(-1)), this.play, this.tool("next", words.next, () => this.jump(1)),
         this.clock, this.speed, keys, h("div", { class: "transport-state" }, this.line, this.share, this.bar)),
-      this.track.element);
+      this.timeline.element);
     const key = (event: KeyboardEvent): void => this.key(event);
     document.addEventListener("keydown", key);
-    this.ends = [() => document.removeEventListener("keydown", key), source.onChange((change) => this.changed(change)), () => this.track.close()];
+    this.ends = [() => document.removeEventListener("keydown", key), source.onChange((change) => this.changed(change)), () => this.timeline.close()];
     this.changed("session");
   }
 
@@ -54,7 +54,7 @@ export class Transport {
   }
 
   setOther(source: Source | undefined, ahead: number): void {
-    this.track.setOther(source, ahead);
+    this.timeline.setOther(source, ahead);
     this.element.classList.toggle("with-other", source !== undefined);
   }
 
@@ -100,7 +100,7 @@ export class Transport {
   }
 
   private jump(way: 1 | -1): void {
-    const stops = stopsOf(this.source.marks, this.source.remarks.map(({ timeNs }) => Number(timeNs) * 1e-9));
+    const stops = stopsOf(this.source.events, this.source.remarks.map(({ timeNs }) => Number(timeNs) * 1e-9));
     const { start, end } = this.source.history;
     // While it plays, the event that has just passed is not the one before.
     const from = way === -1 && this.player.playing ? this.player.time - 0.7 : this.player.time;
@@ -116,7 +116,7 @@ export class Transport {
       fill(this.play, icon(playing ? "paused" : "running"));
     }
     setText(this.clock, `${format.tenths(time)} / ${format.tenths(this.length)}`);
-    this.track.setTime(time, this.length);
+    this.timeline.setTime(time, this.length);
     if (time !== this.shown) this.onTime(time);
     this.shown = time;
     if (playing) this.run();

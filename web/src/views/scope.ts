@@ -11,7 +11,7 @@ import { Joint } from "../scene/joint";
 import { notchAngle, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { NoWebGl } from "../scene/view3d";
 import { FeedSource, markerAt, noteAt, type Change } from "../source";
-import { isPort, StationView, TOKEN, type ViewPlace } from "../station_view";
+import { isPort, StationView, TOKEN, type ViewAddress } from "../station_view";
 import { text } from "../text";
 import { announcer, broken, empty, everySecond, field, formDialog, h, loading, select, setFault } from "../ui";
 import { Picture } from "./scope_picture";
@@ -24,7 +24,7 @@ const PAUSE_MS = 250; // longer between two pictures: nothing changed meanwhile
 
 // The optic is the station's, but for what the trainee chose.
 interface Settings {
-  place: ViewPlace | undefined;
+  place: ViewAddress | undefined;
   tiltDeg: number | undefined;
   fieldDeg: number | undefined;
   postDeg: number;
@@ -44,7 +44,7 @@ function read<T>(key: string): Partial<T> {
 
 // The optic is the trainee's at all stations, the place is that station's.
 function kept(station: string): Settings {
-  const { port, token = "" } = read<ViewPlace>(placeKey(station));
+  const { port, token = "" } = read<ViewAddress>(placeKey(station));
   return { ...NOTHING_CHOSEN, ...read<Settings>(KEY), place: isPort(port) && TOKEN.test(token) ? { port, token } : undefined };
 }
 
@@ -88,9 +88,9 @@ class Scope {
   private timing = false;
   private readonly tell = announcer();
   private readonly row = newRow(); // of the server
-  private readonly near = newRow(); // of what is to be drawn: the station's own where it tells
+  private readonly near = newRow(); // the poses to draw: the station's own if it sends any, else the server's
   private readonly drawn = newRow();
-  private dirty = true; // something is to be drawn that no row tells of
+  private dirty = true; // something other than poses has changed
   private readonly ends: (() => void)[];
 
   constructor(root: HTMLElement, route: Route, private readonly app: App) {
@@ -199,7 +199,7 @@ class Scope {
 
   // ---- a picture -------------------------------------------------------------------------------------
 
-  /** Draws, in the next frame; what only moments bring about, only where one is another than that before. */
+  /** Draws in the next frame. If only a moment came (`changed` false), draws only if its poses differ from those drawn. */
   private soon(changed = true): void {
     this.dirty ||= changed;
     this.pending ||= requestAnimationFrame((now) => {
@@ -210,13 +210,13 @@ class Scope {
 
   private draw(now: number, { joint, optic }: { joint: Joint; optic: Arthroscope }): void {
     const { history, session } = this.source;
-    if (!session) return; // what is said instead stays
+    if (!session) return; // the message shown instead stays
     const station = this.own;
     if (history.count) history.read(history.count - 1, this.row);
     if (station) packView(station.newest!, this.near);
     else this.near.set(this.row);
     if (!this.dirty && sameRow(this.near, this.drawn) && !runs(this.near)) return;
-    optic.fineness.move();
+    optic.resolution.move();
     this.render(now, joint, optic);
     if (station) this.picture.canvas.dataset.drawn = String(station.newest!.number);
   }
@@ -232,13 +232,13 @@ class Scope {
     const seen = optic.draw(this.near, now / 1000);
     this.drawn.set(this.near);
     this.dirty = false;
-    if (now - this.drawnAt < PAUSE_MS) optic.fineness.took(now - this.drawnAt);
+    if (now - this.drawnAt < PAUSE_MS) optic.resolution.took(now - this.drawnAt);
     this.picture.timed(now - this.drawnAt, performance.now() - (this.own?.at ?? now));
     this.drawnAt = now;
     if (seen) this.picture.say(undefined);
     else if (this.source.history.count) this.picture.say(empty(text.scope.noScope, text.scope.noScopeHint));
     if (more || (seen && !optic.settled)) this.soon();
-    else optic.fineness.rest(() => this.source.session && this.render(performance.now(), joint, optic));
+    else optic.resolution.rest(() => this.source.session && this.render(performance.now(), joint, optic));
   }
 
   // ---- words -----------------------------------------------------------------------------------------
@@ -308,7 +308,7 @@ function runs(row: Row): boolean {
   return false;
 }
 
-function ask(now: Optic, place: ViewPlace | undefined, change: (next: Optic, place: ViewPlace | undefined) => void): void {
+function ask(now: Optic, place: ViewAddress | undefined, change: (next: Optic, place: ViewAddress | undefined) => void): void {
   const port = h("input", { inputmode: "numeric", value: place?.port ?? "", autocomplete: "off" });
   const token = h("input", { value: place?.token ?? "", autocomplete: "off", spellcheck: "false", class: "mono" });
   const tilts = [...new Set([0, 30, 70, now.tiltDeg])].sort((a, b) => a - b);

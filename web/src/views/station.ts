@@ -1,18 +1,18 @@
 // #/station/NAME: one station's session, as it happens.
 import { SessionState } from "wire";
 import type { View } from "../app";
-import { Cockpit } from "../cockpit";
+import { Dashboard } from "../dashboard";
 import { STATE } from "../history";
 import { QUIET_MS } from "../live";
 import { routeTo } from "../router";
 import { FeedSource, markerAt } from "../source";
 import { format, text } from "../text";
 import { announcer, empty, everySecond, fill, h, icon, loading, setClass, setText, type IconName } from "../ui";
-import { Steer } from "./steer";
+import { SessionControls } from "./session_controls";
 
 const RATE_HZ = 30;
 
-const STATES: Record<SessionState, [icon: IconName, words: keyof typeof text.wall.standings]> = {
+const STATES: Record<SessionState, [icon: IconName, words: keyof typeof text.wall.statuses]> = {
   [SessionState.WAITING]: ["waiting", "waiting"],
   [SessionState.RUNNING]: ["running", "running"],
   [SessionState.PAUSED]: ["paused", "paused"],
@@ -36,16 +36,16 @@ export const station: View = (root, route, app) => {
   const tell = announcer();
   const stale = h("p", { class: "stale badge now" });
   const note = h("p", { class: "badge act", role: "status" });
-  const cockpit = new Cockpit(source, { onMarker: (marker) => steer?.place(marker) });
-  const steer = app.account?.role === "instructor" ? new Steer(app, {
+  const dashboard = new Dashboard(source, { onMarker: (marker) => controls?.placeMarker(marker) });
+  const controls = app.account?.role === "instructor" ? new SessionControls(app, {
     station: name,
     case: () => source.session?.caseName ?? "",
     strength: () => source.session?.strength ?? 1,
     trainee: () => source.session?.trainee ?? "",
   }) : undefined;
-  if (steer) {
-    steer.onPicking = (on) => {
-      cockpit.stage.picking = on;
+  if (controls) {
+    controls.onPicking = (on) => {
+      dashboard.viewport.picking = on;
       setClass(root, "picking", on);
     };
   }
@@ -55,7 +55,7 @@ export const station: View = (root, route, app) => {
   root.append(h("header", { class: "station-head" },
     h("div", { class: "station-name" }, h("a", { href: home, class: "button quiet back" }, icon("back"), homeName), h("h1", {}, name), badge, clock, stale, note),
     about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope)),
-    ...(steer ? [steer.element] : []), h("div", { class: "station-main" }, cockpit.element, waiting));
+    ...(controls ? [controls.element] : []), h("div", { class: "station-main" }, dashboard.element, waiting));
 
   // For how long nothing is heard, and in which words; undefined: what is shown is how it is.
   const staleness = (): string | undefined => {
@@ -71,12 +71,12 @@ export const station: View = (root, route, app) => {
     if (badge.dataset.state === key) return;
     badge.dataset.state = key;
     const [sign, words] = STATES[now ?? SessionState.WAITING];
-    fill(badge, ...(old ? [icon(STALE[0]), STALE[1]] : [icon(sign), text.wall.standings[words]]));
+    fill(badge, ...(old ? [icon(STALE[0]), STALE[1]] : [icon(sign), text.wall.statuses[words]]));
   };
 
   const showInstead = (): void => {
     waiting.hidden = source.session !== undefined || source.history.count > 0;
-    cockpit.element.inert = !waiting.hidden;
+    dashboard.element.inert = !waiting.hidden;
     badge.hidden = source.refused;
     if (waiting.hidden) return;
     const words = text.station;
@@ -101,19 +101,19 @@ export const station: View = (root, route, app) => {
     setText(stale, old ?? "");
     setText(note, source.note);
     note.hidden = !source.note;
-    tell(old !== undefined && feed.lostMs() === undefined ? "quiet" : "", old ?? text.link.open); // that the server is silent is told by the frame
+    tell(old !== undefined && feed.lostMs() === undefined ? "quiet" : "", old ?? text.link.open); // the frame announces a silent server
     setClass(root, "old", old !== undefined);
-    steer?.setReachable(feed.lostMs() === undefined);
-    steer?.setState(now);
-    steer?.setMarker(markerAt(source, Infinity));
+    controls?.setReachable(feed.lostMs() === undefined);
+    controls?.setState(now);
+    controls?.setMarker(markerAt(source, Infinity));
     showInstead();
   };
 
   const key = (event: KeyboardEvent): void => {
-    if (!steer || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
+    if (!controls || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
     if ((event.target as HTMLElement).matches("input, select, textarea")) return;
-    if (event.key === "t" && cockpit.stage.picking) steer.place(cockpit.stage.markerAtTip());
-    else if (event.key === "Escape" && cockpit.stage.picking) steer.setPicking(false);
+    if (event.key === "t" && dashboard.viewport.picking) controls.placeMarker(dashboard.viewport.markerAtTip());
+    else if (event.key === "Escape" && dashboard.viewport.picking) controls.setPicking(false);
   };
   document.addEventListener("keydown", key);
   const ends = [
@@ -124,7 +124,7 @@ export const station: View = (root, route, app) => {
     everySecond(showHead),
     feed.onLink(showHead),
     () => document.removeEventListener("keydown", key),
-    () => cockpit.close(),
+    () => dashboard.close(),
     () => source.close(),
   ];
   return () => {

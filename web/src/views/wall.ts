@@ -1,24 +1,24 @@
 // #/wall: all stations at a glance.
 import { Watch_What } from "wire";
 import type { View } from "../app";
-import type { Feed, Seat } from "../live";
+import type { Feed, StationState } from "../live";
 import { routeTo } from "../router";
 import { format, text } from "../text";
 import { empty, everySecond, fill, h, icon, loading, roving, setClass, setText, type IconName } from "../ui";
 import { MiniScene } from "./wall_scene";
 import {
-  arrange, byUrgency, certificateWarning, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, standing, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
-  type Alarm, type Standing, type Warning,
+  arrange, byUrgency, certificateWarning, compareNames, grouped, quietFor, runningSeconds, serverQuiet, short, statusOf, stationOf, sumOfDevices, URGENCY_NAMES, warningOf,
+  type Alarm, type Status, type Warning,
 } from "./wall_model";
 
 const RATE_HZ = 10;
 const HOUR_MS = 3_600_000;
-const SOON_MS = 2000; // by then every station was told
+const SOON_MS = 2000; // by then the server has sent every station
 
 interface Card {
   item: HTMLElement;
   scene: HTMLElement; // where the picture goes
-  update(seat: Seat, now: number, lostMs: number | undefined): void;
+  update(seat: StationState, now: number, lostMs: number | undefined): void;
 }
 
 export const wall: View = (root, _route, app) => {
@@ -35,16 +35,16 @@ export const wall: View = (root, _route, app) => {
   const picture = new MiniScene(grid);
   roving(list, () => [...list.querySelectorAll<HTMLElement>(".card a.name")]);
 
-  const ordered = (): Seat[] => [...feed.seats.values()].filter((seat) => seat.place).sort((a, b) => compareNames(stationOf(a), stationOf(b)));
+  const ordered = (): StationState[] => [...feed.stations.values()].filter((seat) => seat.place).sort((a, b) => compareNames(stationOf(a), stationOf(b)));
 
-  const place = (): void => {
-    const seats = ordered();
+  const layOut = (): void => {
+    const stations = ordered();
     for (const [seat, card] of cards) {
-      if (feed.seats.has(seat)) continue;
+      if (feed.stations.has(seat)) continue;
       card.item.remove();
       cards.delete(seat);
     }
-    seats.forEach((seat, at) => {
+    stations.forEach((seat, at) => {
       let card = cards.get(seat.seat);
       if (!card) cards.set(seat.seat, (card = makeCard()));
       if (list.children[at] !== card.item) list.insertBefore(card.item, list.children[at] ?? null);
@@ -63,14 +63,14 @@ export const wall: View = (root, _route, app) => {
 
   const update = (): void => {
     const now = feed.now();
-    const seats = ordered();
-    if (seats.length !== cards.size || seats.some((seat) => !cards.has(seat.seat))) place();
-    const lost = seats.length > 0 ? feed.lostMs() : undefined;
-    for (const seat of seats) cards.get(seat.seat)!.update(seat, now, lost);
-    setText(summary, lost !== undefined ? text.wall.lost(lost) : seats.length ? text.wall.summary(count(seats)) : "");
+    const stations = ordered();
+    if (stations.length !== cards.size || stations.some((seat) => !cards.has(seat.seat))) layOut();
+    const lost = stations.length > 0 ? feed.lostMs() : undefined;
+    for (const seat of stations) cards.get(seat.seat)!.update(seat, now, lost);
+    setText(summary, lost !== undefined ? text.wall.lost(lost) : stations.length ? text.wall.summary(count(stations)) : "");
     setClass(summary, "fault", lost !== undefined);
-    rail.show(byUrgency([...(lost !== undefined ? [serverQuiet(lost)] : []), ...certificate, ...seats.flatMap((seat) => warningOf(seat, now, lost !== undefined) ?? [])]), seats.length > 0);
-    showState(state, seats.length, feed);
+    rail.show(byUrgency([...(lost !== undefined ? [serverQuiet(lost)] : []), ...certificate, ...stations.flatMap((seat) => warningOf(seat, now, lost !== undefined) ?? [])]), stations.length > 0);
+    showState(state, stations.length, feed);
   };
 
   let certificate: Warning[] = [];
@@ -92,7 +92,7 @@ export const wall: View = (root, _route, app) => {
   size.observe(grid);
   let frame = requestAnimationFrame(function draw() {
     frame = requestAnimationFrame(draw);
-    picture.draw([...cards].map(([seat, card]) => ({ seat: feed.seats.get(seat), slot: card.scene })));
+    picture.draw([...cards].map(([seat, card]) => ({ seat: feed.stations.get(seat), slot: card.scene })));
   });
   const linked = feed.onLink(({ state }) => {
     if (state === "open") picture.renewCases();
@@ -106,9 +106,9 @@ export const wall: View = (root, _route, app) => {
   };
 };
 
-function count(seats: Seat[]): Record<Standing, number> {
+function count(stations: StationState[]): Record<Status, number> {
   const sum = { running: 0, paused: 0, waiting: 0, closed: 0, gone: 0 };
-  for (const seat of seats) sum[standing(seat.place)]++;
+  for (const seat of stations) sum[statusOf(seat.place)]++;
   return sum;
 }
 
@@ -173,21 +173,21 @@ function makeCard(): Card {
   card.addEventListener("click", (event) => event.target !== link && link.click());
   const item = h("li", {}, card);
 
-  const update = (seat: Seat, now: number, lostMs: number | undefined): void => {
+  const update = (seat: StationState, now: number, lostMs: number | undefined): void => {
     const place = seat.place!;
     const info = place.info;
-    const kind = standing(place);
+    const kind = statusOf(place);
     const quiet = lostMs ?? quietFor(seat, now);
     const warned = warningOf(seat, now, lostMs !== undefined);
     link.href = routeTo("station", [stationOf(seat)]);
-    card.dataset.standing = kind;
+    card.dataset.status = kind;
     card.dataset.urgency = URGENCY_NAMES[warned?.urgency ?? 0];
     setClass(card, "old", quiet !== undefined);
-    setSign(sign, quiet !== undefined ? "gone" : kind, quiet !== undefined ? t.noData : t.standings[kind]);
+    setSign(sign, quiet !== undefined ? "gone" : kind, quiet !== undefined ? t.noData : t.statuses[kind]);
     setText(link, stationOf(seat));
     const seconds = runningSeconds(seat, Date.now());
     setText(time, kind === "gone" || seconds === undefined ? "" : format.clock(seconds));
-    setText(age, quiet !== undefined ? t.oldFor(quiet) : kind === "gone" ? t.standings.gone : "");
+    setText(age, quiet !== undefined ? t.oldFor(quiet) : kind === "gone" ? t.statuses.gone : "");
     setText(who, place.trainee || t.nobody);
     setClass(who, "quiet-text", !place.trainee);
     setText(what, info?.caseName ?? "");
@@ -208,7 +208,7 @@ function makeCard(): Card {
   return { item, scene, update };
 }
 
-function setSign(sign: HTMLElement, kind: ReturnType<typeof standing>, words: string): void {
+function setSign(sign: HTMLElement, kind: ReturnType<typeof statusOf>, words: string): void {
   if (sign.dataset.kind === kind && sign.textContent === words) return;
   sign.dataset.kind = kind;
   fill(sign, icon(kind), h("span", { class: "unseen" }, words));
@@ -232,13 +232,13 @@ function attentionRail(): { element: HTMLElement; show(warnings: Warning[], know
     h("section", { class: "key" }, h("h3", {}, text.wall.key), h("ol", {}, ...text.wall.keys.map((one) => h("li", {}, one)))));
   let shown = "";
   let urgent = new Set<string>();
-  // Who cannot see the wall hears of what is new and cannot wait.
+  // Screen readers announce new urgent alerts.
   const announce = (warnings: Warning[]): void => {
     const words = warnings.filter((warning) => warning.urgency === 3)
       .map(({ station, words }) => (station ? `${station}: ${words}` : `${text.wall.server}: ${text.wall.serverGone}`));
     const fresh = words.filter((one) => !urgent.has(one));
     urgent = new Set(words);
-    if (fresh.length) document.getElementById("said")!.textContent = fresh.join(". ");
+    if (fresh.length) document.getElementById("announcements")!.textContent = fresh.join(". ");
   };
   return {
     element,

@@ -1,14 +1,14 @@
 // What the wall shows of a station, and in which order: no DOM.
 import { SessionState, type DeviceRate, type Place } from "wire";
-import { QUIET_MS, type Seat } from "../live";
+import { QUIET_MS, type StationState } from "../live";
 import { format, sentence, text } from "../text";
 
 export type Urgency = 0 | 1 | 2 | 3; // none, look, act, now
 export const URGENCY_NAMES = ["quiet", "look", "act", "now"] as const;
 
-export type Standing = "waiting" | "running" | "paused" | "closed" | "gone"; // gone: no station there
+export type Status = "waiting" | "running" | "paused" | "closed" | "gone"; // gone: no station there
 
-export function standing(place: Place | undefined): Standing {
+export function statusOf(place: Place | undefined): Status {
   const info = place?.info;
   if (!info || !info.connected) return "gone";
   if (info.state === SessionState.RUNNING) return "running";
@@ -16,10 +16,10 @@ export function standing(place: Place | undefined): Standing {
   return info.state === SessionState.CLOSED ? "closed" : "waiting";
 }
 
-export const stationOf = (seat: Seat): string => seat.place?.info?.station ?? "";
+export const stationOf = (seat: StationState): string => seat.place?.info?.station ?? "";
 
-/** Since when its session runs, in seconds; undefined where there is none. */
-export function runningSeconds(seat: Seat, utcMs: number): number | undefined {
+/** How long its session has run, in seconds; undefined without a session. */
+export function runningSeconds(seat: StationState, utcMs: number): number | undefined {
   if (seat.moment) return Number(seat.moment.timeNs) / 1e9;
   const start = seat.place?.info?.startUtcNs ?? 0n;
   return start > 0n ? Math.max(0, utcMs / 1000 - Number(start) / 1e9) : undefined;
@@ -50,14 +50,14 @@ export interface Warning {
   words: string;
 }
 
-/** A seat is old where the server has said nothing of it for longer than it ever should. */
-export function quietFor(seat: Seat, now: number): number | undefined {
+/** How long nothing has come about a station, in ms; undefined while its data is fresh. */
+export function quietFor(seat: StationState, now: number): number | undefined {
   const age = now - Math.max(seat.placeAt, seat.momentAt);
   return age >= QUIET_MS ? age : undefined;
 }
 
-/** `serverQuiet`: nothing is heard of any seat, which is said once and for all, not for each. */
-export function warningOf(seat: Seat, now: number, serverQuiet: boolean): Warning | undefined {
+/** `serverQuiet`: no station has data. One warning for the server replaces those of the stations. */
+export function warningOf(seat: StationState, now: number, serverQuiet: boolean): Warning | undefined {
   const station = stationOf(seat);
   if (!serverQuiet && quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
   const place = seat.place;
@@ -81,7 +81,7 @@ export function byUrgency(warnings: Warning[]): Warning[] {
   return [...warnings].sort((a, b) => b.urgency - a.urgency || compareNames(a.station, b.station));
 }
 
-/** What is wrong, said once for all stations that it is wrong with. */
+/** A warning, with all stations that have it. */
 export interface Alarm {
   urgency: Urgency;
   words: string;

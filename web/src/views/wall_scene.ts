@@ -3,7 +3,7 @@
 import { Validity, type ShortPose } from "wire";
 import { part } from "../api";
 import { drawnBySoftware } from "../graphics";
-import type { Seat } from "../live";
+import type { StationState } from "../live";
 import { onTheme, themeColour } from "../theme";
 import { h } from "../ui";
 import { CaseCache } from "./wall_cases";
@@ -44,7 +44,7 @@ const FINE_FROM_PX = 110;
 const MANY = 8;
 
 interface Slot {
-  seat: Seat | undefined;
+  seat: StationState | undefined;
   slot: HTMLElement;
 }
 
@@ -142,7 +142,7 @@ export class MiniScene {
     }
   }
 
-  private drawSeat(gl: WebGL2RenderingContext, seat: Seat, box: DOMRect): void {
+  private drawSeat(gl: WebGL2RenderingContext, seat: StationState, box: DOMRect): void {
     const moment = seat.moment;
     const knee = this.knee(seat, box.height < FINE_FROM_PX || (this.bySoftware && this.many) ? COARSE_MM : FINE_MM);
     if (!moment || !knee) return;
@@ -175,7 +175,7 @@ export class MiniScene {
     this.drawn = "";
   }
 
-  private knee(seat: Seat, cell: number): Drawn[] | undefined {
+  private knee(seat: StationState, cell: number): Drawn[] | undefined {
     const name = seat.place?.info?.caseName;
     const found = name ? this.cases.get(name) : undefined;
     if (!found) return undefined;

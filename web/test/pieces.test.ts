@@ -5,7 +5,7 @@ import { Box3, Mesh, Vector3 } from "three";
 import { withNormals, type Knee } from "../src/scene/anatomy";
 import { newRow, bodyAt } from "../src/history";
 import { Joint } from "../src/scene/joint";
-import { GONE_MS } from "../src/scene/loose";
+import { GONE_MS } from "../src/scene/pieces";
 import { Tissue } from "../src/mesh";
 import { steps } from "./meshes";
 
@@ -24,10 +24,10 @@ function knee(): Knee {
   };
 }
 
-function loose(joint: Joint): Mesh[] {
+function pieces(joint: Joint): Mesh[] {
   const found: Mesh[] = [];
   joint.root.updateMatrixWorld(true);
-  joint.root.traverse((node) => node.name === "loose" && found.push(node as Mesh));
+  joint.root.traverse((node) => node.name === "pieces" && found.push(node as Mesh));
   return found;
 }
 
@@ -44,16 +44,16 @@ test("a part that came off is where it was, and gone after a while", () => {
     if (tissue.before) came += tissue.pieces.length;
   }
   assert.ok(came > 0, "nothing came off");
-  assert.equal(loose(joint).length, came);
+  assert.equal(pieces(joint).length, came);
   assert.equal(joint.paint(0), true);
   const [piece] = tissue.pieces;
-  const seen = new Box3().setFromObject(loose(joint)[0]!);
+  const seen = new Box3().setFromObject(pieces(joint)[0]!);
   const wanted = new Box3().setFromArray(piece!.positions as unknown as number[]).translate(new Vector3(100, 0, 0));
   assert.ok(seen.min.distanceTo(wanted.min) < 1e-4 && seen.max.distanceTo(wanted.max) < 1e-4, `it is at ${JSON.stringify(seen)}`);
   joint.paint(GONE_MS / 2);
-  assert.ok(new Box3().setFromObject(loose(joint)[0]!).min.distanceTo(wanted.min) > 0.5, "it stays");
+  assert.ok(new Box3().setFromObject(pieces(joint)[0]!).min.distanceTo(wanted.min) > 0.5, "it stays");
   assert.equal(joint.paint(GONE_MS + 1), false);
-  assert.equal(loose(joint).length, 0);
+  assert.equal(pieces(joint).length, 0);
 });
 
 test("what came off on the way that was not seen is not shown", () => {
@@ -63,9 +63,9 @@ test("what came off on the way that was not seen is not shown", () => {
   tissue.apply(all[0]!.payload);
   assert.ok(tissue.pieces.length && !tissue.before, "the first is whole, with parts that came off before");
   joint.setTissue("meniscus_medial", tissue);
-  assert.equal(loose(joint).length, 0);
+  assert.equal(pieces(joint).length, 0);
   for (const { payload } of all.slice(1)) tissue.apply(payload);
   assert.ok(tissue.pieces.length && tissue.before, "the last one has some");
   joint.setTissue("meniscus_medial", tissue);
-  assert.equal(loose(joint).length, 0);
+  assert.equal(pieces(joint).length, 0);
 });

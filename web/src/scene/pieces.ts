@@ -19,7 +19,7 @@ interface Part {
   since: number; // NaN: to be seen for the first time
 }
 
-export class Loose {
+export class DetachedPieces {
   private parts: Part[] = [];
 
   /** A part of a group that goes with `body`, whose frame it is in. */
@@ -32,7 +32,7 @@ export class Loose {
     geometry.setIndex(new BufferAttribute(piece.triangles, 1));
     geometry.translate(-centroid.x, -centroid.y, -centroid.z);
     const mesh = new Mesh(geometry, tissueMaterial({ grain: inside ? grainOf(group) : undefined }));
-    mesh.name = "loose";
+    mesh.name = "pieces";
     mesh.position.copy(centroid);
     body.add(mesh);
     this.parts.push({ mesh, centroid, since: NaN });

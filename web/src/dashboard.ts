@@ -3,9 +3,9 @@
 import type { Metric } from "wire";
 import { FLEXION, GAIN, GAIN_LEAST, SPEED, toolAt, VARUS, WARP, WORKING } from "./history";
 import { Panels } from "./panels";
-import { Plots, type PlotRow, type Sign, type Values } from "./plot";
+import { Plots, type PlotRow, type Flag, type Values } from "./plot";
 import type { Marker } from "./scene/joint";
-import { Stage } from "./stage";
+import { Viewport } from "./viewport";
 import { Removed } from "./removed";
 import type { Change, Source } from "./source";
 import { format, text } from "./text";
@@ -14,16 +14,16 @@ import { button, h, setText } from "./ui";
 const LIVE_WINDOW_S = 120;
 const LATE_S = 2; // a page that was opened sooner has all of the session
 
-export interface CockpitOptions {
+export interface DashboardOptions {
   onMarker?: (marker: Marker) => void; // a point of the surface was chosen
   onTime?: (time: number | undefined) => void; // another moment was asked for; undefined: the newest
   metrics?: (metrics: readonly Metric[]) => HTMLElement; // instead of the usual table
 }
 
-export class Cockpit {
+export class Dashboard {
   readonly element: HTMLElement;
-  readonly stages: HTMLElement; // one picture, or more side by side
-  readonly stage: Stage;
+  readonly viewports: HTMLElement; // one picture, or more side by side
+  readonly viewport: Viewport;
   readonly panels: Panels;
   time: number | undefined; // what is shown, s; undefined: the newest
 
@@ -34,23 +34,23 @@ export class Cockpit {
   private readonly ends: (() => void)[] = [];
   private cursor: number | undefined;
   private windowS = LIVE_WINDOW_S; // 0: all
-  private signs = 0; // marks and remarks that the plots have
+  private flags = 0; // events and remarks that the plots have
   private pending = 0;
 
-  constructor(private readonly source: Source, private readonly options: CockpitOptions = {}) {
-    this.stage = new Stage(source);
-    this.stage.onMarker = (marker) => options.onMarker?.(marker);
+  constructor(private readonly source: Source, private readonly options: DashboardOptions = {}) {
+    this.viewport = new Viewport(source);
+    this.viewport.onMarker = (marker) => options.onMarker?.(marker);
     this.plots = new Plots(PLOT_ROWS, valuesOf(source), { name: text.session.plots, help: text.session.plotsHelp });
     this.plots.onCursor = (time) => this.setCursor(time);
     this.plots.onPick = (time) => this.pick(time);
     this.panels = new Panels(source, (time) => this.pick(time), options.metrics);
     this.back = button(text.session.backToLive, () => this.pick(undefined), { class: "back-to-live", kind: "primary" });
     this.back.hidden = true;
-    this.stage.element.append(this.back);
-    this.stages = h("div", { class: "stages" }, this.stage.element);
-    this.element = h("div", { class: "cockpit" }, this.stages, this.panels.element,
+    this.viewport.element.append(this.back);
+    this.viewports = h("div", { class: "viewports" }, this.viewport.element);
+    this.element = h("div", { class: "dashboard" }, this.viewports, this.panels.element,
       h("section", { class: "plots-panel panel", "aria-label": text.session.plots }, this.plotHead(), this.plots.element));
-    this.ends.push(source.onChange((change) => this.changed(change)), () => this.plots.close(), () => this.stage.close());
+    this.ends.push(source.onChange((change) => this.changed(change)), () => this.plots.close(), () => this.viewport.close());
     if (source.recorded) this.windowS = 0;
     this.changed("session");
   }
@@ -65,7 +65,7 @@ export class Cockpit {
     this.time = time;
     this.back.hidden = this.source.recorded || this.time === undefined;
     if (this.time !== undefined) setText(this.back, `${text.session.at(format.clock(this.time))} · ${text.session.backToLive}`);
-    this.stage.setTime(time);
+    this.viewport.setTime(time);
     this.soon();
   }
 
@@ -73,7 +73,7 @@ export class Cockpit {
     return this.time ?? this.source.history.end;
   }
 
-  /** Another session beside this one in the plots: `ahead` is its time at this one's start; undefined: none. */
+  /** Adds a second session to the plots, or removes it (undefined). `ahead`: its time at this one's start. */
   setOther(other: Source | undefined, ahead = 0): void {
     this.plots.setOther(other && shifted(valuesOf(other), ahead));
   }
@@ -87,7 +87,7 @@ export class Cockpit {
 
   private changed(change: Change): void {
     if (change === "session") {
-      this.signs = 0;
+      this.flags = 0;
       if (!this.source.history.count && !this.source.recorded && this.time !== undefined) this.setTime(undefined);
     }
     this.panels.changed(change);
@@ -116,9 +116,9 @@ export class Cockpit {
       const from = Math.max(0, Math.min(time + this.windowS / 2, end) - this.windowS);
       this.plots.setWindow(from, from + this.windowS);
     }
-    if (this.signs !== this.source.marks.length + this.source.remarks.length) {
-      this.signs = this.source.marks.length + this.source.remarks.length;
-      this.plots.setSigns(signsOf(this.source));
+    if (this.flags !== this.source.events.length + this.source.remarks.length) {
+      this.flags = this.source.events.length + this.source.remarks.length;
+      this.plots.setFlags(flagsOf(this.source));
     }
     this.panels.showTime(time);
     this.readWorking();
@@ -195,16 +195,16 @@ const PLOT_ROWS: PlotRow[] = [
   { label: text.session.rows.speed, unit: text.units.mmPerSecond, digits: 0, traces: [{ label: "", colour: "--plot-1" }], least: 0, most: 20 },
 ];
 
-const SIGN_COLOURS: Record<string, string> = {
+const FLAG_COLOURS: Record<string, string> = {
   cut: "--plot-4", piece: "--plot-4", undone: "--plot-5", refused: "--act", deviceLost: "--now", deviceBack: "--good", state: "--look",
 };
 
-function signsOf(source: Source): Sign[] {
-  const signs: Sign[] = [];
-  for (const { time, event } of source.marks) {
-    const colour = SIGN_COLOURS[event];
-    if (colour) signs.push({ time, colour, label: text.session.events[event]! });
+function flagsOf(source: Source): Flag[] {
+  const flags: Flag[] = [];
+  for (const { time, event } of source.events) {
+    const colour = FLAG_COLOURS[event];
+    if (colour) flags.push({ time, colour, label: text.session.events[event]! });
   }
-  for (const { timeNs } of source.remarks) signs.push({ time: Number(timeNs) * 1e-9, colour: "--accent", label: "" });
-  return signs;
+  for (const { timeNs } of source.remarks) flags.push({ time: Number(timeNs) * 1e-9, colour: "--accent", label: "" });
+  return flags;
 }

@@ -13,7 +13,7 @@ const bone = new Matrix4();
 const pose = new Matrix4();
 const point = new Vector3();
 
-export class Companion {
+export class Overlay {
   readonly root = new Group();
   readonly body = TIBIA;
   ahead = 0; // its time less this session's, s

@@ -5,7 +5,7 @@ import { create } from "@bufbuild/protobuf";
 import { Line, Vector3 } from "three";
 import { MomentSchema } from "wire";
 import { History } from "../src/history";
-import { Companion } from "../src/scene/companion";
+import { Overlay } from "../src/scene/overlay";
 
 const half = Math.SQRT1_2;
 
@@ -21,30 +21,30 @@ function past(from: number, seconds: number): History {
   return history;
 }
 
-const tool = (companion: Companion): Vector3 => new Vector3().setFromMatrixPosition(companion.root.children[0]!.matrix);
+const tool = (overlay: Overlay): Vector3 => new Vector3().setFromMatrixPosition(overlay.root.children[0]!.matrix);
 const near = (found: Vector3, x: number, y: number, z: number): void => assert.ok(found.distanceTo(new Vector3(x, y, z)) < 1e-4, found.toArray().join(" "));
 
 test("another's hand is where it was on the tibia, as far ahead as it is told", () => {
-  const companion = new Companion(past(0, 4));
-  companion.setTime(2, false);
-  near(tool(companion), 7, 0, 20);
-  companion.ahead = 1.5;
-  companion.setTime(2, false);
-  near(tool(companion), 7, 0, 35);
+  const overlay = new Overlay(past(0, 4));
+  overlay.setTime(2, false);
+  near(tool(overlay), 7, 0, 20);
+  overlay.ahead = 1.5;
+  overlay.setTime(2, false);
+  near(tool(overlay), 7, 0, 35);
 });
 
 test("before another session begins its hands are not there", () => {
-  const companion = new Companion(past(3, 1));
-  companion.setTime(2, false);
-  assert.equal(companion.root.visible, false);
-  companion.setTime(3, false);
-  assert.equal(companion.root.visible, true);
+  const overlay = new Overlay(past(3, 1));
+  overlay.setTime(2, false);
+  assert.equal(overlay.root.visible, false);
+  overlay.setTime(3, false);
+  assert.equal(overlay.root.visible, true);
 });
 
 test("another's trail ends at its hand, and goes back in time", () => {
-  const companion = new Companion(past(0, 4));
-  companion.setTime(1, true);
-  const { geometry } = companion.root.children.find((one) => one instanceof Line) as Line;
+  const overlay = new Overlay(past(0, 4));
+  overlay.setTime(1, true);
+  const { geometry } = overlay.root.children.find((one) => one instanceof Line) as Line;
   const points = geometry.getAttribute("position");
   assert.equal(geometry.drawRange.count, 11);
   [10, 9].forEach((z, i) => near(new Vector3().fromBufferAttribute(points, i), 7, 0, z));

@@ -18,24 +18,24 @@ interface TraineeRow {
   full_name?: string;
 }
 
-export interface SteerTexts {
+export interface ControlsContext {
   station: string;
   case: () => string;
   strength: () => number;
   trainee: () => string;
 }
 
-export class Steer {
+export class SessionControls {
   readonly element: HTMLElement;
   onPicking: (on: boolean) => void = () => {};
-  private readonly line = h("p", { class: "steer-line", role: "status", "aria-live": "polite" });
+  private readonly line = h("p", { class: "controls-line", role: "status", "aria-live": "polite" });
   private readonly buttons: Record<"run" | "pause" | "stop" | "reset" | "undo" | "case" | "note" | "assign" | "mark" | "unmark", HTMLButtonElement>;
   private state: SessionState | undefined;
   private marker: Remark | undefined;
   private waiting = 0; // commands without an answer
   private reachable = true; // the server
 
-  constructor(private readonly app: App, private readonly now: SteerTexts) {
+  constructor(private readonly app: App, private readonly now: ControlsContext) {
     const words = text.station;
     this.buttons = {
       run: button(words.start, () => void this.do(this.buttons.run.lastChild!.textContent!, { kind: Command_Kind.START }), { kind: "primary", icon: "running" }),
@@ -50,9 +50,9 @@ export class Steer {
       unmark: button(words.unmark, () => void this.withdraw()),
     };
     const { run, pause, undo, reset, stop, case: cases, assign, note, mark, unmark } = this.buttons;
-    this.element = h("div", { class: "steer", role: "group", "aria-label": words.steer },
-      h("div", { class: "steer-group" }, run, pause, stop), h("div", { class: "steer-group" }, undo, reset),
-      h("div", { class: "steer-group" }, cases, assign), h("div", { class: "steer-group" }, mark, unmark, note), this.line);
+    this.element = h("div", { class: "controls", role: "group", "aria-label": words.controls },
+      h("div", { class: "controls-group" }, run, pause, stop), h("div", { class: "controls-group" }, undo, reset),
+      h("div", { class: "controls-group" }, cases, assign), h("div", { class: "controls-group" }, mark, unmark, note), this.line);
     this.setState(undefined);
     this.setMarker(undefined);
   }
@@ -76,7 +76,7 @@ export class Steer {
     this.reachable = reachable;
     this.enable();
     if (reachable) this.say("", "");
-    else this.say("refused", text.station.cannotSteer);
+    else this.say("refused", text.station.disabled);
   }
 
   private enable(): void {
@@ -100,7 +100,7 @@ export class Steer {
   }
 
   /** Puts the marker there, in the place of the one before. */
-  place(marker: Marker | undefined): void {
+  placeMarker(marker: Marker | undefined): void {
     if (!marker) {
       this.say("refused", text.station.refused(text.station.mark, text.station.noProbe));
       return;
@@ -123,7 +123,7 @@ export class Steer {
   }
 
   private async do(what: string, command: CommandInit): Promise<void> {
-    await this.must(what, command).catch(() => {}); // it is told already
+    await this.must(what, command).catch(() => {}); // the line shows it already
   }
 
   // Rejects with what a person should read.

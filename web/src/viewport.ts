@@ -3,9 +3,9 @@
 import { Vector3 } from "three";
 import { LOST, newRow, SEEN, toolAt, WARPED, WORKING } from "./history";
 import { loadKnee, type Knee } from "./scene/anatomy";
-import type { Companion } from "./scene/companion";
+import type { Overlay } from "./scene/overlay";
 import { Joint, USUAL_SHOW, type Marker, type Show } from "./scene/joint";
-import type { Place } from "./scene/orbit";
+import type { CameraState } from "./scene/orbit";
 import { NoWebGl, View3D } from "./scene/view3d";
 import { Toolbar } from "./scene_tools";
 import { markerAt, type Change, type Source } from "./source";
@@ -14,13 +14,13 @@ import { broken, fill, h, loading } from "./ui";
 
 const MEASURED_MOST = 1500; // moments for the maps in one frame
 
-export class Stage {
-  readonly element = h("div", { class: "stage" });
+export class Viewport {
+  readonly element = h("div", { class: "viewport" });
   onMarker: (marker: Marker) => void = () => {}; // a point of the surface was chosen
-  onLook: (place: Place) => void = () => {}; // before each picture
+  onCamera: (camera: CameraState) => void = () => {}; // before each picture
   picking = false; // a click on the surface chooses a point
 
-  private readonly state = h("div", { class: "stage-state" });
+  private readonly state = h("div", { class: "viewport-state" });
   private readonly toolbar: Toolbar;
   private readonly row = newRow();
   private readonly measuring = newRow();
@@ -28,7 +28,7 @@ export class Stage {
   private show: Show = { ...USUAL_SHOW };
   private view: View3D | undefined;
   private joint: Joint | undefined;
-  private companion: Companion | undefined;
+  private overlay: Overlay | undefined;
   private following = false; // the tip
   private knee = ""; // which one is shown, or asked for
   private measured = -Infinity; // time of the last moment that the maps have
@@ -62,15 +62,15 @@ export class Stage {
   }
 
   /** Where the eye is. */
-  look(place: Place): void {
-    this.view?.orbit.put(place);
+  setCamera(camera: CameraState): void {
+    this.view?.orbit.put(camera);
   }
 
   /** Hands of another session in this picture; undefined: none. */
-  setCompanion(companion: Companion | undefined): void {
-    this.companion?.root.removeFromParent();
-    this.companion = companion;
-    if (companion) this.joint?.attach(companion.body, companion.root);
+  setOverlay(overlay: Overlay | undefined): void {
+    this.overlay?.root.removeFromParent();
+    this.overlay = overlay;
+    if (overlay) this.joint?.attach(overlay.body, overlay.root);
     this.draw();
   }
 
@@ -129,19 +129,19 @@ export class Stage {
       return;
     }
     this.joint = joint;
-    if (this.companion) joint.attach(this.companion.body, this.companion.root);
+    if (this.overlay) joint.attach(this.overlay.body, this.overlay.root);
     joint.onMap = () => this.toolbar.showLegend(this.show.map, joint.map);
     joint.setShow(this.show);
     this.view.onFrame = (now) => this.frame(now);
     this.view.onPick = (marker) => this.picking && this.onMarker(marker);
-    this.view.orbit.onLook = (place) => this.onLook(place);
+    this.view.orbit.onCamera = (camera) => this.onCamera(camera);
     this.measured = -Infinity;
     if (this.following) this.follow(true);
     this.draw();
   }
 
   private dropScene(): void {
-    this.companion?.root.removeFromParent();
+    this.overlay?.root.removeFromParent();
     this.view?.close();
     this.joint?.dispose();
     this.view = undefined;
@@ -180,7 +180,7 @@ export class Stage {
     this.toolbar.showTools((instrument) => this.row[toolAt(instrument) + SEEN]! > 0);
     joint.setRow(this.row, history.time(index));
     joint.setTrails(history, history.time(index));
-    this.companion?.setTime(shown, this.show.trails);
+    this.overlay?.setTime(shown, this.show.trails);
     for (const group of this.source.groups()) {
       const tissue = this.source.tissue(group, shown);
       if (tissue) joint.setTissue(group, tissue);

@@ -3,11 +3,31 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <time.h>
+#include <unistd.h>
 
 static enum log_level shown = LOG_INFO;
 
 void log_set_level(enum log_level level) {
     shown = level;
+}
+
+static char open_question[256]; // under stderr's lock, as the next
+static bool question_is_last;   // what stands on stderr's last line
+
+void log_ask(const char *question) {
+    flockfile(stderr);
+    snprintf(open_question, sizeof open_question, "%s", question);
+    fprintf(stderr, "%s", open_question);
+    fflush(stderr);
+    question_is_last = true;
+    funlockfile(stderr);
+}
+
+void log_answered(void) {
+    flockfile(stderr);
+    open_question[0] = '\0';
+    question_is_last = false;
+    funlockfile(stderr);
 }
 
 void log_write(enum log_level level, const char *room, const char *format, ...) {
@@ -24,5 +44,10 @@ void log_write(enum log_level level, const char *room, const char *format, ...) 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    fprintf(stderr, "%s.%03ldZ %s %s: %s\n", when, now.tv_nsec / 1000000, names[level], room, text);
+    flockfile(stderr);
+    bool shown_again = open_question[0] && isatty(STDERR_FILENO);
+    fprintf(stderr, "%s%s.%03ldZ %s %s: %s\n%s", question_is_last ? "\n" : "", when,
+            now.tv_nsec / 1000000, names[level], room, text, shown_again ? open_question : "");
+    question_is_last = shown_again;
+    funlockfile(stderr);
 }

@@ -13,6 +13,11 @@ void log_set_level(enum log_level level);
 void log_write(enum log_level level, const char *room, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+// Shows a question on stderr without an end of line. Until log_answered, a log line begins a line
+// of its own, and on a terminal the question is shown again behind it.
+void log_ask(const char *question);
+void log_answered(void);
+
 #define log_error(room, ...) log_write(LOG_ERROR, room, __VA_ARGS__)
 #define log_warning(room, ...) log_write(LOG_WARNING, room, __VA_ARGS__)
 #define log_info(room, ...) log_write(LOG_INFO, room, __VA_ARGS__)

@@ -4,6 +4,7 @@
 
 #include "base/check.h"
 #include "link/key_files.h"
+#include "link/trouble.h"
 #include "link/trust.h"
 
 #include <libwebsockets.h>
@@ -45,7 +46,8 @@ static void finish(struct enrolment *e, enum result result, const char *text) {
 
 static void give_up(struct enrolment *e, const char *why) {
     bool distrusted = e->trust.problem[0];
-    finish(e, distrusted ? RESULT_REFUSED : RESULT_IO, distrusted ? e->trust.problem : why);
+    finish(e, distrusted && !e->trust.clock_is_wrong ? RESULT_REFUSED : RESULT_IO,
+           distrusted ? e->trust.problem : why);
 }
 
 static void read_answer(struct enrolment *e) {
@@ -97,10 +99,10 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
     case LWS_CALLBACK_CLIENT_RECEIVE:
         return hear(e, socket, bytes, size);
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
-        give_up(e, bytes ? bytes : "no connection");
+        give_up(e, trouble_sentence(bytes));
         return 0;
     case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
-        give_up(e, "the server closed the connection without an answer");
+        give_up(e, trouble_sentence("Closed before conn"));
         return 0;
     default:
         return 0;
@@ -153,7 +155,7 @@ static void converse(struct enrolment *e) {
     if (e->stopping)
         lws_sul_schedule(e->context, 0, &e->stop, look_for_stop, STOP_US);
     if (!lws_client_connect_via_info(&to))
-        finish(e, RESULT_IO, "no connection");
+        finish(e, RESULT_IO, trouble_sentence(NULL));
     while (!e->done)
         lws_service(e->context, 0);
     lws_context_destroy(e->context);

@@ -2,6 +2,7 @@
 #include "base/check.h"
 #include "base/log.h"
 #include "link/link_parts.h"
+#include "link/trouble.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -102,7 +103,8 @@ static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     if (link->status.utc_known)
         link->status.utc_ahead_s = welcome->utc_s - clock_utc_ns() / NS_PER_S;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", welcome->case_name);
-    link->status.refusal[0] = '\0';
+    link->status.refusal[0] = link->status.problem[0] = '\0';
+    link->status.clock_is_wrong = false;
     pthread_mutex_unlock(&link->lock);
     link->line.attempts = 0;
     link->line.trouble[0] = '\0';
@@ -114,6 +116,7 @@ static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
     pthread_mutex_lock(&link->lock);
     bool again = !strcmp(link->status.refusal, refusal->text);
     snprintf(link->status.refusal, sizeof link->status.refusal, "%s", refusal->text);
+    link->status.refusal_reason = refusal->reason;
     pthread_mutex_unlock(&link->lock);
     if (!again)
         log_warning("link", "the server refuses: %s", refusal->text);
@@ -308,10 +311,15 @@ static void try_again(struct link *link);
 
 static void log_trouble(struct link *link, const char *text) {
     char *last = link->line.trouble;
-    if (!strcmp(last, text))
+    if (atomic_load(&link->stopping) || !strcmp(last, text))
         return;
     snprintf(last, sizeof link->line.trouble, "%s", text);
-    log_warning("link", "%s, port %d: %s", link->config.host, link->config.port, text);
+    pthread_mutex_lock(&link->lock);
+    snprintf(link->status.problem, sizeof link->status.problem, "%s", text);
+    link->status.clock_is_wrong = link->trust.clock_is_wrong;
+    pthread_mutex_unlock(&link->lock);
+    log_warning("link", "no connection to %s, port %d: %s", link->config.host, link->config.port,
+                text);
 }
 
 static void take_keys(struct link *link) {
@@ -338,8 +346,12 @@ static void connect_now(lws_sorted_usec_list_t *retry) {
         .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
         .pwsi = &line->socket,
     };
-    if (!lws_client_connect_via_info(&info))
+    link->trust.problem[0] = '\0';
+    link->trust.clock_is_wrong = false;
+    if (!lws_client_connect_via_info(&info)) {
+        log_trouble(link, trouble_sentence(NULL));
         try_again(link);
+    }
 }
 
 static void try_again(struct link *link) {
@@ -373,7 +385,8 @@ static void disconnected(struct link *link) {
     link->status.clock_known = false;
     pthread_mutex_unlock(&link->lock);
     if (welcomed && !atomic_load(&link->stopping) && !atomic_load(&link->keys_changed))
-        log_trouble(link, "the connection is gone");
+        log_trouble(link,
+                    "the connection was lost. It is made again as soon as the server answers");
     try_again(link);
 }
 
@@ -396,9 +409,7 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
             lws_callback_on_writable(link->line.socket);
         return 0;
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
-        log_trouble(link, link->trust.problem[0] ? link->trust.problem
-                          : bytes                ? (const char *)bytes
-                                                 : "no connection");
+        log_trouble(link, link->trust.problem[0] ? link->trust.problem : trouble_sentence(bytes));
         return 0;
     case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
         if (socket == link->line.socket)

@@ -40,6 +40,9 @@ struct link_status {
     char session_case[64];
     arthron_SessionState state;
     char refusal[256]; // what the server last said, empty: nothing
+    arthron_Refusal_Reason refusal_reason;
+    char problem[256]; // why there is no connection, in a sentence; empty: nothing is known of one
+    bool clock_is_wrong; // that is: by our clock the server's certificate is not valid now
 };
 
 // A mesh that the link follows.
@@ -91,9 +94,10 @@ int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH
 // The mesh as it is now, which the caller releases. False where none of that name is followed.
 bool link_copy_tissue(struct link *link, const char *group, struct tissue *out_tissue);
 
-// Until when (seconds since 1970) the station's certificate is good. RESULT_MISSING or
+// From when until when (seconds since 1970) the station's certificate is good. RESULT_MISSING or
 // RESULT_FORMAT name the file.
-enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struct error *err);
+enum result link_certificate_times(const char *keys_dir, int64_t *out_from_s, int64_t *out_until_s,
+                                   struct error *err);
 
 // Asks the server at host:port for a certificate with a one-time code and writes the key files.
 enum result link_enrol(const char *host, int port, const char *code, const char *station,

@@ -50,9 +50,9 @@ static void warn_once_a_day(struct renewal *r, int64_t left_s, const char *why) 
 }
 
 static void renew_in_time(struct renewal *r) {
-    int64_t end_s;
+    int64_t begin_s, end_s;
     struct error err;
-    if (link_certificate_end(r->config->keys_dir, &end_s, &err) != RESULT_OK)
+    if (link_certificate_times(r->config->keys_dir, &begin_s, &end_s, &err) != RESULT_OK)
         return; // look_at_files said so
     int64_t left_s = end_s - clock_utc_ns() / NS_PER_S;
     if (left_s >= RENEWAL_DAYS * DAY_S)

@@ -35,10 +35,59 @@ static STACK_OF(X509) * authorities(const struct code *code, X509_STORE_CTX *cha
     return named;
 }
 
+static int64_t seconds_of(const ASN1_TIME *time) {
+    struct tm utc;
+    return ASN1_TIME_to_tm(time, &utc) == 1 ? timegm(&utc) : 0;
+}
+
 static int64_t end_of(const X509 *certificate) {
-    struct tm end;
-    return certificate && ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1 ? timegm(&end)
-                                                                                      : 0;
+    return certificate ? seconds_of(X509_get0_notAfter(certificate)) : 0;
+}
+
+static void write_date(int64_t utc_s, char out[32]) {
+    time_t seconds = (time_t)utc_s;
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    strftime(out, 32, "%Y-%m-%d %H:%M UTC", &utc);
+}
+
+static void explain_time(struct trust *trust, const X509 *certificate, bool ended) {
+    char limit[32], now[32];
+    int64_t limit_s = certificate ? seconds_of(ended ? X509_get0_notAfter(certificate)
+                                                     : X509_get0_notBefore(certificate))
+                                  : 0;
+    write_date(limit_s, limit);
+    write_date(time(NULL), now);
+    trust->clock_is_wrong = true;
+    snprintf(trust->problem, sizeof trust->problem,
+             ended ? "the server's certificate ended at %s, and this machine's clock says %s. Set "
+                     "the clock if it is wrong, else renew the certificate"
+                   : "the server's certificate begins at %s, and this machine's clock says %s. Set "
+                     "the clock",
+             limit, now);
+}
+
+static void explain(struct trust *trust, X509_STORE_CTX *chain) {
+    int code = X509_STORE_CTX_get_error(chain);
+    switch (code) {
+    case X509_V_ERR_CERT_NOT_YET_VALID:
+    case X509_V_ERR_CERT_HAS_EXPIRED:
+        explain_time(trust, X509_STORE_CTX_get_current_cert(chain),
+                     code == X509_V_ERR_CERT_HAS_EXPIRED);
+        break;
+    case X509_V_ERR_HOSTNAME_MISMATCH:
+    case X509_V_ERR_IP_ADDRESS_MISMATCH:
+        snprintf(trust->problem, sizeof trust->problem,
+                 "the server's certificate is not for %.100s. Call the server by another of its "
+                 "names, or give it this one",
+                 trust->host);
+        break;
+    default:
+        snprintf(trust->problem, sizeof trust->problem,
+                 "the server's certificate is not trusted: %s. Is it another server, or has it a "
+                 "new authority? Then enrol the station again",
+                 X509_verify_cert_error_string(code));
+    }
 }
 
 static int keep_verdict(int good, X509_STORE_CTX *chain) {
@@ -57,11 +106,11 @@ static int verify(X509_STORE_CTX *chain, void *argument) {
     int good = X509_verify_cert(chain);
     sk_X509_free(named);
     trust->problem[0] = '\0';
+    trust->clock_is_wrong = false;
     if (good == 1)
         atomic_store(&trust->server_until_s, end_of(X509_STORE_CTX_get0_cert(chain)));
     else
-        snprintf(trust->problem, sizeof trust->problem, "the server's certificate: %s",
-                 X509_verify_cert_error_string(X509_STORE_CTX_get_error(chain)));
+        explain(trust, chain);
     return good == 1;
 }
 
@@ -75,6 +124,7 @@ static enum result expect_host(SSL_CTX *context, const char *host, struct error 
 }
 
 static enum result begin(struct trust *trust, const char *host, struct error *err) {
+    trust->host = host;
     trust->context = SSL_CTX_new(TLS_client_method());
     CHECK(trust->context);
     SSL_CTX_set_min_proto_version(trust->context, TLS1_3_VERSION);
@@ -138,7 +188,8 @@ void trust_fini(struct trust *trust) {
     trust->context = NULL;
 }
 
-enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struct error *err) {
+enum result link_certificate_times(const char *keys_dir, int64_t *out_from_s, int64_t *out_until_s,
+                                   struct error *err) {
     struct key_files files;
     enum result result = key_files_find(keys_dir, &files, err);
     if (result != RESULT_OK)
@@ -147,9 +198,10 @@ enum result link_certificate_end(const char *keys_dir, int64_t *out_utc_s, struc
     X509 *certificate = file ? PEM_read_X509(file, NULL, NULL, NULL) : NULL;
     if (file)
         fclose(file);
-    *out_utc_s = end_of(certificate);
+    *out_until_s = end_of(certificate);
+    *out_from_s = certificate ? seconds_of(X509_get0_notBefore(certificate)) : 0;
     X509_free(certificate);
-    return *out_utc_s
+    return *out_until_s
                ? RESULT_OK
                : fail(err, RESULT_FORMAT, "%s: no certificate can be read", files.certificate);
 }

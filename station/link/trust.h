@@ -6,11 +6,14 @@
 #include "wire/code.h"
 
 #include <stdatomic.h>
+#include <stdbool.h>
 
 struct trust {
     struct ssl_ctx_st *context;
     const struct code *code; // while enrolling: its fingerprint names the authority
-    char problem[128];       // what was wrong with the server's certificate, empty: nothing
+    const char *host;        // the caller's
+    char problem[256];       // what is wrong with the server's certificate, empty: nothing
+    bool clock_is_wrong;     // by our clock it is not valid yet, or no more
     atomic_int_fast64_t server_until_s; // when it ends, seconds since 1970; 0: none was good yet
 };
 

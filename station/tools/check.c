@@ -21,6 +21,7 @@
 #define CALIBRATION_DAYS 30
 #define CALIBRATION_MAX 1.0 // mm, degrees
 #define CERTIFICATE_DAYS 30
+#define TIME_OFF_MAX_S 60
 #define UNCERTAINTY_MAX_MS 5.0
 #define ROUND_TRIP_MAX_MS 20.0
 
@@ -132,9 +133,11 @@ static void judge_calibration(struct check *check) {
     const struct calibration *c = &check->config->calibration;
     struct findings *f = &check->findings;
     if (!c->count) {
-        findings_add(f, !check->config->calibration_path[0], what, advice, "%s",
-                     check->config->calibration_path[0] ? "there is none yet"
-                                                        : "the config names none");
+        bool named = check->config->calibration_path[0];
+        findings_add(f, false, what,
+                     named ? advice
+                           : "add calibration = FILE to [station], then arthron-station calibrate",
+                     "%s", named ? "there is none yet" : "the config names no file for one");
         return;
     }
     struct calibration_summary s = calibration_summarise(c);
@@ -148,19 +151,75 @@ static void judge_calibration(struct check *check) {
 
 // ---- server -------------------------------------------------------------------------------------
 
+static const char enrol_advice[] = "enrol the station again: `arthron-server keys enrol` on the "
+                                   "server, then `arthron-station enrol`";
+static const char clock_advice[] = "set this machine's clock, and let it follow a time server";
+static const char ended_advice[] =
+    "set this machine's clock if it is wrong; else enrol the station again";
+
+static void write_date(int64_t utc_s, char out[32]) {
+    time_t seconds = (time_t)utc_s;
+    struct tm utc;
+    gmtime_r(&seconds, &utc);
+    strftime(out, 32, "%Y-%m-%d %H:%M UTC", &utc);
+}
+
 static void judge_certificate(struct check *check) {
     static const char what[] = "certificate";
     static const char advice[] =
         "let the station run and renew it, or enrol it again (docs/INSTALL.md)";
-    int64_t end_s;
+    int64_t begin_s, end_s, now_s = clock_utc_ns() / NS_PER_S;
     struct error err;
-    if (link_certificate_end(check->config->keys_dir, &end_s, &err) != RESULT_OK) {
-        findings_add(&check->findings, false, what, advice, "%s", err.text);
+    if (link_certificate_times(check->config->keys_dir, &begin_s, &end_s, &err) != RESULT_OK) {
+        findings_add(&check->findings, false, what, enrol_advice, "%s", err.text);
         return;
     }
-    int64_t days = (end_s - clock_utc_ns() / NS_PER_S) / DAY_S;
+    if (now_s < begin_s || now_s > end_s) {
+        char limit[32], now[32];
+        write_date(now_s < begin_s ? begin_s : end_s, limit);
+        write_date(now_s, now);
+        findings_add(&check->findings, false, what, now_s < begin_s ? clock_advice : ended_advice,
+                     "%s at %s, and this machine's clock says %s",
+                     now_s < begin_s ? "begins" : "ended", limit, now);
+        return;
+    }
+    int64_t days = (end_s - now_s) / DAY_S;
     findings_add(&check->findings, days >= CERTIFICATE_DAYS, what, advice,
                  "good for %" PRId64 " days", days);
+}
+
+static const char *advice_for(const struct link_status *s) {
+    if (!s->refusal[0])
+        return s->clock_is_wrong ? clock_advice
+                                 : "see that the server runs, and that host, port and network are "
+                                   "right";
+    switch (s->refusal_reason) {
+    case arthron_Refusal_Reason_IDENTITY:
+        return enrol_advice;
+    case arthron_Refusal_Reason_NO_CASE:
+        return "give the station a case in the server's config";
+    case arthron_Refusal_Reason_BUSY:
+        return "end the other program that runs as this station";
+    case arthron_Refusal_Reason_VERSION:
+        return "install the same version on the station and on the server";
+    default:
+        return "look into the server's log";
+    }
+}
+
+static void judge_time(struct check *check, const struct link_status *s) {
+    char ours[32];
+    int64_t off_s = s->utc_ahead_s < 0 ? -s->utc_ahead_s : s->utc_ahead_s;
+    if (!s->utc_known)
+        return;
+    write_date(clock_utc_ns() / NS_PER_S, ours);
+    if (off_s <= TIME_OFF_MAX_S)
+        findings_add(&check->findings, true, "time of day", NULL, "%s, as the server's", ours);
+    else
+        findings_add(&check->findings, false, "time of day",
+                     "set the clock that is wrong, and let both follow a time server",
+                     "%s; the server's clock is %.1f days %s of this one", ours,
+                     (double)off_s / DAY_S, s->utc_ahead_s > 0 ? "ahead" : "behind");
 }
 
 static void judge_server(struct check *check) {
@@ -170,12 +229,13 @@ static void judge_server(struct check *check) {
     if (check->link)
         link_get_status(check->link, &s);
     if (!s.welcomed || !s.clock_known) {
-        findings_add(f, false, "server",
-                     "is the server running, the network plugged in, the station in its config?",
-                     "%s, port %d: %s", c->host, c->port,
-                     s.refusal[0] ? s.refusal : "no connection");
+        findings_add(f, false, "server", advice_for(&s), "%s, port %d: %s", c->host, c->port,
+                     s.refusal[0]   ? s.refusal
+                     : s.problem[0] ? s.problem
+                                    : "no answer yet: give it more time with --seconds");
         return;
     }
+    judge_time(check, &s);
     double uncertainty_ms = (double)s.clock_uncertainty_ns / 1e6;
     double round_trip_ms = (double)s.round_trip_ns / 1e6;
     findings_add(f, true, "server", NULL, "%s, port %d: welcome, case %s", c->host, c->port,

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/log.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -78,10 +79,12 @@ enum result gather_take(struct gather *gather, enum channel channel, enum sample
 }
 
 enum result gather_prompt(const char *text, struct error *err) {
-    char line[256];
-    fprintf(stderr, "%s, then press Enter: ", text);
-    fflush(stderr);
-    if (fgets(line, sizeof line, stdin))
+    char line[256], question[256];
+    snprintf(question, sizeof question, "%s, then press Enter: ", text);
+    log_ask(question);
+    bool answered = fgets(line, sizeof line, stdin);
+    log_answered();
+    if (answered)
         return RESULT_OK;
     return fail(err, RESULT_CLOSED, "the input has ended before all was done");
 }

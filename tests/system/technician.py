@@ -13,6 +13,7 @@ from arthron import House, call, call_json, free_port, program, wait_until
 
 TIP = (3.0, -4.0, 120.0)  # of the probe in its tool's frame
 T_TRACKER_MOCKUP = "200 -100 900 0.5 0.5 0.5 0.5"
+GOOD_CALIBRATION = "[tip tracker probe]\ndate = {}T00:00:00Z\nresidual = 0.1\ntip_mm = 0 0 0\n"
 POINTS = {"medial": (40, 0, 5), "lateral": (-40, 3, 5), "front": (0, 35, 10), "top": (2, 5, 60)}
 
 
@@ -237,13 +238,14 @@ class Technician(House):
         self.start_server()
         self.enrol("room-1")
         self.play(swinging())
-        report = self.check(self.config(), 0)
+        self.write("calibration.ini", GOOD_CALIBRATION.format(today()))
+        report = self.check(self.calibrated(), 0)
         self.assertTrue(report["ready"])
         self.assertLessEqual({"encoders", "tracker", "calibration", "certificate", "server", "clock", "round trip"},
                              set(self.findings(report)))
         self.assertFalse(os.listdir(self.traces))
         self.assertFalse(self.session()["connected"])
-        page = call("arthron-station", "check", "--config", self.config(), "--seconds", "2").stdout
+        page = call("arthron-station", "check", "--config", self.calibrated(), "--seconds", "2").stdout
         self.assertIn("room-1: ready", page)
 
     def test_check_says_what_to_do(self):
@@ -256,7 +258,7 @@ class Technician(House):
         nowhere = f"127.0.0.1:{free_port()}"
         for change, what, words in (
             (("", ""), "calibration", "days"),
-            ((f"server = 127.0.0.1:{self.port}", f"server = {nowhere}"), "server", "no connection"),
+            ((f"server = 127.0.0.1:{self.port}", f"server = {nowhere}"), "server", "nobody answers there"),
             ((self.modbus, nowhere), "encoders", "refused"),
             (("tool.probe = probe", "tool.probe = pointer"), "probe", "no value"),
             (("keys = keys-room-1", "keys = nowhere"), "certificate", "authority.pem"),
@@ -279,7 +281,8 @@ class Technician(House):
         self.start_server()
         self.enrol("room-1")
         self.play(swinging())
-        config = self.config()
+        self.write("calibration.ini", GOOD_CALIBRATION.format(today()))
+        config = self.calibrated()
         self.start("station", "arthron-station", "run", "--config", config)
         self.wait_for_steps()
         self.assertTrue(self.findings(self.check(config, 0))["server"]["good"])

@@ -26,8 +26,8 @@ class Train(House):
         environment = {"ARTHRON_STATION": "room-1", "ARTHRON_SERVER": f"127.0.0.1:{self.port}", **environment,
                        "PATH": os.path.dirname(program("arthron-station")) + ":" + os.environ["PATH"]}
         process = Process(self.folder, "train", "env", *(f"{k}={v}" for k, v in environment.items()), "bash",
-                          self.script)
-        self.addCleanup(process.end)
+                          self.script, statuses=(0, 143))
+        self.processes.append(process)
         return process
 
     def code(self):

@@ -229,7 +229,7 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
     case arthron_Control_resection_tag:
         return 0; // figures for a view
     default:
-        log_warning("link", "the server said what only a station may say");
+        log_warning("link", "the server sent a message that only a station may send");
         return -1;
     }
 }
@@ -244,7 +244,7 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
     } else if (message->which_message == arthron_Control_welcome_tag) {
         hear_welcome(link, &message->message.welcome);
     } else {
-        log_warning("link", "the server's first message is no Welcome");
+        log_warning("link", "the server's first message is not Welcome");
         return -1;
     }
     return 0;
@@ -255,7 +255,7 @@ static int hear_chunk(struct link *link, size_t size) {
     arthron_Control answer;
     struct error err;
     if (wire_decode_chunk(line->incoming, size, &line->chunk, &err) != RESULT_OK) {
-        log_warning("link", "a malformed message of the server: %s", err.text);
+        log_warning("link", "the server sent a malformed message: %s", err.text);
         return -1;
     }
     if (meshes_hear(link->meshes, &line->chunk, &answer))

@@ -1,4 +1,4 @@
-// arthron-mockup: a knee on your desk. It speaks the protocols of the hardware and plays a file.
+// arthron-mockup: an emulated knee mock-up. It plays a file in the protocols of the hardware.
 
 #include "base/argument.h"
 #include "base/check.h"
@@ -20,7 +20,7 @@
 
 static const char help[] =
     "Usage: arthron-mockup (--motion FILE | --recording FILE --tool NAME) [options]\n"
-    "A knee on your desk: plays a file in a loop as the hardware of a mock-up would speak.\n"
+    "Emulates the hardware of a knee mock-up: plays a file in a loop, in the devices' protocols.\n"
     "\n"
     "  --motion FILE            motion file: joint, tools, handles\n"
     "  --recording FILE         recording of one tool, played as --tool NAME (probe, punch, ...)\n"
@@ -200,7 +200,7 @@ static void check_usage(const struct mockup *m) {
     if (m->motion && m->tool != CHANNEL_COUNT)
         end_with_usage("--tool goes with --recording");
     if (!m->tcp_address && !m->rtu_path && !m->tracker_address && !m->hid.serial)
-        end_with_usage("nothing to be: --modbus-tcp, --modbus-rtu, --tracker or --hid");
+        end_with_usage("one of --modbus-tcp, --modbus-rtu, --tracker and --hid is required");
 }
 
 _Noreturn static void end_with_unknown_tool(const char *text) {

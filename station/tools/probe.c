@@ -13,8 +13,9 @@
 static const char help[] =
     "Usage: arthron-station probe [--modbus LINE ...] [--tracker HOST:PORT ...] [--json]\n"
     "\n"
-    "Lists devices with live values, and prints a config for them: what is printed is one, to be\n"
-    "read, completed and saved. HID devices are found by themselves.\n"
+    "Lists devices with live values and prints a config for them. Complete that config and save "
+    "it.\n"
+    "HID devices need no option: all that are plugged in are listed.\n"
     "\n"
     "  -m, --modbus LINE        HOST:PORT, or a serial line as /dev/ttyUSB0 (115200 baud)\n"
     "  -n, --slaves N           tries slaves 1 to N; 1, on a serial line 4\n"

@@ -12,14 +12,15 @@
 static const char help[] =
     "Usage: arthron-station run --config FILE [--set SECTION.KEY=VALUE ...] [--live] [--json]\n"
     "\n"
-    "Sends what the mock-up's devices say to the server, until SIGTERM or SIGINT.\n"
+    "Reads the mock-up's devices and sends their values to the server, until SIGTERM or SIGINT.\n"
     "\n"
     "  -c, --config FILE            the config (docs/CONFIG.md)\n"
-    "  -s, --set SECTION.KEY=VALUE  a value instead of the config's\n"
-    "  -t, --seconds N              end after N seconds\n"
-    "  -l, --live                   a line each second: poses, round trip, warp, lost\n"
-    "  -j, --json                   at the end one line of JSON\n"
-    "  -v, --verbose                log more\n"
+    "  -s, --set SECTION.KEY=VALUE  replaces a value of the config\n"
+    "  -t, --seconds N              ends after N seconds\n"
+    "  -l, --live                   prints a line each second: poses, round trip, warp, lost "
+    "replies\n"
+    "  -j, --json                   prints one line of JSON at the end\n"
+    "  -v, --verbose                logs more\n"
     "      --help                   show this\n";
 
 struct arguments {

@@ -31,6 +31,14 @@ static enum result write_holder(int fd, const char *path, struct error *err) {
     return RESULT_OK;
 }
 
+// RESULT_REFUSED, without a text, if another process keeps the lock.
+static enum result lock(int fd, const char *path, struct error *err) {
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0)
+        return RESULT_OK;
+    return errno == EWOULDBLOCK ? RESULT_REFUSED
+                                : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+}
+
 // Two paths of the same file get the same lock.
 static enum result lock_records(const char *records, int *out_fd, struct error *err) {
     char real[PATH_MAX], path[PATH_MAX + 8];
@@ -38,25 +46,26 @@ static enum result lock_records(const char *records, int *out_fd, struct error *
     *out_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (*out_fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    if (flock(*out_fd, LOCK_EX | LOCK_NB))
-        return fail(err, RESULT_REFUSED,
-                    "%s: another arthron-server (process %d) uses these records; stop it, or name "
-                    "others in the config",
-                    records, holder_of(*out_fd));
-    return write_holder(*out_fd, path, err);
+    enum result result = lock(*out_fd, path, err);
+    if (result == RESULT_REFUSED)
+        fail(err, result,
+             "%s: another arthron-server (process %d) uses these records; stop it, or name others "
+             "in the config",
+             records, holder_of(*out_fd));
+    return result == RESULT_OK ? write_holder(*out_fd, path, err) : result;
 }
 
 static enum result lock_traces(const char *dir, int *out_fd, struct error *err) {
     *out_fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (*out_fd < 0)
         return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
-    if (flock(*out_fd, LOCK_EX | LOCK_NB))
-        return fail(
-            err, RESULT_REFUSED,
-            "%s: another arthron-server writes its traces into this folder; stop it, or name "
-            "another folder in the config",
-            dir);
-    return RESULT_OK;
+    enum result result = lock(*out_fd, dir, err);
+    if (result == RESULT_REFUSED)
+        fail(err, result,
+             "%s: another arthron-server writes its traces into this folder; stop it, or name "
+             "another folder in the config",
+             dir);
+    return result;
 }
 
 // An older server takes no lock of the folder, but locks each trace that it writes.

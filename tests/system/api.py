@@ -123,6 +123,22 @@ class Api(House):
         self.assertIn(("trainee 1", "sign in"), [row[:2] for row in audit])
         self.assertNotIn(PASSWORD, server.log())
 
+        # A session that was deleted does not come back from its trace.
+        self.ask("DELETE", at, None, ada, 403)
+        self.assertTrue(any(name.endswith(closed["id"][:8] + ".trace") for name in os.listdir(self.traces)))
+        self.ask("DELETE", at, None, grace, 204)
+        self.assertEqual([name for name in os.listdir(self.traces) if closed["id"][:8] in name], [])
+        self.assertEqual(server.end(), 0)
+        self.serve()
+        self.ask("GET", at, who=grace, status=404)
+
+        # Somebody signs out everywhere, and an instructor signs others out.
+        self.ask("POST", "/trainees/ada/sign-out", {}, grace, 204)
+        self.ask("GET", "/me", who=ada, status=401)
+        self.ask("POST", "/me/sign-out", {}, eve, 204)
+        self.ask("GET", "/me", who=eve, status=401)
+        self.get("/me", grace)
+
     def check_files(self, at, who):
         """Trace with Range, the report as a page that stands alone, the case's files packed and with their tag."""
         whole = self.ask("GET", at + "/trace", who=who)

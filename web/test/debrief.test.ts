@@ -2,11 +2,11 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create } from "@bufbuild/protobuf";
 import {
-  LiveSessionSchema, MeshChunkSchema, MetricsSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, Trouble_Kind, TroubleSchema,
+  LiveSessionSchema, MeshChunkSchema, MetricsSchema, MomentSchema, RemarkSchema, ReplayProgressSchema, ResectionSchema, SessionState, Trouble_Kind, TroubleSchema,
 } from "wire";
 import { Removed } from "../src/removed";
 import { bySubject, distributionOf, quantile, spreadOf, type Distribution } from "../src/distribution";
-import { STATE } from "../src/history";
+import { HAS_WARPED, STATE, toolAt, WARPED } from "../src/history";
 import type { Feed } from "../src/live";
 import { Tissue } from "../src/mesh";
 import { inBursts, withBlinks } from "../src/panels";
@@ -196,6 +196,25 @@ test("a record that breaks off has the metrics of what could be read", () => {
   played.tell("metrics", create(MetricsSchema, { metrics: [{ name: "duration", value: 3 }] }));
   played.tell("progress", create(ReplayProgressSchema, { share: 1, done: true }));
   assert.deepEqual([played.source.progress, played.unwatched, played.source.metrics.length], [1, 1, 1]);
+});
+
+test("poses of a paused session are shown as they come, even while its time stands still", () => {
+  const played = new Played(true);
+  const { source } = played;
+  played.session();
+  let shown = 0;
+  source.onChange((change) => (shown += change === "moment" ? 1 : 0));
+  const paused = (timeNs: bigint, x: number): void => played.tell("moment", create(MomentSchema, {
+    seat: 3, timeNs, state: SessionState.PAUSED,
+    instruments: [{ channel: 4, validity: 0, tip: { q: [1, 0, 0, 0], t: [x, 0, 0] }, warped: { q: [1, 0, 0, 0], t: [x, 0, 1] } }],
+  }));
+  for (const [time, x] of [[5n, 1], [5n, 2], [6n, 3], [6n, 4]] as const) {
+    paused(time * 1_000_000_000n, x);
+    const newest = source.history.count - 1;
+    assert.deepEqual([source.history.value(newest, STATE), source.history.value(newest, toolAt(0) + HAS_WARPED), source.history.value(newest, toolAt(0) + WARPED + 4)],
+      [SessionState.PAUSED, 1, x]);
+  }
+  assert.equal(shown, 4);
 });
 
 test("a note about a station stays while its session begins, and is no trouble", () => {

@@ -1,6 +1,7 @@
 #include "net/console.h"
 
 #include "base/check.h"
+#include "websocket/ws_server.h"
 
 #include <errno.h>
 #include <libgen.h>
@@ -74,9 +75,7 @@ struct errand {
 
 struct console {
     struct console_handler handler;
-    struct lws_context *context;
-    pthread_t thread;
-    atomic_bool stopping;
+    struct ws_server *server;
     arthron_Console asked, answer;
     struct errand *errands;
     int errand_count;
@@ -128,11 +127,11 @@ static bool is_long(arthron_Command_Kind kind) {
 static void *run_errand(void *argument) {
     struct errand *errand = argument;
     const struct console_handler *handler = &errand->console->handler;
-    struct lws_context *context = errand->console->context;
+    struct ws_server *server = errand->console->server;
     handler->on_command(handler->user, errand->actor, &errand->asked,
                         &errand->answer.message.command_reply);
     atomic_store(&errand->done, true);
-    lws_cancel_service(context); // it is joined before that goes
+    ws_server_wake(server); // it is joined before that goes
     return NULL;
 }
 
@@ -232,18 +231,13 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
 
 static int on_other(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                     size_t size) {
-    (void)user, (void)bytes, (void)size;
-    if (reason == LWS_CALLBACK_EVENT_WAIT_CANCELLED)
-        end_errands(lws_context_user(lws_get_context(socket)), false);
+    (void)socket, (void)user, (void)bytes, (void)size;
     return reason == LWS_CALLBACK_HTTP || reason == LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION ? -1
                                                                                             : 0;
 }
 
-static void *serve(void *argument) {
-    struct console *console = argument;
-    while (!atomic_load(&console->stopping))
-        lws_service(console->context, 0);
-    return NULL;
+static void on_wake(void *user) {
+    end_errands(user, false);
 }
 
 // The socket is its owner's alone.
@@ -294,25 +288,19 @@ static enum result listen_at(struct console *console, const char *path, struct e
          .per_session_data_size = sizeof(struct exchange)},
         {0},
     };
-    struct lws_context_creation_info info = {
+    const struct lws_context_creation_info info = {
         .iface = path,
         .protocols = protocols,
-        .options = LWS_SERVER_OPTION_UNIX_SOCK | LWS_SERVER_OPTION_EXPLICIT_VHOSTS |
-                   LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND,
         .fd_limit_per_thread = CALLERS_MAX,
         .vhost_name = "console",
-        .user = console,
-        .gid = -1,
-        .uid = -1,
     };
-    console->context = lws_create_context(&info);
-    CHECK(console->context);
+    const struct ws_server_handler handler = {.user = console, .on_wake = on_wake};
     mode_t before = umask(0177); // the socket is never open to others, not for a moment
-    struct lws_vhost *vhost = lws_create_vhost(console->context, &info);
+    enum result result = ws_server_create(WS_SERVER_LOCAL, &info, &handler, &console->server, err);
     umask(before);
-    if (!vhost || chmod(path, 0600))
-        return fail(err, RESULT_IO, "%s: cannot listen: %s", path, strerror(errno));
-    return RESULT_OK;
+    if (result == RESULT_OK && chmod(path, 0600))
+        result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    return result;
 }
 
 enum result console_create(const char *socket_path, const struct console_handler *handler,
@@ -321,27 +309,24 @@ enum result console_create(const char *socket_path, const struct console_handler
     enum result result = check_path(socket_path, err);
     if (result != RESULT_OK)
         return result;
-    lws_set_log_level(0, NULL);
     struct console *console = alloc(1, sizeof *console);
     console->handler = *handler;
     result = listen_at(console, socket_path, err);
     if (result != RESULT_OK) {
-        lws_context_destroy(console->context);
+        ws_server_destroy(&console->server);
         free(console);
         return result;
     }
     *out_console = console; // before the thread runs: its handler may ask for it
-    CHECK(pthread_create(&console->thread, NULL, serve, console) == 0);
+    ws_server_start(console->server);
     return RESULT_OK;
 }
 
 void console_destroy(struct console **console) {
     struct console *c = *console;
-    atomic_store(&c->stopping, true);
-    lws_cancel_service(c->context);
-    pthread_join(c->thread, NULL);
+    ws_server_stop(c->server);
     end_errands(c, true);
-    lws_context_destroy(c->context); // not before: until now it could still be woken
+    ws_server_destroy(&c->server); // not before: until now it could still be woken
     free(c);
     *console = NULL;
 }

@@ -1,24 +1,18 @@
 #include "net/control.h"
 
 #include "base/check.h"
-#include "base/listen.h"
 #include "base/log.h"
 #include "net/control_parts.h"
 
 #include <errno.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #define STRANGERS_MAX 64 // connections that have not said Hello yet
-#define UNSENT_MAX 16384
 #define HANDSHAKE_S 5
-#define DRAIN_US (500 * LWS_US_PER_MS)
 
 // ---- queues -------------------------------------------------------------------------------------
 
@@ -96,7 +90,7 @@ bool control_send(struct control *control, struct control_peer handle,
     if (slot && put == OUTBOX_DROPPED && message->which_message == arthron_Control_reply_tag)
         atomic_fetch_add(&control->replies_dropped, 1);
     if (!wakes)
-        lws_cancel_service(control->context);
+        ws_server_wake(control->server);
     return put == OUTBOX_QUEUED;
 }
 
@@ -104,16 +98,12 @@ bool control_send(struct control *control, struct control_peer handle,
 
 static void serve(struct control *control, const struct slot *slot) {
     struct peer *peer = slot->peer;
-    if (control->draining)
+    if (ws_server_stops(control->server))
         peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
     else if (slot->overflown)
         lws_set_timeout(peer->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
     else
         lws_callback_on_writable(peer->wsi);
-}
-
-static void on_drained(lws_sorted_usec_list_t *drain) {
-    lws_container_of(drain, struct control, drain)->drained = true;
 }
 
 static void hand_out_answers(struct control *control) {
@@ -130,37 +120,41 @@ static void take_certificate(struct control *control) {
     tls_credentials_destroy(&credentials);
 }
 
-static void on_wake(struct control *control) {
-    if (atomic_load(&control->stopping) && !control->draining) {
-        control->draining = true;
-        lws_sul_schedule(control->context, 0, &control->drain, on_drained, DRAIN_US);
-    }
+static void serve_slots(struct control *control, bool all) {
     for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
         pthread_mutex_lock(&control->lock);
         struct slot slot = control->slots[i];
         control->slots[i].wakes = false;
         pthread_mutex_unlock(&control->lock);
-        if (slot.peer && (slot.wakes || control->draining))
+        if (slot.peer && (slot.wakes || all))
             serve(control, &slot);
     }
+}
+
+static void on_wake(void *user) {
+    struct control *control = user;
+    serve_slots(control, false);
     hand_out_answers(control);
     take_certificate(control);
 }
 
-// So little may wait in the kernel: a reply does not queue there behind a mesh.
-static void keep_queue_short(struct lws *wsi) {
-    int bytes = UNSENT_MAX;
-    setsockopt(lws_get_socket_fd(wsi), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);
+static void on_stop(void *user) {
+    serve_slots(user, true);
+}
+
+static bool is_empty(void *user) {
+    return ((const struct control *)user)->connections == 0;
 }
 
 static int open_peer(struct control *control, struct peer *peer, struct lws *wsi, bool enrols) {
-    if (control->draining || control->connections == CONTROL_PEERS_MAX + STRANGERS_MAX)
+    if (ws_server_stops(control->server) ||
+        control->connections == CONTROL_PEERS_MAX + STRANGERS_MAX)
         return -1;
     peer->control = control;
     peer->wsi = wsi;
     peer->enrols = enrols;
     control->connections++;
-    keep_queue_short(wsi);
+    ws_keep_queue_short(wsi);
     lws_set_timer_usecs(wsi, control->hello_timeout_ns / 1000);
     peer_opened(peer);
     return 0;
@@ -260,9 +254,6 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
         control->tls = user;
         identity_ask(user, &control->refused_certificates);
         return 0;
-    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
-        on_wake(control);
-        return 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: // else to HTTP/2, and nobody would time it out
         return strcasecmp(bytes, "websocket") ? -1 : 0;
     case LWS_CALLBACK_HTTP:
@@ -276,14 +267,7 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 // Out of the registrar's thread.
 static void wake(void *user) {
-    lws_cancel_service(((struct control *)user)->context);
-}
-
-static void *serve_peers(void *argument) {
-    struct control *control = argument;
-    while (!control->drained && !(control->draining && control->connections == 0))
-        lws_service(control->context, 0);
-    return NULL;
+    ws_server_wake(((struct control *)user)->server);
 }
 
 // ---- life ---------------------------------------------------------------------------------------
@@ -296,19 +280,6 @@ static const struct lws_protocols protocols[] = {
      .per_session_data_size = sizeof(struct peer)},
     {0},
 };
-
-static bool machine_has_ipv6(void) {
-    int fd = socket(AF_INET6, SOCK_STREAM, 0);
-    if (fd >= 0)
-        close(fd);
-    return fd >= 0;
-}
-
-static uint64_t options_for(const char *address) {
-    bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
-    return LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND |
-           LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
-}
 
 // Where the authority keeps what a server shows.
 struct paths {
@@ -325,33 +296,20 @@ static struct paths paths_in(const char *dir) {
 
 static enum result listen_at(struct control *control, const struct control_config *config,
                              const struct paths *paths, struct error *err) {
-    struct lws_context_creation_info info = {
+    const struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
         .protocols = protocols,
         .ssl_ca_filepath = paths->authority,
         .ssl_cert_filepath = paths->certificate,
         .ssl_private_key_filepath = paths->key,
-        .provided_client_ssl_ctx = control->no_client,
-        .alpn = "http/1.1",
-        .options = options_for(config->address),
         .timeout_secs = HANDSHAKE_S,
         .fd_limit_per_thread = CONTROL_PEERS_MAX + 2 * STRANGERS_MAX,
         .vhost_name = "control",
-        .user = control,
-        .gid = -1,
-        .uid = -1,
     };
-    control->context = lws_create_context(&info);
-    CHECK(control->context);
-    struct lws_vhost *vhost = lws_create_vhost(control->context, &info);
-    if (!vhost)
-        return listen_check(config->address, config->port, err) != RESULT_OK
-                   ? RESULT_IO
-                   : fail(err, RESULT_IO, "port %d: cannot listen with the certificate %s",
-                          config->port, paths->certificate);
-    control->port = lws_get_vhost_listen_port(vhost);
-    return RESULT_OK;
+    const struct ws_server_handler handler = {
+        .user = control, .on_wake = on_wake, .on_stop = on_stop, .is_empty = is_empty};
+    return ws_server_create(WS_SERVER_TLS, &info, &handler, &control->server, err);
 }
 
 static enum result open_files(const struct paths *paths, struct tls_files **out_files,
@@ -363,7 +321,6 @@ static enum result open_files(const struct paths *paths, struct tls_files **out_
 
 static void release(struct control *control) {
     pthread_mutex_destroy(&control->lock);
-    SSL_CTX_free(control->no_client);
     free(control->software);
     free(control);
 }
@@ -371,14 +328,11 @@ static void release(struct control *control) {
 enum result control_create(const struct control_config *config,
                            const struct control_handler *handler, struct control **out_control,
                            struct error *err) {
-    lws_set_log_level(0, NULL);
     struct control *control = alloc(1, sizeof *control);
     control->handler = *handler;
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
     control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
-    control->no_client = SSL_CTX_new(TLS_client_method());
-    CHECK(control->no_client);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
     const struct paths paths = paths_in(config->authority_dir);
@@ -387,31 +341,27 @@ enum result control_create(const struct control_config *config,
     if (result == RESULT_OK)
         result = listen_at(control, config, &paths, err);
     if (result != RESULT_OK) {
-        if (control->context)
-            lws_context_destroy(control->context);
         tls_files_destroy(&tls_files);
         release(control);
         return result;
     }
     control->registrar = registrar_create(config->authority_dir, tls_files, wake, control);
     *out_control = control; // before the thread runs: its handler may ask for it
-    CHECK(pthread_create(&control->thread, NULL, serve_peers, control) == 0);
+    ws_server_start(control->server);
     return RESULT_OK;
 }
 
 void control_destroy(struct control **control) {
     struct control *c = *control;
-    atomic_store(&c->stopping, true);
-    lws_cancel_service(c->context);
-    pthread_join(c->thread, NULL);
+    ws_server_stop(c->server);
     registrar_destroy(&c->registrar);
-    lws_context_destroy(c->context); // not before: until now it could still be woken
+    ws_server_destroy(&c->server); // not before: until now it could still be woken
     release(c);
     *control = NULL;
 }
 
 int control_port(const struct control *control) {
-    return control->port;
+    return ws_server_port(control->server);
 }
 
 struct control_counts control_counts(const struct control *control) {

@@ -33,7 +33,7 @@ bool control_send_mesh(struct control *control, struct control_peer handle,
     pthread_mutex_unlock(&control->lock);
     mesh_payload_release(&older);
     if (!wakes)
-        lws_cancel_service(control->context);
+        ws_server_wake(control->server);
     return place != NULL;
 }
 

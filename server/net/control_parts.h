@@ -7,6 +7,7 @@
 #include "net/identity.h"
 #include "net/outbox.h"
 #include "net/registrar.h"
+#include "websocket/ws_server.h"
 
 #include <libwebsockets.h>
 #include <pthread.h>
@@ -62,14 +63,8 @@ struct control {
     struct registrar *registrar;
     char *software;
     int64_t hello_timeout_ns;
-    struct lws_context *context;
-    SSL_CTX *tls;       // of the connections to come; libwebsockets'
-    SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
-    int port;
-    pthread_t thread;
-    atomic_bool stopping;
-    bool draining, drained;
-    lws_sorted_usec_list_t drain;
+    struct ws_server *server;
+    SSL_CTX *tls; // of the connections to come; libwebsockets'
     int connections;
     int64_t enrol_budget_ns; // time saved up for attempts to enrol
     int64_t enrol_checked_ns;

@@ -8,6 +8,7 @@
 #include "web/request_pool.h"
 #include "web/web.h"
 #include "websocket/tls_files.h"
+#include "websocket/ws_server.h"
 
 #include <libwebsockets.h>
 #include <pthread.h>
@@ -74,15 +75,10 @@ struct web {
     lws_sorted_usec_list_t renewal_due;
     struct rate_limits *limits;
     struct request_pool *pool;
-    struct lws_context *context;
-    SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
-    int port;
-    pthread_t thread;
+    struct ws_server *server;
+    struct lws_context *context; // the server's
     struct bucket turns;
-    atomic_bool stopping; // any thread
-    atomic_bool woken;    // any thread
-    bool draining, drained;
-    lws_sorted_usec_list_t drain;
+    atomic_bool woken;                               // any thread
     struct web_connection *sockets[WEB_VIEWERS_MAX]; // NULL: free
     int open_sockets;
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes

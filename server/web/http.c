@@ -376,7 +376,7 @@ static struct refusal check_upgrade(struct web_connection *c, const char *protoc
         return (struct refusal){401, "signed_out", "Sign in first.", true};
     if (!rate_limit_may_request(c->limit, clock_now_ns()))
         return (struct refusal){429, "too_fast", "Too many requests; wait a second.", true};
-    if (live_is_full(c->web) || c->web->draining)
+    if (live_is_full(c->web) || ws_server_stops(c->web->server))
         return (struct refusal){503, "full", "Too many pages are open.", true};
     return (struct refusal){0};
 }

@@ -1,17 +1,13 @@
 #include "base/check.h"
 #include "base/clock.h"
-#include "base/listen.h"
 #include "base/log.h"
 #include "web/connection.h"
 
 #include <errno.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #define CONNECTIONS_SPARE 8 // the listening socket, the one that wakes
@@ -20,24 +16,17 @@
 #define KEEP_ALIVE_S 30
 #define TIMEOUT_S 20
 #define RENEWAL_US LWS_USEC_PER_SEC
-#define UNSENT_MAX 16384
 #define TURNS_S 4000
 #define TURNS_AT_ONCE 400
 #define TURN_PAUSE_US 1000
-#define DRAIN_US (500 * LWS_US_PER_MS)
 
 // ---- connections --------------------------------------------------------------------------------
 
 static int filter_connection(struct web *web, int fd) {
     const struct rate_limit *limit = rate_limits_find(web->limits, fd);
-    return web->draining || !limit || !rate_limit_may_connect(web->limits, limit) ? -1 : 0;
-}
-
-// Little may wait in the kernel, so that new batches do not queue behind old ones.
-static void keep_queue_short(int fd) {
-    int bytes = UNSENT_MAX, yes = 1;
-    setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);
-    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    return ws_server_stops(web->server) || !limit || !rate_limit_may_connect(web->limits, limit)
+               ? -1
+               : 0;
 }
 
 static void read_address(struct lws *socket, char *out, size_t size) {
@@ -57,7 +46,7 @@ static int open_connection(struct web *web, struct lws *socket) {
     connection->limit = limit;
     connection->answer = answer_none();
     read_address(socket, connection->address, sizeof connection->address);
-    keep_queue_short(lws_get_socket_fd(socket));
+    ws_keep_queue_short(socket);
     rate_limit_connected(web->limits, limit);
     lws_set_opaque_user_data(socket, connection);
     return 0;
@@ -77,7 +66,7 @@ static int end_connection(struct web_connection *connection) {
 // ---- from other threads -------------------------------------------------------------------------
 
 static void on_done(void *user) {
-    lws_cancel_service(((struct web *)user)->context);
+    ws_server_wake(((struct web *)user)->server);
 }
 
 static void hand_out_tasks(struct web *web) {
@@ -94,20 +83,19 @@ static void hand_out_tasks(struct web *web) {
     }
 }
 
-static void on_drained(lws_sorted_usec_list_t *drain) {
-    lws_container_of(drain, struct web, drain)->drained = true;
-}
-
-static int on_wake(struct web *web) {
-    if (atomic_load(&web->stopping) && !web->draining) {
-        web->draining = true;
-        lws_sul_schedule(web->context, 0, &web->drain, on_drained, DRAIN_US);
-        live_close_all(web);
-    }
+static void on_wake(void *user) {
+    struct web *web = user;
     hand_out_tasks(web);
     if (atomic_exchange(&web->woken, false))
         live_wake(web);
-    return 0;
+}
+
+static void on_stop(void *user) {
+    live_close_all(user);
+}
+
+static bool is_empty(void *user) {
+    return ((const struct web *)user)->open_sockets == 0;
 }
 
 // ---- libwebsockets ------------------------------------------------------------------------------
@@ -133,8 +121,6 @@ static int on_http(struct lws *socket, enum lws_callback_reasons reason, void *u
         return http_end_body(connection);
     case LWS_CALLBACK_HTTP_WRITEABLE:
         return http_write(connection);
-    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
-        return on_wake(web);
     case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
         web->tls = user;
         return 0;
@@ -173,34 +159,13 @@ static const struct lws_protocols protocols[] = {
 
 // libwebsockets does not wait while there is something to read that it will not take yet: a client
 // that speaks behind its request and does not read the answer would have a processor for itself.
-static void limit_turns(struct web *web) {
+static void limit_turns(void *user) {
+    struct web *web = user;
     if (!bucket_take(&web->turns, TURNS_S, TURNS_AT_ONCE, clock_now_ns()))
         usleep(TURN_PAUSE_US);
 }
 
-static void *serve(void *argument) {
-    struct web *web = argument;
-    while (!web->drained && !(web->draining && web->open_sockets == 0)) {
-        lws_service(web->context, 0);
-        limit_turns(web);
-    }
-    return NULL;
-}
-
 // ---- life ---------------------------------------------------------------------------------------
-
-static bool machine_has_ipv6(void) {
-    int fd = socket(AF_INET6, SOCK_STREAM, 0);
-    if (fd >= 0)
-        close(fd);
-    return fd >= 0;
-}
-
-static uint64_t options_for(const char *address) {
-    bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
-    return LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND |
-           LWS_SERVER_OPTION_EXPLICIT_VHOSTS | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
-}
 
 static void on_renewal_due(lws_sorted_usec_list_t *due);
 
@@ -222,7 +187,7 @@ static void on_renewal_due(lws_sorted_usec_list_t *due) {
 }
 
 static enum result listen_at(struct web *web, const struct web_config *config, struct error *err) {
-    struct lws_context_creation_info info = {
+    const struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
         .protocols = protocols,
@@ -230,9 +195,6 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .ssl_private_key_filepath = config->key,
         .ssl_options_set =
             SSL_OP_NO_SSLv3 | SSL_OP_NO_TLSv1 | SSL_OP_NO_TLSv1_1 | SSL_OP_NO_RENEGOTIATION,
-        .provided_client_ssl_ctx = web->no_client,
-        .alpn = "http/1.1",
-        .options = options_for(config->address),
         .timeout_secs = (unsigned)(web->timeout_s < HANDSHAKE_S ? web->timeout_s : HANDSHAKE_S),
         .timeout_secs_ah_idle = (unsigned)web->timeout_s,
         .keepalive_timeout = KEEP_ALIVE_S,
@@ -241,37 +203,30 @@ static enum result listen_at(struct web *web, const struct web_config *config, s
         .fd_limit_per_thread = WEB_CONNECTIONS_MAX + CONNECTIONS_SPARE,
         .retry_and_idle_policy = &web->liveness,
         .vhost_name = "web",
-        .user = web,
-        .gid = -1,
-        .uid = -1,
     };
-    web->context = lws_create_context(&info);
-    CHECK(web->context);
-    struct lws_vhost *vhost = lws_create_vhost(web->context, &info);
-    if (!vhost)
-        return listen_check(config->address, config->port, err) != RESULT_OK
-                   ? RESULT_IO
-                   : fail(err, RESULT_IO, "port %d: cannot listen with the certificate %s",
-                          config->port, config->certificate);
-    web->port = lws_get_vhost_listen_port(vhost);
-    return RESULT_OK;
+    const struct ws_server_handler handler = {.user = web,
+                                              .on_wake = on_wake,
+                                              .on_stop = on_stop,
+                                              .is_empty = is_empty,
+                                              .after_turn = limit_turns};
+    enum result result = ws_server_create(WS_SERVER_TLS, &info, &handler, &web->server, err);
+    if (result == RESULT_OK)
+        web->context = ws_server_context(web->server);
+    return result;
 }
 
 static void release(struct web *web) {
-    if (web->context)
-        lws_context_destroy(web->context);
+    ws_server_destroy(&web->server);
     if (web->pool)
         request_pool_destroy(&web->pool);
     host_check_destroy(&web->hosts);
     tls_files_destroy(&web->tls_files);
     rate_limits_destroy(&web->limits);
-    SSL_CTX_free(web->no_client);
     free(web);
 }
 
 enum result web_create(const struct web_config *config, const struct web_handler *handler,
                        struct web **out_web, struct error *err) {
-    lws_set_log_level(0, NULL);
     struct web *web = alloc(1, sizeof *web);
     web->handler = *handler;
     web->pages = config->pages;
@@ -279,8 +234,6 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->liveness.secs_since_valid_ping = (uint16_t)(web->timeout_s / 2);
     web->liveness.secs_since_valid_hangup = (uint16_t)web->timeout_s;
     web->limits = rate_limits_create();
-    web->no_client = SSL_CTX_new(TLS_client_method());
-    CHECK(web->no_client);
     *out_web = NULL;
     enum result result = host_check_create(config->certificate, config->names, &web->hosts, err);
     if (result == RESULT_OK)
@@ -294,25 +247,23 @@ enum result web_create(const struct web_config *config, const struct web_handler
     web->pool = request_pool_create(handler, on_done, web);
     plan_renewal(web);
     *out_web = web; // before the thread runs: its handler may ask for it
-    CHECK(pthread_create(&web->thread, NULL, serve, web) == 0);
+    ws_server_start(web->server);
     return RESULT_OK;
 }
 
 void web_destroy(struct web **web) {
     struct web *w = *web;
-    atomic_store(&w->stopping, true);
-    lws_cancel_service(w->context);
-    pthread_join(w->thread, NULL);
+    ws_server_stop(w->server);
     request_pool_stop(w->pool);
     release(w);
     *web = NULL;
 }
 
 int web_port(const struct web *web) {
-    return web->port;
+    return ws_server_port(web->server);
 }
 
 void web_wake(struct web *web) {
     if (!atomic_exchange(&web->woken, true))
-        lws_cancel_service(web->context);
+        ws_server_wake(web->server);
 }

@@ -3,9 +3,8 @@
 #include "base/check.h"
 #include "base/newest.h"
 #include "view/door.h"
+#include "websocket/ws_server.h"
 
-#include <libwebsockets.h>
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,10 +22,7 @@ struct viewer {
 struct view {
     struct view_config config;
     char token[TOKEN_LENGTH + 1];
-    struct lws_context *context;
-    int port;
-    pthread_t thread;
-    atomic_bool stopping;
+    struct ws_server *server;
     struct newest *newest; // of arthron_View
     uint64_t shown;        // the caller's thread only
     atomic_int viewer_count;
@@ -77,7 +73,8 @@ static int write_newest(struct view *view, struct lws *socket) {
     return written < (int)view->size ? -1 : 0;
 }
 
-static void take_newest(struct view *view) {
+static void take_newest(void *user) {
+    struct view *view = user;
     arthron_View message;
     if (!newest_take(view->newest, &message))
         return;
@@ -147,9 +144,6 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
         return -1;
     case LWS_CALLBACK_CLOSED:
         return let_go(view, socket);
-    case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
-        take_newest(view);
-        return 0;
     default:
         return 0;
     }
@@ -161,41 +155,24 @@ static const struct lws_protocols protocols[] = {
 };
 
 static enum result listen_at(struct view *view, struct error *err) {
-    struct lws_context_creation_info info = {
+    const struct lws_context_creation_info info = {
         .iface = "127.0.0.1",
         .port = view->config.port,
         .protocols = protocols,
-        .options = LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND | LWS_SERVER_OPTION_EXPLICIT_VHOSTS |
-                   LWS_SERVER_OPTION_DISABLE_IPV6,
         .timeout_secs = HANDSHAKE_S,
         .fd_limit_per_thread = VIEW_VIEWERS_MAX + STRANGERS_MAX,
         .vhost_name = "view",
-        .user = view,
-        .gid = -1,
-        .uid = -1,
     };
-    lws_set_log_level(0, NULL);
-    view->context = lws_create_context(&info);
-    CHECK(view->context);
-    struct lws_vhost *vhost = lws_create_vhost(view->context, &info);
-    if (!vhost)
-        return fail(err, RESULT_IO, "view: port %d of 127.0.0.1 is taken", view->config.port);
-    view->port = lws_get_vhost_listen_port(vhost);
-    return RESULT_OK;
-}
-
-static void *serve(void *argument) {
-    struct view *view = argument;
-    while (!atomic_load(&view->stopping))
-        lws_service(view->context, 0);
-    return NULL;
+    const struct ws_server_handler handler = {.user = view, .on_wake = take_newest};
+    if (ws_server_create(WS_SERVER_PLAIN, &info, &handler, &view->server, err) == RESULT_OK)
+        return RESULT_OK;
+    return fail_in(err, RESULT_IO, "view: ");
 }
 
 // ---- life ---------------------------------------------------------------------------------------
 
 static void release(struct view *view) {
-    if (view->context)
-        lws_context_destroy(view->context);
+    ws_server_destroy(&view->server);
     newest_destroy(&view->newest);
     free(view);
 }
@@ -213,7 +190,7 @@ enum result view_create(const struct view_config *config, struct view **out_view
         release(view);
         return result;
     }
-    CHECK(pthread_create(&view->thread, NULL, serve, view) == 0);
+    ws_server_start(view->server);
     *out_view = view;
     return RESULT_OK;
 }
@@ -221,9 +198,7 @@ enum result view_create(const struct view_config *config, struct view **out_view
 void view_destroy(struct view **view) {
     if (!*view)
         return;
-    atomic_store(&(*view)->stopping, true);
-    lws_cancel_service((*view)->context);
-    pthread_join((*view)->thread, NULL);
+    ws_server_stop((*view)->server);
     release(*view);
     *view = NULL;
 }
@@ -231,7 +206,7 @@ void view_destroy(struct view **view) {
 // ---- any thread ---------------------------------------------------------------------------------
 
 int view_port(const struct view *view) {
-    return view->port;
+    return ws_server_port(view->server);
 }
 
 bool view_is_watched(const struct view *view) {
@@ -241,5 +216,5 @@ bool view_is_watched(const struct view *view) {
 void view_show(struct view *view, arthron_View *message) {
     message->number = ++view->shown;
     if (newest_put(view->newest, message))
-        lws_cancel_service(view->context);
+        ws_server_wake(view->server);
 }

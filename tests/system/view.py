@@ -214,7 +214,7 @@ class View(House):
         self.start_all()
         path = self.station_config("room-2", keys="keys-room-1")
         done = call("arthron-station", "run", "--config", path, "--set", "view.token=other", code=1)
-        self.assertIn(f"port {self.view_port} of 127.0.0.1 is taken", done.stderr)
+        self.assertIn(f"port {self.view_port} is in use", done.stderr)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,173 @@
+#include "websocket/ws_server.h"
+
+#include "base/check.h"
+#include "base/listen.h"
+
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <openssl/ssl.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define GOODBYE_US (500 * LWS_US_PER_MS)
+#define UNSENT_MAX 16384
+
+struct ws_server {
+    struct ws_server_handler handler;
+    struct lws_context *context;
+    SSL_CTX *no_client; // else libwebsockets makes one with all of the system's authorities
+    int port;
+    pthread_t thread;
+    atomic_bool woken, stopping;
+    // The thread's.
+    bool stops, out_of_time;
+    lws_sorted_usec_list_t goodbye;
+};
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+static void on_goodbye_over(lws_sorted_usec_list_t *goodbye) {
+    lws_container_of(goodbye, struct ws_server, goodbye)->out_of_time = true;
+}
+
+static void begin_to_stop(struct ws_server *server) {
+    server->stops = true;
+    lws_sul_schedule(server->context, 0, &server->goodbye, on_goodbye_over, GOODBYE_US);
+    if (server->handler.on_stop)
+        server->handler.on_stop(server->handler.user);
+}
+
+static bool is_over(const struct ws_server *server) {
+    const struct ws_server_handler *h = &server->handler;
+    return server->stops && (server->out_of_time || !h->is_empty || h->is_empty(h->user));
+}
+
+static void *serve(void *argument) {
+    struct ws_server *server = argument;
+    const struct ws_server_handler *h = &server->handler;
+    while (!is_over(server)) {
+        lws_service(server->context, 0);
+        bool woken = atomic_exchange(&server->woken, false);
+        if (atomic_load(&server->stopping) && !server->stops)
+            begin_to_stop(server);
+        if (woken && h->on_wake)
+            h->on_wake(h->user);
+        if (h->after_turn)
+            h->after_turn(h->user);
+    }
+    return NULL;
+}
+
+void ws_server_start(struct ws_server *server) {
+    CHECK(pthread_create(&server->thread, NULL, serve, server) == 0);
+}
+
+void ws_server_wake(struct ws_server *server) {
+    if (!atomic_exchange(&server->woken, true))
+        lws_cancel_service(server->context);
+}
+
+bool ws_server_stops(const struct ws_server *server) {
+    return server->stops || atomic_load(&server->stopping);
+}
+
+void ws_server_stop(struct ws_server *server) {
+    atomic_store(&server->stopping, true);
+    lws_cancel_service(server->context);
+    pthread_join(server->thread, NULL);
+}
+
+// ---- listening ----------------------------------------------------------------------------------
+
+static bool machine_has_ipv6(void) {
+    int fd = socket(AF_INET6, SOCK_STREAM, 0);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+static uint64_t options_of(enum ws_server_kind kind, const char *address) {
+    uint64_t options =
+        LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND | LWS_SERVER_OPTION_EXPLICIT_VHOSTS;
+    bool ipv6 = address ? strchr(address, ':') != NULL : machine_has_ipv6();
+    if (kind == WS_SERVER_LOCAL)
+        return options | LWS_SERVER_OPTION_UNIX_SOCK;
+    if (kind == WS_SERVER_TLS)
+        options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
+    return options | (ipv6 ? 0 : LWS_SERVER_OPTION_DISABLE_IPV6);
+}
+
+static enum result fail_to_listen(enum ws_server_kind kind,
+                                  const struct lws_context_creation_info *info, int reason,
+                                  struct error *err) {
+    if (kind == WS_SERVER_LOCAL)
+        return fail(err, RESULT_IO, "%s: cannot listen: %s", info->iface, strerror(reason));
+    if (listen_check(info->iface, info->port, err) != RESULT_OK)
+        return RESULT_IO;
+    return fail(err, RESULT_IO, "port %d: cannot listen%s%s", info->port,
+                kind == WS_SERVER_TLS ? " with the certificate " : "",
+                kind == WS_SERVER_TLS ? info->ssl_cert_filepath : "");
+}
+
+static void complete(const struct ws_server *server, enum ws_server_kind kind,
+                     struct lws_context_creation_info *info) {
+    info->options = options_of(kind, info->iface);
+    info->user = server->handler.user;
+    info->provided_client_ssl_ctx = server->no_client;
+    info->alpn = kind == WS_SERVER_TLS ? "http/1.1" : NULL;
+    info->gid = -1;
+    info->uid = -1;
+}
+
+enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,
+                             const struct ws_server_handler *handler, struct ws_server **out_server,
+                             struct error *err) {
+    struct ws_server *server = alloc(1, sizeof *server);
+    struct lws_context_creation_info whole = *info;
+    server->handler = *handler;
+    if (kind == WS_SERVER_TLS) {
+        server->no_client = SSL_CTX_new(TLS_client_method());
+        CHECK(server->no_client);
+    }
+    complete(server, kind, &whole);
+    lws_set_log_level(0, NULL);
+    server->context = lws_create_context(&whole);
+    CHECK(server->context);
+    struct lws_vhost *vhost = lws_create_vhost(server->context, &whole);
+    enum result result = vhost ? RESULT_OK : fail_to_listen(kind, &whole, errno, err);
+    if (vhost)
+        server->port = lws_get_vhost_listen_port(vhost);
+    else
+        ws_server_destroy(&server);
+    *out_server = server;
+    return result;
+}
+
+void ws_server_destroy(struct ws_server **server) {
+    struct ws_server *s = *server;
+    if (!s)
+        return;
+    lws_context_destroy(s->context);
+    SSL_CTX_free(s->no_client);
+    free(s);
+    *server = NULL;
+}
+
+int ws_server_port(const struct ws_server *server) {
+    return server->port;
+}
+
+struct lws_context *ws_server_context(const struct ws_server *server) {
+    return server->context;
+}
+
+void ws_keep_queue_short(struct lws *socket) {
+    int fd = lws_get_socket_fd(socket), bytes = UNSENT_MAX, yes = 1;
+    setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes, sizeof bytes);
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+}

@@ -18,7 +18,7 @@ static void fill_instrument(const struct session_output *output, int index,
     const struct instrument_output *instrument = &output->instruments[index];
     enum body body = nearest_body(instrument, knee);
     pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
-    struct avatar_extrapolation lead =
+    struct avatar_extrapolation extrapolation =
         avatar_extrapolation_in(T_body_mockup, &instrument->extrapolation);
 
     out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
@@ -26,7 +26,7 @@ static void fill_instrument(const struct session_output *output, int index,
     out->body = (arthron_Body)body;
     out->has_pose = true;
     out->pose = wire_pose_from(pose_compose(T_body_mockup, instrument->T_mockup_warped));
-    wire_lead_from(&lead, out);
+    wire_extrapolation_from(&extrapolation, out);
     double nearest = instrument->warp.nearest_mm;
     out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
 }

@@ -46,25 +46,26 @@ static vec3 turn_between(quat a, quat b) {
 }
 
 // A rigid motion takes no point between two others farther than both.
-double avatar_share(const struct avatar_extrapolation *lead, pose sent, pose now) {
-    vec3 end = {0, 0, -lead->reach_mm};
+double avatar_share(const struct avatar_extrapolation *extrapolation, pose sent, pose now) {
+    vec3 end = {0, 0, -extrapolation->reach_mm};
     double longest = fmax(vec3_distance(now.translation, sent.translation),
                           vec3_distance(pose_apply(now, end), pose_apply(sent, end)));
-    return longest > lead->trust_radius_mm ? lead->trust_radius_mm / longest : 1;
+    return longest > extrapolation->trust_radius_mm ? extrapolation->trust_radius_mm / longest : 1;
 }
 
-struct avatar_motion avatar_extrapolate(const struct avatar_extrapolation *lead, pose sent,
+struct avatar_motion avatar_extrapolate(const struct avatar_extrapolation *extrapolation, pose sent,
                                         pose now) {
-    double share = avatar_share(lead, sent, now);
+    double share = avatar_share(extrapolation, sent, now);
     vec3 way = vec3_sub(now.translation, sent.translation);
     vec3 turn = turn_between(sent.rotation, now.rotation);
     const double step[6] = {way.x, way.y, way.z, turn.x, turn.y, turn.z};
     double change[4] = {0};
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 6; k++)
-            change[i] += share * lead->slope[i][k] * step[k];
+            change[i] += share * extrapolation->slope[i][k] * step[k];
     vec3 v = {change[0], change[1], change[2]};
-    return (struct avatar_motion){vec3_add(lead->motion.v, v), lead->motion.s + change[3]};
+    return (struct avatar_motion){vec3_add(extrapolation->motion.v, v),
+                                  extrapolation->motion.s + change[3]};
 }
 
 // ---- frames -------------------------------------------------------------------------------------
@@ -80,22 +81,22 @@ static void set_row_part(double row[6], int from, vec3 part) {
 }
 
 // The slopes of v turn on both sides, those of s only over the hand's way.
-struct avatar_extrapolation avatar_extrapolation_in(pose T_a_b,
-                                                    const struct avatar_extrapolation *lead) {
-    struct avatar_extrapolation out = *lead;
+struct avatar_extrapolation
+avatar_extrapolation_in(pose T_a_b, const struct avatar_extrapolation *extrapolation) {
+    struct avatar_extrapolation out = *extrapolation;
     mat3 R = quat_to_mat3(T_a_b.rotation);
-    out.portal = pose_apply(T_a_b, lead->portal);
-    out.motion.v = mat3_apply(R, lead->motion.v);
+    out.portal = pose_apply(T_a_b, extrapolation->portal);
+    out.motion.v = mat3_apply(R, extrapolation->motion.v);
     for (int from = 0; from < 6; from += 3) {
         vec3 turned[3];
         for (int i = 0; i < 3; i++)
-            turned[i] = mat3_apply(R, row_part(lead->slope[i], from));
+            turned[i] = mat3_apply(R, row_part(extrapolation->slope[i], from));
         for (int i = 0; i < 3; i++) {
             vec3 row = vec3_scale(R.m[i][0], turned[0]);
             row = vec3_add_scaled(row, R.m[i][1], turned[1]);
             set_row_part(out.slope[i], from, vec3_add_scaled(row, R.m[i][2], turned[2]));
         }
-        set_row_part(out.slope[3], from, mat3_apply(R, row_part(lead->slope[3], from)));
+        set_row_part(out.slope[3], from, mat3_apply(R, row_part(extrapolation->slope[3], from)));
     }
     return out;
 }

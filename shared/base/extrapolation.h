@@ -42,12 +42,12 @@ pose avatar_place(enum avatar_mode mode, vec3 portal, const struct avatar_motion
 
 // How much of the way from `sent` to `now` counts: all, 1, or as much as brings no point of the
 // body farther than the trust radius.
-double avatar_share(const struct avatar_extrapolation *lead, pose sent, pose now);
+double avatar_share(const struct avatar_extrapolation *extrapolation, pose sent, pose now);
 
 // The motion once the hand has gone on from `sent` to `now`: motion + share · slope · way.
-struct avatar_motion avatar_extrapolate(const struct avatar_extrapolation *lead, pose sent,
+struct avatar_motion avatar_extrapolate(const struct avatar_extrapolation *extrapolation, pose sent,
                                         pose now);
 
-// The same lead in frame a, given in frame b.
-struct avatar_extrapolation avatar_extrapolation_in(pose T_a_b,
-                                                    const struct avatar_extrapolation *lead);
+// The same extrapolation in frame a, given in frame b.
+struct avatar_extrapolation
+avatar_extrapolation_in(pose T_a_b, const struct avatar_extrapolation *extrapolation);

@@ -424,36 +424,37 @@ static vec3 floats_to(const float v[3]) {
     return (vec3){v[0], v[1], v[2]};
 }
 
-void wire_lead_from(const struct avatar_extrapolation *lead, arthron_WarpedInstrument *out) {
-    struct slope_shape shape = slope_shape(lead->mode);
+void wire_extrapolation_from(const struct avatar_extrapolation *extrapolation,
+                             arthron_WarpedInstrument *out) {
+    struct slope_shape shape = slope_shape(extrapolation->mode);
     arthron_Lead *m = &out->lead;
-    *m = (arthron_Lead){.mode = (arthron_AvatarMode)lead->mode, .v_count = 3};
-    floats_from(lead->motion.v, m->v);
-    if (lead->mode == AVATAR_RIGID) {
+    *m = (arthron_Lead){.mode = (arthron_AvatarMode)extrapolation->mode, .v_count = 3};
+    floats_from(extrapolation->motion.v, m->v);
+    if (extrapolation->mode == AVATAR_RIGID) {
         m->portal_count = 3;
-        floats_from(lead->portal, m->portal);
-        m->s = (float)lead->motion.s;
+        floats_from(extrapolation->portal, m->portal);
+        m->s = (float)extrapolation->motion.s;
     }
     for (int i = 0; i < shape.rows; i++)
         for (int k = 0; k < shape.columns; k++)
-            m->slope[m->slope_count++] = (float)lead->slope[i][k];
-    m->reach_mm = (float)lead->reach_mm;
+            m->slope[m->slope_count++] = (float)extrapolation->slope[i][k];
+    m->reach_mm = (float)extrapolation->reach_mm;
     out->has_lead = true;
-    out->trust_radius_mm = (float)lead->trust_radius_mm;
+    out->trust_radius_mm = (float)extrapolation->trust_radius_mm;
 }
 
-struct avatar_extrapolation wire_lead_to(const arthron_WarpedInstrument *instrument) {
+struct avatar_extrapolation wire_extrapolation_to(const arthron_WarpedInstrument *instrument) {
     const arthron_Lead *m = &instrument->lead;
-    struct avatar_extrapolation lead = {.mode = (enum avatar_mode)m->mode,
-                                        .portal = floats_to(m->portal),
-                                        .motion = {floats_to(m->v), m->s},
-                                        .reach_mm = m->reach_mm,
-                                        .trust_radius_mm = instrument->trust_radius_mm};
-    struct slope_shape shape = slope_shape(lead.mode);
+    struct avatar_extrapolation extrapolation = {.mode = (enum avatar_mode)m->mode,
+                                                 .portal = floats_to(m->portal),
+                                                 .motion = {floats_to(m->v), m->s},
+                                                 .reach_mm = m->reach_mm,
+                                                 .trust_radius_mm = instrument->trust_radius_mm};
+    struct slope_shape shape = slope_shape(extrapolation.mode);
     for (int i = 0; i < shape.rows; i++)
         for (int k = 0; k < shape.columns; k++)
-            lead.slope[i][k] = m->slope[i * shape.columns + k];
-    return lead;
+            extrapolation.slope[i][k] = m->slope[i * shape.columns + k];
+    return extrapolation;
 }
 
 // ---- padding ------------------------------------------------------------------------------------

@@ -52,9 +52,9 @@ enum result wire_encode_view(const arthron_View *message, uint8_t *data, size_t 
 // what the decoder disliked in *err: nothing of the message may then be used. After RESULT_OK texts
 // are terminated, counts within their arrays, enums known (a Refusal's unknown reason becomes
 // UNKNOWN), a Hello's residuals not negative, and in a Reply each instrument that is not lost has a
-// pose and a lead, both finite, each correction is a pose, a SessionChange's knee is one, and a
-// CommandReply's joint is finite. What a Command names (stations, cases, sessions, files) is its
-// handler's to look up: where one may name a file is known there. A message of a kind that this
+// pose and a extrapolation, both finite, each correction is a pose, a SessionChange's knee is one,
+// and a CommandReply's joint is finite. What a Command names (stations, cases, sessions, files) is
+// its handler's to look up: where one may name a file is known there. A message of a kind that this
 // version does not know is RESULT_OK with which_message == 0: skip and count it.
 enum result wire_decode_control(const uint8_t *data, size_t size, arthron_Control *out_message,
                                 struct error *err);
@@ -83,11 +83,11 @@ void wire_frame_from(const struct frame *frame, arthron_Frame *out_message);
 enum result wire_frame_to(const arthron_Frame *message, struct frame *out_frame, struct error *err);
 
 // How an instrument's avatar goes on with the hand, in the frame of its body: sets the instrument's
-// lead and trust radius, and gives them back from a decoded one that is not LOST. Values are
-// rounded to floats.
-void wire_lead_from(const struct avatar_extrapolation *lead,
-                    arthron_WarpedInstrument *out_instrument);
-struct avatar_extrapolation wire_lead_to(const arthron_WarpedInstrument *instrument);
+// extrapolation and trust radius, and gives them back from a decoded one that is not LOST. Values
+// are rounded to floats.
+void wire_extrapolation_from(const struct avatar_extrapolation *extrapolation,
+                             arthron_WarpedInstrument *out_instrument);
+struct avatar_extrapolation wire_extrapolation_to(const arthron_WarpedInstrument *instrument);
 
 // Pads a frame's datagram so that the encoded frame is at least as long as the longest reply to it
 // can be (a server is no amplifier). Its channels must be known ones. Not for the control

@@ -28,7 +28,7 @@ struct sent {
 struct answer {
     bool known;
     enum bone bone;
-    struct avatar_extrapolation lead;
+    struct avatar_extrapolation extrapolation;
     pose T_body_sent; // the tip in the frame that was answered
 };
 
@@ -118,7 +118,8 @@ static void take_instrument(struct predict *p, const struct sent *sent,
     if (m->validity == arthron_Validity_LOST || !sent->has_tip[instrument])
         return;
     struct answer *answer = &p->answers[instrument];
-    *answer = (struct answer){.known = true, .bone = (enum bone)m->body, .lead = wire_lead_to(m)};
+    *answer = (struct answer){
+        .known = true, .bone = (enum bone)m->body, .extrapolation = wire_extrapolation_to(m)};
     answer->T_body_sent = pose_compose(pose_inverse(sent->T_mockup_body[answer->bone]),
                                        sent->T_mockup_tip[instrument]);
     double warp_mm =
@@ -165,15 +166,17 @@ static void show_warp(const struct predict *p, const struct answer *answer, pose
     out->warp_validity = answer->known ? answer_validity(age_ns) : arthron_Validity_LOST;
     if (out->warp_validity == arthron_Validity_LOST)
         return;
-    const struct avatar_extrapolation *lead = &answer->lead;
+    const struct avatar_extrapolation *extrapolation = &answer->extrapolation;
     pose T_mockup_body = p->places[answer->bone].T_mockup_body;
     pose T_body_now = pose_compose(pose_inverse(T_mockup_body), T_mockup_tip);
-    struct avatar_motion motion = avatar_extrapolate(lead, answer->T_body_sent, T_body_now);
-    pose T_body_warped = avatar_place(lead->mode, lead->portal, &motion, T_body_now);
+    struct avatar_motion motion =
+        avatar_extrapolate(extrapolation, answer->T_body_sent, T_body_now);
+    pose T_body_warped =
+        avatar_place(extrapolation->mode, extrapolation->portal, &motion, T_body_now);
     out->has_warped = true;
     out->warped = wire_pose_from(pose_compose(T_mockup_body, T_body_warped));
     out->age_ms = (float)age_ns / NS_PER_MS;
-    out->clamped = avatar_share(lead, answer->T_body_sent, T_body_now) < 1;
+    out->clamped = avatar_share(extrapolation, answer->T_body_sent, T_body_now) < 1;
 }
 
 static arthron_ViewInstrument *shown_instrument(arthron_View *view, enum channel channel) {

@@ -144,11 +144,11 @@ static void datagrams(void) {
     seed("datagram", "sealed", sealed, seal_seal(seal, data, used, sealed));
     seal_destroy(&seal);
     arthron_Reply reply = {.frame_number = 7, .instruments_count = 1};
-    const struct avatar_extrapolation lead = {.mode = AVATAR_RIGID, .trust_radius_mm = 1};
+    const struct avatar_extrapolation extrapolation = {.mode = AVATAR_RIGID, .trust_radius_mm = 1};
     reply.instruments[0].channel = arthron_Channel_PROBE;
     reply.instruments[0].has_pose = true;
     reply.instruments[0].pose.qw = 1;
-    wire_lead_from(&lead, &reply.instruments[0]);
+    wire_extrapolation_from(&extrapolation, &reply.instruments[0]);
     CHECK(wire_encode_reply(&reply, data, sizeof data, &used) == RESULT_OK);
     seed("datagram", "reply", data, used);
 }

@@ -91,45 +91,48 @@ static pose tip_in_tibia(const struct moment *m) {
 
 // ---- answers ------------------------------------------------------------------------------------
 
-static struct avatar_extrapolation some_lead(struct random *random, enum avatar_mode mode) {
+static struct avatar_extrapolation some_extrapolation(struct random *random,
+                                                      enum avatar_mode mode) {
     double size = mode == AVATAR_RIGID ? 0.05 : 3;
-    struct avatar_extrapolation lead = {.mode = mode,
-                                        .portal = random_in_box(random, 100),
-                                        .motion = {random_in_box(random, size), 0},
-                                        .trust_radius_mm = 1e6,
-                                        .reach_mm = mode == AVATAR_TIP ? 0 : 120};
+    struct avatar_extrapolation extrapolation = {.mode = mode,
+                                                 .portal = random_in_box(random, 100),
+                                                 .motion = {random_in_box(random, size), 0},
+                                                 .trust_radius_mm = 1e6,
+                                                 .reach_mm = mode == AVATAR_TIP ? 0 : 120};
     if (mode == AVATAR_RIGID)
-        lead.motion.s = random_between(random, -2, 2);
+        extrapolation.motion.s = random_between(random, -2, 2);
     for (int i = 0; i < (mode == AVATAR_RIGID ? 4 : 3); i++)
         for (int k = 0; k < (mode == AVATAR_TIP ? 3 : 6); k++)
-            lead.slope[i][k] =
+            extrapolation.slope[i][k] =
                 random_between(random, -0.3, 0.3) * (mode == AVATAR_RIGID ? 0.05 : 1);
-    return lead;
+    return extrapolation;
 }
 
 static arthron_Reply reply_to(uint64_t number, const struct moment *m,
-                              const struct avatar_extrapolation *lead) {
+                              const struct avatar_extrapolation *extrapolation) {
     arthron_Reply reply = {
         .frame_number = number, .state = arthron_SessionState_RUNNING, .instruments_count = 1};
     arthron_WarpedInstrument *w = &reply.instruments[0];
     *w = (arthron_WarpedInstrument){
         .channel = arthron_Channel_PROBE, .body = arthron_Body_BODY_TIBIA, .has_pose = true};
     pose tip = tip_in_tibia(m);
-    w->pose = wire_pose_from(avatar_place(lead->mode, lead->portal, &lead->motion, tip));
-    wire_lead_from(lead, w);
+    w->pose = wire_pose_from(
+        avatar_place(extrapolation->mode, extrapolation->portal, &extrapolation->motion, tip));
+    wire_extrapolation_from(extrapolation, w);
     return reply;
 }
 
 // v and s where the server's motion is linear in the way from `sent`: its rule, written once more.
-static struct avatar_motion linear_motion(const struct avatar_extrapolation *lead, pose sent,
-                                          pose now) {
+static struct avatar_motion linear_motion(const struct avatar_extrapolation *extrapolation,
+                                          pose sent, pose now) {
     pose turn = {quat_multiply(now.rotation, quat_conjugate(sent.rotation)), {0}};
     vec3 w = pose_log(turn).rotation, d = vec3_sub(now.translation, sent.translation);
     const double way[6] = {d.x, d.y, d.z, w.x, w.y, w.z};
-    double to[4] = {lead->motion.v.x, lead->motion.v.y, lead->motion.v.z, lead->motion.s};
+    double to[4] = {extrapolation->motion.v.x, extrapolation->motion.v.y, extrapolation->motion.v.z,
+                    extrapolation->motion.s};
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 6; k++)
-            to[i] += lead->slope[i][k] * way[k];
+            to[i] += extrapolation->slope[i][k] * way[k];
     return (struct avatar_motion){{to[0], to[1], to[2]}, to[3]};
 }
 
@@ -154,14 +157,15 @@ static void a_motion_that_is_linear_is_met_while_hand_and_bones_move(void **stat
     for (int i = 0; i < 300; i++) {
         enum avatar_mode mode = (enum avatar_mode)(i % AVATAR_MODE_COUNT);
         struct moment sent = some_moment(&random), now = moved(&sent, &random, 4);
-        struct avatar_extrapolation lead = some_lead(&random, mode);
-        arthron_Reply reply = reply_to(++number, &sent, &lead);
+        struct avatar_extrapolation extrapolation = some_extrapolation(&random, mode);
+        arthron_Reply reply = reply_to(++number, &sent, &extrapolation);
         pass(&sent, number, 1000, true);
         pass(&now, ++number, 2000, true);
         assert_true(predict_reply(predict, &reply));
         pose T_tibia_now = tip_in_tibia(&now);
-        struct avatar_motion motion = linear_motion(&lead, tip_in_tibia(&sent), T_tibia_now);
-        pose T_tibia_warped = avatar_place(mode, lead.portal, &motion, T_tibia_now);
+        struct avatar_motion motion =
+            linear_motion(&extrapolation, tip_in_tibia(&sent), T_tibia_now);
+        pose T_tibia_warped = avatar_place(mode, extrapolation.portal, &motion, T_tibia_now);
         arthron_View view = view_now();
         assert_int_equal(view.instruments_count, 1);
         assert_int_equal(view.instruments[0].warp_validity, arthron_Validity_OK);
@@ -176,8 +180,9 @@ static void where_nothing_moved_the_avatar_is_where_the_server_put_it(void **sta
     struct random random = {2};
     for (uint64_t number = 1; number < 200; number++) {
         struct moment m = some_moment(&random);
-        struct avatar_extrapolation lead = some_lead(&random, (enum avatar_mode)(number % 3));
-        arthron_Reply reply = reply_to(number, &m, &lead);
+        struct avatar_extrapolation extrapolation =
+            some_extrapolation(&random, (enum avatar_mode)(number % 3));
+        arthron_Reply reply = reply_to(number, &m, &extrapolation);
         pass(&m, number, 1000, true);
         assert_true(predict_reply(predict, &reply));
         pose T_tibia_warped = wire_pose_to(&reply.instruments[0].pose);
@@ -193,9 +198,9 @@ static void what_rides_on_a_bone_stays_on_it(void **state) {
     (void)state;
     struct random random = {3};
     struct moment sent = some_moment(&random), now = moved(&sent, &random, 1);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_RIGID);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_RIGID);
     now.T_mockup_tip = pose_compose(tibia_of(&now), tip_in_tibia(&sent));
-    arthron_Reply reply = reply_to(1, &sent, &lead);
+    arthron_Reply reply = reply_to(1, &sent, &extrapolation);
     pass(&sent, 1, 1000, true);
     pass(&now, 2, 2000, true);
     predict_reply(predict, &reply);
@@ -209,18 +214,18 @@ static void past_the_trust_radius_the_way_is_cut(void **state) {
     (void)state;
     struct random random = {4};
     struct moment sent = some_moment(&random), now = sent;
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    lead.trust_radius_mm = 0.5;
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    extrapolation.trust_radius_mm = 0.5;
     now.T_mockup_tip.translation.z += 2;
-    arthron_Reply reply = reply_to(1, &sent, &lead);
+    arthron_Reply reply = reply_to(1, &sent, &extrapolation);
     pass(&sent, 1, 1000, true);
     pass(&now, 2, 2000, true);
     predict_reply(predict, &reply);
     struct moment quarter = sent;
     quarter.T_mockup_tip.translation.z += 0.5;
     pose at_quarter = tip_in_tibia(&quarter), at_end = tip_in_tibia(&now);
-    struct avatar_motion motion = linear_motion(&lead, tip_in_tibia(&sent), at_quarter);
-    pose T_tibia_warped = avatar_place(AVATAR_TIP, lead.portal, &motion, at_end);
+    struct avatar_motion motion = linear_motion(&extrapolation, tip_in_tibia(&sent), at_quarter);
+    pose T_tibia_warped = avatar_place(AVATAR_TIP, extrapolation.portal, &motion, at_end);
     arthron_View view = view_now();
     assert_true(view.instruments[0].clamped);
     assert_pose_near(&view.instruments[0].warped, pose_compose(tibia_of(&now), T_tibia_warped),
@@ -233,8 +238,8 @@ static void an_answer_grows_old_then_is_lost(void **state) {
     (void)state;
     struct random random = {5};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(1, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(1, &m, &extrapolation);
     pass(&m, 1, 0, true);
     predict_reply(predict, &reply);
     static const struct {
@@ -264,8 +269,8 @@ static void answers_to_forgotten_unsent_or_older_frames_are_dropped(void **state
     (void)state;
     struct random random = {6};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(3, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(3, &m, &extrapolation);
     assert_false(predict_reply(predict, &reply));
     pass(&m, 3, 1000, false);
     assert_false(predict_reply(predict, &reply));
@@ -285,8 +290,8 @@ static void events_are_counted_even_of_dropped_answers(void **state) {
     (void)state;
     struct random random = {7};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(1, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(1, &m, &extrapolation);
     pass(&m, 1, 1000, true);
     reply.events = 1u << 3 | 1u << 31;
     assert_true(predict_reply(predict, &reply));
@@ -303,8 +308,8 @@ static void another_case_makes_all_answers_void(void **state) {
     (void)state;
     struct random random = {8};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(1, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(1, &m, &extrapolation);
     pass(&m, 1, 1000, true);
     predict_reply(predict, &reply);
     predict_session(predict, arthron_SessionState_PAUSED, "knee", 42, &knee);
@@ -324,8 +329,8 @@ static void an_instrument_that_an_answer_leaves_out_has_none(void **state) {
     (void)state;
     struct random random = {9};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(1, &m, &lead), other = reply_to(2, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(1, &m, &extrapolation), other = reply_to(2, &m, &extrapolation);
     other.instruments[0].channel = arthron_Channel_KNIFE; // which no frame had
     pass(&m, 1, 1000, true);
     pass(&m, 2, 1000, true);
@@ -341,8 +346,8 @@ static void a_lost_instrument_has_neither_pose(void **state) {
     (void)state;
     struct random random = {10};
     struct moment m = some_moment(&random);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
-    arthron_Reply reply = reply_to(1, &m, &lead);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    arthron_Reply reply = reply_to(1, &m, &extrapolation);
     pass(&m, 1, 1000, true);
     predict_reply(predict, &reply);
     struct frame frame = frame_of(&m, 2, 2000);
@@ -443,9 +448,9 @@ static void a_corrected_bone_is_shown_where_its_ligaments_let_it(void **state) {
     (void)state;
     struct random random = {14};
     struct moment sent = some_moment(&random), now = moved(&sent, &random, 1);
-    struct avatar_extrapolation lead = some_lead(&random, AVATAR_TIP);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
     pose T_body_virtual = random_pose(&random, 10);
-    arthron_Reply reply = reply_to(1, &sent, &lead);
+    arthron_Reply reply = reply_to(1, &sent, &extrapolation);
     reply.corrections_count = 1;
     reply.corrections[0] =
         (arthron_Correction){arthron_Body_BODY_TIBIA, true, wire_pose_from(T_body_virtual)};
@@ -457,7 +462,7 @@ static void a_corrected_bone_is_shown_where_its_ligaments_let_it(void **state) {
     assert_pose_near(&view.bodies[1].virtual_pose, pose_compose(tibia_of(&now), T_body_virtual),
                      1e-9);
     assert_pose_near(&view.bodies[2].virtual_pose, wire_pose_to(&view.bodies[2].pose), 0);
-    reply = reply_to(2, &now, &lead);
+    reply = reply_to(2, &now, &extrapolation);
     predict_reply(predict, &reply);
     view = view_now();
     assert_pose_near(&view.bodies[1].virtual_pose, tibia_of(&now), 1e-9);

@@ -455,8 +455,8 @@ static void assert_lead_refused(int mode, void (*spoil)(arthron_WarpedInstrument
                                 const char *text) {
     arthron_Control *m = malloc(sizeof *m);
     fill_control(arthron_Control_reply_tag, m);
-    struct avatar_extrapolation lead = make_lead((enum avatar_mode)mode);
-    wire_lead_from(&lead, &m->message.reply.instruments[4]);
+    struct avatar_extrapolation extrapolation = make_extrapolation((enum avatar_mode)mode);
+    wire_extrapolation_from(&extrapolation, &m->message.reply.instruments[4]);
     spoil(&m->message.reply.instruments[4]);
     assert_control_refused(m, text);
     free(m);
@@ -521,22 +521,22 @@ static void leads_that_are_none_are_refused(void **state) {
 static void a_lead_comes_back_as_floats(void **state) {
     (void)state;
     for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
-        struct avatar_extrapolation lead = make_lead((enum avatar_mode)mode);
+        struct avatar_extrapolation extrapolation = make_extrapolation((enum avatar_mode)mode);
         arthron_WarpedInstrument w = {0};
-        wire_lead_from(&lead, &w);
-        struct avatar_extrapolation back = wire_lead_to(&w);
+        wire_extrapolation_from(&extrapolation, &w);
+        struct avatar_extrapolation back = wire_extrapolation_to(&w);
         int rows = mode == AVATAR_RIGID ? 4 : 3, columns = mode == AVATAR_TIP ? 3 : 6;
         assert_int_equal(back.mode, mode);
-        assert_vec3_near(back.motion.v, lead.motion.v, 1e-6);
+        assert_vec3_near(back.motion.v, extrapolation.motion.v, 1e-6);
         assert_near(back.reach_mm, 42, 0);
-        assert_near(back.trust_radius_mm, lead.trust_radius_mm, 1e-7);
+        assert_near(back.trust_radius_mm, extrapolation.trust_radius_mm, 1e-7);
         for (int i = 0; i < rows; i++)
             for (int k = 0; k < columns; k++)
-                assert_near(back.slope[i][k], lead.slope[i][k], 1e-7);
+                assert_near(back.slope[i][k], extrapolation.slope[i][k], 1e-7);
         if (mode != AVATAR_RIGID)
             continue;
-        assert_vec3_near(back.portal, lead.portal, 1e-5);
-        assert_near(back.motion.s, lead.motion.s, 0);
+        assert_vec3_near(back.portal, extrapolation.portal, 1e-5);
+        assert_near(back.motion.s, extrapolation.motion.s, 0);
     }
 }
 

@@ -31,17 +31,17 @@ struct frame make_frame(struct random *random, int count) {
 }
 
 // No value of it is at its default.
-struct avatar_extrapolation make_lead(enum avatar_mode mode) {
+struct avatar_extrapolation make_extrapolation(enum avatar_mode mode) {
     struct random random = {(uint64_t)mode};
-    struct avatar_extrapolation lead = {.mode = mode,
-                                        .portal = random_in_box(&random, 100),
-                                        .motion = {random_in_box(&random, 5), 1.5},
-                                        .reach_mm = 42,
-                                        .trust_radius_mm = 0.7};
+    struct avatar_extrapolation extrapolation = {.mode = mode,
+                                                 .portal = random_in_box(&random, 100),
+                                                 .motion = {random_in_box(&random, 5), 1.5},
+                                                 .reach_mm = 42,
+                                                 .trust_radius_mm = 0.7};
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 6; k++)
-            lead.slope[i][k] = random_between(&random, -1, 1);
-    return lead;
+            extrapolation.slope[i][k] = random_between(&random, -1, 1);
+    return extrapolation;
 }
 
 // The longest reply about these instruments: no field is at its default.
@@ -62,8 +62,8 @@ arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
             .pose = {0.5, 0.5, -0.5, 0.5, 1e3, -2e3, 3e-3},
             .nearest_mm = -1,
         };
-        struct avatar_extrapolation lead = make_lead(AVATAR_RIGID);
-        wire_lead_from(&lead, w);
+        struct avatar_extrapolation extrapolation = make_extrapolation(AVATAR_RIGID);
+        wire_extrapolation_from(&extrapolation, w);
     }
     for (int body = arthron_Body_BODY_TIBIA; body <= arthron_Body_BODY_PATELLA; body++)
         reply.corrections[reply.corrections_count++] =

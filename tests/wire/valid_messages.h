@@ -6,7 +6,7 @@
 
 struct sample make_sample(struct random *random, enum channel channel);
 struct frame make_frame(struct random *random, int count);
-struct avatar_extrapolation make_lead(enum avatar_mode mode);
+struct avatar_extrapolation make_extrapolation(enum avatar_mode mode);
 
 // The longest that a server sends for these instruments, and the longest of all.
 arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]);

@@ -9,7 +9,7 @@ static bool is_same(const struct stat *a, const struct stat *b) {
            a->st_mtim.tv_sec == b->st_mtim.tv_sec && a->st_mtim.tv_nsec == b->st_mtim.tv_nsec;
 }
 
-static void read_grade(struct standing *s, const char *dir, uint64_t hash) {
+static void read_grade(struct case_standing *s, const char *dir, uint64_t hash) {
     enum result result = grade_read(dir, &s->grade, &s->problem);
     if (result == RESULT_MISSING)
         s->kind = STANDING_UNCHECKED;
@@ -19,7 +19,7 @@ static void read_grade(struct standing *s, const char *dir, uint64_t hash) {
         s->kind = s->grade.hash == hash ? STANDING_GRADED : STANDING_OUTDATED;
 }
 
-bool standing_refresh(struct standing *standing, const char *dir, uint64_t hash) {
+bool standing_refresh(struct case_standing *standing, const char *dir, uint64_t hash) {
     char path[PATH_MAX];
     struct stat now;
     snprintf(path, sizeof path, "%s/%s", dir, GRADE_FILE);
@@ -33,6 +33,6 @@ bool standing_refresh(struct standing *standing, const char *dir, uint64_t hash)
     return true;
 }
 
-const char *standing_name(const struct standing *standing) {
+const char *standing_name(const struct case_standing *standing) {
     return standing->kind == STANDING_GRADED ? grade_name(standing->grade.grade) : "not checked";
 }

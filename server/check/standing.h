@@ -12,7 +12,7 @@ enum standing_kind {
     STANDING_GRADED,
 };
 
-struct standing {
+struct case_standing {
     enum standing_kind kind;
     struct case_grade grade; // of STANDING_GRADED
     struct error problem;    // of STANDING_UNREADABLE
@@ -24,7 +24,7 @@ struct standing {
 // Zeroed before the first call. One stat, and a reading only where the file was made, replaced,
 // changed or removed since the last call. True where it was read and at the first call. dir and
 // hash are the case's, the same in each call.
-bool standing_refresh(struct standing *standing, const char *dir, uint64_t hash);
+bool standing_refresh(struct case_standing *standing, const char *dir, uint64_t hash);
 
 // "fit", "fit with warnings", "unfit" or "not checked".
-const char *standing_name(const struct standing *standing);
+const char *standing_name(const struct case_standing *standing);

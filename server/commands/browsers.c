@@ -3,7 +3,7 @@
 #include "api/api.h"
 #include "base/check.h"
 #include "base/log.h"
-#include "hub/audience.h"
+#include "live/live.h"
 #include "review/page.h"
 #include "store/store.h"
 #include "web/host_check.h"
@@ -16,12 +16,12 @@
 #define LINK_MAX 320
 
 struct browsers {
-    struct api_case cases[HUB_CASES_MAX];
-    struct api_station stations[HUB_STATIONS_MAX];
+    struct api_case cases[SESSIONS_CASES_MAX];
+    struct api_station stations[STATIONS_MAX];
     char link[LINK_MAX];
     const char *records;
     struct api *api;
-    struct audience *audience;
+    struct live_server *live;
     struct web *web;
 };
 
@@ -35,40 +35,41 @@ static enum result on_enter(void *user, const char *token, struct web_account *o
     return api_enter(((struct browsers *)user)->api, token, out_account);
 }
 
-_Static_assert(sizeof(struct guest) == sizeof(struct web_account) &&
-                   AUDIENCE_VIEWERS_MAX == WEB_VIEWERS_MAX && AUDIENCE_BATCH_MAX == WEB_BATCH_MAX,
-               "web and hub mean the same");
+_Static_assert(sizeof(struct live_account) == sizeof(struct web_account) &&
+                   LIVE_VIEWERS_MAX == WEB_VIEWERS_MAX && LIVE_BATCH_MAX == WEB_BATCH_MAX,
+               "web and live mean the same");
 
 static void *on_viewer(void *user, const struct web_account *account) {
-    struct guest guest;
-    memcpy(guest.name, account->name, sizeof guest.name);
-    memcpy(guest.role, account->role, sizeof guest.role);
-    memcpy(guest.trainee, account->trainee, sizeof guest.trainee);
-    return audience_join(((struct browsers *)user)->audience, &guest);
+    struct live_account viewer_account;
+    memcpy(viewer_account.name, account->name, sizeof viewer_account.name);
+    memcpy(viewer_account.role, account->role, sizeof viewer_account.role);
+    memcpy(viewer_account.trainee, account->trainee, sizeof viewer_account.trainee);
+    return live_server_join(((struct browsers *)user)->live, &viewer_account);
 }
 
 static bool on_page(void *user, void *viewer, const arthron_Page *message) {
-    return audience_hear(((struct browsers *)user)->audience, viewer, message);
+    return live_server_take(((struct browsers *)user)->live, viewer, message);
 }
 
 static size_t on_batch(void *user, void *viewer, int64_t now_ns, uint8_t *out, size_t size,
                        int64_t *out_next_ns) {
-    return audience_batch(((struct browsers *)user)->audience, viewer, now_ns, out, size,
-                          out_next_ns);
+    return live_server_batch(((struct browsers *)user)->live, viewer, now_ns, out, size,
+                             out_next_ns);
 }
 
 static void on_left(void *user, void *viewer) {
-    audience_leave(((struct browsers *)user)->audience, viewer);
+    live_server_leave(((struct browsers *)user)->live, viewer);
 }
 
 static void ring(void *user) {
     web_wake(user);
 }
 
-// ---- what the audience asks ---------------------------------------------------------------------
+// ---- what the live server asks
+// ---------------------------------------------------------------------
 
 struct ownership {
-    const struct guest *guest;
+    const struct live_account *viewer_account;
     bool is_own;
 };
 
@@ -76,18 +77,19 @@ static void take_row(void *user, const struct store_cell *cells, int count) {
     struct ownership *o = user;
     for (int i = 0; i < count; i++)
         if (!strcmp(cells[i].column, "trainee") && cells[i].kind == STORE_TEXT)
-            o->is_own = o->guest->trainee[0] && !strcmp(cells[i].text, o->guest->trainee);
+            o->is_own =
+                o->viewer_account->trainee[0] && !strcmp(cells[i].text, o->viewer_account->trainee);
 }
 
 // Instructors see all recorded sessions, trainees their own.
-static bool allowed(void *user, const struct guest *guest, const char *session) {
+static bool allowed(void *user, const struct live_account *viewer_account, const char *session) {
     const struct browsers *b = user;
-    struct ownership ownership = {guest, false};
+    struct ownership ownership = {viewer_account, false};
     struct store *store;
-    if (!strcmp(guest->role, store_role_name(ROLE_INSTRUCTOR)))
+    if (!strcmp(viewer_account->role, store_role_name(ROLE_INSTRUCTOR)))
         return true;
-    if (strcmp(guest->role, store_role_name(ROLE_TRAINEE)) != 0 ||
-        store_open(b->records, STORE_THERE, guest->name, &store, NULL) != RESULT_OK)
+    if (strcmp(viewer_account->role, store_role_name(ROLE_TRAINEE)) != 0 ||
+        store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) != RESULT_OK)
         return false;
     store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL);
     store_close(&store);
@@ -131,24 +133,25 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
     return RESULT_OK;
 }
 
-static enum result open_api(struct browsers *b, const struct hub_config *hub, struct error *err) {
-    for (int i = 0; i < hub->case_count; i++)
-        b->cases[i] = (struct api_case){hub->cases[i].name, hub->cases[i].dir};
-    for (int i = 0; i < hub->station_count; i++) {
-        const struct hub_station *station = &hub->stations[i];
+static enum result open_api(struct browsers *b, const struct sessions_config *served,
+                            struct error *err) {
+    for (int i = 0; i < served->case_count; i++)
+        b->cases[i] = (struct api_case){served->cases[i].name, served->cases[i].dir};
+    for (int i = 0; i < served->station_count; i++) {
+        const struct session_station *station = &served->stations[i];
         b->stations[i] = (struct api_station){station->name, station->case_name, station->trainee,
                                               station->start_by_command};
     }
     const struct api_config config = {
-        .records = hub->records,
-        .keys_dir = hub->keys_dir,
+        .records = served->records,
+        .keys_dir = served->keys_dir,
         .link = b->link,
         .cases = b->cases,
-        .case_count = hub->case_count,
+        .case_count = served->case_count,
         .stations = b->stations,
-        .station_count = hub->station_count,
+        .station_count = served->station_count,
         .report = write_report,
-        .port = hub->port,
+        .port = served->port,
     };
     return api_create(&config, &b->api, err);
 }
@@ -176,23 +179,23 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
     return web_create(&config, &handler, &b->web, err);
 }
 
-static void open_audience(struct browsers *b, struct hub *hub) {
-    const struct audience_config config = {b, allowed};
-    b->audience = audience_create(hub, &config);
+static void open_live(struct browsers *b, struct sessions *sessions) {
+    const struct live_config config = {b, allowed};
+    b->live = live_server_create(sessions, &config);
 }
 
-enum result browsers_create(const struct server_config *config, struct hub *hub,
+enum result browsers_create(const struct server_config *config, struct sessions *sessions,
                             struct browsers **out_browsers, struct error *err) {
     struct browsers *b = alloc(1, sizeof *b);
-    b->records = config->hub.records;
-    open_audience(b, hub);
+    b->records = config->sessions.records;
+    open_live(b, sessions);
     enum result result = make_link(&config->web, b->link, err);
     if (result == RESULT_OK)
-        result = open_api(b, &config->hub, err);
+        result = open_api(b, &config->sessions, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
     if (result == RESULT_OK)
-        audience_bell(b->audience, ring, b->web);
+        live_server_on_news(b->live, ring, b->web);
     if (result == RESULT_OK)
         log_info("server", "browsers are served at %s", b->link);
     else
@@ -205,10 +208,10 @@ void browsers_destroy(struct browsers **browsers) {
     struct browsers *b = *browsers;
     if (!b)
         return;
-    audience_bell(b->audience, NULL, NULL);
+    live_server_on_news(b->live, NULL, NULL);
     if (b->web)
         web_destroy(&b->web);
-    audience_destroy(&b->audience);
+    live_server_destroy(&b->live);
     api_destroy(&b->api);
     free(b);
     *browsers = NULL;

@@ -10,7 +10,7 @@
 #define FILE_NAME "stations"
 
 // A config that cannot be kept is no reason not to serve.
-void known_stations_write(const struct hub_config *config) {
+void known_stations_write(const struct sessions_config *config) {
     char path[PATH_MAX], draft[PATH_MAX];
     snprintf(path, sizeof path, "%s/" FILE_NAME, config->keys_dir);
     snprintf(draft, sizeof draft, "%s/" FILE_NAME ".new", config->keys_dir);
@@ -22,7 +22,7 @@ void known_stations_write(const struct hub_config *config) {
 }
 
 void known_stations_warn(const char *keys_dir, const char *station) {
-    char path[PATH_MAX], line[HUB_NAME_MAX + 1];
+    char path[PATH_MAX], line[STATION_NAME_MAX + 1];
     snprintf(path, sizeof path, "%s/" FILE_NAME, keys_dir);
     FILE *file = fopen(path, "re");
     if (!file)

@@ -2,9 +2,9 @@
 // one is warned. For `keys enrol`, which reads no config.
 #pragma once
 
-#include "hub/hub.h"
+#include "sessions/config.h"
 
-void known_stations_write(const struct hub_config *config);
+void known_stations_write(const struct sessions_config *config);
 
 // Prints a warning where the last start of the server did not know the station.
 void known_stations_warn(const char *keys_dir, const char *station);

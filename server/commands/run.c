@@ -5,9 +5,12 @@
 #include "commands/commands.h"
 #include "commands/known_stations.h"
 #include "config/config.h"
+#include "sessions/sessions.h"
 
+#include <errno.h>
 #include <getopt.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -29,43 +32,65 @@ static const char help[] =
 
 static const char program[] = "arthron-server run";
 
-static atomic_bool is_ready;
+#define START_PATIENCE_S 3
 
-// A start may take minutes, for it runs open sessions again. It is broken off as by SIGKILL: what
-// is on disk stays as it is, and the next start resumes the same sessions.
+static atomic_bool ended, is_ready;
+static sem_t end;
+
+// A start may take minutes, for it runs open sessions again, and ends soon after `ended` is set. A
+// start that hangs on a file is broken off as by SIGKILL.
 static void *wait_for_end(void *argument) {
-    const sigset_t *ends = argument;
     int signal_number;
-    sigwait(ends, &signal_number);
+    sigwait(argument, &signal_number);
     bool ready = atomic_load(&is_ready);
     log_info("server", "%s: ending%s", strsignal(signal_number),
              ready ? "" : " before the server is ready");
-    if (!ready)
+    atomic_store(&ended, true);
+    sem_post(&end);
+    sleep(START_PATIENCE_S);
+    if (!ready && !atomic_load(&is_ready))
         _exit(0);
     return NULL;
 }
 
-static int serve_until_end(const struct server_config *config, pthread_t ends) {
-    struct hub *hub;
+static void catch_ends(void) {
+    static sigset_t ends;
+    pthread_t waiting;
+    sem_init(&end, 0, 0);
+    sigemptyset(&ends);
+    sigaddset(&ends, SIGTERM);
+    sigaddset(&ends, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &ends, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    int failed = pthread_create(&waiting, NULL, wait_for_end, &ends);
+    CHECK(!failed);
+    pthread_detach(waiting);
+}
+
+static int serve_until_end(const struct server_config *config) {
+    struct sessions *sessions;
     struct browsers *browsers = NULL;
     struct error err;
-    enum result result = hub_create(&config->hub, &hub, &err);
+    enum result result = sessions_create(&config->sessions, &ended, &sessions, &err);
     if (result == RESULT_OK && config->web.port) {
-        result = browsers_create(config, hub, &browsers, &err);
+        result = browsers_create(config, sessions, &browsers, &err);
         if (result != RESULT_OK)
-            hub_destroy(&hub);
+            sessions_destroy(&sessions);
     }
+    if (result != RESULT_OK && atomic_load(&ended))
+        return 0;
     if (result != RESULT_OK) {
         log_error("server", "%s", err.text);
         return 1;
     }
-    known_stations_write(&config->hub);
+    known_stations_write(&config->sessions);
     atomic_store(&is_ready, true);
-    log_info("server", "ready on port %d", config->hub.port);
-    pthread_join(ends, NULL);
-    hub_break_off(hub);
+    log_info("server", "ready on port %d", config->sessions.port);
+    while (sem_wait(&end) && errno == EINTR)
+        ;
+    sessions_break_off(sessions);
     browsers_destroy(&browsers);
-    hub_destroy(&hub);
+    sessions_destroy(&sessions);
     return 0;
 }
 
@@ -76,16 +101,8 @@ static int serve(const char *path, const struct setting_override *overrides, int
         log_error("server", "%s", err.text);
         return 2;
     }
-    static sigset_t ends;
-    sigemptyset(&ends);
-    sigaddset(&ends, SIGTERM);
-    sigaddset(&ends, SIGINT);
-    pthread_sigmask(SIG_BLOCK, &ends, NULL);
-    signal(SIGPIPE, SIG_IGN);
-    pthread_t waiting;
-    int failed = pthread_create(&waiting, NULL, wait_for_end, &ends);
-    CHECK(!failed);
-    return serve_until_end(&config, waiting);
+    catch_ends();
+    return serve_until_end(&config);
 }
 
 int command_run(int argc, char **argv) {

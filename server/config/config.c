@@ -19,7 +19,7 @@ static bool take_int(const char *value, int low, int high, int *out) {
 
 static bool take_unfit(void *target, const char *rest, const char *value) {
     (void)rest;
-    struct hub_config *c = target;
+    struct sessions_config *c = target;
     c->serve_unfit = !strcmp(value, "serve");
     return c->serve_unfit || !strcmp(value, "refuse");
 }
@@ -31,7 +31,7 @@ static bool take_names(void *target, const char *rest, const char *value) {
     memset(web->names, 0, sizeof web->names);
     for (const char *at = value + strspn(value, " "); *at; at += strspn(at, " ")) {
         size_t length = strcspn(at, " ");
-        if (count == SERVER_NAMES_MAX || length >= HUB_NAME_MAX)
+        if (count == SERVER_NAMES_MAX || length >= STATION_NAME_MAX)
             return false;
         memcpy(web->names[count++], at, length);
         at += length;
@@ -80,14 +80,14 @@ static bool take_point(void *target, const char *number, const char *value) {
 
 static bool take_start(void *target, const char *rest, const char *value) {
     (void)rest;
-    struct hub_station *station = target;
+    struct session_station *station = target;
     station->start_by_command = !strcmp(value, "command");
     return station->start_by_command || !strcmp(value, "auto");
 }
 
 // contact.CHANNEL = BUTTON
 static bool take_contact(void *target, const char *name, const char *value) {
-    struct hub_station *station = target;
+    struct session_station *station = target;
     enum channel channel;
     int button;
     if (!channel_from_name(name, &channel) || channel < CHANNEL_FIRST_INSTRUMENT ||
@@ -101,7 +101,7 @@ static bool take_contact(void *target, const char *name, const char *value) {
 
 static void *find_server(void *user, const char *name, struct error *err) {
     (void)name, (void)err;
-    return &((struct server_config *)user)->hub;
+    return &((struct server_config *)user)->sessions;
 }
 
 static void *find_web(void *user, const char *name, struct error *err) {
@@ -111,34 +111,34 @@ static void *find_web(void *user, const char *name, struct error *err) {
 
 static void *find_warp(void *user, const char *name, struct error *err) {
     (void)name, (void)err;
-    return &((struct server_config *)user)->hub.settings;
+    return &((struct server_config *)user)->sessions.settings;
 }
 
 static void *find_instrument(void *user, const char *name, struct error *err) {
     enum channel channel;
     if (channel_from_name(name, &channel) && channel >= CHANNEL_FIRST_INSTRUMENT)
         return &((struct server_config *)user)
-                    ->hub.settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
+                    ->sessions.settings.bodies[channel - CHANNEL_FIRST_INSTRUMENT];
     fail(err, RESULT_INVALID,
          "there is no such instrument; the instruments are probe, punch, shaver, knife, scope");
     return NULL;
 }
 
-static bool take_name(const char *name, char out[HUB_NAME_MAX], struct error *err) {
-    if (setting_text(name, out, HUB_NAME_MAX))
+static bool take_name(const char *name, char out[STATION_NAME_MAX], struct error *err) {
+    if (setting_text(name, out, STATION_NAME_MAX))
         return true;
-    fail(err, RESULT_LIMIT, "the name is longer than %d bytes", HUB_NAME_MAX - 1);
+    fail(err, RESULT_LIMIT, "the name is longer than %d bytes", STATION_NAME_MAX - 1);
     return false;
 }
 
-static int index_of_case(const struct hub_config *c, const char *name) {
+static int index_of_case(const struct sessions_config *c, const char *name) {
     for (int i = 0; i < c->case_count; i++)
         if (!strcmp(c->cases[i].name, name))
             return i;
     return -1;
 }
 
-static int index_of_station(const struct hub_config *c, const char *name) {
+static int index_of_station(const struct sessions_config *c, const char *name) {
     for (int i = 0; i < c->station_count; i++)
         if (!strcmp(c->stations[i].name, name))
             return i;
@@ -146,15 +146,15 @@ static int index_of_station(const struct hub_config *c, const char *name) {
 }
 
 static void *find_case(void *user, const char *name, struct error *err) {
-    struct hub_config *c = &((struct server_config *)user)->hub;
+    struct sessions_config *c = &((struct server_config *)user)->sessions;
     int index = index_of_case(c, name);
     if (index >= 0)
         return &c->cases[index];
-    if (c->case_count == HUB_CASES_MAX) {
-        fail(err, RESULT_LIMIT, "a server has at most %d cases", HUB_CASES_MAX);
+    if (c->case_count == SESSIONS_CASES_MAX) {
+        fail(err, RESULT_LIMIT, "a server has at most %d cases", SESSIONS_CASES_MAX);
         return NULL;
     }
-    struct hub_case *entry = &c->cases[c->case_count];
+    struct session_case *entry = &c->cases[c->case_count];
     if (!take_name(name, entry->name, err))
         return NULL;
     c->case_count++;
@@ -162,15 +162,15 @@ static void *find_case(void *user, const char *name, struct error *err) {
 }
 
 static void *find_station(void *user, const char *name, struct error *err) {
-    struct hub_config *c = &((struct server_config *)user)->hub;
+    struct sessions_config *c = &((struct server_config *)user)->sessions;
     int index = index_of_station(c, name);
     if (index >= 0)
         return &c->stations[index];
-    if (c->station_count == HUB_STATIONS_MAX) {
-        fail(err, RESULT_LIMIT, "a server has at most %d stations", HUB_STATIONS_MAX);
+    if (c->station_count == STATIONS_MAX) {
+        fail(err, RESULT_LIMIT, "a server has at most %d stations", STATIONS_MAX);
         return NULL;
     }
-    struct hub_station *station = &c->stations[c->station_count];
+    struct session_station *station = &c->stations[c->station_count];
     if (!take_name(name, station->name, err))
         return NULL;
     station->optic = view_optic_usual();
@@ -180,25 +180,25 @@ static void *find_station(void *user, const char *name, struct error *err) {
 
 // ---- tables of the file's keys ------------------------------------------------------------------
 
-#define HUB(member) SETTING_IN(struct hub_config, member)
+#define SESSIONS(member) SETTING_IN(struct sessions_config, member)
 #define WEB(member) SETTING_IN(struct web_settings, member)
 #define WARP(member) SETTING_IN(struct session_settings, member)
-#define STATION(member) SETTING_IN(struct hub_station, member)
+#define STATION(member) SETTING_IN(struct session_station, member)
 
 static const struct setting_key server_keys[] = {
-    {"address", SETTING_TEXT, HUB(address)},
-    {"port", SETTING_INTEGER, HUB(port), 1, 65535},
-    {"udp_port", SETTING_INTEGER, HUB(udp_port), 0, 65535},
-    {"workers", SETTING_INTEGER, HUB(workers), 0, 64},
-    {"keys", SETTING_PATH, HUB(keys_dir)},
-    {"traces", SETTING_PATH, HUB(traces_dir)},
-    {"socket", SETTING_PATH, HUB(socket)},
-    {"records", SETTING_PATH, HUB(records)},
+    {"address", SETTING_TEXT, SESSIONS(address)},
+    {"port", SETTING_INTEGER, SESSIONS(port), 1, 65535},
+    {"udp_port", SETTING_INTEGER, SESSIONS(udp_port), 0, 65535},
+    {"workers", SETTING_INTEGER, SESSIONS(workers), 0, 64},
+    {"keys", SETTING_PATH, SESSIONS(keys_dir)},
+    {"traces", SETTING_PATH, SESSIONS(traces_dir)},
+    {"socket", SETTING_PATH, SESSIONS(socket)},
+    {"records", SETTING_PATH, SESSIONS(records)},
     {"unfit", .take = take_unfit, .wanted = "refuse or serve"},
-    {"wait_s", SETTING_INTEGER, HUB(wait_s), 1, 86400},
-    {"calibration_days", SETTING_INTEGER, HUB(calibration_days), 1, 3650},
-    {"calibration_mm", SETTING_NUMBER, HUB(calibration_mm), 0.01, 100},
-    {"calibration_deg", SETTING_NUMBER, HUB(calibration_deg), 0.01, 100},
+    {"wait_s", SETTING_INTEGER, SESSIONS(wait_s), 1, 86400},
+    {"calibration_days", SETTING_INTEGER, SESSIONS(calibration_days), 1, 3650},
+    {"calibration_mm", SETTING_NUMBER, SESSIONS(calibration_mm), 0.01, 100},
+    {"calibration_deg", SETTING_NUMBER, SESSIONS(calibration_deg), 0.01, 100},
     {0},
 };
 
@@ -234,7 +234,7 @@ static const struct setting_key instrument_keys[] = {
 };
 
 static const struct setting_key case_keys[] = {
-    {"dir", SETTING_PATH, SETTING_IN(struct hub_case, dir)},
+    {"dir", SETTING_PATH, SETTING_IN(struct session_case, dir)},
     {0},
 };
 
@@ -261,9 +261,9 @@ static const struct setting_section sections[] = {
 
 // ---- file ---------------------------------------------------------------------------------------
 
-static enum result refuse_case(const struct hub_config *c, const struct hub_station *station,
+static enum result refuse_case(const struct sessions_config *c, const struct session_station *station,
                                struct error *err) {
-    const char *names[HUB_CASES_MAX + 1] = {NULL};
+    const char *names[SESSIONS_CASES_MAX + 1] = {NULL};
     for (int i = 0; i < c->case_count; i++)
         names[i] = c->cases[i].name;
     const char *nearest = nearest_name(station->case_name, names);
@@ -272,11 +272,11 @@ static enum result refuse_case(const struct hub_config *c, const struct hub_stat
                 nearest ? "; did you mean " : "", nearest ? nearest : "", nearest ? "?" : "");
 }
 
-static enum result complete(const struct hub_config *c, struct error *err) {
-    if (c->udp_port && c->udp_port + hub_worker_count(c) - 1 > 65535)
+static enum result complete(const struct sessions_config *c, struct error *err) {
+    if (c->udp_port && c->udp_port + sessions_worker_count(c) - 1 > 65535)
         return fail(err, RESULT_INVALID,
                     "[server] udp_port = %d: %d workers need ports beyond 65535", c->udp_port,
-                    hub_worker_count(c));
+                    sessions_worker_count(c));
     const char *missing = !c->keys_dir[0]     ? "keys"
                           : !c->traces_dir[0] ? "traces"
                           : !c->socket[0]     ? "socket"
@@ -298,7 +298,7 @@ static enum result complete(const struct hub_config *c, struct error *err) {
 
 // Browsers are served where stations are, with the server's own certificate, unless they are told
 // otherwise.
-static enum result complete_web(const struct hub_config *c, struct web_settings *w,
+static enum result complete_web(const struct sessions_config *c, struct web_settings *w,
                                 struct error *err) {
     if (!w->port)
         return RESULT_OK;
@@ -310,7 +310,7 @@ static enum result complete_web(const struct hub_config *c, struct web_settings 
         memcpy(w->address, c->address, sizeof w->address);
     if (w->certificate[0])
         return RESULT_OK;
-    const int most = HUB_PATH_MAX - (int)sizeof "/server.pem";
+    const int most = SESSIONS_PATH_MAX - (int)sizeof "/server.pem";
     if (strlen(c->keys_dir) > (size_t)most)
         return fail(err, RESULT_LIMIT, "[server] keys: the path is too long");
     snprintf(w->certificate, sizeof w->certificate, "%.*s/server.pem", most, c->keys_dir);
@@ -318,7 +318,7 @@ static enum result complete_web(const struct hub_config *c, struct web_settings 
     return RESULT_OK;
 }
 
-static void set_defaults(struct hub_config *config) {
+static void set_defaults(struct sessions_config *config) {
     config->port = 4810;
     config->udp_port = 4811;
     config->wait_s = 300;
@@ -331,12 +331,12 @@ static void set_defaults(struct hub_config *config) {
 enum result config_load(const char *path, const struct setting_override *overrides,
                         int override_count, struct server_config *out_config, struct error *err) {
     memset(out_config, 0, sizeof *out_config);
-    set_defaults(&out_config->hub);
+    set_defaults(&out_config->sessions);
     enum result result = settings_load(path, overrides, override_count, sections, out_config, err);
     if (result != RESULT_OK)
         return result;
-    result = complete(&out_config->hub, err);
+    result = complete(&out_config->sessions, err);
     if (result == RESULT_OK)
-        result = complete_web(&out_config->hub, &out_config->web, err);
+        result = complete_web(&out_config->sessions, &out_config->web, err);
     return result == RESULT_OK ? result : fail_in(err, result, "%s: ", path);
 }

@@ -2,7 +2,7 @@
 // docs/CONFIG.md explains every key.
 #pragma once
 
-#include "hub/hub.h"
+#include "sessions/config.h"
 #include "settings/settings.h"
 
 #define SERVER_NAMES_MAX 8
@@ -10,13 +10,13 @@
 // Where browsers are served.
 struct web_settings {
     int port; // 0: none are
-    char address[HUB_NAME_MAX];
-    char certificate[HUB_PATH_MAX], key[HUB_PATH_MAX]; // the server's own where they are not given
-    char names[SERVER_NAMES_MAX][HUB_NAME_MAX];        // empty behind the last
+    char address[STATION_NAME_MAX];
+    char certificate[SESSIONS_PATH_MAX], key[SESSIONS_PATH_MAX]; // the server's own where they are not given
+    char names[SERVER_NAMES_MAX][STATION_NAME_MAX];        // empty behind the last
 };
 
 struct server_config {
-    struct hub_config hub;
+    struct sessions_config sessions;
     struct web_settings web;
 };
 

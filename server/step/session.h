@@ -18,6 +18,6 @@ struct session;
 struct session *session_create(const struct scene *scene, const struct session_settings *settings);
 void session_destroy(struct session **session);
 
-// Frame numbers must rise: dropping older ones is the caller's work (the hub counts them).
+// Frame numbers must rise: dropping older ones is the caller's work (the runtime counts them).
 void session_step(struct session *session, const struct session_input *input,
                   struct session_output *out);

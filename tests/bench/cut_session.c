@@ -4,7 +4,7 @@
 #include "base/clock.h"
 #include "generate/generate.h"
 #include "folder.h"
-#include "hub/hub.h"
+#include "sessions/sessions.h"
 #include "link/link.h"
 #include "net/authority.h"
 #include "samples.h"
@@ -195,8 +195,8 @@ static enum result bench_feel(const struct bench_options *options, struct report
 
 struct house {
     char dir[FOLDER_MAX], keys[128], case_dir[128], station_keys[128];
-    struct hub_config config;
-    struct hub *hub;
+    struct sessions_config config;
+    struct sessions *sessions;
     struct link *link;
     struct hand hand;
     uint64_t frame;
@@ -226,8 +226,8 @@ static enum result save_case(struct house *h, struct error *err) {
 }
 
 static void fill_config(struct house *h) {
-    struct hub_config *c = &h->config;
-    *c = (struct hub_config){.address = "127.0.0.1",
+    struct sessions_config *c = &h->config;
+    *c = (struct sessions_config){.address = "127.0.0.1",
                              .port = free_port(),
                              .workers = 1,
                              .wait_s = 30,
@@ -255,6 +255,7 @@ static enum result enrol(struct house *h, struct error *err) {
 }
 
 static enum result open_house(struct house *h, struct error *err) {
+    static const atomic_bool never;
     const char *host = "127.0.0.1";
     folder_make(h->dir);
     snprintf(h->keys, sizeof h->keys, "%s/keys", h->dir);
@@ -265,7 +266,7 @@ static enum result open_house(struct house *h, struct error *err) {
     if (result == RESULT_OK)
         result = authority_init(h->keys, &host, 1, err);
     if (result == RESULT_OK)
-        result = hub_create(&h->config, &h->hub, err);
+        result = sessions_create(&h->config, &never, &h->sessions, err);
     if (result == RESULT_OK)
         result = enrol(h, err);
     struct link_config link = {.host = host,
@@ -282,8 +283,8 @@ static enum result open_house(struct house *h, struct error *err) {
 static void close_house(struct house *h) {
     if (h->link)
         link_destroy(&h->link);
-    if (h->hub)
-        hub_destroy(&h->hub);
+    if (h->sessions)
+        sessions_destroy(&h->sessions);
     folder_remove(h->dir);
 }
 

@@ -1,6 +1,6 @@
 // From a session's step over the wire to a viewer: what the station shows between two answers is
 // what the server's own avatar would do with the newest hand and bones.
-#include "hub/reply.h"
+#include "runtime/reply.h"
 
 #include "random.h"
 #include "test.h"
@@ -24,7 +24,7 @@ struct house {
 
 // ---- both sides ---------------------------------------------------------------------------------
 
-// How the hub tells of the session, and the loop hears it.
+// How the runtime tells of the session, and the loop hears it.
 static void tell_session(struct house *h) {
     arthron_Control *message = calloc(1, sizeof *message);
     uint8_t bytes[WIRE_CONTROL_MAX];

@@ -1,5 +1,6 @@
-// How a hub judges calibrations, and the drift of touches.
-#include "hub/calibration.h"
+// How a calibration is judged, and the drift of touches.
+#include "runtime/drift.h"
+#include "sessions/calibration.h"
 
 #include "random.h"
 #include "test.h"
@@ -18,7 +19,7 @@ static void a_calibration_is_warned_of_beyond_each_limit_and_only_there(void **s
         {-0.5, 0, 0, NULL},      {-2, 0, 0, "to come"},  {1, 1.01, 0, "mm"}, {1, 1, 1, NULL},
         {1, 0, 1.01, "degrees"}, {1, 1e300, 0, "mm"},
     };
-    static struct hub_config config = {
+    static struct sessions_config config = {
         .calibration_days = 30, .calibration_mm = 1, .calibration_deg = 1};
     int64_t now_s = 1800000000;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {

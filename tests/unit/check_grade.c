@@ -78,7 +78,7 @@ static void the_grade_of_a_check_is_read_back_for_its_case(void **state) {
     check_destroy(&check);
 }
 
-static void expect_standing(struct standing *standing, uint64_t hash, bool changed,
+static void expect_standing(struct case_standing *standing, uint64_t hash, bool changed,
                             const char *name, enum standing_kind kind) {
     assert_int_equal(standing_refresh(standing, folder, hash), changed);
     assert_int_equal(standing->kind, kind);
@@ -90,7 +90,7 @@ static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
     (void)state;
     char path[FOLDER_MAX + 16], name[32];
     struct error err;
-    struct standing standing = {0};
+    struct case_standing standing = {0};
     struct case_check *check =
         check_of_none("knee", &(struct check_settings){0}, &(struct error){"no"});
     check->hash = 7;

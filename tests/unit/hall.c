@@ -2,6 +2,8 @@
 
 #include "base/clock.h"
 #include "net/authority.h"
+#include "sessions/parts.h"
+#include "sessions/station_handler.h"
 #include "test.h"
 #include "unit/case_knee.h"
 
@@ -13,7 +15,8 @@
 
 char hall_dir[FOLDER_MAX];
 
-// ---- a hub --------------------------------------------------------------------------------------
+// ---- sessions
+// --------------------------------------------------------------------------------------
 
 int hall_make(void **state) {
     (void)state;
@@ -35,11 +38,12 @@ int hall_remove(void **state) {
     return 0;
 }
 
-struct hub *hall_open(void) {
-    static struct hub_config config;
-    struct hub *hub;
+struct sessions *hall_open(void) {
+    static struct sessions_config config;
+    static const atomic_bool cancelled;
+    struct sessions *sessions;
     struct error err;
-    config = (struct hub_config){
+    config = (struct sessions_config){
         .address = "127.0.0.1", .workers = 1, .wait_s = 60, .case_count = 2, .station_count = 1};
     config.settings = session_settings_default();
     snprintf(config.keys_dir, sizeof config.keys_dir, "%s/keys", hall_dir);
@@ -52,9 +56,9 @@ struct hub *hall_open(void) {
     config.stations[0].optic = (struct view_optic){.tilt_deg = 70, .field_deg = 105};
     snprintf(config.stations[0].name, sizeof config.stations[0].name, "room-1");
     snprintf(config.stations[0].case_name, sizeof config.stations[0].case_name, "boxes0");
-    if (hub_create(&config, &hub, &err) != RESULT_OK)
+    if (sessions_create(&config, &cancelled, &sessions, &err) != RESULT_OK)
         fail_msg("%s", err.text);
-    return hub;
+    return sessions;
 }
 
 void hall_wait_ms(long ms) {
@@ -65,86 +69,112 @@ void hall_wait_ms(long ms) {
 
 static const struct control_peer nobody = {CONTROL_PEERS_MAX - 1, UINT32_MAX};
 
-static void tell(struct hub *hub, struct note note) {
-    note.peer = nobody;
-    while (!worker_tell(&hub->workers[0], hub->workers[0].from_control, &note))
+arthron_Welcome hall_connect(struct sessions *sessions, uint64_t connection) {
+    struct control_handler station = station_handler(sessions);
+    arthron_Hello hello = {.station = "room-1", .connection = connection};
+    arthron_Welcome welcome = {0};
+    arthron_Refusal refusal = {0};
+    if (station.on_hello(sessions, nobody, &hello, &welcome, &refusal) != RESULT_OK)
+        fail_msg("%s", refusal.text);
+    station.on_clock(sessions, nobody, 0, 0, 0);
+    return welcome;
+}
+
+void hall_join(struct sessions *sessions) {
+    hall_connect(sessions, 1);
+    while (hall_status(sessions).state != SESSION_RUNNING)
         hall_wait_ms(1);
 }
 
-void hall_join(struct hub *hub) {
-    struct seat *seat = &hub->seats[0];
-    tell(hub, (struct note){.kind = NOTE_JOINED});
-    tell(hub, (struct note){.kind = NOTE_CLOCK});
-    pthread_mutex_lock(&hub->card_lock);
-    seat->card.connected = true;
-    desk_call(hub);
-    pthread_mutex_unlock(&hub->card_lock);
-    while (atomic_load(&seat->counts.state) != SESSION_RUNNING)
-        hall_wait_ms(1);
+void hall_leave(struct sessions *sessions) {
+    station_handler(sessions).on_gone(sessions, nobody);
 }
 
-void hall_leave(struct hub *hub) {
-    pthread_mutex_lock(&hub->card_lock);
-    hub->seats[0].card.connected = false;
-    pthread_mutex_unlock(&hub->card_lock);
-}
-
-const arthron_CommandReply *hall_command(struct hub *hub, arthron_Command_Kind kind) {
+const arthron_CommandReply *hall_try(struct sessions *sessions, arthron_Command_Kind kind) {
     static arthron_CommandReply reply;
     arthron_Command command = {.kind = kind, .station = "room-1", .case_name = "boxes1"};
-    desk_command(hub, "otto", &command, &reply);
-    assert_true(reply.ok);
+    sessions_command(sessions, "otto", &command, &reply);
     return &reply;
 }
 
+const arthron_CommandReply *hall_command(struct sessions *sessions, arthron_Command_Kind kind) {
+    const arthron_CommandReply *reply = hall_try(sessions, kind);
+    if (!reply->ok)
+        fail_msg("%s", reply->text);
+    return reply;
+}
+
 // A running burr on its way along the meniscus.
-void hall_frame(struct hub *hub, vec3 tip) {
+void hall_frame(struct sessions *sessions, vec3 tip) {
     static uint64_t number;
     int64_t now_ns = clock_now_ns();
-    struct note note = {.kind = NOTE_FRAME, .received_ns = now_ns};
-    note.frame = (struct frame){.number = ++number, .time_ns = now_ns, .count = 2};
-    note.frame.samples[0] = (struct sample){.channel = CHANNEL_SHAVER,
-                                            .kind = SAMPLE_POSE,
-                                            .time_ns = now_ns,
-                                            .T_mockup_body = {quat_identity(), tip}};
-    note.frame.samples[1] = (struct sample){
+    struct frame frame = {.number = ++number, .time_ns = now_ns, .count = 2};
+    frame.samples[0] = (struct sample){.channel = CHANNEL_SHAVER,
+                                       .kind = SAMPLE_POSE,
+                                       .time_ns = now_ns,
+                                       .T_mockup_body = {quat_identity(), tip}};
+    frame.samples[1] = (struct sample){
         .channel = CHANNEL_SHAVER, .kind = SAMPLE_HANDLE, .time_ns = now_ns, .handle = {0, 1}};
-    tell(hub, note);
+    const struct station_counts *counts = runtime_counts(sessions_runtime(sessions), 0);
+    for (;;) { // the station's room for frames may be full
+        uint64_t before = atomic_load(&counts->frames_excess);
+        runtime_frame(sessions_runtime(sessions), 0, &frame, now_ns);
+        if (atomic_load(&counts->frames_excess) == before)
+            return;
+        hall_wait_ms(1);
+    }
 }
 
-struct card hall_card(struct hub *hub) {
-    pthread_mutex_lock(&hub->card_lock);
-    struct card card = hub->seats[0].card;
-    pthread_mutex_unlock(&hub->card_lock);
-    return card;
+struct station_status hall_status(struct sessions *sessions) {
+    struct station_status status;
+    sessions_status(sessions, 0, &status);
+    return status;
 }
 
-void hall_shave(struct hub *hub) {
-    hall_shave_part(hub, 0, 1);
+struct tissue_report hall_tissues(struct sessions *sessions) {
+    struct tissue_report report;
+    runtime_tissues(sessions_runtime(sessions), 0, &report);
+    return report;
+}
+
+void hall_shave(struct sessions *sessions) {
+    hall_shave_part(sessions, 0, 1);
 }
 
 // In bursts, so that there is always more to be cut when a job is done; on a busy machine they wait
 // for every second cut.
-void hall_shave_part(struct hub *hub, double from, double to) {
+void hall_shave_part(struct sessions *sessions, double from, double to) {
     for (int i = 1 + (int)(from * FRAMES); i <= to * FRAMES; i++) {
-        hall_frame(hub, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
+        hall_frame(sessions, (vec3){-19, -14 + 28.0 * i / FRAMES, -11});
         if (i % BURST)
             continue;
         hall_wait_ms(20);
-        for (int k = 0; k < 200 && (int)hall_card(hub).tissues[0].cuts < i / BURST / 2; k++)
+        for (int k = 0; k < 200 && (int)hall_tissues(sessions).figures[0].cuts < i / BURST / 2; k++)
             hall_wait_ms(20);
     }
 }
 
 // When nothing has come for a while. Tells too early only that the mesh has another number.
-struct card hall_last_card(struct hub *hub) {
-    struct card last = hall_card(hub);
+struct tissue_report hall_last_tissues(struct sessions *sessions) {
+    struct tissue_report last = hall_tissues(sessions);
     for (int quiet = 0; quiet < 20; quiet++) {
         hall_wait_ms(20);
-        struct card now = hall_card(hub);
-        if (now.tissues[0].mesh_number != last.tissues[0].mesh_number)
+        struct tissue_report now = hall_tissues(sessions);
+        if (now.figures[0].mesh_number != last.figures[0].mesh_number)
             quiet = 0;
         last = now;
     }
     return last;
+}
+
+struct station_counts *hall_counts(struct sessions *sessions) {
+    return (struct station_counts *)runtime_counts(sessions_runtime(sessions), 0);
+}
+
+void hall_hold_commands(struct sessions *sessions) {
+    pthread_mutex_lock(&sessions->slots[0].command_lock);
+}
+
+void hall_let_commands_go(struct sessions *sessions) {
+    pthread_mutex_unlock(&sessions->slots[0].command_lock);
 }

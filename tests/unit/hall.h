@@ -1,31 +1,41 @@
-// A hub with one station that is not there: its frames come from the test, and what is sent to it
-// goes nowhere. Its knee is of boxes (unit/case_knee.h), its cases are boxes0 and boxes1.
+// Sessions with one station that is not there: what it says comes from the test, and what is sent
+// to it goes nowhere. Its knee is of boxes (unit/case_knee.h), its cases are boxes0 and boxes1.
 #pragma once
 
 #include "folder.h"
-#include "hub/seat.h"
+#include "sessions/sessions.h"
 
 extern char hall_dir[FOLDER_MAX];
 
 int hall_make(void **state); // keys and case, for a group of tests
 int hall_remove(void **state);
 
-struct hub *hall_open(void);
-void hall_join(struct hub *hub); // returns when its session runs
-void hall_leave(struct hub *hub);
+struct sessions *hall_open(void);
+// The station connects with this Hello.connection; returns what it is told.
+arthron_Welcome hall_connect(struct sessions *sessions, uint64_t connection);
+void hall_join(struct sessions *sessions); // the same; returns when its session runs
+void hall_leave(struct sessions *sessions);
 
-// About the station; a CASE is boxes1. It must succeed.
-const arthron_CommandReply *hall_command(struct hub *hub, arthron_Command_Kind kind);
+// About the station; a CASE is boxes1. hall_command must succeed.
+const arthron_CommandReply *hall_try(struct sessions *sessions, arthron_Command_Kind kind);
+const arthron_CommandReply *hall_command(struct sessions *sessions, arthron_Command_Kind kind);
 
 // A frame with a running burr at `tip`.
-void hall_frame(struct hub *hub, vec3 tip);
+void hall_frame(struct sessions *sessions, vec3 tip);
 
 // Cuts the meniscus with a running burr, from one share of its length to another.
-void hall_shave_part(struct hub *hub, double from, double to);
-void hall_shave(struct hub *hub); // from end to end
+void hall_shave_part(struct sessions *sessions, double from, double to);
+void hall_shave(struct sessions *sessions); // from end to end
 
-struct card hall_card(struct hub *hub);
+struct station_status hall_status(struct sessions *sessions);
+struct tissue_report hall_tissues(struct sessions *sessions);
 // When nothing has come for a while. Tells too early only that the mesh has another number.
-struct card hall_last_card(struct hub *hub);
+struct tissue_report hall_last_tissues(struct sessions *sessions);
+
+struct station_counts *hall_counts(struct sessions *sessions);
+
+// Between these two, commands to the station wait.
+void hall_hold_commands(struct sessions *sessions);
+void hall_let_commands_go(struct sessions *sessions);
 
 void hall_wait_ms(long ms);

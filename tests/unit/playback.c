@@ -1,7 +1,7 @@
 // Recorded sessions that are longer than what may wait for a page, and ones with steps missing, as
 // pages get them.
 #include "base/clock.h"
-#include "hub/audience.h"
+#include "live/live.h"
 #include "test.h"
 #include "unit/hall.h"
 #include "wire/live.h"
@@ -17,7 +17,7 @@
 #define STEP_NS (10 * NS_PER_MS)
 #define ID "00112233445566778899aabbccddeeff"
 
-static const struct guest instructor = {.name = "otto", .role = "instructor"};
+static const struct live_account instructor = {.name = "otto", .role = "instructor"};
 
 // ---- a trace ------------------------------------------------------------------------------------
 
@@ -40,15 +40,15 @@ static void step(uint64_t number, struct trace_record *out) {
     }
 }
 
-// gap: behind this step so many are missing, a hundred; 0: none. case_hash: 0: the hub's.
-static void record(const struct hub *hub, uint64_t gap, uint64_t case_hash) {
+// gap: behind this step so many are missing, a hundred; 0: none. case_hash: 0: the server's.
+static void record(const struct sessions *sessions, uint64_t gap, uint64_t case_hash) {
     static struct trace_record one;
     char path[sizeof hall_dir + 64];
     struct trace_writer *writer;
     struct error err;
     struct trace_header header = {.case_hash = case_hash};
     if (!case_hash)
-        header.case_hash = scene_case(hub->scenes[0])->hash;
+        header.case_hash = scene_case(sessions_scene(sessions, 0))->hash;
     header.settings = session_settings_default();
     header.optic = view_optic_usual();
     for (int i = 0; i < 16; i++)
@@ -74,7 +74,7 @@ static void record(const struct hub *hub, uint64_t gap, uint64_t case_hash) {
 // ---- pages --------------------------------------------------------------------------------------
 
 struct page {
-    struct audience *audience;
+    struct live_server *live;
     struct viewer *viewer;
     int moments, payloads, troubles;
     uint64_t last_step;
@@ -118,11 +118,11 @@ static void read_batch(struct page *page, const uint8_t *bytes, size_t size) {
 }
 
 static void draw_to_the_end(struct page *page) {
-    static uint8_t bytes[AUDIENCE_BATCH_MAX];
+    static uint8_t bytes[LIVE_BATCH_MAX];
     for (int i = 0; i < 20000 && !page->done; i++) {
         int64_t now_ns = clock_now_ns(), next_ns;
         size_t size =
-            audience_batch(page->audience, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
+            live_server_batch(page->live, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
         read_batch(page, bytes, size);
         if (!size)
             hall_wait_ms(1);
@@ -130,26 +130,26 @@ static void draw_to_the_end(struct page *page) {
     assert_true(page->done);
 }
 
-static void watch(struct page *page, struct audience *audience, const char *case_name) {
+static void watch(struct page *page, struct live_server *live, const char *case_name) {
     arthron_Page message = {.which_message = arthron_Page_watch_tag};
     arthron_Watch *w = &message.message.watch;
-    *page = (struct page){.audience = audience, .viewer = audience_join(audience, &instructor)};
+    *page = (struct page){.live = live, .viewer = live_server_join(live, &instructor)};
     w->what = arthron_Watch_What_RECORDED;
     w->rate_hz = 120;
     w->meshes = true;
     strcpy(w->session, ID);
     strcpy(w->case_name, case_name);
-    assert_true(audience_hear(audience, page->viewer, &message));
+    assert_true(live_server_take(live, page->viewer, &message));
 }
 
-static bool allow(void *user, const struct guest *guest, const char *session) {
+static bool allow(void *user, const struct live_account *guest, const char *session) {
     (void)user, (void)guest, (void)session;
     return true;
 }
 
-static struct audience *open_audience(struct hub *hub, int patience_ms) {
-    const struct audience_config config = {.allowed = allow, .patience_ms = patience_ms};
-    return audience_create(hub, &config);
+static struct live_server *open_live(struct sessions *sessions, int patience_ms) {
+    const struct live_config config = {.allowed = allow, .patience_ms = patience_ms};
+    return live_server_create(sessions, &config);
 }
 
 // ---- the tests ----------------------------------------------------------------------------------
@@ -175,33 +175,33 @@ static int settled(void) {
 
 static void what_waits_for_a_page_is_bounded_and_nothing_of_it_is_lost(void **state) {
     (void)state;
-    struct hub *hub = hall_open();
-    struct audience *audience = open_audience(hub, 0);
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, 0);
     struct page page;
-    record(hub, 0, 0);
+    record(sessions, 0, 0);
     atomic_store(&rung, 0);
-    audience_bell(audience, ring, NULL);
-    watch(&page, audience, "");
+    live_server_on_news(live, ring, NULL);
+    watch(&page, live, "");
     int waiting = settled(); // nobody draws
     draw_to_the_end(&page);
     assert_true(atomic_load(&rung) > 2 * waiting);
     assert_int_equal(page.moments, STEPS);
     assert_int_equal(page.troubles, 0);
-    audience_leave(audience, page.viewer);
-    audience_destroy(&audience);
-    hub_destroy(&hub);
+    live_server_leave(live, page.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
 }
 
 // Two are played at a time.
 static void a_page_that_takes_nothing_makes_room_for_others(void **state) {
     (void)state;
-    struct hub *hub = hall_open();
-    struct audience *audience = open_audience(hub, 100);
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, 100);
     struct page idle[2], third;
-    record(hub, 0, 0);
+    record(sessions, 0, 0);
     for (int i = 0; i < 2; i++)
-        watch(&idle[i], audience, "");
-    watch(&third, audience, "");
+        watch(&idle[i], live, "");
+    watch(&third, live, "");
     draw_to_the_end(&third);
     assert_int_equal(third.moments, STEPS);
     for (int i = 0; i < 2; i++) {
@@ -212,44 +212,44 @@ static void a_page_that_takes_nothing_makes_room_for_others(void **state) {
     assert_true(idle[0].moments < STEPS || idle[1].moments < STEPS);
     assert_true(idle[0].moments > 0 && idle[1].moments > 0);
     for (int i = 0; i < 2; i++)
-        audience_leave(audience, idle[i].viewer);
-    audience_leave(audience, third.viewer);
-    audience_destroy(&audience);
-    hub_destroy(&hub);
+        live_server_leave(live, idle[i].viewer);
+    live_server_leave(live, third.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
 }
 
 static void behind_missing_steps_moments_go_on_and_meshes_do_not(void **state) {
     (void)state;
-    struct hub *hub = hall_open();
-    struct audience *audience = open_audience(hub, 0);
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, 0);
     struct page page;
-    record(hub, 4000, 0);
-    watch(&page, audience, "");
+    record(sessions, 4000, 0);
+    watch(&page, live, "");
     draw_to_the_end(&page);
     assert_int_equal(page.troubles, 1);
     assert_non_null(strstr(page.trouble, "the meshes stay as they were"));
     assert_int_equal(page.moments, STEPS);
     assert_int_equal(page.last_step, STEPS + 100);
     assert_true(page.payloads > 0);
-    audience_leave(audience, page.viewer);
-    audience_destroy(&audience);
-    hub_destroy(&hub);
+    live_server_leave(live, page.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
 }
 
 static void on_another_case_it_ends_at_missing_steps(void **state) {
     (void)state;
-    struct hub *hub = hall_open();
-    struct audience *audience = open_audience(hub, 0);
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, 0);
     struct page page;
-    record(hub, 1000, 7);
-    watch(&page, audience, "boxes1");
+    record(sessions, 1000, 7);
+    watch(&page, live, "boxes1");
     draw_to_the_end(&page);
     assert_int_equal(page.troubles, 1);
     assert_non_null(strstr(page.trouble, "it ends here"));
     assert_int_equal(page.last_step, 1000);
-    audience_leave(audience, page.viewer);
-    audience_destroy(&audience);
-    hub_destroy(&hub);
+    live_server_leave(live, page.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
 }
 
 int main(void) {

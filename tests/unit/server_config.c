@@ -117,7 +117,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
                                  "[station a]\ncase = knee\nstart = command\ntrainee = ada\n"
                                  "optic_deg = 70\ncontact.punch = 4\n"),
                      RESULT_OK);
-    const struct hub_config *c = &config.hub;
+    const struct sessions_config *c = &config.sessions;
     assert_int_equal(c->port, 4900);
     assert_int_equal(c->workers, 3);
     assert_true(c->serve_unfit);
@@ -131,7 +131,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_int_equal(c->settings.bodies[0].point_count, 3);
     assert_float_equal(c->settings.bodies[0].points[2].radius_mm, 1, 0);
     expect_path(c->cases[0].dir, "k");
-    const struct hub_station *station = &c->stations[0];
+    const struct session_station *station = &c->stations[0];
     assert_string_equal(station->case_name, "knee");
     assert_true(station->start_by_command);
     assert_string_equal(station->trainee, "ada");

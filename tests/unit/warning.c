@@ -1,5 +1,5 @@
 // Of all that is wrong with a station, what is most urgent.
-#include "hub/warning.h"
+#include "live/warning.h"
 
 #include "test.h"
 

@@ -1,5 +1,5 @@
 // What the tests of the network share: a temporary folder with an authority, enrolled stations, and
-// a control room whose handler, in place of the hub, writes down what it is told and answers each
+// a control room whose handler, in place of the sessions, writes down what it is told and answers each
 // frame.
 #pragma once
 

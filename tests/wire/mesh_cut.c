@@ -1,7 +1,7 @@
 // Real cuts on their way to a station: after each one it has the mesh that the server cut.
 #include "cutting/bites.h"
 #include "cutting/specimens.h"
-#include "hub/tissue_delta.h"
+#include "runtime/tissue_delta.h"
 #include "net/mesh_feed.h"
 #include "test.h"
 

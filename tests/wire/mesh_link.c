@@ -14,7 +14,7 @@
 static struct doorman doorman;
 static char anna[128];
 
-// The mesh of a session, and what its one station has of it, as a hub would keep it.
+// The mesh of a session, and what its one station has of it, as a cut worker would keep it.
 static struct {
     pthread_mutex_t lock;
     struct model model;

@@ -1,0 +1,64 @@
+// Brings the commands of pages to the sessions, so that the thread of the pages waits for nothing:
+// those of one page one after the other, on a few threads, since an undo or a copy may take long.
+#include "base/check.h"
+#include "live/viewer.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+struct page_command {
+    struct live_server *live;
+    int viewer;      // index
+    uint32_t number; // of the viewer
+    char actor[64];
+    const char *refusal; // or NULL
+    arthron_Command command;
+    arthron_Live item;
+};
+
+static struct parcel *answer(struct page_command *c) {
+    c->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    arthron_CommandReply *reply = &c->item.message.command_reply;
+    if (c->refusal)
+        snprintf(reply->text, sizeof reply->text, "%s", c->refusal);
+    else
+        sessions_command(c->live->sessions, c->actor, &c->command, reply);
+    struct parcel *parcel = parcel_of(&c->item, c->number);
+    if (parcel)
+        return parcel;
+    reply->sessions_count = 0;
+    reply->resections_count = 0;
+    return parcel_of(&c->item, c->number);
+}
+
+// The ring has room for all that a page may have asked; it is full only where the page has gone.
+static int64_t run(void *data) {
+    struct page_command *c = data;
+    struct parcel *parcel = answer(c);
+    CHECK(parcel);
+    if (!ring_push(c->live->viewers[c->viewer].answers, &parcel))
+        free(parcel);
+    live_news(c->live);
+    return TASK_DONE;
+}
+
+static void finish(void *data, bool done) {
+    (void)done;
+    free(data);
+}
+
+bool command_runner_add(struct live_server *live, const struct viewer *viewer,
+                        const arthron_Command *command, const char *refusal) {
+    struct page_command *c = alloc(1, sizeof *c);
+    c->live = live;
+    c->viewer = (int)(viewer - live->viewers);
+    c->number = viewer->number;
+    c->refusal = refusal;
+    c->command = *command;
+    snprintf(c->actor, sizeof c->actor, "%s", viewer->account.name);
+    struct task task = {.key = (uint64_t)c->viewer + 1, .run = run, .finish = finish, .data = c};
+    bool added = task_pool_add(live->commands, &task);
+    if (!added)
+        free(c);
+    return added;
+}

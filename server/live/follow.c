@@ -1,0 +1,272 @@
+// What goes to the pages that follow a wall or one station: the newest only, as fast as they draw.
+#include "base/check.h"
+#include "base/clock.h"
+#include "live/viewer.h"
+#include "runtime/reply.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define REMARKS_AT_ONCE 16
+
+// Pages of the same rate are due at the same times, so that one moment serves them all.
+static int64_t next_due(const struct viewer *viewer, int64_t now_ns) {
+    return (now_ns / viewer->period_ns + 1) * viewer->period_ns;
+}
+
+// False where the batch is full.
+static bool put_moment(const struct station_cache *cache, struct sent *sent, struct batch *batch) {
+    if (!cache->item_size ||
+        (sent->session == cache->item_session && sent->step == cache->item_step))
+        return true;
+    if (!batch_put(batch, cache->item, cache->item_size))
+        return false;
+    sent->session = cache->item_session;
+    sent->step = cache->item_step;
+    return true;
+}
+
+static bool put_place(const struct station_cache *cache, struct sent *sent, struct batch *batch) {
+    if (sent->place == cache->place_number)
+        return true;
+    if (!batch_put(batch, cache->place, cache->place_size))
+        return false;
+    sent->place = cache->place_number;
+    return true;
+}
+
+// ---- the wall -----------------------------------------------------------------------------------
+
+int64_t follow_wall(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                    struct batch *batch) {
+    if (now_ns < viewer->due_ns)
+        return viewer->due_ns;
+    int count = sessions_config(a->sessions)->station_count;
+    for (int i = 0; i < count; i++) {
+        int station = (viewer->turn + i) % count;
+        struct sent *sent = &viewer->sent[station];
+        cache_refresh(a, station, now_ns, viewer->period_ns / 2);
+        cache_place(a, station, now_ns);
+        if (!put_place(&a->cache[station], sent, batch) ||
+            !put_moment(&a->cache[station], sent, batch)) {
+            viewer->turn = station;
+            return now_ns;
+        }
+    }
+    return viewer->due_ns = next_due(viewer, now_ns);
+}
+
+// ---- one station --------------------------------------------------------------------------------
+
+static void clear_sendings(struct viewer *viewer) {
+    for (int i = 0; i < TISSUES_MAX; i++)
+        mesh_payload_release(&viewer->sendings[i].payload);
+}
+
+void follow_end(struct viewer *viewer) {
+    clear_sendings(viewer);
+    if (viewer->mailbox) {
+        mailbox_leave(viewer->mailbox);
+        mailbox_release(&viewer->mailbox);
+    }
+    viewer->station = -1;
+    viewer->introduced = viewer->barred = false;
+    viewer->turn = 0;
+}
+
+static void fill_session(struct live_server *a, const struct viewer *viewer,
+                         arthron_LiveSession *out) {
+    const struct session_about *about = &a->cache[viewer->station].about;
+    const struct sessions_config *config = sessions_config(a->sessions);
+    const struct session_station *station = &config->stations[viewer->station];
+    *out = (arthron_LiveSession){.seat = (uint32_t)viewer->station,
+                                 .optic_deg = (float)station->optic.tilt_deg,
+                                 .optic_view_deg = (float)station->optic.field_deg};
+    snprintf(out->station, sizeof out->station, "%s", station->name);
+    if (!about->serial)
+        return;
+    const struct knee_case *knee = scene_case(sessions_scene(a->sessions, about->scene));
+    memcpy(out->id, about->id, sizeof out->id);
+    snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
+    snprintf(out->case_name, sizeof out->case_name, "%s", config->cases[about->scene].name);
+    memcpy(out->own_case, out->case_name, sizeof out->own_case);
+    out->case_hash = knee->hash;
+    out->start_utc_ns = about->start_utc_ns;
+    out->strength = (float)about->strength;
+}
+
+// A trainee sees the sessions that are the trainee's own.
+static bool may_see(const struct viewer *viewer, const struct session_about *about) {
+    if (is_staff(viewer))
+        return true;
+    return viewer->role == ROLE_TRAINEE && about->serial && viewer->account.trainee[0] &&
+           !strcmp(viewer->account.trainee, about->trainee);
+}
+
+// A new session, from its first step on: then its cut worker knows of it, too.
+static bool introduce(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    const struct station_cache *cache = &a->cache[viewer->station];
+    if (viewer->introduced && viewer->session == cache->about.serial)
+        return true;
+    if (!may_see(viewer, &cache->about)) {
+        if (!viewer->barred)
+            viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                           "there is no session of yours at %s",
+                           sessions_config(a->sessions)->stations[viewer->station].name);
+        viewer->barred = true;
+        return viewer->introduced = false;
+    }
+    if (cache->moment.session != cache->about.serial)
+        return viewer->introduced;
+    a->item = (arthron_Live){.which_message = arthron_Live_session_tag};
+    fill_session(a, viewer, &a->item.message.session);
+    if (!batch_say(batch, &a->item))
+        return false;
+    clear_sendings(viewer);
+    viewer->introduced = true;
+    viewer->barred = false;
+    viewer->session = cache->about.serial;
+    viewer->remarks = 0;
+    memset(viewer->remarked, 0, sizeof viewer->remarked);
+    viewer->metrics_ns = 0;
+    memset(viewer->resected, 0, sizeof viewer->resected);
+    return true;
+}
+
+static void put_remarks(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    struct kept_remark remarks[REMARKS_AT_ONCE];
+    uint64_t revision;
+    int count;
+    bool all = sessions_remarks(a->sessions, viewer->station, viewer->session, viewer->remarks,
+                                viewer->remarked, remarks, REMARKS_AT_ONCE, &count, &revision);
+    for (int i = 0; i < count; i++) {
+        a->item = (arthron_Live){.which_message = arthron_Live_remark_tag};
+        remark_to_wire(&remarks[i].remark, a->cache[viewer->station].about.start_ns,
+                       &a->item.message.remark);
+        if (!batch_say(batch, &a->item))
+            return;
+        viewer->remarked[remarks[i].remark.number - 1] = remarks[i].revision;
+    }
+    if (all)
+        viewer->remarks = revision;
+    else
+        batch->full = true;
+}
+
+// ---- resections ---------------------------------------------------------------------------------
+
+static bool is_told(const struct viewer *viewer, int tissue, const struct tissue_figures *f) {
+    const struct tissue_figures *told = &viewer->figures[tissue];
+    return viewer->resected[tissue] && told->mesh_number == f->mesh_number &&
+           told->refused == f->refused;
+}
+
+static void put_resections(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    const struct scene *scene = sessions_scene(a->sessions, a->cache[viewer->station].about.scene);
+    struct tissue_report report;
+    runtime_tissues(sessions_runtime(a->sessions), viewer->station, &report);
+    bool there = report.session == viewer->session;
+    for (int i = 0; there && i < scene_tissue_count(scene); i++) {
+        if (is_told(viewer, i, &report.figures[i]))
+            continue;
+        a->item = (arthron_Live){.which_message = arthron_Live_resection_tag};
+        reply_resection(&report.figures[i],
+                        scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
+                        report.mesh_hashes[i], &a->item.message.resection);
+        if (!batch_say(batch, &a->item))
+            return;
+        viewer->resected[i] = true;
+        viewer->figures[i] = report.figures[i];
+    }
+}
+
+// ---- meshes -------------------------------------------------------------------------------------
+
+static void take_payloads(struct viewer *viewer) {
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        uint64_t session;
+        struct mesh_payload *payload = mailbox_take(viewer->mailbox, i, &session);
+        if (payload && session == viewer->session) {
+            mesh_payload_release(&viewer->sendings[i].payload);
+            viewer->sendings[i] = (struct sending){payload, 0};
+        } else {
+            mesh_payload_release(&payload);
+        }
+    }
+}
+
+// One chunk in a batch, so that what moves does not wait for what is large. True: more is to come.
+static bool put_chunk(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    take_payloads(viewer);
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        struct sending *sending = &viewer->sendings[i];
+        if (!sending->payload)
+            continue;
+        if (!chunk_say(sending->payload, sending->index, &a->chunk, batch))
+            return true;
+        if (++sending->index == chunk_count(sending->payload))
+            mesh_payload_release(&sending->payload);
+        break;
+    }
+    for (int i = 0; i < TISSUES_MAX; i++)
+        if (viewer->sendings[i].payload)
+            return true;
+    return false;
+}
+
+bool follow_meshes(struct live_server *a, struct viewer *viewer, const arthron_Page *message) {
+    if (!viewer->mailbox || !viewer->introduced)
+        return true;
+    struct mesh_request request = {.station = viewer->station,
+                                   .session = viewer->session,
+                                   .asks = message->which_message == arthron_Page_mesh_ask_tag};
+    if (request.asks)
+        request.ask = message->message.mesh_ask;
+    else
+        request.ack = message->message.mesh_ack;
+    request.mailbox = mailbox_hold(viewer->mailbox);
+    if (runtime_mesh_request(sessions_runtime(a->sessions), &request))
+        return true;
+    mailbox_release(&request.mailbox);
+    return false;
+}
+
+// ---- all of one station -------------------------------------------------------------------------
+
+static void put_metrics(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                        struct batch *batch) {
+    struct station_cache *cache = &a->cache[viewer->station];
+    cache_metrics(a, viewer->station, now_ns);
+    if (viewer->metrics_ns == cache->metrics_ns || cache->metrics_of != viewer->session)
+        return;
+    if (batch_put(batch, cache->metrics, cache->metrics_size))
+        viewer->metrics_ns = cache->metrics_ns;
+}
+
+static void put_what_moves(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                           struct batch *batch) {
+    struct sent *sent = &viewer->sent[viewer->station];
+    const struct station_cache *cache = &a->cache[viewer->station];
+    put_remarks(a, viewer, batch);
+    put_resections(a, viewer, batch);
+    put_moment(cache, sent, batch);
+    put_metrics(a, viewer, now_ns, batch);
+}
+
+int64_t follow_station(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                       struct batch *batch) {
+    const struct station_cache *cache = &a->cache[viewer->station];
+    if (now_ns >= viewer->due_ns) {
+        cache_refresh(a, viewer->station, now_ns, viewer->period_ns / 2);
+        cache_place(a, viewer->station, now_ns);
+        bool introduced = introduce(a, viewer, batch);
+        if (is_staff(viewer))
+            put_place(cache, &viewer->sent[viewer->station], batch);
+        if (introduced && viewer->session)
+            put_what_moves(a, viewer, now_ns, batch);
+        if (!batch->full)
+            viewer->due_ns = next_due(viewer, now_ns);
+    }
+    bool more = viewer->introduced && viewer->mailbox && put_chunk(a, viewer, batch);
+    return more ? now_ns : viewer->due_ns;
+}

@@ -1,0 +1,354 @@
+#include "live/live.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "live/playback.h"
+#include "live/viewer.h"
+#include "sessions/fork.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define IDLE_NS NS_PER_S
+
+// ---- batches ------------------------------------------------------------------------------------
+
+bool batch_put(struct batch *b, const void *items, size_t size) {
+    if (size > b->size - b->used) {
+        b->full = true;
+        return false;
+    }
+    memcpy(b->bytes + b->used, items, size);
+    b->used += size;
+    return true;
+}
+
+bool batch_say(struct batch *b, const arthron_Live *item) {
+    size_t used;
+    if (live_encode(item, b->bytes + b->used, b->size - b->used, &used) != RESULT_OK) {
+        b->full = true;
+        return false;
+    }
+    b->used += used;
+    return true;
+}
+
+uint32_t chunk_count(const struct mesh_payload *payload) {
+    return (uint32_t)((payload->size + WIRE_CHUNK_DATA - 1) / WIRE_CHUNK_DATA);
+}
+
+bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
+               struct batch *b) {
+    size_t at = (size_t)index * WIRE_CHUNK_DATA, left = payload->size - at, used;
+    chunk->base = payload->base;
+    chunk->number = payload->number;
+    chunk->size = (uint32_t)payload->size;
+    chunk->hash = payload->hash;
+    chunk->index = index;
+    chunk->data.size = (pb_size_t)(left < WIRE_CHUNK_DATA ? left : WIRE_CHUNK_DATA);
+    memcpy(chunk->group, payload->group, sizeof chunk->group);
+    memcpy(chunk->data.bytes, payload->bytes + at, chunk->data.size);
+    if (live_encode_chunk(chunk, b->bytes + b->used, b->size - b->used, &used) != RESULT_OK) {
+        b->full = true;
+        return false;
+    }
+    b->used += used;
+    return true;
+}
+
+struct parcel *parcel_of(const arthron_Live *item, uint32_t account) {
+    struct parcel *parcel = alloc(1, sizeof *parcel + LIVE_ITEM_MAX);
+    parcel->account = account;
+    if (live_encode(item, parcel->bytes, LIVE_BATCH_MAX, &parcel->size) != RESULT_OK) {
+        free(parcel);
+        return NULL;
+    }
+    return alloc_resize(parcel, 1, sizeof *parcel + parcel->size);
+}
+
+// ---- viewers ------------------------------------------------------------------------------------
+
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...) {
+    va_list args;
+    viewer->trouble_kind = kind;
+    va_start(args, format);
+    vsnprintf(viewer->trouble, sizeof viewer->trouble, format, args);
+    va_end(args);
+}
+
+// For whoever had the place before.
+static void drop_answers(struct viewer *viewer) {
+    struct parcel *parcel;
+    while (ring_pop(viewer->answers, &parcel))
+        free(parcel);
+}
+
+struct viewer *live_server_join(struct live_server *a, const struct live_account *account) {
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
+        struct viewer *viewer = &a->viewers[i];
+        if (viewer->used)
+            continue;
+        drop_answers(viewer);
+        *viewer = (struct viewer){.used = true,
+                                  .number = ++a->numbers,
+                                  .account = *account,
+                                  .role = ROLE_COUNT,
+                                  .answers = viewer->answers,
+                                  .station = -1};
+        store_role_from_name(account->role, &viewer->role);
+        return viewer;
+    }
+    return NULL;
+}
+
+static void look_away(struct viewer *viewer) {
+    follow_end(viewer);
+    if (viewer->playback)
+        playback_leave(&viewer->playback);
+}
+
+void live_server_leave(struct live_server *a, struct viewer *viewer) {
+    (void)a;
+    look_away(viewer);
+    viewer->used = false;
+}
+
+// ---- what a page says ---------------------------------------------------------------------------
+
+static bool watch_station(struct live_server *a, struct viewer *viewer) {
+    const arthron_Watch *watch = &viewer->watch;
+    int watching = 0;
+    viewer->station = sessions_find_station(sessions_config(a->sessions), watch->station);
+    if (viewer->station < 0) {
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                       "there is no station %s in the server's config", watch->station);
+        return false;
+    }
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
+        watching +=
+            a->viewers[i].used && a->viewers[i].mailbox && a->viewers[i].station == viewer->station;
+    if (watch->meshes && watching >= MESH_SUBSCRIBERS_MAX)
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
+                       "%d pages follow the meshes of %s already: this one gets none",
+                       MESH_SUBSCRIBERS_MAX, watch->station);
+    else if (watch->meshes)
+        viewer->mailbox = mailbox_create(live_news, a);
+    return true;
+}
+
+static bool watch_recorded(struct live_server *a, struct viewer *viewer) {
+    viewer->playback = playback_create(a, viewer);
+    if (playback_start(viewer->playback))
+        return true;
+    playback_leave(&viewer->playback);
+    viewer_trouble(viewer, arthron_Trouble_Kind_FAILED,
+                   "the server is too busy to play a recorded session");
+    return false;
+}
+
+static void take_watch(struct live_server *a, struct viewer *viewer, const arthron_Watch *watch) {
+    look_away(viewer);
+    viewer->watch = *watch;
+    viewer->period_ns = snapshot_period_ns(watch);
+    viewer->due_ns = 0;
+    memset(viewer->sent, 0, sizeof viewer->sent);
+    bool good = true;
+    if (watch->what == arthron_Watch_What_WALL && !is_staff(viewer)) {
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
+                       "the wall is for instructors and technicians");
+        good = false;
+    } else if (watch->what == arthron_Watch_What_STATION) {
+        good = watch_station(a, viewer);
+    } else if (watch->what == arthron_Watch_What_RECORDED) {
+        good = watch_recorded(a, viewer);
+    }
+    if (!good)
+        viewer->watch.what = arthron_Watch_What_NOTHING;
+}
+
+// A path is for those who may use the server's socket: who asks on a page has no files here.
+static const char *refusal_of(enum store_role role, const arthron_Command *command) {
+    arthron_Command_Kind kind = command->kind;
+    bool looks = kind == arthron_Command_Kind_LIST || kind == arthron_Command_Kind_SHOW;
+    if (role == ROLE_INSTRUCTOR && kind == arthron_Command_Kind_COPY && !fork_is_id(command->from))
+        return "a session is copied by its id";
+    if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks))
+        return NULL;
+    return looks ? "that is for instructors and technicians" : "that is for instructors";
+}
+
+// Replies come in order: once one command is refused for want of room, those behind it are too,
+// until that was told.
+static void take_command(struct live_server *a, struct viewer *viewer,
+                         const arthron_Command *command) {
+    if (viewer->asked < ASKED_MAX && !viewer->refused &&
+        command_runner_add(a, viewer, command, refusal_of(viewer->role, command)))
+        viewer->asked++;
+    else
+        viewer->refused++;
+}
+
+bool live_server_take(struct live_server *a, struct viewer *viewer, const arthron_Page *message) {
+    switch (message->which_message) {
+    case arthron_Page_watch_tag:
+        take_watch(a, viewer, &message->message.watch);
+        return true;
+    case arthron_Page_command_tag:
+        take_command(a, viewer, &message->message.command);
+        return true;
+    case arthron_Page_mesh_ask_tag:
+    case arthron_Page_mesh_ack_tag:
+        return follow_meshes(a, viewer, message);
+    default:
+        return true;
+    }
+}
+
+// ---- what it is told ----------------------------------------------------------------------------
+
+static void tell_trouble(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    if (!viewer->trouble[0])
+        return;
+    a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    memcpy(a->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
+    a->item.message.trouble.kind = viewer->trouble_kind;
+    bool told = batch_say(batch, &a->item);
+    if (told && viewer->trouble_kind == arthron_Trouble_Kind_FAILED) { // of a record
+        a->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
+        a->item.message.progress.done = true;
+        told = batch_say(batch, &a->item);
+    }
+    if (told)
+        viewer->trouble[0] = '\0';
+}
+
+// Each that is left in the ring fits a batch that is empty.
+static void tell_answers(struct viewer *viewer, struct batch *batch) {
+    struct parcel *parcel;
+    while (!batch->full && ring_count(viewer->answers)) {
+        if (batch->used > batch->size / 8) { // it may be a long one
+            batch->full = true;
+            return;
+        }
+        ring_pop(viewer->answers, &parcel);
+        if (parcel->account == viewer->number) {
+            if (!batch_put(batch, parcel->bytes, parcel->size))
+                viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, "the answer was too long");
+            viewer->asked--;
+        }
+        free(parcel);
+    }
+}
+
+// Behind the replies to all that were taken.
+static void tell_refusals(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+    a->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    snprintf(a->item.message.command_reply.text, sizeof a->item.message.command_reply.text,
+             "%d commands of this page are waiting: send this one again later", ASKED_MAX);
+    while (!viewer->asked && viewer->refused && batch_say(batch, &a->item))
+        viewer->refused--;
+}
+
+// Who looks at what stands still knows so that the server is there.
+static void tell_beat(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                      struct batch *batch) {
+    if (!batch->used && now_ns - viewer->told_ns >= IDLE_NS) {
+        a->item = (arthron_Live){.which_message = arthron_Live_beat_tag};
+        batch_say(batch, &a->item);
+    }
+    if (batch->used)
+        viewer->told_ns = now_ns;
+}
+
+static int64_t tell_view(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+                         struct batch *batch) {
+    switch (viewer->watch.what) {
+    case arthron_Watch_What_WALL:
+        return follow_wall(a, viewer, now_ns, batch);
+    case arthron_Watch_What_STATION:
+        return follow_station(a, viewer, now_ns, batch);
+    case arthron_Watch_What_RECORDED:
+        playback_batch(viewer->playback, batch);
+        return now_ns + IDLE_NS;
+    default:
+        return now_ns + IDLE_NS;
+    }
+}
+
+size_t live_server_batch(struct live_server *a, struct viewer *viewer, int64_t now_ns, uint8_t *out,
+                         size_t size, int64_t *out_next_ns) {
+    CHECK(size >= LIVE_BATCH_MAX);
+    struct batch batch = {out, size, 0, false};
+    tell_answers(viewer, &batch);
+    tell_refusals(a, viewer, &batch);
+    tell_trouble(a, viewer, &batch);
+    *out_next_ns = now_ns + IDLE_NS;
+    if (!batch.full)
+        *out_next_ns = tell_view(a, viewer, now_ns, &batch);
+    tell_trouble(a, viewer, &batch); // that the view has come upon
+    tell_beat(a, viewer, now_ns, &batch);
+    if (batch.full || viewer->trouble[0])
+        *out_next_ns = now_ns;
+    return batch.used;
+}
+
+// ---- begin and end ------------------------------------------------------------------------------
+
+#define COMMAND_THREADS 4
+#define PLAYBACK_NICE 15 // behind workers, cuts and commands
+
+struct live_server *live_server_create(struct sessions *sessions,
+                                       const struct live_config *config) {
+    struct live_server *a = alloc(1, sizeof *a);
+    struct task_pool_settings commands = {.threads = COMMAND_THREADS,
+                                          .tasks_max = LIVE_VIEWERS_MAX * 2 * ASKED_MAX};
+    struct task_pool_settings playbacks = {
+        .threads = PLAYBACK_THREADS, .tasks_max = LIVE_VIEWERS_MAX, .nice = PLAYBACK_NICE};
+    a->sessions = sessions;
+    a->config = *config;
+    pthread_rwlock_init(&a->news_lock, NULL);
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
+        a->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
+    a->commands = task_pool_create(&commands);
+    a->playbacks = task_pool_create(&playbacks);
+    return a;
+}
+
+// All viewers have left, so what is played ends by itself.
+void live_server_destroy(struct live_server **live) {
+    struct live_server *a = *live;
+    if (!a)
+        return;
+    live_server_on_news(a, NULL, NULL);
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
+        if (a->viewers[i].used)
+            live_server_leave(a, &a->viewers[i]);
+    task_pool_destroy(&a->commands);
+    task_pool_destroy(&a->playbacks);
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
+        drop_answers(&a->viewers[i]);
+        ring_destroy(&a->viewers[i].answers);
+    }
+    for (int i = 0; i < STATIONS_MAX; i++)
+        free(a->cache[i].metrics);
+    pthread_rwlock_destroy(&a->news_lock);
+    free(a);
+    *live = NULL;
+}
+
+void live_server_on_news(struct live_server *a, void (*on_news)(void *user), void *user) {
+    pthread_rwlock_wrlock(&a->news_lock);
+    a->on_news = on_news;
+    a->news_user = user;
+    pthread_rwlock_unlock(&a->news_lock);
+}
+
+void live_news(void *live) {
+    struct live_server *a = live;
+    pthread_rwlock_rdlock(&a->news_lock);
+    if (a->on_news)
+        a->on_news(a->news_user);
+    pthread_rwlock_unlock(&a->news_lock);
+}

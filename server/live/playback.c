@@ -1,0 +1,221 @@
+#include "live/playback.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "live/replay_stream.h"
+
+#include <errno.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PARCEL_SIZE 16384          // so that a batch always has room for the next one, chunks apart
+#define WAITING_MAX (size_t)524288 // bytes that wait for the page
+#define PARCELS_MAX 1024
+#define PATIENCE_MS 30000
+
+struct playback {
+    atomic_int references;
+    struct live_server *live;
+    struct live_account account;
+    arthron_Watch watch;
+    atomic_bool left;
+    struct ring *parcels; // of struct parcel *, to the thread of the pages
+    struct parcel *next;  // that thread's: taken, and not put in a batch yet
+    atomic_size_t waiting;
+    sem_t taken; // posted where the page took something
+    // The thread's own; before it starts, the pages'.
+    arthron_Live item;
+    arthron_MeshChunk chunk;
+    uint8_t bytes[LIVE_ITEM_MAX];
+    struct batch batch;
+    bool last;
+};
+
+// ---- references ---------------------------------------------------------------------------------
+
+struct playback *playback_create(struct live_server *live, const struct viewer *viewer) {
+    struct playback *p = alloc(1, sizeof *p);
+    atomic_init(&p->references, 1);
+    p->live = live;
+    p->account = viewer->account;
+    p->watch = viewer->watch;
+    p->parcels = ring_create(PARCELS_MAX, sizeof(struct parcel *));
+    p->batch = (struct batch){p->bytes, sizeof p->bytes, 0, false};
+    sem_init(&p->taken, 0, 0);
+    return p;
+}
+
+static struct playback *hold(struct playback *p) {
+    atomic_fetch_add(&p->references, 1);
+    return p;
+}
+
+static void release(struct playback **playback) {
+    struct playback *p = *playback;
+    *playback = NULL;
+    if (atomic_fetch_sub(&p->references, 1) > 1)
+        return;
+    struct parcel *parcel;
+    while (ring_pop(p->parcels, &parcel))
+        free(parcel);
+    free(p->next);
+    ring_destroy(&p->parcels);
+    sem_destroy(&p->taken);
+    free(p);
+}
+
+void playback_leave(struct playback **playback) {
+    atomic_store(&(*playback)->left, true);
+    sem_post(&(*playback)->taken);
+    release(playback);
+}
+
+// ---- to the page --------------------------------------------------------------------------------
+
+void playback_batch(struct playback *p, struct batch *batch) {
+    while (p->next || ring_pop(p->parcels, &p->next)) {
+        if (!batch_put(batch, p->next->bytes, p->next->size))
+            return;
+        atomic_fetch_sub(&p->waiting, p->next->size);
+        free(p->next);
+        p->next = NULL;
+        sem_post(&p->taken);
+    }
+}
+
+// False where the page has gone, or keeps others waiting.
+static bool wait_for_page(struct playback *p, size_t size) {
+    int patience_ms = p->live->config.patience_ms;
+    int64_t begin_ns = clock_now_ns();
+    int64_t patience_ns = (patience_ms ? patience_ms : PATIENCE_MS) * NS_PER_MS;
+    size_t before = atomic_load(&p->waiting);
+    while (!p->last && !atomic_load(&p->left) && atomic_load(&p->waiting) + size > WAITING_MAX) {
+        int64_t until_ns = clock_now_ns() + NS_PER_S;
+        struct timespec until = {until_ns / NS_PER_S, until_ns % NS_PER_S};
+        sem_clockwait(&p->taken, CLOCK_MONOTONIC, &until);
+        if (atomic_load(&p->waiting) != before)
+            begin_ns = clock_now_ns();
+        before = atomic_load(&p->waiting);
+        if (atomic_load(&p->live->playbacks_waiting) && clock_now_ns() - begin_ns > patience_ns)
+            return false;
+    }
+    return !atomic_load(&p->left);
+}
+
+static bool send(struct playback *p) {
+    if (!p->batch.used)
+        return true;
+    if (!wait_for_page(p, p->batch.used))
+        return false;
+    struct parcel *parcel = alloc(1, sizeof *parcel + p->batch.used);
+    parcel->size = p->batch.used;
+    memcpy(parcel->bytes, p->bytes, p->batch.used);
+    p->batch.used = 0;
+    atomic_fetch_add(&p->waiting, parcel->size);
+    while (!ring_push(p->parcels, &parcel)) {
+        if (atomic_load(&p->left)) {
+            free(parcel);
+            return false;
+        }
+        sched_yield();
+    }
+    live_news(p->live);
+    return true;
+}
+
+static bool say(void *user, const arthron_Live *item) {
+    struct playback *p = user;
+    if (!batch_say(&p->batch, item) && (!send(p) || !batch_say(&p->batch, item)))
+        return false;
+    bool is_progress = item->which_message == arthron_Live_progress_tag;
+    if (is_progress || p->batch.used >= PARCEL_SIZE)
+        return send(p);
+    return !atomic_load(&p->left);
+}
+
+static bool say_mesh(void *user, const struct mesh_payload *payload) {
+    struct playback *p = user;
+    for (uint32_t i = 0; i < chunk_count(payload); i++) {
+        if (!send(p) || !chunk_say(payload, i, &p->chunk, &p->batch))
+            return false;
+    }
+    return send(p);
+}
+
+static void tell(struct playback *p, arthron_Trouble_Kind kind, const char *trouble) {
+    p->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    p->item.message.trouble.kind = kind;
+    snprintf(p->item.message.trouble.text, sizeof p->item.message.trouble.text, "%.255s", trouble);
+    if (say(p, &p->item))
+        send(p);
+}
+
+static void fail_with(struct playback *p, arthron_Trouble_Kind kind, const char *why) {
+    tell(p, kind, why);
+    p->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
+    p->item.message.progress.done = true;
+    say(p, &p->item);
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+static enum result play(struct playback *p, struct error *err) {
+    const struct live_config *config = &p->live->config;
+    if (!config->allowed || !config->allowed(config->user, &p->account, p->watch.session))
+        return fail(err, RESULT_REFUSED, "there is no session %s that you may see",
+                    p->watch.session);
+    struct replay_sink sink = {p, say, say_mesh, &p->item};
+    return replay_stream_run(p->live->sessions, &p->watch, &sink, err);
+}
+
+// The last word needs no room.
+static void give_up(struct playback *p) {
+    p->batch.used = 0;
+    p->last = true;
+    fail_with(p, arthron_Trouble_Kind_FAILED,
+              "this page took nothing for long, and others wait: open it again");
+}
+
+static int64_t run(void *data) {
+    struct playback *p = data;
+    struct error err;
+    atomic_fetch_sub(&p->live->playbacks_waiting, 1);
+    if (atomic_load(&p->left))
+        return TASK_DONE;
+    enum result result = play(p, &err);
+    if (result == RESULT_REFUSED)
+        fail_with(p, arthron_Trouble_Kind_NOT_THERE, err.text);
+    else if (result != RESULT_OK && result != RESULT_CLOSED)
+        fail_with(p, arthron_Trouble_Kind_FAILED, error_without_folder(err.text));
+    else if (result == RESULT_OK)
+        send(p);
+    else
+        give_up(p);
+    return TASK_DONE;
+}
+
+static void finish(void *data, bool done) {
+    struct playback *p = data;
+    if (!done)
+        atomic_fetch_sub(&p->live->playbacks_waiting, 1);
+    atomic_fetch_sub(&p->live->playbacks_left, 1);
+    release(&p);
+}
+
+bool playback_start(struct playback *p) {
+    struct task task = {.run = run, .finish = finish, .data = hold(p)};
+    if (atomic_fetch_add(&p->live->playbacks_left, 1) >= PLAYBACK_THREADS)
+        tell(p, arthron_Trouble_Kind_NOTE,
+             "other recorded sessions are being played: this one waits");
+    atomic_fetch_add(&p->live->playbacks_waiting, 1);
+    if (task_pool_add(p->live->playbacks, &task))
+        return true;
+    atomic_fetch_sub(&p->live->playbacks_waiting, 1);
+    atomic_fetch_sub(&p->live->playbacks_left, 1);
+    struct playback *held = task.data;
+    release(&held);
+    return false;
+}

@@ -1,0 +1,369 @@
+#include "live/replay_stream.h"
+
+#include "base/check.h"
+#include "runtime/reply.h"
+#include "runtime/tissue_delta.h"
+#include "store/store.h"
+#include "trace/rerun.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+struct replay {
+    struct sessions *sessions;
+    const arthron_Watch *watch;
+    const struct replay_sink *sink;
+    bool gone; // the sink
+    struct trace_reader *reader;
+    struct trace_header header;
+    const struct scene *scene;
+    const char *case_name;
+    uint32_t station; // of its station, where that is still one of the server's; else 0
+    bool own_case;
+    bool gap;            // steps are missing: what is run again would be another session
+    struct rerun *rerun; // NULL: nothing has to be
+    struct snapshot_maker moments;
+    int64_t due_ns, period_ns;
+    struct mesh_feed *feeds[TISSUES_MAX];
+    struct mesh_cursor cursors[TISSUES_MAX];
+    bool shows_meshes; // from the first step on
+    bool landed;       // something did at this step: its moment is cache whatever the rate
+    struct metrics metrics;
+    int progress; // in hundredths
+};
+
+// ---- which --------------------------------------------------------------------------------------
+
+// One that cannot be read is, by its name: what is wrong with it is told when it is cache.
+static bool is_of(const char *path, const char *session) {
+    struct trace_reader *reader;
+    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
+        return access(path, F_OK) == 0;
+    struct trace_header header = *trace_reader_header(reader);
+    trace_reader_destroy(&reader);
+    char id[STORE_ID_MAX];
+    for (int i = 0; i < 16; i++)
+        snprintf(id + 2 * i, 3, "%02x", header.session_id[i]);
+    return !strcmp(id, session);
+}
+
+// Its name ends with the first digits of its id.
+static bool find_in_folder(const char *dir, const char *session, char out_path[SESSIONS_PATH_MAX]) {
+    char end[32];
+    snprintf(end, sizeof end, "-%.8s.trace", session);
+    DIR *folder = opendir(dir);
+    bool found = false;
+    for (struct dirent *entry; folder && !found && (entry = readdir(folder));) {
+        size_t length = strlen(entry->d_name), last = strlen(end);
+        if (length < last || strcmp(entry->d_name + length - last, end) != 0)
+            continue;
+        found = snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s", dir, entry->d_name) <
+                    SESSIONS_PATH_MAX &&
+                is_of(out_path, session);
+    }
+    if (folder)
+        closedir(folder);
+    return found;
+}
+
+static void take_trace(void *user, const struct store_cell *cells, int count) {
+    for (int i = 0; i < count; i++)
+        if (!strcmp(cells[i].column, "trace") && cells[i].kind == STORE_TEXT)
+            snprintf(user, SESSIONS_PATH_MAX, "%s", cells[i].text);
+}
+
+static bool find_in_records(const char *records, const char *session,
+                            char out_path[SESSIONS_PATH_MAX]) {
+    struct store *store;
+    out_path[0] = '\0';
+    if (!records[0] || store_open(records, STORE_THERE, "server", &store, NULL) != RESULT_OK)
+        return false;
+    store_rows(store, LIST_SESSIONS, session, take_trace, out_path, NULL);
+    store_close(&store);
+    return out_path[0] && is_of(out_path, session);
+}
+
+static enum result find_trace(const struct sessions *sessions, const char *session,
+                              char out_path[SESSIONS_PATH_MAX], struct error *err) {
+    if (strlen(session) != STORE_ID_MAX - 1 ||
+        strspn(session, "0123456789abcdef") != STORE_ID_MAX - 1)
+        return fail(err, RESULT_INVALID, "%s is no session's id", session);
+    if (find_in_folder(sessions_config(sessions)->traces_dir, session, out_path) ||
+        find_in_records(sessions_config(sessions)->records, session, out_path))
+        return RESULT_OK;
+    return fail(err, RESULT_MISSING, "the trace of session %s is not there", session);
+}
+
+static enum result find_case(struct replay *f, struct error *err) {
+    const struct sessions_config *config = sessions_config(f->sessions);
+    const char *wanted = f->watch->case_name;
+    int own = -1, index = -1;
+    for (int i = config->case_count - 1; i >= 0; i--)
+        if (scene_case(sessions_scene(f->sessions, i))->hash == f->header.case_hash)
+            own = i;
+    index = wanted[0] ? sessions_find_case(config, wanted) : own;
+    f->own_case =
+        index >= 0 && scene_case(sessions_scene(f->sessions, index))->hash == f->header.case_hash;
+    if (index < 0 && wanted[0])
+        return fail(err, RESULT_MISSING, "there is no case %s", wanted);
+    if (index < 0)
+        return fail(err, RESULT_MISSING, "this server has not the session's case %s",
+                    f->header.case_name);
+    f->scene = sessions_scene(f->sessions, index);
+    f->case_name = config->cases[index].name;
+    return RESULT_OK;
+}
+
+// ---- to the sink ------------------------------------------------------------------------------
+
+static arthron_Live *begin_item(struct replay *f, pb_size_t kind) {
+    *f->sink->item = (arthron_Live){.which_message = kind};
+    return f->sink->item;
+}
+
+static void say(struct replay *f) {
+    f->gone = f->gone || !f->sink->say(f->sink->user, f->sink->item);
+}
+
+static void say_session(struct replay *f, const char *path) {
+    arthron_LiveSession *out = &begin_item(f, arthron_Live_session_tag)->message.session;
+    int64_t last_ns;
+    out->seat = f->station;
+    out->recorded = true;
+    memcpy(out->id, f->header.session_id, sizeof out->id);
+    snprintf(out->station, sizeof out->station, "%s", f->header.station);
+    snprintf(out->trainee, sizeof out->trainee, "%s", f->header.trainee);
+    snprintf(out->case_name, sizeof out->case_name, "%s", f->case_name);
+    snprintf(out->own_case, sizeof out->own_case, "%s",
+             f->own_case ? f->case_name : f->header.case_name);
+    out->case_hash = scene_case(f->scene)->hash;
+    out->start_utc_ns = f->header.start_utc_ns;
+    out->strength = (float)f->header.settings.field.strength;
+    out->optic_deg = (float)f->header.optic.tilt_deg;
+    out->optic_view_deg = (float)f->header.optic.field_deg;
+    if (trace_last_time(path, &last_ns, NULL) == RESULT_OK)
+        out->length_ns = last_ns - f->header.start_ns;
+    say(f);
+}
+
+static void say_trouble(struct replay *f, arthron_Trouble_Kind kind, const char *text) {
+    arthron_Trouble *out = &begin_item(f, arthron_Live_trouble_tag)->message.trouble;
+    out->kind = kind;
+    snprintf(out->text, sizeof out->text, "%.255s", text);
+    say(f);
+}
+
+static void say_moment(struct replay *f, bool whatever) {
+    const struct step_snapshot *now = &f->moments.now;
+    if (!whatever && now->since_ns < f->due_ns)
+        return;
+    f->due_ns = (now->since_ns / f->period_ns + 1) * f->period_ns;
+    snapshot_to_wire(now, f->station, &begin_item(f, arthron_Live_moment_tag)->message.moment);
+    say(f);
+}
+
+static void say_progress(struct replay *f, bool done) {
+    double size = (double)trace_reader_size(f->reader);
+    double share = done || size <= 0 ? 1 : (double)trace_reader_offset(f->reader) / size;
+    share = share > 1 ? 1 : share;
+    if (!done && (int)(100 * share) == f->progress)
+        return;
+    f->progress = (int)(100 * share);
+    arthron_ReplayProgress *out = &begin_item(f, arthron_Live_progress_tag)->message.progress;
+    *out = (arthron_ReplayProgress){(float)share, done};
+    say(f);
+}
+
+static void say_resection(struct replay *f, int tissue, const struct tissue_figures *figures) {
+    const struct mesh_feed *feed = f->feeds[tissue];
+    int group = scene_tissue_group(f->scene, tissue);
+    reply_resection(figures, scene_case(f->scene)->groups[group].name,
+                    feed ? mesh_feed_tissue(feed)->hash : 0,
+                    &begin_item(f, arthron_Live_resection_tag)->message.resection);
+    say(f);
+}
+
+// ---- meshes -------------------------------------------------------------------------------------
+
+// The page has whatever it was sent: nothing is lost on a page's connection.
+static void say_mesh(struct replay *f, int tissue) {
+    struct mesh_payload *payload;
+    while (!f->gone && (payload = mesh_feed_next(f->feeds[tissue], &f->cursors[tissue]))) {
+        const struct tissue *now = mesh_feed_tissue(f->feeds[tissue]);
+        arthron_MeshState ack = {.number = now->number, .hash = now->hash};
+        f->gone = !f->sink->say_mesh(f->sink->user, payload);
+        mesh_cursor_ack(&f->cursors[tissue], &ack);
+        mesh_payload_release(&payload);
+    }
+}
+
+static void say_first_meshes(struct replay *f) {
+    const struct operation *operation = rerun_operation(f->rerun);
+    f->shows_meshes = true;
+    for (int i = 0; i < scene_tissue_count(f->scene) && !f->gone; i++) {
+        const struct tissue_figures *figures = operation_figures(operation, i);
+        int group = scene_tissue_group(f->scene, i);
+        struct mesh_delta whole;
+        tissue_delta_whole(operation_mesh(operation, i), &whole);
+        whole.number = figures->mesh_number;
+        f->cursors[i].asked = true;
+        if (mesh_feed_create(scene_case(f->scene)->groups[group].name, &whole, &f->feeds[i],
+                             NULL) == RESULT_OK)
+            say_mesh(f, i);
+        mesh_delta_fini(&whole);
+        say_resection(f, i, figures);
+    }
+}
+
+static void push_change(struct replay *f, const struct job_result *result) {
+    struct mesh_feed **feed = &f->feeds[result->tissue];
+    const struct cut_mesh *mesh = operation_mesh(rerun_operation(f->rerun), result->tissue);
+    struct mesh_delta delta;
+    if (!*feed || mesh_feed_tissue(*feed)->number == result->figures.mesh_number)
+        return;
+    if (result->change.made_count)
+        tissue_delta_of_change(mesh, &result->change, &delta);
+    else
+        tissue_delta_between(mesh_feed_tissue(*feed), mesh, &delta);
+    if (mesh_feed_push(*feed, &delta, NULL) == RESULT_OK)
+        say_mesh(f, result->tissue);
+    else
+        mesh_feed_destroy(feed);
+    mesh_delta_fini(&delta);
+}
+
+// Out of the rerun, after the step at which it landed.
+static void on_landing(void *user, const struct job_result *result) {
+    struct replay *f = user;
+    if (!f->shows_meshes || result->outcome == JOB_NOTHING)
+        return;
+    f->landed = true;
+    push_change(f, result);
+    say_resection(f, result->tissue, &result->figures);
+}
+
+// ---- steps --------------------------------------------------------------------------------------
+
+// On its own case what was recorded is cache, whatever this server would make of it today.
+static void run_step(struct replay *f, const struct trace_record *record,
+                     struct session_output *output) {
+    struct landed landed;
+    if (f->rerun && !f->gap && f->own_case)
+        rerun_step(f->rerun, record, output);
+    else if (f->rerun && !f->gap)
+        rerun_step_freely(f->rerun, record, output, &landed);
+    if (f->own_case && record->type == TRACE_STEP)
+        *output = record->output;
+}
+
+static void show_step(struct replay *f, const struct trace_record *record) {
+    static _Thread_local struct session_output output;
+    if (record->type == TRACE_STEP && f->rerun && f->watch->meshes && !f->shows_meshes)
+        say_first_meshes(f);
+    if (f->gap && !f->own_case)
+        return;
+    run_step(f, record, &output);
+    if (record->type != TRACE_STEP)
+        return;
+    bool landed = output.landed.job && output.landed.outcome != JOB_NOTHING;
+    if (landed && (!f->shows_meshes || f->gap))
+        say_resection(f, output.landed.tissue, &output.landed.figures);
+    snapshot_step(&f->moments, &output);
+    say_moment(f, landed || f->landed || output.events & EVENT_STATE);
+    f->landed = false;
+    metrics_step(&f->metrics, &record->input, &output);
+}
+
+static void show_remark(struct replay *f, const struct remark *remark) {
+    remark_to_wire(remark, f->header.start_ns,
+                   &begin_item(f, arthron_Live_remark_tag)->message.remark);
+    say(f);
+}
+
+static void show_gap(struct replay *f) {
+    if (!f->gap && f->own_case)
+        say_trouble(f, arthron_Trouble_Kind_NOTE,
+                    "steps are missing in its trace: the meshes stay as they were before");
+    else if (!f->gap)
+        say_trouble(f, arthron_Trouble_Kind_NOTE,
+                    "steps are missing in its trace: on another case it ends here");
+    f->gap = true;
+}
+
+static void show_record(struct replay *f, const struct trace_record *record) {
+    switch (record->type) {
+    case TRACE_STEP:
+    case TRACE_PAST:
+        show_step(f, record);
+        break;
+    case TRACE_GAP:
+        show_gap(f);
+        break;
+    case TRACE_RESUME:
+        metrics_interrupt(&f->metrics);
+        break;
+    case TRACE_REMARK:
+        show_remark(f, &record->remark);
+        break;
+    case TRACE_FAULT:
+    case TRACE_END:
+        break;
+    }
+    say_progress(f, false);
+}
+
+// A session that goes on, or whose server was killed, has no end.
+static void show_end(struct replay *f, enum result end, const struct error *why) {
+    if (end != RESULT_CLOSED && end != RESULT_MISSING)
+        say_trouble(f, arthron_Trouble_Kind_FAILED, error_without_folder(why->text));
+    reply_metrics(&f->metrics, scene_case(f->scene),
+                  &begin_item(f, arthron_Live_metrics_tag)->message.metrics);
+    say(f);
+    say_progress(f, true);
+}
+
+static enum result show(struct replay *f, const char *path) {
+    static _Thread_local struct trace_record record;
+    struct error why;
+    enum result end = RESULT_OK;
+    say_session(f, path);
+    snapshot_begin(&f->moments, 0, f->header.start_ns);
+    metrics_init(&f->metrics, f->header.optic);
+    if (f->watch->meshes || !f->own_case) {
+        f->rerun = rerun_create(f->scene, &f->header.settings);
+        rerun_watch(f->rerun, on_landing, f);
+    }
+    while (!f->gone && (end = trace_read(f->reader, &record, &why)) == RESULT_OK)
+        show_record(f, &record);
+    if (!f->gone)
+        show_end(f, end, &why);
+    for (int i = 0; i < TISSUES_MAX; i++)
+        mesh_feed_destroy(&f->feeds[i]);
+    rerun_destroy(&f->rerun);
+    return f->gone ? RESULT_CLOSED : RESULT_OK;
+}
+
+enum result replay_stream_run(struct sessions *sessions, const arthron_Watch *watch,
+                              const struct replay_sink *sink, struct error *err) {
+    char path[SESSIONS_PATH_MAX];
+    struct replay *f = alloc(1, sizeof *f);
+    *f = (struct replay){.sessions = sessions, .watch = watch, .sink = sink, .progress = -1};
+    f->period_ns = snapshot_period_ns(watch);
+    enum result result = find_trace(sessions, watch->session, path, err);
+    if (result == RESULT_OK)
+        result = trace_reader_create(path, &f->reader, err);
+    if (result == RESULT_OK) {
+        f->header = *trace_reader_header(f->reader);
+        int station = sessions_find_station(sessions_config(sessions), f->header.station);
+        f->station = station < 0 ? 0 : (uint32_t)station;
+        result = find_case(f, err);
+        if (result == RESULT_OK)
+            result = show(f, path);
+        trace_reader_destroy(&f->reader);
+    }
+    free(f);
+    return result;
+}

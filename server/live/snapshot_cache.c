@@ -1,0 +1,148 @@
+// What pages are cache of a station, made once for all of them.
+#include "base/check.h"
+#include "base/clock.h"
+#include "live/viewer.h"
+#include "live/warning.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PLACE_NS NS_PER_S
+#define METRICS_NS (2 * NS_PER_S)
+
+// ---- moments ------------------------------------------------------------------------------------
+
+static void take(struct live_server *a, int station, int64_t now_ns) {
+    struct station_cache *s = &a->cache[station];
+    struct station_status status;
+    sessions_status(a->sessions, station, &status);
+    runtime_snapshot(sessions_runtime(a->sessions), station, &s->moment);
+    s->about = status.about;
+    s->connected = status.connected;
+    s->state = status.state;
+    s->taken_ns = now_ns;
+}
+
+static void encode(struct live_server *a, int station) {
+    struct station_cache *s = &a->cache[station];
+    a->item = (arthron_Live){.which_message = arthron_Live_moment_tag};
+    snapshot_to_wire(&s->moment, (uint32_t)station, &a->item.message.moment);
+    enum result result = live_encode(&a->item, s->item, sizeof s->item, &s->item_size);
+    CHECK(result == RESULT_OK);
+    s->item_session = s->moment.session;
+    s->item_step = s->moment.step;
+}
+
+void cache_refresh(struct live_server *a, int station, int64_t now_ns, int64_t age_ns) {
+    struct station_cache *s = &a->cache[station];
+    if (s->taken_ns && now_ns - s->taken_ns < age_ns)
+        return;
+    take(a, station, now_ns);
+    if (s->moment.step && (s->moment.session != s->item_session || s->moment.step != s->item_step))
+        encode(a, station);
+}
+
+// ---- places -------------------------------------------------------------------------------------
+
+// How much a counter went on; one that begins anew went on by all of it.
+static uint64_t rise(uint64_t now, uint64_t *before) {
+    uint64_t by = now < *before ? now : now - *before;
+    *before = now;
+    return by;
+}
+
+static void tell_devices(struct station_cache *s, const struct station_counts *counts,
+                         const struct station_status *card, double passed_s, arthron_Place *out) {
+    out->devices_count = (pb_size_t)card->device_count;
+    for (int i = 0; i < card->device_count; i++) {
+        const struct device_counts *c = &counts->devices[i];
+        arthron_DeviceRate *d = &out->devices[i];
+        double samples = (double)rise(atomic_load(&c->samples), &s->samples[i]);
+        snprintf(d->name, sizeof d->name, "%s", card->devices[i].name);
+        snprintf(d->driver, sizeof d->driver, "%s", card->devices[i].driver);
+        d->rate_hz = (float)(samples / passed_s);
+        d->dropouts = (uint32_t)atomic_load(&c->dropouts);
+        d->lost = atomic_load(&c->lost);
+    }
+}
+
+static void tell_tissues(struct live_server *a, int station, const struct station_status *status,
+                         arthron_Place *out) {
+    struct tissue_report report;
+    runtime_tissues(sessions_runtime(a->sessions), station, &report);
+    if (!status->has_tissues || report.session != status->about.serial)
+        return;
+    for (int i = 0; i < scene_tissue_count(sessions_scene(a->sessions, status->scene)); i++) {
+        out->cuts += report.figures[i].cuts;
+        out->removed_mm3 += report.figures[i].removed_mm3 + report.figures[i].pieces_mm3;
+    }
+}
+
+static float strength_of(const struct sessions_config *config,
+                         const struct station_status *status) {
+    if (status->phase != SLOT_EMPTY && status->about.serial)
+        return (float)status->about.strength;
+    return (float)(isnan(status->strength) ? config->settings.field.strength : status->strength);
+}
+
+// passed_s: since the one before; INFINITY where nobody looked for long: nothing is told of that.
+static void fill_place(struct live_server *a, int station, double passed_s, arthron_Place *out) {
+    const struct sessions_config *config = sessions_config(a->sessions);
+    struct runtime *runtime = sessions_runtime(a->sessions);
+    struct station_cache *s = &a->cache[station];
+    struct station_status status;
+    sessions_status(a->sessions, station, &status);
+    bool has_session = status.phase != SLOT_EMPTY;
+    *out = (arthron_Place){.seat = (uint32_t)station, .has_info = true};
+    sessions_info(a->sessions, station, &out->info);
+    memcpy(out->trainee, has_session ? status.about.trainee : status.trainee, sizeof out->trainee);
+    tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);
+    tell_tissues(a, station, &status, out);
+    double lost = (double)rise(out->info.frames_lost, &s->lost);
+    double steps = (double)rise(out->info.steps, &s->frames);
+    double warp_mm = runtime_take_warp_mm(runtime, station);
+    if (isfinite(passed_s)) {
+        out->warp_mm = (float)warp_mm;
+        out->loss_share = (float)(lost / fmax(lost + steps, 1));
+    }
+    out->strength = strength_of(config, &status);
+    warning_of_place(out, config->calibration_mm);
+}
+
+void cache_place(struct live_server *a, int station, int64_t now_ns) {
+    struct station_cache *s = &a->cache[station];
+    int state = s->state;
+    bool changed = state != s->place_state || s->connected != s->place_connected;
+    if (s->place_number && !changed && now_ns - s->place_ns < PLACE_NS)
+        return;
+    double passed_s = fmax((double)(now_ns - s->place_ns) / NS_PER_S, 0.01);
+    if (!s->place_number || now_ns - s->place_ns > 2 * PLACE_NS)
+        passed_s = INFINITY;
+    a->item = (arthron_Live){.which_message = arthron_Live_place_tag};
+    fill_place(a, station, passed_s, &a->item.message.place);
+    enum result result = live_encode(&a->item, s->place, sizeof s->place, &s->place_size);
+    CHECK(result == RESULT_OK);
+    s->place_number++;
+    s->place_ns = now_ns;
+    s->place_state = state;
+    s->place_connected = s->connected;
+}
+
+// ---- metrics ------------------------------------------------------------------------------------
+
+void cache_metrics(struct live_server *a, int station, int64_t now_ns) {
+    struct station_cache *s = &a->cache[station];
+    if (s->metrics_ns && now_ns - s->metrics_ns < METRICS_NS)
+        return;
+    if (!s->metrics)
+        s->metrics = alloc(1, LIVE_ITEM_MAX);
+    a->item = (arthron_Live){.which_message = arthron_Live_metrics_tag};
+    s->metrics_of = s->about.serial;
+    sessions_metrics(a->sessions, sessions_config(a->sessions)->stations[station].name,
+                     &a->item.message.metrics);
+    enum result result = live_encode(&a->item, s->metrics, LIVE_ITEM_MAX, &s->metrics_size);
+    CHECK(result == RESULT_OK);
+    s->metrics_ns = now_ns;
+}

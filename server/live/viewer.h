@@ -1,0 +1,172 @@
+// The inside of the live, for its own files: viewers, what is cache of a station, batches.
+#pragma once
+
+#include "base/ring.h"
+#include "base/task_pool.h"
+#include "live/live.h"
+#include "sessions/sessions.h"
+#include "store/store.h"
+#include "wire/live.h"
+
+#include <pthread.h>
+#include <semaphore.h>
+
+#define PLAYBACK_THREADS 2
+#define ASKED_MAX 8 // commands of one page that are not answered yet
+
+// ---- batches ------------------------------------------------------------------------------------
+
+struct batch {
+    uint8_t *bytes;
+    size_t size, used;
+    bool full; // something did not find room
+};
+
+// False, and full, where it finds no room.
+bool batch_put(struct batch *batch, const void *items, size_t size);
+bool batch_say(struct batch *batch, const arthron_Live *item);
+
+// A mesh's payload in pieces, as MeshChunk has them. chunk: the caller's room for one.
+uint32_t chunk_count(const struct mesh_payload *payload);
+bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
+               struct batch *batch);
+
+// Encoded items on their way from another thread to one viewer.
+struct parcel {
+    uint32_t account; // struct viewer's number, of an answer
+    size_t size;
+    uint8_t bytes[];
+};
+
+// NULL where the item is too long for any batch.
+struct parcel *parcel_of(const arthron_Live *item, uint32_t account);
+
+// ---- what is cache of a station
+// --------------------------------------------------------------------
+
+#define MOMENT_ITEM_MAX (arthron_Moment_size + 16)
+#define PLACE_ITEM_MAX (arthron_Place_size + 16)
+
+// The same for all viewers, so made once: the newest moment, the place of the last second, the
+// metrics of the last two.
+struct station_cache {
+    int64_t taken_ns;
+    struct step_snapshot moment;
+    struct session_about about;
+    bool connected;
+    enum session_state state;
+    uint64_t item_session, item_step; // of the moment that is encoded
+    size_t item_size;
+    uint8_t item[MOMENT_ITEM_MAX];
+
+    uint32_t place_number; // counts up with each place made
+    int place_state;
+    bool place_connected;
+    int64_t place_ns;
+    uint64_t frames, lost, samples[WIRE_DEVICES_MAX]; // when it was made
+    size_t place_size;
+    uint8_t place[PLACE_ITEM_MAX];
+
+    int64_t metrics_ns;
+    uint64_t metrics_of; // struct live's serial
+    size_t metrics_size;
+    uint8_t *metrics;
+};
+
+// ---- viewers ------------------------------------------------------------------------------------
+
+struct playback;
+
+struct viewer {
+    bool used;
+    uint32_t number; // tells one user of the place from the next
+    struct live_account account;
+    enum store_role role; // ROLE_COUNT: none
+    char trouble[256];    // still to be told
+    arthron_Trouble_Kind trouble_kind;
+    int64_t told_ns;      // when it last got something
+    struct ring *answers; // of struct parcel *, from a thread of its commands
+    int asked;            // commands that are not answered yet
+    int refused;          // and those behind them, which are refused
+
+    arthron_Watch watch;
+    int64_t period_ns, due_ns; // of moments
+    int turn;                  // the station at which the next batch of a wall begins
+    struct sent {
+        uint64_t session, step;
+        uint32_t place;
+    } sent[STATIONS_MAX];
+
+    // One station:
+    int station; // -1: none
+    bool introduced, barred;
+    uint64_t session; // that the page was told of
+    uint64_t remarks; // revision of those that the page has, and of each of them
+    uint64_t remarked[REMARKS_MAX];
+    bool resected[TISSUES_MAX];
+    struct tissue_figures figures[TISSUES_MAX]; // that the page has
+    int64_t metrics_ns;
+    struct mailbox *mailbox; // NULL: no meshes
+    struct sending {
+        struct mesh_payload *payload;
+        uint32_t index;
+    } sendings[TISSUES_MAX];
+
+    struct playback *playback;
+};
+
+struct live_server {
+    struct sessions *sessions;
+    struct live_config config;
+    struct viewer viewers[LIVE_VIEWERS_MAX];
+    uint32_t numbers;
+    struct station_cache cache[STATIONS_MAX];
+    arthron_Live item; // both too large for a stack
+    arthron_MeshChunk chunk;
+    struct task_pool *commands;                   // those of one page run in order
+    struct task_pool *playbacks;                  // of recorded sessions
+    atomic_int playbacks_left, playbacks_waiting; // not ended; not begun
+    pthread_rwlock_t news_lock; // of both: who is told that some viewer may have something
+    void (*on_news)(void *user);
+    void *news_user;
+};
+
+static inline bool is_staff(const struct viewer *viewer) {
+    return viewer->role == ROLE_INSTRUCTOR || viewer->role == ROLE_TECHNICIAN;
+}
+
+void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+// ---- cache.c: all of the thread of the pages
+// ------------------------------------------------------
+
+// Brings the moment of a station up to date where it is older than that.
+void cache_refresh(struct live_server *live, int station, int64_t now_ns, int64_t age_ns);
+// The place of each station is made anew each second, and when its state changes.
+void cache_place(struct live_server *live, int station, int64_t now_ns);
+void cache_metrics(struct live_server *live, int station, int64_t now_ns);
+
+// ---- follow.c
+// -------------------------------------------------------------------------------------
+
+// Fill a batch; return when there may be more.
+int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now_ns,
+                    struct batch *batch);
+int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
+                       struct batch *batch);
+void follow_end(struct viewer *viewer); // the page looks elsewhere
+// What the page says of its meshes; false: too busy.
+bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
+
+// ---- command_runner.c ----
+
+// False: too busy. refusal: why the command is not done, or NULL.
+bool command_runner_add(struct live_server *live, const struct viewer *viewer,
+                        const arthron_Command *command, const char *refusal);
+
+// ---- live.c ----
+
+// Tells whoever serves pages that some viewer may have something. From any thread, never waits.
+// live: struct live_server
+void live_news(void *live);

@@ -1,0 +1,88 @@
+#include "live/warning.h"
+
+#include "base/clock.h"
+#include "runtime/drift.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#define LOSS_SHARE 0.05f
+#define UNCERTAIN_US 5000
+#define DAY_S 86400
+#define CERTIFICATE_WARNING_S (30 * DAY_S)
+
+// The first of the highest urgency stays.
+__attribute__((format(printf, 3, 4))) static void warn(arthron_Place *place, enum urgency urgency,
+                                                       const char *format, ...) {
+    va_list args;
+    if (place->urgency >= urgency)
+        return;
+    place->urgency = urgency;
+    va_start(args, format);
+    vsnprintf(place->warning, sizeof place->warning, format, args);
+    va_end(args);
+}
+
+static void warn_of_devices(arthron_Place *place) {
+    for (int i = 0; i < place->devices_count; i++)
+        if (place->devices[i].lost)
+            warn(place, URGENCY_NOW, "device %s is lost", place->devices[i].name);
+}
+
+static void warn_of_link(arthron_Place *place) {
+    const arthron_SessionInfo *info = &place->info;
+    if (!info->connected)
+        warn(place, URGENCY_NOW, "its station is away, the session waits for it");
+    if (place->loss_share > LOSS_SHARE)
+        warn(place, URGENCY_ACT, "%.0f %% of its frames are lost", 100 * (double)place->loss_share);
+    if (info->clock_uncertainty_us > UNCERTAIN_US)
+        warn(place, URGENCY_LOOK, "its clock is known to %.0f ms only",
+             info->clock_uncertainty_us / 1000);
+}
+
+static void warn_of_trace(arthron_Place *place) {
+    const arthron_SessionInfo *info = &place->info;
+    if (info->trace_failing)
+        warn(place, URGENCY_NOW, "its trace cannot be written to the disk");
+    if (info->trace_missing)
+        warn(place, URGENCY_ACT, "its trace is incomplete: %" PRIu64 " steps are missing",
+             info->trace_missing);
+}
+
+static void warn_of_case(arthron_Place *place) {
+    const char *grade = place->info.case_grade;
+    if (!strcmp(grade, "unfit"))
+        warn(place, URGENCY_ACT, "case %s is unfit", place->info.case_name);
+    else if (strncmp(grade, "fit", 3) != 0)
+        warn(place, URGENCY_LOOK, "case %s is %s", place->info.case_name, grade);
+}
+
+// Stations renew their certificates by themselves, long before.
+static void warn_of_certificate(arthron_Place *place) {
+    int64_t end_s = place->info.certificate_until_utc_s;
+    int64_t left_s = end_s - clock_utc_ns() / NS_PER_S;
+    if (end_s && left_s < CERTIFICATE_WARNING_S)
+        warn(place, URGENCY_LOOK, "its certificate ends in %d days: enrol it again",
+             (int)(left_s / DAY_S));
+}
+
+void warning_of_place(arthron_Place *place, double drift_mm) {
+    const arthron_SessionInfo *info = &place->info;
+    place->urgency = URGENCY_NONE;
+    place->warning[0] = '\0';
+    if (info->state != arthron_SessionState_CLOSED) {
+        warn_of_link(place);
+        if (info->connected)
+            warn_of_devices(place);
+        warn_of_trace(place);
+        if (info->touches >= DRIFT_TOUCHES && info->drift_mm > drift_mm)
+            warn(place, URGENCY_ACT, "tip is %.2f mm off the surface; recalibrate", info->drift_mm);
+    }
+    if (info->connected && info->calibration_problem[0])
+        warn(place, URGENCY_LOOK, "%s", info->calibration_problem);
+    warn_of_certificate(place);
+    if (info->connected || info->state != arthron_SessionState_CLOSED)
+        warn_of_case(place);
+}

@@ -1,0 +1,297 @@
+#include "runtime/cut_worker.h"
+
+#include "base/check.h"
+#include "base/log.h"
+#include "runtime/mesh_sender.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#define ROUND_MS 200
+#define TASKS_MAX 1024
+#define NICE 10
+
+enum task_kind { TASK_OPEN, TASK_RUN, TASK_RELEASE, TASK_CLOSE };
+
+// From the worker. A session has one job on its way at most, so the ring never overflows.
+struct cut_task {
+    enum task_kind kind;
+    int station;
+    struct session_runtime *session; // TASK_OPEN, TASK_CLOSE
+    uint64_t serial;                 // TASK_RUN: of the session
+    bool deserted;                   // TASK_CLOSE
+    struct job job;                  // TASK_RUN
+    struct job_result *result;       // TASK_RELEASE
+};
+
+// From the control thread.
+struct station_message {
+    int station;
+    struct control_peer peer;
+    bool gone;
+    arthron_Control message; // MeshAsk or mesh_ack
+};
+
+struct job_done {
+    int station;
+    uint64_t session;
+    struct job_result *result;
+};
+
+struct cut_worker {
+    struct worker *worker;
+    pthread_t thread;
+    atomic_bool stop;
+    int wake_fd;
+    struct ring *tasks;         // of struct cut_task
+    struct ring *messages;      // of struct station_message
+    struct ring *mesh_requests; // of struct mesh_request
+    struct ring *done;          // of struct job_done, to the worker
+    struct ring *notices;       // of struct runtime_notice, to the owner of the sessions
+    struct session_runtime *sessions[STATIONS_MAX];
+    struct mesh_sender senders[STATIONS_MAX];
+};
+
+static struct station_runtime *station_of(const struct cut_worker *c, int station) {
+    return &c->worker->runtime->stations[station];
+}
+
+// ---- tasks of the worker ------------------------------------------------------------------------
+
+static void publish_tissues(struct cut_worker *c, int index) {
+    struct station_runtime *station = station_of(c, index);
+    const struct session_runtime *session = c->sessions[index];
+    struct tissue_report report = {.session = session->serial};
+    for (int i = 0; i < scene_tissue_count(session->scene); i++) {
+        report.figures[i] = *operation_figures(session->operation, i);
+        report.mesh_hashes[i] = mesh_sender_hash(&c->senders[index], i);
+    }
+    pthread_mutex_lock(&station->tissues_lock);
+    station->tissues = report;
+    pthread_mutex_unlock(&station->tissues_lock);
+}
+
+static void notify(struct cut_worker *c, const struct runtime_notice *notice) {
+    bool pushed = ring_push(c->notices, notice);
+    CHECK(pushed);
+    c->worker->runtime->config.notify(c->worker->runtime->config.user);
+}
+
+static void open_session(struct cut_worker *c, const struct cut_task *task) {
+    c->sessions[task->station] = task->session;
+    mesh_sender_open(&c->senders[task->station], *c->worker->runtime->config.control,
+                     task->session);
+    publish_tissues(c, task->station);
+    notify(c, &(struct runtime_notice){.kind = NOTICE_OPENED,
+                                       .station = task->station,
+                                       .session = task->session->serial});
+}
+
+// A burr asks on and on, so only the first, second, fourth, ... refusal is logged.
+static void log_refusal(const struct cut_worker *c, int station, const struct job_result *result) {
+    uint32_t refused = result->figures.refused;
+    if (result->outcome == JOB_REFUSED && (refused & (refused - 1)) == 0)
+        log_warning("cuts", "station %s: a cut was refused: %s",
+                    station_of(c, station)->config->name, result->why.text);
+}
+
+// The worker only reads the result, and gives it back.
+static void run(struct cut_worker *c, const struct cut_task *task) {
+    struct session_runtime *session = c->sessions[task->station];
+    CHECK(session && session->serial == task->serial);
+    struct job_result *result = operation_run(session->operation, &task->job);
+    struct job_done done = {task->station, task->serial, result};
+    bool pushed = ring_push(c->done, &done);
+    CHECK(pushed);
+    wake_fd(c->worker->wake_fd);
+    log_refusal(c, task->station, result);
+    if (result->outcome == JOB_NOTHING)
+        return;
+    mesh_sender_push(&c->senders[task->station], result);
+    publish_tissues(c, task->station);
+}
+
+static void close_session(struct cut_worker *c, const struct cut_task *task) {
+    mesh_sender_close(&c->senders[task->station]);
+    c->sessions[task->station] = NULL;
+    notify(c, &(struct runtime_notice){.kind = NOTICE_ENDED,
+                                       .station = task->station,
+                                       .session = task->session->serial,
+                                       .ended = task->session,
+                                       .deserted = task->deserted});
+}
+
+static void take_task(struct cut_worker *c, struct cut_task *task) {
+    switch (task->kind) {
+    case TASK_OPEN:
+        open_session(c, task);
+        break;
+    case TASK_RUN:
+        run(c, task);
+        break;
+    case TASK_RELEASE:
+        job_result_destroy(&task->result);
+        break;
+    case TASK_CLOSE:
+        close_session(c, task);
+        break;
+    }
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+// Takes what is there now and leaves the rest to the next round, since tasks may come for ever. A
+// station asks for meshes when it hears of its session, whose task was given before: so messages
+// are counted first and taken last. The same holds for pages.
+static void take_round(struct cut_worker *c) {
+    size_t messages = ring_count(c->messages), requests = ring_count(c->mesh_requests);
+    size_t tasks = ring_count(c->tasks);
+    struct cut_task task;
+    struct station_message message;
+    struct mesh_request request;
+    for (; tasks && ring_pop(c->tasks, &task); tasks--)
+        take_task(c, &task);
+    for (; messages && ring_pop(c->messages, &message); messages--)
+        mesh_sender_message(&c->senders[message.station], message.peer,
+                            message.gone ? NULL : &message.message);
+    for (; requests && ring_pop(c->mesh_requests, &request); requests--) {
+        mesh_sender_request(&c->senders[request.station], &request);
+        mailbox_release(&request.mailbox);
+    }
+}
+
+// The worker goes first. A real priority, not SCHED_IDLE: an idle thread would wait for any backup
+// on the machine, with locks that workers take.
+static void lower_priority(void) {
+    struct sched_param none = {0};
+    sched_setscheduler(0, SCHED_BATCH, &none);
+    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread
+}
+
+static void *work(void *argument) {
+    struct cut_worker *c = argument;
+    struct pollfd fd = {.fd = c->wake_fd, .events = POLLIN};
+    lower_priority();
+    bool stop = false;
+    while (!stop) {
+        poll(&fd, 1, ROUND_MS);
+        uint64_t wakes;
+        if (fd.revents && read(c->wake_fd, &wakes, sizeof wakes) < 0)
+            CHECK(errno == EAGAIN);
+        stop = atomic_load(&c->stop);
+        take_round(c);
+    }
+    return NULL;
+}
+
+struct cut_worker *cut_worker_create(struct worker *worker) {
+    struct cut_worker *c = alloc(1, sizeof *c);
+    c->worker = worker;
+    c->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    CHECK(c->wake_fd >= 0);
+    c->tasks = ring_create(TASKS_MAX, sizeof(struct cut_task));
+    c->messages = ring_create(TASKS_MAX, sizeof(struct station_message));
+    c->mesh_requests = ring_create(TASKS_MAX, sizeof(struct mesh_request));
+    c->done = ring_create(TASKS_MAX, sizeof(struct job_done));
+    c->notices = ring_create(TASKS_MAX, sizeof(struct runtime_notice));
+    int failed = pthread_create(&c->thread, NULL, work, c);
+    CHECK(!failed);
+    return c;
+}
+
+void cut_worker_stop(struct cut_worker *c) {
+    atomic_store(&c->stop, true);
+    wake_fd(c->wake_fd);
+    pthread_join(c->thread, NULL);
+}
+
+void cut_worker_destroy(struct cut_worker **cut_worker) {
+    struct cut_worker *c = *cut_worker;
+    struct job_done done;
+    struct mesh_request request;
+    if (!c)
+        return;
+    while (ring_pop(c->done, &done))
+        job_result_destroy(&done.result);
+    while (ring_pop(c->mesh_requests, &request))
+        mailbox_release(&request.mailbox);
+    for (int i = 0; i < STATIONS_MAX; i++)
+        mesh_sender_fini(&c->senders[i]);
+    ring_destroy(&c->tasks);
+    ring_destroy(&c->messages);
+    ring_destroy(&c->mesh_requests);
+    ring_destroy(&c->done);
+    ring_destroy(&c->notices);
+    close(c->wake_fd);
+    free(c);
+    *cut_worker = NULL;
+}
+
+// ---- what the other threads call ----------------------------------------------------------------
+
+static void give(struct cut_worker *c, const struct cut_task *task) {
+    bool pushed = ring_push(c->tasks, task);
+    CHECK(pushed);
+    wake_fd(c->wake_fd);
+}
+
+void cut_worker_open(struct cut_worker *c, int station, struct session_runtime *session) {
+    give(c, &(struct cut_task){.kind = TASK_OPEN, .station = station, .session = session});
+}
+
+void cut_worker_run(struct cut_worker *c, int station, uint64_t session, const struct job *job) {
+    give(c,
+         &(struct cut_task){.kind = TASK_RUN, .station = station, .serial = session, .job = *job});
+}
+
+void cut_worker_close(struct cut_worker *c, int station, struct session_runtime *session,
+                      bool deserted) {
+    give(c, &(struct cut_task){
+                .kind = TASK_CLOSE, .station = station, .session = session, .deserted = deserted});
+}
+
+bool cut_worker_take(struct cut_worker *c, int *out_station, uint64_t *out_session,
+                     struct job_result **out_result) {
+    struct job_done done;
+    if (!ring_pop(c->done, &done))
+        return false;
+    *out_station = done.station;
+    *out_session = done.session;
+    *out_result = done.result;
+    return true;
+}
+
+// Releasing it is not urgent: the next task or round does it.
+void cut_worker_release_result(struct cut_worker *c, struct job_result *result) {
+    struct cut_task task = {.kind = TASK_RELEASE, .result = result};
+    bool pushed = ring_push(c->tasks, &task);
+    CHECK(pushed);
+}
+
+bool cut_worker_message(struct cut_worker *c, int station, struct control_peer peer,
+                        const arthron_Control *message) {
+    struct station_message m = {.station = station, .peer = peer, .gone = !message};
+    if (message)
+        m.message = *message;
+    if (!ring_push(c->messages, &m))
+        return false;
+    wake_fd(c->wake_fd);
+    return true;
+}
+
+bool cut_worker_mesh_request(struct cut_worker *c, const struct mesh_request *request) {
+    if (!ring_push(c->mesh_requests, request))
+        return false;
+    wake_fd(c->wake_fd);
+    return true;
+}
+
+bool cut_worker_next_notice(struct cut_worker *c, struct runtime_notice *out_notice) {
+    return ring_pop(c->notices, out_notice);
+}

@@ -1,0 +1,38 @@
+// Where tissue is cut: a thread beside each worker runs the jobs of its sessions, one after the
+// other, and brings the changed meshes to stations and pages. It has a lower priority than the
+// worker.
+#pragma once
+
+#include "runtime/mesh_subscribers.h"
+#include "runtime/parts.h"
+
+struct cut_worker *cut_worker_create(struct worker *worker); // starts the thread
+// After the worker's thread: finishes what was asked for.
+void cut_worker_stop(struct cut_worker *cut_worker);
+void cut_worker_destroy(struct cut_worker **cut_worker); // NULL inside is fine
+
+// ---- the worker's thread; none waits ----
+
+void cut_worker_open(struct cut_worker *cut_worker, int station, struct session_runtime *session);
+void cut_worker_run(struct cut_worker *cut_worker, int station, uint64_t session,
+                    const struct job *job);
+// The session goes to its owner (NOTICE_ENDED) once its jobs are done.
+void cut_worker_close(struct cut_worker *cut_worker, int station, struct session_runtime *session,
+                      bool deserted);
+// A job that is done; false where there is none. The result goes back with
+// cut_worker_release_result.
+bool cut_worker_take(struct cut_worker *cut_worker, int *out_station, uint64_t *out_session,
+                     struct job_result **out_result);
+void cut_worker_release_result(struct cut_worker *cut_worker, struct job_result *result);
+
+// ---- others ----
+
+// The control thread: a station's MeshAsk or mesh_ack, or NULL where it has gone. False where there
+// is no room.
+bool cut_worker_message(struct cut_worker *cut_worker, int station, struct control_peer peer,
+                        const arthron_Control *message);
+// The thread of the pages. The request's mailbox is the cut worker's from then on; false: no room,
+// and the mailbox is still the caller's.
+bool cut_worker_mesh_request(struct cut_worker *cut_worker, const struct mesh_request *request);
+// The owner of the sessions: NOTICE_OPENED, NOTICE_ENDED; false where there is none.
+bool cut_worker_next_notice(struct cut_worker *cut_worker, struct runtime_notice *out_notice);

@@ -1,0 +1,152 @@
+#include "runtime/frames.h"
+
+#include "base/check.h"
+#include "runtime/reply.h"
+#include "runtime/stepping.h"
+
+#include <math.h>
+
+#define TCP_FRAMES_AT_ONCE 4
+
+// Where an answer goes.
+enum path { PATH_CONTROL, PATH_DATAGRAM };
+
+static void count(atomic_uint_fast64_t *counter, uint64_t by) {
+    atomic_fetch_add_explicit(counter, by, memory_order_relaxed);
+}
+
+// ---- drift --------------------------------------------------------------------------------------
+
+static void publish_drift(struct station_runtime *station) {
+    double largest_mm = 0;
+    uint64_t touches = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        touches += station->drift[i].touches;
+        largest_mm = fmax(largest_mm, station->drift[i].mean_mm);
+    }
+    atomic_store(&station->counts.touches, touches);
+    atomic_store(&station->counts.drift_nm, (int64_t)(largest_mm * 1e6));
+}
+
+static void watch_drift(const struct worker *worker, struct station_runtime *station,
+                        const struct session_output *output) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        const struct instrument_output *o = &output->instruments[i];
+        bool closed = o->handle.buttons & station->config->contact_buttons[i];
+        bool measured = o->present && o->validity == VALIDITY_OK;
+        double reach_mm = worker->runtime->config.touch_reach_mm;
+        double nearest_mm = isfinite(o->warp.nearest_mm) ? o->warp.nearest_mm : reach_mm;
+        if (drift_step(&station->drift[i], closed, measured ? nearest_mm : -1))
+            publish_drift(station);
+    }
+}
+
+// ---- one frame ----------------------------------------------------------------------------------
+
+// On true the frame is the newest of its connection.
+static bool accept_frame(struct station_runtime *station, const struct frame *frame) {
+    if (!station->connection.clock_known || !station->session) {
+        count(&station->counts.frames_early, 1);
+        return false;
+    }
+    if (frame->number <= station->last_frame) {
+        count(&station->counts.frames_old, 1);
+        return false;
+    }
+    if (station->last_frame)
+        count(&station->counts.frames_lost, frame->number - station->last_frame - 1);
+    station->last_frame = frame->number;
+    return true;
+}
+
+static void onto_session_clock(struct frame *frame, int64_t offset_ns) {
+    frame->time_ns += offset_ns;
+    for (int i = 0; i < frame->count; i++)
+        frame->samples[i].time_ns += offset_ns;
+}
+
+static void answer(struct worker *worker, struct station_runtime *station, enum path path) {
+    if (path == PATH_DATAGRAM) {
+        datagram_reply(worker->endpoint, station->udp_connection, &station->reply);
+        return;
+    }
+    arthron_Control message = {.which_message = arthron_Control_reply_tag};
+    message.message.reply = station->reply;
+    control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+// A station that tries whether datagrams pass sends a frame on both paths; the second copy gets the
+// same answer on its own path.
+static bool is_second_copy(const struct station_runtime *station, const struct frame *frame) {
+    return frame->number && frame->number == station->reply.frame_number;
+}
+
+static void take_frame(struct worker *worker, struct station_runtime *station, enum path path,
+                       const struct frame *frame, int64_t received_ns) {
+    if (is_second_copy(station, frame)) {
+        answer(worker, station, path);
+        return;
+    }
+    if (!accept_frame(station, frame))
+        return;
+    devices_step(&station->device_watch, frame, station->counts.devices);
+    const struct knee_case *knee = scene_case(station->session->scene);
+    int64_t ahead_ns = station->session->ahead_ns;
+    struct session_input input = {
+        .kind = INPUT_FRAME, .time_ns = received_ns + ahead_ns, .frame = *frame};
+    struct session_output output;
+    onto_session_clock(&input.frame, station->connection.clock_offset_ns + ahead_ns);
+    station->last_frame_ns = received_ns;
+    step_input(worker, station, &input, &output);
+    watch_drift(worker, station, &output);
+    reply_from_output(&output, knee, frame->number, frame->time_ns, &station->reply);
+    station->reply.events = station->events;
+    station->events = 0;
+    answer(worker, station, path);
+}
+
+// ---- both paths ---------------------------------------------------------------------------------
+
+static void ask_for_path(struct worker *worker, const struct station_runtime *station,
+                         uint64_t challenge) {
+    arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
+    message.message.udp_path.challenge = challenge;
+    control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+static void publish_counts(struct worker *worker) {
+    struct datagram_counts now = datagram_counts(worker->endpoint);
+    atomic_store_explicit(&worker->counts.strangers, now.strangers, memory_order_relaxed);
+    atomic_store_explicit(&worker->counts.forged, now.forged, memory_order_relaxed);
+    atomic_store_explicit(&worker->counts.replayed, now.replayed, memory_order_relaxed);
+    atomic_store_explicit(&worker->counts.malformed, now.malformed, memory_order_relaxed);
+    atomic_store_explicit(&worker->counts.too_long, now.too_long, memory_order_relaxed);
+}
+
+void frames_take_datagrams(struct worker *worker) {
+    static _Thread_local struct datagram_in batch[DATAGRAM_BATCH];
+    int received = datagram_receive(worker->endpoint, batch);
+    for (int i = 0; i < received; i++) {
+        struct station_runtime *station = batch[i].user;
+        struct frame frame;
+        if (batch[i].path_challenge)
+            ask_for_path(worker, station, batch[i].path_challenge);
+        if (wire_frame_to(&batch[i].message, &frame, NULL) != RESULT_OK)
+            count(&station->counts.frames_invalid, 1);
+        else
+            take_frame(worker, station, PATH_DATAGRAM, &frame, batch[i].received_ns);
+    }
+    datagram_flush(worker->endpoint);
+    publish_counts(worker);
+}
+
+bool frames_take_tcp(struct worker *worker, struct station_runtime *station) {
+    struct tcp_frame next;
+    for (int i = 0; i < TCP_FRAMES_AT_ONCE; i++) {
+        if (!ring_pop(station->frames, &next))
+            return false;
+        if (station->connection.connected && next.joins == station->connection.joins)
+            take_frame(worker, station, PATH_CONTROL, &next.frame, next.received_ns);
+    }
+    return ring_count(station->frames) > 0;
+}

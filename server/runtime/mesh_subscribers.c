@@ -1,0 +1,63 @@
+#include "runtime/mesh_subscribers.h"
+
+#include <string.h>
+
+static void free_entry(struct mesh_subscriber *subscriber) {
+    mailbox_release(&subscriber->mailbox);
+    memset(subscriber->cursors, 0, sizeof subscriber->cursors);
+}
+
+static void drop_left(struct mesh_subscribers *list) {
+    for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
+        if (list->all[i].mailbox && mailbox_is_left(list->all[i].mailbox))
+            free_entry(&list->all[i]);
+}
+
+void mesh_subscribers_forget(struct mesh_subscribers *list) {
+    drop_left(list);
+    for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
+        memset(list->all[i].cursors, 0, sizeof list->all[i].cursors);
+}
+
+void mesh_subscribers_fini(struct mesh_subscribers *list) {
+    for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
+        free_entry(&list->all[i]);
+}
+
+// The place of a mailbox, or a free one for NULL; NULL where there is none.
+static struct mesh_subscriber *find(struct mesh_subscribers *list, const struct mailbox *mailbox) {
+    for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
+        if (list->all[i].mailbox == mailbox)
+            return &list->all[i];
+    return NULL;
+}
+
+void mesh_subscribers_take(struct mesh_subscribers *list, const struct mesh_request *request,
+                           const char *const groups[TISSUES_MAX], int count) {
+    drop_left(list);
+    if (mailbox_is_left(request->mailbox))
+        return;
+    struct mesh_subscriber *subscriber = find(list, request->mailbox);
+    if (!subscriber && (subscriber = find(list, NULL)))
+        subscriber->mailbox = mailbox_hold(request->mailbox);
+    for (int i = 0; subscriber && i < count; i++) {
+        if (request->asks)
+            mesh_cursor_ask(&subscriber->cursors[i], groups[i], &request->ask);
+        else if (!strcmp(groups[i], request->ack.group))
+            mesh_cursor_ack(&subscriber->cursors[i], &request->ack);
+    }
+}
+
+void mesh_subscribers_serve(struct mesh_subscribers *list, uint64_t session,
+                            struct mesh_feed *const feeds[TISSUES_MAX]) {
+    drop_left(list);
+    for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
+        for (int t = 0; list->all[i].mailbox && t < TISSUES_MAX; t++) {
+            if (!feeds[t])
+                continue;
+            struct mesh_payload *payload = mesh_feed_next(feeds[t], &list->all[i].cursors[t]);
+            if (payload)
+                mailbox_put(list->all[i].mailbox, t, session, payload);
+            mesh_payload_release(&payload);
+        }
+}

@@ -1,0 +1,114 @@
+// What the files of this room share: stations as their workers see them, and the channels between
+// threads.
+#pragma once
+
+#include "base/newest.h"
+#include "base/ring.h"
+#include "net/control.h"
+#include "net/datagram.h"
+#include "runtime/drift.h"
+#include "runtime/types.h"
+
+#include <pthread.h>
+
+// A station's connection as the control thread last told it.
+struct connection {
+    uint64_t joins; // counts up with each
+    bool connected;
+    struct control_peer peer;
+    bool clock_known;
+    int64_t clock_offset_ns; // server = station + offset
+    uint64_t confirms;       // counts up with each
+    uint64_t challenge;      // of the last
+};
+
+// Times on the station's clock, but for received_ns.
+struct tcp_frame {
+    uint64_t joins; // of the connection that it came over
+    int64_t received_ns;
+    struct frame frame;
+};
+
+struct station_runtime {
+    int index;
+    const struct runtime_station *config;
+    struct station_counts counts;
+
+    struct newest *connections; // of struct connection, from the control thread
+    struct connection told;     // the control thread's
+    struct ring *frames;        // of struct tcp_frame, from the control thread
+
+    pthread_mutex_t shown_lock; // of the readers; the worker takes no part
+    struct newest *snapshots;   // of struct step_snapshot, from the worker
+    struct step_snapshot snapshot;
+    struct newest *metrics; // of struct live_metrics, from the worker
+    struct live_metrics last_metrics;
+
+    pthread_mutex_t tissues_lock; // for copies only; the worker takes no part
+    struct tissue_report tissues; // from the cut worker
+
+    // The worker's alone:
+    struct session_runtime *session; // NULL: none
+    enum session_state state;
+    struct connection connection;
+    uint32_t udp_connection;
+    uint64_t last_frame;
+    arthron_Reply reply; // to last_frame
+    uint32_t events;     // of all steps since
+    int64_t last_step_ns, last_frame_ns;
+    int64_t metrics_ns; // of the session's clock, when metrics were last published
+    struct device_watch device_watch;
+    struct drift drift[INSTRUMENT_COUNT];
+};
+
+enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK };
+
+// From the owner of the sessions to a worker.
+struct request {
+    enum request_kind kind;
+    int station;
+    uint64_t ticket; // REQUEST_INPUT, REQUEST_REMARK
+    union {
+        struct session_runtime *session; // REQUEST_ATTACH
+        enum input_kind input;           // REQUEST_INPUT
+        struct {                         // REQUEST_REMARK
+            uint64_t of_session;
+            struct remark remark;
+        };
+    };
+};
+
+struct cut_worker;
+
+struct worker {
+    struct runtime *runtime;
+    int index;
+    pthread_t thread;
+    struct cut_worker *cut_worker;
+    struct datagram_endpoint *endpoint;
+    int wake_fd;
+    pthread_mutex_t request_lock; // of the producers; the worker takes no part
+    struct ring *requests;        // of struct request
+    struct ring *notices;         // of struct runtime_notice
+    struct {
+        atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;
+    } counts;
+};
+
+struct runtime {
+    struct runtime_config config;
+    struct station_runtime stations[STATIONS_MAX];
+    struct worker *workers;
+    int worker_count;
+    atomic_bool stop;
+};
+
+static inline struct worker *station_worker(struct runtime *runtime, int station) {
+    return &runtime->workers[station % runtime->worker_count];
+}
+
+// Wakes a thread that polls an eventfd.
+void wake_fd(int fd);
+
+// The worker's thread: for the owner of the sessions.
+void worker_notify(struct worker *worker, const struct runtime_notice *notice);

@@ -1,0 +1,137 @@
+#include "runtime/reply.h"
+
+#include "metrics/subject.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+static enum body nearest_body(const struct instrument_output *instrument,
+                              const struct knee_case *knee) {
+    int group = instrument->warp.nearest;
+    return group < 0 ? BODY_FEMUR : knee->groups[group].body;
+}
+
+static void fill_instrument(const struct session_output *output, int index,
+                            const struct knee_case *knee, arthron_WarpedInstrument *out) {
+    const struct instrument_output *instrument = &output->instruments[index];
+    enum body body = nearest_body(instrument, knee);
+    pose T_body_mockup = pose_inverse(output->T_mockup_body[body]);
+    struct avatar_extrapolation extrapolation =
+        avatar_extrapolation_in(T_body_mockup, &instrument->extrapolation);
+
+    out->channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index);
+    out->validity = (arthron_Validity)instrument->validity;
+    out->body = (arthron_Body)body;
+    out->has_pose = true;
+    out->pose = wire_pose_from(pose_compose(T_body_mockup, instrument->T_mockup_warped));
+    wire_extrapolation_from(&extrapolation, out);
+    double nearest = instrument->warp.nearest_mm;
+    out->nearest_mm = isfinite(nearest) ? (float)nearest : -1;
+}
+
+static void fill_corrections(const struct session_output *output, arthron_Reply *out) {
+    for (int body = BODY_TIBIA; body < BODY_COUNT; body++) {
+        const pose *T_mockup_body = &output->T_mockup_body[body];
+        const pose *T_mockup_virtual = &output->T_mockup_virtual[body];
+        if (memcmp(T_mockup_body, T_mockup_virtual, sizeof *T_mockup_body) == 0)
+            continue;
+        pose T_body_virtual = pose_compose(pose_inverse(*T_mockup_body), *T_mockup_virtual);
+        out->corrections[out->corrections_count++] =
+            (arthron_Correction){(arthron_Body)body, true, wire_pose_from(T_body_virtual)};
+    }
+}
+
+void reply_from_output(const struct session_output *output, const struct knee_case *knee,
+                       uint64_t frame_number, int64_t frame_time_ns, arthron_Reply *out) {
+    memset(out, 0, sizeof *out);
+    out->frame_number = frame_number;
+    out->frame_time_ns = frame_time_ns;
+    out->state = (arthron_SessionState)output->state;
+    out->events = output->events;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (output->instruments[i].present)
+            fill_instrument(output, i, knee, &out->instruments[out->instruments_count++]);
+    fill_corrections(output, out);
+}
+
+void reply_session(enum session_state state, const struct knee_case *knee,
+                   arthron_SessionChange *out) {
+    struct knee_frame frame = {.joint = knee->joint, .patella_count = knee->patella_key_count};
+    memcpy(frame.patella, knee->patella_keys, sizeof frame.patella);
+    *out = (arthron_SessionChange){
+        .state = (arthron_SessionState)state, .case_hash = knee->hash, .has_knee = true};
+    memcpy(out->case_name, knee->name, sizeof out->case_name);
+    wire_knee_from(&frame, &out->knee);
+}
+
+static void take_zones(const struct zone_volumes *zones, float out[9]) {
+    for (int i = 0; i < ZONE_ALONG_COUNT; i++)
+        for (int k = 0; k < ZONE_ACROSS_COUNT; k++)
+            out[i * ZONE_ACROSS_COUNT + k] = (float)zones->mm3[i][k];
+}
+
+void reply_resection(const struct tissue_figures *f, const char *group, uint64_t mesh_hash,
+                     arthron_Resection *out) {
+    *out = (arthron_Resection){
+        .mesh_hash = mesh_hash,
+        .mesh_number = f->mesh_number,
+        .cuts = f->cuts,
+        .cuts_refused = f->refused,
+        .pieces = f->pieces,
+        .volume_mm3 = f->volume_mm3,
+        .removed_mm3 = f->removed_mm3,
+        .pieces_mm3 = f->pieces_mm3,
+        .warped_mm3 = f->warped_mm3,
+        .left_mm3 = f->left_mm3,
+        .distance_mm = f->distance_mm,
+        .planned_mm3 = f->quality.planned_mm3,
+        .over_mm3 = f->quality.over_mm3,
+        .under_mm3 = f->quality.under_mm3,
+        .damage_mm3 = f->quality.damage_mm3,
+        .rim_mm = f->quality.rim_mm,
+        .step_mm = f->quality.step_mm,
+    };
+    snprintf(out->group, sizeof out->group, "%s", group);
+    take_zones(&f->quality.whole, out->whole_zone_mm3);
+    take_zones(&f->quality.removed, out->removed_zone_mm3);
+    take_zones(&f->quality.budget, out->budget_zone_mm3);
+}
+
+_Static_assert(sizeof((arthron_Metric *)0)->subject >= SUBJECT_MAX, "what a figure is about fits");
+
+#define METRICS_MAX (sizeof((arthron_Metrics *)0)->metrics / sizeof(arthron_Metric))
+
+struct telling {
+    const struct knee_case *knee;
+    arthron_Metrics *out;
+};
+
+static void take_metric(void *context, const struct metric_value *v) {
+    const struct telling *t = context;
+    const struct metric_kind *kind = &metric_kinds[v->metric];
+    if (t->out->metrics_count == METRICS_MAX || (v->depth >= 0 && v->value == 0))
+        return;
+    arthron_Metric *m = &t->out->metrics[t->out->metrics_count++];
+    *m = (arthron_Metric){
+        .version = (uint32_t)kind->version, .value = v->value, .below_floor = v->below_floor};
+    snprintf(m->name, sizeof m->name, "%s", kind->name);
+    snprintf(m->unit, sizeof m->unit, "%s", kind->unit);
+    subject_text(t->knee, v, m->subject);
+}
+
+void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
+                   arthron_Metrics *out) {
+    struct telling telling = {knee, out};
+    out->metrics_count = 0;
+    metrics_each(metrics, take_metric, &telling);
+}
+
+bool reply_refuse(arthron_CommandReply *reply, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(reply->text, sizeof reply->text, format, args);
+    va_end(args);
+    return reply->ok = false;
+}

@@ -1,0 +1,213 @@
+#include "runtime/runtime.h"
+
+#include "base/check.h"
+#include "base/log.h"
+#include "runtime/cut_worker.h"
+#include "runtime/worker.h"
+
+#include <stdlib.h>
+
+// ---- begin and end ------------------------------------------------------------------------------
+
+static void open_station(struct runtime *r, int index) {
+    struct station_runtime *station = &r->stations[index];
+    station->index = index;
+    station->config = &r->config.stations[index];
+    station->state = SESSION_CLOSED;
+    station->connections = newest_create(sizeof(struct connection));
+    station->frames = ring_create(RUNTIME_FRAMES_MAX, sizeof(struct tcp_frame));
+    station->snapshots = newest_create(sizeof(struct step_snapshot));
+    station->metrics = newest_create(sizeof(struct live_metrics));
+    pthread_mutex_init(&station->shown_lock, NULL);
+    pthread_mutex_init(&station->tissues_lock, NULL);
+}
+
+static void close_station(struct station_runtime *station) {
+    newest_destroy(&station->connections);
+    ring_destroy(&station->frames);
+    newest_destroy(&station->snapshots);
+    newest_destroy(&station->metrics);
+    pthread_mutex_destroy(&station->shown_lock);
+    pthread_mutex_destroy(&station->tissues_lock);
+}
+
+enum result runtime_create(const struct runtime_config *config, struct runtime **out_runtime,
+                           struct error *err) {
+    struct runtime *r = alloc(1, sizeof *r);
+    enum result result = RESULT_OK;
+    r->config = *config;
+    for (int i = 0; i < config->station_count; i++)
+        open_station(r, i);
+    r->workers = alloc((size_t)config->workers, sizeof *r->workers);
+    r->worker_count = config->workers;
+    for (int i = 0; i < config->workers && result == RESULT_OK; i++)
+        result = worker_start(r, i, err);
+    if (result != RESULT_OK) {
+        runtime_stop(r);
+        runtime_destroy(&r);
+    }
+    *out_runtime = r;
+    return result;
+}
+
+void runtime_stop(struct runtime *r) {
+    if (!r)
+        return;
+    atomic_store(&r->stop, true);
+    for (int i = 0; i < r->worker_count; i++)
+        worker_stop(&r->workers[i]);
+}
+
+void runtime_destroy(struct runtime **runtime) {
+    struct runtime *r = *runtime;
+    if (!r)
+        return;
+    for (int i = 0; i < r->worker_count; i++)
+        worker_release(&r->workers[i]);
+    for (int i = 0; i < r->config.station_count; i++)
+        close_station(&r->stations[i]);
+    free(r->workers);
+    free(r);
+    *runtime = NULL;
+}
+
+// ---- connections: the control thread ------------------------------------------------------------
+
+static void tell_connection(struct runtime *r, int station) {
+    newest_put(r->stations[station].connections, &r->stations[station].told);
+    wake_fd(station_worker(r, station)->wake_fd);
+}
+
+void runtime_join(struct runtime *r, int station, struct control_peer peer) {
+    struct connection *told = &r->stations[station].told;
+    *told = (struct connection){.joins = told->joins + 1, .connected = true, .peer = peer};
+    tell_connection(r, station);
+}
+
+void runtime_leave(struct runtime *r, int station) {
+    struct connection *told = &r->stations[station].told;
+    told->connected = told->clock_known = false;
+    tell_connection(r, station);
+    if (!cut_worker_message(station_worker(r, station)->cut_worker, station, told->peer, NULL))
+        log_warning("runtime", "station %s: its cut worker could not be told that it has gone",
+                    r->config.stations[station].name);
+}
+
+void runtime_set_clock(struct runtime *r, int station, int64_t offset_ns) {
+    r->stations[station].told.clock_known = true;
+    r->stations[station].told.clock_offset_ns = offset_ns;
+    tell_connection(r, station);
+}
+
+void runtime_confirm_path(struct runtime *r, int station, uint64_t challenge) {
+    r->stations[station].told.confirms++;
+    r->stations[station].told.challenge = challenge;
+    tell_connection(r, station);
+}
+
+void runtime_frame(struct runtime *r, int station, const struct frame *frame, int64_t received_ns) {
+    struct station_runtime *s = &r->stations[station];
+    struct tcp_frame next = {s->told.joins, received_ns, *frame};
+    if (ring_push(s->frames, &next))
+        wake_fd(station_worker(r, station)->wake_fd);
+    else
+        atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
+}
+
+bool runtime_mesh_message(struct runtime *r, int station, struct control_peer peer,
+                          const arthron_Control *message) {
+    return cut_worker_message(station_worker(r, station)->cut_worker, station, peer, message);
+}
+
+// ---- sessions -----------------------------------------------------------------------------------
+
+static bool request(struct runtime *r, const struct request *wanted) {
+    return worker_request(station_worker(r, wanted->station), wanted);
+}
+
+// Each station has one attachment on its way at most, so there is room behind what was asked for.
+void runtime_attach(struct runtime *r, int station, struct session_runtime *session) {
+    bool taken = request(
+        r, &(struct request){.kind = REQUEST_ATTACH, .station = station, .session = session});
+    CHECK(taken);
+}
+
+bool runtime_input(struct runtime *r, int station, enum input_kind kind, uint64_t ticket) {
+    return request(r,
+                   &(struct request){
+                       .kind = REQUEST_INPUT, .station = station, .ticket = ticket, .input = kind});
+}
+
+bool runtime_remark(struct runtime *r, int station, uint64_t session, const struct remark *remark,
+                    uint64_t ticket) {
+    struct request wanted = {.kind = REQUEST_REMARK, .station = station, .ticket = ticket};
+    wanted.of_session = session;
+    wanted.remark = *remark;
+    return request(r, &wanted);
+}
+
+bool runtime_mesh_request(struct runtime *r, const struct mesh_request *wanted) {
+    return cut_worker_mesh_request(station_worker(r, wanted->station)->cut_worker, wanted);
+}
+
+bool runtime_next_notice(struct runtime *r, struct runtime_notice *out_notice) {
+    for (int i = 0; i < r->worker_count; i++) {
+        struct worker *worker = &r->workers[i];
+        if (!worker->cut_worker)
+            continue;
+        if (ring_pop(worker->notices, out_notice) ||
+            cut_worker_next_notice(worker->cut_worker, out_notice))
+            return true;
+    }
+    return false;
+}
+
+// ---- what it shows ------------------------------------------------------------------------------
+
+void runtime_snapshot(struct runtime *r, int station, struct step_snapshot *out_snapshot) {
+    struct station_runtime *s = &r->stations[station];
+    pthread_mutex_lock(&s->shown_lock);
+    newest_take(s->snapshots, &s->snapshot);
+    *out_snapshot = s->snapshot;
+    pthread_mutex_unlock(&s->shown_lock);
+}
+
+void runtime_metrics(struct runtime *r, int station, struct live_metrics *out_metrics) {
+    struct station_runtime *s = &r->stations[station];
+    pthread_mutex_lock(&s->shown_lock);
+    newest_take(s->metrics, &s->last_metrics);
+    *out_metrics = s->last_metrics;
+    pthread_mutex_unlock(&s->shown_lock);
+}
+
+void runtime_tissues(struct runtime *r, int station, struct tissue_report *out_report) {
+    struct station_runtime *s = &r->stations[station];
+    pthread_mutex_lock(&s->tissues_lock);
+    *out_report = s->tissues;
+    pthread_mutex_unlock(&s->tissues_lock);
+}
+
+const struct station_counts *runtime_counts(const struct runtime *r, int station) {
+    return &r->stations[station].counts;
+}
+
+void runtime_count_invalid_frame(struct runtime *r, int station) {
+    atomic_fetch_add_explicit(&r->stations[station].counts.frames_invalid, 1, memory_order_relaxed);
+}
+
+double runtime_take_warp_mm(struct runtime *r, int station) {
+    return (double)atomic_exchange(&r->stations[station].counts.warp_nm, 0) / 1e6;
+}
+
+struct socket_counts runtime_socket_counts(const struct runtime *r) {
+    struct socket_counts sum = {0};
+    for (int i = 0; i < r->worker_count; i++) {
+        const struct worker *w = &r->workers[i];
+        sum.strangers += atomic_load(&w->counts.strangers);
+        sum.forged += atomic_load(&w->counts.forged);
+        sum.replayed += atomic_load(&w->counts.replayed);
+        sum.malformed += atomic_load(&w->counts.malformed);
+        sum.too_long += atomic_load(&w->counts.too_long);
+    }
+    return sum;
+}

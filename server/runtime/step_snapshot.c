@@ -1,0 +1,143 @@
+#include "runtime/step_snapshot.h"
+
+#include "base/clock.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SPEED_NS (50 * NS_PER_MS)
+#define RATE_USUAL_HZ 30
+#define RATE_MOST_HZ 120
+
+void snapshot_begin(struct snapshot_maker *m, uint64_t session, int64_t start_ns) {
+    memset(m, 0, sizeof *m);
+    m->now.session = session;
+    m->start_ns = start_ns;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        m->now.instruments[i].validity = VALIDITY_LOST;
+}
+
+// Whoever was away begins at rest.
+static double follow_speed(vec3 *velocity, const struct snapshot_instrument *before, vec3 tip,
+                           int64_t passed_ns) {
+    if (!before->seen || before->validity == VALIDITY_LOST)
+        *velocity = (vec3){0, 0, 0};
+    else if (passed_ns > 0) {
+        vec3 way = vec3_sub(tip, before->tip.translation);
+        vec3 measured = vec3_scale((double)NS_PER_S / (double)passed_ns, way);
+        *velocity =
+            vec3_lerp(*velocity, measured, (double)passed_ns / (double)(SPEED_NS + passed_ns));
+    }
+    return vec3_length(*velocity);
+}
+
+static void take_instrument(struct snapshot_maker *m, int index, int64_t passed_ns,
+                            const struct instrument_output *o) {
+    struct snapshot_instrument *out = &m->now.instruments[index];
+    if (!o->present) {
+        out->validity = VALIDITY_LOST;
+        out->speed_mm_s = out->warp_mm = 0;
+        return;
+    }
+    double speed = follow_speed(&m->velocities[index], out, o->T_mockup_tip.translation, passed_ns);
+    *out = (struct snapshot_instrument){
+        .seen = true,
+        .validity = o->validity,
+        .tip = o->T_mockup_tip,
+        .warped = o->T_mockup_warped,
+        .nearest_mm = isfinite(o->warp.nearest_mm) ? o->warp.nearest_mm : -1,
+        .penetration_mm = o->penetration_mm,
+        .warp_mm = vec3_length(o->warp.displacement),
+        .gain = o->discrepancy.gain,
+        .gain_least = o->discrepancy.gain_least,
+        .speed_mm_s = speed,
+        .handle = o->handle,
+    };
+}
+
+void snapshot_step(struct snapshot_maker *m, const struct session_output *output) {
+    struct step_snapshot *now = &m->now;
+    int64_t passed_ns = m->stepped_ns ? output->time_ns - m->stepped_ns : 0;
+    m->stepped_ns = output->time_ns;
+    now->step = output->step;
+    now->time_ns = output->time_ns;
+    now->since_ns = output->time_ns - m->start_ns;
+    now->state = output->state;
+    now->joint_validity = output->joint_validity;
+    now->joint = output->joint;
+    memcpy(now->T_mockup_body, output->T_mockup_body, sizeof now->T_mockup_body);
+    memcpy(now->T_mockup_virtual, output->T_mockup_virtual, sizeof now->T_mockup_virtual);
+    for (int i = 0; i < EVENT_COUNT; i++)
+        now->events[i] += output->events >> i & 1;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        take_instrument(m, i, passed_ns, &output->instruments[i]);
+}
+
+// ---- on the wire --------------------------------------------------------------------------------
+
+static arthron_ShortPose short_pose(pose p) {
+    return (arthron_ShortPose){
+        .q_count = 4,
+        .q = {(float)p.rotation.w, (float)p.rotation.x, (float)p.rotation.y, (float)p.rotation.z},
+        .t_count = 3,
+        .t = {(float)p.translation.x, (float)p.translation.y, (float)p.translation.z},
+    };
+}
+
+static arthron_BodyMoment body_to_wire(const struct step_snapshot *m, int body) {
+    const pose *physical = &m->T_mockup_body[body], *seen = &m->T_mockup_virtual[body];
+    bool elsewhere = memcmp(physical, seen, sizeof *seen) != 0;
+    arthron_BodyMoment message = {.body = (arthron_Body)body, .has_pose = true};
+    message.pose = short_pose(*physical);
+    message.has_virtual_pose = elsewhere;
+    if (elsewhere)
+        message.virtual_pose = short_pose(*seen);
+    return message;
+}
+
+static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrument *m, int index) {
+    return (arthron_InstrumentMoment){
+        .channel = (arthron_Channel)(CHANNEL_FIRST_INSTRUMENT + index),
+        .validity = (arthron_Validity)m->validity,
+        .has_tip = true,
+        .tip = short_pose(m->tip),
+        .has_warped = true,
+        .warped = short_pose(m->warped),
+        .nearest_mm = (float)m->nearest_mm,
+        .penetration_mm = (float)m->penetration_mm,
+        .warp_mm = (float)m->warp_mm,
+        .gain = (float)m->gain,
+        .gain_least = (float)m->gain_least,
+        .speed_mm_s = (float)m->speed_mm_s,
+        .opening = (float)m->handle.opening,
+        .buttons = m->handle.buttons,
+    };
+}
+
+_Static_assert(sizeof((arthron_Moment *)0)->events / sizeof(uint32_t) >= EVENT_COUNT,
+               "every event is told");
+
+void snapshot_to_wire(const struct step_snapshot *m, uint32_t seat, arthron_Moment *out) {
+    *out = (arthron_Moment){
+        .seat = seat,
+        .step = m->step,
+        .time_ns = m->since_ns,
+        .state = (arthron_SessionState)m->state,
+        .joint_validity = (arthron_Validity)m->joint_validity,
+        .has_joint = true,
+        .joint = wire_joint_from(&m->joint),
+        .bodies_count = BODY_COUNT,
+        .events_count = EVENT_COUNT,
+    };
+    for (int i = 0; i < BODY_COUNT; i++)
+        out->bodies[i] = body_to_wire(m, i);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        if (m->instruments[i].seen)
+            out->instruments[out->instruments_count++] = instrument_to_wire(&m->instruments[i], i);
+    memcpy(out->events, m->events, sizeof m->events);
+}
+
+int64_t snapshot_period_ns(const arthron_Watch *watch) {
+    uint32_t rate_hz = watch->rate_hz ? watch->rate_hz : RATE_USUAL_HZ;
+    return NS_PER_S / (rate_hz < RATE_MOST_HZ ? rate_hz : RATE_MOST_HZ);
+}

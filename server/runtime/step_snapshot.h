@@ -1,0 +1,52 @@
+// A step as it is shown to those who look on: what a page gets of a session (arthron_Moment in the
+// schema). The worker makes one at each step, and whoever plays a recorded session again. Nothing
+// allocates or looks at a clock.
+#pragma once
+
+#include "step/session.h"
+#include "wire/wire.h"
+
+struct snapshot_instrument {
+    bool seen;              // at this step or before; else all below is 0
+    enum validity validity; // lost: all but `warp_mm` as when it was last seen
+    pose tip, warped;       // T_mockup_tip, as measured and as shown
+    double nearest_mm;      // -1: none
+    double penetration_mm, warp_mm, gain, gain_least;
+    double speed_mm_s; // of the measured tip
+    struct handle handle;
+};
+
+struct step_snapshot {
+    uint64_t session; // struct live's serial; 0: none yet
+    uint64_t step;
+    int64_t time_ns;  // on the session's clock
+    int64_t since_ns; // the session's start
+    enum session_state state;
+    enum validity joint_validity;
+    struct joint_angles joint;
+    pose T_mockup_body[BODY_COUNT];
+    pose T_mockup_virtual[BODY_COUNT];
+    uint32_t events[EVENT_COUNT]; // how often each came since the start
+    struct snapshot_instrument instruments[INSTRUMENT_COUNT];
+};
+
+// One session's, from step to step.
+struct snapshot_maker {
+    struct step_snapshot now;
+    int64_t start_ns;                  // of the session, on its own clock
+    vec3 velocities[INSTRUMENT_COUNT]; // of the measured tips, mm/s
+    int64_t stepped_ns;                // of the step before; 0: none
+};
+
+void snapshot_begin(struct snapshot_maker *moments, uint64_t session, int64_t start_ns);
+
+// The next step: moments->now is of it. The velocity of a tip follows the way by which it was
+// measured to go with a time constant of 50 ms, so that a tracker's noise does not add up to speed:
+//     v += (dt / (50 ms + dt)) (dx/dt − v)
+void snapshot_step(struct snapshot_maker *moments, const struct session_output *output);
+
+void snapshot_to_wire(const struct step_snapshot *moment, uint32_t seat,
+                      arthron_Moment *out_message);
+
+// How far apart they are for who asked for them.
+int64_t snapshot_period_ns(const arthron_Watch *watch);

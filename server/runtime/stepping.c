@@ -1,0 +1,186 @@
+#include "runtime/stepping.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "runtime/cut_worker.h"
+#include "runtime/reply.h"
+
+#include <math.h>
+#include <string.h>
+
+#define METRICS_NS (NS_PER_S / 4)
+
+// ---- what others learn --------------------------------------------------------------------------
+
+void step_announce(struct worker *worker, const struct station_runtime *station) {
+    if (!station->connection.connected || !station->connection.clock_known || !station->session)
+        return;
+    arthron_Control message = {.which_message = arthron_Control_session_change_tag};
+    reply_session(station->state, scene_case(station->session->scene),
+                  &message.message.session_change);
+    control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+static void change_state(struct worker *worker, struct station_runtime *station,
+                         enum session_state state) {
+    station->state = state;
+    worker_notify(worker, &(struct runtime_notice){.kind = NOTICE_STATE,
+                                                   .station = station->index,
+                                                   .session = station->session->serial,
+                                                   .state = state});
+    step_announce(worker, station);
+}
+
+static void publish_snapshot(struct station_runtime *station, const struct session_output *output) {
+    double warp_mm = 0;
+    struct snapshot_maker *maker = &station->session->snapshots;
+    snapshot_step(maker, output);
+    newest_put(station->snapshots, &maker->now);
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        warp_mm = fmax(warp_mm, maker->now.instruments[i].warp_mm);
+    int64_t warp_nm = (int64_t)(warp_mm * 1e6);
+    if (warp_nm > atomic_load_explicit(&station->counts.warp_nm, memory_order_relaxed))
+        atomic_store_explicit(&station->counts.warp_nm, warp_nm, memory_order_relaxed);
+}
+
+// Published now and then, and whenever the session's state changes or a cut lands.
+static void publish_metrics(struct station_runtime *station, const struct session_input *input,
+                            const struct session_output *output) {
+    struct live_metrics *metrics = &station->session->metrics;
+    bool matters = output->events & EVENT_STATE || output->landed.job;
+    metrics_step(&metrics->metrics, input, output);
+    if (!matters && output->time_ns - station->metrics_ns < METRICS_NS)
+        return;
+    newest_put(station->metrics, metrics);
+    station->metrics_ns = output->time_ns;
+}
+
+// ---- steps --------------------------------------------------------------------------------------
+
+bool step_is_deserted(const struct worker *worker, const struct station_runtime *station) {
+    return !station->connection.connected &&
+           clock_now_ns() - station->last_frame_ns > worker->runtime->config.wait_s * NS_PER_S;
+}
+
+static void retire(struct worker *worker, struct station_runtime *station) {
+    cut_worker_close(worker->cut_worker, station->index, station->session,
+                     step_is_deserted(worker, station));
+    station->session = NULL;
+}
+
+static void order_job(struct worker *worker, const struct station_runtime *station,
+                      const struct session_output *output) {
+    if (output->job.id && station->session)
+        cut_worker_run(worker->cut_worker, station->index, station->session->serial, &output->job);
+}
+
+void step_input(struct worker *worker, struct station_runtime *station, struct session_input *input,
+                struct session_output *output) {
+    if (input->time_ns < station->last_step_ns)
+        input->time_ns = station->last_step_ns;
+    station->last_step_ns = input->time_ns;
+    session_step(station->session->session, input, output);
+    trace_append(station->session->trace, input, output);
+    atomic_store_explicit(&station->counts.steps, output->step, memory_order_relaxed);
+    publish_metrics(station, input, output);
+    publish_snapshot(station, output);
+    station->events |= output->events;
+    if (output->events & EVENT_STATE)
+        change_state(worker, station, output->state);
+    order_job(worker, station, output);
+    if (output->state == SESSION_CLOSED)
+        retire(worker, station);
+}
+
+int64_t step_now_ns(const struct station_runtime *station) {
+    return clock_now_ns() + station->session->ahead_ns;
+}
+
+void step_without_frame(struct worker *worker, struct station_runtime *station,
+                        enum input_kind kind) {
+    struct session_input input = {.kind = kind, .time_ns = step_now_ns(station)};
+    struct session_output output;
+    step_input(worker, station, &input, &output);
+}
+
+// ---- results of jobs ----------------------------------------------------------------------------
+
+static void notify_undone(struct worker *worker, const struct station_runtime *station,
+                          uint64_t session, const struct job_result *result) {
+    struct runtime_notice notice = {
+        .kind = NOTICE_UNDONE, .station = station->index, .session = session};
+    notice.undone.outcome = result->outcome;
+    notice.undone.cuts = result->cuts_back;
+    notice.undone.volume_mm3 = result->mm3_back;
+    notice.undone.more = result->more;
+    worker_notify(worker, &notice);
+}
+
+static void land(struct worker *worker, struct station_runtime *station,
+                 struct job_result *result) {
+    uint64_t session = station->session->serial;
+    struct session_input input = {
+        .kind = INPUT_JOB, .time_ns = step_now_ns(station), .job = result->job, .result = result};
+    struct session_output output;
+    step_input(worker, station, &input, &output);
+    if (result->kind == JOB_UNDO)
+        notify_undone(worker, station, session, result);
+}
+
+// A session that has ended since takes its results with it. The cut worker releases them.
+void step_results(struct worker *worker) {
+    int index;
+    uint64_t session;
+    struct job_result *result;
+    while (cut_worker_take(worker->cut_worker, &index, &session, &result)) {
+        struct station_runtime *station = &worker->runtime->stations[index];
+        if (station->session && station->session->serial == session)
+            land(worker, station, result);
+        cut_worker_release_result(worker->cut_worker, result);
+    }
+}
+
+// ---- a session begins ---------------------------------------------------------------------------
+
+static void clear_counts(struct station_runtime *station) {
+    struct station_counts *counts = &station->counts;
+    atomic_store(&counts->frames_lost, 0);
+    atomic_store(&counts->frames_old, 0);
+    atomic_store(&counts->frames_early, 0);
+    atomic_store(&counts->frames_invalid, 0);
+    atomic_store(&counts->frames_excess, 0);
+    memset(station->drift, 0, sizeof station->drift);
+    atomic_store(&counts->touches, 0);
+    atomic_store(&counts->drift_nm, 0);
+}
+
+// What was cut when the server before this one was killed.
+static void land_pending(struct worker *worker, struct station_runtime *station) {
+    struct job_result *result = station->session->pending;
+    station->session->pending = NULL;
+    land(worker, station, result);
+    cut_worker_release_result(worker->cut_worker, result);
+}
+
+void step_begin(struct worker *worker, struct station_runtime *station,
+                struct session_runtime *session) {
+    CHECK(!station->session);
+    station->session = session;
+    station->state = session->state;
+    cut_worker_open(worker->cut_worker, station->index, session);
+    clear_counts(station);
+    station->last_frame = 0;
+    station->events = 0;
+    station->last_step_ns = session->last_ns;
+    newest_put(station->metrics, &session->metrics);
+    station->metrics_ns = session->last_ns;
+    station->last_frame_ns = clock_now_ns();
+    if (session->pending)
+        land_pending(worker, station);
+    step_without_frame(worker, station, INPUT_EMPTY);
+    // A resumed session that had not started yet still has to start.
+    if (session->state == SESSION_WAITING && !station->config->start_by_command)
+        step_without_frame(worker, station, INPUT_START);
+    else
+        step_announce(worker, station);
+}

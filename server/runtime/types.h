@@ -1,0 +1,113 @@
+// What the runtime takes and gives: its configuration, sessions, counts, notices.
+#pragma once
+
+#include "metrics/metrics.h"
+#include "net/control.h"
+#include "runtime/devices.h"
+#include "runtime/step_snapshot.h"
+#include "trace/trace.h"
+
+#include <stdatomic.h>
+
+#define STATIONS_MAX 64
+#define STATION_NAME_MAX 64
+
+struct runtime_station {
+    const char *name;      // for the log
+    bool start_by_command; // else a session runs as soon as a worker has it
+    // Buttons of each instrument's handle that are down while its tip touches; 0: none.
+    uint32_t contact_buttons[INSTRUMENT_COUNT];
+};
+
+struct runtime_config {
+    const char *address;   // of the datagram sockets; empty for all
+    int udp_port;          // worker i listens on udp_port + i; 0: any free port
+    int workers;           // at least 1
+    int wait_s;            // how long a session waits for its station
+    double touch_reach_mm; // a tip in contact counts as no farther off the surface than this
+    int station_count;
+    struct runtime_station stations[STATIONS_MAX];
+    // Where messages to stations go out: set before a station joins or a session is attached.
+    struct control *const *control;
+    // Called after each notice, from a worker's or cut worker's thread; must not wait.
+    void (*notify)(void *user);
+    void *user;
+};
+
+// What a session is worth so far.
+struct live_metrics {
+    uint64_t session; // its serial; 0: none yet
+    const struct scene *scene;
+    struct metrics metrics;
+};
+
+// A session with its trace. Whoever opens it fills it in and releases it after NOTICE_ENDED; in
+// between session and trace belong to one worker, the operation to that worker's cut worker.
+struct session_runtime {
+    uint64_t serial; // no two sessions of a server's life have the same
+    struct session *session;
+    struct trace_writer *trace;
+    struct operation *operation;
+    const struct scene *scene;
+    struct live_metrics metrics;
+    struct snapshot_maker snapshots;
+    // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
+    // began anew), and the result of a job that had not landed, or NULL.
+    enum session_state state;
+    int64_t last_ns, ahead_ns;
+    struct job_result *pending;
+};
+
+// Numbers that a station's worker publishes for any thread.
+struct station_counts {
+    atomic_uint_fast64_t steps;
+    atomic_uint_fast64_t frames_lost;  // numbers that never came
+    atomic_uint_fast64_t frames_old;   // older than one that came before: dropped
+    atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
+    atomic_uint_fast64_t frames_invalid; // values out of range: dropped
+    atomic_uint_fast64_t frames_excess;  // over TCP, faster than the worker takes them: dropped
+    atomic_uint_fast64_t touches;        // of this session
+    atomic_int_fast64_t drift_nm;        // of the instrument that is farthest off
+    atomic_uint_fast64_t trace_missing;  // as of trace_status
+    atomic_bool trace_failing;
+    struct device_counts devices[WIRE_DEVICES_MAX];
+    atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
+};
+
+// What a worker's socket dropped.
+struct socket_counts {
+    uint64_t strangers, forged, replayed, malformed, too_long;
+};
+
+// What the last jobs left of a session's tissues.
+struct tissue_report {
+    uint64_t session; // serial; 0: none yet
+    struct tissue_figures figures[TISSUES_MAX];
+    uint64_t mesh_hashes[TISSUES_MAX]; // as stations follow the meshes
+};
+
+enum notice_kind {
+    NOTICE_STATE,  // a session's state changed
+    NOTICE_TAKEN,  // a request was taken
+    NOTICE_UNDONE, // a job of an undo has landed
+    NOTICE_OPENED, // a session's tissues can be asked for (runtime_tissues)
+    NOTICE_ENDED   // a session is the owner's again
+};
+
+// From the runtime to the owner of its sessions.
+struct runtime_notice {
+    enum notice_kind kind;
+    int station;
+    uint64_t session;         // serial
+    enum session_state state; // after it
+    uint64_t ticket;          // NOTICE_TAKEN: the request's
+    bool done;                // NOTICE_TAKEN: false where there was no such session, or no room
+    struct {                  // NOTICE_UNDONE
+        enum job_outcome outcome;
+        uint32_t cuts;
+        double volume_mm3;
+        bool more; // another job of the same undo follows
+    } undone;
+    struct session_runtime *ended; // NOTICE_ENDED
+    bool deserted;                 // NOTICE_ENDED: its station stayed away for too long
+};

@@ -1,0 +1,229 @@
+#include "runtime/worker.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "runtime/cut_worker.h"
+#include "runtime/frames.h"
+#include "runtime/stepping.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#define EMPTY_STEP_NS (50 * NS_PER_MS)
+#define TICK_MS 10
+#define REQUESTS_MAX 1024
+#define NOTICES_MAX 4096
+
+// ---- connections --------------------------------------------------------------------------------
+
+static void send_keys(struct worker *worker, struct station_runtime *station) {
+    arthron_Control message = {.which_message = arthron_Control_udp_keys_tag};
+    datagram_new_epoch(worker->endpoint, station->udp_connection, station, clock_now_ns(),
+                       &message.message.udp_keys);
+    control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+static uint32_t random_connection(void) {
+    uint32_t connection = 0;
+    while (!connection)
+        if (getrandom(&connection, sizeof connection, 0) != sizeof connection)
+            connection = 0;
+    return connection;
+}
+
+static void forget_keys(struct worker *worker, struct station_runtime *station) {
+    if (station->udp_connection)
+        datagram_forget(worker->endpoint, station->udp_connection);
+    station->udp_connection = 0;
+}
+
+static void station_joined(struct worker *worker, struct station_runtime *station) {
+    forget_keys(worker, station);
+    station->last_frame = 0;
+    station->reply.frame_number = 0;
+    station->last_frame_ns = clock_now_ns();
+    devices_begin(&station->device_watch, station->counts.devices);
+    station->udp_connection = random_connection();
+    send_keys(worker, station);
+}
+
+// What the control thread told since the last look; of several changes the newest.
+static void take_connection(struct worker *worker, struct station_runtime *station) {
+    struct connection before = station->connection, *now = &station->connection;
+    if (!newest_take(station->connections, now))
+        return;
+    bool is_new = now->joins != before.joins;
+    if (now->connected && is_new)
+        station_joined(worker, station);
+    if (!now->connected && before.connected)
+        forget_keys(worker, station);
+    if (now->connected && now->confirms != before.confirms)
+        datagram_confirm(worker->endpoint, station->udp_connection, now->challenge);
+    if (now->connected && now->clock_known && (is_new || !before.clock_known))
+        step_announce(worker, station);
+}
+
+// ---- requests -----------------------------------------------------------------------------------
+
+static bool take_input(struct worker *worker, struct station_runtime *station,
+                       enum input_kind input) {
+    if (!station->session)
+        return false;
+    step_without_frame(worker, station, input);
+    return true;
+}
+
+static bool take_remark(struct station_runtime *station, const struct request *request) {
+    return station->session && station->session->serial == request->of_session &&
+           trace_append_remark(station->session->trace, &request->remark);
+}
+
+static void take_request(struct worker *worker, const struct request *request) {
+    struct station_runtime *station = &worker->runtime->stations[request->station];
+    struct runtime_notice notice = {
+        .kind = NOTICE_TAKEN, .station = request->station, .ticket = request->ticket};
+    if (request->kind == REQUEST_ATTACH) {
+        step_begin(worker, station, request->session);
+        return;
+    }
+    notice.done = request->kind == REQUEST_INPUT ? take_input(worker, station, request->input)
+                                                 : take_remark(station, request);
+    worker_notify(worker, &notice);
+}
+
+// Those that are there now: more may come all the time.
+static void take_requests(struct worker *worker) {
+    struct request request;
+    for (size_t left = ring_count(worker->requests); left; left--)
+        if (ring_pop(worker->requests, &request))
+            take_request(worker, &request);
+}
+
+// ---- its stations -------------------------------------------------------------------------------
+
+static void publish_trace(struct station_runtime *station) {
+    struct trace_status status = trace_writer_status(station->session->trace);
+    atomic_store_explicit(&station->counts.trace_missing, status.missing, memory_order_relaxed);
+    atomic_store_explicit(&station->counts.trace_failing, status.failing, memory_order_relaxed);
+}
+
+static void watch_time(struct worker *worker, struct station_runtime *station) {
+    int64_t now_ns = clock_now_ns();
+    if (station->connection.connected &&
+        datagram_epoch_is_old(worker->endpoint, station->udp_connection, now_ns))
+        send_keys(worker, station);
+    if (!station->session)
+        return;
+    publish_trace(station);
+    if (step_is_deserted(worker, station))
+        step_without_frame(worker, station, INPUT_STOP);
+    else if (step_now_ns(station) - station->last_step_ns >= EMPTY_STEP_NS &&
+             station->state == SESSION_RUNNING)
+        step_without_frame(worker, station, INPUT_EMPTY);
+}
+
+static struct station_runtime *next_station(struct worker *worker, int *index) {
+    struct runtime *runtime = worker->runtime;
+    *index += *index < 0 ? 1 + worker->index : runtime->worker_count;
+    return *index < runtime->config.station_count ? &runtime->stations[*index] : NULL;
+}
+
+// True where frames are left for the next round.
+static bool visit_stations(struct worker *worker) {
+    bool left = false;
+    struct station_runtime *station;
+    for (int i = -1; (station = next_station(worker, &i));) {
+        left |= frames_take_tcp(worker, station);
+        watch_time(worker, station);
+    }
+    return left;
+}
+
+static void take_connections(struct worker *worker) {
+    struct station_runtime *station;
+    for (int i = -1; (station = next_station(worker, &i));)
+        take_connection(worker, station);
+}
+
+static void end_sessions(struct worker *worker) {
+    struct station_runtime *station;
+    for (int i = -1; (station = next_station(worker, &i));)
+        if (station->session)
+            step_without_frame(worker, station, INPUT_STOP);
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+static void *work(void *argument) {
+    struct worker *worker = argument;
+    struct pollfd fds[2] = {
+        {.fd = datagram_fd(worker->endpoint), .events = POLLIN},
+        {.fd = worker->wake_fd, .events = POLLIN},
+    };
+    bool left = false;
+    while (!atomic_load(&worker->runtime->stop)) {
+        poll(fds, 2, left ? 0 : TICK_MS);
+        uint64_t wakes;
+        if (fds[1].revents && read(worker->wake_fd, &wakes, sizeof wakes) < 0)
+            CHECK(errno == EAGAIN);
+        take_connections(worker);
+        take_requests(worker);
+        step_results(worker);
+        frames_take_datagrams(worker);
+        left = visit_stations(worker);
+    }
+    take_requests(worker);
+    end_sessions(worker);
+    return NULL;
+}
+
+bool worker_request(struct worker *worker, const struct request *request) {
+    pthread_mutex_lock(&worker->request_lock);
+    bool pushed = ring_push(worker->requests, request);
+    pthread_mutex_unlock(&worker->request_lock);
+    if (pushed)
+        wake_fd(worker->wake_fd);
+    return pushed;
+}
+
+enum result worker_start(struct runtime *runtime, int index, struct error *err) {
+    struct worker *worker = &runtime->workers[index];
+    const struct runtime_config *config = &runtime->config;
+    int port = config->udp_port ? config->udp_port + index : 0;
+    const char *address = config->address[0] ? config->address : NULL;
+    worker->runtime = runtime;
+    worker->index = index;
+    pthread_mutex_init(&worker->request_lock, NULL);
+    enum result result = datagram_create(address, port, &worker->endpoint, err);
+    if (result != RESULT_OK)
+        return result;
+    worker->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    CHECK(worker->wake_fd >= 0);
+    worker->requests = ring_create(REQUESTS_MAX, sizeof(struct request));
+    worker->notices = ring_create(NOTICES_MAX, sizeof(struct runtime_notice));
+    worker->cut_worker = cut_worker_create(worker);
+    int failed = pthread_create(&worker->thread, NULL, work, worker);
+    CHECK(!failed);
+    return RESULT_OK;
+}
+
+void worker_stop(struct worker *worker) {
+    if (!worker->endpoint)
+        return;
+    pthread_join(worker->thread, NULL);
+    cut_worker_stop(worker->cut_worker);
+    datagram_destroy(&worker->endpoint);
+}
+
+void worker_release(struct worker *worker) {
+    if (worker->wake_fd > 0)
+        close(worker->wake_fd);
+    ring_destroy(&worker->requests);
+    ring_destroy(&worker->notices);
+    cut_worker_destroy(&worker->cut_worker);
+    pthread_mutex_destroy(&worker->request_lock);
+}

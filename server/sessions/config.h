@@ -1,0 +1,52 @@
+// What a server serves: cases, stations, folders, limits.
+#pragma once
+
+#include "runtime/types.h"
+#include "step/optic.h"
+#include "step/settings.h"
+
+#define SESSIONS_CASES_MAX 64
+#define SESSIONS_PATH_MAX 256
+
+struct session_case {
+    char name[STATION_NAME_MAX];
+    char dir[SESSIONS_PATH_MAX];
+};
+
+struct session_station {
+    char name[STATION_NAME_MAX];      // as in the station's certificate
+    char case_name[STATION_NAME_MAX]; // one of the cases
+    char trainee[STATION_NAME_MAX];
+    struct view_optic optic; // of its scope
+    bool start_by_command;   // else a session runs as soon as its station is there
+    // Buttons of each instrument's handle that are down while its tip touches; 0: none.
+    uint32_t contact_buttons[INSTRUMENT_COUNT];
+};
+
+struct sessions_config {
+    char address[STATION_NAME_MAX]; // to listen on; empty for all
+    int port;                       // control connections
+    int udp_port;                   // worker i listens on udp_port + i; 0: any free port
+    int workers;                    // 0: one for each core
+    char keys_dir[SESSIONS_PATH_MAX];
+    char traces_dir[SESSIONS_PATH_MAX];
+    char socket[SESSIONS_PATH_MAX];  // local socket of the console
+    char records[SESSIONS_PATH_MAX]; // the database of sessions (store); empty: none
+    bool serve_unfit;                // also cases that a check found unfit (check/grade.h)
+    int wait_s;                      // how long a session waits for its station
+    // The server warns beyond these: age and residuals of a station's calibration, and drift.
+    int calibration_days;
+    double calibration_mm, calibration_deg;
+    struct session_settings settings;
+    int case_count;
+    struct session_case cases[SESSIONS_CASES_MAX];
+    int station_count;
+    struct session_station stations[STATIONS_MAX];
+};
+
+// How many workers a server of this config has: one for each core where the config says 0.
+int sessions_worker_count(const struct sessions_config *config);
+
+// An index, or -1 where no case or station has that name.
+int sessions_find_case(const struct sessions_config *config, const char *name);
+int sessions_find_station(const struct sessions_config *config, const char *name);

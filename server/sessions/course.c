@@ -1,0 +1,54 @@
+#include "sessions/course.h"
+
+#include "base/clock.h"
+#include "runtime/reply.h"
+#include "sessions/opening.h"
+
+#define INPUT_WAIT_NS (5 * NS_PER_S)
+#define OPEN_WAIT_NS (30 * NS_PER_S)
+
+bool course_input(struct sessions *s, int station, enum input_kind kind,
+                  enum session_state expected, arthron_CommandReply *reply) {
+    struct station_slot *slot = &s->slots[station];
+    struct station_status status;
+    bool done;
+    uint64_t ticket = station_slot_new_ticket(slot);
+    if (!runtime_input(s->runtime, station, kind, ticket) ||
+        !station_slot_wait_taken(slot, ticket, clock_now_ns() + INPUT_WAIT_NS, &done))
+        return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
+    station_slot_status(slot, &status);
+    if (!done || status.state != expected)
+        return reply_refuse(reply, "station %s: the session stayed as it was",
+                            station_name(s, station));
+    return reply->ok = true;
+}
+
+bool course_open(struct sessions *s, int station, arthron_CommandReply *reply) {
+    struct station_slot *slot = &s->slots[station];
+    struct station_status status;
+    struct error err;
+    station_slot_wait_open(slot, clock_now_ns() + OPEN_WAIT_NS);
+    station_slot_status(slot, &status);
+    if (status.phase == SLOT_ATTACHED)
+        return true;
+    if (!status.connected)
+        return reply_refuse(reply, "station %s is not connected", station_name(s, station));
+    if (!station_slot_claim(slot, NULL))
+        return reply_refuse(reply, "station %s: its session is being opened or ended",
+                            station_name(s, station));
+    if (opening_run(s, station, &err) != RESULT_OK)
+        return reply_refuse(reply, "%s", err.text);
+    return true;
+}
+
+bool course_stop(struct sessions *s, int station, arthron_CommandReply *reply) {
+    struct station_slot *slot = &s->slots[station];
+    struct station_status status;
+    station_slot_set_stopped(slot, true);
+    station_slot_wait_open(slot, clock_now_ns() + OPEN_WAIT_NS);
+    station_slot_status(slot, &status);
+    if (status.phase == SLOT_EMPTY)
+        return reply->ok = true;
+    station_slot_ending(slot);
+    return course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply);
+}

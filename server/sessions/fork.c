@@ -1,0 +1,238 @@
+#include "sessions/fork.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "runtime/reply.h"
+#include "sessions/course.h"
+#include "sessions/restore.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define ID_DIGITS 32
+#define NICE 15
+
+struct fork {
+    struct sessions *sessions;
+    int station;
+    struct restored restored;      // its session has the new trace, and goes to the runtime
+    struct trace_header header;    // of the new trace
+    char path[SESSIONS_PATH_MAX];  // of it, once it has its name
+    char draft[SESSIONS_PATH_MAX]; // until then, so that nobody takes it for a session's; or empty
+};
+
+// ---- which trace --------------------------------------------------------------------------------
+
+bool fork_is_id(const char *text) {
+    return strspn(text, "0123456789abcdef") == ID_DIGITS && !text[ID_DIGITS];
+}
+
+static bool is_of_session(const char *path, const char *id) {
+    struct trace_reader *reader;
+    char text[ID_DIGITS + 1];
+    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
+        return false;
+    for (int i = 0; i < ID_DIGITS / 2; i++)
+        snprintf(text + 2 * i, 3, "%02x", trace_reader_header(reader)->session_id[i]);
+    trace_reader_destroy(&reader);
+    return !strcmp(text, id);
+}
+
+// A trace's name ends with the first digits of its session's id.
+static enum result find_session(const char *dir, const char *id, char out_path[SESSIONS_PATH_MAX],
+                                struct error *err) {
+    char end[32];
+    int length = snprintf(end, sizeof end, "-%.8s.trace", id);
+    bool found = false;
+    DIR *folder = opendir(dir);
+    for (struct dirent *entry; folder && !found && (entry = readdir(folder));) {
+        size_t name = strlen(entry->d_name);
+        if (name < (size_t)length || strcmp(entry->d_name + name - length, end) != 0)
+            continue;
+        int used = snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s", dir, entry->d_name);
+        found = used < SESSIONS_PATH_MAX && is_of_session(out_path, id);
+    }
+    if (folder)
+        closedir(folder);
+    return found ? RESULT_OK : fail(err, RESULT_MISSING, "%s: no trace of a session %s", dir, id);
+}
+
+static enum result find_trace(const struct sessions *s, const char *from,
+                              char out_path[SESSIONS_PATH_MAX], struct error *err) {
+    struct stat status;
+    if (fork_is_id(from))
+        return find_session(s->config.traces_dir, from, out_path, err);
+    if (stat(from, &status) != 0)
+        return fail(err, RESULT_IO, "%s: %s", from, strerror(errno));
+    if (!S_ISREG(status.st_mode))
+        return fail(err, RESULT_IO, "%s: it is no file", from);
+    snprintf(out_path, SESSIONS_PATH_MAX, "%s", from);
+    return RESULT_OK;
+}
+
+// ---- the new trace ------------------------------------------------------------------------------
+
+static enum result copy_inputs(const struct sessions *s, const struct restored *restored,
+                               const char *from, struct trace_writer *writer, struct error *err) {
+    struct trace_reader *reader;
+    struct trace_record record;
+    enum result result = trace_reader_create(from, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    while (result == RESULT_OK && trace_reader_offset(reader) < restored->place.offset) {
+        if (sessions_are_ending(s))
+            result = fail(err, RESULT_TIMEOUT, "%s: the server ends", from);
+        else
+            result = trace_read(reader, &record, err);
+        if (result != RESULT_OK || (record.type != TRACE_STEP && record.type != TRACE_PAST))
+            continue;
+        record.type = TRACE_PAST;
+        result = trace_append_record(writer, &record, err);
+    }
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+// Its clock goes on from where the other's stood: what came before is before its start.
+static void fill_header(struct fork *f) {
+    struct sessions *s = f->sessions;
+    struct station_status status;
+    uint8_t id[16];
+    ssize_t got = getrandom(id, sizeof id, 0);
+    CHECK(got == sizeof id);
+    station_slot_status(&s->slots[f->station], &status);
+    opening_header(s, f->station, id, f->restored.scene, status.strength, status.trainee,
+                   &f->header);
+    f->restored.session->runtime.ahead_ns = f->restored.place.time_ns - f->header.start_ns;
+    f->header.start_ns = f->restored.place.time_ns;
+    f->header.settings = f->restored.header.settings;
+    memcpy(f->header.parent, f->restored.place.hash, sizeof f->header.parent);
+    memcpy(f->header.parent_id, f->restored.header.session_id, sizeof f->header.parent_id);
+}
+
+static enum result write_trace(struct fork *f, const char *from, struct error *err) {
+    struct sessions *s = f->sessions;
+    fill_header(f);
+    enum result result = opening_trace_path(s, f->station, &f->header, f->path, err);
+    if (result != RESULT_OK)
+        return result;
+    if (snprintf(f->draft, sizeof f->draft, "%s.draft", f->path) >= (int)sizeof f->draft) {
+        f->draft[0] = '\0';
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", f->path);
+    }
+    struct trace_writer **trace = &f->restored.session->runtime.trace;
+    result = trace_writer_create(f->draft, &f->header, &s->trace_signer, trace, err);
+    return result == RESULT_OK ? copy_inputs(s, &f->restored, from, *trace, err) : result;
+}
+
+// ---- making one ---------------------------------------------------------------------------------
+
+static enum result make(struct fork *f, const char *from, double at_s, struct error *err) {
+    char path[SESSIONS_PATH_MAX];
+    enum result result = find_trace(f->sessions, from, path, err);
+    if (result == RESULT_OK)
+        result = restore_run(f->sessions, path, &at_s, &f->restored, err);
+    return f->restored.session ? write_trace(f, path, err) : result;
+}
+
+struct making {
+    struct fork *fork;
+    const char *from;
+    double at_s;
+    enum result result;
+    struct error *err;
+};
+
+static void *run(void *argument) {
+    struct making *m = argument;
+    setpriority(PRIO_PROCESS, 0, NICE); // Linux: of this thread; workers and cuts go first
+    m->result = make(m->fork, m->from, m->at_s, m->err);
+    return NULL;
+}
+
+enum result fork_create(struct sessions *s, int station, const char *from, double at_s,
+                        struct fork **out_fork, struct error *err) {
+    struct fork *f = alloc(1, sizeof *f);
+    f->sessions = s;
+    f->station = station;
+    struct making m = {f, from, at_s, RESULT_OK, err};
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, run, &m) == 0);
+    pthread_join(thread, NULL);
+    if (m.result != RESULT_OK)
+        fork_destroy(&f);
+    *out_fork = f;
+    return m.result;
+}
+
+// ---- it begins ----------------------------------------------------------------------------------
+
+static bool take_name(struct fork *f, arthron_CommandReply *reply) {
+    if (rename(f->draft, f->path) != 0)
+        return reply_refuse(reply, "%s: %s", f->path, strerror(errno));
+    f->draft[0] = '\0';
+    return true;
+}
+
+static bool take_slot(struct fork *f, arthron_CommandReply *reply) {
+    struct station_slot *slot = &f->sessions->slots[f->station];
+    if (!course_stop(f->sessions, f->station, reply))
+        return false;
+    return station_slot_claim(slot, f->header.session_id) ||
+           reply_refuse(reply, "station %s: another session is being opened",
+                        station_name(f->sessions, f->station));
+}
+
+// The name comes first: where it cannot be had, the station's session goes on.
+bool fork_begin(struct fork *f, arthron_CommandReply *reply) {
+    struct open_session *session = f->restored.session;
+    if (!take_name(f, reply))
+        return false;
+    if (!take_slot(f, reply)) {
+        snprintf(f->draft, sizeof f->draft, "%s", f->path);
+        return false;
+    }
+    f->restored.session = NULL;
+    opening_attach(f->sessions, f->station, session, &f->header, f->restored.scene, f->path);
+    return reply->ok = true;
+}
+
+void fork_destroy(struct fork **fork) {
+    struct fork *f = *fork;
+    *fork = NULL;
+    if (!f)
+        return;
+    if (f->restored.session)
+        trace_writer_destroy(&f->restored.session->runtime.trace);
+    if (f->draft[0])
+        unlink(f->draft);
+    restore_fini(&f->restored);
+    free(f);
+}
+
+void fork_clear(const char *traces_dir) {
+    static const char draft[] = ".trace.draft";
+    char path[SESSIONS_PATH_MAX];
+    DIR *folder = opendir(traces_dir);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        size_t length = strlen(entry->d_name), end = strlen(draft);
+        if (length < end || strcmp(entry->d_name + length - end, draft) != 0)
+            continue;
+        int used = snprintf(path, sizeof path, "%s/%s", traces_dir, entry->d_name);
+        if (used < (int)sizeof path && !trace_is_written(path) && unlink(path) == 0)
+            log_warning("sessions", "%s: removed; the server ended before this copy was complete",
+                        path);
+    }
+    if (folder)
+        closedir(folder);
+}

@@ -1,0 +1,206 @@
+#include "sessions/manager.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/task_pool.h"
+#include "runtime/drift.h"
+#include "sessions/opening.h"
+
+#include <errno.h>
+#include <semaphore.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define ROUND_NS NS_PER_S
+#define POOL_THREADS 4
+#define POOL_TASKS (4 * STATIONS_MAX)
+
+struct manager {
+    struct sessions *sessions;
+    pthread_t thread;
+    bool runs;
+    atomic_bool stop;
+    sem_t wake;
+    struct task_pool *pool;
+    bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
+};
+
+void manager_notify(void *user) {
+    struct sessions *s = user;
+    sem_post(&s->manager->wake);
+}
+
+// ---- opening and releasing ----------------------------------------------------------------------
+
+struct station_task {
+    struct sessions *sessions;
+    int station;
+    struct session_runtime *ended; // NULL: a session is opened
+    bool deserted;
+};
+
+static int64_t run_task(void *data) {
+    struct station_task *task = data;
+    struct error err;
+    if (task->ended)
+        opening_release(task->sessions, task->station, task->ended, task->deserted);
+    else
+        opening_run(task->sessions, task->station, &err);
+    return TASK_DONE;
+}
+
+static void finish_task(void *data, bool done) {
+    if (!done)
+        run_task(data);
+    free(data);
+}
+
+// Tasks of one station run in order. The pool is full only where it is stopped: each station has at
+// most one opening and a few releases on their way.
+static void give_task(struct sessions *s, struct station_task what) {
+    struct station_task *data = alloc(1, sizeof *data);
+    *data = what;
+    struct task task = {
+        .key = (uint64_t)what.station + 1, .run = run_task, .finish = finish_task, .data = data};
+    if (!task_pool_add(s->manager->pool, &task))
+        finish_task(data, false);
+}
+
+void manager_open(struct sessions *s, int station) {
+    if (!atomic_load(&s->manager->stop) &&
+        station_slot_claim_needed(&s->slots[station], clock_now_ns()))
+        give_task(s, (struct station_task){.sessions = s, .station = station});
+}
+
+// ---- notices ------------------------------------------------------------------------------------
+
+static void take_undone(struct station_slot *slot, const struct runtime_notice *notice) {
+    struct undo_answer undone = {notice->undone.outcome, notice->undone.cuts,
+                                 notice->undone.volume_mm3};
+    station_slot_add_undone(slot, notice->session, &undone, notice->undone.more);
+}
+
+static void take_notice(struct sessions *s, const struct runtime_notice *notice) {
+    struct station_slot *slot = &s->slots[notice->station];
+    switch (notice->kind) {
+    case NOTICE_STATE:
+        station_slot_set_state(slot, notice->session, notice->state);
+        break;
+    case NOTICE_TAKEN:
+        station_slot_set_taken(slot, notice->ticket, notice->done);
+        break;
+    case NOTICE_UNDONE:
+        take_undone(slot, notice);
+        break;
+    case NOTICE_OPENED:
+        station_slot_set_tissues(slot, notice->session);
+        break;
+    case NOTICE_ENDED:
+        give_task(s, (struct station_task){s, notice->station, notice->ended, notice->deserted});
+        break;
+    }
+}
+
+static void take_notices(struct sessions *s) {
+    struct runtime_notice notice;
+    while (runtime_next_notice(s->runtime, &notice))
+        take_notice(s, &notice);
+}
+
+// ---- warnings, once for each session ------------------------------------------------------------
+
+static void warn_of_drift(struct sessions *s, int station) {
+    const struct station_counts *counts = runtime_counts(s->runtime, station);
+    bool known = atomic_load(&counts->touches) >= DRIFT_TOUCHES;
+    double drift_mm = (double)atomic_load(&counts->drift_nm) / 1e6;
+    bool *warned = &s->manager->drift_warned[station];
+    bool is_far = known && drift_mm > s->config.calibration_mm;
+    if (is_far && !*warned)
+        log_warning("sessions", "station %s: tip is %.2f mm off the surface; recalibrate",
+                    station_name(s, station), drift_mm);
+    *warned = is_far;
+}
+
+static void warn_of_trace(struct sessions *s, int station) {
+    const struct station_counts *counts = runtime_counts(s->runtime, station);
+    bool *warned = &s->manager->trace_warned[station];
+    bool is_incomplete = atomic_load(&counts->trace_missing) > 0;
+    if (is_incomplete && !*warned)
+        log_error("sessions",
+                  "station %s: its trace is incomplete: the disk is too slow or full",
+                  station_name(s, station));
+    *warned = is_incomplete;
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+static void look_after(struct sessions *s) {
+    grades_refresh(s->grades);
+    for (int i = 0; i < s->config.station_count; i++) {
+        warn_of_drift(s, i);
+        warn_of_trace(s, i);
+    }
+}
+
+static void wait_for_work(struct manager *m, int64_t until_ns) {
+    struct timespec until = {until_ns / NS_PER_S, until_ns % NS_PER_S};
+    if (sem_clockwait(&m->wake, CLOCK_MONOTONIC, &until) != 0)
+        return;
+    while (sem_trywait(&m->wake) == 0) // what comes next serves all that was posted
+        ;
+}
+
+static void *manage(void *argument) {
+    struct sessions *s = argument;
+    int64_t round_ns = clock_now_ns() + ROUND_NS;
+    while (!atomic_load(&s->manager->stop)) {
+        take_notices(s);
+        for (int i = 0; i < s->config.station_count; i++)
+            manager_open(s, i);
+        if (clock_now_ns() >= round_ns) {
+            look_after(s);
+            round_ns = clock_now_ns() + ROUND_NS;
+        }
+        wait_for_work(s->manager, round_ns);
+    }
+    return NULL;
+}
+
+void manager_create(struct sessions *s) {
+    struct task_pool_settings settings = {.threads = POOL_THREADS, .tasks_max = POOL_TASKS};
+    struct manager *m = alloc(1, sizeof *m);
+    m->sessions = s;
+    sem_init(&m->wake, 0, 0);
+    m->pool = task_pool_create(&settings);
+    s->manager = m;
+}
+
+void manager_start(struct sessions *s) {
+    int failed = pthread_create(&s->manager->thread, NULL, manage, s);
+    CHECK(!failed);
+    s->manager->runs = true;
+}
+
+void manager_stop(struct sessions *s) {
+    struct manager *m = s->manager;
+    if (!m || !m->runs)
+        return;
+    m->runs = false;
+    atomic_store(&m->stop, true);
+    sem_post(&m->wake);
+    pthread_join(m->thread, NULL);
+    task_pool_drain(m->pool);
+}
+
+void manager_destroy(struct sessions *s) {
+    struct manager *m = s->manager;
+    if (!m)
+        return;
+    if (s->runtime)
+        take_notices(s);
+    task_pool_destroy(&m->pool);
+    sem_destroy(&m->wake);
+    free(m);
+    s->manager = NULL;
+}

@@ -1,0 +1,18 @@
+// The session manager: a thread that takes the runtime's notices, and a pool that opens and
+// releases sessions, so that no file holds up a notice or another station.
+#pragma once
+
+#include "sessions/parts.h"
+
+void manager_create(struct sessions *sessions); // before any session; manager_notify may be called
+void manager_start(struct sessions *sessions);  // opens what stations need from now on
+void manager_stop(struct sessions *sessions);   // no session is opened any more; NULL is fine
+// After runtime_stop: releases the sessions that the runtime gave back.
+void manager_destroy(struct sessions *sessions);
+
+// Has a session opened where the station needs one and has none. From any thread, never waits.
+void manager_open(struct sessions *sessions, int station);
+
+// Wakes the manager: a notice has come, or a station may need a session. From any thread, never
+// waits. sessions: struct sessions
+void manager_notify(void *sessions);

@@ -1,0 +1,42 @@
+// What the files of this room share.
+#pragma once
+
+#include "net/console.h"
+#include "net/signer.h"
+#include "records/claim.h"
+#include "records/recorder.h"
+#include "runtime/runtime.h"
+#include "sessions/grades.h"
+#include "sessions/station_slot.h"
+
+#include <stdatomic.h>
+
+struct manager;
+struct resumed;
+
+struct sessions {
+    struct sessions_config config;
+    const atomic_bool *cancelled; // the caller's: ends a start early
+    atomic_bool ending;           // sessions_break_off was called
+    struct scene *scenes[SESSIONS_CASES_MAX];
+    struct grades *grades;
+    struct station_slot slots[STATIONS_MAX];
+    struct runtime *runtime;
+    struct control *control;
+    struct console *console;
+    struct signer *signer;
+    struct trace_signer trace_signer; // with it
+    struct claim *claim;              // of the records and the traces
+    struct recorder *recorder;        // NULL: no records
+    struct manager *manager;
+    struct resumed *resumed; // while the server starts
+    atomic_uint_fast64_t serials;
+};
+
+static inline bool sessions_are_ending(const struct sessions *s) {
+    return atomic_load(&s->ending) || atomic_load(s->cancelled);
+}
+
+static inline const char *station_name(const struct sessions *s, int station) {
+    return s->config.stations[station].name;
+}

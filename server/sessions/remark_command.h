@@ -1,0 +1,9 @@
+// The command NOTE.
+#pragma once
+
+#include "sessions/parts.h"
+
+// A marker must lie near a bone, a text must have no control characters. The command lock of the
+// slot is held. False: the reply says why not.
+bool remark_command(struct sessions *sessions, int station, const char *author,
+                    const arthron_Remark *remark, arthron_CommandReply *reply);

@@ -1,0 +1,129 @@
+#include "sessions/restore.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "trace/rerun.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static int scene_of(const struct sessions *s, uint64_t case_hash) {
+    for (int i = 0; i < s->config.case_count; i++)
+        if (scene_case(s->scenes[i])->hash == case_hash &&
+            grades_allow(s->grades, i, NULL) == RESULT_OK)
+            return i;
+    return -1;
+}
+
+// What at_s leaves out.
+static bool is_behind(const struct restored *a, const struct trace_record *record, double at_s) {
+    if (record->type != TRACE_STEP && record->type != TRACE_PAST)
+        return false;
+    int64_t since_ns = record->input.time_ns - a->header.start_ns;
+    return record->input.kind == INPUT_STOP || (double)since_ns / NS_PER_S > at_s;
+}
+
+static enum result take_step(struct restored *a, const char *path, struct rerun *rerun,
+                             const struct trace_record *record, struct error *err) {
+    struct session_output output;
+    rerun_step(rerun, record, &output);
+    if (record->type == TRACE_STEP && record->output.hash != output.hash)
+        return fail(err, RESULT_REFUSED, "%s: step %llu does not reproduce its recorded hash", path,
+                    (unsigned long long)output.step);
+    if (record->type == TRACE_STEP)
+        metrics_step(&a->metrics, &record->input, &output);
+    snapshot_step(&a->snapshots, &output);
+    a->state = output.state;
+    return RESULT_OK;
+}
+
+// RESULT_MISSING at the end of a trace that was not closed: as it should be.
+static enum result run(const struct sessions *s, struct restored *a, const char *path,
+                       struct trace_reader *reader, const double *at_s, struct rerun *rerun,
+                       struct error *err) {
+    struct trace_record record;
+    enum result result;
+    while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
+        if (sessions_are_ending(s))
+            return fail(err, RESULT_TIMEOUT, "%s: the server ends", path);
+        if (at_s && is_behind(a, &record, *at_s))
+            return RESULT_MISSING;
+        if (record.type == TRACE_GAP)
+            return fail(err, RESULT_REFUSED, "%s: steps are missing in it", path);
+        if (record.type == TRACE_RESUME)
+            metrics_interrupt(&a->metrics);
+        if (record.type == TRACE_REMARK)
+            remarks_put(&a->remarks, &record.remark);
+        if (record.type == TRACE_STEP || record.type == TRACE_PAST)
+            result = take_step(a, path, rerun, &record, err);
+        if (result != RESULT_OK)
+            return result;
+        a->place = trace_reader_place(reader);
+    }
+    return result;
+}
+
+static void make_session(const struct sessions *s, struct restored *a, struct rerun **rerun) {
+    struct open_session *session = alloc(1, sizeof *session);
+    struct session_runtime *runtime = &session->runtime;
+    runtime->scene = s->scenes[a->scene];
+    runtime->state = a->state;
+    runtime->last_ns = a->place.time_ns;
+    rerun_release(rerun, &runtime->session, &runtime->operation, &runtime->pending);
+    a->session = session;
+}
+
+static enum result read_to_end(struct trace_reader *reader, struct error *err) {
+    struct trace_record record;
+    enum result result;
+    while ((result = trace_read(reader, &record, err)) == RESULT_OK)
+        ;
+    return result;
+}
+
+// A session that was closed needs no case here, unless it is to go on all the same.
+static enum result refuse(const struct restored *a, const char *path, const double *at_s,
+                          struct trace_reader *reader, struct error *err) {
+    if (!at_s && read_to_end(reader, err) == RESULT_CLOSED)
+        return RESULT_CLOSED;
+    if (a->header.version != TRACE_VERSION)
+        return fail(err, RESULT_REFUSED, "%s: it is of version %d", path, a->header.version);
+    return fail(err, RESULT_REFUSED, "%s: this server has not its case", path);
+}
+
+enum result restore_run(const struct sessions *s, const char *path, const double *at_s,
+                        struct restored *out, struct error *err) {
+    struct trace_reader *reader;
+    memset(out, 0, sizeof *out);
+    enum result result = trace_reader_create(path, &reader, err);
+    if (result != RESULT_OK)
+        return result;
+    out->header = *trace_reader_header(reader);
+    out->scene = scene_of(s, out->header.case_hash);
+    if (out->scene < 0 || out->header.version != TRACE_VERSION) {
+        result = refuse(out, path, at_s, reader, err);
+        trace_reader_destroy(&reader);
+        return result;
+    }
+    metrics_init(&out->metrics, out->header.optic);
+    snapshot_begin(&out->snapshots, 0, out->header.start_ns);
+    struct rerun *rerun = rerun_create(s->scenes[out->scene], &out->header.settings);
+    out->place = trace_reader_place(reader);
+    result = run(s, out, path, reader, at_s, rerun, err);
+    if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))
+        make_session(s, out, &rerun);
+    rerun_destroy(&rerun);
+    trace_reader_destroy(&reader);
+    return result;
+}
+
+void restore_fini(struct restored *a) {
+    remarks_fini(&a->remarks);
+    if (!a->session)
+        return;
+    session_destroy(&a->session->runtime.session);
+    operation_destroy(&a->session->runtime.operation);
+    job_result_destroy(&a->session->runtime.pending);
+    free(a->session);
+    a->session = NULL;
+}

@@ -1,0 +1,9 @@
+// What is told of sessions to those who ask.
+#pragma once
+
+#include "sessions/parts.h"
+
+void session_info(struct sessions *sessions, int station, arthron_SessionInfo *out_info);
+void session_list_all(struct sessions *sessions, arthron_CommandReply *reply);
+// One station with its joint and its resections. Waits for a session that has just begun.
+void session_list_one(struct sessions *sessions, int station, arthron_CommandReply *reply);

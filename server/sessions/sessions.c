@@ -1,0 +1,292 @@
+#include "sessions/sessions.h"
+
+#include "base/check.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "runtime/reply.h"
+#include "sessions/commands.h"
+#include "sessions/fork.h"
+#include "sessions/manager.h"
+#include "sessions/resume.h"
+#include "sessions/session_list.h"
+#include "sessions/station_handler.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+// ---- what is served -----------------------------------------------------------------------------
+
+static enum result load_case(struct sessions *s, int index, struct error *err) {
+    const struct session_case *entry = &s->config.cases[index];
+    struct case_limits limits = case_limits_default();
+    struct knee_case *knee = NULL;
+    enum result result = case_load(entry->dir, &limits, &knee, err);
+    if (result == RESULT_OK) {
+        result = scene_create(&knee, &s->scenes[index], err);
+        case_destroy(&knee);
+    }
+    if (result != RESULT_OK)
+        return fail_in(err, result, "case %s: ", entry->name);
+    log_info("sessions", "case %s from %s", entry->name, entry->dir);
+    return RESULT_OK;
+}
+
+static enum result load_cases(struct sessions *s, struct error *err) {
+    uint64_t hashes[SESSIONS_CASES_MAX];
+    for (int i = 0; i < s->config.case_count; i++) {
+        if (sessions_are_ending(s))
+            return fail(err, RESULT_TIMEOUT, "the server ends while it starts");
+        enum result result = load_case(s, i, err);
+        if (result != RESULT_OK)
+            return result;
+        hashes[i] = scene_case(s->scenes[i])->hash;
+    }
+    s->grades = grades_create(&s->config, hashes);
+    return RESULT_OK;
+}
+
+static enum result open_slots(struct sessions *s, struct error *err) {
+    for (int i = 0; i < s->config.station_count; i++) {
+        const struct session_station *station = &s->config.stations[i];
+        int scene = sessions_find_case(&s->config, station->case_name);
+        if (scene < 0)
+            return fail(err, RESULT_INVALID, "station %s: there is no case %s", station->name,
+                        station->case_name);
+        station_slot_init(&s->slots[i], scene, station->trainee);
+    }
+    return RESULT_OK;
+}
+
+// ---- what it needs ------------------------------------------------------------------------------
+
+static enum result make_traces_dir(const struct sessions *s, struct error *err) {
+    const char *dir = s->config.traces_dir;
+    if ((mkdir(dir, 0700) && errno != EEXIST) || access(dir, W_OK | X_OK))
+        return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
+    return RESULT_OK;
+}
+
+static enum result load_signer(struct sessions *s, struct error *err) {
+    enum result result = signer_create(s->config.keys_dir, &s->signer, err);
+    if (result != RESULT_OK)
+        return result;
+    s->trace_signer.sign = signer_sign;
+    s->trace_signer.context = s->signer;
+    return RESULT_OK;
+}
+
+static enum result start_runtime(struct sessions *s, struct error *err) {
+    static struct runtime_config config;
+    config = (struct runtime_config){
+        .address = s->config.address,
+        .udp_port = s->config.udp_port,
+        .workers = sessions_worker_count(&s->config),
+        .wait_s = s->config.wait_s,
+        .touch_reach_mm = s->config.settings.field.radius_mm,
+        .station_count = s->config.station_count,
+        .control = &s->control,
+        .notify = manager_notify,
+        .user = s,
+    };
+    for (int i = 0; i < s->config.station_count; i++) {
+        const struct session_station *station = &s->config.stations[i];
+        config.stations[i].name = station->name;
+        config.stations[i].start_by_command = station->start_by_command;
+        memcpy(config.stations[i].contact_buttons, station->contact_buttons,
+               sizeof station->contact_buttons);
+    }
+    return runtime_create(&config, &s->runtime, err);
+}
+
+static enum result open_connections(struct sessions *s, struct error *err) {
+    const struct sessions_config *config = &s->config;
+    struct control_config control = {
+        .address = config->address[0] ? config->address : NULL,
+        .port = config->port,
+        .authority_dir = config->keys_dir,
+        .software = "arthron-server " ARTHRON_VERSION,
+        .hello_timeout_ns = 5 * NS_PER_S,
+    };
+    struct control_handler handler = station_handler(s);
+    enum result result = control_create(&control, &handler, &s->control, err);
+    if (result != RESULT_OK)
+        return result;
+    struct console_handler console = {s, sessions_command, sessions_metrics};
+    return console_create(config->socket, &console, &s->console, err);
+}
+
+// ---- begin --------------------------------------------------------------------------------------
+
+// For the recorder: the scenes stay until it has stopped.
+static const struct scene *find_scene(void *user, uint64_t case_hash) {
+    const struct sessions *s = user;
+    for (int i = 0; i < s->config.case_count; i++)
+        if (scene_case(s->scenes[i])->hash == case_hash)
+            return s->scenes[i];
+    return NULL;
+}
+
+static void start_recorder(struct sessions *s) {
+    char authority[SESSIONS_PATH_MAX + 16];
+    snprintf(authority, sizeof authority, "%s/authority.pem", s->config.keys_dir);
+    const struct recorder_config config = {
+        .records = s->config.records,
+        .traces_dir = s->config.traces_dir,
+        .authority = authority,
+        .find = find_scene,
+        .user = s,
+    };
+    s->recorder = recorder_start(&config);
+}
+
+// The traces that go on are locked before the recorder looks for those that do not.
+static void begin(struct sessions *s) {
+    resume_open_traces(s);
+    if (s->config.records[0])
+        start_recorder(s);
+    resume_attach(s);
+    manager_start(s);
+}
+
+static enum result prepare(struct sessions *s, struct error *err) {
+    enum result result = make_traces_dir(s, err);
+    if (result == RESULT_OK)
+        result = claim_create(s->config.records, s->config.traces_dir, &s->claim, err);
+    if (result == RESULT_OK)
+        result = load_signer(s, err);
+    if (result == RESULT_OK)
+        result = load_cases(s, err);
+    if (result == RESULT_OK)
+        result = start_runtime(s, err);
+    if (result != RESULT_OK)
+        return result;
+    fork_clear(s->config.traces_dir);
+    resume_replay(s);
+    return sessions_are_ending(s) ? fail(err, RESULT_TIMEOUT, "the server ends while it starts")
+                                  : RESULT_OK;
+}
+
+enum result sessions_create(const struct sessions_config *config, const atomic_bool *cancelled,
+                            struct sessions **out_sessions, struct error *err) {
+    struct sessions *s = alloc(1, sizeof *s);
+    s->config = *config;
+    s->cancelled = cancelled;
+    manager_create(s);
+    enum result result = open_slots(s, err);
+    if (result == RESULT_OK)
+        result = prepare(s, err);
+    if (result == RESULT_OK)
+        result = open_connections(s, err);
+    if (result == RESULT_OK)
+        begin(s);
+    else
+        sessions_destroy(&s);
+    *out_sessions = s;
+    return result;
+}
+
+// ---- end ----------------------------------------------------------------------------------------
+
+void sessions_break_off(struct sessions *s) {
+    atomic_store(&s->ending, true);
+    for (int i = 0; i < s->config.station_count; i++)
+        station_slot_break_off(&s->slots[i]);
+}
+
+static void release(struct sessions *s) {
+    resume_release(s);
+    runtime_destroy(&s->runtime);
+    grades_destroy(&s->grades);
+    for (int i = 0; i < s->config.case_count; i++)
+        scene_destroy(&s->scenes[i]);
+    for (int i = 0; i < s->config.station_count; i++)
+        station_slot_fini(&s->slots[i]);
+    signer_destroy(&s->signer);
+    claim_destroy(&s->claim);
+    free(s);
+}
+
+// Console and manager first, so that no session begins; then the workers, who end theirs and tell
+// the stations; then the control connections; then the sessions that the workers gave back, and
+// what becomes of them in the records.
+void sessions_destroy(struct sessions **sessions) {
+    struct sessions *s = *sessions;
+    sessions_break_off(s);
+    if (s->console)
+        console_destroy(&s->console);
+    manager_stop(s);
+    runtime_stop(s->runtime);
+    if (s->control)
+        control_destroy(&s->control);
+    manager_destroy(s);
+    recorder_stop(&s->recorder);
+    release(s);
+    *sessions = NULL;
+}
+
+// ---- what others ask ----------------------------------------------------------------------------
+
+void sessions_command(void *sessions, const char *actor, const arthron_Command *command,
+                      arthron_CommandReply *out_reply) {
+    commands_run(sessions, actor, command, out_reply);
+}
+
+bool sessions_metrics(void *sessions, const char *station, arthron_Metrics *out_metrics) {
+    struct sessions *s = sessions;
+    int index = sessions_find_station(&s->config, station);
+    if (index < 0)
+        return false;
+    struct station_status status;
+    struct live_metrics *metrics = alloc(1, sizeof *metrics);
+    station_slot_status(&s->slots[index], &status);
+    runtime_metrics(s->runtime, index, metrics);
+    if (metrics->session && metrics->session == status.about.serial)
+        reply_metrics(&metrics->metrics, scene_case(metrics->scene), out_metrics);
+    free(metrics);
+    return true;
+}
+
+void sessions_status(struct sessions *s, int station, struct station_status *out_status) {
+    station_slot_status(&s->slots[station], out_status);
+}
+
+void sessions_info(struct sessions *s, int station, arthron_SessionInfo *out_info) {
+    session_info(s, station, out_info);
+}
+
+bool sessions_remarks(struct sessions *s, int station, uint64_t session, uint64_t told,
+                      const uint64_t told_each[REMARKS_MAX], struct kept_remark *out, int room,
+                      int *out_count, uint64_t *out_revision) {
+    struct station_slot *slot = &s->slots[station];
+    const struct remarks *remarks = &slot->remarks;
+    bool all = true;
+    *out_count = 0;
+    pthread_mutex_lock(&slot->lock);
+    *out_revision = remarks->revision;
+    bool is_new = remarks->session == session && remarks->revision != told;
+    for (int i = 0; is_new && all && i < remarks->count; i++) {
+        if (remarks->all[i].revision == told_each[i])
+            continue;
+        all = *out_count < room;
+        if (all)
+            out[(*out_count)++] = remarks->all[i];
+    }
+    pthread_mutex_unlock(&slot->lock);
+    return all;
+}
+
+const struct sessions_config *sessions_config(const struct sessions *s) {
+    return &s->config;
+}
+
+const struct scene *sessions_scene(const struct sessions *s, int index) {
+    return s->scenes[index];
+}
+
+struct runtime *sessions_runtime(struct sessions *s) {
+    return s->runtime;
+}

@@ -1,0 +1,218 @@
+// A session that cuts faster than its jobs are done: what stations are told is what was cut.
+#include "runtime/tissue_delta.h"
+#include "test.h"
+#include "trace/replay.h"
+#include "unit/case_knee.h"
+#include "unit/hall.h"
+
+#include <stdio.h>
+#include <string.h>
+
+// ---- what was cut, by the session's own record --------------------------------------------------
+
+static struct scene *load_scene(void) {
+    struct case_limits limits = case_limits_default();
+    struct knee_case *knee;
+    struct scene *scene;
+    char folder[256];
+    snprintf(folder, sizeof folder, "%s/case", hall_dir);
+    assert_int_equal(case_load(folder, &limits, &knee, NULL), RESULT_OK);
+    assert_int_equal(scene_create(&knee, &scene, NULL), RESULT_OK);
+    return scene;
+}
+
+static uint64_t hash_of(const struct cut_mesh *mesh) {
+    struct tissue tissue = {0};
+    struct mesh_delta whole;
+    tissue_delta_whole(mesh, &whole);
+    whole.number = 1;
+    assert_int_equal(tissue_change(&tissue, &whole, NULL), RESULT_OK);
+    uint64_t hash = tissue.hash;
+    mesh_delta_fini(&whole);
+    tissue_fini(&tissue);
+    return hash;
+}
+
+static void assert_was_cut(const char *trace, const struct tissue_report *report) {
+    struct trace_reader *reader;
+    static struct trace_record record;
+    struct session_output output;
+    struct scene *scene = load_scene();
+    assert_int_equal(trace_reader_create(trace, &reader, NULL), RESULT_OK);
+    struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        if (record.type == TRACE_STEP)
+            rerun_step(rerun, &record, &output);
+    const struct operation *operation = rerun_operation(rerun);
+    assert_int_equal(report->figures[0].mesh_number, operation_figures(operation, 0)->mesh_number);
+    assert_int_equal(report->mesh_hashes[0], hash_of(operation_mesh(operation, 0)));
+    rerun_destroy(&rerun);
+    trace_reader_destroy(&reader);
+    scene_destroy(&scene);
+}
+
+// ---- the tests ----------------------------------------------------------------------------------
+
+static void a_job_that_is_asked_for_as_another_lands_does_not_overtake_it(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    hall_shave(sessions);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct tissue_report report = hall_last_tissues(sessions);
+    struct station_status status = hall_status(sessions);
+    sessions_destroy(&sessions);
+    assert_true(report.figures[0].cuts >= 5);
+    assert_was_cut(status.about.trace, &report);
+}
+
+static void a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    uint64_t whole = hall_last_tissues(sessions).mesh_hashes[0];
+    for (int i = 0; i < 3; i++) {
+        hall_shave(sessions);
+        hall_command(sessions, arthron_Command_Kind_RESET);
+    }
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    struct tissue_report report = hall_last_tissues(sessions);
+    struct station_status status = hall_status(sessions);
+    sessions_destroy(&sessions);
+    assert_int_equal(report.figures[0].cuts, 0);
+    assert_int_equal(report.mesh_hashes[0], whole);
+    assert_was_cut(status.about.trace, &report);
+}
+
+static void a_reset_is_answered_when_it_is_done(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    const atomic_uint_fast64_t *steps = &runtime_counts(sessions_runtime(sessions), 0)->steps;
+    hall_join(sessions);
+    for (int i = 0; i < 20; i++) {
+        uint64_t before = atomic_load(steps);
+        hall_command(sessions, arthron_Command_Kind_RESET);
+        assert_true(atomic_load(steps) > before);
+    }
+    sessions_destroy(&sessions);
+}
+
+struct asker {
+    struct sessions *sessions;
+    pthread_t thread;
+    arthron_CommandReply reply;
+};
+
+static void *ask_for_undo(void *user) {
+    struct asker *asker = user;
+    const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
+    sessions_command(asker->sessions, "otto", &command, &asker->reply);
+    return NULL;
+}
+
+// In place of the hall's.
+static void save_case(bool cuttable) {
+    char folder[256];
+    struct knee_case *knee = box_knee();
+    struct case_group *meniscus = case_group(knee, "meniscus_medial");
+    meniscus->cuttable = cuttable;
+    if (!cuttable)
+        meniscus->lesion.tear.part_count = meniscus->lesion.plan.part_count = 0;
+    snprintf(folder, sizeof folder, "%s/case", hall_dir);
+    assert_int_equal(case_save(knee, folder, NULL), RESULT_OK);
+    case_destroy(&knee);
+}
+
+// Who is told that something was undone is told of no other's cuts.
+static void of_undos_at_once_each_has_its_own_answer(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    static struct asker askers[4];
+    hall_join(sessions);
+    for (int i = 0; i < 5; i++) { // so that one is left
+        hall_shave_part(sessions, i / 5.0, (i + 1) / 5.0);
+        hall_command(sessions, arthron_Command_Kind_PAUSE); // ends the stroke
+        hall_command(sessions, arthron_Command_Kind_START);
+    }
+    uint32_t before = hall_last_tissues(sessions).figures[0].cuts, undone = 0;
+    for (int i = 0; i < 4; i++) {
+        askers[i].sessions = sessions;
+        assert_int_equal(pthread_create(&askers[i].thread, NULL, ask_for_undo, &askers[i]), 0);
+    }
+    int done = 0;
+    for (int i = 0; i < 4; i++) {
+        pthread_join(askers[i].thread, NULL);
+        const arthron_CommandReply *reply = &askers[i].reply;
+        assert_int_equal(reply->ok, reply->has_undone);
+        if (!reply->ok)
+            assert_string_equal(reply->text, "station room-1: an undo is on its way");
+        undone += reply->ok ? reply->undone.cuts : 0;
+        done += reply->ok;
+    }
+    assert_true(done >= 1 && undone > 0);
+    assert_int_equal(hall_last_tissues(sessions).figures[0].cuts, before - undone);
+    hall_command(sessions, arthron_Command_Kind_UNDO); // the next one is taken
+    sessions_destroy(&sessions);
+}
+
+static void where_nothing_can_be_cut_an_undo_is_refused_each_time(void **state) {
+    (void)state;
+    const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
+    static arthron_CommandReply reply;
+    save_case(false);
+    struct sessions *sessions = hall_open();
+    save_case(true);
+    hall_join(sessions);
+    for (int i = 0; i < 2; i++) {
+        sessions_command(sessions, "otto", &command, &reply);
+        assert_false(reply.ok);
+        assert_string_equal(reply.text, "station room-1: there is no cut to be undone");
+    }
+    sessions_destroy(&sessions);
+}
+
+static void a_server_that_ends_waits_for_no_copy(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    static arthron_CommandReply reply;
+    arthron_Command copy = {.kind = arthron_Command_Kind_COPY, .station = "room-1"};
+    hall_join(sessions);
+    hall_shave_part(sessions, 0, 0.5);
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    snprintf(copy.from, sizeof copy.from, "%s", hall_status(sessions).about.trace);
+    sessions_command(sessions, "otto", &copy, &reply);
+    assert_true(reply.ok);
+    sessions_break_off(sessions);
+    sessions_command(sessions, "otto", &copy, &reply);
+    assert_false(reply.ok);
+    assert_non_null(strstr(reply.text, "the server ends"));
+    sessions_destroy(&sessions);
+}
+
+static void what_was_cut_is_not_told_of_another_case(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    hall_shave(sessions);
+    assert_true(hall_last_tissues(sessions).figures[0].cuts > 0);
+    hall_leave(sessions);
+    hall_command(sessions, arthron_Command_Kind_CASE);
+    const arthron_CommandReply *reply = hall_command(sessions, arthron_Command_Kind_SHOW);
+    assert_string_equal(reply->sessions[0].case_name, "boxes1");
+    assert_int_equal(reply->resections_count, 1);
+    assert_int_equal(reply->resections[0].cuts, 0);
+    sessions_destroy(&sessions);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
+        cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
+        cmocka_unit_test(a_reset_is_answered_when_it_is_done),
+        cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
+        cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
+        cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
+        cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
+    };
+    return cmocka_run_group_tests_name("cut_worker", tests, hall_make, hall_remove);
+}

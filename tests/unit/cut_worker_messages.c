@@ -1,0 +1,107 @@
+// A cut worker that always has something to cut still hears its stations.
+#include "runtime/cut_worker.h"
+#include "test.h"
+#include "unit/case_knee.h"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#define ON_THEIR_WAY 200
+#define JOBS_MAX 4000
+
+static atomic_int figures_sent;
+
+// ---- in place of the control connection ---------------------------------------------------------
+
+bool control_send(struct control *control, struct control_peer peer,
+                  const arthron_Control *message) {
+    (void)control, (void)peer;
+    if (message->which_message == arthron_Control_resection_tag)
+        atomic_fetch_add(&figures_sent, 1);
+    return true;
+}
+
+bool control_send_mesh(struct control *control, struct control_peer peer,
+                       struct mesh_payload *payload) {
+    (void)control, (void)peer, (void)payload;
+    return true;
+}
+
+// ---- the test -----------------------------------------------------------------------------------
+
+static struct runtime runtime;
+static struct control *no_control;
+
+static void ignore(void *user) {
+    (void)user;
+}
+
+static void open_worker(struct worker *worker, struct session_runtime *session) {
+    struct knee_case *knee = box_knee();
+    struct scene *scene;
+    assert_int_equal(scene_create(&knee, &scene, NULL), RESULT_OK);
+    runtime.config.notify = ignore;
+    runtime.config.control = &no_control;
+    runtime.config.stations[0].name = "room-1";
+    runtime.stations[0].config = &runtime.config.stations[0];
+    pthread_mutex_init(&runtime.stations[0].tissues_lock, NULL);
+    *worker =
+        (struct worker){.runtime = &runtime, .wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)};
+    *session =
+        (struct session_runtime){.serial = 1, .scene = scene, .operation = operation_create(scene)};
+    worker->cut_worker = cut_worker_create(worker);
+    cut_worker_open(worker->cut_worker, 0, session);
+}
+
+static void close_worker(struct worker *worker, struct session_runtime *session) {
+    struct runtime_notice notice;
+    cut_worker_close(worker->cut_worker, 0, session, false);
+    cut_worker_stop(worker->cut_worker);
+    assert_true(cut_worker_next_notice(worker->cut_worker, &notice));
+    assert_int_equal(notice.kind, NOTICE_OPENED);
+    assert_true(cut_worker_next_notice(worker->cut_worker, &notice));
+    assert_int_equal(notice.kind, NOTICE_ENDED);
+    assert_ptr_equal(notice.ended, session);
+    cut_worker_destroy(&worker->cut_worker);
+    operation_destroy(&session->operation);
+    close(worker->wake_fd);
+    struct scene *scene = (struct scene *)session->scene;
+    scene_destroy(&scene);
+}
+
+static int take_done(struct cut_worker *cut_worker) {
+    int station, count = 0;
+    uint64_t serial;
+    struct job_result *result;
+    for (; cut_worker_take(cut_worker, &station, &serial, &result); count++)
+        cut_worker_release_result(cut_worker, result);
+    return count;
+}
+
+static void a_station_is_heard_while_there_is_always_something_to_cut(void **state) {
+    (void)state;
+    struct worker worker;
+    struct session_runtime session;
+    arthron_Control ask = {.which_message = arthron_Control_mesh_ask_tag};
+    uint64_t asked_for = 0, done = 0;
+    open_worker(&worker, &session);
+    while (!atomic_load(&figures_sent) && done < JOBS_MAX) {
+        for (; asked_for < done + ON_THEIR_WAY; asked_for++) {
+            struct job job = {.id = asked_for + 1, .kind = JOB_RESTORE};
+            cut_worker_run(worker.cut_worker, 0, session.serial, &job);
+            if (asked_for == ON_THEIR_WAY / 2)
+                cut_worker_message(worker.cut_worker, 0, (struct control_peer){0}, &ask);
+        }
+        done += (uint64_t)take_done(worker.cut_worker);
+    }
+    assert_true(atomic_load(&figures_sent) > 0);
+    assert_true(done < JOBS_MAX);
+    close_worker(&worker, &session);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_station_is_heard_while_there_is_always_something_to_cut),
+    };
+    return cmocka_run_group_tests_name("cut_worker_messages", tests, NULL, NULL);
+}

@@ -221,10 +221,10 @@ export const text = {
       signOutHint: "The trainee is signed out everywhere. The present sign-in code stops working.",
       remove: "Delete", removeTitle: (name: string) => `Delete ${name}?`, removeHint: "The trainee has no sessions. Accounts and course memberships of the trainee are removed, too.",
       erase: "Erase", eraseTitle: (name: string) => `Erase ${name}?`,
-      eraseHint: (n: number) => `A pseudonym replaces the name in the records of ${count(n, "session")}, for good. Remove the name from the stations' config first.`,
+      eraseHint: (n: number) => `A pseudonym replaces the name in the records of ${count(n, "session")}, for good. Remove the name from the stations' config first. Traces keep it.`,
       erasedTitle: (name: string, pseudonym: string) => `${name} is now ${pseudonym}`,
-      erasedHint: (n: number) => (n === 1 ? "The trace of this session still contains the name. Delete the session to remove it."
-        : `The traces of these ${n} sessions still contain the name. Delete the sessions to remove it.`),
+      erasedHint: (n: number) => (n === 1 ? "The trace of this session still contains the name. To remove it, delete the session on the page Sessions."
+        : `The traces of these ${n} sessions still contain the name. To remove it, delete the sessions on the page Sessions.`),
     },
     courses: {
       hint: "Trainees who train together. Figures are compared within a course.",

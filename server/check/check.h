@@ -1,4 +1,4 @@
-// What a case is worth: all that can be said of it before a trainee meets it.
+// The check of a case before a trainee uses it.
 //
 // Beside what case/inspect.h sees, the reachable space of the joint is walked over flexion, and in
 // the key poses of torn ligaments: folds, gain, jumps, touch, facing surfaces (check/field.h,

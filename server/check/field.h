@@ -1,11 +1,11 @@
-// The field that a case asks for, looked at all over a reachable space: folds, gain, jumps.
+// The displacement field of a case over its whole reachable space: folds, gain, jumps.
 // Millimetres, in the scene's world.
 #pragma once
 
 #include "check/space.h"
 
-// Where what two surfaces are displaced by leaves so little of the gap between them, every field
-// that keeps to both folds, or all but: a bump of 2 mm that fills a gap of 2 mm.
+// Where the displacements of two surfaces leave less than this of the gap between them, every field
+// that keeps to both surfaces folds or nearly folds: a bump of 2 mm that fills a gap of 2 mm.
 #define FILLED_SHARE 0.9
 #define SECOND_GROUP_MM 0.5
 #define JUMP_WAY_MM 0.01

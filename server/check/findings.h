@@ -1,4 +1,4 @@
-// What the figures of a check mean for its case. For this room only.
+// Findings from the figures of a check. For this room only.
 #pragma once
 
 #include "check/check.h"

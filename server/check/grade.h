@@ -1,5 +1,5 @@
-// What a case was found to be worth: check.json in its folder, bound to the case's files by their
-// hash. Reading it needs no check.
+// The grade of a case: check.json in its folder, bound to the case's files by their hash. Reading
+// it needs no check.
 #pragma once
 
 #include "base/result.h"
@@ -25,5 +25,5 @@ struct case_grade {
 };
 
 // RESULT_MISSING where there is no check.json; RESULT_FORMAT, LIMIT, VERSION, INVALID where it is
-// not one of ours, naming file and key. Nothing is believed of a file that is refused.
+// not one of ours, naming file and key. A refused file has no effect.
 enum result grade_read(const char *dir, struct case_grade *out_grade, struct error *err);

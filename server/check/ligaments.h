@@ -1,4 +1,4 @@
-// What a case's torn ligaments do to its joint.
+// The effect of a case's torn ligaments on its joint.
 #pragma once
 
 #include "step/session.h"
@@ -7,8 +7,8 @@
 
 // One key pose, by the bones alone.
 struct key_figures {
-    double physical_mm; // how deep the tibia is in the femur: of the mock-up
-    double virtual_mm;  // and as it is shown
+    double physical_mm; // how deep the mock-up's tibia is in the femur
+    double virtual_mm;  // the same of the virtual tibia
     vec3 place;         // of the latter, in the femur's frame
 };
 
@@ -25,8 +25,7 @@ struct joint_angles ligaments_rest(const struct knee_case *knee, double flexion_
 // past them.
 struct joint_angles ligaments_held(const struct knee_case *knee, int ligament, double flexion_deg);
 
-// What a ligament's extra motion is, over flexion: of the joint's coordinates, the one that its
-// targets change most.
+// A ligament's extra motion over flexion, in the joint coordinate that its targets change most.
 struct opening {
     const char *coordinate; // "valgus", "drawer", ...
     const char *unit;       // "degrees", "mm"

@@ -1,4 +1,4 @@
-// The same work on many things, on all cores.
+// Runs the same work on many items, on all cores.
 #pragma once
 
 typedef void parallel_work(void *context, int index);

@@ -1,5 +1,5 @@
-// A plane section through a joint: what a tip meets in it, and the outlines of all surfaces.
-// Millimetres, in the tibia's joint frame (x to the right, y anterior, z proximal).
+// A plane section through a joint: the field that a tip meets in it, and the outlines of all
+// surfaces. Millimetres, in the tibia's joint frame (x to the right, y anterior, z proximal).
 #pragma once
 
 #include "check/check.h"

@@ -1,4 +1,5 @@
-// The blades of the instruments: what one of them takes while it moves from one frame to the next.
+// The blades of the instruments: the volume that a blade removes as it moves from one frame to the
+// next.
 //
 // The tip's frame: origin at the tip, z along the shaft away from the handle, y the side to which a
 // punch's upper jaw opens and a knife's edge looks.
@@ -24,5 +25,6 @@ struct blade_move {
 // The number of parts, 0 where the move takes nothing.
 int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]);
 
-// No point of a part is farther than this from the straight way of the tip's origin.
+// No point of a part is farther than this from the straight line along which the tip's origin
+// moves.
 double blade_reach_mm(enum blade_kind kind);

@@ -1,5 +1,4 @@
-// What a cut has done to a mesh, told from what the undo log remembers. In this order, and before
-// edit_commit.
+// Describes what a cut changed, from the undo log. Call these in this order, before edit_commit.
 #pragma once
 
 #include "cut/cut_mesh.h"

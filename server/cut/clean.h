@@ -1,5 +1,6 @@
-// After a cut: slivers and vertices that shape nothing go. No vertex moves; only vertices that cuts
-// made go; the surface stays where it is but for 1e-4 mm, and a sheet does not turn over.
+// Cleaning after a cut: removes slivers, and vertices that do not shape the surface. It moves no
+// vertex and removes only vertices made by cuts. The surface moves by at most 1e-4 mm, and no sheet
+// turns over.
 #pragma once
 
 #include "cut/cut_mesh.h"

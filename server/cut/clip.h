@@ -1,4 +1,4 @@
-// What of a triangle lies inside a blade, and which plane or side each of its edges lies on.
+// Clips a triangle to a blade. Each edge of the clipped polygon is labelled with its plane or side.
 #pragma once
 
 #include "mesh/convex.h"

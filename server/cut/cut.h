@@ -1,19 +1,18 @@
 // Tissue minus blade: a mesh that is cut where a blade is, and nowhere else.
 //
-// Closed, manifold and oriented after every cut by construction, whatever rounding does: edges
-// share their crossings, caps are made of cycles, and what does not link up is refused as a whole.
-// A cut that is refused or that removes nothing changes nothing. The cost of a cut follows the
-// triangles that the blade touches, not the size of the mesh. Deterministic: the same calls give
-// the same bits. Millimetres, in the mesh's own frame.
+// The mesh is closed, manifold and oriented after every cut, whatever rounding does: edges share
+// their crossings, caps consist of cycles, and a cut whose triangles do not link up is refused as a
+// whole. A refused cut and one that removes nothing leave the mesh unchanged. The cost of a cut
+// grows with the triangles that the blade touches, not with the mesh. The same calls give the same
+// bits. Millimetres, in the mesh's own frame.
 //
-// A blade is taken larger than it is, by 5e-7 mm at its nearest faces and at most 1e-5 of its size,
-// so that bites that are flush leave no skin between them. Where a cut has been, vertices that cuts
-// made and that shape nothing go, and slivers with them: the surface sinks there by less than 1e-4
-// mm.
+// The cut enlarges each blade, by 5e-7 mm at its nearest faces and at most 1e-5 of its size, so
+// that flush bites leave no skin between them. After a cut, cleaning removes slivers and those
+// vertices made by cuts that do not shape the surface; the surface sinks by less than 1e-4 mm.
 //
-// Ids: vertices and triangles are named by ids that do not change while they live. No vertex is
-// ever moved. The ids of the mesh that it was made from are never given to another vertex; those of
-// vertices that a cut made, and of triangles, are used again once they are free.
+// Ids: a vertex or triangle keeps its id while it lives. No vertex ever moves. Vertex ids of the
+// original mesh are never reused; ids of triangles, and of vertices made by cuts, are reused once
+// they are free.
 #pragma once
 
 #include "mesh/convex.h"
@@ -22,13 +21,13 @@
 
 struct cut_mesh;
 
-// mesh: closed, manifold, oriented, facing outwards, as RESULT_INVALID says where it is not. Vertex
-// and triangle ids are those of the mesh. The caller destroys it.
+// mesh: closed, manifold, oriented, facing outwards; RESULT_INVALID otherwise, and the error says
+// which. Vertex and triangle ids are the mesh's indices. The caller destroys *out_mesh.
 enum result cut_mesh_create(const struct mesh *mesh, struct cut_mesh **out_mesh, struct error *err);
 struct cut_mesh *cut_mesh_copy(const struct cut_mesh *mesh); // equal to the bit, ids and all
 void cut_mesh_destroy(struct cut_mesh **mesh);               // NULL inside is fine
 
-// What lies behind ids: below these bounds, alive or not.
+// Look-ups by id. Ids are below these bounds; not every id below them is alive.
 uint32_t cut_mesh_vertex_bound(const struct cut_mesh *mesh);
 uint32_t cut_mesh_triangle_bound(const struct cut_mesh *mesh);
 uint32_t cut_mesh_triangle_count(const struct cut_mesh *mesh); // alive
@@ -36,7 +35,7 @@ bool cut_mesh_vertex_alive(const struct cut_mesh *mesh, uint32_t vertex);
 bool cut_mesh_triangle_alive(const struct cut_mesh *mesh, uint32_t triangle);
 vec3 cut_mesh_vertex(const struct cut_mesh *mesh, uint32_t vertex); // double precision
 const uint32_t *cut_mesh_triangle(const struct cut_mesh *mesh, uint32_t triangle); // 3 vertex ids
-// The number of the cut that made a triangle's surface, 0 for the original surface.
+// The number of the cut that made this surface; 0 for the original surface.
 uint32_t cut_mesh_label(const struct cut_mesh *mesh, uint32_t triangle);
 
 double cut_mesh_volume(const struct cut_mesh *mesh); // mm³, of all triangles, summed anew
@@ -46,14 +45,14 @@ double cut_mesh_volume(const struct cut_mesh *mesh); // mm³, of all triangles, 
 void cut_mesh_flatten(const struct cut_mesh *mesh, struct mesh *out_mesh, uint32_t **out_vertices,
                       uint32_t **out_triangles);
 
-// A connected part of the surface that a cut made.
+// A connected part of the surface made by one cut.
 struct cut_patch {
     vec3 centroid; // weighted by area
     double area;   // mm²
     double extent; // largest distance of a vertex of the patch from the centroid
 };
 
-// A part that came off: no longer in the mesh.
+// A part that came off and is no longer in the mesh.
 struct cut_piece {
     double volume; // mm³
     vec3 centroid; // of the volume
@@ -63,7 +62,7 @@ struct cut_piece {
 // What a cut did. Ids are ascending and each once.
 struct cut_change {
     uint32_t number;      // of the cut: 1 for the first that changed the mesh
-    double removed_mm3;   // by the blade, with what cleaning its surface moved; without pieces
+    double removed_mm3;   // by the blade and the cleaning after it; without pieces
     double volume_mm3;    // of the mesh after it
     int retries;          // with the blade larger by 2e-6 mm each time, all parts together
     uint32_t freed_count; // triangles that are gone, their ids not in use after the cut
@@ -74,7 +73,7 @@ struct cut_change {
     uint32_t *vertices;
     int patch_count;
     struct cut_patch *patches;
-    int piece_count; // the largest part stays, with its cavities; these are the others with theirs
+    int piece_count; // all parts but the largest, each with its cavities
     struct cut_piece *pieces;
 };
 
@@ -86,8 +85,7 @@ enum cut_outcome {
     CUT_REFUSED  // nothing changed; the error says why
 };
 
-// Takes the union of convex parts out of the mesh. The parts may overlap or touch. Where they take
-// all that there is, the cut is refused. *out_change is set where the mesh changed; the caller
-// releases it.
+// Removes the union of convex parts from the mesh. The parts may overlap or touch. A cut that would
+// remove the whole mesh is refused. CUT_CHANGED sets *out_change, which the caller releases.
 enum cut_outcome cut_apply(struct cut_mesh *mesh, const struct convex *parts, int part_count,
                            struct cut_change *out_change, struct error *err);

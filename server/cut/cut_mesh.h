@@ -1,5 +1,5 @@
-// What a cut mesh is made of: triangles that know their neighbours, ids that are given once or
-// again, a grid, and an undo log, so that a cut that fails half way leaves no trace.
+// The data of a cut mesh: triangles that know their neighbours, free ids, a grid of triangles, and
+// an undo log, with which a cut that fails half way is taken back.
 //
 // Side 3 t + i of triangle t runs from its corner i to its corner i + 1; its twin is the side of
 // the neighbour that runs back.
@@ -8,7 +8,7 @@
 #include "cut/cut.h"
 #include "cut/grid.h"
 
-// What a triangle and a vertex were before the cut first touched them.
+// A triangle and a vertex before the cut first changed them.
 struct triangle_before {
     uint32_t id, corners[3], twins[3];
     uint32_t in_grid[3]; // the corners that the grid has it with

@@ -1,16 +1,17 @@
-// Edits of a cut mesh, which can be undone as a whole.
+// Edits of a cut mesh. All edits since edit_begin can be undone together.
 #pragma once
 
 #include "cut/cut_mesh.h"
 
-// Every change lies between begin and commit or undo. The grid follows with settle, and at the end.
+// Every edit lies between edit_begin and edit_commit or edit_undo. edit_settle brings the grid up
+// to date; edit_commit and edit_undo do so too.
 void edit_begin(struct cut_mesh *mesh);
 void edit_undo(struct cut_mesh *mesh);
 void edit_settle(struct cut_mesh *mesh);
-void edit_commit(struct cut_mesh *mesh); // what is gone may be used again from now on
+void edit_commit(struct cut_mesh *mesh); // frees the ids of what was removed
 
-// A taken vertex has an id and a place. Its first edit_set_vertex_side, even to MESH_NONE, puts it
-// into the undo log; before that it can be returned.
+// A taken vertex has an id and a position. Its first edit_set_vertex_side, even to MESH_NONE, puts
+// it into the undo log; before that it can be returned.
 uint32_t edit_take_vertex(struct cut_mesh *mesh, vec3 point);
 struct vertex_mark {
     uint32_t bound, free_count;

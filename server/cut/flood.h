@@ -1,5 +1,5 @@
-// Which connected bodies a cut has left where it cut. Floods start from what it has touched and
-// advance in step, so their cost follows the smaller bodies.
+// Finds the connected bodies that a cut left. Floods start at the triangles that the cut touched
+// and advance in step, so the cost grows with the smaller bodies only.
 #pragma once
 
 #include "cut/cut_mesh.h"
@@ -27,7 +27,8 @@ struct flood {
 
 void flood_fini(struct flood *flood);
 
-// Bodies that are their own parents, all whole but at most one. Their number.
+// Finds the bodies: those that are their own parent. All are whole, except at most one. Returns how
+// many.
 uint32_t flood_run(const struct cut_mesh *mesh, struct flood *flood);
 void flood_finish(const struct cut_mesh *mesh, struct flood *flood,
                   uint32_t body); // makes it whole

@@ -1,5 +1,5 @@
-// A uniform grid of triangle ids over the box of the mesh that it was made for: which triangles lie
-// near a box, and which a vertical ray may hit.
+// A uniform grid of triangle ids over the box of the mesh that it was made for: it finds the
+// triangles near a box, and those that a vertical ray may hit.
 #pragma once
 
 #include "cut/stamped_set.h"
@@ -20,7 +20,7 @@ void grid_init(struct triangle_grid *grid, struct box box, double cell);
 void grid_fini(struct triangle_grid *grid);
 void grid_copy(struct triangle_grid *out_grid, const struct triangle_grid *grid);
 
-// The corners must be those that it is removed with.
+// Remove a triangle with the same corners with which it was added.
 void grid_add(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
 void grid_remove(struct triangle_grid *grid, uint32_t triangle, const vec3 corners[3]);
 

@@ -1,4 +1,4 @@
-// Parts of a surface that hang together.
+// Connected parts of a surface.
 #pragma once
 
 #include "cut/cut_mesh.h"

@@ -1,5 +1,5 @@
-// One attempt to take one convex part out of the mesh, staged: the mesh is only read, but for ids
-// of vertices that are taken, until link.c has found that all fits together.
+// One attempt to remove one convex part from the mesh, in stages. Until link.c has found that all
+// triangles fit together, the stages only read the mesh and take ids for new vertices.
 //
 //     near    triangles and vertices near the blade, and on which side of each plane they lie
 //     trace   where edges enter and leave the blade, and the arcs that triangles draw on its faces
@@ -7,7 +7,7 @@
 //     fill    polygons with holes into triangles
 //     link    neighbours of the new triangles; then the mesh changes
 //
-// A function that returns false refuses: stage->refusal says why.
+// A function that returns false refuses the cut; stage->refusal says why.
 #pragma once
 
 #include "cut/cut_mesh.h"

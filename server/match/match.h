@@ -1,5 +1,5 @@
-// Volume matching: how far a physical surface, warped, has given way so that it encloses what the
-// cut mesh still encloses (Spillmann, Tuchschmid, Harders, 4.4 and 4.5, Eq. 8, Algorithm 1).
+// Volume matching: how far the warped physical surface has receded, so that it encloses the same
+// volume as the cut mesh (Spillmann, Tuchschmid, Harders, 4.4 and 4.5, Eq. 8, Algorithm 1).
 //
 //     S''_i = S'_i + s_i (S'_max,i − S'_i),   s_i in [0, 1],   S' = S + warp, S'_max = S' + maxcut
 //
@@ -7,14 +7,14 @@
 // b the brushes' falloff, until the volume inside S'' is the wanted one. That volume is a piecewise
 // cubic polynomial in s, with a breakpoint wherever a vertex reaches its bound: its coefficients
 // are summed once, over the touched triangles. It need not fall all the way, where S'_max is not
-// inside S': the smallest s is taken. Brushes that cannot give all widen. Always ends: matched, or
-// saturated with a rest. Millimetres. A call allocates nothing, and the same calls give the same
-// bits.
+// inside S': the smallest s is taken. Brushes that cannot give the whole volume widen. Matching
+// always ends: reached, or saturated with a rest. Millimetres. A call allocates nothing, and the
+// same calls give the same bits.
 #pragma once
 
 #include "mesh/mesh.h"
 
-// What all sessions of a case share. Immutable.
+// The part that all sessions of a case share. Immutable.
 struct match_surface;
 
 // mesh: closed, oriented, facing outwards. warp, maxcut: 3 * vertex_count; warp may be NULL for 0.
@@ -41,8 +41,8 @@ vec3 match_vertex(const struct match *match, uint32_t vertex); // S''
 //
 // a Gaussian (σ = h/2) that ends with the extent of the cut, and at s = 1 takes its inner half to
 // S'_max. d is the distance of x_cut from the way that the vertex still has to go, from S'' to
-// S'_max: what a cut took lies on the way of the vertices that have to recede, while S' may be far
-// off after the cuts before. Of several brushes a vertex gets the highest.
+// S'_max: a cut removes tissue that lies on the paths of the vertices that have to recede, while S'
+// may be far away after earlier cuts. Where brushes overlap, the highest b counts.
 struct brush {
     vec3 centre;   // x_cut: in the frame of the mesh, on the surface as the trainee sees it
     double radius; // h, the extent of the new surface; no less than a mean edge is used
@@ -50,14 +50,13 @@ struct brush {
 
 enum match_outcome {
     MATCH_REACHED,
-    MATCH_SATURATED // the brushes, as wide as they may get, cannot give all: they gave what they
-                    // can, and the rest is in left_mm3
+    MATCH_SATURATED // even the widest brushes cannot give the whole volume; left_mm3 has the rest
 };
 
 struct match_report {
     enum match_outcome outcome;
     double volume_mm3; // inside S'' after it
-    double left_mm3;   // volume_mm3 − target: what is still to be given
+    double left_mm3;   // volume_mm3 − target: still to be given
     double scale;      // s
     double widening;   // factor on the radii
     int steps;         // Newton steps and bisections, all widenings together

@@ -1,4 +1,4 @@
-// A closed mesh cut into columns: where the vertical lines of a square lattice go in and out.
+// A closed mesh as columns: where the vertical lines of a square lattice enter and leave it.
 #pragma once
 
 #include "mesh/mesh.h"

@@ -1,5 +1,5 @@
-// Edges of a triangle mesh as sorted sides of its triangles, and disjoint sets: what kernels that
-// ask how triangles hang together are made of.
+// Edges of a triangle mesh as sorted sides of its triangles, and disjoint sets: for kernels that
+// need to know how triangles connect.
 #pragma once
 
 #include "mesh/mesh.h"

@@ -1,4 +1,4 @@
-// A triangle mesh as flat arrays: what every kernel takes and gives.
+// A triangle mesh as flat arrays: the input and output of every kernel.
 #pragma once
 
 #include "base/pose.h"

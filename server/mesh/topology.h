@@ -1,4 +1,4 @@
-// What a triangle mesh is as a surface.
+// The topology of a triangle mesh.
 #pragma once
 
 #include "mesh/mesh.h"

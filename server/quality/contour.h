@@ -1,4 +1,4 @@
-// How wide the tissue is in plan, from the rim inwards, on rays that leave the rim 0.25 mm apart.
+// The width of the tissue seen from above, along rays that leave the rim 0.25 mm apart.
 #pragma once
 
 #include "quality/lattice.h"
@@ -22,8 +22,8 @@ void contour_init(struct contour *contour, const struct zones *zones, const stru
                   const uint16_t *tissue);
 void contour_fini(struct contour *contour);
 
-// left: how many samples of each column's tissue are left; a column is there while a quarter of it
-// is. rim: the least width that is left. step: how much more the widths of two rays within 1 mm
-// differ than they did uncut, at most.
+// left: how many samples of tissue each column still has; a column counts while a quarter of it is
+// left. rim: the least width left. step: the largest difference of the widths of two rays within 1
+// mm, beyond their difference before any cut.
 void contour_measure(const struct contour *contour, const uint16_t *tissue, const uint16_t *left,
                      double *out_rim_mm, double *out_step_mm);

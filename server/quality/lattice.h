@@ -32,10 +32,10 @@ static inline int lattice_column_count(const struct lattice *lattice) {
 
 vec3 lattice_column_place(const struct lattice *lattice, int column); // z: 0
 
-// The column in which a point in the view is; -1 where there is none.
+// The column that contains a point of the view, or -1.
 int lattice_column_at(const struct lattice *lattice, double x, double y);
 
-// Is told the samples of one column that are inside, from first to end - 1, run by run.
+// Called for each run of samples of one column that are inside: first to end - 1.
 typedef void lattice_visit(void *context, int column, uint32_t first, uint32_t end);
 
 void lattice_in_convex(const struct lattice *lattice, const struct convex *convex,

@@ -1,4 +1,4 @@
-// What a plan is inside. For this room only.
+// The inside of a quality plan, for this room only.
 #pragma once
 
 #include "quality/contour.h"

@@ -1,7 +1,7 @@
-// How good a resection is: what was taken beside what was planned, and what is left of the rim.
+// The quality of a resection: removed volume compared with the plan, and the rim that is left.
 //
-// The tissue is a lattice of samples (0.25 mm) in the virtual mesh, each with its zone and whether
-// it is planned to go, may go at all (outside S'_max), or is damaged; cuts take samples. Zones
+// The tissue is a lattice of samples (0.25 mm) in the virtual mesh. Each sample has a zone and
+// flags: planned for removal, removable (outside S'_max), damaged. Cuts remove samples. Zones
 // follow the meniscus in plan, a C about the centre of the circle that fits it best: horns and body
 // are thirds of its arc, and there are thirds from the inner margin to the rim. Millimetres, in the
 // mesh's frame. Only create and copy allocate.
@@ -32,8 +32,7 @@ struct quality_setting {
 struct quality_plan *quality_plan_create(const struct quality_setting *setting);
 void quality_plan_destroy(struct quality_plan **plan); // NULL inside is fine
 
-// The zone of a point, by its place in plan; points off the meniscus get the nearest along and
-// across.
+// The zone of a point, by its place in plan; a point off the meniscus has the nearest zone.
 void quality_zone(const struct quality_plan *plan, vec3 p, enum zone_along *out_along,
                   enum zone_across *out_across);
 
@@ -43,7 +42,7 @@ void quality_zone(const struct quality_plan *plan, vec3 p, enum zone_along *out_
 void quality_add_triangle(const struct quality_plan *plan, const vec3 corners[3], double times,
                           struct zone_volumes *volumes);
 
-// One session's tissue. The plan must outlive it.
+// The tissue of one session. The plan must outlive it.
 struct quality;
 
 struct quality *quality_create(const struct quality_plan *plan);
@@ -64,7 +63,8 @@ struct quality_report {
     struct zone_volumes whole, removed, budget; // by samples; budget: may go, down to S'_max
 };
 
-// In plan a column of tissue is there while a quarter of it is; the roots of the horns, 8 % of the
-// arc at either end, are left out. A step is what two widths differ by more than they did uncut.
-// Both are as fine as the lattice: the rim within 0.4 mm, a step within 0.8 mm.
+// Seen from above, a column of tissue counts while a quarter of it is left. The roots of the horns,
+// 8 % of the arc at either end, do not count. A step is the difference of two widths beyond their
+// difference before any cut. The lattice limits the resolution: the rim is within 0.4 mm, a step
+// within 0.8 mm.
 void quality_report(const struct quality *quality, struct quality_report *out_report);

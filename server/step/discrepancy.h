@@ -1,6 +1,6 @@
-// What a trainee might notice of the warp: how the shown tip differs from the measured one, and how
-// its motion differs from the hand's. The thresholds are those of hands that are redirected in a
-// headset (Zenner, Krüger, IEEE VR 2019); a tool held in the hand tolerates more.
+// The part of the warp that a trainee might notice: the difference of the shown tip from the
+// measured one, and of its motion from the hand's. The thresholds are those of hands that are
+// redirected in a headset (Zenner, Krüger, IEEE VR 2019); a tool held in the hand tolerates more.
 #pragma once
 
 #include "base/extrapolation.h"

@@ -1,5 +1,5 @@
-// New blends of a cut's match, eased into the displacements that the warp reads, so that a tip near
-// the cut feels no jump. For session.c only.
+// Eases the new blends of a cut's match into the displacements that the warp reads, so that a tip
+// near the cut feels no jump. For session.c only.
 #pragma once
 
 #include "step/scene_parts.h"
@@ -24,9 +24,9 @@ void easing_aim(struct easing *easing, const struct job_result *result);
 
 bool easing_active(const struct easing *easing);
 
-// How far the displacement that a tip feels would still change at most, in mm, where this is its
-// closest triangle; 0 for MESH_NONE. With a smooth field a tip feels all of the surface.
+// The largest change, in mm, that is still due to the displacement at a tip whose closest triangle
+// this is; 0 for MESH_NONE. In a smooth field all of the surface counts.
 double easing_rest_mm(const struct easing *easing, uint32_t triangle);
 
-// Goes this share of what is left, 0 to 1.
+// Applies this share, 0 to 1, of the change that is left.
 void easing_advance(struct easing *easing, double share);

@@ -1,10 +1,10 @@
-// What a session learns.
+// The inputs of a session.
 #pragma once
 
 #include "base/sample.h"
 #include "step/job.h"
 
-// All that a session learns comes as an input, one for each step.
+// Everything that a session learns comes as an input; each step has one.
 //
 // What is undone at once is a stroke: an instrument's cuts in a row, that is to say
 //   of a punch, until its jaw has opened by 0.2 from where it was closed farthest;

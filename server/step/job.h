@@ -1,5 +1,5 @@
-// What a step asks to be done to tissue, and what came of it. Cuts take milliseconds: somebody runs
-// a job beside the steps (step/operation.h), and a later step takes the result as a whole.
+// Changes of the tissue that a step asks for, and their results. Cuts take milliseconds: the caller
+// runs a job beside the steps (step/operation.h), and a later step takes its result as a whole.
 #pragma once
 
 #include "cut/blade.h"
@@ -37,8 +37,8 @@ enum job_outcome {
 
 const char *job_outcome_name(enum job_outcome outcome);
 
-// What is known of one tissue after its last job: after JOB_UNDO what was known before the stroke,
-// but for mesh_number and refused. Volumes in mm³.
+// One tissue after its last job. JOB_UNDO restores the figures from before the stroke, except
+// mesh_number and refused. Volumes in mm³.
 struct tissue_figures {
     uint32_t mesh_number;   // 1 at the start; each change makes the next, also restoring, undoing
     uint32_t cuts, refused; // since it was whole
@@ -47,7 +47,7 @@ struct tissue_figures {
     double removed_mm3;     // by blades
     double pieces_mm3;      // came off
     double warped_mm3;      // inside S''
-    double left_mm3;        // that S'' has still to give: over what can be matched
+    double left_mm3;        // by which S'' is still too large
     double distance_mm;     // from the last cut's surface to S'', the largest of a few points
     struct quality_report quality;
 };

@@ -1,5 +1,5 @@
-// What cuts do to the tissue of one session: the cut meshes, the blends that match them, and what
-// the resection is worth. It runs the jobs that steps ask for, beside the steps.
+// The tissue of one session as cuts change it: the cut meshes, the blends that match them, and the
+// quality of the resection. It runs the jobs that steps ask for, beside the steps.
 //
 // An operation belongs to one thread at a time. The same jobs in the same order give the same bits.
 #pragma once
@@ -14,7 +14,7 @@ struct operation;
 struct operation *operation_create(const struct scene *scene);
 void operation_destroy(struct operation **operation); // NULL inside is fine
 
-// Takes milliseconds and allocates. The caller destroys the result.
+// Runs a job. It takes milliseconds and allocates. The caller destroys the result.
 //
 // Strokes are undone from the last one backwards, until all tissue is as it was at the start or
 // when it was last restored. A tissue's state before a stroke is found by making the cuts before it

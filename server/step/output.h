@@ -1,4 +1,4 @@
-// What a step says.
+// The output of a step.
 #pragma once
 
 #include "base/sample.h"

@@ -5,10 +5,12 @@
 #include "warp/adaptive.h"
 #include "warp/warp.h"
 
-// Surfaces, search structures, tissue that can be cut. Immutable; any
-// number of sessions on any threads share one. Takes ownership of *knee (which becomes NULL) where
-// it succeeds. RESULT_INVALID where a tear leaves no tissue, a case has more than TISSUES_MAX
-// cuttable groups, or a torn ligament's key is not met (warp/adaptive.h).
+// Surfaces, search structures, tissue that can be cut. Immutable; any number of sessions on any
+// threads share one.
+//
+// scene_create takes ownership of *knee (which becomes NULL) where it succeeds. RESULT_INVALID
+// where a tear leaves no tissue, a case has more than TISSUES_MAX cuttable groups, or a torn
+// ligament's key is not met (warp/adaptive.h).
 struct scene;
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);

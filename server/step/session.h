@@ -1,4 +1,4 @@
-// One trainee, one case: what turns samples into warped poses.
+// A session of one trainee on one case: it turns samples into warped poses.
 //
 // A step is a function of the session and its input: no clock, no file, no socket, no thread, no
 // allocation. The same inputs give the same bytes, which is what a trace replays.

@@ -1,4 +1,4 @@
-// How a session is warped and eased.
+// Settings of a session: the warp, and how new blends are eased in.
 #pragma once
 
 #include "base/sample.h"

@@ -1,6 +1,6 @@
-// How an avatar moves with the hand between two answers of a server, so that the network leaves the
-// loop of hand and eye (docs/ARCHITECTURE.md). An answer says how the avatar was moved, and how
-// that changes with the hand; who shows it applies both to the newest pose.
+// Extrapolation of an avatar's motion between two answers of the server, so that the network is not
+// between hand and eye (docs/ARCHITECTURE.md). An answer has the avatar's displacement and its
+// derivative over the hand's motion. The viewer applies both to the newest pose.
 //
 // The tip's frame has its origin in the tip and z along the shaft, away from the handle. `rigid`
 // turns and slides the instrument in its portal: with u along the axis, P the axis's point nearest

@@ -6,7 +6,7 @@
 
 enum log_level { LOG_ERROR, LOG_WARNING, LOG_INFO, LOG_DEBUG };
 
-// What is printed at all; LOG_INFO from the start. Call before other threads run.
+// The lowest level that is printed; LOG_INFO at the start. Call it before other threads run.
 void log_set_level(enum log_level level);
 
 // room: who speaks ("hub", "modbus"). The text needs no newline.

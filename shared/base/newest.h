@@ -1,5 +1,5 @@
-// Hands the newest of a stream of values from one thread to another. Neither side ever waits; what
-// was not taken before the next one came is lost.
+// Passes the newest of a stream of values from one thread to another. Neither side ever waits. A
+// value that is not taken before the next one is put is lost.
 #pragma once
 
 #include <stdbool.h>

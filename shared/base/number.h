@@ -1,4 +1,4 @@
-// Numbers and switches from text that a person wrote: all of the text, or nothing.
+// Numbers and switches from text that a person wrote. The whole text has to be one.
 #pragma once
 
 #include "base/pose.h"

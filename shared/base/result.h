@@ -1,4 +1,4 @@
-// What a function that handles outside data (wire, file, device, browser) answers.
+// The result of a function that handles outside data (wire, file, device, browser).
 // A caller's own bug is not a result: it fails a CHECK (base/check.h).
 #pragma once
 
@@ -22,7 +22,7 @@ enum result {
 // A sentence for each value, without a full stop. Never NULL.
 const char *result_sentence(enum result result);
 
-// What went wrong and where, for a person. The caller owns it; it needs no release.
+// What went wrong and where, in words. The caller owns it; it needs no release.
 struct error {
     char text[384];
 };

@@ -1,5 +1,4 @@
-// What a station measures: one value of one channel at one time, and the frame that carries all
-// samples of a station at one time.
+// A sample: one value of one channel at one time. A frame: all samples of a station at one time.
 #pragma once
 
 #include "base/joint.h"
@@ -8,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-// What a sample tells about. Values are on the wire and in traces: append only.
+// What was measured. Values are on the wire and in traces: append only.
 enum channel {
     CHANNEL_JOINT,
     CHANNEL_FEMUR,

@@ -1,7 +1,7 @@
-// The inside of a link: a new certificate for a station that has one.
+// Certificates for a station: its first one, and a new one for a station that has one.
 #pragma once
 
-#include "link/link.h"
+#include "link/config.h"
 
 #include <stdatomic.h>
 
@@ -9,3 +9,7 @@
 // its keys_dir. Waits 15 s at most, or until *stopping is set (RESULT_CLOSED).
 enum result enrol_again(const struct link_config *config, const atomic_bool *stopping,
                         struct error *err);
+
+// Asks the server at host:port for a certificate with a one-time code and writes the key files.
+enum result link_enrol(const char *host, int port, const char *code, const char *station,
+                       const char *keys_dir, struct error *err);

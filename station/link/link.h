@@ -3,23 +3,12 @@
 // clocks; reconnecting with back-off. A thread of its own serves the control connection.
 #pragma once
 
+#include "link/certificate.h"
+#include "link/config.h"
+#include "link/enrol.h"
+#include "link/meshes.h"
 #include "wire/tissue.h"
 #include "wire/wire.h"
-
-struct link_config {
-    const char *host;
-    int port;
-    const char *keys_dir; // station.key, station.pem, authority.pem (link_enrol makes them)
-    const char *station;
-    const char *software;
-    bool datagrams; // false: frames always travel in the control connection
-    bool meshes;    // follow those that are cut
-    bool visit;     // only asks whether it would be welcome: no session, link_send sends nothing
-    int device_count;
-    arthron_Device devices[16];
-    bool calibrated;
-    arthron_Calibration calibration;
-};
 
 enum link_path { LINK_DOWN, LINK_CONTROL, LINK_DATAGRAM };
 
@@ -43,16 +32,6 @@ struct link_status {
     arthron_Refusal_Reason refusal_reason;
     char problem[256]; // why there is no connection, in a sentence; empty: nothing is known of one
     bool clock_is_wrong; // that is: by our clock the server's certificate is not valid now
-};
-
-// A mesh that the link follows.
-struct link_tissue {
-    char group[64];
-    uint32_t number; // 0: nothing yet, or it has to be asked for again
-    uint64_t hash;
-    uint32_t triangles;
-    uint64_t bytes_received;
-    uint64_t resyncs; // how often it was asked for again
 };
 
 // The session as the server last told it.
@@ -93,12 +72,3 @@ int link_get_tissues(struct link *link, struct link_tissue out_tissues[WIRE_MESH
 
 // The mesh as it is now, which the caller releases. False where none of that name is followed.
 bool link_copy_tissue(struct link *link, const char *group, struct tissue *out_tissue);
-
-// From when until when (seconds since 1970) the station's certificate is good. RESULT_MISSING or
-// RESULT_FORMAT name the file.
-enum result link_certificate_times(const char *keys_dir, int64_t *out_from_s, int64_t *out_until_s,
-                                   struct error *err);
-
-// Asks the server at host:port for a certificate with a one-time code and writes the key files.
-enum result link_enrol(const char *host, int port, const char *code, const char *station,
-                       const char *keys_dir, struct error *err);

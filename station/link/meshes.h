@@ -3,7 +3,18 @@
 // which are for any thread.
 #pragma once
 
-#include "link/link.h"
+#include "wire/tissue.h"
+#include "wire/wire.h"
+
+// A mesh that the link follows.
+struct link_tissue {
+    char group[64];
+    uint32_t number; // 0: nothing yet, or it has to be asked for again
+    uint64_t hash;
+    uint32_t triangles;
+    uint64_t bytes_received;
+    uint64_t resyncs; // how often it was asked for again
+};
 
 struct meshes;
 

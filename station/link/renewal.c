@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "link/certificate.h"
 #include "link/enrol.h"
 #include "link/key_files.h"
 #include "link/trust.h"

@@ -2,7 +2,7 @@
 // and the link is told when its files have changed, whoever changed them.
 #pragma once
 
-#include "link/link.h"
+#include "link/config.h"
 
 #define RENEWAL_DAYS 60         // before its end a certificate is renewed
 #define RENEWAL_WARNING_DAYS 30 // and where that does not succeed, the log warns from here on

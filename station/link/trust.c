@@ -1,8 +1,8 @@
 #include "link/trust.h"
 
 #include "base/check.h"
+#include "link/certificate.h"
 #include "link/key_files.h"
-#include "link/link.h"
 
 #include <openssl/crypto.h>
 #include <openssl/pem.h>

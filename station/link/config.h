@@ -1,0 +1,19 @@
+// What a link needs to know to connect.
+#pragma once
+
+#include "wire/wire.h"
+
+struct link_config {
+    const char *host;
+    int port;
+    const char *keys_dir; // station.key, station.pem, authority.pem (link_enrol makes them)
+    const char *station;
+    const char *software;
+    bool datagrams; // false: frames always travel in the control connection
+    bool meshes;    // follow those that are cut
+    bool visit;     // only asks whether it would be welcome: no session, link_send sends nothing
+    int device_count;
+    arthron_Device devices[16];
+    bool calibrated;
+    arthron_Calibration calibration;
+};

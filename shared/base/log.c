@@ -1,5 +1,6 @@
 #include "base/log.h"
 
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <time.h>
@@ -11,23 +12,24 @@ void log_set_level(enum log_level level) {
     shown = level;
 }
 
-static char open_question[256]; // under stderr's lock, as the next
-static bool question_is_last;   // what stands on stderr's last line
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; // of what follows, and of stderr
+static char open_question[256];
+static bool question_is_last; // what stands on stderr's last line
 
 void log_ask(const char *question) {
-    flockfile(stderr);
+    pthread_mutex_lock(&lock);
     snprintf(open_question, sizeof open_question, "%s", question);
     fprintf(stderr, "%s", open_question);
     fflush(stderr);
     question_is_last = true;
-    funlockfile(stderr);
+    pthread_mutex_unlock(&lock);
 }
 
 void log_answered(void) {
-    flockfile(stderr);
+    pthread_mutex_lock(&lock);
     open_question[0] = '\0';
     question_is_last = false;
-    funlockfile(stderr);
+    pthread_mutex_unlock(&lock);
 }
 
 void log_write(enum log_level level, const char *room, const char *format, ...) {
@@ -44,10 +46,10 @@ void log_write(enum log_level level, const char *room, const char *format, ...) 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    flockfile(stderr);
+    pthread_mutex_lock(&lock);
     bool shown_again = open_question[0] && isatty(STDERR_FILENO);
     fprintf(stderr, "%s%s.%03ldZ %s %s: %s\n%s", question_is_last ? "\n" : "", when,
             now.tv_nsec / 1000000, names[level], room, text, shown_again ? open_question : "");
     question_is_last = shown_again;
-    funlockfile(stderr);
+    pthread_mutex_unlock(&lock);
 }

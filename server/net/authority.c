@@ -43,13 +43,13 @@ static bool is_address(const char *host) {
 static enum result alternative_names(const char *const *hosts, int count, char *out, size_t size,
                                      struct error *err) {
     if (count < 1 || count > AUTHORITY_HOSTS_MAX)
-        return fail(err, RESULT_INVALID, "from 1 to %d host names, not %d", AUTHORITY_HOSTS_MAX,
+        return fail(err, RESULT_INVALID, "give 1 to %d host names, not %d", AUTHORITY_HOSTS_MAX,
                     count);
     size_t used = 0;
     for (int i = 0; i < count; i++) {
         bool address = is_address(hosts[i]);
         if (!address && !consists_of(hosts[i], "-_.", HOST_NAME_MAX_LENGTH))
-            return fail(err, RESULT_INVALID, "host %d is no name and no address", i + 1);
+            return fail(err, RESULT_INVALID, "host %d is not a host name or an address", i + 1);
         used += (size_t)snprintf(out + used, size - used, "%s%s:%s", i ? "," : "",
                                  address ? "IP" : "DNS", hosts[i]);
         CHECK(used < size);
@@ -124,7 +124,7 @@ enum result authority_server(const char *dir, struct authority_server *out, stru
     X509 *certificate = authority_read_certificate(dir, "server.pem");
     *out = (struct authority_server){0};
     if (!certificate)
-        return fail(err, RESULT_MISSING, "%s: no readable server.pem", dir);
+        return fail(err, RESULT_MISSING, "%s: server.pem is missing or unreadable", dir);
     enum result result = describe(dir, certificate, out, err);
     X509_free(certificate);
     return result;
@@ -153,7 +153,7 @@ static enum result renew(const char *dir, const char *names, struct authority_se
     X509 *certificate = NULL;
     enum result result = issuer_read(dir, &authority, err);
     if (result == RESULT_OK && !key)
-        result = fail(err, RESULT_MISSING, "%s: no readable server.key", dir);
+        result = fail(err, RESULT_MISSING, "%s: server.key is missing or unreadable", dir);
     if (result == RESULT_OK) {
         certificate = certificate_make(CERTIFICATE_SERVER, SERVER_NAME, names, key, &authority);
         result = describe(dir, certificate, out, err);

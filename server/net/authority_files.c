@@ -47,7 +47,7 @@ enum result authority_lock(const char *dir, bool waits, int *out_fd, struct erro
         CHECK(errno == EINTR || errno == EWOULDBLOCK);
         if (errno == EWOULDBLOCK) {
             close(fd);
-            return fail(err, RESULT_TIMEOUT, "%s: another process is at work here", path);
+            return fail(err, RESULT_TIMEOUT, "%s: another process is using these keys", path);
         }
     }
     *out_fd = fd;

@@ -65,7 +65,8 @@ enum result issuer_read(const char *dir, struct issuer *out, struct error *err) 
     *out = (struct issuer){authority_read_certificate(dir, "authority.pem"),
                            authority_read_key(dir, "authority.key")};
     if (!out->certificate || !out->key)
-        return fail(err, RESULT_MISSING, "%s: no readable authority.pem and authority.key", dir);
+        return fail(err, RESULT_MISSING,
+                    "%s: authority.pem or authority.key is missing or unreadable", dir);
     if (X509_check_private_key(out->certificate, out->key) != 1)
         return fail(err, RESULT_CORRUPT, "%s: authority.key is not the key of authority.pem", dir);
     return RESULT_OK;

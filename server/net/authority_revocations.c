@@ -46,7 +46,9 @@ struct revocations *revocations_read(const char *dir, const struct revocations *
     if (now->records.count)
         qsort(now->records.items, (size_t)now->records.count, sizeof *now->records.items, compare);
     if (!now->readable && (!before || before->readable))
-        log_error("control", "every certificate counts as revoked: %s", err.text);
+        log_error("control",
+                  "all stations are refused; the list of revoked certificates cannot be read: %s",
+                  err.text);
     return now;
 }
 

@@ -36,7 +36,7 @@ static enum result write_der(X509 *certificate, uint8_t *out_der, size_t *in_out
     int size = i2d_X509(certificate, NULL);
     CHECK(size > 0);
     if ((size_t)size > *in_out_size)
-        return fail(err, RESULT_LIMIT, "the certificate takes %d bytes, %zu are there", size,
+        return fail(err, RESULT_LIMIT, "the certificate takes %d bytes, more than %zu", size,
                     *in_out_size);
     *in_out_size = (size_t)i2d_X509(certificate, &out_der);
     return RESULT_OK;
@@ -95,7 +95,7 @@ enum result authority_issue_code(const char *dir, const char *station,
         return result;
     X509 *certificate = authority_read_certificate(dir, "authority.pem");
     if (!certificate)
-        return fail(err, RESULT_MISSING, "%s: no readable authority.pem", dir);
+        return fail(err, RESULT_MISSING, "%s: authority.pem is missing or unreadable", dir);
     struct code code;
     int made = RAND_bytes(code.secret, sizeof code.secret);
     CHECK(made == 1);
@@ -165,8 +165,7 @@ static enum result use_code(struct enrolment *e, const struct code *code, struct
     if (result == RESULT_OK) {
         remove_ended(&codes, now_s());
         int index = find_code(&codes, code);
-        result = index < 0 ? fail(err, RESULT_REFUSED,
-                                  "the code is not known here, used already or too old")
+        result = index < 0 ? fail(err, RESULT_REFUSED, "this code is unknown, used or expired")
                            : issue(e, codes.items[index].station, err);
         if (result == RESULT_OK) {
             records_remove(&codes, index);

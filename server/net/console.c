@@ -20,14 +20,14 @@
 
 #define CALLERS_MAX 32
 #define ACTOR_MAX 64
-#define CALL_PATIENCE_S 10
-#define LONG_PATIENCE_S 600 // of what runs a session's cuts or all of it again
-#define ERRANDS_MAX 4       // of that, at once
+#define CALL_TIMEOUT_S 10
+#define LONG_TIMEOUT_S 600  // of what runs a session's cuts or all of it again
+#define LONG_COMMANDS_MAX 4 // of that, at once
 
 // One message in each direction, and libwebsockets' room before what goes out.
 struct exchange {
     size_t in_size, out_size;
-    bool waits; // for an errand
+    bool waits; // for a long command
     uint8_t in[WIRE_CONSOLE_MAX];
     uint8_t header[LWS_PRE];
     uint8_t out[WIRE_CONSOLE_MAX];
@@ -61,9 +61,9 @@ static enum result check_length(const char *path, struct error *err) {
 // ---- the server's end ---------------------------------------------------------------------------
 
 // A command that takes long, on a thread of its own, so that other callers are answered meanwhile.
-struct errand {
+struct long_command {
     struct console *console;
-    struct errand *next;
+    struct long_command *next;
     struct lws *socket;        // who asked; NULL: gone
     struct exchange *exchange; // of that socket
     pthread_t thread;
@@ -77,8 +77,8 @@ struct console {
     struct console_handler handler;
     struct ws_server *server;
     arthron_Console asked, answer;
-    struct errand *errands;
-    int errand_count;
+    struct long_command *long_commands;
+    int long_count;
 };
 
 // The user of the process at the other end, or its number.
@@ -118,64 +118,64 @@ static void send_answer(struct exchange *x, struct lws *socket, const arthron_Co
     lws_callback_on_writable(socket);
 }
 
-// ---- errands
+// ---- long commands
 
 static bool is_long(arthron_Command_Kind kind) {
     return kind == arthron_Command_Kind_UNDO || kind == arthron_Command_Kind_COPY;
 }
 
-static void *run_errand(void *argument) {
-    struct errand *errand = argument;
-    const struct console_handler *handler = &errand->console->handler;
-    struct ws_server *server = errand->console->server;
-    handler->on_command(handler->user, errand->actor, &errand->asked,
-                        &errand->answer.message.command_reply);
-    atomic_store(&errand->done, true);
+static void *run_long_command(void *argument) {
+    struct long_command *command = argument;
+    const struct console_handler *handler = &command->console->handler;
+    struct ws_server *server = command->console->server;
+    handler->on_command(handler->user, command->actor, &command->asked,
+                        &command->answer.message.command_reply);
+    atomic_store(&command->done, true);
     ws_server_wake(server); // it is joined before that goes
     return NULL;
 }
 
 // False where there are too many already.
-static bool start_errand(struct console *console, struct exchange *x, struct lws *socket) {
-    if (console->errand_count == ERRANDS_MAX)
+static bool start_long_command(struct console *console, struct exchange *x, struct lws *socket) {
+    if (console->long_count == LONG_COMMANDS_MAX)
         return false;
-    struct errand *errand = alloc(1, sizeof *errand);
-    errand->console = console;
-    errand->socket = socket;
-    errand->exchange = x;
-    errand->asked = console->asked.message.command;
-    errand->answer.which_message = arthron_Console_command_reply_tag;
-    name_caller(socket, errand->actor);
-    errand->next = console->errands;
-    console->errands = errand;
-    console->errand_count++;
+    struct long_command *command = alloc(1, sizeof *command);
+    command->console = console;
+    command->socket = socket;
+    command->exchange = x;
+    command->asked = console->asked.message.command;
+    command->answer.which_message = arthron_Console_command_reply_tag;
+    name_caller(socket, command->actor);
+    command->next = console->long_commands;
+    console->long_commands = command;
+    console->long_count++;
     x->waits = true;
-    CHECK(pthread_create(&errand->thread, NULL, run_errand, errand) == 0);
+    CHECK(pthread_create(&command->thread, NULL, run_long_command, command) == 0);
     return true;
 }
 
-static void end_errands(struct console *console, bool all) {
-    for (struct errand **at = &console->errands; *at;) {
-        struct errand *errand = *at;
-        if (!all && !atomic_load(&errand->done)) {
-            at = &errand->next;
+static void end_long_commands(struct console *console, bool all) {
+    for (struct long_command **at = &console->long_commands; *at;) {
+        struct long_command *command = *at;
+        if (!all && !atomic_load(&command->done)) {
+            at = &command->next;
             continue;
         }
-        pthread_join(errand->thread, NULL);
-        if (errand->socket && !all) {
-            errand->exchange->waits = false;
-            send_answer(errand->exchange, errand->socket, &errand->answer);
+        pthread_join(command->thread, NULL);
+        if (command->socket && !all) {
+            command->exchange->waits = false;
+            send_answer(command->exchange, command->socket, &command->answer);
         }
-        *at = errand->next;
-        console->errand_count--;
-        free(errand);
+        *at = command->next;
+        console->long_count--;
+        free(command);
     }
 }
 
 static void forget_caller(struct console *console, const struct lws *socket) {
-    for (struct errand *errand = console->errands; errand; errand = errand->next)
-        if (errand->socket == socket)
-            errand->socket = NULL;
+    for (struct long_command *command = console->long_commands; command; command = command->next)
+        if (command->socket == socket)
+            command->socket = NULL;
 }
 
 // ---- the console's thread
@@ -188,25 +188,25 @@ static int answer(struct console *console, struct exchange *x, struct lws *socke
         return -1;
     bool commands = console->asked.which_message == arthron_Console_command_tag;
     bool long_one = commands && is_long(console->asked.message.command.kind);
-    if (long_one && start_errand(console, x, socket))
+    if (long_one && start_long_command(console, x, socket))
         return 0;
     console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
     if (long_one)
         strcpy(console->answer.message.command_reply.text,
-               "the server runs too many undos and copies: ask again");
+               "too many undos and copies are running; try again");
     else if (commands)
         answer_command(console, socket);
     else if (console->asked.which_message == arthron_Console_metrics_ask_tag)
         answer_metrics_ask(console);
     else
         strcpy(console->answer.message.command_reply.text,
-               "this server does not know that message");
+               "this server does not know this message");
     send_answer(x, socket, &console->answer);
     return 0;
 }
 
-static int hear(struct console *console, struct exchange *x, struct lws *socket, const void *bytes,
-                size_t size) {
+static int receive(struct console *console, struct exchange *x, struct lws *socket,
+                   const void *bytes, size_t size) {
     bool whole;
     if (x->out_size || x->waits || !collect(x, socket, bytes, size, &whole))
         return -1;
@@ -218,7 +218,7 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
     struct console *console = lws_context_user(lws_get_context(socket));
     switch (reason) {
     case LWS_CALLBACK_RECEIVE:
-        return hear(console, user, socket, bytes, size);
+        return receive(console, user, socket, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return write_out(user, socket);
     case LWS_CALLBACK_CLOSED:
@@ -237,7 +237,7 @@ static int on_other(struct lws *socket, enum lws_callback_reasons reason, void *
 }
 
 static void on_wake(void *user) {
-    end_errands(user, false);
+    end_long_commands(user, false);
 }
 
 // The socket is its owner's alone.
@@ -269,7 +269,7 @@ static enum result check_path(const char *path, struct error *err) {
     strcpy(address.sun_path, path);
     struct stat status;
     if (lstat(path, &status) == 0 && !S_ISSOCK(status.st_mode))
-        return fail(err, RESULT_REFUSED, "%s: is there, and is no socket", path);
+        return fail(err, RESULT_REFUSED, "%s exists and is not a socket", path);
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     CHECK(fd >= 0);
     bool answers = connect(fd, (struct sockaddr *)&address, sizeof address) == 0;
@@ -325,7 +325,7 @@ enum result console_create(const char *socket_path, const struct console_handler
 void console_destroy(struct console **console) {
     struct console *c = *console;
     ws_server_stop(c->server);
-    end_errands(c, true);
+    end_long_commands(c, true);
     ws_server_destroy(&c->server); // not before: until now it could still be woken
     free(c);
     *console = NULL;
@@ -338,9 +338,9 @@ struct call {
     struct exchange exchange;
     pb_size_t wanted; // which message answers
     arthron_Console asked, answer;
-    lws_sorted_usec_list_t patience;
+    lws_sorted_usec_list_t timeout;
     bool connected, done;
-    int patience_s;
+    int timeout_s;
     enum result result;
     struct error *err;
 };
@@ -364,10 +364,10 @@ static void read_reply(struct call *call) {
     else if (call->answer.which_message == arthron_Console_command_reply_tag)
         finish(call, RESULT_REFUSED, call->answer.message.command_reply.text);
     else
-        finish(call, RESULT_FORMAT, "the server's answer is to something else");
+        finish(call, RESULT_FORMAT, "the server's answer does not match the question");
 }
 
-static int hear_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
+static int receive_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
     bool whole = false;
     if (!collect(&call->exchange, socket, bytes, size, &whole))
         finish(call, RESULT_LIMIT, "the server's answer is too long");
@@ -388,7 +388,7 @@ static int on_server(struct lws *socket, enum lws_callback_reasons reason, void 
     case LWS_CALLBACK_CLIENT_WRITEABLE:
         return write_out(&call->exchange, socket);
     case LWS_CALLBACK_CLIENT_RECEIVE:
-        return hear_reply(call, socket, bytes, size);
+        return receive_reply(call, socket, bytes, size);
     case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
         if (call->connected)
             finish(call, RESULT_CLOSED, "the server closed the connection without an answer");
@@ -400,10 +400,10 @@ static int on_server(struct lws *socket, enum lws_callback_reasons reason, void 
     }
 }
 
-static void lose_patience(lws_sorted_usec_list_t *patience) {
-    struct call *call = lws_container_of(patience, struct call, patience);
+static void on_timeout(lws_sorted_usec_list_t *timeout) {
+    struct call *call = lws_container_of(timeout, struct call, timeout);
     char text[48];
-    snprintf(text, sizeof text, "no answer within %d s", call->patience_s);
+    snprintf(text, sizeof text, "no answer within %d s", call->timeout_s);
     finish(call, RESULT_TIMEOUT, text);
 }
 
@@ -432,8 +432,7 @@ static void make_call(struct call *call) {
         .path = "/",
         .protocol = WIRE_CONSOLE_SUBPROTOCOL,
     };
-    lws_sul_schedule(context, 0, &call->patience, lose_patience,
-                     call->patience_s * LWS_USEC_PER_SEC);
+    lws_sul_schedule(context, 0, &call->timeout, on_timeout, call->timeout_s * LWS_USEC_PER_SEC);
     if (!lws_client_connect_via_info(&to))
         finish(call, RESULT_MISSING, "no server answers there");
     while (!call->done)
@@ -451,10 +450,10 @@ static enum result check_way(const char *path, struct error *err) {
                            : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
 }
 
-static int patience_of(const arthron_Console *asked) {
+static int timeout_of(const arthron_Console *asked) {
     if (asked->which_message != arthron_Console_command_tag)
-        return CALL_PATIENCE_S;
-    return is_long(asked->message.command.kind) ? LONG_PATIENCE_S : CALL_PATIENCE_S;
+        return CALL_TIMEOUT_S;
+    return is_long(asked->message.command.kind) ? LONG_TIMEOUT_S : CALL_TIMEOUT_S;
 }
 
 // `call` is all zero but for what is asked and wanted.
@@ -466,7 +465,7 @@ static enum result ask(const char *socket_path, struct call *call, struct error 
         return result;
     call->path = socket_path;
     call->err = err;
-    call->patience_s = patience_of(&call->asked);
+    call->timeout_s = timeout_of(&call->asked);
     result = wire_encode_console(&call->asked, call->exchange.out, sizeof call->exchange.out,
                                  &call->exchange.out_size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX

@@ -16,7 +16,7 @@
 
 // ---- queues -------------------------------------------------------------------------------------
 
-void control_say(struct peer *peer, const arthron_Control *message, bool last) {
+void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last) {
     if (peer->closing)
         return;
     peer->closing = last;
@@ -27,7 +27,7 @@ void control_say(struct peer *peer, const arthron_Control *message, bool last) {
     lws_callback_on_writable(peer->wsi);
 }
 
-bool control_seat(struct peer *peer) {
+bool control_take_slot(struct peer *peer) {
     struct control *control = peer->control;
     struct outbox *outbox = outbox_create();
     int index = 0;
@@ -49,7 +49,7 @@ bool control_seat(struct peer *peer) {
     return index < CONTROL_PEERS_MAX;
 }
 
-void control_unseat(struct peer *peer) {
+void control_free_slot(struct peer *peer) {
     struct slot *slot = &peer->control->slots[peer->handle.index];
     pthread_mutex_lock(&peer->control->lock);
     slot->peer = NULL;
@@ -168,24 +168,24 @@ static int close_peer(struct peer *peer) {
     return 0;
 }
 
-static int hear(struct peer *peer, const void *bytes, size_t size) {
+static int receive(struct peer *peer, const void *bytes, size_t size) {
     int64_t now_ns = clock_now_ns();
     if (peer->closing)
         return 0;
     if (size > sizeof peer->incoming - peer->used || !lws_frame_is_binary(peer->wsi)) {
-        peer_malformed(peer, "messages are binary and not longer than 8192 bytes");
+        peer_malformed(peer, "messages must be binary and at most 8192 bytes");
         return 0;
     }
     memcpy(peer->incoming + peer->used, bytes, size);
     peer->used += size;
     if (lws_remaining_packet_payload(peer->wsi) || !lws_is_final_fragment(peer->wsi))
         return 0;
-    peer_heard(peer, now_ns);
+    peer_receive(peer, now_ns);
     peer->used = 0;
     return 0;
 }
 
-static bool next_to_say(struct peer *peer, struct outgoing *out) {
+static bool next_message(struct peer *peer, struct outgoing *out) {
     if (peer->urgent.size) {
         *out = peer->urgent;
         peer->urgent.size = 0;
@@ -202,13 +202,13 @@ static int write_message(struct peer *peer, uint8_t *bytes, size_t size) {
     return 0;
 }
 
-static int say(struct peer *peer) {
+static int write_next(struct peer *peer) {
     struct outgoing out;
     if (peer->done) {
         lws_close_reason(peer->wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION, NULL, 0);
         return -1;
     }
-    if (next_to_say(peer, &out)) {
+    if (next_message(peer, &out)) {
         peer->done = out.last;
         return write_message(peer, out.bytes, out.size);
     }
@@ -232,9 +232,9 @@ static int on_peer(struct lws *wsi, enum lws_callback_reasons reason, void *user
         return open_peer(control, user, wsi,
                          !strcmp(lws_get_protocol(wsi)->name, WIRE_ENROL_SUBPROTOCOL));
     case LWS_CALLBACK_RECEIVE:
-        return hear(user, bytes, size);
+        return receive(user, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
-        return say(user);
+        return write_next(user);
     case LWS_CALLBACK_TIMER:
         return tick(user);
     case LWS_CALLBACK_CLOSED:

@@ -32,7 +32,7 @@ struct peer {
     struct control_peer handle;
     struct clock_offset clock;
     int pings;
-    int64_t heard_ns; // the last Pong
+    int64_t pong_ns;  // the last Pong
     int64_t warned_s; // that its certificate ends; 0: not yet
     size_t used;      // of incoming
     uint8_t incoming[WIRE_CONTROL_MAX];
@@ -80,11 +80,11 @@ struct control {
 // ---- control.c: queues --------------------------------------------------------------------------
 
 // Gives the peer a slot, a handle and an outbox. False where all are taken.
-bool control_seat(struct peer *peer);
-void control_unseat(struct peer *peer);
+bool control_take_slot(struct peer *peer);
+void control_free_slot(struct peer *peer);
 
 // Says `message` next, before anything queued; with `last` the connection closes behind it.
-void control_say(struct peer *peer, const arthron_Control *message, bool last);
+void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last);
 
 // The slot of a handle, NULL where the peer is gone. Under the lock.
 struct slot *control_find_slot(struct control *control, struct control_peer handle);
@@ -99,7 +99,7 @@ void control_drop_meshes(struct slot *slot); // that nobody can find any more
 // ---- peer.c: the protocol -----------------------------------------------------------------------
 
 void peer_opened(struct peer *peer);
-void peer_heard(struct peer *peer, int64_t now_ns); // a whole message is in peer->incoming
+void peer_receive(struct peer *peer, int64_t now_ns); // a whole message is in peer->incoming
 void peer_answered(struct peer *peer, const arthron_Control *answer); // by the registrar
 void peer_gone(struct peer *peer);
 

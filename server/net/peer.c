@@ -17,7 +17,7 @@
 
 static const char *const capabilities[] = {"datagrams", "meshes"};
 
-static void withdraw(struct peer *peer) {
+static void cancel_application(struct peer *peer) {
     if (peer->applies && peer->control->registrar) // none: the server has stopped
         registrar_withdraw(peer->control->registrar, peer);
     peer->applies = false;
@@ -32,11 +32,11 @@ void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *f
     va_end(args);
     refusal->reason = reason;
     if (peer->identity.certified)
-        log_info("control", "%s is sent away: %s", peer->identity.name, refusal->text);
+        log_info("control", "station %s is refused: %s", peer->identity.name, refusal->text);
     else
-        log_debug("control", "a stranger is sent away: %s", refusal->text);
-    withdraw(peer);
-    control_say(peer, &message, true);
+        log_debug("control", "an unknown client is refused: %s", refusal->text);
+    cancel_application(peer);
+    control_send_urgent(peer, &message, true);
 }
 
 void peer_malformed(struct peer *peer, const char *text) {
@@ -65,17 +65,17 @@ void peer_opened(struct peer *peer) {
 }
 
 void peer_gone(struct peer *peer) {
-    withdraw(peer);
+    cancel_application(peer);
     if (!peer->agreed)
         return;
     struct control_handler *handler = &peer->control->handler;
-    control_unseat(peer);
+    control_free_slot(peer);
     handler->on_gone(handler->user, peer->handle);
 }
 
 // ---- hello --------------------------------------------------------------------------------------
 
-static bool names(const arthron_Hello *hello, const char *capability) {
+static bool has_capability(const arthron_Hello *hello, const char *capability) {
     for (int k = 0; k < hello->capabilities_count; k++)
         if (!strcmp(hello->capabilities[k], capability))
             return true;
@@ -84,7 +84,7 @@ static bool names(const arthron_Hello *hello, const char *capability) {
 
 static void agree_capabilities(const arthron_Hello *hello, arthron_Welcome *welcome) {
     for (size_t i = 0; i < sizeof capabilities / sizeof *capabilities; i++)
-        if (names(hello, capabilities[i]))
+        if (has_capability(hello, capabilities[i]))
             strcpy(welcome->capabilities[welcome->capabilities_count++], capabilities[i]);
 }
 
@@ -105,12 +105,12 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
     }
     if (strcmp(hello->station, peer->identity.name)) {
         peer_refuse(peer, arthron_Refusal_Reason_IDENTITY,
-                    "Hello names another station than the certificate");
+                    "Hello and certificate name different stations");
         return false;
     }
     registrar_used(peer->control->registrar, &peer->identity);
-    peer->meshes = names(hello, "meshes");
-    if (!control_seat(peer)) {
+    peer->meshes = has_capability(hello, "meshes");
+    if (!control_take_slot(peer)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d stations are connected already",
                     CONTROL_PEERS_MAX);
         return false;
@@ -118,7 +118,7 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
     return true;
 }
 
-static void hear_hello(struct peer *peer, const arthron_Hello *hello, int64_t now_ns) {
+static void handle_hello(struct peer *peer, const arthron_Hello *hello, int64_t now_ns) {
     struct control *control = peer->control;
     arthron_Control answer = {.which_message = arthron_Control_welcome_tag};
     arthron_Welcome *welcome = &answer.message.welcome;
@@ -129,7 +129,7 @@ static void hear_hello(struct peer *peer, const arthron_Hello *hello, int64_t no
     enum result result =
         control->handler.on_hello(control->handler.user, peer->handle, hello, welcome, &refusal);
     if (result != RESULT_OK) {
-        control_unseat(peer);
+        control_free_slot(peer);
         peer_refuse(peer, refusal.reason, "%s",
                     refusal.text[0] ? refusal.text : result_sentence(result));
         return;
@@ -139,8 +139,8 @@ static void hear_hello(struct peer *peer, const arthron_Hello *hello, int64_t no
     agree_capabilities(hello, welcome);
     snprintf(welcome->software, sizeof welcome->software, "%s", control->software);
     peer->agreed = true;
-    peer->heard_ns = now_ns;
-    control_say(peer, &answer, false);
+    peer->pong_ns = now_ns;
+    control_send_urgent(peer, &answer, false);
     lws_set_timer_usecs(peer->wsi, 0);
 }
 
@@ -157,7 +157,7 @@ static bool may_try_to_enrol(struct control *control, int64_t now_ns) {
     return true;
 }
 
-static void hear_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t now_ns) {
+static void handle_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t now_ns) {
     if (!may_try_to_enrol(peer->control, now_ns)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
         return;
@@ -166,8 +166,8 @@ static void hear_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t no
     if (peer->applies)
         lws_set_timer_usecs(peer->wsi, ENROL_WAIT_NS / 1000);
     else
-        peer_refuse(peer, arthron_Refusal_Reason_BUSY, "%d others wait to be enrolled, try again",
-                    REGISTRAR_APPLICANTS_MAX);
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY,
+                    "%d stations are waiting to be enrolled; try again", REGISTRAR_APPLICANTS_MAX);
 }
 
 void peer_answered(struct peer *peer, const arthron_Control *answer) {
@@ -176,7 +176,7 @@ void peer_answered(struct peer *peer, const arthron_Control *answer) {
     if (answer->which_message == arthron_Control_refusal_tag)
         peer_refuse(peer, refusal->reason, "%s", refusal->text);
     else
-        control_say(peer, answer, true);
+        control_send_urgent(peer, answer, true);
 }
 
 // ---- clock --------------------------------------------------------------------------------------
@@ -188,7 +188,7 @@ static void send_ping(struct peer *peer) {
     peer->pings++;
 }
 
-static void hear_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
+static void handle_ping(struct peer *peer, const arthron_Ping *ping, int64_t received_ns) {
     arthron_Control answer = {.which_message = arthron_Control_pong_tag};
     answer.message.pong = (arthron_Pong){ping->sent_ns, received_ns, clock_now_ns()};
     control_send(peer->control, peer->handle, &answer);
@@ -198,9 +198,9 @@ static bool is_remote_time(int64_t time_ns) {
     return time_ns >= 0 && time_ns < WIRE_TIME_MAX_NS;
 }
 
-static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {
+static void handle_pong(struct peer *peer, const arthron_Pong *pong, int64_t received_ns) {
     int64_t offset_ns, uncertainty_ns;
-    peer->heard_ns = received_ns;
+    peer->pong_ns = received_ns;
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
         !is_remote_time(pong->answered_ns) ||
         !clock_offset_add(&peer->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
@@ -214,32 +214,32 @@ static void hear_pong(struct peer *peer, const arthron_Pong *pong, int64_t recei
 
 // ---- messages -----------------------------------------------------------------------------------
 
-static void hear_stranger(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+static void handle_first(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
     if (peer->enrols && !peer->applies && message->which_message == arthron_Control_enrol_tag)
-        hear_enrol(peer, &message->message.enrol, now_ns);
+        handle_enrol(peer, &message->message.enrol, now_ns);
     else if (!peer->enrols && message->which_message == arthron_Control_hello_tag)
-        hear_hello(peer, &message->message.hello, now_ns);
+        handle_hello(peer, &message->message.hello, now_ns);
     else
-        peer_malformed(peer, peer->enrols ? "the only message here is one Enrol"
+        peer_malformed(peer, peer->enrols ? "the only message allowed here is one Enrol"
                                           : "the first message must be Hello");
 }
 
-static void hear_mesh(struct peer *peer, const arthron_Control *message) {
+static void handle_mesh(struct peer *peer, const arthron_Control *message) {
     struct control_handler *handler = &peer->control->handler;
     if (peer->meshes)
         handler->on_message(handler->user, peer->handle, message);
     else
-        peer_malformed(peer, "only a station that named the capability meshes may say this");
+        peer_malformed(peer, "this message needs the capability meshes");
 }
 
-static void hear_station(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+static void handle_message(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
     struct control_handler *handler = &peer->control->handler;
     switch (message->which_message) {
     case arthron_Control_ping_tag:
-        hear_ping(peer, &message->message.ping, now_ns);
+        handle_ping(peer, &message->message.ping, now_ns);
         break;
     case arthron_Control_pong_tag:
-        hear_pong(peer, &message->message.pong, now_ns);
+        handle_pong(peer, &message->message.pong, now_ns);
         break;
     case arthron_Control_frame_tag:
         handler->on_frame(handler->user, peer->handle, &message->message.frame, now_ns);
@@ -249,14 +249,14 @@ static void hear_station(struct peer *peer, const arthron_Control *message, int6
         break;
     case arthron_Control_mesh_ask_tag:
     case arthron_Control_mesh_ack_tag:
-        hear_mesh(peer, message);
+        handle_mesh(peer, message);
         break;
     default:
-        peer_malformed(peer, "a message that only a server, or only the start, may say");
+        peer_malformed(peer, "a station may not send this message now");
     }
 }
 
-void peer_heard(struct peer *peer, int64_t now_ns) {
+void peer_receive(struct peer *peer, int64_t now_ns) {
     struct control *control = peer->control;
     struct error err = {0};
     if (wire_decode_control(peer->incoming, peer->used, &control->message, &err) != RESULT_OK)
@@ -264,9 +264,9 @@ void peer_heard(struct peer *peer, int64_t now_ns) {
     else if (control->message.which_message == 0)
         atomic_fetch_add(&control->unknown_messages, 1);
     else if (peer->agreed)
-        hear_station(peer, &control->message, now_ns);
+        handle_message(peer, &control->message, now_ns);
     else
-        hear_stranger(peer, &control->message, now_ns);
+        handle_first(peer, &control->message, now_ns);
 }
 
 // At the start and then once a day. A station renews its certificate by itself long before.
@@ -275,7 +275,7 @@ static void warn_of_certificate(struct peer *peer) {
     if (left_s >= TLS_WARNING_DAYS * DAY_S || now_s - peer->warned_s < DAY_S)
         return;
     peer->warned_s = now_s;
-    log_warning("control", "station %s: its certificate ends in %d days, enrol it again",
+    log_warning("control", "station %s: its certificate ends in %d days; enrol it again",
                 peer->identity.name, (int)(left_s / DAY_S));
 }
 
@@ -293,8 +293,9 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
                     peer->enrols ? "Enrol" : "Hello");
         return true;
     }
-    if (now_ns - peer->heard_ns > SILENCE_NS) {
-        log_warning("control", "%s: no answer for 5 s", peer->identity.name);
+    if (now_ns - peer->pong_ns > SILENCE_NS) {
+        log_warning("control", "station %s: no answer for 5 s, its connection is closed",
+                    peer->identity.name);
         return false;
     }
     if (is_revoked(peer)) {

@@ -199,8 +199,8 @@ static int64_t revoke_older(void *data) {
         log_error("control", "station %s: its older certificates cannot be revoked: %s",
                   identity->name, err.text);
     else if (revoked)
-        log_info("control", "station %s has a new certificate: %d older revoked", identity->name,
-                 revoked);
+        log_info("control", "station %s uses a new certificate; its older ones are revoked (%d)",
+                 identity->name, revoked);
     return TASK_DONE;
 }
 

@@ -104,7 +104,7 @@ static enum result read_files(const struct tls_files *files, struct tls_credenti
     if (SSL_CTX_use_certificate_chain_file(context, certificate) != 1)
         result = fail(err, RESULT_FORMAT, "%s: no certificate can be read", certificate);
     else if (SSL_CTX_use_PrivateKey_file(context, key, SSL_FILETYPE_PEM) != 1)
-        result = fail(err, RESULT_FORMAT, "%s: not the key of %s", key, certificate);
+        result = fail(err, RESULT_FORMAT, "%s is not the key of %s", key, certificate);
     else
         *out = credentials_of(context);
     SSL_CTX_free(context);
@@ -157,7 +157,7 @@ struct tls_credentials *tls_files_look(struct tls_files *files) {
         return NULL;
     files->looked_at = stamps;
     if (read_files(files, &credentials, &err) != RESULT_OK) {
-        log_warning("tls", "%s; the certificate stays the one before", err.text);
+        log_warning("tls", "%s; keeping the previous certificate", err.text);
         return NULL;
     }
     files->end_s = end_of(credentials);

@@ -326,7 +326,7 @@ static void take_keys(struct link *link) {
     struct error err;
     if (atomic_exchange(&link->keys_changed, false) &&
         trust_renew(&link->trust, link->config.keys_dir, &err) != RESULT_OK)
-        log_warning("link", "%s; the certificate stays the one before", err.text);
+        log_warning("link", "%s; keeping the previous certificate", err.text);
 }
 
 static void connect_now(lws_sorted_usec_list_t *retry) {

@@ -38,7 +38,7 @@ static void look_at_files(struct renewal *r) {
     if (trust_check(r->config->keys_dir, &err) == RESULT_OK)
         r->handler.on_changed(r->handler.user);
     else
-        log_warning("link", "%s; the certificate stays the one before", err.text);
+        log_warning("link", "%s; keeping the previous certificate", err.text);
 }
 
 static void warn_once_a_day(struct renewal *r, int64_t left_s, const char *why) {

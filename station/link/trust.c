@@ -141,7 +141,7 @@ static enum result load_keys(SSL_CTX *context, const struct key_files *files, st
         return fail(err, RESULT_FORMAT, "%s: no certificate can be read", files->certificate);
     if (SSL_CTX_use_PrivateKey_file(context, files->key, SSL_FILETYPE_PEM) != 1 ||
         SSL_CTX_check_private_key(context) != 1)
-        return fail(err, RESULT_FORMAT, "%s: not the key of %s", files->key, files->certificate);
+        return fail(err, RESULT_FORMAT, "%s is not the key of %s", files->key, files->certificate);
     return RESULT_OK;
 }
 

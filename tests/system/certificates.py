@@ -97,7 +97,7 @@ class Certificates(House):
         station.wait_for_log("the station's certificate was renewed")
         wait_until("the new certificate at the server",
                    lambda: self.days(self.session()["certificate_until_utc_s"] or 0) > 700)
-        server.wait_for_log("older revoked")
+        server.wait_for_log("its older ones are revoked")
         self.wait_for_steps()
         self.assertEqual(os.stat(self.path("keys-room-1/station.key")).st_mode & 0o777, 0o600)
         station.end()

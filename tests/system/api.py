@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import ssl
+import time
 import unittest
 
 from arthron import House, call, free_port, wait_until
@@ -66,6 +67,8 @@ class Api(House):
         server = self.serve()
         grace = self.make_first(server)
         self.assertEqual(self.get("/me", grace)["account"], {"name": "grace", "role": "instructor", "trainee": ""})
+        days = (self.get("/server", grace)["certificate_until_utc_s"] - time.time()) / 86400
+        self.assertAlmostEqual(days, 730, delta=1)
 
         # People.
         for trainee in ("ada", "eve"):

@@ -1,10 +1,13 @@
 // Of all that is wrong with a station, what is most urgent.
 #include "live/warning.h"
 
+#include "base/clock.h"
 #include "test.h"
 
 #include <stdio.h>
 #include <string.h>
+
+#define DAY_S 86400
 
 static arthron_Place good(void) {
     arthron_Place place = {.devices_count = 2};
@@ -51,6 +54,11 @@ static void each_thing_is_told_of(void **state) {
     assert_warns(place, URGENCY_LOOK, "case arthrosis is not checked");
     place = good(), place.info.clock_uncertainty_us = 12000;
     assert_warns(place, URGENCY_LOOK, "12 ms");
+    place = good(),
+    place.info.certificate_until_utc_s = clock_utc_ns() / NS_PER_S + 10 * DAY_S + 60;
+    assert_warns(place, URGENCY_LOOK, "certificate ends in 10 days");
+    place.info.certificate_until_utc_s += 21 * DAY_S;
+    assert_warns(place, URGENCY_NONE, "");
     place = good(), strcpy(place.info.calibration_problem, "its calibration is 40 days old");
     assert_warns(place, URGENCY_LOOK, "40 days");
 }

@@ -3,6 +3,8 @@
 #include "base/check.h"
 #include "base/log.h"
 #include "metrics/subject.h"
+#include "trace/catalogue.h"
+#include "trace/player.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -25,8 +27,7 @@ void session_row_begin(const struct trace_header *header, const char *trace,
         .start_utc_ns = header->start_utc_ns,
         .state = STATE_OPEN,
     };
-    for (int i = 0; i < 16; i++)
-        snprintf(out->id + 2 * i, 3, "%02x", header->session_id[i]);
+    trace_id_text(header->session_id, out->id);
     snprintf(out->station, sizeof out->station, "%s", header->station);
     snprintf(out->trainee, sizeof out->trainee, "%s", header->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", header->case_name);
@@ -83,34 +84,56 @@ static void take_value(void *user, const struct metric_value *v) {
 
 // ---- the trace ----------------------------------------------------------------------------------
 
+struct reading {
+    struct metrics *metrics;
+    struct store_session *session;
+    int64_t last_ns;
+    int64_t begin_ns, begin_utc_ns; // from here on the session's clock and the time of day went
+                                    // together
+};
+
+static bool on_step(void *user, const struct trace_record *record) {
+    struct reading *r = user;
+    metrics_step(r->metrics, &record->input, &record->output);
+    r->last_ns = record->input.time_ns;
+    r->session->steps++;
+    return true;
+}
+
+static bool on_resume(void *user, int64_t utc_ns) {
+    struct reading *r = user;
+    metrics_interrupt(r->metrics);
+    r->begin_ns = r->last_ns;
+    r->begin_utc_ns = utc_ns;
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    struct reading *r = user;
+    r->session->missing += missing;
+    return true;
+}
+
+static bool on_end(void *user, uint64_t records, uint64_t missing) {
+    struct reading *r = user;
+    (void)records;
+    r->session->state = STATE_CLOSED;
+    r->session->missing = missing;
+    return true;
+}
+
 static void read_steps(struct trace_reader *reader, struct metrics *metrics,
                        struct store_session *s) {
-    struct trace_record *record = alloc(1, sizeof *record);
-    // From here on the session's clock and the time of day went together.
-    int64_t begin_ns = trace_reader_header(reader)->start_ns, begin_utc_ns = s->start_utc_ns;
-    int64_t last_ns = begin_ns;
+    int64_t start_ns = trace_reader_header(reader)->start_ns;
+    struct reading r = {metrics, s, start_ns, start_ns, s->start_utc_ns};
+    struct trace_player player = {
+        .user = &r, .step = on_step, .resume = on_resume, .gap = on_gap, .end = on_end};
     s->state = STATE_INTERRUPTED;
-    while (trace_read(reader, record, NULL) == RESULT_OK) {
-        if (record->type == TRACE_STEP) {
-            metrics_step(metrics, &record->input, &record->output);
-            last_ns = record->input.time_ns;
-            s->steps++;
-        } else if (record->type == TRACE_RESUME) {
-            metrics_interrupt(metrics);
-            begin_ns = last_ns;
-            begin_utc_ns = record->utc_ns;
-        } else if (record->type == TRACE_GAP) {
-            s->missing += record->missing;
-        } else if (record->type == TRACE_END) {
-            s->state = STATE_CLOSED;
-            s->missing = record->missing;
-        }
-    }
-    s->end_utc_ns = begin_utc_ns + (last_ns > begin_ns ? last_ns - begin_ns : 0);
+    trace_play(reader, &player, NULL);
+    s->end_utc_ns = r.begin_utc_ns + (r.last_ns > r.begin_ns ? r.last_ns - r.begin_ns : 0);
     struct trace_place place = trace_reader_place(reader);
     for (int i = 0; i < TRACE_HASH_SIZE; i++)
         snprintf(s->trace_hash + 2 * i, 3, "%02x", place.hash[i]);
-    free(record);
 }
 
 // Whether the trace, read to its end, has a signature of the authority.
@@ -135,6 +158,8 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
         return result;
     const struct trace_header *header = trace_reader_header(reader);
     const struct scene *scene = find(user, header->case_hash);
+    if (scene)
+        trace_reader_bind(reader, scene);
     struct telling telling = {out, scene ? scene_case(scene) : NULL};
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, header->optic);

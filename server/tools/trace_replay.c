@@ -51,6 +51,20 @@ static json_t *number_or_null(double value) {
     return isfinite(value) ? json_real(value) : json_null();
 }
 
+// Where the mathematics is another one the last bits may differ.
+static const char *reason(const struct replay_report *r) {
+    if (!r->different)
+        return "";
+    if (!r->same_build)
+        return "another build recorded it";
+    if (!r->same_libc)
+        return "it was recorded with another C library";
+    if (!r->same_cpu)
+        return "it was recorded on another CPU";
+    return "the same build, C library and CPU recorded it: the trace was changed, or the program "
+           "is at fault";
+}
+
 static void print_json(const struct replay_report *r, double real_time) {
     json_t *root = json_pack(
         "{s:s, s:I, s:I, s:I, s:o, s:b, s:b, s:b, s:b, s:o, s:s}", "verdict",
@@ -64,6 +78,8 @@ static void print_json(const struct replay_report *r, double real_time) {
                             json_pack("{s:I, s:s, s:s, s:s}", "step", (json_int_t)r->first.step,
                                       "field", r->first.field, "recorded", r->first.recorded,
                                       "replayed", r->first.replayed));
+    json_object_set_new(root, "rules", json_integer(r->rules));
+    json_object_set_new(root, "reason", json_string(reason(r)));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -73,12 +89,14 @@ static void print_text(const struct replay_report *r, double real_time) {
     printf("%s: %" PRIu64 " of %" PRIu64 " steps differ\n", replay_verdict_name(r->verdict),
            r->different, r->steps);
     if (r->different)
-        printf("first in step %" PRIu64 ": %s was %s, now %s\nwarped poses by up to %g mm, %s "
-               "states and events\n",
-               r->first.step, r->first.field, r->first.recorded, r->first.replayed, r->largest_mm,
-               r->same_events ? "the same" : "other");
-    printf("build %s, libc %s, CPU %s\n", r->same_build ? "the same" : "another",
-           r->same_libc ? "the same" : "another", r->same_cpu ? "the same" : "another");
+        printf("first in step %" PRIu64
+               ": %s was %s, now %s\nreason: %s\nwarped poses differ by up to "
+               "%g mm, %s states and events\n",
+               r->first.step, r->first.field, r->first.recorded, r->first.replayed, reason(r),
+               r->largest_mm, r->same_events ? "the same" : "other");
+    printf("rules %d; build %s, libc %s, CPU %s\n", r->rules,
+           r->same_build ? "the same" : "another", r->same_libc ? "the same" : "another",
+           r->same_cpu ? "the same" : "another");
     if (r->left_out)
         printf("%" PRIu64 " steps after a gap could not be compared\n", r->left_out);
     if (r->end != RESULT_CLOSED)

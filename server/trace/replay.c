@@ -147,6 +147,8 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     memset(out_report, 0, sizeof *out_report);
     out_report->same_events = true;
     compare_machines(header, out_report);
+    out_report->rules = header->settings.rules;
+    trace_reader_bind(reader, scene);
     struct replay replay = {.report = out_report, .span = span, .start_ns = header->start_ns};
     replay.rerun = rerun_create(scene, &header->settings);
     replay.field_count = fields_of(header->version, replay.fields);

@@ -29,6 +29,7 @@ struct replay_report {
     double largest_mm;              // between a recorded and a replayed warped tip
     bool same_events;               // states and events of every step
     bool same_build, same_libc, same_cpu;
+    int rules;          // that its steps follow, recorded and replayed
     int64_t session_ns; // between the first and the last step
     uint64_t left_out;  // steps after the first gap: their inputs' past is not known
     enum result end;    // how reading ended: RESULT_CLOSED for a whole file

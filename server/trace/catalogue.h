@@ -1,0 +1,37 @@
+// The traces of a folder, by the names that the server gives them:
+// STATION-20260102T030405Z-01234567.trace, with the start in UTC and the first digits of the
+// session's id.
+#pragma once
+
+#include "trace/trace.h"
+
+#define TRACE_ID_TEXT_SIZE 33 // a session's id: 32 digits, and a zero
+#define TRACE_NAME_MAX 128    // of a file
+#define TRACE_STAMP "20260102T030405Z"
+
+void trace_id_text(const uint8_t id[16], char out_text[TRACE_ID_TEXT_SIZE]);
+bool trace_is_id(const char *text); // 32 digits, lower case
+
+void trace_name(const struct trace_header *header, char out_name[TRACE_NAME_MAX]);
+
+struct trace_entry {
+    const char *path, *name; // the name is the path's end
+    char station[64];
+    char stamp[sizeof TRACE_STAMP]; // these sort as times do
+    char id_start[9];
+    int64_t written_utc_ns; // when it was written to last
+};
+
+// In no order; what has another name is passed over. False ends it. RESULT_IO where the folder
+// cannot be read.
+enum result catalogue_each(const char *folder,
+                           bool (*entry)(void *user, const struct trace_entry *entry), void *user,
+                           struct error *err);
+
+// The trace of a session: its header has the id, or it has the name and its header cannot be read.
+// RESULT_INVALID where the id is none, RESULT_MISSING where there is no such trace.
+enum result catalogue_find(const char *folder, const char *id, char *out_path, size_t path_size,
+                           struct error *err);
+
+// Whether a file is the trace of a session, as above.
+bool catalogue_is_of(const char *path, const char *id);

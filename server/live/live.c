@@ -5,6 +5,7 @@
 #include "live/playback.h"
 #include "live/viewer.h"
 #include "sessions/fork.h"
+#include "trace/catalogue.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -172,7 +173,7 @@ static void take_watch(struct live_server *a, struct viewer *viewer, const arthr
 static const char *refusal_of(enum store_role role, const arthron_Command *command) {
     arthron_Command_Kind kind = command->kind;
     bool looks = kind == arthron_Command_Kind_LIST || kind == arthron_Command_Kind_SHOW;
-    if (role == ROLE_INSTRUCTOR && kind == arthron_Command_Kind_COPY && !fork_is_id(command->from))
+    if (role == ROLE_INSTRUCTOR && kind == arthron_Command_Kind_COPY && !trace_is_id(command->from))
         return "a session is copied by its id";
     if (role == ROLE_INSTRUCTOR || (role == ROLE_TECHNICIAN && looks))
         return NULL;

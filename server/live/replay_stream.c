@@ -4,13 +4,13 @@
 #include "runtime/reply.h"
 #include "runtime/tissue_delta.h"
 #include "store/store.h"
+#include "trace/catalogue.h"
+#include "trace/player.h"
 #include "trace/rerun.h"
 
-#include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 struct replay {
     struct sessions *sessions;
@@ -37,38 +37,6 @@ struct replay {
 
 // ---- which --------------------------------------------------------------------------------------
 
-// One that cannot be read is, by its name: what is wrong with it is told when it is cache.
-static bool is_of(const char *path, const char *session) {
-    struct trace_reader *reader;
-    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
-        return access(path, F_OK) == 0;
-    struct trace_header header = *trace_reader_header(reader);
-    trace_reader_destroy(&reader);
-    char id[STORE_ID_MAX];
-    for (int i = 0; i < 16; i++)
-        snprintf(id + 2 * i, 3, "%02x", header.session_id[i]);
-    return !strcmp(id, session);
-}
-
-// Its name ends with the first digits of its id.
-static bool find_in_folder(const char *dir, const char *session, char out_path[SESSIONS_PATH_MAX]) {
-    char end[32];
-    snprintf(end, sizeof end, "-%.8s.trace", session);
-    DIR *folder = opendir(dir);
-    bool found = false;
-    for (struct dirent *entry; folder && !found && (entry = readdir(folder));) {
-        size_t length = strlen(entry->d_name), last = strlen(end);
-        if (length < last || strcmp(entry->d_name + length - last, end) != 0)
-            continue;
-        found = snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s", dir, entry->d_name) <
-                    SESSIONS_PATH_MAX &&
-                is_of(out_path, session);
-    }
-    if (folder)
-        closedir(folder);
-    return found;
-}
-
 static void take_trace(void *user, const struct store_cell *cells, int count) {
     for (int i = 0; i < count; i++)
         if (!strcmp(cells[i].column, "trace") && cells[i].kind == STORE_TEXT)
@@ -83,16 +51,17 @@ static bool find_in_records(const char *records, const char *session,
         return false;
     store_rows(store, LIST_SESSIONS, session, take_trace, out_path, NULL);
     store_close(&store);
-    return out_path[0] && is_of(out_path, session);
+    return out_path[0] && catalogue_is_of(out_path, session);
 }
 
 static enum result find_trace(const struct sessions *sessions, const char *session,
                               char out_path[SESSIONS_PATH_MAX], struct error *err) {
-    if (strlen(session) != STORE_ID_MAX - 1 ||
-        strspn(session, "0123456789abcdef") != STORE_ID_MAX - 1)
+    const struct sessions_config *config = sessions_config(sessions);
+    if (!trace_is_id(session))
         return fail(err, RESULT_INVALID, "%s is no session's id", session);
-    if (find_in_folder(sessions_config(sessions)->traces_dir, session, out_path) ||
-        find_in_records(sessions_config(sessions)->records, session, out_path))
+    if (catalogue_find(config->traces_dir, session, out_path, SESSIONS_PATH_MAX, NULL) ==
+            RESULT_OK ||
+        find_in_records(config->records, session, out_path))
         return RESULT_OK;
     return fail(err, RESULT_MISSING, "the trace of session %s is not there", session);
 }
@@ -113,6 +82,8 @@ static enum result find_case(struct replay *f, struct error *err) {
         return fail(err, RESULT_MISSING, "this server has not the session's case %s",
                     f->header.case_name);
     f->scene = sessions_scene(f->sessions, index);
+    if (f->own_case)
+        trace_reader_bind(f->reader, f->scene);
     f->case_name = config->cases[index].name;
     return RESULT_OK;
 }
@@ -293,26 +264,35 @@ static void show_gap(struct replay *f) {
     f->gap = true;
 }
 
-static void show_record(struct replay *f, const struct trace_record *record) {
-    switch (record->type) {
-    case TRACE_STEP:
-    case TRACE_PAST:
-        show_step(f, record);
-        break;
-    case TRACE_GAP:
-        show_gap(f);
-        break;
-    case TRACE_RESUME:
-        metrics_interrupt(&f->metrics);
-        break;
-    case TRACE_REMARK:
-        show_remark(f, &record->remark);
-        break;
-    case TRACE_FAULT:
-    case TRACE_END:
-        break;
-    }
+static bool on_step(void *user, const struct trace_record *record) {
+    show_step(user, record);
+    return true;
+}
+
+static bool on_gap(void *user, uint64_t missing) {
+    (void)missing;
+    show_gap(user);
+    return true;
+}
+
+static bool on_resume(void *user, int64_t utc_ns) {
+    struct replay *f = user;
+    (void)utc_ns;
+    metrics_interrupt(&f->metrics);
+    return true;
+}
+
+static bool on_remark(void *user, const struct remark *remark) {
+    show_remark(user, remark);
+    return true;
+}
+
+// Before each record: how far it has come. False once nobody looks any more.
+static bool on_record(void *user, const struct trace_record *record) {
+    struct replay *f = user;
+    (void)record;
     say_progress(f, false);
+    return !f->gone;
 }
 
 // A session that goes on, or whose server was killed, has no end.
@@ -326,9 +306,14 @@ static void show_end(struct replay *f, enum result end, const struct error *why)
 }
 
 static enum result show(struct replay *f, const char *path) {
-    static _Thread_local struct trace_record record;
+    struct trace_player player = {.user = f,
+                                  .record = on_record,
+                                  .step = on_step,
+                                  .past = on_step,
+                                  .gap = on_gap,
+                                  .resume = on_resume,
+                                  .remark = on_remark};
     struct error why;
-    enum result end = RESULT_OK;
     say_session(f, path);
     snapshot_begin(&f->moments, 0, f->header.start_ns);
     metrics_init(&f->metrics, f->header.optic);
@@ -336,8 +321,7 @@ static enum result show(struct replay *f, const char *path) {
         f->rerun = rerun_create(f->scene, &f->header.settings);
         rerun_watch(f->rerun, on_landing, f);
     }
-    while (!f->gone && (end = trace_read(f->reader, &record, &why)) == RESULT_OK)
-        show_record(f, &record);
+    enum result end = f->gone ? RESULT_OK : trace_play(f->reader, &player, &why);
     if (!f->gone)
         show_end(f, end, &why);
     for (int i = 0; i < TISSUES_MAX; i++)

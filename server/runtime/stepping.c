@@ -81,7 +81,8 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     station->last_step_ns = input->time_ns;
     session_step(station->session->session, input, output);
     trace_append(station->session->trace, input, output);
-    atomic_store_explicit(&station->counts.steps, output->step, memory_order_relaxed);
+    struct trace_status recorded = trace_writer_status(station->session->trace);
+    atomic_store_explicit(&station->counts.steps, recorded.records, memory_order_relaxed);
     publish_metrics(station, input, output);
     publish_snapshot(station, output);
     station->events |= output->events;

@@ -6,6 +6,8 @@
 #include "runtime/reply.h"
 #include "sessions/course.h"
 #include "sessions/restore.h"
+#include "trace/catalogue.h"
+#include "trace/player.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -19,7 +21,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define ID_DIGITS 32
 #define NICE 15
 
 struct fork {
@@ -33,45 +34,11 @@ struct fork {
 
 // ---- which trace --------------------------------------------------------------------------------
 
-bool fork_is_id(const char *text) {
-    return strspn(text, "0123456789abcdef") == ID_DIGITS && !text[ID_DIGITS];
-}
-
-static bool is_of_session(const char *path, const char *id) {
-    struct trace_reader *reader;
-    char text[ID_DIGITS + 1];
-    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
-        return false;
-    for (int i = 0; i < ID_DIGITS / 2; i++)
-        snprintf(text + 2 * i, 3, "%02x", trace_reader_header(reader)->session_id[i]);
-    trace_reader_destroy(&reader);
-    return !strcmp(text, id);
-}
-
-// A trace's name ends with the first digits of its session's id.
-static enum result find_session(const char *dir, const char *id, char out_path[SESSIONS_PATH_MAX],
-                                struct error *err) {
-    char end[32];
-    int length = snprintf(end, sizeof end, "-%.8s.trace", id);
-    bool found = false;
-    DIR *folder = opendir(dir);
-    for (struct dirent *entry; folder && !found && (entry = readdir(folder));) {
-        size_t name = strlen(entry->d_name);
-        if (name < (size_t)length || strcmp(entry->d_name + name - length, end) != 0)
-            continue;
-        int used = snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s", dir, entry->d_name);
-        found = used < SESSIONS_PATH_MAX && is_of_session(out_path, id);
-    }
-    if (folder)
-        closedir(folder);
-    return found ? RESULT_OK : fail(err, RESULT_MISSING, "%s: no trace of a session %s", dir, id);
-}
-
 static enum result find_trace(const struct sessions *s, const char *from,
                               char out_path[SESSIONS_PATH_MAX], struct error *err) {
     struct stat status;
-    if (fork_is_id(from))
-        return find_session(s->config.traces_dir, from, out_path, err);
+    if (trace_is_id(from))
+        return catalogue_find(s->config.traces_dir, from, out_path, SESSIONS_PATH_MAX, err);
     if (stat(from, &status) != 0)
         return fail(err, RESULT_IO, "%s: %s", from, strerror(errno));
     if (!S_ISREG(status.st_mode))
@@ -82,25 +49,39 @@ static enum result find_trace(const struct sessions *s, const char *from,
 
 // ---- the new trace ------------------------------------------------------------------------------
 
+struct copying {
+    const struct sessions *sessions;
+    const char *from;
+    uint64_t end; // of what is copied, in the file
+    struct trace_writer *writer;
+    enum result result;
+    struct error *err;
+};
+
+static bool copy_input(void *user, const struct trace_record *record) {
+    struct copying *c = user;
+    struct trace_record input = *record;
+    input.type = TRACE_PAST;
+    if (record->offset >= c->end)
+        return false;
+    if (sessions_are_ending(c->sessions))
+        c->result = fail(c->err, RESULT_TIMEOUT, "%s: the server ends", c->from);
+    else
+        c->result = trace_append_record(c->writer, &input, c->err);
+    return c->result == RESULT_OK;
+}
+
 static enum result copy_inputs(const struct sessions *s, const struct restored *restored,
                                const char *from, struct trace_writer *writer, struct error *err) {
     struct trace_reader *reader;
-    struct trace_record record;
+    struct copying copying = {s, from, restored->place.offset, writer, RESULT_OK, err};
+    struct trace_player player = {.user = &copying, .step = copy_input, .past = copy_input};
     enum result result = trace_reader_create(from, &reader, err);
     if (result != RESULT_OK)
         return result;
-    while (result == RESULT_OK && trace_reader_offset(reader) < restored->place.offset) {
-        if (sessions_are_ending(s))
-            result = fail(err, RESULT_TIMEOUT, "%s: the server ends", from);
-        else
-            result = trace_read(reader, &record, err);
-        if (result != RESULT_OK || (record.type != TRACE_STEP && record.type != TRACE_PAST))
-            continue;
-        record.type = TRACE_PAST;
-        result = trace_append_record(writer, &record, err);
-    }
+    trace_play(reader, &player, NULL);
     trace_reader_destroy(&reader);
-    return result;
+    return copying.result;
 }
 
 // Its clock goes on from where the other's stood: what came before is before its start.
@@ -123,7 +104,7 @@ static void fill_header(struct fork *f) {
 static enum result write_trace(struct fork *f, const char *from, struct error *err) {
     struct sessions *s = f->sessions;
     fill_header(f);
-    enum result result = opening_trace_path(s, f->station, &f->header, f->path, err);
+    enum result result = opening_trace_path(s, &f->header, f->path, err);
     if (result != RESULT_OK)
         return result;
     if (snprintf(f->draft, sizeof f->draft, "%s.draft", f->path) >= (int)sizeof f->draft) {

@@ -6,9 +6,6 @@
 
 struct fork;
 
-// Whether a text is a session's id: 32 hexadecimal digits, lower case.
-bool fork_is_id(const char *text);
-
 // from: the path of a trace, or the id of a session whose trace lies with this server's. at_s:
 // since its start; later inputs, and its stop, are left out. Runs the session again on a thread of
 // low priority, and waits for that and for the disk: without any lock. RESULT_MISSING, RESULT_IO,

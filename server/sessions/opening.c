@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "sessions/audit.h"
+#include "trace/catalogue.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -36,22 +37,11 @@ void opening_header(const struct sessions *s, int station, const uint8_t id[16],
     trace_header_set_machine(out);
 }
 
-static void utc_stamp(int64_t utc_ns, char *out_text, size_t size) {
-    time_t seconds = (time_t)(utc_ns / NS_PER_S);
-    struct tm utc;
-    gmtime_r(&seconds, &utc);
-    strftime(out_text, size, "%Y%m%dT%H%M%SZ", &utc);
-}
-
-enum result opening_trace_path(const struct sessions *s, int station,
-                               const struct trace_header *header, char out_path[SESSIONS_PATH_MAX],
-                               struct error *err) {
-    char when[32];
-    utc_stamp(header->start_utc_ns, when, sizeof when);
-    const uint8_t *id = header->session_id;
-    int length =
-        snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s-%s-%02x%02x%02x%02x.trace",
-                 s->config.traces_dir, station_name(s, station), when, id[0], id[1], id[2], id[3]);
+enum result opening_trace_path(const struct sessions *s, const struct trace_header *header,
+                               char out_path[SESSIONS_PATH_MAX], struct error *err) {
+    char name[TRACE_NAME_MAX];
+    trace_name(header, name);
+    int length = snprintf(out_path, SESSIONS_PATH_MAX, "%s/%s", s->config.traces_dir, name);
     if (length >= SESSIONS_PATH_MAX)
         return fail(err, RESULT_LIMIT, "%s: the path of the traces is too long",
                     s->config.traces_dir);
@@ -100,7 +90,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     station_slot_status(&s->slots[station], &status);
     opening_header(s, station, status.session_id, status.scene, status.strength, status.trainee,
                    &header);
-    enum result result = opening_trace_path(s, station, &header, path, err);
+    enum result result = opening_trace_path(s, &header, path, err);
     if (result == RESULT_OK)
         result = trace_writer_create(path, &header, &s->trace_signer, &trace, err);
     if (result != RESULT_OK)

@@ -13,9 +13,8 @@ struct open_session {
 // The header of a session of this station that begins now. id: 16 bytes.
 void opening_header(const struct sessions *sessions, int station, const uint8_t id[16], int scene,
                     double strength, const char *trainee, struct trace_header *out_header);
-enum result opening_trace_path(const struct sessions *sessions, int station,
-                               const struct trace_header *header, char out_path[SESSIONS_PATH_MAX],
-                               struct error *err);
+enum result opening_trace_path(const struct sessions *sessions, const struct trace_header *header,
+                               char out_path[SESSIONS_PATH_MAX], struct error *err);
 
 // Opens a session on the slot's case. The caller has claimed the slot; where the opening fails, the
 // slot is empty again and the station is told why.

@@ -2,8 +2,10 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "trace/player.h"
 #include "trace/rerun.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -37,30 +39,58 @@ static enum result take_step(struct restored *a, const char *path, struct rerun 
     return RESULT_OK;
 }
 
-// RESULT_MISSING at the end of a trace that was not closed: as it should be.
-static enum result run(const struct sessions *s, struct restored *a, const char *path,
-                       struct trace_reader *reader, const double *at_s, struct rerun *rerun,
-                       struct error *err) {
-    struct trace_record record;
+struct running {
+    const struct sessions *sessions;
+    struct restored *restored;
+    struct trace_reader *reader;
+    struct rerun *rerun;
+    const char *path;
+    const double *at_s;
+    bool reached; // at_s
     enum result result;
-    while ((result = trace_read(reader, &record, err)) == RESULT_OK) {
-        if (sessions_are_ending(s))
-            return fail(err, RESULT_TIMEOUT, "%s: the server ends", path);
-        if (at_s && is_behind(a, &record, *at_s))
-            return RESULT_MISSING;
-        if (record.type == TRACE_GAP)
-            return fail(err, RESULT_REFUSED, "%s: steps are missing in it", path);
-        if (record.type == TRACE_RESUME)
-            metrics_interrupt(&a->metrics);
-        if (record.type == TRACE_REMARK)
-            remarks_put(&a->remarks, &record.remark);
-        if (record.type == TRACE_STEP || record.type == TRACE_PAST)
-            result = take_step(a, path, rerun, &record, err);
-        if (result != RESULT_OK)
-            return result;
-        a->place = trace_reader_place(reader);
-    }
-    return result;
+    struct error *err;
+};
+
+static bool on_record(void *user, const struct trace_record *record) {
+    struct running *r = user;
+    struct restored *a = r->restored;
+    if (sessions_are_ending(r->sessions))
+        r->result = fail(r->err, RESULT_TIMEOUT, "%s: the server ends", r->path);
+    else if (r->at_s && is_behind(a, record, *r->at_s))
+        r->reached = true;
+    else if (record->type == TRACE_GAP)
+        r->result = fail(r->err, RESULT_REFUSED, "%s: steps are missing in it", r->path);
+    else if (record->type == TRACE_STEP || record->type == TRACE_PAST)
+        r->result = take_step(a, r->path, r->rerun, record, r->err);
+    else if (record->type == TRACE_RESUME)
+        metrics_interrupt(&a->metrics);
+    else if (record->type == TRACE_REMARK)
+        remarks_put(&a->remarks, &record->remark);
+    if (r->result != RESULT_OK || r->reached)
+        return false;
+    a->place = trace_reader_place(r->reader);
+    return true;
+}
+
+// RESULT_MISSING at the end of a trace that was not closed: as it should be.
+static enum result run(struct running *r) {
+    struct trace_player player = {.user = r, .record = on_record};
+    enum result end = trace_play(r->reader, &player, r->err);
+    if (r->result != RESULT_OK || end != RESULT_OK)
+        return r->result != RESULT_OK ? r->result : end;
+    return RESULT_MISSING;
+}
+
+// A copy is of a time that there was.
+static bool is_beyond(const struct running *r, enum result result) {
+    bool ended = result == RESULT_MISSING || result == RESULT_CLOSED;
+    return ended && r->at_s && isfinite(*r->at_s) && !r->reached;
+}
+
+static enum result refuse_beyond(const struct running *r) {
+    const struct restored *a = r->restored;
+    return fail(r->err, RESULT_INVALID, "%s: its session ends after %.2f s", r->path,
+                (double)(a->place.time_ns - a->header.start_ns) / NS_PER_S);
 }
 
 static void make_session(const struct sessions *s, struct restored *a, struct rerun **rerun) {
@@ -74,11 +104,7 @@ static void make_session(const struct sessions *s, struct restored *a, struct re
 }
 
 static enum result read_to_end(struct trace_reader *reader, struct error *err) {
-    struct trace_record record;
-    enum result result;
-    while ((result = trace_read(reader, &record, err)) == RESULT_OK)
-        ;
-    return result;
+    return trace_play(reader, &(struct trace_player){0}, err);
 }
 
 // A session that was closed needs no case here, unless it is to go on all the same.
@@ -86,7 +112,7 @@ static enum result refuse(const struct restored *a, const char *path, const doub
                           struct trace_reader *reader, struct error *err) {
     if (!at_s && read_to_end(reader, err) == RESULT_CLOSED)
         return RESULT_CLOSED;
-    if (a->header.version != TRACE_VERSION)
+    if (a->header.version < TRACE_OLDEST_RESUMED)
         return fail(err, RESULT_REFUSED, "%s: it is of version %d", path, a->header.version);
     return fail(err, RESULT_REFUSED, "%s: this server has not its case", path);
 }
@@ -100,7 +126,7 @@ enum result restore_run(const struct sessions *s, const char *path, const double
         return result;
     out->header = *trace_reader_header(reader);
     out->scene = scene_of(s, out->header.case_hash);
-    if (out->scene < 0 || out->header.version != TRACE_VERSION) {
+    if (out->scene < 0 || out->header.version < TRACE_OLDEST_RESUMED) {
         result = refuse(out, path, at_s, reader, err);
         trace_reader_destroy(&reader);
         return result;
@@ -109,7 +135,11 @@ enum result restore_run(const struct sessions *s, const char *path, const double
     snapshot_begin(&out->snapshots, 0, out->header.start_ns);
     struct rerun *rerun = rerun_create(s->scenes[out->scene], &out->header.settings);
     out->place = trace_reader_place(reader);
-    result = run(s, out, path, reader, at_s, rerun, err);
+    trace_reader_bind(reader, s->scenes[out->scene]);
+    struct running running = {s, out, reader, rerun, path, at_s, false, RESULT_OK, err};
+    result = run(&running);
+    if (is_beyond(&running, result))
+        result = refuse_beyond(&running);
     if (result == RESULT_MISSING || (at_s && result == RESULT_CLOSED))
         make_session(s, out, &rerun);
     rerun_destroy(&rerun);

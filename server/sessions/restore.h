@@ -20,8 +20,8 @@ struct restored {
 // all). Answers as trace_read at the end of what is run: RESULT_MISSING where more could follow,
 // RESULT_CLOSED where the trace is closed, which goes on only if at_s is given; RESULT_REFUSED
 // where the case or the version is not this server's, steps are missing, or a step does not
-// reproduce its recorded hash; RESULT_TIMEOUT where the server ends. From any thread, while the
-// server has its cases.
+// reproduce its recorded hash; RESULT_INVALID where at_s is beyond its end; RESULT_TIMEOUT where
+// the server ends. From any thread, while the server has its cases.
 enum result restore_run(const struct sessions *sessions, const char *path, const double *at_s,
                         struct restored *out, struct error *err);
 

@@ -6,8 +6,9 @@
 #include "base/task_pool.h"
 #include "sessions/opening.h"
 #include "sessions/restore.h"
+#include "trace/catalogue.h"
+#include "trace/player.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -24,43 +25,31 @@ struct resumed {
     int station;
     char path[SESSIONS_PATH_MAX]; // empty: there is none
     struct restored restored;
+    struct error refused; // why it does not go on; empty: it does, or may at another start
 };
 
 // ---- which --------------------------------------------------------------------------------------
 
-// STATION-20260102T030405Z-01234567.trace
-static bool is_trace_of(const char *name, const char *station) {
-    static const char rest[] = "-20260102T030405Z-01234567.trace";
-    size_t length = strlen(station);
-    return !strncmp(name, station, length) && strlen(name + length) == sizeof rest - 1 &&
-           name[length] == '-' && !strcmp(name + length + sizeof rest - 7, ".trace");
+struct newest_trace {
+    const char *station;
+    struct trace_entry newest; // its path is not kept
+    char path[SESSIONS_PATH_MAX];
+};
+
+// Of those of one second, what was written to last.
+static bool is_newer(const struct trace_entry *entry, const struct newest_trace *search) {
+    int order = search->path[0] ? strcmp(entry->stamp, search->newest.stamp) : 1;
+    return order ? order > 0 : entry->written_utc_ns > search->newest.written_utc_ns;
 }
 
-static struct timespec written_at(DIR *folder, const char *name) {
-    struct stat status = {0};
-    fstatat(dirfd(folder), name, &status, 0);
-    return status.st_mtim;
-}
-
-// The stamps in the names sort as times do; of those of one second, what was written to last.
-static bool is_newer(DIR *folder, const char *name, const char *than, size_t stamp_end) {
-    int order = *than ? strncmp(name, than, stamp_end) : 1;
-    struct timespec a = written_at(folder, name), b = written_at(folder, than);
-    if (order)
-        return order > 0;
-    return a.tv_sec != b.tv_sec ? a.tv_sec > b.tv_sec : a.tv_nsec > b.tv_nsec;
-}
-
-static void find_newest(const char *dir, const char *station, char out_name[NAME_MAX + 1]) {
-    size_t stamp_end = strlen(station) + strlen("-20260102T030405Z");
-    DIR *folder = opendir(dir);
-    out_name[0] = '\0';
-    for (struct dirent *entry; folder && (entry = readdir(folder));)
-        if (is_trace_of(entry->d_name, station) &&
-            is_newer(folder, entry->d_name, out_name, stamp_end))
-            snprintf(out_name, NAME_MAX + 1, "%s", entry->d_name);
-    if (folder)
-        closedir(folder);
+static bool take_newest(void *user, const struct trace_entry *entry) {
+    struct newest_trace *search = user;
+    if (strcmp(entry->station, search->station) != 0 || !is_newer(entry, search) ||
+        strlen(entry->path) >= sizeof search->path)
+        return true;
+    search->newest = *entry;
+    snprintf(search->path, sizeof search->path, "%s", entry->path);
+    return true;
 }
 
 // Whether it was written to within the time that a session waits for its station.
@@ -70,11 +59,10 @@ static bool is_recent(const struct sessions *s, const char *path) {
 }
 
 static bool find_trace(struct resumed *r) {
-    const char *dir = r->sessions->config.traces_dir;
-    char name[NAME_MAX + 1];
-    find_newest(dir, station_name(r->sessions, r->station), name);
-    int length = snprintf(r->path, sizeof r->path, "%s/%s", dir, name);
-    return name[0] && length < (int)sizeof r->path && is_recent(r->sessions, r->path);
+    struct newest_trace search = {.station = station_name(r->sessions, r->station)};
+    catalogue_each(r->sessions->config.traces_dir, take_newest, &search, NULL);
+    snprintf(r->path, sizeof r->path, "%s", search.path);
+    return r->path[0] && is_recent(r->sessions, r->path);
 }
 
 // ---- a trace whose replay ends the program ------------------------------------------------------
@@ -148,6 +136,8 @@ static int64_t resume_one(void *data) {
                     (double)(clock_now_ns() - begin_ns) / 1e9);
     else if (result != RESULT_CLOSED)
         log_error("sessions", "station %s: its session cannot go on: %s", station, err.text);
+    if (result == RESULT_REFUSED)
+        r->refused = err;
     return TASK_DONE;
 }
 
@@ -223,56 +213,74 @@ static bool open_trace(struct resumed *r) {
 
 // ---- those that do not go on --------------------------------------------------------------------
 
-static bool is_open(const char *path, struct trace_place *out_place) {
+static bool count_remark(void *user, const struct remark *remark) {
+    uint32_t *last = user;
+    *last = remark->number > *last ? remark->number : *last;
+    return true;
+}
+
+static bool is_open(const char *path, struct trace_place *out_place, uint32_t *out_remarks) {
     struct trace_reader *reader;
-    struct trace_record record;
-    enum result result;
+    struct trace_player player = {.user = out_remarks, .remark = count_remark};
+    *out_remarks = 0;
     if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
         return false;
-    do
-        result = trace_read(reader, &record, NULL);
-    while (result == RESULT_OK);
+    enum result result = trace_play(reader, &player, NULL);
     *out_place = trace_reader_place(reader);
-    bool open = result == RESULT_MISSING && trace_reader_header(reader)->version == TRACE_VERSION;
+    bool open = result == RESULT_MISSING && out_place->version >= TRACE_OLDEST_RESUMED;
     trace_reader_destroy(&reader);
     return open;
 }
 
-static void close_trace(const struct resumed *r, const char *path) {
+// A remark at its end, for whoever reads the trace later.
+static void say_why(struct trace_writer *writer, const struct trace_place *place, uint32_t remarks,
+                    const struct error *why) {
+    struct remark remark = {
+        .number = remarks + 1, .time_ns = place->time_ns, .author = "arthron-server"};
+    snprintf(remark.text, sizeof remark.text, "The session could not go on: %.200s",
+             error_without_folder(why->text));
+    if (remarks < REMARKS_MAX)
+        trace_append_remark(writer, &remark);
+}
+
+// why: NULL where it had ended before.
+static void close_trace(const struct resumed *r, const char *path, const struct error *why) {
     struct trace_place place;
     struct trace_writer *writer;
     struct error err;
+    uint32_t remarks;
     const char *station = station_name(r->sessions, r->station);
-    if (!is_open(path, &place))
+    if (!is_open(path, &place, &remarks))
         return;
     if (trace_writer_resume(path, &place, clock_utc_ns(), &r->sessions->trace_signer, &writer,
                             &err) != RESULT_OK) {
         log_error("sessions", "station %s: a trace could not be closed: %s", station, err.text);
         return;
     }
+    if (why)
+        say_why(writer, &place, remarks, why);
     trace_writer_destroy(&writer);
     log_warning("sessions", "station %s: closed %s, whose end was missing", station, path);
 }
 
-static void close_others(const struct resumed *r) {
-    const char *dir = r->sessions->config.traces_dir;
-    char path[SESSIONS_PATH_MAX];
-    DIR *folder = opendir(dir);
-    for (struct dirent *entry; folder && (entry = readdir(folder));) {
-        if (!is_trace_of(entry->d_name, station_name(r->sessions, r->station)))
-            continue;
-        int length = snprintf(path, sizeof path, "%s/%s", dir, entry->d_name);
-        if (length < (int)sizeof path && strcmp(path, r->path) != 0 && is_recent(r->sessions, path))
-            close_trace(r, path);
-    }
-    if (folder)
-        closedir(folder);
+static bool close_other(void *user, const struct trace_entry *entry) {
+    const struct resumed *r = user;
+    if (!strcmp(entry->station, station_name(r->sessions, r->station)) &&
+        strcmp(entry->path, r->path) != 0 && is_recent(r->sessions, entry->path))
+        close_trace(r, entry->path, NULL);
+    return true;
+}
+
+static void close_others(struct resumed *r) {
+    catalogue_each(r->sessions->config.traces_dir, close_other, r, NULL);
 }
 
 void resume_open_traces(struct sessions *s) {
     for (int i = 0; i < s->config.station_count; i++) {
         if (s->resumed[i].restored.session)
             open_trace(&s->resumed[i]);
+        else if (s->resumed[i].refused.text[0])
+            close_trace(&s->resumed[i], s->resumed[i].path, &s->resumed[i].refused);
         close_others(&s->resumed[i]);
     }
 }

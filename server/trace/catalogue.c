@@ -113,6 +113,6 @@ enum result catalogue_find(const char *folder, const char *id, char *out_path, s
         return fail(err, RESULT_INVALID, "%s is no session's id", id);
     enum result result = catalogue_each(folder, find, &f, err);
     if (result == RESULT_OK && !f.found)
-        return fail(err, RESULT_MISSING, "%s: no trace of session %s", folder, id);
+        return fail(err, RESULT_MISSING, "%s: no trace of a session %s", folder, id);
     return result;
 }

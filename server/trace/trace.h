@@ -13,6 +13,7 @@
 
 #define TRACE_VERSION 5
 #define TRACE_OLDEST_VERSION 2    // that is still read
+#define TRACE_OLDEST_RESUMED 4    // whose records are written still, in its own trace
 #define TRACE_FIRST_WITH_FAULTS 5 // that tells where the disk failed
 
 #define TRACE_HASH_SIZE 32

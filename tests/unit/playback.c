@@ -40,6 +40,8 @@ static void step(uint64_t number, struct trace_record *out) {
     }
 }
 
+static uint64_t forged; // the step that tells of a tissue which the case does not have; 0: none
+
 // gap: behind this step so many are missing, a hundred; 0: none. case_hash: 0: the server's.
 static void record(const struct sessions *sessions, uint64_t gap, uint64_t case_hash) {
     static struct trace_record one;
@@ -56,12 +58,14 @@ static void record(const struct sessions *sessions, uint64_t gap, uint64_t case_
     strcpy(header.station, "room-1");
     strcpy(header.case_name, "boxes0");
     trace_header_set_machine(&header);
-    snprintf(path, sizeof path, "%s/traces/room-1-%.8s.trace", hall_dir, ID);
+    snprintf(path, sizeof path, "%s/traces/room-1-20260102T030405Z-%.8s.trace", hall_dir, ID);
     unlink(path);
     if (trace_writer_create(path, &header, NULL, &writer, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     for (uint64_t i = 1; i <= STEPS; i++) {
         step(gap && i > gap ? i + 100 : i, &one);
+        if (i == forged)
+            one.output.landed = (struct landed){.job = 1, .tissue = TISSUES_MAX - 1};
         assert_int_equal(trace_append_record(writer, &one, &err), RESULT_OK);
         if (i != gap)
             continue;
@@ -252,12 +256,31 @@ static void on_another_case_it_ends_at_missing_steps(void **state) {
     sessions_destroy(&sessions);
 }
 
+static void a_tissue_that_the_case_does_not_have_ends_it_and_is_told(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions, 0);
+    struct page page;
+    forged = 2000;
+    record(sessions, 0, 0);
+    forged = 0;
+    watch(&page, live, "");
+    draw_to_the_end(&page);
+    assert_int_equal(page.troubles, 1);
+    assert_non_null(strstr(page.trouble, "names what its case does not have"));
+    assert_int_equal(page.last_step, 1999);
+    live_server_leave(live, page.viewer);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_waits_for_a_page_is_bounded_and_nothing_of_it_is_lost),
         cmocka_unit_test(a_page_that_takes_nothing_makes_room_for_others),
         cmocka_unit_test(behind_missing_steps_moments_go_on_and_meshes_do_not),
         cmocka_unit_test(on_another_case_it_ends_at_missing_steps),
+        cmocka_unit_test(a_tissue_that_the_case_does_not_have_ends_it_and_is_told),
     };
     return cmocka_run_group_tests_name("playback", tests, hall_make, hall_remove);
 }

@@ -1,11 +1,11 @@
 #include "net/console.h"
 
 #include "base/check.h"
+#include "net/console_parts.h"
 #include "websocket/ws_server.h"
 
 #include <errno.h>
 #include <libgen.h>
-#include <libwebsockets.h>
 #include <limits.h>
 #include <pthread.h>
 #include <pwd.h>
@@ -20,45 +20,7 @@
 
 #define CALLERS_MAX 32
 #define ACTOR_MAX 64
-#define CALL_TIMEOUT_S 10
-#define LONG_TIMEOUT_S 600  // of what runs a session's cuts or all of it again
 #define LONG_COMMANDS_MAX 4 // of that, at once
-
-// One message in each direction, and libwebsockets' room before what goes out.
-struct exchange {
-    size_t in_size, out_size;
-    bool waits; // for a long command
-    uint8_t in[WIRE_CONSOLE_MAX];
-    uint8_t header[LWS_PRE];
-    uint8_t out[WIRE_CONSOLE_MAX];
-};
-
-// False: too long. *out_whole: all of the message is there.
-static bool collect(struct exchange *x, struct lws *socket, const void *bytes, size_t size,
-                    bool *out_whole) {
-    if (size > sizeof x->in - x->in_size)
-        return false;
-    memcpy(x->in + x->in_size, bytes, size);
-    x->in_size += size;
-    *out_whole = !lws_remaining_packet_payload(socket) && lws_is_final_fragment(socket);
-    return true;
-}
-
-static int write_out(struct exchange *x, struct lws *socket) {
-    size_t size = x->out_size;
-    x->out_size = 0;
-    return size && lws_write(socket, x->out, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
-}
-
-static enum result check_length(const char *path, struct error *err) {
-    size_t longest = sizeof((struct sockaddr_un *)0)->sun_path - 1;
-    if (strlen(path) > longest)
-        return fail(err, RESULT_LIMIT, "%s: a socket's path has at most %zu characters", path,
-                    longest);
-    return RESULT_OK;
-}
-
-// ---- the server's end ---------------------------------------------------------------------------
 
 // A command that takes long, on a thread of its own, so that other callers are answered meanwhile.
 struct long_command {
@@ -119,10 +81,6 @@ static void send_answer(struct exchange *x, struct lws *socket, const arthron_Co
 }
 
 // ---- long commands
-
-static bool is_long(arthron_Command_Kind kind) {
-    return kind == arthron_Command_Kind_UNDO || kind == arthron_Command_Kind_COPY;
-}
 
 static void *run_long_command(void *argument) {
     struct long_command *command = argument;
@@ -187,7 +145,7 @@ static int answer(struct console *console, struct exchange *x, struct lws *socke
     if (wire_decode_console(x->in, size, &console->asked, &err) != RESULT_OK)
         return -1;
     bool commands = console->asked.which_message == arthron_Console_command_tag;
-    bool long_one = commands && is_long(console->asked.message.command.kind);
+    bool long_one = commands && console_is_long(console->asked.message.command.kind);
     if (long_one && start_long_command(console, x, socket))
         return 0;
     console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
@@ -208,7 +166,7 @@ static int answer(struct console *console, struct exchange *x, struct lws *socke
 static int receive(struct console *console, struct exchange *x, struct lws *socket,
                    const void *bytes, size_t size) {
     bool whole;
-    if (x->out_size || x->waits || !collect(x, socket, bytes, size, &whole))
+    if (x->out_size || x->waits || !console_collect(x, socket, bytes, size, &whole))
         return -1;
     return whole ? answer(console, x, socket) : 0;
 }
@@ -220,7 +178,7 @@ static int on_caller(struct lws *socket, enum lws_callback_reasons reason, void 
     case LWS_CALLBACK_RECEIVE:
         return receive(console, user, socket, bytes, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
-        return write_out(user, socket);
+        return console_write(user, socket);
     case LWS_CALLBACK_CLOSED:
         forget_caller(console, socket);
         return 0;
@@ -240,17 +198,6 @@ static void on_wake(void *user) {
     end_long_commands(user, false);
 }
 
-// The socket is its owner's alone.
-static enum result refuse_user(const char *path, struct error *err) {
-    struct stat status;
-    const struct passwd *owner = lstat(path, &status) ? NULL : getpwuid(status.st_uid);
-    if (!owner)
-        return fail(err, RESULT_REFUSED, "%s: permission denied", path);
-    return fail(err, RESULT_REFUSED,
-                "%s: permission denied; run this as the user %s (runuser -u %s -- ...)", path,
-                owner->pw_name, owner->pw_name);
-}
-
 static enum result check_folder(const char *path, struct error *err) {
     char copy[PATH_MAX];
     snprintf(copy, sizeof copy, "%s", path);
@@ -263,7 +210,7 @@ static enum result check_folder(const char *path, struct error *err) {
 
 static enum result check_path(const char *path, struct error *err) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
-    enum result result = check_length(path, err);
+    enum result result = console_check_length(path, err);
     if (result != RESULT_OK)
         return result;
     strcpy(address.sun_path, path);
@@ -277,7 +224,7 @@ static enum result check_path(const char *path, struct error *err) {
     close(fd);
     if (answers)
         return fail(err, RESULT_REFUSED, "%s is in use: another server is running", path);
-    return is_foreign ? refuse_user(path, err) : check_folder(path, err);
+    return is_foreign ? console_refuse_user(path, err) : check_folder(path, err);
 }
 
 static enum result listen_at(struct console *console, const char *path, struct error *err) {
@@ -329,173 +276,4 @@ void console_destroy(struct console **console) {
     ws_server_destroy(&c->server); // not before: until now it could still be woken
     free(c);
     *console = NULL;
-}
-
-// ---- the caller's end ---------------------------------------------------------------------------
-
-struct call {
-    const char *path;
-    struct exchange exchange;
-    pb_size_t wanted; // which message answers
-    arthron_Console asked, answer;
-    lws_sorted_usec_list_t timeout;
-    bool connected, done;
-    int timeout_s;
-    enum result result;
-    struct error *err;
-};
-
-static void finish(struct call *call, enum result result, const char *text) {
-    if (call->done)
-        return;
-    call->done = true;
-    call->result = result;
-    if (result != RESULT_OK)
-        fail(call->err, result, "%s: %s", call->path, text);
-}
-
-static void read_reply(struct call *call) {
-    struct exchange *x = &call->exchange;
-    struct error err;
-    if (wire_decode_console(x->in, x->in_size, &call->answer, &err) != RESULT_OK)
-        finish(call, RESULT_FORMAT, err.text);
-    else if (call->answer.which_message == call->wanted)
-        finish(call, RESULT_OK, NULL);
-    else if (call->answer.which_message == arthron_Console_command_reply_tag)
-        finish(call, RESULT_REFUSED, call->answer.message.command_reply.text);
-    else
-        finish(call, RESULT_FORMAT, "the server's answer does not match the question");
-}
-
-static int receive_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
-    bool whole = false;
-    if (!collect(&call->exchange, socket, bytes, size, &whole))
-        finish(call, RESULT_LIMIT, "the server's answer is too long");
-    else if (whole)
-        read_reply(call);
-    return call->done ? -1 : 0;
-}
-
-static int on_server(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
-                     size_t size) {
-    (void)user;
-    struct call *call = lws_context_user(lws_get_context(socket));
-    switch (reason) {
-    case LWS_CALLBACK_CLIENT_ESTABLISHED:
-        call->connected = true;
-        lws_callback_on_writable(socket);
-        return 0;
-    case LWS_CALLBACK_CLIENT_WRITEABLE:
-        return write_out(&call->exchange, socket);
-    case LWS_CALLBACK_CLIENT_RECEIVE:
-        return receive_reply(call, socket, bytes, size);
-    case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
-        if (call->connected)
-            finish(call, RESULT_CLOSED, "the server closed the connection without an answer");
-        else
-            finish(call, RESULT_MISSING, "no server answers there");
-        return 0;
-    default:
-        return 0;
-    }
-}
-
-static void on_timeout(lws_sorted_usec_list_t *timeout) {
-    struct call *call = lws_container_of(timeout, struct call, timeout);
-    char text[48];
-    snprintf(text, sizeof text, "no answer within %d s", call->timeout_s);
-    finish(call, RESULT_TIMEOUT, text);
-}
-
-static void make_call(struct call *call) {
-    static const struct lws_protocols protocols[] = {
-        {.name = WIRE_CONSOLE_SUBPROTOCOL, .callback = on_server},
-        {0},
-    };
-    char address[sizeof((struct sockaddr_un *)0)->sun_path + 2];
-    struct lws_context_creation_info info = {
-        .port = CONTEXT_PORT_NO_LISTEN,
-        .protocols = protocols,
-        .user = call,
-        .gid = -1,
-        .uid = -1,
-    };
-    lws_set_log_level(0, NULL);
-    struct lws_context *context = lws_create_context(&info);
-    CHECK(context);
-    snprintf(address, sizeof address, "+%s", call->path); // "+": a UNIX socket
-    struct lws_client_connect_info to = {
-        .context = context,
-        .address = address,
-        .host = "localhost",
-        .origin = "localhost",
-        .path = "/",
-        .protocol = WIRE_CONSOLE_SUBPROTOCOL,
-    };
-    lws_sul_schedule(context, 0, &call->timeout, on_timeout, call->timeout_s * LWS_USEC_PER_SEC);
-    if (!lws_client_connect_via_info(&to))
-        finish(call, RESULT_MISSING, "no server answers there");
-    while (!call->done)
-        lws_service(context, 0);
-    lws_context_destroy(context);
-}
-
-// What libwebsockets does not tell: why a connection would fail.
-static enum result check_way(const char *path, struct error *err) {
-    if (access(path, R_OK | W_OK) == 0)
-        return RESULT_OK;
-    if (errno == ENOENT)
-        return fail(err, RESULT_MISSING, "%s: there is no such socket; does the server run?", path);
-    return errno == EACCES ? refuse_user(path, err)
-                           : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-}
-
-static int timeout_of(const arthron_Console *asked) {
-    if (asked->which_message != arthron_Console_command_tag)
-        return CALL_TIMEOUT_S;
-    return is_long(asked->message.command.kind) ? LONG_TIMEOUT_S : CALL_TIMEOUT_S;
-}
-
-// `call` is all zero but for what is asked and wanted.
-static enum result ask(const char *socket_path, struct call *call, struct error *err) {
-    enum result result = check_length(socket_path, err);
-    if (result == RESULT_OK)
-        result = check_way(socket_path, err);
-    if (result != RESULT_OK)
-        return result;
-    call->path = socket_path;
-    call->err = err;
-    call->timeout_s = timeout_of(&call->asked);
-    result = wire_encode_console(&call->asked, call->exchange.out, sizeof call->exchange.out,
-                                 &call->exchange.out_size);
-    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONSOLE_MAX
-    make_call(call);
-    return call->result;
-}
-
-enum result console_call(const char *socket_path, const arthron_Command *command,
-                         arthron_CommandReply *out_reply, struct error *err) {
-    struct call *call = alloc(1, sizeof *call);
-    call->asked.which_message = arthron_Console_command_tag;
-    call->asked.message.command = *command;
-    call->wanted = arthron_Console_command_reply_tag;
-    enum result result = ask(socket_path, call, err);
-    if (result == RESULT_OK)
-        *out_reply = call->answer.message.command_reply;
-    free(call);
-    return result;
-}
-
-enum result console_ask_metrics(const char *socket_path, const char *station,
-                                arthron_Metrics *out_metrics, struct error *err) {
-    struct call *call = alloc(1, sizeof *call);
-    call->asked.which_message = arthron_Console_metrics_ask_tag;
-    snprintf(call->asked.message.metrics_ask.station,
-             sizeof call->asked.message.metrics_ask.station, "%s", station);
-    call->wanted = arthron_Console_metrics_tag;
-    enum result result = ask(socket_path, call, err);
-    if (result == RESULT_OK)
-        *out_metrics = call->answer.message.metrics;
-    free(call);
-    return result;
 }

@@ -249,7 +249,7 @@ static void print_resection(const arthron_Resection *r) {
         printf("%s: %.1f mm3, not cut\n", r->group, r->volume_mm3);
         return;
     }
-    printf("%s: %u cuts took %.1f mm3 of %.1f", r->group, r->cuts, r->removed_mm3,
+    printf("%s: %u cuts took %.1f mm3 of %.1f", r->group, r->cuts, r->removed_mm3 + r->pieces_mm3,
            r->volume_mm3 + r->removed_mm3 + r->pieces_mm3);
     if (r->pieces)
         printf(", and %u piece%s of %.2f mm3 came off", r->pieces, r->pieces == 1 ? "" : "s",

@@ -76,7 +76,7 @@ static void tell_tissues(struct live_server *a, int station, const struct statio
         return;
     for (int i = 0; i < scene_tissue_count(sessions_scene(a->sessions, status->scene)); i++) {
         out->cuts += report.figures[i].cuts;
-        out->removed_mm3 += report.figures[i].removed_mm3 + report.figures[i].pieces_mm3;
+        out->removed_mm3 += report.figures[i].quality.removed_mm3;
     }
 }
 

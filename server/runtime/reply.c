@@ -81,7 +81,7 @@ void reply_resection(const struct tissue_figures *f, const char *group, uint64_t
         .cuts_refused = f->refused,
         .pieces = f->pieces,
         .volume_mm3 = f->volume_mm3,
-        .removed_mm3 = f->removed_mm3,
+        .removed_mm3 = f->quality.removed_mm3 - f->pieces_mm3,
         .pieces_mm3 = f->pieces_mm3,
         .warped_mm3 = f->warped_mm3,
         .left_mm3 = f->left_mm3,

@@ -98,10 +98,10 @@ static json_t *resections_array(const struct survey *s) {
             all, json_pack("{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}",
                            "tissue", i, "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces",
                            (int)f->pieces, "volume_mm3", f->volume_mm3, "removed_mm3",
-                           f->quality.removed_mm3, "pieces_mm3", f->pieces_mm3, "left_mm3",
-                           f->left_mm3, "planned_mm3", f->quality.planned_mm3, "over_mm3",
-                           f->quality.over_mm3, "under_mm3", f->quality.under_mm3, "rim_mm",
-                           f->quality.rim_mm, "step_mm", f->quality.step_mm));
+                           f->quality.removed_mm3 - f->pieces_mm3, "pieces_mm3", f->pieces_mm3,
+                           "left_mm3", f->left_mm3, "planned_mm3", f->quality.planned_mm3,
+                           "over_mm3", f->quality.over_mm3, "under_mm3", f->quality.under_mm3,
+                           "rim_mm", f->quality.rim_mm, "step_mm", f->quality.step_mm));
     }
     return all;
 }

@@ -195,10 +195,12 @@ static void push_change(struct replay *f, const struct job_result *result) {
     struct mesh_delta delta;
     if (!*feed || mesh_feed_tissue(*feed)->number == result->figures.mesh_number)
         return;
-    if (result->change.made_count)
+    if (result->change.made_count) {
         tissue_delta_of_change(mesh, &result->change, &delta);
-    else
+    } else {
         tissue_delta_between(mesh_feed_tissue(*feed), mesh, &delta);
+        tissue_delta_add_pieces(&result->change, &delta);
+    }
     if (mesh_feed_push(*feed, &delta, NULL) == RESULT_OK)
         say_mesh(f, result->tissue);
     else

@@ -83,10 +83,12 @@ static void push_change(struct mesh_sender *s, const struct job_result *result) 
         return;
     struct mesh_delta delta;
     struct error err;
-    if (result->change.made_count)
+    if (result->change.made_count) {
         tissue_delta_of_change(mesh, &result->change, &delta);
-    else
+    } else {
         tissue_delta_between(mesh_feed_tissue(feed), mesh, &delta);
+        tissue_delta_add_pieces(&result->change, &delta);
+    }
     if (mesh_feed_push(feed, &delta, &err) != RESULT_OK)
         drop_feed(s, result->tissue, &err);
     mesh_delta_fini(&delta);

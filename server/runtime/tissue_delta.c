@@ -38,7 +38,7 @@ static void take_piece(const struct cut_piece *piece, struct delta_piece *out) {
     memcpy(out->triangles, mesh->triangles, 3 * sizeof(uint32_t) * (size_t)mesh->triangle_count);
 }
 
-static void take_pieces(const struct cut_change *change, struct mesh_delta *out) {
+void tissue_delta_add_pieces(const struct cut_change *change, struct mesh_delta *out) {
     uint32_t count = (uint32_t)change->piece_count;
     out->piece_count = count < MESH_DELTA_PIECES_MAX ? count : MESH_DELTA_PIECES_MAX;
     out->pieces = alloc(out->piece_count + 1, sizeof *out->pieces);
@@ -62,22 +62,30 @@ void tissue_delta_of_change(const struct cut_mesh *mesh, const struct cut_change
         out->vertices[i] = vertex_of(mesh, change->vertices[i]);
     for (uint32_t i = 0; i < change->made_count; i++)
         out->made[i] = triangle_of(mesh, change->made[i]);
-    take_pieces(change, out);
+    tissue_delta_add_pieces(change, out);
 }
 
 // ---- all that differs ---------------------------------------------------------------------------
-
-static bool is_same_triangle(const struct tissue *before, const struct cut_mesh *mesh,
-                             uint32_t id) {
-    return tissue_triangle_alive(before, id) && before->labels[id] == cut_mesh_label(mesh, id) &&
-           !memcmp(before->corners + 3 * (size_t)id, cut_mesh_triangle(mesh, id),
-                   3 * sizeof(uint32_t));
-}
 
 static bool is_same_vertex(const struct tissue *before, const struct delta_vertex *vertex) {
     return vertex->id < before->vertex_bound && before->uses[vertex->id] &&
            !memcmp(before->positions + 3 * (size_t)vertex->id, vertex->position,
                    sizeof vertex->position);
+}
+
+// Ids are used again, so a triangle that has the corners that it had may have moved with them.
+static bool is_same_triangle(const struct tissue *before, const struct cut_mesh *mesh,
+                             uint32_t id) {
+    const uint32_t *corners = cut_mesh_triangle(mesh, id);
+    if (!tissue_triangle_alive(before, id) || before->labels[id] != cut_mesh_label(mesh, id) ||
+        memcmp(before->corners + 3 * (size_t)id, corners, 3 * sizeof *corners) != 0)
+        return false;
+    for (int i = 0; i < 3; i++) {
+        struct delta_vertex corner = vertex_of(mesh, corners[i]);
+        if (!is_same_vertex(before, &corner))
+            return false;
+    }
+    return true;
 }
 
 void tissue_delta_between(const struct tissue *before, const struct cut_mesh *mesh,

@@ -11,6 +11,9 @@ void tissue_delta_whole(const struct cut_mesh *mesh, struct mesh_delta *out_delt
 void tissue_delta_of_change(const struct cut_mesh *mesh, const struct cut_change *change,
                             struct mesh_delta *out_delta);
 
+// The delta has no pieces yet.
+void tissue_delta_add_pieces(const struct cut_change *change, struct mesh_delta *out_delta);
+
 // From what stations have to any mesh of the same origin: all that differs.
 void tissue_delta_between(const struct tissue *before, const struct cut_mesh *mesh,
                           struct mesh_delta *out_delta);

@@ -1,6 +1,7 @@
 #include "step/cutting.h"
 
 #include "base/clock.h"
+#include "step/settings.h"
 
 #include <string.h>
 
@@ -99,7 +100,8 @@ static void watch_stroke(struct stroke *stroke, enum blade_kind kind,
 static uint32_t stroke_of(struct cutting *cutting, int instrument, enum blade_kind kind,
                           const struct sweep *to) {
     struct stroke *stroke = &cutting->strokes[instrument];
-    bool paused = kind != BLADE_PUNCH && to->time_ns - stroke->cut_ns > PAUSE_NS;
+    bool waits = cutting->waiting[instrument].count > 0;
+    bool paused = kind != BLADE_PUNCH && !waits && to->time_ns - stroke->cut_ns > PAUSE_NS;
     if (!stroke->active || paused)
         *stroke = (struct stroke){++cutting->stroke_count, true, to->opening, to->time_ns};
     return stroke->number;
@@ -121,24 +123,97 @@ void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns) {
             cutting->strokes[i].cut_ns = time_ns;
 }
 
-// ---- jobs ---------------------------------------------------------------------------------------
+// ---- moves that wait ----------------------------------------------------------------------------
 
-// The move that is to be cut now: of those that are due the one that began first, so that none
-// waits for ever.
-struct choice {
-    struct sweep *from; // NULL: none is due
-    struct sweep to;
-    enum blade_kind kind;
-    int instrument, tissue;
-};
+static bool follow_each_other(const struct waiting_move *a, const struct waiting_move *b) {
+    return a->tissue == b->tissue && a->stroke == b->stroke;
+}
 
-static void watch_instrument(struct cutting *cutting, const struct scene *scene,
-                             const struct session_output *out, int instrument,
-                             struct choice *choice) {
+// A bite is of one place: its moves are not one.
+static bool can_be_one(const struct waiting_move *a, const struct waiting_move *b) {
+    return a->move.kind != BLADE_PUNCH && follow_each_other(a, b);
+}
+
+// How far the way leaves the straight one, where b's begin is left out.
+static double bend_mm(const struct waiting_move *a, const struct waiting_move *b) {
+    vec3 from = a->move.T_mesh_tip[0].translation, to = b->move.T_mesh_tip[1].translation;
+    vec3 way = vec3_sub(to, from), middle = vec3_sub(b->move.T_mesh_tip[0].translation, from);
+    double length2 = vec3_dot(way, way);
+    double share = length2 > 0 ? fmin(fmax(vec3_dot(middle, way) / length2, 0), 1) : 0;
+    return vec3_distance(middle, vec3_scale(share, way));
+}
+
+static void remove_waiting(struct waiting_moves *w, int first, int count) {
+    w->count -= count;
+    memmove(w->moves + first, w->moves + first + count,
+            (size_t)(w->count - first) * sizeof *w->moves);
+}
+
+// Two neighbours whose way bends the least become one. False where there are none.
+static bool make_room(struct waiting_moves *w) {
+    int best = -1;
+    for (int i = 0; i + 1 < w->count; i++)
+        if (can_be_one(&w->moves[i], &w->moves[i + 1]) &&
+            (best < 0 || bend_mm(&w->moves[i], &w->moves[i + 1]) <
+                             bend_mm(&w->moves[best], &w->moves[best + 1])))
+            best = i;
+    if (best < 0)
+        return false;
+    w->moves[best].move.T_mesh_tip[1] = w->moves[best + 1].move.T_mesh_tip[1];
+    w->moves[best].move.opening[1] = w->moves[best + 1].move.opening[1];
+    remove_waiting(w, best + 1, 1);
+    return true;
+}
+
+static struct blade_move move_of(enum blade_kind kind, const struct sweep *from,
+                                 const struct sweep *to) {
+    return (struct blade_move){
+        kind, {from->T_mesh_tip, to->T_mesh_tip}, {from->opening, to->opening}};
+}
+
+// Returns how many moves are lost: 0 or 1.
+static int let_wait(struct cutting *cutting, int instrument, int tissue, enum blade_kind kind,
+                    const struct sweep *from, const struct sweep *to) {
+    struct waiting_moves *w = &cutting->waiting[instrument];
+    uint32_t stroke = stroke_of(cutting, instrument, kind, to);
+    if (w->count == CUTTING_WAITING_MAX && !make_room(w))
+        return 1;
+    w->moves[w->count++] =
+        (struct waiting_move){tissue, stroke, from->time_ns, move_of(kind, from, to)};
+    return 0;
+}
+
+int cutting_drop_waiting(struct cutting *cutting) {
+    int count = 0;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        count += cutting->waiting[i].count;
+        cutting->waiting[i].count = 0;
+    }
+    return count;
+}
+
+bool cutting_waits(const struct cutting *cutting, uint32_t stroke) {
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        for (int k = 0; k < cutting->waiting[i].count; k++)
+            if (cutting->waiting[i].moves[k].stroke <= stroke)
+                return true;
+    return false;
+}
+
+// ---- watching -----------------------------------------------------------------------------------
+
+static bool is_cut_at_once(const struct cutting *cutting) {
+    return cutting->rules < RULES_WITH_WAITING_MOVES;
+}
+
+static int watch_instrument(struct cutting *cutting, const struct scene *scene,
+                            const struct session_output *out, int instrument,
+                            struct due_move *due) {
     const struct instrument_output *o = &out->instruments[instrument];
     enum blade_kind kind;
+    int lost = 0;
     if (!blade_of_channel((enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument), &kind))
-        return;
+        return 0;
     watch_stroke(&cutting->strokes[instrument], kind, o);
     for (int t = 0; t < scene->tissue_count; t++) {
         struct sweep *sweep = &cutting->sweeps[instrument][t];
@@ -147,26 +222,70 @@ static void watch_instrument(struct cutting *cutting, const struct scene *scene,
             continue;
         }
         struct sweep now = sweep_now(&scene->tissues[t], scene, out, o);
-        if (watch(sweep, kind, &now, &scene->tissues[t].box) &&
-            (!choice->from || sweep->time_ns < choice->from->time_ns))
-            *choice = (struct choice){sweep, now, kind, instrument, t};
+        if (!watch(sweep, kind, &now, &scene->tissues[t].box))
+            continue;
+        if (!is_cut_at_once(cutting)) {
+            lost += let_wait(cutting, instrument, t, kind, sweep, &now);
+            *sweep = now;
+        } else if (!due->from || sweep->time_ns < due->from->time_ns) {
+            *due = (struct due_move){sweep, now, kind, instrument, t};
+        }
     }
+    return lost;
 }
 
-bool cutting_step(struct cutting *cutting, const struct scene *scene,
-                  const struct session_output *out, bool may_cut, struct job *out_job) {
-    struct choice choice = {0};
+int cutting_watch(struct cutting *cutting, const struct scene *scene,
+                  const struct session_output *out) {
+    int lost = 0;
+    cutting->due = (struct due_move){0};
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        watch_instrument(cutting, scene, out, i, &choice);
-    struct sweep *from = choice.from;
-    if (!from || !may_cut)
+        lost += watch_instrument(cutting, scene, out, i, &cutting->due);
+    return lost;
+}
+
+// ---- jobs ---------------------------------------------------------------------------------------
+
+static bool take_due(struct cutting *cutting, struct job *out_job) {
+    struct due_move *due = &cutting->due;
+    struct sweep *from = due->from;
+    if (!from)
         return false;
     out_job->kind = JOB_CUT;
-    out_job->tissue = choice.tissue;
-    out_job->stroke = stroke_of(cutting, choice.instrument, choice.kind, &choice.to);
+    out_job->tissue = due->tissue;
+    out_job->stroke = stroke_of(cutting, due->instrument, due->kind, &due->to);
     out_job->move_count = 1;
-    out_job->moves[0] = (struct blade_move){
-        choice.kind, {from->T_mesh_tip, choice.to.T_mesh_tip}, {from->opening, choice.to.opening}};
-    *from = choice.to;
+    out_job->moves[0] = move_of(due->kind, from, &due->to);
+    *from = due->to;
+    due->from = NULL;
+    return true;
+}
+
+static struct waiting_moves *waited_longest(struct cutting *cutting) {
+    struct waiting_moves *longest = NULL;
+    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
+        struct waiting_moves *w = &cutting->waiting[i];
+        if (w->count && (!longest || w->moves[0].begin_ns < longest->moves[0].begin_ns))
+            longest = w;
+    }
+    return longest;
+}
+
+bool cutting_take(struct cutting *cutting, struct job *out_job) {
+    if (is_cut_at_once(cutting))
+        return take_due(cutting, out_job);
+    struct waiting_moves *w = waited_longest(cutting);
+    if (!w)
+        return false;
+    int count = 0;
+    while (count < w->count && count < JOB_MOVES_MAX &&
+           follow_each_other(&w->moves[0], &w->moves[count])) {
+        out_job->moves[count] = w->moves[count].move;
+        count++;
+    }
+    out_job->kind = JOB_CUT;
+    out_job->tissue = w->moves[0].tissue;
+    out_job->stroke = w->moves[0].stroke;
+    out_job->move_count = count;
+    remove_waiting(w, 0, count);
     return true;
 }

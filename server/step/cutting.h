@@ -26,14 +26,45 @@ struct stroke {
     int64_t cut_ns;
 };
 
+// The moves of one instrument that wait for their job, in the order of time: the way that the hand
+// went while a job was under way. Where there is no room, two neighbours become one move.
+#define CUTTING_WAITING_MAX 64
+
+struct waiting_moves {
+    int count;
+    struct waiting_move {
+        int tissue;
+        uint32_t stroke;
+        int64_t begin_ns;
+        struct blade_move move;
+    } moves[CUTTING_WAITING_MAX];
+};
+
+// Before rule 2: of the moves that are due the one that began first, so that none waits for ever.
+struct due_move {
+    struct sweep *from; // NULL: none is due
+    struct sweep to;
+    enum blade_kind kind;
+    int instrument, tissue;
+};
+
 struct cutting {
     struct sweep sweeps[INSTRUMENT_COUNT][TISSUES_MAX];
     struct stroke strokes[INSTRUMENT_COUNT];
+    struct waiting_moves waiting[INSTRUMENT_COUNT];
     uint32_t stroke_count; // ever begun, so that no two have one number
+    int rules;             // as in session_settings
+    struct due_move due;   // of the step that was watched last
 };
 
-// Nothing is swept any more.
+// Nothing is swept any more. Moves that wait stay.
 void cutting_rest(struct cutting *cutting);
+
+// The moves that wait are given up; returns how many.
+int cutting_drop_waiting(struct cutting *cutting);
+
+// Whether a move of that stroke, or of an older one, waits.
+bool cutting_waits(const struct cutting *cutting, uint32_t stroke);
 
 // What is cut from now on are new strokes.
 void cutting_end_strokes(struct cutting *cutting);
@@ -41,7 +72,12 @@ void cutting_end_strokes(struct cutting *cutting);
 // A cut of that stroke changed the tissue.
 void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns);
 
-// Watches all instruments of a step. True where a job is due and `may_cut`: the move goes into
-// *out_job, and its sweep begins anew; a move that had to wait goes on growing.
-bool cutting_step(struct cutting *cutting, const struct scene *scene,
-                  const struct session_output *out, bool may_cut, struct job *out_job);
+// Watches all instruments of a step: a move that is due waits, and its sweep begins anew. Before
+// rule 2 none waits: a move that is due grows until it is taken. Returns how many moves found no
+// room and are not cut.
+int cutting_watch(struct cutting *cutting, const struct scene *scene,
+                  const struct session_output *out);
+
+// True where there is something to be cut: the moves that have waited for the longest go into
+// *out_job, those of one instrument, tissue and stroke that follow each other.
+bool cutting_take(struct cutting *cutting, struct job *out_job);

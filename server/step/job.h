@@ -29,7 +29,7 @@ struct job {
 };
 
 enum job_outcome {
-    JOB_DONE,
+    JOB_DONE,    // of a cut's moves at least one was made
     JOB_NOTHING, // the blade took nothing; no cut is there to be undone
     JOB_REFUSED, // the cut cannot be made: nothing changed
     JOB_OUTCOME_COUNT
@@ -61,7 +61,8 @@ struct job_result {
     uint32_t blend_count; // vertices of the physical surface whose blend changed
     uint32_t *vertices;   // ascending
     double *blends;
-    struct cut_change change; // empty where the outcome is not JOB_DONE, or it was no cut
+    // Of a cut that is JOB_DONE, else empty. Of a cut of several moves it has the pieces alone.
+    struct cut_change change;
     uint64_t hash;            // of blends, and of vertices and triangles that changed
     uint32_t cuts_back;       // by JOB_UNDO, and the volume that came back with them
     double mm3_back;

@@ -273,11 +273,41 @@ static void keep(struct operated_tissue *t, uint32_t cuts, uint32_t stroke) {
     t->checkpoints[0] = (struct checkpoint){cuts, copy_of(&t->now)};
 }
 
-static void cut(struct operation *operation, struct operated_tissue *t, const struct job *job,
-                struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, job->stroke, job->moves[0], t->now.figures};
-    keep(t, t->cut_count, job->stroke);
-    take_out(t, &job->moves[0], result);
+static void tell_blends(const struct match *before, const struct operated_tissue *t,
+                        struct job_result *result) {
+    if (!before)
+        return;
+    make_room(result, t->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
+        if (match_blends(t->now.match)[i] != match_blends(before)[i])
+            take_blend(result, i, match_blends(t->now.match)[i]);
+}
+
+static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *result) {
+    const struct cut_change *change = &result->change;
+    XXH3_state_t *state = XXH3_createState();
+    XXH3_64bits_reset(state);
+    XXH3_64bits_update(state, result->vertices, result->blend_count * sizeof *result->vertices);
+    XXH3_64bits_update(state, result->blends, result->blend_count * sizeof *result->blends);
+    XXH3_64bits_update(state, change->freed, change->freed_count * sizeof *change->freed);
+    XXH3_64bits_update(state, change->made, change->made_count * sizeof *change->made);
+    XXH3_64bits_update(state, change->vertices, change->vertex_count * sizeof *change->vertices);
+    for (uint32_t i = 0; i < change->made_count; i++)
+        XXH3_64bits_update(state, cut_mesh_triangle(mesh, change->made[i]), 3 * sizeof(uint32_t));
+    for (uint32_t i = 0; i < change->vertex_count; i++) {
+        vec3 p = cut_mesh_vertex(mesh, change->vertices[i]);
+        XXH3_64bits_update(state, &p, sizeof p);
+    }
+    uint64_t hash = XXH3_64bits_digest(state);
+    XXH3_freeState(state);
+    return hash;
+}
+
+static void cut_move(struct operation *operation, struct operated_tissue *t, uint32_t stroke,
+                     const struct blade_move *move, struct job_result *result) {
+    struct past_cut past = {operation->cuts + 1, stroke, *move, t->now.figures};
+    keep(t, t->cut_count, stroke);
+    take_out(t, move, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)
@@ -286,6 +316,51 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
     t->now.figures.distance_mm = t->now.match ? distance_to_warped(t, &result->change) : 0;
     operation->cuts++;
     note_cut(t, &past);
+}
+
+static enum job_outcome both(enum job_outcome a, enum job_outcome b) {
+    if (a == JOB_DONE || b == JOB_DONE)
+        return JOB_DONE;
+    return a == JOB_REFUSED || b == JOB_REFUSED ? JOB_REFUSED : JOB_NOTHING;
+}
+
+static void move_pieces(struct cut_change *from, struct cut_change *to) {
+    if (!from->piece_count)
+        return;
+    size_t count = (size_t)(to->piece_count + from->piece_count);
+    to->pieces = alloc_resize(to->pieces, count, sizeof *to->pieces);
+    memcpy(to->pieces + to->piece_count, from->pieces,
+           (size_t)from->piece_count * sizeof *from->pieces);
+    to->piece_count += from->piece_count;
+    from->piece_count = 0;
+}
+
+// One move after the other; for the session and its stations they are one cut and one mesh.
+static void cut_way(struct operation *operation, struct operated_tissue *t, const struct job *job,
+                    struct job_result *result) {
+    struct match *before = t->now.match ? match_copy(t->now.match) : NULL;
+    uint32_t number = t->now.figures.mesh_number;
+    double distance_mm = 0;
+    result->outcome = JOB_NOTHING;
+    for (int i = 0; i < job->move_count; i++) {
+        struct job_result *one = alloc(1, sizeof *one);
+        cut_move(operation, t, job->stroke, &job->moves[i], one);
+        result->outcome = both(result->outcome, one->outcome);
+        if (one->outcome == JOB_DONE)
+            distance_mm = fmax(distance_mm, t->now.figures.distance_mm);
+        if (one->outcome == JOB_REFUSED)
+            result->why = one->why;
+        result->hash =
+            XXH3_64bits_withSeed(&result->hash, sizeof result->hash, hash_of(t->now.mesh, one));
+        move_pieces(&one->change, &result->change);
+        job_result_destroy(&one);
+    }
+    if (result->outcome == JOB_DONE) {
+        t->now.figures.distance_mm = distance_mm;
+        t->now.figures.mesh_number = number + 1;
+        tell_blends(before, t, result);
+    }
+    match_destroy(&before);
 }
 
 // ---- undoing ------------------------------------------------------------------------------------
@@ -320,16 +395,6 @@ static void make_again(struct operated_tissue *t) {
         CHECK(again->outcome == JOB_DONE);
         job_result_destroy(&again);
     }
-}
-
-static void tell_blends(const struct match *before, const struct operated_tissue *t,
-                        struct job_result *result) {
-    if (!before)
-        return;
-    make_room(result, t->group->mesh.vertex_count);
-    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
-        if (match_blends(t->now.match)[i] != match_blends(before)[i])
-            take_blend(result, i, match_blends(t->now.match)[i]);
 }
 
 // The number of the last cut that is not of the last stroke; 0 where there is none.
@@ -377,28 +442,9 @@ static void undo(struct operation *operation, struct job_result *result) {
 
 // ---- jobs ---------------------------------------------------------------------------------------
 
-static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *result) {
-    const struct cut_change *change = &result->change;
-    XXH3_state_t *state = XXH3_createState();
-    XXH3_64bits_reset(state);
-    XXH3_64bits_update(state, result->vertices, result->blend_count * sizeof *result->vertices);
-    XXH3_64bits_update(state, result->blends, result->blend_count * sizeof *result->blends);
-    XXH3_64bits_update(state, change->freed, change->freed_count * sizeof *change->freed);
-    XXH3_64bits_update(state, change->made, change->made_count * sizeof *change->made);
-    XXH3_64bits_update(state, change->vertices, change->vertex_count * sizeof *change->vertices);
-    for (uint32_t i = 0; i < change->made_count; i++)
-        XXH3_64bits_update(state, cut_mesh_triangle(mesh, change->made[i]), 3 * sizeof(uint32_t));
-    for (uint32_t i = 0; i < change->vertex_count; i++) {
-        vec3 p = cut_mesh_vertex(mesh, change->vertices[i]);
-        XXH3_64bits_update(state, &p, sizeof p);
-    }
-    uint64_t hash = XXH3_64bits_digest(state);
-    XXH3_freeState(state);
-    return hash;
-}
-
 struct job_result *operation_run(struct operation *operation, const struct job *job) {
     CHECK(job->tissue >= 0 && job->tissue < operation->count);
+    CHECK(job->kind != JOB_CUT || (job->move_count >= 1 && job->move_count <= JOB_MOVES_MAX));
     struct job_result *result = alloc(1, sizeof *result);
     result->job = job->id;
     result->kind = job->kind;
@@ -407,11 +453,14 @@ struct job_result *operation_run(struct operation *operation, const struct job *
         undo(operation, result);
     else if (job->kind == JOB_RESTORE)
         restore(&operation->tissues[job->tissue], result);
+    else if (job->move_count == 1)
+        cut_move(operation, &operation->tissues[job->tissue], job->stroke, &job->moves[0], result);
     else
-        cut(operation, &operation->tissues[job->tissue], job, result);
+        cut_way(operation, &operation->tissues[job->tissue], job, result);
     const struct operated_tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
-    result->hash = hash_of(t->now.mesh, result);
+    if (job->kind != JOB_CUT || job->move_count == 1)
+        result->hash = hash_of(t->now.mesh, result);
     return result;
 }
 

@@ -41,6 +41,7 @@ struct session {
     bool to_restore[TISSUES_MAX];
     bool touched[TISSUES_MAX]; // by a job since it was last whole
     uint32_t to_undo;          // strokes
+    uint32_t undo_behind;      // not before moves of this stroke and older ones are cut
 };
 
 static void forget(struct session *s) {
@@ -49,6 +50,7 @@ static void forget(struct session *s) {
     memset(s->seen, 0, sizeof s->seen);
     memset(s->portals, -1, sizeof s->portals);
     cutting_rest(&s->cutting);
+    cutting_drop_waiting(&s->cutting);
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         avatar_memory_init(&s->memory[i]);
 }
@@ -73,6 +75,7 @@ struct session *session_create(const struct scene *scene, const struct session_s
     struct session *s = alloc(1, sizeof *s);
     s->scene = scene;
     s->settings = *settings;
+    s->cutting.rules = settings->rules;
     take_surfaces(s);
     forget(s);
     return s;
@@ -119,6 +122,7 @@ static uint32_t change_state(struct session *s, enum input_kind kind) {
     s->state = next_state(before, kind);
     if (kind == INPUT_UNDO) {
         s->to_undo += s->scene->tissue_count > 0;
+        s->undo_behind = s->cutting.stroke_count;
         cutting_end_strokes(&s->cutting);
     }
     if (kind == INPUT_RESET && before != SESSION_CLOSED) {
@@ -450,25 +454,34 @@ static bool restoring_is_due(struct session *s, struct job *out_job) {
     return false;
 }
 
-// It takes back the last stroke that changed something: what is on its way lands before. A stroke
-// in two tissues takes two jobs, and nothing is cut between.
+// It takes back the last stroke that changed something: what is under way or waits lands before. A
+// stroke in two tissues takes two jobs, and nothing is cut between.
 static bool undoing_is_due(struct session *s, struct job *out_job) {
-    if (!s->to_undo || s->job_out != JOB_NONE)
+    if (!s->to_undo || s->job_out != JOB_NONE || cutting_waits(&s->cutting, s->undo_behind))
         return false;
     s->to_undo--;
     *out_job = (struct job){.kind = JOB_UNDO};
     return true;
 }
 
+// Returns whether a move is lost.
+static bool watch_blades(struct session *s, const struct session_output *out) {
+    if (s->state == SESSION_CLOSED)
+        return cutting_drop_waiting(&s->cutting) > 0;
+    if (s->state == SESSION_RUNNING)
+        return cutting_watch(&s->cutting, s->scene, out) > 0;
+    cutting_rest(&s->cutting);
+    return false;
+}
+
 // At most one job is on its way, so that results land in the order of the cuts.
 static void ask_for_job(struct session *s, struct session_output *out) {
     struct job *job = &out->job;
+    out->events |= watch_blades(s, out) ? EVENT_REFUSED : 0;
     if (s->state == SESSION_CLOSED)
         return;
     bool due = restoring_is_due(s, job) || undoing_is_due(s, job);
-    if (s->state != SESSION_RUNNING)
-        cutting_rest(&s->cutting);
-    else if (cutting_step(&s->cutting, s->scene, out, !due && s->job_out == JOB_NONE, job))
+    if (!due && s->job_out == JOB_NONE && cutting_take(&s->cutting, job))
         due = s->touched[job->tissue] = true;
     if (!due)
         return;
@@ -478,6 +491,11 @@ static void ask_for_job(struct session *s, struct session_output *out) {
 }
 
 // ---- the step -----------------------------------------------------------------------------------
+
+static bool shows_instruments(const struct session *s) {
+    return s->state == SESSION_RUNNING ||
+           (s->state == SESSION_PAUSED && s->settings.rules >= RULES_SHOWN_WHILE_PAUSED);
+}
 
 void session_step(struct session *s, const struct session_input *input,
                   struct session_output *out) {
@@ -490,7 +508,7 @@ void session_step(struct session *s, const struct session_input *input,
     out->state = s->state;
     place_bones(s, out);
     correct_bones(s, out);
-    if (s->state == SESSION_RUNNING)
+    if (shows_instruments(s))
         out->events |= move_instruments(s, s->time_ns - before_ns, out);
     else
         memset(s->seen, 0, sizeof s->seen);

@@ -15,8 +15,15 @@ struct instrument_body {
 bool instrument_body_is_valid(const struct instrument_body *body);
 
 // Which rules a step follows. A new meaning gets a number, so that an older record can be run again
-// as it was made: 1, the job of a cut has one move; 2, it may have several.
+// as it was made:
+//   1  the job of a cut has one move, which grows while another job is under way; a session that is
+//      paused shows no instrument
+//   2  what is moved while a job is under way waits as moves of its own, and a job may have
+//   several;
+//      a session that is paused shows its instruments
 #define RULES_NEWEST 2
+#define RULES_WITH_WAITING_MOVES 2
+#define RULES_SHOWN_WHILE_PAUSED 2
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

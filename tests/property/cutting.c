@@ -1,6 +1,10 @@
 // Cutting as a session sees it: from a closing jaw to the touch that follows.
+#include "step/cutting.h"
+
 #include "scene/hand.h"
 #include "test.h"
+
+#include <string.h>
 
 static int go_smooth(void **state) {
     (void)state;
@@ -160,28 +164,190 @@ static void jobs_go_one_by_one_and_no_way_is_lost(void **state) {
         step(&h);
     assert_non_null(h.pending);
     assert_int_equal(h.out.job.id, first + 1);
+    int last = h.out.job.move_count - 1;
     assert_near(h.out.job.moves[0].opening[0], opening, 0);
-    assert_near(h.out.job.moves[0].opening[1], h.opening, 0);
+    assert_near(h.out.job.moves[last].opening[1], h.opening, 0);
     hand_end(&h);
 }
 
-// However long a job takes, and however far the tip goes meanwhile.
-static void a_way_that_waits_for_long_is_not_lost(void **state) {
-    (void)state;
+// ---- while jobs are held up ---------------------------------------------------------------------
+
+#define HELD_STEPS 60
+
+// Lands what is under way, and all that waited. The moves of all jobs go to `out`.
+static int land_all(struct hand *h, struct blade_move *out, int room) {
+    int count = 0;
+    memset(out, 0, (size_t)room * sizeof *out);
+    while (h->pending) {
+        land(h);
+        if (!h->pending)
+            step(h);
+        for (int i = 0; h->out.job.id && i < h->out.job.move_count && count < room; i++)
+            out[count++] = h->out.job.moves[i];
+    }
+    return count;
+}
+
+static struct hand start_burr(void) {
     struct hand h = hand_start();
     h.channel = CHANNEL_SHAVER;
     h.buttons = 1;
     for (int i = 0; !h.pending && i < 100; i++)
         step(&h);
+    return h;
+}
+
+// However long a job takes, and however far the tip goes meanwhile.
+static void a_way_that_waits_for_long_is_not_lost(void **state) {
+    (void)state;
+    struct blade_move moves[4 * CUTTING_WAITING_MAX];
+    struct hand h = start_burr();
     vec3 from = h.out.job.moves[0].T_mesh_tip[1].translation;
-    for (int i = 0; i < 60; i++) {
+    for (int i = 0; i < 4 * CUTTING_WAITING_MAX; i++) {
+        h.tip = vec3_add_scaled(h.tip, i % 40 < 20 ? 0.25 : -0.25, outward);
+        step(&h);
+    }
+    h.buttons = 0;
+    step(&h);
+    int count = land_all(&h, moves, 4 * CUTTING_WAITING_MAX);
+    assert_in_range(count, 2, CUTTING_WAITING_MAX);
+    assert_vec3_near(moves[0].T_mesh_tip[0].translation, from, 0);
+    for (int i = 1; i < count; i++)
+        assert_vec3_near(moves[i].T_mesh_tip[0].translation, moves[i - 1].T_mesh_tip[1].translation,
+                         0);
+    hand_end(&h);
+}
+
+// A way with a corner is cut along the corner, not straight from its begin to its end.
+static void a_burr_is_cut_along_the_way_that_it_went(void **state) {
+    (void)state;
+    struct blade_move moves[CUTTING_WAITING_MAX];
+    struct hand h = start_burr();
+    vec3 begin = h.tip, corner = vec3_add_scaled(begin, -4, outward);
+    for (int i = 1; i <= HELD_STEPS; i++) {
+        double there = fmin(1, 2.0 * i / HELD_STEPS), up = fmax(0, 2.0 * i / HELD_STEPS - 1);
+        h.tip = vec3_add(vec3_lerp(begin, corner, there), (vec3){0, 0, 4 * up});
+        step(&h);
+    }
+    h.buttons = 0;
+    step(&h);
+    int count = land_all(&h, moves, CUTTING_WAITING_MAX);
+    vec3 first = moves[0].T_mesh_tip[0].translation;
+    vec3 last = moves[count - 1].T_mesh_tip[1].translation;
+    double way = 0;
+    for (int i = 0; i < count; i++)
+        way +=
+            vec3_distance(moves[i].T_mesh_tip[0].translation, moves[i].T_mesh_tip[1].translation);
+    assert_true(count > 10);
+    assert_true(way > 1.3 * vec3_distance(first, last)); // two legs of 4 mm
+    hand_end(&h);
+}
+
+static double volume_of_bite(bool held, double withdrawn_mm) {
+    struct blade_move moves[CUTTING_WAITING_MAX];
+    struct hand h = hand_start();
+    struct job_result *other = NULL;
+    step(&h);
+    if (held) { // a job that takes nothing is under way until the hand has gone
+        give(&h, INPUT_UNDO, 0, NULL);
+        run_job(&h);
+        other = h.pending;
+        assert_non_null(other);
+    }
+    for (h.opening = 1; h.opening > 0; h.opening = fmax(0, h.opening - 0.05)) {
+        step(&h);
+        while (!held && h.pending)
+            land(&h);
+    }
+    step(&h);
+    h.opening = 0;
+    for (int i = 0; i < 20; i++) {
+        h.tip = vec3_add_scaled(h.tip, withdrawn_mm / 20, outward);
+        h.opening = fmin(1, h.opening + 0.05);
+        step(&h);
+    }
+    if (h.pending)
+        land_all(&h, moves, CUTTING_WAITING_MAX);
+    double removed_mm3 = operation_figures(h.operation, 0)->removed_mm3;
+    hand_end(&h);
+    return removed_mm3;
+}
+
+// Though the jaw opens and goes away meanwhile. Not to the bit: where each part of the bite lands
+// at once, the warp under the tip gives way a little between them.
+static void a_bite_is_cut_where_the_jaw_closed(void **state) {
+    (void)state;
+    double at_once = volume_of_bite(false, 0);
+    assert_true(at_once > 1);
+    assert_near(volume_of_bite(true, 0), at_once, 1e-3 * at_once);
+    assert_near(volume_of_bite(true, -20), volume_of_bite(true, 0), 0);
+}
+
+// A bite is of one place, so bites do not become one; those without room are told of.
+static void what_finds_no_room_is_told(void **state) {
+    (void)state;
+    struct blade_move moves[2 * CUTTING_WAITING_MAX];
+    struct hand h = hand_start();
+    uint64_t refused = 0, due = 0;
+    step(&h);
+    give(&h, INPUT_UNDO, 0, NULL);
+    run_job(&h);
+    for (int i = 0; i < CUTTING_WAITING_MAX; i++) {
+        for (h.opening = 1; h.opening > 0; h.opening = fmax(0, h.opening - 0.25)) {
+            step(&h);
+            refused += h.out.events & EVENT_REFUSED ? 1 : 0;
+        }
+        h.opening = 0;
+        step(&h);
+        refused += h.out.events & EVENT_REFUSED ? 1 : 0;
+        due += 4;
+    }
+    int count = land_all(&h, moves, 2 * CUTTING_WAITING_MAX);
+    assert_int_equal(count, CUTTING_WAITING_MAX);
+    assert_int_equal(refused, due - CUTTING_WAITING_MAX);
+    hand_end(&h);
+}
+
+// As a record of that time has it: the move grows while it waits.
+static void under_the_older_rules_a_move_that_waits_grows(void **state) {
+    (void)state;
+    struct session_settings settings = session_settings_default();
+    settings.rules = RULES_WITH_WAITING_MOVES - 1;
+    struct hand h = hand_start();
+    session_destroy(&h.session);
+    h.session = session_create(scene, &settings);
+    h.input = (struct session_input){.kind = INPUT_START};
+    session_step(h.session, &h.input, &h.out);
+    h.channel = CHANNEL_SHAVER;
+    h.buttons = 1;
+    for (int i = 0; !h.pending && i < 100; i++)
+        step(&h);
+    vec3 from = h.out.job.moves[0].T_mesh_tip[1].translation;
+    for (int i = 0; i < HELD_STEPS; i++) {
         h.tip = vec3_add_scaled(h.tip, 0.2, outward);
         step(&h);
     }
     land(&h);
-    assert_int_equal(h.out.job.kind, JOB_CUT);
+    assert_int_equal(h.out.job.move_count, 1);
     assert_vec3_near(h.out.job.moves[0].T_mesh_tip[0].translation, from, 0);
     assert_true(vec3_distance(h.out.job.moves[0].T_mesh_tip[1].translation, from) > 10);
+    hand_end(&h);
+}
+
+// What a hand does while the session rests is seen, and cuts nothing.
+static void a_session_that_is_paused_shows_its_instruments(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    step(&h);
+    give(&h, INPUT_PAUSE, 0, NULL);
+    h.opening = 0;
+    step(&h);
+    const struct instrument_output *punch =
+        &h.out.instruments[CHANNEL_PUNCH - CHANNEL_FIRST_INSTRUMENT];
+    assert_int_equal(h.out.state, SESSION_PAUSED);
+    assert_true(punch->present);
+    assert_true(punch->handle.opening == 0);
+    assert_int_equal(h.out.job.id, 0);
     hand_end(&h);
 }
 
@@ -304,6 +470,11 @@ int main(void) {
         cmocka_unit_test(a_jump_is_not_swept),
         cmocka_unit_test(jobs_go_one_by_one_and_no_way_is_lost),
         cmocka_unit_test(a_way_that_waits_for_long_is_not_lost),
+        cmocka_unit_test(a_burr_is_cut_along_the_way_that_it_went),
+        cmocka_unit_test(a_bite_is_cut_where_the_jaw_closed),
+        cmocka_unit_test(what_finds_no_room_is_told),
+        cmocka_unit_test(under_the_older_rules_a_move_that_waits_grows),
+        cmocka_unit_test(a_session_that_is_paused_shows_its_instruments),
         cmocka_unit_test(instruments_take_turns),
         cmocka_unit_test(a_lost_handle_does_not_cut),
         cmocka_unit_test(a_reset_makes_the_tissue_whole),

@@ -99,7 +99,7 @@ class Tree(unittest.TestCase):
         moved = os.path.join(self.base, "moved")
 
         def configure(tree):
-            subprocess.run(["scripts/fresh-build-folder", "build/release"], cwd=tree, check=True, capture_output=True)
+            subprocess.run(["docker/packages/fresh-build-folder", "build/release"], cwd=tree, check=True, capture_output=True)
             return subprocess.run(["cmake", "-S", ".", "-B", "build/release"], cwd=tree, capture_output=True).returncode
 
         self.assertEqual(configure(self.tree), 0)
@@ -126,7 +126,7 @@ class Tree(unittest.TestCase):
     def test_a_recording_is_placed_where_its_tool_dwells(self):
         path = write(os.path.join(self.base, "recording.csv"), RECORDING)
         out = os.path.join(self.base, "played.csv")
-        done = subprocess.run([os.path.join(SOURCE, "scripts/place-recording"), "place", path, out, "1", "2", "3"],
+        done = subprocess.run([os.path.join(SOURCE, "station/mockup/place-recording"), "place", path, out, "1", "2", "3"],
                               capture_output=True, text=True, check=True)
         self.assertEqual([float(v) for v in done.stdout.split()], [1 - 11, 2, 3, 1, 0, 0, 0])
         self.assertEqual([line.split(",")[:2] for line in read(out).splitlines()],

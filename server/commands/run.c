@@ -23,6 +23,7 @@ static const char help[] =
     "Usage: arthron-server run --config FILE [--set SECTION.KEY=VALUE ...]\n"
     "\n"
     "Serves until SIGTERM or SIGINT, then ends every session and closes its trace.\n"
+    "On SIGUSR1 it ends too, but hands its sessions over: the next start goes on with them.\n"
     "\n"
     "  -c, --config FILE            the config (docs/CONFIG.md)\n"
     "  -s, --set SECTION.KEY=VALUE  replaces a value of the config: --set server.port=4900,\n"
@@ -34,7 +35,8 @@ static const char program[] = "arthron-server run";
 
 #define START_PATIENCE_S 3
 
-static atomic_bool ended, is_ready;
+static atomic_int ended; // the signal that ends the server, or 0
+static atomic_bool ends, is_ready;
 static sem_t end;
 
 // A start may take minutes, for it runs open sessions again, and ends soon after `ended` is set. A
@@ -45,7 +47,8 @@ static void *wait_for_end(void *argument) {
     bool ready = atomic_load(&is_ready);
     log_info("server", "%s: ending%s", strsignal(signal_number),
              ready ? "" : " before the server is ready");
-    atomic_store(&ended, true);
+    atomic_store(&ended, signal_number);
+    atomic_store(&ends, true);
     sem_post(&end);
     sleep(START_PATIENCE_S);
     if (!ready && !atomic_load(&is_ready))
@@ -54,15 +57,16 @@ static void *wait_for_end(void *argument) {
 }
 
 static void catch_ends(void) {
-    static sigset_t ends;
+    static sigset_t set;
     pthread_t waiting;
     sem_init(&end, 0, 0);
-    sigemptyset(&ends);
-    sigaddset(&ends, SIGTERM);
-    sigaddset(&ends, SIGINT);
-    pthread_sigmask(SIG_BLOCK, &ends, NULL);
+    sigemptyset(&set);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGUSR1);
+    pthread_sigmask(SIG_BLOCK, &set, NULL);
     signal(SIGPIPE, SIG_IGN);
-    int failed = pthread_create(&waiting, NULL, wait_for_end, &ends);
+    int failed = pthread_create(&waiting, NULL, wait_for_end, &set);
     CHECK(!failed);
     pthread_detach(waiting);
 }
@@ -71,7 +75,7 @@ static int serve_until_end(const struct server_config *config) {
     struct sessions *sessions;
     struct browsers *browsers = NULL;
     struct error err;
-    enum result result = sessions_create(&config->sessions, &ended, &sessions, &err);
+    enum result result = sessions_create(&config->sessions, &ends, &sessions, &err);
     if (result == RESULT_OK && config->web.port) {
         result = browsers_create(config, sessions, &browsers, &err);
         if (result != RESULT_OK)
@@ -90,7 +94,10 @@ static int serve_until_end(const struct server_config *config) {
         ;
     sessions_break_off(sessions);
     browsers_destroy(&browsers);
-    sessions_destroy(&sessions);
+    if (atomic_load(&ended) == SIGUSR1)
+        sessions_hand_over(&sessions);
+    else
+        sessions_destroy(&sessions);
     return 0;
 }
 

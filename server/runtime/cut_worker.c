@@ -25,7 +25,7 @@ struct cut_task {
     int station;
     struct session_runtime *session; // TASK_OPEN, TASK_CLOSE
     uint64_t serial;                 // TASK_RUN: of the session
-    bool deserted;                   // TASK_CLOSE
+    enum session_end end;            // TASK_CLOSE
     struct job job;                  // TASK_RUN
     struct job_result *result;       // TASK_RELEASE
 };
@@ -124,7 +124,7 @@ static void close_session(struct cut_worker *c, const struct cut_task *task) {
                                        .station = task->station,
                                        .session = task->session->serial,
                                        .ended = task->session,
-                                       .deserted = task->deserted});
+                                       .end = task->end});
 }
 
 static void take_task(struct cut_worker *c, struct cut_task *task) {
@@ -251,9 +251,9 @@ void cut_worker_run(struct cut_worker *c, int station, uint64_t session, const s
 }
 
 void cut_worker_close(struct cut_worker *c, int station, struct session_runtime *session,
-                      bool deserted) {
+                      enum session_end end) {
     give(c, &(struct cut_task){
-                .kind = TASK_CLOSE, .station = station, .session = session, .deserted = deserted});
+                .kind = TASK_CLOSE, .station = station, .session = session, .end = end});
 }
 
 bool cut_worker_take(struct cut_worker *c, int *out_station, uint64_t *out_session,

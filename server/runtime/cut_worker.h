@@ -18,7 +18,7 @@ void cut_worker_run(struct cut_worker *cut_worker, int station, uint64_t session
                     const struct job *job);
 // The session goes to its owner (NOTICE_ENDED) once its jobs are done.
 void cut_worker_close(struct cut_worker *cut_worker, int station, struct session_runtime *session,
-                      bool deserted);
+                      enum session_end end);
 // A job that is done; false where there is none. The result goes back with
 // cut_worker_release_result.
 bool cut_worker_take(struct cut_worker *cut_worker, int *out_station, uint64_t *out_session,

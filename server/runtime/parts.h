@@ -100,6 +100,7 @@ struct runtime {
     struct station_runtime stations[STATIONS_MAX];
     struct worker *workers;
     int worker_count;
+    bool hand_over; // before stop is set
     atomic_bool stop;
 };
 

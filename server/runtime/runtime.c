@@ -43,16 +43,17 @@ enum result runtime_create(const struct runtime_config *config, struct runtime *
     for (int i = 0; i < config->workers && result == RESULT_OK; i++)
         result = worker_start(r, i, err);
     if (result != RESULT_OK) {
-        runtime_stop(r);
+        runtime_stop(r, false);
         runtime_destroy(&r);
     }
     *out_runtime = r;
     return result;
 }
 
-void runtime_stop(struct runtime *r) {
+void runtime_stop(struct runtime *r, bool hand_over) {
     if (!r)
         return;
+    r->hand_over = hand_over;
     atomic_store(&r->stop, true);
     for (int i = 0; i < r->worker_count; i++)
         worker_stop(&r->workers[i]);

@@ -17,9 +17,9 @@ struct runtime;
 enum result runtime_create(const struct runtime_config *config, struct runtime **out_runtime,
                            struct error *err);
 
-// Ends every session, tells the stations, and joins all threads. The notices that are left can be
-// taken until runtime_destroy. `runtime` may be NULL.
-void runtime_stop(struct runtime *runtime);
+// Ends every session, or gives it back open, tells the stations, and joins all threads. The notices
+// that are left can be taken until runtime_destroy. `runtime` may be NULL.
+void runtime_stop(struct runtime *runtime, bool hand_over);
 void runtime_destroy(struct runtime **runtime); // NULL inside is fine
 
 // ---- a station's connection: the control thread ----

@@ -62,10 +62,13 @@ bool step_is_deserted(const struct worker *worker, const struct station_runtime 
            clock_now_ns() - station->last_frame_ns > worker->runtime->config.wait_s * NS_PER_S;
 }
 
-static void retire(struct worker *worker, struct station_runtime *station) {
-    cut_worker_close(worker->cut_worker, station->index, station->session,
-                     step_is_deserted(worker, station));
+static void retire(struct worker *worker, struct station_runtime *station, enum session_end end) {
+    cut_worker_close(worker->cut_worker, station->index, station->session, end);
     station->session = NULL;
+}
+
+void step_hand_over(struct worker *worker, struct station_runtime *station) {
+    retire(worker, station, END_HANDED_OVER);
 }
 
 static void order_job(struct worker *worker, const struct station_runtime *station,
@@ -90,7 +93,7 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
         change_state(worker, station, output->state);
     order_job(worker, station, output);
     if (output->state == SESSION_CLOSED)
-        retire(worker, station);
+        retire(worker, station, step_is_deserted(worker, station) ? END_DESERTED : END_CLOSED);
 }
 
 int64_t step_now_ns(const struct station_runtime *station) {

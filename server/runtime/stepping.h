@@ -9,6 +9,8 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
                 struct session_output *out_output);
 void step_without_frame(struct worker *worker, struct station_runtime *station,
                         enum input_kind kind);
+// Gives the session back as it is.
+void step_hand_over(struct worker *worker, struct station_runtime *station);
 void step_results(struct worker *worker); // those of the cut worker land
 
 // On the session's clock, which is the server's, unless the session began on an earlier server.

@@ -86,6 +86,12 @@ struct tissue_report {
     uint64_t mesh_hashes[TISSUES_MAX]; // as stations follow the meshes
 };
 
+enum session_end {
+    END_CLOSED,
+    END_DESERTED,   // its station stayed away for too long
+    END_HANDED_OVER // it is open: the next server goes on with it
+};
+
 enum notice_kind {
     NOTICE_STATE,  // a session's state changed
     NOTICE_TAKEN,  // a request was taken
@@ -109,5 +115,5 @@ struct runtime_notice {
         bool more; // another job of the same undo follows
     } undone;
     struct session_runtime *ended; // NOTICE_ENDED
-    bool deserted;                 // NOTICE_ENDED: its station stayed away for too long
+    enum session_end end;          // NOTICE_ENDED
 };

@@ -152,7 +152,9 @@ static void take_connections(struct worker *worker) {
 static void end_sessions(struct worker *worker) {
     struct station_runtime *station;
     for (int i = -1; (station = next_station(worker, &i));)
-        if (station->session)
+        if (station->session && worker->runtime->hand_over)
+            step_hand_over(worker, station);
+        else if (station->session)
             step_without_frame(worker, station, INPUT_STOP);
 }
 

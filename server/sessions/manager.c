@@ -37,14 +37,14 @@ struct station_task {
     struct sessions *sessions;
     int station;
     struct session_runtime *ended; // NULL: a session is opened
-    bool deserted;
+    enum session_end end;
 };
 
 static int64_t run_task(void *data) {
     struct station_task *task = data;
     struct error err;
     if (task->ended)
-        opening_release(task->sessions, task->station, task->ended, task->deserted);
+        opening_release(task->sessions, task->station, task->ended, task->end);
     else
         opening_run(task->sessions, task->station, &err);
     return TASK_DONE;
@@ -97,7 +97,7 @@ static void take_notice(struct sessions *s, const struct runtime_notice *notice)
         station_slot_set_tissues(slot, notice->session);
         break;
     case NOTICE_ENDED:
-        give_task(s, (struct station_task){s, notice->station, notice->ended, notice->deserted});
+        give_task(s, (struct station_task){s, notice->station, notice->ended, notice->end});
         break;
     }
 }
@@ -127,8 +127,7 @@ static void warn_of_trace(struct sessions *s, int station) {
     bool *warned = &s->manager->trace_warned[station];
     bool is_incomplete = atomic_load(&counts->trace_missing) > 0;
     if (is_incomplete && !*warned)
-        log_error("sessions",
-                  "station %s: its trace is incomplete: the disk is too slow or full",
+        log_error("sessions", "station %s: its trace is incomplete: the disk is too slow or full",
                   station_name(s, station));
     *warned = is_incomplete;
 }

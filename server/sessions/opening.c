@@ -147,18 +147,30 @@ static void record_end(struct sessions *s, struct store_session *row, struct tra
     recorder_put(s->recorder, row);
 }
 
+static void close_trace(struct sessions *s, int station, struct open_session *session,
+                        enum session_end end) {
+    struct trace_writer **trace = &session->runtime.trace;
+    struct trace_status status = trace_writer_status(*trace);
+    log_end(s, station, status);
+    trace_writer_destroy(trace);
+    record_end(s, &session->row, status, end == END_DESERTED);
+}
+
 void opening_release(struct sessions *s, int station, struct session_runtime *ended,
-                     bool deserted) {
+                     enum session_end end) {
     struct open_session *session = (struct open_session *)ended;
-    if (deserted) {
+    if (end == END_DESERTED) {
         log_warning("sessions", "station %s: no frame for %d s; its session ends",
                     station_name(s, station), s->config.wait_s);
         audit_server(s, station, "end", session->row.id);
     }
-    struct trace_status status = trace_writer_status(ended->trace);
-    log_end(s, station, status);
-    trace_writer_destroy(&ended->trace);
-    record_end(s, &session->row, status, deserted);
+    if (end == END_HANDED_OVER) {
+        log_info("sessions", "station %s: its session stays open for the next server",
+                 station_name(s, station));
+        trace_writer_leave(&ended->trace);
+    } else {
+        close_trace(s, station, session, end);
+    }
     session_destroy(&ended->session);
     operation_destroy(&ended->operation);
     free(session);

@@ -29,6 +29,6 @@ void opening_about(struct sessions *sessions, const struct trace_header *header,
 void opening_attach(struct sessions *sessions, int station, struct open_session *session,
                     const struct trace_header *header, int scene, const char *trace);
 
-// NOTICE_ENDED: closes the trace and releases the session.
+// NOTICE_ENDED: closes the trace, unless the session is handed over, and releases the session.
 void opening_release(struct sessions *sessions, int station, struct session_runtime *ended,
-                     bool deserted);
+                     enum session_end end);

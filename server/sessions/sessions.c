@@ -213,19 +213,27 @@ static void release(struct sessions *s) {
 // Console and manager first, so that no session begins; then the workers, who end theirs and tell
 // the stations; then the control connections; then the sessions that the workers gave back, and
 // what becomes of them in the records.
-void sessions_destroy(struct sessions **sessions) {
+static void end(struct sessions **sessions, bool hand_over) {
     struct sessions *s = *sessions;
     sessions_break_off(s);
     if (s->console)
         console_destroy(&s->console);
     manager_stop(s);
-    runtime_stop(s->runtime);
+    runtime_stop(s->runtime, hand_over);
     if (s->control)
         control_destroy(&s->control);
     manager_destroy(s);
     recorder_stop(&s->recorder);
     release(s);
     *sessions = NULL;
+}
+
+void sessions_destroy(struct sessions **sessions) {
+    end(sessions, false);
+}
+
+void sessions_hand_over(struct sessions **sessions) {
+    end(sessions, true);
 }
 
 // ---- what others ask ----------------------------------------------------------------------------

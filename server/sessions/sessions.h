@@ -24,6 +24,8 @@ void sessions_break_off(struct sessions *sessions);
 
 // Tells the stations, ends every session with a whole trace, joins all threads.
 void sessions_destroy(struct sessions **sessions);
+// The same, but the sessions stay open: the next server goes on with them (resume.h).
+void sessions_hand_over(struct sessions **sessions);
 
 // ---- from any thread but a worker's; `sessions` is a struct sessions
 

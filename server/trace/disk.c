@@ -97,7 +97,8 @@ static void finish(struct trace_writer *w) {
         write_out(w);
         put_on_disk(w);
     }
-    writer_put_end(w);
+    if (!w->leaves)
+        writer_put_end(w);
     for (int i = 0; i < LAST_TRIES && not_on_disk(w); i++) {
         write_out(w);
         put_on_disk(w);

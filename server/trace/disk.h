@@ -33,6 +33,7 @@ struct trace_writer {
     // Under the lock of all writers.
     int holds;
     bool ends, ended;
+    bool leaves; // without an end record
 };
 
 // From now on the threads have it too.

@@ -111,6 +111,8 @@ struct trace_status trace_writer_status(const struct trace_writer *writer);
 // Writes all that is left, an end record, and closes. *writer becomes NULL; NULL inside is fine.
 // Waits for the disk. What a full disk does not take by then is lost, and logged.
 void trace_writer_destroy(struct trace_writer **writer);
+// The same without an end record: the next server goes on with the session in this trace.
+void trace_writer_leave(struct trace_writer **writer);
 
 // ---- reading
 

@@ -267,3 +267,9 @@ void trace_writer_destroy(struct trace_writer **writer) {
     release(w);
     *writer = NULL;
 }
+
+void trace_writer_leave(struct trace_writer **writer) {
+    if (*writer)
+        (*writer)->leaves = true;
+    trace_writer_destroy(writer);
+}

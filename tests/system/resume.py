@@ -54,6 +54,22 @@ class Resume(Bites):
         self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 1)
         self.assertEqual(self.verify(session["trace"])["signature"], "good")
 
+    def test_a_server_that_is_upgraded_hands_its_sessions_over(self):
+        self.start_station()
+        wait_until("two cuts", lambda: self.cuts() >= 2, 60)
+        self.pause()
+        before, session = self.resection(), self.session()
+        self.assertEqual(self.server.end(signal.SIGUSR1), 0)
+        self.assertEqual(call_json("arthron-trace", "info", session["trace"])["state"], "paused")
+        self.assertEqual(self.verify(session["trace"], code=1)["signature"], "none")
+        self.restart()
+        after, again = self.resection(), self.session()
+        self.assertEqual({key: after[key] for key in STATE}, {key: before[key] for key in STATE})
+        self.assertEqual((again["id"], again["trace"], again["state"]), (session["id"], session["trace"], "paused"))
+        self.steer("stop", "room-1")
+        self.server.end()
+        self.assertEqual(self.verify(session["trace"])["signature"], "good")
+
     def test_killed_amid_cuts_again_and_again_it_goes_on(self):
         self.start_station()
         wait_until("a cut", lambda: self.steer("show", "room-1", code=None)["resections"] and self.cuts() >= 1, 60)

@@ -55,7 +55,7 @@ static void open_worker(struct worker *worker, struct session_runtime *session) 
 
 static void close_worker(struct worker *worker, struct session_runtime *session) {
     struct runtime_notice notice;
-    cut_worker_close(worker->cut_worker, 0, session, false);
+    cut_worker_close(worker->cut_worker, 0, session, END_CLOSED);
     cut_worker_stop(worker->cut_worker);
     assert_true(cut_worker_next_notice(worker->cut_worker, &notice));
     assert_int_equal(notice.kind, NOTICE_OPENED);

@@ -54,6 +54,18 @@ class Resume(Bites):
         self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 1)
         self.assertEqual(self.verify(session["trace"])["signature"], "good")
 
+    def test_a_trace_whose_replay_ended_the_program_keeps_nobody_out(self):
+        self.start_station()
+        self.wait_for_steps()
+        session = self.session()
+        self.kill()
+        marker = self.write(session["trace"] + ".resuming", "")
+        self.restart()
+        wait_until("a new session", lambda: self.session()["state"] == "running", 60)
+        self.assertNotEqual(self.session()["id"], session["id"])
+        self.assertIn(f"is not resumed: an earlier start ended while it ran this trace again; remove {marker}",
+                      self.server.log())
+
     def test_a_server_that_is_upgraded_hands_its_sessions_over(self):
         self.start_station()
         wait_until("two cuts", lambda: self.cuts() >= 2, 60)

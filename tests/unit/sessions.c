@@ -1,0 +1,100 @@
+// Stations that come and go, as the sessions see them.
+#include "test.h"
+#include "trace/trace.h"
+#include "unit/hall.h"
+
+#include <string.h>
+
+static void assert_trace_is_of(const struct station_status *status) {
+    struct trace_reader *reader;
+    assert_int_equal(trace_reader_create(status->about.trace, &reader, NULL), RESULT_OK);
+    assert_memory_equal(trace_reader_header(reader)->session_id, status->session_id, 16);
+    trace_reader_destroy(&reader);
+}
+
+static void wait_until_attached(struct sessions *sessions) {
+    while (hall_status(sessions).phase != SLOT_ATTACHED)
+        hall_wait_ms(1);
+}
+
+// Also while its session is being opened.
+static void a_station_is_told_the_id_that_its_session_has(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    for (int i = 0; i < 40; i++) {
+        uint64_t run = (uint64_t)i + 1;
+        arthron_Welcome first = hall_connect(sessions, run); // another run of its program
+        if (i % 4)
+            hall_wait_ms(i % 4);
+        hall_leave(sessions);
+        arthron_Welcome again = hall_connect(sessions, run);
+        assert_memory_equal(again.session_id, first.session_id, sizeof first.session_id);
+        wait_until_attached(sessions);
+        struct station_status status = hall_status(sessions);
+        assert_memory_equal(status.session_id, first.session_id, sizeof status.session_id);
+        assert_trace_is_of(&status);
+        hall_command(sessions, arthron_Command_Kind_STOP);
+        hall_leave(sessions);
+    }
+    sessions_destroy(&sessions);
+}
+
+static void a_session_that_was_stopped_stays_stopped_when_the_link_blips(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    hall_leave(sessions);
+    hall_connect(sessions, 1);
+    hall_wait_ms(300);
+    assert_int_equal(hall_status(sessions).phase, SLOT_EMPTY);
+    hall_command(sessions, arthron_Command_Kind_START);
+    assert_int_equal(hall_status(sessions).state, SESSION_RUNNING);
+    sessions_destroy(&sessions);
+}
+
+// They are told apart from frames with values out of range, and from lost ones.
+static void frames_that_find_no_room_are_counted_as_such(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct runtime *runtime = sessions_runtime(sessions);
+    const struct station_counts *counts = runtime_counts(runtime, 0);
+    const struct frame frame = {.number = 1};
+    hall_join(sessions);
+    for (int i = 0; i < 100000 && !atomic_load(&counts->frames_excess); i++)
+        runtime_frame(runtime, 0, &frame, 0);
+    assert_true(atomic_load(&counts->frames_excess) > 0);
+    assert_int_equal(atomic_load(&counts->frames_invalid), 0);
+    assert_int_equal(hall_command(sessions, arthron_Command_Kind_PAUSE)->sessions[0].state,
+                     arthron_SessionState_PAUSED); // its worker is not starved
+    sessions_destroy(&sessions);
+}
+
+static void a_station_that_has_gone_is_gone_whatever_else_it_said(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct runtime *runtime = sessions_runtime(sessions);
+    const struct frame frame = {.number = 1};
+    hall_join(sessions);
+    for (int i = 0; i < 5000; i++)
+        runtime_frame(runtime, 0, &frame, 0);
+    hall_leave(sessions);
+    const struct station_counts *counts = runtime_counts(runtime, 0);
+    hall_wait_ms(100);
+    uint64_t old = atomic_load(&counts->frames_old), early = atomic_load(&counts->frames_early);
+    runtime_frame(runtime, 0, &frame, 0); // of a connection that is no more
+    hall_wait_ms(100);
+    assert_int_equal(atomic_load(&counts->frames_old), old);
+    assert_int_equal(atomic_load(&counts->frames_early), early);
+    sessions_destroy(&sessions);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_station_is_told_the_id_that_its_session_has),
+        cmocka_unit_test(a_session_that_was_stopped_stays_stopped_when_the_link_blips),
+        cmocka_unit_test(frames_that_find_no_room_are_counted_as_such),
+        cmocka_unit_test(a_station_that_has_gone_is_gone_whatever_else_it_said),
+    };
+    return cmocka_run_group_tests_name("sessions", tests, hall_make, hall_remove);
+}

@@ -396,6 +396,16 @@ static void queue(struct datagram_endpoint *endpoint, struct connection *c, cons
     out->headers[i].msg_hdr.msg_namelen = c->present.size;
 }
 
+// Without its counts of events where they are what makes it too long.
+static enum result encode_within(const arthron_Reply *reply, uint8_t *message, size_t limit,
+                                 size_t *out_size) {
+    if (wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
+        return RESULT_OK;
+    arthron_Reply shorter = *reply;
+    shorter.event_counts_count = 0;
+    return wire_encode_reply(&shorter, message, limit, out_size);
+}
+
 bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
                     const arthron_Reply *reply) {
     struct connection *c = find(endpoint, connection);
@@ -407,7 +417,7 @@ bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
         return false;
     uint8_t message[WIRE_DATAGRAM_MAX];
     size_t size;
-    if (wire_encode_reply(reply, message, question->size - SEAL_OVERHEAD, &size) != RESULT_OK) {
+    if (encode_within(reply, message, question->size - SEAL_OVERHEAD, &size) != RESULT_OK) {
         endpoint->counts.too_long++;
         return false;
     }

@@ -5,8 +5,12 @@
 #include "runtime/stepping.h"
 
 #include <math.h>
+#include <string.h>
 
 #define TCP_FRAMES_AT_ONCE 4
+
+_Static_assert(sizeof((arthron_Reply *)0)->event_counts / sizeof(uint32_t) >= EVENT_COUNT,
+               "a reply counts every event");
 
 // Where an answer goes.
 enum path { PATH_CONTROL, PATH_DATAGRAM };
@@ -81,6 +85,13 @@ static bool is_second_copy(const struct station_runtime *station, const struct f
     return frame->number && frame->number == station->reply.frame_number;
 }
 
+static void take_events(struct station_runtime *station) {
+    station->reply.events = station->events;
+    station->events = 0;
+    station->reply.event_counts_count = EVENT_COUNT;
+    memcpy(station->reply.event_counts, station->event_counts, sizeof station->event_counts);
+}
+
 static void take_frame(struct worker *worker, struct station_runtime *station, enum path path,
                        const struct frame *frame, int64_t received_ns) {
     if (is_second_copy(station, frame)) {
@@ -100,8 +111,7 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     step_input(worker, station, &input, &output);
     watch_drift(worker, station, &output);
     reply_from_output(&output, knee, frame->number, frame->time_ns, &station->reply);
-    station->reply.events = station->events;
-    station->events = 0;
+    take_events(station);
     answer(worker, station, path);
 }
 

@@ -53,8 +53,9 @@ struct station_runtime {
     struct connection connection;
     uint32_t udp_connection;
     uint64_t last_frame;
-    arthron_Reply reply; // to last_frame
-    uint32_t events;     // of all steps since
+    arthron_Reply reply;                // to last_frame
+    uint32_t events;                    // of all steps since
+    uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
     int64_t last_step_ns, last_frame_ns;
     int64_t metrics_ns; // of the session's clock, when metrics were last published
     struct device_watch device_watch;

@@ -55,6 +55,12 @@ static void publish_metrics(struct station_runtime *station, const struct sessio
     station->metrics_ns = output->time_ns;
 }
 
+static void count_events(struct station_runtime *station, uint32_t events) {
+    station->events |= events;
+    for (int bit = 0; bit < EVENT_COUNT; bit++)
+        station->event_counts[bit] += events >> bit & 1;
+}
+
 // ---- steps --------------------------------------------------------------------------------------
 
 bool step_is_deserted(const struct worker *worker, const struct station_runtime *station) {
@@ -88,7 +94,7 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     atomic_store_explicit(&station->counts.steps, recorded.records, memory_order_relaxed);
     publish_metrics(station, input, output);
     publish_snapshot(station, output);
-    station->events |= output->events;
+    count_events(station, output->events);
     if (output->events & EVENT_STATE)
         change_state(worker, station, output->state);
     order_job(worker, station, output);

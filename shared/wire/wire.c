@@ -38,7 +38,9 @@ _Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is w
 #define SAMPLE_OVERHEAD 2   // its length is below 128
 #define FRAME_EMPTY_SIZE 18 // number and time
 #define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
-#define REPLY_EMPTY_SIZE (arthron_Reply_size - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
+#define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
+#define REPLY_SIZE (arthron_Reply_size - COUNTS_SIZE) // counts are sent where there is room
+#define REPLY_EMPTY_SIZE (REPLY_SIZE - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 
 _Static_assert(REPLY_EMPTY_SIZE > 0, "Reply holds every instrument");
@@ -47,9 +49,9 @@ _Static_assert(FRAME_EMPTY_SIZE + FRAME_SAMPLES_MAX * (arthron_Sample_size + SAM
                        SEAL_OVERHEAD <=
                    WIRE_DATAGRAM_MAX,
                "every frame fits a datagram");
-_Static_assert(arthron_Reply_size + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DATAGRAM_MAX,
+_Static_assert(REPLY_SIZE + PADDING_OVERHEAD + SEAL_OVERHEAD <= WIRE_DATAGRAM_MAX,
                "every padded frame fits a datagram");
-_Static_assert(arthron_Reply_size <= sizeof((arthron_Frame){0}.padding.bytes),
+_Static_assert(REPLY_SIZE <= sizeof((arthron_Frame){0}.padding.bytes),
                "padding reaches the longest reply");
 
 #define CHUNK_TAG 15 // of mesh_chunk in Control

@@ -133,7 +133,9 @@ static void ask_for_meshes(struct link *link) {
     say(link, &ask);
 }
 
-static void keep_session(struct link_session *session, const arthron_SessionChange *change) {
+static void keep_session(struct link *link, const arthron_SessionChange *change) {
+    struct link_session *session = &link->session;
+    session->connection = atomic_load(&link->connects);
     session->state = (arthron_SessionState)change->state;
     memcpy(session->case_name, change->case_name, sizeof session->case_name);
     session->case_hash = change->case_hash;
@@ -151,7 +153,7 @@ static void hear_change(struct link *link, const arthron_SessionChange *change) 
     link->status.state = (arthron_SessionState)change->state;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
     snprintf(link->status.refusal, sizeof link->status.refusal, "%s", change->text);
-    keep_session(&link->session, change);
+    keep_session(link, change);
     pthread_mutex_unlock(&link->lock);
     atomic_fetch_add(&link->session_changes, 1);
     update_ready(link);

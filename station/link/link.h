@@ -36,6 +36,7 @@ struct link_status {
 
 // The session as the server last told it.
 struct link_session {
+    uint64_t connection; // as link_status.connects
     arthron_SessionState state;
     char case_name[64];
     uint64_t case_hash;

@@ -38,9 +38,10 @@ struct loop {
 
 static void follow_session(struct loop *loop) {
     struct link_session s;
-    if (link_get_session(loop->link, &loop->session_seen, &s))
-        predict_session(loop->predict, s.state, s.case_name, s.case_hash,
-                        s.has_knee ? &s.knee : NULL);
+    if (!link_get_session(loop->link, &loop->session_seen, &s))
+        return;
+    predict_connection(loop->predict, s.connection);
+    predict_session(loop->predict, s.state, s.case_name, s.case_hash, s.has_knee ? &s.knee : NULL);
 }
 
 static void show(struct loop *loop) {

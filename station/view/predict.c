@@ -44,6 +44,8 @@ struct predict {
     struct answer answers[INSTRUMENT_COUNT];
     pose T_body_virtual[BONE_COUNT];
     double warp_mm;
+    uint64_t connection;
+    uint32_t told[EVENT_BITS]; // by the replies of this connection
     uint32_t events[EVENT_BITS];
     struct sent sent[PREDICT_REMEMBERED];
 };
@@ -80,6 +82,12 @@ void predict_session(struct predict *p, arthron_SessionState state, const char *
         p->bones.knee = *knee;
 }
 
+void predict_connection(struct predict *p, uint64_t connection) {
+    if (connection != p->connection)
+        memset(p->told, 0, sizeof p->told);
+    p->connection = connection;
+}
+
 // ---- frames -------------------------------------------------------------------------------------
 
 static void remember(struct predict *p) {
@@ -107,9 +115,19 @@ void predict_frame(struct predict *p, const struct frame *frame, bool sent) {
 
 // ---- replies ------------------------------------------------------------------------------------
 
-static void count_events(struct predict *p, uint32_t events) {
-    for (unsigned bit = 0; bit < EVENT_BITS; bit++)
-        p->events[bit] += events >> bit & 1;
+// A reply counts what the ones before it told, the lost ones too. One without counts has its bits.
+static void count_events(struct predict *p, const arthron_Reply *reply) {
+    for (unsigned bit = 0; bit < EVENT_BITS; bit++) {
+        int32_t more = (int32_t)(reply->events >> bit & 1);
+        if (reply->event_counts_count)
+            more = bit < reply->event_counts_count
+                       ? (int32_t)(reply->event_counts[bit] - p->told[bit])
+                       : 0;
+        if (more <= 0) // an older reply
+            continue;
+        p->told[bit] += (uint32_t)more;
+        p->events[bit] += (uint32_t)more;
+    }
 }
 
 static void take_instrument(struct predict *p, const struct sent *sent,
@@ -129,7 +147,7 @@ static void take_instrument(struct predict *p, const struct sent *sent,
 
 bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     const struct sent *sent = &p->sent[reply->frame_number % PREDICT_REMEMBERED];
-    count_events(p, reply->events);
+    count_events(p, reply);
     if (!reply->frame_number || sent->number != reply->frame_number ||
         reply->frame_number < p->answered)
         return false;

@@ -25,6 +25,9 @@ void predict_destroy(struct predict **predict);
 void predict_session(struct predict *predict, arthron_SessionState state, const char *case_name,
                      uint64_t case_hash, const struct knee_frame *knee);
 
+// Replies to come are those of this connection; each counts its events from 0.
+void predict_connection(struct predict *predict, uint64_t connection);
+
 // The newest samples; `sent`: they went to the server under the frame's number, which is above all
 // before.
 void predict_frame(struct predict *predict, const struct frame *frame, bool sent);

@@ -304,6 +304,52 @@ static void events_are_counted_even_of_dropped_answers(void **state) {
         assert_int_equal(view.events[bit], bit == 3 ? 2 : bit == 31);
 }
 
+static void tell(uint64_t number, uint32_t events, uint32_t cuts, uint32_t pieces) {
+    arthron_Reply reply = {.frame_number = number,
+                           .events = events,
+                           .event_counts_count = 7,
+                           .event_counts = {[5] = cuts, [6] = pieces}};
+    predict_reply(predict, &reply);
+}
+
+static void assert_events(uint32_t cuts, uint32_t pieces) {
+    arthron_View view = view_now();
+    assert_int_equal(view.events[5], cuts);
+    assert_int_equal(view.events[6], pieces);
+}
+
+static void a_lost_reply_loses_no_event(void **state) {
+    (void)state;
+    tell(1, 1u << 5, 1, 0);
+    tell(4, 0, 3, 1); // replies 2 and 3 are lost, with two cuts and a piece
+    assert_events(3, 1);
+    tell(3, 1u << 5 | 1u << 6, 3, 1); // late
+    tell(2, 1u << 5, 2, 0);
+    assert_events(3, 1);
+}
+
+static void counts_begin_anew_with_a_connection(void **state) {
+    (void)state;
+    predict_connection(predict, 1);
+    tell(1, 1u << 5, 5, 2);
+    predict_connection(predict, 1);
+    tell(2, 0, 5, 2);
+    assert_events(5, 2);
+    predict_connection(predict, 2);
+    tell(3, 1u << 5, 6, 1);
+    assert_events(11, 3);
+}
+
+static void a_reply_that_had_no_room_for_counts_has_its_bits(void **state) {
+    (void)state;
+    tell(1, 1u << 5, 1, 0);
+    arthron_Reply reply = {.frame_number = 2, .events = 1u << 5};
+    predict_reply(predict, &reply);
+    assert_events(2, 0);
+    tell(3, 0, 4, 0); // two cuts came between
+    assert_events(4, 0);
+}
+
 static void another_case_makes_all_answers_void(void **state) {
     (void)state;
     struct random random = {8};
@@ -478,6 +524,9 @@ int main(void) {
         WITH_A_KNEE(an_answer_grows_old_then_is_lost),
         WITH_A_KNEE(answers_to_forgotten_unsent_or_older_frames_are_dropped),
         WITH_A_KNEE(events_are_counted_even_of_dropped_answers),
+        WITH_A_KNEE(a_lost_reply_loses_no_event),
+        WITH_A_KNEE(counts_begin_anew_with_a_connection),
+        WITH_A_KNEE(a_reply_that_had_no_room_for_counts_has_its_bits),
         WITH_A_KNEE(another_case_makes_all_answers_void),
         WITH_A_KNEE(an_instrument_that_an_answer_leaves_out_has_none),
         WITH_A_KNEE(a_lost_instrument_has_neither_pose),

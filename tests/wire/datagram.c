@@ -88,9 +88,9 @@ static bool hears(int fd) {
 }
 
 // The number of the frame that was answered, 0 for silence.
-static uint64_t hear_reply(struct station *s) {
+static arthron_Reply hear_whole_reply(struct station *s) {
     if (!hears(s->fd))
-        return 0;
+        return (arthron_Reply){0};
     uint8_t datagram[2048], message[2048];
     ssize_t got = recv(s->fd, datagram, sizeof datagram, 0);
     size_t size;
@@ -99,7 +99,11 @@ static uint64_t hear_reply(struct station *s) {
     assert_true(got > 0);
     assert_true(seal_open(s->to_station, datagram, (size_t)got, message, &size, &sequence));
     assert_int_equal(wire_decode_reply(message, size, &reply, NULL), RESULT_OK);
-    return reply.frame_number;
+    return reply;
+}
+
+static uint64_t hear_reply(struct station *s) {
+    return hear_whole_reply(s).frame_number;
 }
 
 // ---- the server's side --------------------------------------------------------------------------
@@ -339,6 +343,34 @@ static void a_reply_longer_than_its_frame_is_not_sent(void **state) {
     datagram_destroy(&endpoint);
 }
 
+static void a_reply_gives_up_its_counts_before_it_is_too_long(void **state) {
+    (void)state;
+    struct datagram_endpoint *endpoint = open_endpoint();
+    struct station s = open_station(endpoint, 77);
+    arthron_Reply reply = reply_to(1, true);
+    uint8_t message[WIRE_DATAGRAM_MAX];
+    size_t without, with;
+    wire_encode_reply(&reply, message, sizeof message, &without);
+    reply.event_counts_count = 9;
+    reply.event_counts[8] = 300;
+    wire_encode_reply(&reply, message, sizeof message, &with);
+    for (uint64_t number = 1; number <= 2; number++) {
+        bool fits = number == 2;
+        send_frame_of(&s, number, fits ? with : without);
+        assert_int_equal(receive(endpoint), 1);
+        reply.frame_number = number;
+        assert_true(datagram_reply(endpoint, 77, &reply));
+        datagram_flush(endpoint);
+        arthron_Reply heard = hear_whole_reply(&s);
+        assert_int_equal(heard.frame_number, number);
+        assert_int_equal(heard.event_counts_count, fits ? 9 : 0);
+        assert_true(!fits || heard.event_counts[8] == 300);
+    }
+    assert_int_equal(datagram_counts(endpoint).too_long, 0);
+    close_station(&s);
+    datagram_destroy(&endpoint);
+}
+
 // ---- addresses ----------------------------------------------------------------------------------
 
 static void confirm_first_address(struct datagram_endpoint *endpoint, struct station *s) {
@@ -551,6 +583,7 @@ int main(void) {
         cmocka_unit_test(a_connection_that_was_forgotten_is_a_stranger),
         cmocka_unit_test(a_reply_answers_one_frame_once),
         cmocka_unit_test(a_reply_longer_than_its_frame_is_not_sent),
+        cmocka_unit_test(a_reply_gives_up_its_counts_before_it_is_too_long),
         cmocka_unit_test(replies_follow_the_station_to_a_new_address),
         cmocka_unit_test(an_older_datagram_from_elsewhere_moves_nothing),
         cmocka_unit_test(a_way_back_to_the_confirmed_address_needs_no_new_challenge),

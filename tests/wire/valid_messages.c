@@ -74,7 +74,10 @@ arthron_Reply longest_reply(const bool there[CHANNEL_COUNT]) {
 arthron_Reply full_reply(void) {
     bool all[CHANNEL_COUNT];
     memset(all, true, sizeof all);
-    return longest_reply(all);
+    arthron_Reply reply = longest_reply(all);
+    reply.event_counts_count = sizeof reply.event_counts / sizeof *reply.event_counts;
+    memset(reply.event_counts, 0xff, sizeof reply.event_counts);
+    return reply;
 }
 
 static void fill_hello(arthron_Hello *hello) {

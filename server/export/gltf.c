@@ -31,7 +31,7 @@ struct state {
     double on_s, off_s;
 };
 
-struct film {
+struct animation {
     struct walk walk;
     struct contents contents;
     struct tracks tracks;
@@ -47,7 +47,7 @@ struct film {
 
 // ---- what there is ------------------------------------------------------------------------------
 
-static void make_materials(struct film *film) {
+static void make_materials(struct animation *animation) {
     static const struct {
         const char *name;
         float rgba[4];
@@ -59,22 +59,22 @@ static void make_materials(struct film *film) {
         [MATERIAL_STEEL] = {"instrument", {0.45F, 0.47F, 0.50F, 1}},
     };
     for (int i = 0; i < MATERIAL_COUNT; i++)
-        film->materials[i] = model_material(film->model, looks[i].name, looks[i].rgba);
+        animation->materials[i] = model_material(animation->model, looks[i].name, looks[i].rgba);
 }
 
-static int material_of(const struct film *film, const struct case_group *group) {
+static int material_of(const struct animation *animation, const struct case_group *group) {
     if (!strcmp(group->name, "skin"))
-        return film->materials[MATERIAL_SKIN];
+        return animation->materials[MATERIAL_SKIN];
     if (group->cuttable || !strncmp(group->name, "meniscus", 8))
-        return film->materials[MATERIAL_MENISCUS];
-    return film->materials[group->bridges ? MATERIAL_LIGAMENT : MATERIAL_BONE];
+        return animation->materials[MATERIAL_MENISCUS];
+    return animation->materials[group->bridges ? MATERIAL_LIGAMENT : MATERIAL_BONE];
 }
 
 // z is up in the mock-up's frame, y in glTF.
-static int make_root(struct film *film, const char *name, double x_mm) {
-    int node = model_node(film->model, name, MODEL_NONE, MODEL_NONE);
+static int make_root(struct animation *animation, const char *name, double x_mm) {
+    int node = model_node(animation->model, name, MODEL_NONE, MODEL_NONE);
     double half = sqrt(0.5);
-    model_place(film->model, node, (pose){{half, -half, 0, 0}, {x_mm, 0, 0}});
+    model_place(animation->model, node, (pose){{half, -half, 0, 0}, {x_mm, 0, 0}});
     return node;
 }
 
@@ -102,81 +102,86 @@ static double radius_of(const struct instrument_body *body) {
     return radius;
 }
 
-static void add_instrument(struct film *film, int i, int seen, int mockup) {
+static void add_instrument(struct animation *animation, int i, int seen, int mockup) {
     const char *name = channel_name((enum channel)(CHANNEL_FIRST_INSTRUMENT + i));
     char in_hand[32];
     struct mesh shape;
     snprintf(in_hand, sizeof in_hand, "mockup_%s", name);
-    make_instrument(radius_of(&film->contents.header.settings.bodies[i]), &shape);
-    int made = model_mesh(film->model, name, &shape, film->materials[MATERIAL_STEEL]);
+    make_instrument(radius_of(&animation->contents.header.settings.bodies[i]), &shape);
+    int made = model_mesh(animation->model, name, &shape, animation->materials[MATERIAL_STEEL]);
     mesh_fini(&shape);
-    film->nodes[TRACK_WARPED + i] = model_node(film->model, name, seen, made);
-    film->nodes[TRACK_HAND + i] = model_node(film->model, in_hand, mockup, made);
+    animation->nodes[TRACK_WARPED + i] = model_node(animation->model, name, seen, made);
+    animation->nodes[TRACK_HAND + i] = model_node(animation->model, in_hand, mockup, made);
 }
 
-static void add_virtual_group(struct film *film, const struct case_group *group) {
+static void add_virtual_group(struct animation *animation, const struct case_group *group) {
     struct mesh mesh;
     case_group_virtual(group, &mesh);
-    int made = model_mesh(film->model, group->name, &mesh, material_of(film, group));
+    int made = model_mesh(animation->model, group->name, &mesh, material_of(animation, group));
     mesh_fini(&mesh);
-    model_node(film->model, group->name, film->nodes[TRACK_VIRTUAL + (int)group->body], made);
+    model_node(animation->model, group->name, animation->nodes[TRACK_VIRTUAL + (int)group->body],
+               made);
 }
 
-static void add_physical_group(struct film *film, const struct case_group *group) {
+static void add_physical_group(struct animation *animation, const struct case_group *group) {
     const struct mesh *mesh = &group->mesh;
     struct atlas atlas = atlas_of(mesh->triangle_count);
     float *uv = alloc(6 * (size_t)mesh->triangle_count, sizeof *uv);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         for (uint32_t corner = 0; corner < 3; corner++)
             atlas_uv(&atlas, t, (int)corner, uv + 6 * (size_t)t + 2 * corner);
-    int material = material_of(film, group), made;
+    int material = material_of(animation, group), made;
     char name[CASE_NAME_MAX + 16];
     snprintf(name, sizeof name, "mockup_%s", group->name);
     if (group->cuttable)
-        made = model_textured_mesh(film->model, name, mesh, uv, material);
+        made = model_textured_mesh(animation->model, name, mesh, uv, material);
     else
-        made = model_mesh(film->model, name, mesh, material);
+        made = model_mesh(animation->model, name, mesh, material);
     free(uv);
-    model_node(film->model, name, film->nodes[TRACK_PHYSICAL + (int)group->body], made);
+    model_node(animation->model, name, animation->nodes[TRACK_PHYSICAL + (int)group->body], made);
 }
 
-static void build(struct film *film) {
-    const struct knee_case *knee = scene_case(film->walk.request->scene);
-    make_materials(film);
-    int seen = make_root(film, "seen", 0);
-    int mockup = make_root(film, "mockup", -BESIDE_MM);
+static void build(struct animation *animation) {
+    const struct knee_case *knee = scene_case(animation->walk.request->scene);
+    make_materials(animation);
+    int seen = make_root(animation, "seen", 0);
+    int mockup = make_root(animation, "mockup", -BESIDE_MM);
     for (int i = 0; i < BODY_COUNT; i++) {
         char name[32];
         const char *body = body_name((enum body)i);
         snprintf(name, sizeof name, "bone_%s", body);
-        film->nodes[TRACK_VIRTUAL + i] = model_node(film->model, name, seen, MODEL_NONE);
+        animation->nodes[TRACK_VIRTUAL + i] = model_node(animation->model, name, seen, MODEL_NONE);
         snprintf(name, sizeof name, "mockup_bone_%s", body);
-        film->nodes[TRACK_PHYSICAL + i] = model_node(film->model, name, mockup, MODEL_NONE);
+        animation->nodes[TRACK_PHYSICAL + i] =
+            model_node(animation->model, name, mockup, MODEL_NONE);
     }
     for (int i = 0; i < knee->group_count; i++) {
-        add_physical_group(film, &knee->groups[i]);
+        add_physical_group(animation, &knee->groups[i]);
         if (!knee->groups[i].cuttable)
-            add_virtual_group(film, &knee->groups[i]);
+            add_virtual_group(animation, &knee->groups[i]);
     }
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        if (film->contents.present[i])
-            add_instrument(film, i, seen, mockup);
+        if (animation->contents.present[i])
+            add_instrument(animation, i, seen, mockup);
 }
 
 // ---- tissue that is cut -------------------------------------------------------------------------
 
-static void add_state(struct film *film, int tissue, const struct mesh *mesh, double on_s) {
-    const struct scene *scene = film->walk.request->scene;
+static void add_state(struct animation *animation, int tissue, const struct mesh *mesh,
+                      double on_s) {
+    const struct scene *scene = animation->walk.request->scene;
     const struct case_group *group = &scene_case(scene)->groups[scene_tissue_group(scene, tissue)];
     char name[CASE_NAME_MAX + 24];
-    snprintf(name, sizeof name, on_s > 0 ? "%s.%d" : "%s", group->name, film->state_count);
-    int made = model_mesh(film->model, name, mesh, film->materials[MATERIAL_MENISCUS]);
-    film->states = alloc_resize(film->states, (size_t)film->state_count + 1, sizeof *film->states);
-    film->states[film->state_count] = (struct state){
-        .node = model_node(film->model, name, film->nodes[TRACK_VIRTUAL + (int)group->body], made),
-        .on_s = on_s,
-        .off_s = INFINITY};
-    film->newest[tissue] = film->state_count++;
+    snprintf(name, sizeof name, on_s > 0 ? "%s.%d" : "%s", group->name, animation->state_count);
+    int made = model_mesh(animation->model, name, mesh, animation->materials[MATERIAL_MENISCUS]);
+    animation->states = alloc_resize(animation->states, (size_t)animation->state_count + 1,
+                                     sizeof *animation->states);
+    animation->states[animation->state_count] =
+        (struct state){.node = model_node(animation->model, name,
+                                          animation->nodes[TRACK_VIRTUAL + (int)group->body], made),
+                       .on_s = on_s,
+                       .off_s = INFINITY};
+    animation->newest[tissue] = animation->state_count++;
 }
 
 static void take_mesh(const struct operation *operation, int tissue, struct mesh *out_mesh) {
@@ -185,44 +190,44 @@ static void take_mesh(const struct operation *operation, int tissue, struct mesh
 }
 
 static void take_start(void *context, const struct operation *operation) {
-    struct film *film = context;
-    for (int i = 0; i < scene_tissue_count(film->walk.request->scene); i++)
-        take_mesh(operation, i, &film->before[i]);
+    struct animation *animation = context;
+    for (int i = 0; i < scene_tissue_count(animation->walk.request->scene); i++)
+        take_mesh(operation, i, &animation->before[i]);
 }
 
 static void take_landing(void *context, struct landing *landing,
                          const struct operation *operation) {
-    struct film *film = context;
+    struct animation *animation = context;
     int tissue = landing->result->tissue;
-    double seconds = landing->seconds - film->tracks.first_s;
+    double seconds = landing->seconds - animation->tracks.first_s;
     if (!landing->wanted || seconds <= 0)
-        return take_mesh(operation, tissue, &film->before[tissue]);
-    if (film->newest[tissue] < 0)
-        add_state(film, tissue, &film->before[tissue], 0);
+        return take_mesh(operation, tissue, &animation->before[tissue]);
+    if (animation->newest[tissue] < 0)
+        add_state(animation, tissue, &animation->before[tissue], 0);
     struct mesh mesh = {0};
     take_mesh(operation, tissue, &mesh);
-    film->states[film->newest[tissue]].off_s = seconds;
-    add_state(film, tissue, &mesh, seconds);
+    animation->states[animation->newest[tissue]].off_s = seconds;
+    add_state(animation, tissue, &mesh, seconds);
     mesh_fini(&mesh);
 }
 
-static enum result add_tissues(struct film *film, struct error *err) {
-    struct landing_watcher watcher = {film, take_start, take_landing};
-    int count = scene_tissue_count(film->walk.request->scene);
+static enum result add_tissues(struct animation *animation, struct error *err) {
+    struct landing_watcher watcher = {animation, take_start, take_landing};
+    int count = scene_tissue_count(animation->walk.request->scene);
     for (int i = 0; i < count; i++)
-        film->newest[i] = -1;
-    enum result result = landings_run(&film->walk, &watcher, err);
+        animation->newest[i] = -1;
+    enum result result = landings_run(&animation->walk, &watcher, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
-        if (film->newest[i] < 0)
-            add_state(film, i, &film->before[i], 0);
+        if (animation->newest[i] < 0)
+            add_state(animation, i, &animation->before[i], 0);
     for (int i = 0; i < count; i++)
-        mesh_fini(&film->before[i]);
+        mesh_fini(&animation->before[i]);
     return result;
 }
 
 // ---- what moves and changes ---------------------------------------------------------------------
 
-static void show_state(struct film *film, const struct state *state) {
+static void show_state(struct animation *animation, const struct state *state) {
     float seconds[3] = {0};
     bool shown[3] = {state->on_s == 0};
     uint32_t count = 1;
@@ -234,7 +239,8 @@ static void show_state(struct film *film, const struct state *state) {
     }
     if (state->off_s < INFINITY && (float)state->off_s > seconds[count - 1])
         seconds[count++] = (float)state->off_s;
-    model_show(film->model, state->node, model_times(film->model, seconds, count), shown, count);
+    model_show(animation->model, state->node, model_times(animation->model, seconds, count), shown,
+               count);
 }
 
 static bool stands_still(const pose *poses, uint32_t count) {
@@ -245,8 +251,8 @@ static bool stands_still(const pose *poses, uint32_t count) {
 }
 
 // Only where it changes: instants of its own.
-static void show_track(struct film *film, int node, const bool *shown) {
-    const struct tracks *t = &film->tracks;
+static void show_track(struct animation *animation, int node, const bool *shown) {
+    const struct tracks *t = &animation->tracks;
     float *seconds = alloc(t->count, sizeof *seconds);
     bool *kept = alloc(t->count, sizeof *kept);
     uint32_t count = 0;
@@ -256,70 +262,72 @@ static void show_track(struct film *film, int node, const bool *shown) {
         seconds[count] = t->seconds[i];
         kept[count++] = shown[i];
     }
-    model_show(film->model, node, model_times(film->model, seconds, count), kept, count);
+    model_show(animation->model, node, model_times(animation->model, seconds, count), kept, count);
     free(seconds);
     free(kept);
 }
 
-static void animate(struct film *film) {
-    const struct tracks *t = &film->tracks;
-    film->times = model_times(film->model, t->seconds, t->count);
+static void animate(struct animation *animation) {
+    const struct tracks *t = &animation->tracks;
+    animation->times = model_times(animation->model, t->seconds, t->count);
     for (int i = 0; i < TRACK_COUNT; i++) {
         if (!t->poses[i])
             continue;
-        model_place(film->model, film->nodes[i], t->poses[i][0]);
+        model_place(animation->model, animation->nodes[i], t->poses[i][0]);
         if (!stands_still(t->poses[i], t->count))
-            model_move(film->model, film->nodes[i], film->times, t->poses[i], t->count);
+            model_move(animation->model, animation->nodes[i], animation->times, t->poses[i],
+                       t->count);
         if (t->shown[i])
-            show_track(film, film->nodes[i], t->shown[i]);
+            show_track(animation, animation->nodes[i], t->shown[i]);
     }
-    for (int i = 0; i < film->state_count; i++)
-        show_state(film, &film->states[i]);
+    for (int i = 0; i < animation->state_count; i++)
+        show_state(animation, &animation->states[i]);
 }
 
-static void describe(struct film *film) {
-    const struct trace_header *h = &film->contents.header;
+static void describe(struct animation *animation) {
+    const struct trace_header *h = &animation->contents.header;
     char text[2 * TRACE_HASH_SIZE + 1];
     bytes_text(h->session_id, sizeof h->session_id, text);
-    model_note(film->model, "session", text);
-    model_note(film->model, "case", h->case_name);
-    bytes_text(film->contents.hash, sizeof film->contents.hash, text);
-    model_note(film->model, "trace_hash", text);
-    snprintf(text, sizeof text, "%.9f", film->tracks.first_s);
-    model_note(film->model, "start_s", text);
+    model_note(animation->model, "session", text);
+    model_note(animation->model, "case", h->case_name);
+    bytes_text(animation->contents.hash, sizeof animation->contents.hash, text);
+    model_note(animation->model, "trace_hash", text);
+    snprintf(text, sizeof text, "%.9f", animation->tracks.first_s);
+    model_note(animation->model, "start_s", text);
 }
 
 // ---- the file -----------------------------------------------------------------------------------
 
-static enum result make(struct film *film, const char *path, struct error *err) {
+static enum result make(struct animation *animation, const char *path, struct error *err) {
     uint8_t *bytes = NULL;
     size_t size;
-    enum result result = tracks_create(&film->walk, &film->contents, &film->tracks, err);
+    enum result result =
+        tracks_create(&animation->walk, &animation->contents, &animation->tracks, err);
     if (result != RESULT_OK)
         return result;
-    build(film);
-    result = add_tissues(film, err);
+    build(animation);
+    result = add_tissues(animation, err);
     if (result == RESULT_OK) {
-        animate(film);
-        describe(film);
-        result = model_encode(film->model, &bytes, &size, err);
+        animate(animation);
+        describe(animation);
+        result = model_encode(animation->model, &bytes, &size, err);
     }
     if (result == RESULT_OK)
         result = draft_write(path, bytes, size, err);
     free(bytes);
-    tracks_fini(&film->tracks);
+    tracks_fini(&animation->tracks);
     return result;
 }
 
 enum result export_gltf(const struct export_request *request, const char *path, struct error *err) {
     CHECK(request->scene);
-    struct film film = {.walk = {.request = request, .passes = 2}};
-    enum result result = contents_read(request, &film.contents, err);
+    struct animation animation = {.walk = {.request = request, .passes = 2}};
+    enum result result = contents_read(request, &animation.contents, err);
     if (result != RESULT_OK)
         return result;
-    film.model = model_create();
-    result = make(&film, path, err);
-    model_destroy(&film.model);
-    free(film.states);
-    return result == RESULT_OK ? contents_end(&film.contents, err) : result;
+    animation.model = model_create();
+    result = make(&animation, path, err);
+    model_destroy(&animation.model);
+    free(animation.states);
+    return result == RESULT_OK ? contents_end(&animation.contents, err) : result;
 }

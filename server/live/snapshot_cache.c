@@ -54,14 +54,14 @@ static uint64_t rise(uint64_t now, uint64_t *before) {
 }
 
 static void tell_devices(struct station_cache *s, const struct station_counts *counts,
-                         const struct station_status *card, double passed_s, arthron_Place *out) {
-    out->devices_count = (pb_size_t)card->device_count;
-    for (int i = 0; i < card->device_count; i++) {
+                         const struct station_status *status, double passed_s, arthron_Place *out) {
+    out->devices_count = (pb_size_t)status->device_count;
+    for (int i = 0; i < status->device_count; i++) {
         const struct device_counts *c = &counts->devices[i];
         arthron_DeviceRate *d = &out->devices[i];
         double samples = (double)rise(atomic_load(&c->samples), &s->samples[i]);
-        snprintf(d->name, sizeof d->name, "%s", card->devices[i].name);
-        snprintf(d->driver, sizeof d->driver, "%s", card->devices[i].driver);
+        snprintf(d->name, sizeof d->name, "%s", status->devices[i].name);
+        snprintf(d->driver, sizeof d->driver, "%s", status->devices[i].driver);
         d->rate_hz = (float)(samples / passed_s);
         d->dropouts = (uint32_t)atomic_load(&c->dropouts);
         d->lost = atomic_load(&c->lost);

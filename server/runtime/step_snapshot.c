@@ -117,9 +117,9 @@ static arthron_InstrumentMoment instrument_to_wire(const struct snapshot_instrum
 _Static_assert(sizeof((arthron_Moment *)0)->events / sizeof(uint32_t) >= EVENT_COUNT,
                "every event is told");
 
-void snapshot_to_wire(const struct step_snapshot *m, uint32_t seat, arthron_Moment *out) {
+void snapshot_to_wire(const struct step_snapshot *m, uint32_t station, arthron_Moment *out) {
     *out = (arthron_Moment){
-        .seat = seat,
+        .seat = station,
         .step = m->step,
         .time_ns = m->since_ns,
         .state = (arthron_SessionState)m->state,

@@ -38,14 +38,14 @@ struct snapshot_maker {
     int64_t stepped_ns;                // of the step before; 0: none
 };
 
-void snapshot_begin(struct snapshot_maker *moments, uint64_t session, int64_t start_ns);
+void snapshot_begin(struct snapshot_maker *maker, uint64_t session, int64_t start_ns);
 
-// The next step: moments->now is of it. The velocity of a tip follows the way by which it was
+// The next step: maker->now is of it. The velocity of a tip follows the way by which it was
 // measured to go with a time constant of 50 ms, so that a tracker's noise does not add up to speed:
 //     v += (dt / (50 ms + dt)) (dx/dt − v)
-void snapshot_step(struct snapshot_maker *moments, const struct session_output *output);
+void snapshot_step(struct snapshot_maker *maker, const struct session_output *output);
 
-void snapshot_to_wire(const struct step_snapshot *moment, uint32_t seat,
+void snapshot_to_wire(const struct step_snapshot *snapshot, uint32_t station,
                       arthron_Moment *out_message);
 
 // How far apart they are for who asked for them.

@@ -1,4 +1,4 @@
-// The fit of a rigid instrument to its points' wishes: the sums of avatar.h. For avatar.c only.
+// The fit of a rigid instrument to its points' targets: the sums of avatar.h. For avatar.c only.
 #pragma once
 
 #include "warp/avatar.h"

@@ -2,7 +2,7 @@
 
 #include "base/check.h"
 #include "base/newest.h"
-#include "view/door.h"
+#include "view/admission.h"
 #include "websocket/ws_server.h"
 
 #include <stdatomic.h>
@@ -86,7 +86,7 @@ static void take_newest(void *user) {
             lws_callback_on_writable(view->viewers[i].socket);
 }
 
-// ---- the door -----------------------------------------------------------------------------------
+// ---- admission ----------------------------------------------------------------------------------
 
 // Empty where it was not sent or is too long to be one of ours.
 static const char *header(struct lws *socket, enum lws_token_indexes token, char *out, int size) {
@@ -99,7 +99,7 @@ static int judge(struct view *view, struct lws *socket) {
     char path[128], host[128], origin[128], subprotocol[128], argument[128];
     const char *token = lws_get_urlarg_by_name(socket, "token=", argument, sizeof argument);
     int origin_length = lws_hdr_total_length(socket, WSI_TOKEN_ORIGIN);
-    struct door_request request = {
+    struct admission_request request = {
         .path = header(socket, WSI_TOKEN_GET_URI, path, sizeof path),
         .host = header(socket, WSI_TOKEN_HOST, host, sizeof host),
         .origin = header(socket, WSI_TOKEN_ORIGIN, origin, sizeof origin),
@@ -108,7 +108,7 @@ static int judge(struct view *view, struct lws *socket) {
     };
     if (origin_length > 0 && !origin[0])
         return HTTP_STATUS_FORBIDDEN;
-    int status = door_judge(&view->config, view->token, &request);
+    int status = admission_status(&view->config, view->token, &request);
     return status || find_viewer(view, NULL) ? status : HTTP_STATUS_SERVICE_UNAVAILABLE;
 }
 

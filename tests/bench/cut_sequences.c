@@ -18,7 +18,7 @@ static const char *const kinds[BITE_KINDS] = {"nibble", "nearly the last", "thro
 #define ESTIMATE_POINTS 20000
 #define SLIVER_MM 1e-3
 
-struct tally {
+struct measured {
     struct samples ms, own_ms, of_kind[BITE_KINDS]; // all in ms
     struct samples touched, delta_bytes, slivers[3], growth[3];
     int retries, nothing, pieces;
@@ -61,26 +61,26 @@ static double sliver_share(const struct snapshot *surface) {
     return (double)slivers / surface->triangle_count;
 }
 
-static void count_change(const struct trial *trial, const struct biter *biter, struct tally *tally,
-                         struct cut_totals *totals) {
+static void count_change(const struct trial *trial, const struct biter *biter,
+                         struct measured *measured, struct cut_totals *totals) {
     const struct cut_change *change = &trial->change;
     double ms = 1e-6 * (double)trial->took_ns;
-    samples_add(&tally->ms, ms);
-    samples_add(&tally->own_ms, 1e-6 * (double)trial->own_ns);
-    samples_add(&tally->of_kind[biter->kind], ms);
-    samples_add(&tally->touched, change->freed_count + change->made_count);
-    samples_add(&tally->delta_bytes, (double)cut_change_bytes(trial->mesh, change));
-    tally->retries += change->retries;
-    tally->pieces += change->piece_count;
-    if (tally->ms.count % CHANGES_BETWEEN_ESTIMATES == 0)
-        totals->sigma = fmax(totals->sigma, sigmas_off(trial, &biter->last, tally->ms.count));
+    samples_add(&measured->ms, ms);
+    samples_add(&measured->own_ms, 1e-6 * (double)trial->own_ns);
+    samples_add(&measured->of_kind[biter->kind], ms);
+    samples_add(&measured->touched, change->freed_count + change->made_count);
+    samples_add(&measured->delta_bytes, (double)cut_change_bytes(trial->mesh, change));
+    measured->retries += change->retries;
+    measured->pieces += change->piece_count;
+    if (measured->ms.count % CHANGES_BETWEEN_ESTIMATES == 0)
+        totals->sigma = fmax(totals->sigma, sigmas_off(trial, &biter->last, measured->ms.count));
 }
 
 static int larger(int a, int b) {
     return a > b ? a : b;
 }
 
-static void run(const struct cut_plan *plan, int length, uint64_t seed, struct tally *tally,
+static void run(const struct cut_plan *plan, int length, uint64_t seed, struct measured *measured,
                 struct cut_totals *totals) {
     struct trial trial;
     struct biter *biter = alloc(1, sizeof *biter);
@@ -94,15 +94,16 @@ static void run(const struct cut_plan *plan, int length, uint64_t seed, struct t
         biter_next(biter, trial.mesh);
         trial_cut(&trial, biter->last.parts, biter->last.part_count);
         cut_count(totals, &trial, where, i);
-        tally->nothing += trial.outcome == CUT_NOTHING;
+        measured->nothing += trial.outcome == CUT_NOTHING;
         if (trial.outcome != CUT_CHANGED)
             continue;
-        count_change(&trial, biter, tally, totals);
+        count_change(&trial, biter, measured, totals);
         changes++;
     }
-    tally->crossings[length] = larger(tally->crossings[length], snapshot_crossings(&trial.now));
-    samples_add(&tally->slivers[length], sliver_share(&trial.now));
-    samples_add(&tally->growth[length],
+    measured->crossings[length] =
+        larger(measured->crossings[length], snapshot_crossings(&trial.now));
+    samples_add(&measured->slivers[length], sliver_share(&trial.now));
+    samples_add(&measured->growth[length],
                 (double)trial.now.triangle_count / plan->mesh->triangle_count);
     free(biter);
     trial_fini(&trial);
@@ -112,12 +113,12 @@ static void run(const struct cut_plan *plan, int length, uint64_t seed, struct t
 
 // What touches the whole mesh once, in ms: the reference beside the cuts.
 static void report_reference(const struct cut_plan *plan, double cut_ms, struct report *report,
-                             struct tally *tally) {
+                             struct measured *measured) {
     struct samples copy = {0}, flatten = {0};
     struct cut_mesh *mesh;
     struct error err;
     CHECK(cut_mesh_create(plan->mesh, &mesh, &err) == RESULT_OK);
-    tally->whole_bytes = (double)cut_mesh_bytes(mesh);
+    measured->whole_bytes = (double)cut_mesh_bytes(mesh);
     for (int i = 0; i < 25; i++) {
         struct mesh flat;
         int64_t start = clock_now_ns();
@@ -140,63 +141,64 @@ static void report_reference(const struct cut_plan *plan, double cut_ms, struct 
 }
 
 static void report_lengths(const struct cut_plan *plan, struct report *report,
-                           struct tally *tally) {
+                           struct measured *measured) {
     for (int i = 0; i < 3; i++) {
         if (!plan->sequences[i])
             continue;
-        report_figure(report, tally->crossings[i], "pairs", "%s/%d/self-intersections, most",
+        report_figure(report, measured->crossings[i], "pairs", "%s/%d/self-intersections, most",
                       plan->name, lengths[i]);
-        report_figure(report, samples_max(&tally->slivers[i]), "of triangles",
+        report_figure(report, samples_max(&measured->slivers[i]), "of triangles",
                       "%s/%d/slivers, most", plan->name, lengths[i]);
-        report_figure(report, samples_mean(&tally->growth[i]), "times", "%s/%d/growth of triangles",
-                      plan->name, lengths[i]);
-        samples_fini(&tally->slivers[i]);
-        samples_fini(&tally->growth[i]);
+        report_figure(report, samples_mean(&measured->growth[i]), "times",
+                      "%s/%d/growth of triangles", plan->name, lengths[i]);
+        samples_fini(&measured->slivers[i]);
+        samples_fini(&measured->growth[i]);
     }
 }
 
-static void report_cuts(const struct cut_plan *plan, struct report *report, struct tally *tally) {
+static void report_cuts(const struct cut_plan *plan, struct report *report,
+                        struct measured *measured) {
     const char *name = plan->name;
-    double p50 = samples_quantile(&tally->ms, 0.5);
-    report_figure(report, (double)tally->ms.count, "cuts", "%s/changes", name);
-    report_figure(report, tally->nothing, "cuts", "%s/cuts of nothing", name);
-    report_figure(report, tally->pieces, "pieces", "%s/pieces", name);
-    report_figure(report, tally->retries, "retries", "%s/retries", name);
-    report_figure(report, tally->crossings_before, "pairs", "%s/self-intersections before any cut",
-                  name);
+    double p50 = samples_quantile(&measured->ms, 0.5);
+    report_figure(report, (double)measured->ms.count, "cuts", "%s/changes", name);
+    report_figure(report, measured->nothing, "cuts", "%s/cuts of nothing", name);
+    report_figure(report, measured->pieces, "pieces", "%s/pieces", name);
+    report_figure(report, measured->retries, "retries", "%s/retries", name);
+    report_figure(report, measured->crossings_before, "pairs",
+                  "%s/self-intersections before any cut", name);
     report_figure(report, p50, "ms", "%s/p50", name);
-    report_figure(report, samples_quantile(&tally->ms, 0.95), "ms", "%s/p95", name);
-    report_figure(report, samples_max(&tally->ms), "ms", "%s/max", name);
-    report_figure(report, samples_quantile(&tally->own_ms, 0.5), "ms", "%s/thread's own time/p50",
-                  name);
-    report_figure(report, samples_quantile(&tally->own_ms, 0.95), "ms", "%s/thread's own time/p95",
-                  name);
-    report_figure(report, samples_max(&tally->own_ms), "ms", "%s/thread's own time/max", name);
+    report_figure(report, samples_quantile(&measured->ms, 0.95), "ms", "%s/p95", name);
+    report_figure(report, samples_max(&measured->ms), "ms", "%s/max", name);
+    report_figure(report, samples_quantile(&measured->own_ms, 0.5), "ms",
+                  "%s/thread's own time/p50", name);
+    report_figure(report, samples_quantile(&measured->own_ms, 0.95), "ms",
+                  "%s/thread's own time/p95", name);
+    report_figure(report, samples_max(&measured->own_ms), "ms", "%s/thread's own time/max", name);
     for (int kind = 0; kind < BITE_KINDS; kind++) {
-        report_figure(report, samples_quantile(&tally->of_kind[kind], 0.5), "ms", "%s/%s/p50", name,
-                      kinds[kind]);
-        samples_fini(&tally->of_kind[kind]);
+        report_figure(report, samples_quantile(&measured->of_kind[kind], 0.5), "ms", "%s/%s/p50",
+                      name, kinds[kind]);
+        samples_fini(&measured->of_kind[kind]);
     }
-    report_figure(report, samples_quantile(&tally->touched, 0.5), "triangles",
+    report_figure(report, samples_quantile(&measured->touched, 0.5), "triangles",
                   "%s/triangles freed and made, p50", name);
-    report_reference(plan, p50, report, tally);
-    report_figure(report, samples_quantile(&tally->delta_bytes, 0.5), "bytes",
+    report_reference(plan, p50, report, measured);
+    report_figure(report, samples_quantile(&measured->delta_bytes, 0.5), "bytes",
                   "%s/message of a change, p50", name);
-    report_figure(report, samples_quantile(&tally->delta_bytes, 0.95), "bytes",
+    report_figure(report, samples_quantile(&measured->delta_bytes, 0.95), "bytes",
                   "%s/message of a change, p95", name);
-    report_figure(report, tally->whole_bytes, "bytes", "%s/message of the mesh", name);
-    report_lengths(plan, report, tally);
+    report_figure(report, measured->whole_bytes, "bytes", "%s/message of the mesh", name);
+    report_lengths(plan, report, measured);
 }
 
-static void add_to_totals(const struct cut_plan *plan, const struct tally *tally,
+static void add_to_totals(const struct cut_plan *plan, const struct measured *measured,
                           struct cut_totals *totals) {
-    if (!tally->crossings_before) { // where a scan folds, what is cut out of it folds as well
-        totals->crossings_15 = larger(totals->crossings_15, tally->crossings[0]);
-        totals->crossings_300 = larger(totals->crossings_300, tally->crossings[2]);
+    if (!measured->crossings_before) { // where a scan folds, what is cut out of it folds as well
+        totals->crossings_15 = larger(totals->crossings_15, measured->crossings[0]);
+        totals->crossings_300 = larger(totals->crossings_300, measured->crossings[2]);
     }
-    for (size_t i = 0; i < tally->ms.count && plan->is_20k; i++) {
-        samples_add(&totals->ms_20k, tally->ms.values[i]);
-        samples_add(&totals->delta_share, tally->delta_bytes.values[i] / tally->whole_bytes);
+    for (size_t i = 0; i < measured->ms.count && plan->is_20k; i++) {
+        samples_add(&totals->ms_20k, measured->ms.values[i]);
+        samples_add(&totals->delta_share, measured->delta_bytes.values[i] / measured->whole_bytes);
     }
 }
 
@@ -209,14 +211,14 @@ static int crossings_of(const struct mesh *mesh) {
 }
 
 void cut_sequences(const struct cut_plan *plan, struct report *report, struct cut_totals *totals) {
-    struct tally tally = {.crossings_before = crossings_of(plan->mesh)};
+    struct measured measured = {.crossings_before = crossings_of(plan->mesh)};
     for (int length = 0; length < 3; length++)
         for (int i = 0; i < plan->sequences[length]; i++)
-            run(plan, length, (uint64_t)(1000 * lengths[length] + i), &tally, totals);
-    report_cuts(plan, report, &tally);
-    add_to_totals(plan, &tally, totals);
-    samples_fini(&tally.ms);
-    samples_fini(&tally.own_ms);
-    samples_fini(&tally.touched);
-    samples_fini(&tally.delta_bytes);
+            run(plan, length, (uint64_t)(1000 * lengths[length] + i), &measured, totals);
+    report_cuts(plan, report, &measured);
+    add_to_totals(plan, &measured, totals);
+    samples_fini(&measured.ms);
+    samples_fini(&measured.own_ms);
+    samples_fini(&measured.touched);
+    samples_fini(&measured.delta_bytes);
 }

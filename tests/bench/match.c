@@ -34,21 +34,21 @@ static const struct {
     double tolerance;
 } methods[METHOD_COUNT] = {{"match", 0}, {"bisection to 1e-9", 1e-9}, {"bisection to 1e-6", 1e-6}};
 
-struct tally {
+struct measured {
     struct samples ms[METHOD_COUNT], times, steps, changed, error, error_of_removed, apart_mm;
     int nibbles, widened, saturated;
     double removed_mm3, left_mm3;
 };
 
-static void tally_fini(struct tally *tally) {
+static void measured_fini(struct measured *measured) {
     for (int i = 0; i < METHOD_COUNT; i++)
-        samples_fini(&tally->ms[i]);
-    samples_fini(&tally->times);
-    samples_fini(&tally->steps);
-    samples_fini(&tally->changed);
-    samples_fini(&tally->error);
-    samples_fini(&tally->error_of_removed);
-    samples_fini(&tally->apart_mm);
+        samples_fini(&measured->ms[i]);
+    samples_fini(&measured->times);
+    samples_fini(&measured->steps);
+    samples_fini(&measured->changed);
+    samples_fini(&measured->error);
+    samples_fini(&measured->error_of_removed);
+    samples_fini(&measured->apart_mm);
 }
 
 // ---- nibbles: real cuts into a generated meniscus -----------------------------------------------
@@ -111,15 +111,15 @@ static void match_by(struct resection *resection, int method, const struct brush
                         methods[method].tolerance * MENISCUS_MM3, out);
 }
 
-static void tally_error(struct tally *tally, const struct match *match, double target,
-                        double removed) {
+static void measured_error(struct measured *measured, const struct match *match, double target,
+                           double removed) {
     double error = fabs(match_volume(match) - target);
-    samples_add(&tally->error, error / MENISCUS_MM3);
-    samples_add(&tally->error_of_removed, error / removed);
+    samples_add(&measured->error, error / MENISCUS_MM3);
+    samples_add(&measured->error_of_removed, error / removed);
 }
 
 static void match_nibble(struct resection *resection, const struct cut_change *change,
-                         double removed, struct tally *tally) {
+                         double removed, struct measured *measured) {
     struct brush brushes[PATCHES_MAX];
     int count = change->patch_count < PATCHES_MAX ? change->patch_count : PATCHES_MAX;
     for (int i = 0; i < count; i++)
@@ -130,23 +130,23 @@ static void match_nibble(struct resection *resection, const struct cut_change *c
         int64_t before = clock_now_ns();
         match_by(resection, i, brushes, count, change->volume_mm3, &reports[i]);
         ms[i] = 1e-6 * (double)(clock_now_ns() - before);
-        samples_add(&tally->ms[i], ms[i]);
+        samples_add(&measured->ms[i], ms[i]);
     }
-    tally->nibbles++;
-    tally->widened += reports[OURS].widening > 1;
-    samples_add(&tally->changed, reports[OURS].changed_count);
-    samples_add(&tally->steps, reports[OURS].steps);
+    measured->nibbles++;
+    measured->widened += reports[OURS].widening > 1;
+    samples_add(&measured->changed, reports[OURS].changed_count);
+    samples_add(&measured->steps, reports[OURS].steps);
     if (reports[OURS].outcome == MATCH_SATURATED) {
-        tally->saturated++;
+        measured->saturated++;
         return;
     }
-    samples_add(&tally->times, ms[BISECTION] / ms[OURS]);
-    tally_error(tally, resection->match, change->volume_mm3, removed);
+    samples_add(&measured->times, ms[BISECTION] / ms[OURS]);
+    measured_error(measured, resection->match, change->volume_mm3, removed);
 }
 
 // How far the surface that the cuts made is from S''.
 static enum result measure_apart(const struct resection *resection, const struct mesh *mesh,
-                                 struct tally *tally, struct error *err) {
+                                 struct measured *measured, struct error *err) {
     struct mesh warped;
     struct query *query = NULL;
     mesh_copy(&warped, mesh);
@@ -162,7 +162,7 @@ static enum result measure_apart(const struct resection *resection, const struct
         p = vec3_scale(1.0 / 3, vec3_add(p, cut_mesh_vertex(cut, v[2])));
         struct closest closest;
         query_closest(query, p, INFINITY, MESH_NONE, &closest);
-        samples_add(&tally->apart_mm, closest.distance);
+        samples_add(&measured->apart_mm, closest.distance);
     }
     query_destroy(&query);
     mesh_fini(&warped);
@@ -171,7 +171,7 @@ static enum result measure_apart(const struct resection *resection, const struct
 
 // Until nine tenths of what may go have gone.
 static enum result resect(const struct case_group *group, const struct match_surface *surface,
-                          struct random *r, struct tally *tally, struct error *err) {
+                          struct random *r, struct measured *measured, struct error *err) {
     struct resection resection;
     double whole = match_surface_volume(surface), least = match_surface_least(surface);
     double volume = whole;
@@ -182,19 +182,19 @@ static enum result resect(const struct case_group *group, const struct match_sur
         struct cut_change change = {0};
         if (result != RESULT_OK || cut_apply(resection.cut, &bite, 1, &change, err) != CUT_CHANGED)
             continue;
-        match_nibble(&resection, &change, volume - change.volume_mm3, tally);
+        match_nibble(&resection, &change, volume - change.volume_mm3, measured);
         volume = change.volume_mm3;
         cut_change_fini(&change);
     }
     if (result == RESULT_OK)
-        result = measure_apart(&resection, &group->mesh, tally, err);
-    tally->removed_mm3 += whole - volume;
-    tally->left_mm3 += match_volume(resection.match) - volume;
+        result = measure_apart(&resection, &group->mesh, measured, err);
+    measured->removed_mm3 += whole - volume;
+    measured->left_mm3 += match_volume(resection.match) - volume;
     resection_fini(&resection);
     return result;
 }
 
-static enum result resect_size(const struct size *size, int resections, struct tally *tally,
+static enum result resect_size(const struct size *size, int resections, struct measured *measured,
                                struct error *err) {
     struct case_group group = {.name = "meniscus_medial", .body = BODY_TIBIA, .cuttable = true};
     if (!tube_meniscus(false, MENISCUS_MM3, size->edge_mm, &group.mesh))
@@ -205,7 +205,7 @@ static enum result resect_size(const struct size *size, int resections, struct t
         surface = match_surface_create(&group.mesh, NULL, group.maxcut);
     for (uint64_t seed = 1; result == RESULT_OK && seed <= (uint64_t)resections; seed++) {
         struct random r = {seed};
-        result = resect(&group, surface, &r, tally, err);
+        result = resect(&group, surface, &r, measured, err);
     }
     match_surface_destroy(&surface);
     free(group.maxcut);
@@ -215,30 +215,32 @@ static enum result resect_size(const struct size *size, int resections, struct t
 
 // ---- the report ---------------------------------------------------------------------------------
 
-static void report_size(struct report *report, const char *size, struct tally *tally) {
+static void report_size(struct report *report, const char *size, struct measured *measured) {
     for (int i = 0; i < METHOD_COUNT; i++) {
-        report_figure(report, samples_quantile(&tally->ms[i], 0.5), "ms", "%s/%s/p50", size,
+        report_figure(report, samples_quantile(&measured->ms[i], 0.5), "ms", "%s/%s/p50", size,
                       methods[i].name);
-        report_figure(report, samples_quantile(&tally->ms[i], 0.95), "ms", "%s/%s/p95", size,
+        report_figure(report, samples_quantile(&measured->ms[i], 0.95), "ms", "%s/%s/p95", size,
                       methods[i].name);
     }
-    report_figure(report, samples_quantile(&tally->times, 0.05), "times",
+    report_figure(report, samples_quantile(&measured->times, 0.05), "times",
                   "%s/bisection over match/p5", size);
-    report_figure(report, tally->nibbles, "nibbles", "%s/changing cuts", size);
-    report_figure(report, samples_quantile(&tally->steps, 0.5), "steps", "%s/steps/p50", size);
-    report_figure(report, samples_max(&tally->steps), "steps", "%s/steps/largest", size);
-    report_figure(report, samples_quantile(&tally->changed, 0.5), "vertices", "%s/changed/p50",
+    report_figure(report, measured->nibbles, "nibbles", "%s/changing cuts", size);
+    report_figure(report, samples_quantile(&measured->steps, 0.5), "steps", "%s/steps/p50", size);
+    report_figure(report, samples_max(&measured->steps), "steps", "%s/steps/largest", size);
+    report_figure(report, samples_quantile(&measured->changed, 0.5), "vertices", "%s/changed/p50",
                   size);
-    report_figure(report, (double)tally->widened / tally->nibbles, "share", "%s/widened", size);
-    report_figure(report, (double)tally->saturated / tally->nibbles, "share", "%s/saturated", size);
-    report_figure(report, tally->left_mm3 / tally->removed_mm3, "share",
+    report_figure(report, (double)measured->widened / measured->nibbles, "share", "%s/widened",
+                  size);
+    report_figure(report, (double)measured->saturated / measured->nibbles, "share", "%s/saturated",
+                  size);
+    report_figure(report, measured->left_mm3 / measured->removed_mm3, "share",
                   "%s/left at the end, of all removed", size);
-    report_figure(report, samples_quantile(&tally->apart_mm, 0.5), "mm",
+    report_figure(report, samples_quantile(&measured->apart_mm, 0.5), "mm",
                   "%s/cut surface to S''/p50", size);
-    report_figure(report, samples_quantile(&tally->apart_mm, 0.95), "mm",
+    report_figure(report, samples_quantile(&measured->apart_mm, 0.95), "mm",
                   "%s/cut surface to S''/p95", size);
-    report_figure(report, samples_max(&tally->error), "of V", "%s/error/largest", size);
-    report_figure(report, samples_max(&tally->error_of_removed), "of it",
+    report_figure(report, samples_max(&measured->error), "of V", "%s/error/largest", size);
+    report_figure(report, samples_max(&measured->error_of_removed), "of it",
                   "%s/error of the bite/largest", size);
 }
 
@@ -246,13 +248,13 @@ enum result bench_match(const struct bench_options *options, struct report *repo
                         struct error *err) {
     double error = 0, times = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
-        struct tally tally = {0};
-        enum result result = resect_size(&sizes[i], options->quick ? 5 : 40, &tally, err);
+        struct measured measured = {0};
+        enum result result = resect_size(&sizes[i], options->quick ? 5 : 40, &measured, err);
         if (result == RESULT_OK)
-            report_size(report, sizes[i].name, &tally);
-        error = fmax(error, samples_max(&tally.error));
-        times = samples_quantile(&tally.times, 0.5); // of the last, the largest
-        tally_fini(&tally);
+            report_size(report, sizes[i].name, &measured);
+        error = fmax(error, samples_max(&measured.error));
+        times = samples_quantile(&measured.times, 0.5); // of the last, the largest
+        measured_fini(&measured);
         if (result != RESULT_OK)
             return result;
     }

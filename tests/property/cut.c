@@ -47,28 +47,28 @@ static void run_all(look *see, void *context) {
 
 // ---- what holds after each cut ------------------------------------------------------------------
 
-struct tally {
+struct counts {
     int cuts, changes, pieces, patches, of_kind[BITE_KINDS];
 };
 
 static void count(struct trial *trial, struct biter *biter, void *context) {
-    struct tally *tally = context;
-    tally->cuts++;
-    tally->changes += trial->outcome == CUT_CHANGED;
-    tally->of_kind[biter->kind] += trial->outcome == CUT_CHANGED;
-    tally->pieces += trial->change.piece_count;
-    tally->patches += trial->change.patch_count;
+    struct counts *counts = context;
+    counts->cuts++;
+    counts->changes += trial->outcome == CUT_CHANGED;
+    counts->of_kind[biter->kind] += trial->outcome == CUT_CHANGED;
+    counts->pieces += trial->change.piece_count;
+    counts->patches += trial->change.patch_count;
 }
 
 static void every_cut_leaves_one_closed_manifold_oriented_body_and_says_what_it_did(void **state) {
     (void)state;
-    struct tally tally = {0};
-    run_all(count, &tally);
-    assert_true(tally.changes > tally.cuts / 3);
-    assert_true(tally.patches >= tally.changes);
-    assert_true(tally.pieces > 10);
+    struct counts counts = {0};
+    run_all(count, &counts);
+    assert_true(counts.changes > counts.cuts / 3);
+    assert_true(counts.patches >= counts.changes);
+    assert_true(counts.pieces > 10);
     for (int kind = 0; kind < BITE_KINDS; kind++)
-        assert_true(tally.of_kind[kind] > 5);
+        assert_true(counts.of_kind[kind] > 5);
 }
 
 static void the_library_s_own_checker_agrees(void **state) {

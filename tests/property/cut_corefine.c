@@ -12,12 +12,12 @@
 // 1e-4 mm³ is none.
 #define AGREE_MM3 5e-4
 
-struct tally {
+struct counts {
     int compared, refused_there;
 };
 
 // `fresh`: each cut is made in a fresh mesh; otherwise they follow one another.
-static void compare(enum specimen specimen, uint64_t seed, bool fresh, struct tally *tally) {
+static void compare(enum specimen specimen, uint64_t seed, bool fresh, struct counts *counts) {
     struct mesh mesh;
     struct trial trial;
     struct biter *biter = malloc(sizeof *biter);
@@ -35,13 +35,13 @@ static void compare(enum specimen specimen, uint64_t seed, bool fresh, struct ta
         assert_true(trial.outcome != CUT_REFUSED);
         double due, pieces = 0;
         if (!corefine_difference(&trial.before, &biter->last.parts[0], &due)) {
-            tally->refused_there++;
+            counts->refused_there++;
             continue;
         }
         for (int k = 0; k < trial.change.piece_count; k++)
             pieces += trial.change.pieces[k].volume;
         assert_near(snapshot_volume(&trial.now) + pieces, due, AGREE_MM3);
-        tally->compared++;
+        counts->compared++;
     }
     free(biter);
     trial_fini(&trial);
@@ -49,12 +49,12 @@ static void compare(enum specimen specimen, uint64_t seed, bool fresh, struct ta
 }
 
 static void compare_all(bool fresh) {
-    struct tally tally = {0};
+    struct counts counts = {0};
     for (int specimen = 0; specimen < SPECIMENS; specimen++)
         for (uint64_t seed = 31; seed < 34; seed++)
-            compare((enum specimen)specimen, seed, fresh, &tally);
-    print_message("%d cuts compared, %d refused by CGAL\n", tally.compared, tally.refused_there);
-    assert_true(tally.compared > 250);
+            compare((enum specimen)specimen, seed, fresh, &counts);
+    print_message("%d cuts compared, %d refused by CGAL\n", counts.compared, counts.refused_there);
+    assert_true(counts.compared > 250);
 }
 
 static void one_cut_leaves_the_volume_that_corefinement_leaves(void **state) {

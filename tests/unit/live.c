@@ -43,8 +43,8 @@ struct page {
 };
 
 static void open_page(struct page *page, struct live_server *live,
-                      const struct live_account *guest) {
-    *page = (struct page){.live = live, .viewer = live_server_join(live, guest)};
+                      const struct live_account *account) {
+    *page = (struct page){.live = live, .viewer = live_server_join(live, account)};
     assert_non_null(page->viewer);
 }
 
@@ -224,9 +224,9 @@ static void draw_until(struct page *page, const int *count, int least) {
 
 // ---- an live --------------------------------------------------------------------------------
 
-static bool allow(void *user, const struct live_account *guest, const char *session) {
+static bool allow(void *user, const struct live_account *account, const char *session) {
     (void)user, (void)session;
-    return !strcmp(guest->role, "instructor");
+    return !strcmp(account->role, "instructor");
 }
 
 static struct live_server *open_live(struct sessions *sessions) {
@@ -652,7 +652,7 @@ static void ring(void *user) {
     atomic_fetch_add(&rung, 1);
 }
 
-static void the_bell_rings_for_what_a_page_waits_for(void **state) {
+static void a_page_is_rung_for_what_it_waits_for(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions);
@@ -686,7 +686,7 @@ int main(void) {
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),
         cmocka_unit_test(a_recorded_session_waits_for_its_page_and_not_for_others),
-        cmocka_unit_test(the_bell_rings_for_what_a_page_waits_for),
+        cmocka_unit_test(a_page_is_rung_for_what_it_waits_for),
     };
     return cmocka_run_group_tests_name("live", tests, hall_make, hall_remove);
 }

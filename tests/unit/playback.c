@@ -146,8 +146,8 @@ static void watch(struct page *page, struct live_server *live, const char *case_
     assert_true(live_server_take(live, page->viewer, &message));
 }
 
-static bool allow(void *user, const struct live_account *guest, const char *session) {
-    (void)user, (void)guest, (void)session;
+static bool allow(void *user, const struct live_account *account, const char *session) {
+    (void)user, (void)account, (void)session;
     return true;
 }
 

@@ -251,7 +251,7 @@ static void a_slow_viewer_skips_and_holds_up_nobody(void **state) {
     wait_for_viewers(false);
 }
 
-static void who_says_anything_is_sent_away(void **state) {
+static void a_viewer_that_says_anything_is_disconnected(void **state) {
     (void)state;
     static const char text[] = "hello";
     struct websocket *polite = look(), *rude = look(), *wild = look();
@@ -267,7 +267,7 @@ static void who_says_anything_is_sent_away(void **state) {
     wait_for_viewers(false);
 }
 
-static void a_port_that_is_taken_is_refused(void **state) {
+static void a_port_in_use_is_refused(void **state) {
     (void)state;
     struct view_config same = config;
     struct view *second = NULL;
@@ -275,7 +275,7 @@ static void a_port_that_is_taken_is_refused(void **state) {
     same.port = view_port(view);
     assert_int_equal(view_create(&same, &second, &err), RESULT_IO);
     assert_null(second);
-    assert_non_null(strstr(err.text, "taken"));
+    assert_non_null(strstr(err.text, "in use"));
 }
 
 static void *answer_something(void *argument) {
@@ -326,8 +326,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_is_no_websocket_is_not_found, begin, end),
         cmocka_unit_test_setup_teardown(the_ninth_viewer_is_refused_until_another_goes, begin, end),
         cmocka_unit_test_setup_teardown(a_slow_viewer_skips_and_holds_up_nobody, begin, end),
-        cmocka_unit_test_setup_teardown(who_says_anything_is_sent_away, begin, end),
-        cmocka_unit_test_setup_teardown(a_port_that_is_taken_is_refused, begin, end),
+        cmocka_unit_test_setup_teardown(a_viewer_that_says_anything_is_disconnected, begin, end),
+        cmocka_unit_test_setup_teardown(a_port_in_use_is_refused, begin, end),
         cmocka_unit_test_setup_teardown(what_has_a_port_is_told, begin, end),
         cmocka_unit_test_setup_teardown(viewers_are_sent_away_when_the_station_ends, begin, end),
     };

@@ -235,7 +235,7 @@ static void bad_messages_end_the_connection(void **state) {
         {"no message", WEBSOCKET_BINARY, true, "\xff\xff\xff\xff", 4, 1007},
         {"one cut short", WEBSOCKET_BINARY, true, "\x0a\x05\x08", 3, 1007},
         {"a length beyond its end", WEBSOCKET_BINARY, true, "\x0a\x7f\x08\x01", 4, 1007},
-        {"an unknown wish", WEBSOCKET_BINARY, true, "\x0a\x02\x08\x09", 4, 1007},
+        {"an unknown subscription", WEBSOCKET_BINARY, true, "\x0a\x02\x08\x09", 4, 1007},
         {"an unknown command", WEBSOCKET_BINARY, true, "\x1a\x03\x08\xff\x01", 5, 1007},
         {"drawn before sent", WEBSOCKET_BINARY, true, "\x12\x09\x09\x05\0\0\0\0\0\0\0", 11, 1007},
         {"too long", WEBSOCKET_BINARY, true, (const char *)long_message, sizeof long_message, 1009},

@@ -1,4 +1,4 @@
-#include "view/door.h"
+#include "view/admission.h"
 
 #include <openssl/crypto.h>
 #include <string.h>
@@ -22,8 +22,8 @@ static bool origin_is_listed(const struct view_config *config, const char *origi
     return false;
 }
 
-int door_judge(const struct view_config *config, const char token[TOKEN_LENGTH + 1],
-               const struct door_request *request) {
+int admission_status(const struct view_config *config, const char token[TOKEN_LENGTH + 1],
+                     const struct admission_request *request) {
     if (!is_host(request->host, "localhost") && !is_host(request->host, "127.0.0.1"))
         return FORBIDDEN;
     if (strcmp(request->path, "/view"))

@@ -12,8 +12,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static char film_path[FOLDER_MAX + 32];
-static json_t *film; // the file's text
+static char scene_path[FOLDER_MAX + 32];
+static json_t *scene_file; // the file's text
 static uint8_t *file_bytes;
 static const uint8_t *data; // and its numbers
 static size_t file_size, data_size;
@@ -29,16 +29,16 @@ static uint32_t u32_at(const uint8_t *bytes) {
     return value;
 }
 
-static void close_film(void) {
-    json_decref(film);
+static void close_scene(void) {
+    json_decref(scene_file);
     free(file_bytes);
-    film = NULL;
+    scene_file = NULL;
     file_bytes = NULL;
 }
 
-static void open_film(void) {
+static void open_scene(void) {
     struct stat status;
-    FILE *file = fopen(film_path, "rbe");
+    FILE *file = fopen(scene_path, "rbe");
     assert_non_null(file);
     assert_int_equal(fstat(fileno(file), &status), 0);
     file_size = (size_t)status.st_size;
@@ -46,8 +46,8 @@ static void open_film(void) {
     assert_int_equal(fread(file_bytes, 1, file_size, file), file_size);
     fclose(file);
     size_t text = u32_at(file_bytes + 12);
-    film = json_loadb((const char *)file_bytes + 20, text, 0, NULL);
-    assert_non_null(film);
+    scene_file = json_loadb((const char *)file_bytes + 20, text, 0, NULL);
+    assert_non_null(scene_file);
     data = file_bytes + 20 + text + 8;
     data_size = u32_at(file_bytes + 20 + text);
 }
@@ -55,25 +55,25 @@ static void open_film(void) {
 static int make(void **state) {
     if (make_bites(state) != 0)
         return -1;
-    snprintf(film_path, sizeof film_path, "%s.glb", trace_path);
+    snprintf(scene_path, sizeof scene_path, "%s.glb", trace_path);
     struct export_request request = request_of(played.scene);
     struct error err = {""};
-    if (export_gltf(&request, film_path, &err) != RESULT_OK)
+    if (export_gltf(&request, scene_path, &err) != RESULT_OK)
         return print_error("%s\n", err.text), -1;
-    open_film();
+    open_scene();
     return 0;
 }
 
 static int clear(void **state) {
-    close_film();
-    unlink(film_path);
+    close_scene();
+    unlink(scene_path);
     return remove_session(state);
 }
 
 // ---- reading ------------------------------------------------------------------------------------
 
 static json_t *list(const char *name) {
-    json_t *value = json_object_get(film, name);
+    json_t *value = json_object_get(scene_file, name);
     assert_true(json_is_array(value));
     return value;
 }
@@ -242,10 +242,10 @@ static void signs_of_rotations_turn_nothing(void **state) {
     struct trace_header header = bites_header();
     struct export_request request = request_of(played.scene);
     struct error err = {""};
-    close_film();
+    close_scene();
     record(&header, 1, turn_back);
-    assert_int_equal(export_gltf(&request, film_path, &err), RESULT_OK);
-    open_film();
+    assert_int_equal(export_gltf(&request, scene_path, &err), RESULT_OK);
+    open_scene();
     compare_with_record("probe", true, CHANNEL_PROBE);
 }
 
@@ -264,10 +264,10 @@ static void poses_that_are_none_are_left_out(void **state) {
     struct export_request request = request_of(played.scene);
     struct error err = {""};
     struct values times, values;
-    close_film();
+    close_scene();
     record(&header, 1, break_pose);
-    assert_int_equal(export_gltf(&request, film_path, &err), RESULT_OK);
-    open_film();
+    assert_int_equal(export_gltf(&request, scene_path, &err), RESULT_OK);
+    open_scene();
     assert_true(curve_of(node_named("probe"), "translation", &times, &values));
     for (size_t i = 0; i < values.count; i++)
         assert_true(isfinite(value_at(&values, i, 0)));
@@ -347,11 +347,11 @@ static void a_span_begins_at_0_with_what_was_cut_before(void **state) {
     struct error err = {""};
     size_t after = indices_of(seen_at(8));
     assert_int_not_equal(after, indices_of(seen_at(0)));
-    close_film();
+    close_scene();
     request.from_s = 8;
     request.to_s = 9.5;
-    assert_int_equal(export_gltf(&request, film_path, &err), RESULT_OK);
-    open_film();
+    assert_int_equal(export_gltf(&request, scene_path, &err), RESULT_OK);
+    open_scene();
     struct values times, places;
     assert_true(curve_of(node_named("probe"), "translation", &times, &places));
     assert_true(value_at(&times, 0, 0) == 0);
@@ -359,7 +359,7 @@ static void a_span_begins_at_0_with_what_was_cut_before(void **state) {
     assert_int_equal(indices_of(seen_at(0)), after);
     request.from_s = 1e6;
     request.to_s = 1e7;
-    assert_int_equal(export_gltf(&request, film_path, &err), RESULT_MISSING);
+    assert_int_equal(export_gltf(&request, scene_path, &err), RESULT_MISSING);
     request = request_of(played.scene);
     assert_int_equal(export_gltf(&request, "/nowhere/a.glb", &err), RESULT_IO);
     assert_non_null(strstr(err.text, "/nowhere/a.glb"));
@@ -368,10 +368,10 @@ static void a_span_begins_at_0_with_what_was_cut_before(void **state) {
 static void the_program_finds_the_case_that_the_trace_names(void **state) {
     (void)state;
     char line[500];
-    snprintf(line, sizeof line, "%s export %s --gltf %s", TRACE_PROGRAM, trace_path, film_path);
+    snprintf(line, sizeof line, "%s export %s --gltf %s", TRACE_PROGRAM, trace_path, scene_path);
     assert_int_equal(system(line), 0);
     snprintf(line, sizeof line, "%s export %s --case /nowhere --gltf %s 2>&1 | grep -q /nowhere",
-             TRACE_PROGRAM, trace_path, film_path);
+             TRACE_PROGRAM, trace_path, scene_path);
     assert_int_equal(system(line), 0);
 }
 
@@ -386,5 +386,5 @@ int main(void) {
         cmocka_unit_test(signs_of_rotations_turn_nothing),
         cmocka_unit_test(the_program_finds_the_case_that_the_trace_names),
     };
-    return cmocka_run_group_tests_name("film", tests, make, clear);
+    return cmocka_run_group_tests_name("animation", tests, make, clear);
 }

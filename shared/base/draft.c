@@ -32,7 +32,8 @@ enum result draft_open(const char *path, struct draft *d, struct error *err) {
         return RESULT_OK;
     int problem = errno;
     release(d);
-    return fail(err, RESULT_IO, "%s: %s", path, strerror(problem));
+    return fail(err, problem == ENOENT ? RESULT_MISSING : RESULT_IO, "%s: %s", path,
+                strerror(problem));
 }
 
 bool draft_is_good(struct draft *d) {

@@ -14,7 +14,7 @@ struct draft {
     int trouble; // errno of what failed first while it was written, else 0
 };
 
-// RESULT_IO where it cannot be made.
+// RESULT_MISSING where its folder is not there, RESULT_IO where it cannot be made.
 enum result draft_open(const char *path, struct draft *out_draft, struct error *err);
 
 // Remembers what went wrong, right after a write: errno holds until then. True where nothing did.

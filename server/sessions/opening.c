@@ -64,6 +64,24 @@ void opening_about(struct sessions *s, const struct trace_header *header, int sc
     snprintf(out->trace, sizeof out->trace, "%s", trace);
 }
 
+struct hand_over {
+    struct sessions *sessions;
+    int station;
+    struct session_runtime *session;
+};
+
+static void give_to_worker(void *user) {
+    struct hand_over *h = user;
+    runtime_attach(h->sessions->runtime, h->station, h->session);
+}
+
+void opening_hand_over(struct sessions *s, int station, const struct session_about *about,
+                       struct session_runtime *session, struct remarks *said) {
+    struct hand_over handing = {s, station, session};
+    station_slot_attached(&s->slots[station], about, session->state, said, give_to_worker,
+                          &handing);
+}
+
 void opening_attach(struct sessions *s, int station, struct open_session *session,
                     const struct trace_header *header, int scene, const char *trace) {
     struct session_runtime *runtime = &session->runtime;
@@ -74,12 +92,11 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     runtime->metrics = (struct live_metrics){.session = about.serial, .scene = runtime->scene};
     metrics_init(&runtime->metrics.metrics, header->optic);
     session_row_begin(header, trace, &session->row);
-    station_slot_attached(&s->slots[station], &about, runtime->state, NULL);
     recorder_put(s->recorder, &session->row);
     audit_server(s, station, "open", session->row.id);
     log_info("sessions", "station %s: session on case %s, trace %s", station_name(s, station),
              scene_case(runtime->scene)->name, trace);
-    runtime_attach(s->runtime, station, runtime);
+    opening_hand_over(s, station, &about, runtime, NULL);
 }
 
 static enum result open_session(struct sessions *s, int station, struct error *err) {

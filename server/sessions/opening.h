@@ -24,6 +24,11 @@ enum result opening_run(struct sessions *sessions, int station, struct error *er
 void opening_about(struct sessions *sessions, const struct trace_header *header, int scene,
                    const char *trace, struct session_about *out_about);
 
+// The slot, which the caller has claimed, and the worker get the session at once; it may have ended
+// when this returns. said: as station_slot_attached has it.
+void opening_hand_over(struct sessions *sessions, int station, const struct session_about *about,
+                       struct session_runtime *session, struct remarks *said);
+
 // Session and trace are there: the slot, which the caller has claimed, the records and the log
 // learn of it, and the worker gets it.
 void opening_attach(struct sessions *sessions, int station, struct open_session *session,

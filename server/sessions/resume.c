@@ -188,10 +188,9 @@ static void attach(struct resumed *r) {
     runtime->serial = about.serial;
     runtime->snapshots.now.session = runtime->metrics.session = about.serial;
     session_row_begin(&r->restored.header, r->path, &r->restored.session->row);
-    station_slot_attached(&s->slots[r->station], &about, runtime->state, &r->restored.remarks);
     recorder_put(s->recorder, &r->restored.session->row);
-    runtime_attach(s->runtime, r->station, runtime);
     r->restored.session = NULL;
+    opening_hand_over(s, r->station, &about, runtime, &r->restored.remarks);
 }
 
 // True where the session goes on.

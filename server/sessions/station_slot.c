@@ -83,7 +83,8 @@ bool station_slot_claim_needed(struct station_slot *slot, int64_t now_ns) {
 }
 
 void station_slot_attached(struct station_slot *slot, const struct session_about *about,
-                           enum session_state state, struct remarks *said) {
+                           enum session_state state, struct remarks *said, void (*give)(void *user),
+                           void *user) {
     struct station_status *s = begin(slot);
     CHECK(s->phase == SLOT_OPENING && state != SESSION_CLOSED);
     s->phase = SLOT_ATTACHED;
@@ -92,6 +93,7 @@ void station_slot_attached(struct station_slot *slot, const struct session_about
     s->scene = about->scene;
     s->has_tissues = true;
     remarks_begin(&slot->remarks, about->serial, said);
+    give(user);
     end(slot);
 }
 

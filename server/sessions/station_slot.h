@@ -96,9 +96,12 @@ void station_slot_status(struct station_slot *slot, struct station_status *out_s
 bool station_slot_claim(struct station_slot *slot, const uint8_t id[16]);
 // The same, where a connected station has no session and none was stopped by command.
 bool station_slot_claim_needed(struct station_slot *slot, int64_t now_ns);
-// OPENING → ATTACHED. said: remarks of an earlier server, taken over, or NULL.
+// OPENING → ATTACHED. said: remarks of an earlier server, taken over, or NULL. give: hands the
+// session to its worker, under the lock, so that no request to the session goes ahead of it; it
+// must not wait.
 void station_slot_attached(struct station_slot *slot, const struct session_about *about,
-                           enum session_state state, struct remarks *said);
+                           enum session_state state, struct remarks *said, void (*give)(void *user),
+                           void *user);
 // OPENING → EMPTY.
 void station_slot_failed(struct station_slot *slot, int64_t retry_ns);
 // ATTACHED → ENDING: a command stops the session.

@@ -4,7 +4,9 @@
 #include "base/clock.h"
 #include "test.h"
 
+#include <stdatomic.h>
 #include <string.h>
+#include <time.h>
 
 static struct station_slot slot;
 static const struct control_peer peer = {3, 7};
@@ -33,10 +35,19 @@ static bool join(uint64_t connection) {
     return station_slot_join(&slot, peer, &hello, &status);
 }
 
+static atomic_bool worker_has_it;
+
+// So slowly that who waits for the session is there first, if it can be.
+static void give(void *user) {
+    (void)user;
+    nanosleep(&(struct timespec){.tv_nsec = 20 * NS_PER_MS}, NULL);
+    atomic_store(&worker_has_it, true);
+}
+
 static void attach(uint64_t serial) {
     struct session_about about = {.serial = serial};
     memcpy(about.id, now().session_id, sizeof about.id);
-    station_slot_attached(&slot, &about, SESSION_WAITING, NULL);
+    station_slot_attached(&slot, &about, SESSION_WAITING, NULL, give, NULL);
 }
 
 // ---- id and phase -------------------------------------------------------------------------------
@@ -116,6 +127,27 @@ static void a_station_is_connected_from_one_place(void **state) {
 
 // ---- waiting ------------------------------------------------------------------------------------
 
+static void *wait_for_session(void *user) {
+    bool *had_it = user;
+    bool came = station_slot_wait_open(&slot, clock_now_ns() + 60 * NS_PER_S);
+    *had_it = came && atomic_load(&worker_has_it);
+    return NULL;
+}
+
+// Else what the one who waited asks of the session would be there before the session.
+static void who_waits_for_a_session_goes_on_when_its_worker_has_it(void **state) {
+    (void)state;
+    pthread_t thread;
+    bool had_it = false;
+    atomic_store(&worker_has_it, false);
+    assert_true(station_slot_claim(&slot, NULL));
+    assert_int_equal(pthread_create(&thread, NULL, wait_for_session, &had_it), 0);
+    nanosleep(&(struct timespec){.tv_nsec = 20 * NS_PER_MS}, NULL);
+    attach(1);
+    pthread_join(thread, NULL);
+    assert_true(had_it);
+}
+
 static void a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off(void **state) {
     (void)state;
     bool done;
@@ -166,6 +198,7 @@ int main(void) {
         SLOT_TEST(an_opening_that_failed_is_tried_again_later),
         SLOT_TEST(a_link_that_blips_does_not_begin_what_was_stopped),
         SLOT_TEST(a_station_is_connected_from_one_place),
+        SLOT_TEST(who_waits_for_a_session_goes_on_when_its_worker_has_it),
         SLOT_TEST(a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off),
         SLOT_TEST(an_undo_is_answered_by_all_of_its_jobs),
         SLOT_TEST(an_undo_ends_unanswered_with_its_session),

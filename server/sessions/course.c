@@ -50,5 +50,8 @@ bool course_stop(struct sessions *s, int station, arthron_CommandReply *reply) {
     if (status.phase == SLOT_EMPTY)
         return reply->ok = true;
     station_slot_ending(slot);
-    return course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply);
+    if (course_input(s, station, INPUT_STOP, SESSION_CLOSED, reply) || station_slot_goes_on(slot))
+        return reply->ok;
+    reply->text[0] = '\0';
+    return reply->ok = true;
 }

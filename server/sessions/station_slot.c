@@ -113,6 +113,15 @@ void station_slot_ending(struct station_slot *slot) {
     end(slot);
 }
 
+bool station_slot_goes_on(struct station_slot *slot) {
+    struct station_status *s = begin(slot);
+    bool goes_on = s->phase != SLOT_EMPTY;
+    if (s->phase == SLOT_ENDING)
+        s->phase = SLOT_ATTACHED;
+    end(slot);
+    return goes_on;
+}
+
 void station_slot_set_state(struct station_slot *slot, uint64_t session, enum session_state state) {
     struct station_status *s = begin(slot);
     bool is_of_it = s->phase == SLOT_ATTACHED || s->phase == SLOT_ENDING;

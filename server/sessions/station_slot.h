@@ -4,6 +4,7 @@
 //     EMPTY ── claim ──> OPENING ── attached ──> ATTACHED ── ending ──> ENDING
 //       ^                   │ failed                │ closed               │ closed
 //       └───────────────────┴───────────────────────┴──────────────────────┘
+// A stop that the worker does not take leads from ENDING back to ATTACHED.
 //
 // Whoever claims the slot opens the session. The claim makes the session's id, so that a station
 // that connects meanwhile is told the id that the session gets.
@@ -106,6 +107,8 @@ void station_slot_attached(struct station_slot *slot, const struct session_about
 void station_slot_failed(struct station_slot *slot, int64_t retry_ns);
 // ATTACHED → ENDING: a command stops the session.
 void station_slot_ending(struct station_slot *slot);
+// ENDING → ATTACHED: the worker did not stop it. False where the session has ended all the same.
+bool station_slot_goes_on(struct station_slot *slot);
 // The worker says so. CLOSED: ATTACHED or ENDING → EMPTY. Not of this session: no change.
 void station_slot_set_state(struct station_slot *slot, uint64_t session, enum session_state state);
 void station_slot_set_tissues(struct station_slot *slot, uint64_t session);

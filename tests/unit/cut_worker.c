@@ -204,6 +204,21 @@ static void what_was_cut_is_not_told_of_another_case(void **state) {
     sessions_destroy(&sessions);
 }
 
+// By its worker, or by the one who was faster.
+static void who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    for (int i = 0; i < 20; i++) {
+        runtime_input(sessions_runtime(sessions), 0, INPUT_STOP, 0);
+        const arthron_CommandReply *reply = hall_try(sessions, arthron_Command_Kind_STOP);
+        if (!reply->ok)
+            assert_string_equal(reply->text, "station room-1 has no session");
+        hall_command(sessions, arthron_Command_Kind_START);
+    }
+    sessions_destroy(&sessions);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
@@ -212,6 +227,7 @@ int main(void) {
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
+        cmocka_unit_test(who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on),
         cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };
     return cmocka_run_group_tests_name("cut_worker", tests, hall_make, hall_remove);

@@ -92,6 +92,21 @@ static void what_is_said_of_another_session_changes_nothing(void **state) {
     assert_int_equal(now().phase, SLOT_EMPTY);
 }
 
+static void a_session_that_its_worker_did_not_stop_goes_on(void **state) {
+    (void)state;
+    assert_false(station_slot_goes_on(&slot));
+    assert_true(station_slot_claim(&slot, NULL));
+    attach(2);
+    station_slot_ending(&slot);
+    assert_true(station_slot_goes_on(&slot));
+    assert_true(station_slot_wait_open(&slot, clock_now_ns()));
+    assert_int_equal(now().phase, SLOT_ATTACHED);
+    station_slot_ending(&slot);
+    station_slot_set_state(&slot, 2, SESSION_CLOSED);
+    assert_false(station_slot_goes_on(&slot));
+    assert_int_equal(now().phase, SLOT_EMPTY);
+}
+
 static void an_opening_that_failed_is_tried_again_later(void **state) {
     (void)state;
     int64_t now_ns = clock_now_ns();
@@ -195,6 +210,7 @@ int main(void) {
         SLOT_TEST(a_station_that_comes_again_while_its_session_is_opened_gets_that_session),
         SLOT_TEST(each_session_has_an_id_of_its_own),
         SLOT_TEST(what_is_said_of_another_session_changes_nothing),
+        SLOT_TEST(a_session_that_its_worker_did_not_stop_goes_on),
         SLOT_TEST(an_opening_that_failed_is_tried_again_later),
         SLOT_TEST(a_link_that_blips_does_not_begin_what_was_stopped),
         SLOT_TEST(a_station_is_connected_from_one_place),

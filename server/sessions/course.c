@@ -23,19 +23,23 @@ bool course_input(struct sessions *s, int station, enum input_kind kind,
     return reply->ok = true;
 }
 
+// The session manager may be faster: then its session is waited for.
 bool course_open(struct sessions *s, int station, arthron_CommandReply *reply) {
     struct station_slot *slot = &s->slots[station];
     struct station_status status;
     struct error err;
-    station_slot_wait_open(slot, clock_now_ns() + OPEN_WAIT_NS);
-    station_slot_status(slot, &status);
-    if (status.phase == SLOT_ATTACHED)
-        return true;
-    if (!status.connected)
-        return reply_refuse(reply, "station %s is not connected", station_name(s, station));
-    if (!station_slot_claim(slot, NULL))
-        return reply_refuse(reply, "station %s: its session is being opened or ended",
-                            station_name(s, station));
+    int64_t until_ns = clock_now_ns() + OPEN_WAIT_NS;
+    do {
+        bool waited = station_slot_wait_open(slot, until_ns);
+        station_slot_status(slot, &status);
+        if (status.phase == SLOT_ATTACHED)
+            return true;
+        if (!status.connected)
+            return reply_refuse(reply, "station %s is not connected", station_name(s, station));
+        if (!waited)
+            return reply_refuse(reply, "station %s: its session is being opened or ended",
+                                station_name(s, station));
+    } while (!station_slot_claim(slot, NULL));
     if (opening_run(s, station, &err) != RESULT_OK)
         return reply_refuse(reply, "%s", err.text);
     return true;

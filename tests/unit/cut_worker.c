@@ -219,6 +219,15 @@ static void who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on(void
     sessions_destroy(&sessions);
 }
 
+static void a_case_is_changed_whoever_opens_the_session(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    for (int i = 0; i < 300; i++)
+        hall_command(sessions, arthron_Command_Kind_CASE);
+    sessions_destroy(&sessions);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
@@ -228,6 +237,7 @@ int main(void) {
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
         cmocka_unit_test(who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on),
+        cmocka_unit_test(a_case_is_changed_whoever_opens_the_session),
         cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
     };
     return cmocka_run_group_tests_name("cut_worker", tests, hall_make, hall_remove);

@@ -8,8 +8,8 @@
 
 struct page_command {
     struct live_server *live;
-    int viewer;      // index
-    uint32_t number; // of the viewer
+    struct ring *answers; // of the viewer's place, which another page may have by now
+    uint32_t number;      // of the viewer
     char actor[64];
     const char *refusal; // or NULL
     arthron_Command command;
@@ -36,7 +36,7 @@ static int64_t run(void *data) {
     struct page_command *c = data;
     struct parcel *parcel = answer(c);
     CHECK(parcel);
-    if (!ring_push(c->live->viewers[c->viewer].answers, &parcel))
+    if (!ring_push(c->answers, &parcel))
         free(parcel);
     live_news(c->live);
     return TASK_DONE;
@@ -51,12 +51,13 @@ bool command_runner_add(struct live_server *live, const struct viewer *viewer,
                         const arthron_Command *command, const char *refusal) {
     struct page_command *c = alloc(1, sizeof *c);
     c->live = live;
-    c->viewer = (int)(viewer - live->viewers);
+    c->answers = viewer->answers;
     c->number = viewer->number;
     c->refusal = refusal;
     c->command = *command;
     snprintf(c->actor, sizeof c->actor, "%s", viewer->account.name);
-    struct task task = {.key = (uint64_t)c->viewer + 1, .run = run, .finish = finish, .data = c};
+    struct task task = {
+        .key = (uint64_t)(viewer - live->viewers) + 1, .run = run, .finish = finish, .data = c};
     bool added = task_pool_add(live->commands, &task);
     if (!added)
         free(c);

@@ -497,6 +497,30 @@ static void a_command_that_waits_holds_up_no_other_page(void **state) {
     sessions_destroy(&sessions);
 }
 
+// While its command is under way the place goes from page to page.
+static void who_comes_after_a_page_gets_none_of_its_answers(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    struct page page;
+    hall_join(sessions);
+    open_page(&page, live, &instructor);
+    hall_hold_commands(sessions);
+    command(&page, arthron_Command_Kind_PAUSE, "");
+    close_page(&page);
+    hall_let_commands_go(sessions);
+    while (hall_status(sessions).state != SESSION_PAUSED) {
+        open_page(&page, live, &instructor);
+        close_page(&page);
+    }
+    open_page(&page, live, &instructor);
+    draw_for(&page, 50);
+    assert_int_equal(page.replies, 0);
+    close_page(&page);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
 // And answered in order: first those that found room.
 static void a_command_behind_too_many_others_is_refused(void **state) {
     (void)state;
@@ -682,6 +706,7 @@ int main(void) {
         cmocka_unit_test(commands_are_answered_in_order_by_role),
         cmocka_unit_test(who_looks_again_is_told_of_all_remarks_again),
         cmocka_unit_test(a_command_that_waits_holds_up_no_other_page),
+        cmocka_unit_test(who_comes_after_a_page_gets_none_of_its_answers),
         cmocka_unit_test(a_command_behind_too_many_others_is_refused),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),

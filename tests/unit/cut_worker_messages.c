@@ -1,9 +1,11 @@
 // A cut worker that always has something to cut still hears its stations.
+#include "base/clock.h"
 #include "runtime/cut_worker.h"
 #include "test.h"
 #include "unit/case_knee.h"
 
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #define ON_THEIR_WAY 200
@@ -99,9 +101,44 @@ static void a_station_is_heard_while_there_is_always_something_to_cut(void **sta
     close_worker(&worker, &session);
 }
 
+// ---- pages --------------------------------------------------------------------------------------
+
+static atomic_int notices;
+static atomic_bool notified;
+
+static void notice_slowly(void *user) {
+    (void)user;
+    atomic_fetch_add(&notices, 1);
+    nanosleep(&(struct timespec){.tv_nsec = 50 * NS_PER_MS}, NULL);
+    atomic_store(&notified, true);
+}
+
+static void *put(void *user) {
+    struct mesh_payload *payload = mesh_payload_create("meniscus", 0, 1, 0);
+    mailbox_put(user, 0, 1, payload);
+    mesh_payload_release(&payload);
+    return NULL;
+}
+
+static void nobody_is_notified_of_a_mailbox_that_was_left(void **state) {
+    (void)state;
+    pthread_t thread;
+    struct mailbox *mailbox = mailbox_create(notice_slowly, NULL);
+    assert_int_equal(pthread_create(&thread, NULL, put, mailbox), 0);
+    while (!atomic_load(&notices))
+        ;
+    mailbox_leave(mailbox);
+    assert_true(atomic_load(&notified));
+    pthread_join(thread, NULL);
+    put(mailbox);
+    assert_int_equal(atomic_load(&notices), 1);
+    mailbox_release(&mailbox);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_station_is_heard_while_there_is_always_something_to_cut),
+        cmocka_unit_test(nobody_is_notified_of_a_mailbox_that_was_left),
     };
     return cmocka_run_group_tests_name("cut_worker_messages", tests, NULL, NULL);
 }

@@ -202,6 +202,23 @@ class Conversation(House):
         sent = [line.value.sent_ns for line in said("station", "ping")]
         self.assertEqual([pong.sent_ns for pong in self.played.heard["pong"]], sent)
 
+    def connects_again(self):
+        """With the same Hello, as after a lost link: the same session, and nothing of the meshes that it has."""
+        self.played.close()
+        again = Played(self.port, self.path("keys-room-1"))
+        self.addCleanup(again.close)
+        again.wait_for("session_change")
+        welcome = again.heard["welcome"][0]
+        self.assertTrue(welcome.resumed)
+        self.assertEqual(welcome.session_id, self.played.heard["welcome"][0].session_id)
+        self.assertEqual(again.heard["session_change"][0].state, pb.RUNNING)
+        have = [pb.MeshState(group=group, number=number, hash=hash_)
+                for group, (number, hash_) in self.played.meshes.items()]
+        again.say(mesh_ask=pb.MeshAsk(have=have))
+        again.wait_for("resection")
+        again.hear(again.now_ns() + 10**9)
+        self.assertNotIn("mesh_chunk", again.heard)
+
     def test_the_station_gets_what_it_got(self):
         self.welcome()
         self.played.play()
@@ -211,6 +228,7 @@ class Conversation(House):
         self.meshes_and_resections()
         session = self.session()
         self.assertEqual([session[f] for f in ("frames_lost", "frames_invalid", "frames_early")], [0, 0, 0])
+        self.connects_again()
 
 
 if __name__ == "__main__":

@@ -133,7 +133,7 @@ static void land(struct worker *worker, struct station_runtime *station,
         .kind = INPUT_JOB, .time_ns = step_now_ns(station), .job = result->job, .result = result};
     struct session_output output;
     step_input(worker, station, &input, &output);
-    if (result->kind == JOB_UNDO)
+    if (result->kind == JOB_UNDO && output.landed.job) // else a reset came between
         notify_undone(worker, station, session, result);
 }
 

@@ -155,6 +155,22 @@ static void of_undos_at_once_each_has_its_own_answer(void **state) {
     sessions_destroy(&sessions);
 }
 
+// What the reset made void is no answer to whoever asks next.
+static void an_undo_behind_a_reset_has_nothing_to_undo(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    hall_shave(sessions);
+    hall_command(sessions, arthron_Command_Kind_PAUSE);
+    hall_last_tissues(sessions);
+    runtime_input(sessions_runtime(sessions), 0, INPUT_UNDO, 0);
+    runtime_input(sessions_runtime(sessions), 0, INPUT_RESET, 0);
+    const arthron_CommandReply *reply = hall_try(sessions, arthron_Command_Kind_UNDO);
+    assert_false(reply->ok);
+    assert_string_equal(reply->text, "station room-1: there is no cut to be undone");
+    sessions_destroy(&sessions);
+}
+
 static void where_nothing_can_be_cut_an_undo_is_refused_each_time(void **state) {
     (void)state;
     const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
@@ -234,6 +250,7 @@ int main(void) {
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
         cmocka_unit_test(a_reset_is_answered_when_it_is_done),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
+        cmocka_unit_test(an_undo_behind_a_reset_has_nothing_to_undo),
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
         cmocka_unit_test(who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on),

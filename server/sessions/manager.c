@@ -19,8 +19,7 @@
 struct manager {
     struct sessions *sessions;
     pthread_t thread;
-    bool runs;
-    atomic_bool stop;
+    atomic_bool opens; // between manager_start and manager_stop
     sem_t wake;
     struct task_pool *pool;
     bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
@@ -68,7 +67,7 @@ static void give_task(struct sessions *s, struct station_task what) {
 }
 
 void manager_open(struct sessions *s, int station) {
-    if (!atomic_load(&s->manager->stop) &&
+    if (atomic_load(&s->manager->opens) &&
         station_slot_claim_needed(&s->slots[station], clock_now_ns()))
         give_task(s, (struct station_task){.sessions = s, .station = station});
 }
@@ -153,7 +152,7 @@ static void wait_for_work(struct manager *m, int64_t until_ns) {
 static void *manage(void *argument) {
     struct sessions *s = argument;
     int64_t round_ns = clock_now_ns() + ROUND_NS;
-    while (!atomic_load(&s->manager->stop)) {
+    while (atomic_load(&s->manager->opens)) {
         take_notices(s);
         for (int i = 0; i < s->config.station_count; i++)
             manager_open(s, i);
@@ -176,17 +175,15 @@ void manager_create(struct sessions *s) {
 }
 
 void manager_start(struct sessions *s) {
+    atomic_store(&s->manager->opens, true);
     int failed = pthread_create(&s->manager->thread, NULL, manage, s);
     CHECK(!failed);
-    s->manager->runs = true;
 }
 
 void manager_stop(struct sessions *s) {
     struct manager *m = s->manager;
-    if (!m || !m->runs)
+    if (!m || !atomic_exchange(&m->opens, false))
         return;
-    m->runs = false;
-    atomic_store(&m->stop, true);
     sem_post(&m->wake);
     pthread_join(m->thread, NULL);
     task_pool_drain(m->pool);

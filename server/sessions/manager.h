@@ -11,6 +11,7 @@ void manager_stop(struct sessions *sessions);   // no session is opened any more
 void manager_destroy(struct sessions *sessions);
 
 // Has a session opened where the station needs one and has none. From any thread, never waits.
+// Does nothing before manager_start, which looks at all stations.
 void manager_open(struct sessions *sessions, int station);
 
 // Wakes the manager: a notice has come, or a station may need a session. From any thread, never

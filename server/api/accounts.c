@@ -29,7 +29,7 @@ static void take_token(void *user, const struct store_cell *cells, int count) {
     json_decref(row);
 }
 
-void get_tokens(struct call *call) {
+void get_tokens(struct api_call *call) {
     struct error err = {""};
     struct own own = {json_array(), &call->principal};
     enum result result =
@@ -41,7 +41,7 @@ void get_tokens(struct call *call) {
         json_decref(all);
 }
 
-void post_tokens(struct call *call) {
+void post_tokens(struct api_call *call) {
     static const char *const fields[] = {"name", NULL};
     char secret[SECRET_MAX], hash[SECRET_MAX];
     const char *name;
@@ -66,7 +66,7 @@ void post_tokens(struct call *call) {
                               secret, "until_utc_s", call_seconds(until_ns)));
 }
 
-void delete_token(struct call *call) {
+void delete_token(struct api_call *call) {
     struct error err = {""};
     int64_t id;
     if (!number_int(call->args[0], 1, INT64_MAX, &id))
@@ -87,7 +87,7 @@ static void take_account(void *array, const struct store_cell *cells, int count)
     json_array_append_new(array, row);
 }
 
-void get_accounts(struct call *call) {
+void get_accounts(struct api_call *call) {
     struct error err = {""};
     json_t *accounts = json_array();
     enum result result = store_rows(call->store, LIST_ACCOUNTS, NULL, take_account, accounts, &err);
@@ -99,7 +99,7 @@ void get_accounts(struct call *call) {
 }
 
 // Otherwise a technician could make an instructor, and sign in as one.
-static bool may_manage(struct call *call, enum store_role role) {
+static bool may_manage(struct api_call *call, enum store_role role) {
     if (call->principal.role == ROLE_INSTRUCTOR || role == call->principal.role)
         return true;
     call_refuse(call, 403, "not_allowed", NULL, "A %s manages accounts of that role only.",
@@ -108,13 +108,13 @@ static bool may_manage(struct call *call, enum store_role role) {
 }
 
 // The account of the path.
-static bool find_managed(struct call *call, struct store_principal *out) {
+static bool find_managed(struct api_call *call, struct store_principal *out) {
     struct error err = {""};
     return call_check(call, store_find_account(call->store, call->args[0], out, &err), &err) &&
            may_manage(call, out->role);
 }
 
-static bool need_role(struct call *call, enum store_role *out_role) {
+static bool need_role(struct api_call *call, enum store_role *out_role) {
     const char *role;
     if (!call_need_text(call, "role", &role))
         return false;
@@ -125,14 +125,14 @@ static bool need_role(struct call *call, enum store_role *out_role) {
 }
 
 // Encoding takes long: somebody may have signed the caller out meanwhile.
-static bool encode(struct call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
+static bool encode(struct api_call *call, const char *password, char encoded[PASSWORD_ENCODED]) {
     call_close_store(call);
     password_encode(password, encoded);
     return call_open_store(call) && call_is_still_in(call);
 }
 
 // An account with the role trainee belongs to a trainee, any other to none.
-static bool take_trainee(struct call *call, enum store_role role, const char **out_trainee) {
+static bool take_trainee(struct api_call *call, enum store_role role, const char **out_trainee) {
     const char *trainee = call_text(call, "trainee");
     *out_trainee = trainee && trainee[0] ? trainee : NULL;
     if ((role == ROLE_TRAINEE) == (*out_trainee != NULL))
@@ -143,7 +143,7 @@ static bool take_trainee(struct call *call, enum store_role role, const char **o
     return false;
 }
 
-void post_accounts(struct call *call) {
+void post_accounts(struct api_call *call) {
     static const char *const fields[] = {"name", "role", "password", "trainee", NULL};
     const char *name, *password, *trainee;
     char encoded[PASSWORD_ENCODED];
@@ -160,7 +160,7 @@ void post_accounts(struct call *call) {
                               store_role_name(role), "trainee", trainee ? trainee : ""));
 }
 
-static bool change_role(struct call *call, const struct store_principal *account) {
+static bool change_role(struct api_call *call, const struct store_principal *account) {
     enum store_role role;
     struct error err = {""};
     if (!call_text(call, "role"))
@@ -177,7 +177,7 @@ static bool change_role(struct call *call, const struct store_principal *account
 }
 
 // The path's argument becomes the new name.
-static bool change_name(struct call *call) {
+static bool change_name(struct api_call *call) {
     const char *name;
     struct error err = {""};
     if (!call_text(call, "name"))
@@ -189,13 +189,13 @@ static bool change_name(struct call *call) {
     return true;
 }
 
-static bool change_password(struct call *call, const char *encoded) {
+static bool change_password(struct api_call *call, const char *encoded) {
     struct error err = {""};
     return !encoded[0] ||
            call_check(call, store_set_password(call->store, call->args[0], encoded, &err), &err);
 }
 
-void patch_account(struct call *call) {
+void patch_account(struct api_call *call) {
     static const char *const fields[] = {"password", "role", "name", NULL};
     const char *password = NULL;
     char encoded[PASSWORD_ENCODED] = "";
@@ -216,7 +216,7 @@ void patch_account(struct call *call) {
         call_done(call);
 }
 
-void post_account_sign_out(struct call *call) {
+void post_account_sign_out(struct api_call *call) {
     static const char *const fields[] = {NULL};
     struct store_principal account;
     struct error err = {""};
@@ -225,7 +225,7 @@ void post_account_sign_out(struct call *call) {
         call_done(call);
 }
 
-void delete_account(struct call *call) {
+void delete_account(struct api_call *call) {
     struct store_principal account;
     struct error err = {""};
     if (find_managed(call, &account) &&

@@ -15,7 +15,7 @@
 
 // ---- answers ------------------------------------------------------------------------------------
 
-void call_answer(struct call *call, int status, json_t *json) {
+void call_answer(struct api_call *call, int status, json_t *json) {
     CHECK(json);
     struct web_response *r = call->response;
     r->status = status;
@@ -25,11 +25,11 @@ void call_answer(struct call *call, int status, json_t *json) {
     json_decref(json);
 }
 
-void call_done(struct call *call) {
+void call_done(struct api_call *call) {
     call->response->status = 204;
 }
 
-void call_refuse(struct call *call, int status, const char *code, const char *field,
+void call_refuse(struct api_call *call, int status, const char *code, const char *field,
                  const char *format, ...) {
     char text[512];
     va_list args;
@@ -53,7 +53,7 @@ static const struct {
 };
 
 // Without the path of the records, which is nobody's business.
-static const char *without_path(const struct call *call, const char *text) {
+static const char *without_path(const struct api_call *call, const char *text) {
     size_t length = strlen(call->api->config.records);
     bool named = !strncmp(text, call->api->config.records, length) && text[length] == ':';
     return named ? text + length + 2 : text;
@@ -68,7 +68,7 @@ static void make_sentence(const char *text, char *out, size_t size) {
         memcpy(out + length, ".", 2);
 }
 
-bool call_check(struct call *call, enum result result, const struct error *err) {
+bool call_check(struct api_call *call, enum result result, const struct error *err) {
     char text[sizeof err->text + 2];
     if (result == RESULT_OK)
         return true;
@@ -105,7 +105,7 @@ static int depth_of(const char *text, size_t size) {
     return most;
 }
 
-static json_t *parse(struct call *call) {
+static json_t *parse(struct api_call *call) {
     json_error_t why;
     const struct web_request *r = call->request;
     if (r->size > WEB_BODY_MAX || depth_of(r->body, r->size) > DEPTH_MAX) {
@@ -133,7 +133,7 @@ static bool is_among(const char *name, const char *const *names) {
     return false;
 }
 
-bool call_take_body(struct call *call, const char *const *fields) {
+bool call_take_body(struct api_call *call, const char *const *fields) {
     const char *key;
     json_t *value;
     call->body = parse(call);
@@ -152,11 +152,11 @@ bool call_take_body(struct call *call, const char *const *fields) {
     return true;
 }
 
-const char *call_text(const struct call *call, const char *field) {
+const char *call_text(const struct api_call *call, const char *field) {
     return json_string_value(json_object_get(call->body, field));
 }
 
-bool call_need_text(struct call *call, const char *field, const char **out_text) {
+bool call_need_text(struct api_call *call, const char *field, const char **out_text) {
     *out_text = call_text(call, field);
     if (!*out_text)
         call_refuse(call, 400, "wrong_field", field, "The field '%s' is missing.", field);
@@ -170,7 +170,7 @@ static bool has_control(const char *text) {
     return false;
 }
 
-bool call_need_name(struct call *call, const char *field, const char **out_name) {
+bool call_need_name(struct api_call *call, const char *field, const char **out_name) {
     if (!call_need_text(call, field, out_name))
         return false;
     const char *name = *out_name;
@@ -184,7 +184,7 @@ bool call_need_name(struct call *call, const char *field, const char **out_name)
     return good;
 }
 
-bool call_need_password(struct call *call, const char *field, const char **out_password) {
+bool call_need_password(struct api_call *call, const char *field, const char **out_password) {
     struct error err;
     if (!call_need_text(call, field, out_password))
         return false;
@@ -221,7 +221,7 @@ static const char *unescape(const char *at, char end, char *out, size_t size) {
 }
 
 // Takes one parameter. Returns where the next one begins, or NULL after a refusal.
-static const char *take_parameter(struct call *call, const char *at, struct call_query *query) {
+static const char *take_parameter(struct api_call *call, const char *at, struct call_query *query) {
     char name[32], value[STORE_TEXT_MAX] = "";
     const char *next = unescape(at, '=', name, sizeof name);
     if (next && *next == '=')
@@ -243,7 +243,7 @@ static const char *take_parameter(struct call *call, const char *at, struct call
     return NULL;
 }
 
-bool call_take_query(struct call *call, struct call_query *query) {
+bool call_take_query(struct api_call *call, struct call_query *query) {
     const char *at = call->request->query;
     while (at && *at)
         at = take_parameter(call, at, query);
@@ -254,7 +254,7 @@ const char *call_parameter(const struct call_query *query, int index) {
     return query->given[index] ? query->values[index] : NULL;
 }
 
-bool call_take_limit(struct call *call, const struct call_query *query, int index, int most,
+bool call_take_limit(struct api_call *call, const struct call_query *query, int index, int most,
                      int usual, int *out_limit) {
     int64_t number = usual;
     const char *text = call_parameter(query, index);
@@ -268,18 +268,18 @@ bool call_take_limit(struct call *call, const struct call_query *query, int inde
 
 // ---- records ------------------------------------------------------------------------------------
 
-bool call_open_store(struct call *call) {
+bool call_open_store(struct api_call *call) {
     struct error err = {""};
     const char *actor = call->is_signed_in ? call->principal.actor : "server";
     return call_check(
         call, store_open(call->api->config.records, STORE_MAKE, actor, &call->store, &err), &err);
 }
 
-void call_close_store(struct call *call) {
+void call_close_store(struct api_call *call) {
     store_close(&call->store);
 }
 
-bool call_is_still_in(struct call *call) {
+bool call_is_still_in(struct api_call *call) {
     char hash[SECRET_MAX];
     struct error err = {""};
     secret_hash(call->request->token, hash);

@@ -21,7 +21,7 @@ struct api {
     char first_secret[65]; // guarded by first_lock; empty: none, or used
 };
 
-struct call {
+struct api_call {
     struct api *api;
     const struct web_request *request;
     struct web_response *response;
@@ -35,29 +35,29 @@ struct call {
 // ---- answers ------------------------------------------------------------------------------------
 
 // Takes the json.
-void call_answer(struct call *call, int status, json_t *json);
-void call_done(struct call *call); // 204
+void call_answer(struct api_call *call, int status, json_t *json);
+void call_done(struct api_call *call); // 204
 
 // field: the field at fault, or NULL. The text is a sentence for people.
-void call_refuse(struct call *call, int status, const char *code, const char *field,
+void call_refuse(struct api_call *call, int status, const char *code, const char *field,
                  const char *format, ...) __attribute__((format(printf, 5, 6)));
 
 // Answers an error of another room, and returns whether there was none. An error that concerns only
 // the server's administrator goes to the log.
-bool call_check(struct call *call, enum result result, const struct error *err);
+bool call_check(struct api_call *call, enum result result, const struct error *err);
 
 // ---- arguments ----------------------------------------------------------------------------------
 
 // Reads the body: an object of strings with no fields but these (NULL ends them). False, here and
 // below: the request has been refused.
-bool call_take_body(struct call *call, const char *const *fields);
+bool call_take_body(struct api_call *call, const char *const *fields);
 
 // NULL: left out, or null.
-const char *call_text(const struct call *call, const char *field);
-bool call_need_text(struct call *call, const char *field, const char **out_text);
+const char *call_text(const struct api_call *call, const char *field);
+bool call_need_text(struct api_call *call, const char *field, const char **out_text);
 // A name that can be a part of a path: 1 to 63 bytes, printable, without '/'.
-bool call_need_name(struct call *call, const char *field, const char **out_name);
-bool call_need_password(struct call *call, const char *field, const char **out_password);
+bool call_need_name(struct api_call *call, const char *field, const char **out_name);
+bool call_need_password(struct api_call *call, const char *field, const char **out_password);
 
 // Reads the parameters of the query. Refuses one that is unknown, repeated or too long.
 #define CALL_PARAMETERS_MAX 8
@@ -66,19 +66,19 @@ struct call_query {
     char values[CALL_PARAMETERS_MAX][STORE_TEXT_MAX];
     bool given[CALL_PARAMETERS_MAX];
 };
-bool call_take_query(struct call *call, struct call_query *query);
+bool call_take_query(struct api_call *call, struct call_query *query);
 const char *call_parameter(const struct call_query *query, int index); // NULL: not given
-bool call_take_limit(struct call *call, const struct call_query *query, int index, int most,
+bool call_take_limit(struct api_call *call, const struct call_query *query, int index, int most,
                      int usual, int *out_limit);
 
 // ---- records ------------------------------------------------------------------------------------
 
 // Close them before anything that takes long.
-bool call_open_store(struct call *call);
-void call_close_store(struct call *call);
+bool call_open_store(struct api_call *call);
+void call_close_store(struct api_call *call);
 
 // Whether the principal is still signed in, after the records were closed for a while.
-bool call_is_still_in(struct call *call);
+bool call_is_still_in(struct api_call *call);
 
 // A row as an object: times in ns (x_utc_ns) become seconds (x_utc_s).
 json_t *call_row(const struct store_cell *cells, int count);

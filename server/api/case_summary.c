@@ -15,15 +15,15 @@
 
 static const char *const files[FILES] = {"case.json", "anatomy.glb"};
 
-struct stamp {
+struct file_stamp {
     int64_t changed_ns, size;
 };
 
 struct summary {
     bool is_read;
-    struct stamp stamps[FILES]; // when it was read
-    uint64_t hash;              // 0: it cannot be read
-    json_t *row;                // without its grade
+    struct file_stamp stamps[FILES]; // when it was read
+    uint64_t hash;                   // 0: it cannot be read
+    json_t *row;                     // without its grade
     char broken[sizeof((struct error){0}).text];
 };
 
@@ -56,7 +56,7 @@ void case_summaries_destroy(struct case_summaries **summaries) {
 
 // ---- the case -----------------------------------------------------------------------------------
 
-static void take_stamps(const char *dir, struct stamp out[FILES]) {
+static void take_stamps(const char *dir, struct file_stamp out[FILES]) {
     for (int i = 0; i < FILES; i++) {
         char path[1024];
         struct stat status = {0};
@@ -122,7 +122,7 @@ json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[
     CHECK(index >= 0 && index < summaries->count);
     const struct api_case *about = &summaries->cases[index];
     struct summary *summary = &summaries->entries[index];
-    struct stamp stamps[FILES];
+    struct file_stamp stamps[FILES];
     pthread_mutex_lock(&summaries->lock);
     take_stamps(about->dir, stamps);
     if (!summary->is_read || memcmp(stamps, summary->stamps, sizeof stamps) != 0)

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-void get_cases(struct call *call) {
+void get_cases(struct api_call *call) {
     char hash[17];
     call_close_store(call);
     json_t *cases = json_array();
@@ -17,7 +17,7 @@ void get_cases(struct call *call) {
 }
 
 // -1 after a refusal.
-static int find_case(struct call *call) {
+static int find_case(struct api_call *call) {
     call_close_store(call);
     for (int i = 0; i < call->api->config.case_count; i++)
         if (!strcmp(call->api->config.cases[i].name, call->args[0]))
@@ -27,7 +27,7 @@ static int find_case(struct call *call) {
     return -1;
 }
 
-void get_case(struct call *call) {
+void get_case(struct api_call *call) {
     char path[sizeof call->response->file], hash[17];
     int index = find_case(call);
     if (index < 0)
@@ -39,7 +39,8 @@ void get_case(struct call *call) {
                           "check", check ? check : json_null()));
 }
 
-static void answer_file(struct call *call, const char *dir, const char *name, const char *type) {
+static void answer_file(struct api_call *call, const char *dir, const char *name,
+                        const char *type) {
     struct web_response *r = call->response;
     struct stat status;
     int length = snprintf(r->file, sizeof r->file, "%s/%s", dir, name);
@@ -57,7 +58,7 @@ static void answer_file(struct call *call, const char *dir, const char *name, co
 }
 
 // A file of the case; its ETag is the hash of the case.
-static void answer_case_file(struct call *call, const char *name, const char *type) {
+static void answer_case_file(struct api_call *call, const char *name, const char *type) {
     char hash[17];
     int index = find_case(call);
     if (index < 0)
@@ -68,15 +69,15 @@ static void answer_case_file(struct call *call, const char *name, const char *ty
         snprintf(call->response->etag, sizeof call->response->etag, "%s", hash);
 }
 
-void get_case_manifest(struct call *call) {
+void get_case_manifest(struct api_call *call) {
     answer_case_file(call, "case.json", "application/json");
 }
 
-void get_case_anatomy(struct call *call) {
+void get_case_anatomy(struct api_call *call) {
     answer_case_file(call, "anatomy.glb", "model/gltf-binary");
 }
 
-void get_case_check(struct call *call) {
+void get_case_check(struct api_call *call) {
     int index = find_case(call);
     if (index >= 0)
         answer_file(call, call->api->config.cases[index].dir, GRADE_FILE, "application/json");

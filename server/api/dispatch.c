@@ -105,7 +105,7 @@ enum result api_enter(void *user, const char *token, struct web_account *out) {
 }
 
 // Whether the principal may use the route; else refuses the request.
-static bool authorize(struct call *call, const struct route *route) {
+static bool authorize(struct api_call *call, const struct route *route) {
     struct error err = {""};
     enum result result = find_principal(call->store, call->request->token, &call->is_signed_in,
                                         &call->principal, &err);
@@ -124,7 +124,7 @@ static bool authorize(struct call *call, const struct route *route) {
 }
 
 void api_answer(void *user, const struct web_request *request, struct web_response *response) {
-    struct call call = {.api = user, .request = request, .response = response};
+    struct api_call call = {.api = user, .request = request, .response = response};
     bool there;
     const struct route *route = routes_find(request->method, request->path, call.args, &there);
     if (!route && there)

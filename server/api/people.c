@@ -4,7 +4,7 @@
 #include <string.h>
 
 // Answers {key: rows}, or the error of reading them.
-static void answer_rows(struct call *call, const char *key, json_t *rows, enum result result,
+static void answer_rows(struct api_call *call, const char *key, json_t *rows, enum result result,
                         const struct error *err) {
     json_t *all = json_pack("{s:o}", key, rows);
     if (call_check(call, result, err))
@@ -23,14 +23,14 @@ static void take_trainee(void *array, const struct store_cell *cells, int count)
     json_array_append_new(array, row);
 }
 
-void get_trainees(struct call *call) {
+void get_trainees(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result = store_rows(call->store, LIST_TRAINEES, NULL, take_trainee, rows, &err);
     answer_rows(call, "trainees", rows, result, &err);
 }
 
-void post_trainees(struct call *call) {
+void post_trainees(struct api_call *call) {
     static const char *const fields[] = {"name", "full_name", NULL};
     const char *name;
     struct error err = {""};
@@ -45,12 +45,12 @@ void post_trainees(struct call *call) {
 }
 
 // False after a refusal. *out_name: the new one, or NULL.
-static bool take_new_name(struct call *call, const char **out_name) {
+static bool take_new_name(struct api_call *call, const char **out_name) {
     *out_name = call_text(call, "name");
     return !*out_name || call_need_name(call, "name", out_name);
 }
 
-void patch_trainee(struct call *call) {
+void patch_trainee(struct api_call *call) {
     static const char *const fields[] = {"name", "full_name", NULL};
     const char *name;
     struct error err = {""};
@@ -65,7 +65,7 @@ void patch_trainee(struct call *call) {
         call_done(call);
 }
 
-void delete_trainee(struct call *call) {
+void delete_trainee(struct api_call *call) {
     struct error err = {""};
     if (call_check(call, store_remove_trainee(call->store, call->args[0], &err), &err))
         call_done(call);
@@ -76,7 +76,7 @@ static void take_id(void *array, const struct store_cell *cells, int count) {
     json_array_append_new(array, json_string(cells[0].text));
 }
 
-void post_trainee_erase(struct call *call) {
+void post_trainee_erase(struct api_call *call) {
     static const char *const fields[] = {NULL};
     char pseudonym[STORE_NAME_MAX];
     struct error err = {""};
@@ -92,7 +92,7 @@ void post_trainee_erase(struct call *call) {
         json_decref(all);
 }
 
-void post_trainee_sign_out(struct call *call) {
+void post_trainee_sign_out(struct api_call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
@@ -100,7 +100,7 @@ void post_trainee_sign_out(struct call *call) {
         call_done(call);
 }
 
-void post_trainee_code(struct call *call) {
+void post_trainee_code(struct api_call *call) {
     static const char *const fields[] = {NULL};
     char code[SECRET_CODE_MAX], hash[SECRET_MAX];
     int64_t until_ns;
@@ -116,14 +116,14 @@ void post_trainee_code(struct call *call) {
 
 // ---- courses ------------------------------------------------------------------------------------
 
-void get_courses(struct call *call) {
+void get_courses(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result = store_rows(call->store, LIST_COURSES, NULL, call_take_row, rows, &err);
     answer_rows(call, "courses", rows, result, &err);
 }
 
-void post_courses(struct call *call) {
+void post_courses(struct api_call *call) {
     static const char *const fields[] = {"name", NULL};
     const char *name;
     struct error err = {""};
@@ -132,7 +132,7 @@ void post_courses(struct call *call) {
         call_answer(call, 201, json_pack("{s:{s:s}}", "course", "name", name));
 }
 
-static bool find_course(struct call *call) {
+static bool find_course(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result =
@@ -146,7 +146,7 @@ static bool find_course(struct call *call) {
     return there;
 }
 
-void get_course(struct call *call) {
+void get_course(struct api_call *call) {
     struct error err = {""};
     if (!find_course(call))
         return;
@@ -159,7 +159,7 @@ void get_course(struct call *call) {
         json_decref(all);
 }
 
-void post_course_trainees(struct call *call) {
+void post_course_trainees(struct api_call *call) {
     static const char *const fields[] = {"trainee", NULL};
     const char *trainee;
     struct error err = {""};
@@ -168,7 +168,7 @@ void post_course_trainees(struct call *call) {
         call_done(call);
 }
 
-void patch_course(struct call *call) {
+void patch_course(struct api_call *call) {
     static const char *const fields[] = {"name", NULL};
     const char *name;
     struct error err = {""};
@@ -177,13 +177,13 @@ void patch_course(struct call *call) {
         call_done(call);
 }
 
-void delete_course(struct call *call) {
+void delete_course(struct api_call *call) {
     struct error err = {""};
     if (call_check(call, store_remove_course(call->store, call->args[0], &err), &err))
         call_done(call);
 }
 
-void delete_course_trainee(struct call *call) {
+void delete_course_trainee(struct api_call *call) {
     struct error err = {""};
     if (call_check(call, store_unenrol(call->store, call->args[1], call->args[0], &err), &err))
         call_done(call);

@@ -19,7 +19,7 @@ struct route {
     const char *method;
     const char *path; // behind API_PREFIX; * is one part of any name
     int roles;
-    void (*answer)(struct call *call); // with the store open
+    void (*answer)(struct api_call *call); // with the store open
 };
 
 extern const struct route routes[];
@@ -33,51 +33,51 @@ const struct route *routes_find(const char *method, const char *path,
 // ---- what they answer: sign_in.c, accounts.c, people.c, stations.c, cases.c, sessions.c
 // ----------------------
 
-void post_sign_in(struct call *call);
-void post_first(struct call *call);
-void post_sign_out(struct call *call);
-void get_me(struct call *call);
-void post_my_sign_out(struct call *call);
-void patch_me(struct call *call);
+void post_sign_in(struct api_call *call);
+void post_first(struct api_call *call);
+void post_sign_out(struct api_call *call);
+void get_me(struct api_call *call);
+void post_my_sign_out(struct api_call *call);
+void patch_me(struct api_call *call);
 
-void get_tokens(struct call *call);
-void post_tokens(struct call *call);
-void delete_token(struct call *call);
-void get_accounts(struct call *call);
-void post_accounts(struct call *call);
-void patch_account(struct call *call);
-void delete_account(struct call *call);
-void post_account_sign_out(struct call *call);
+void get_tokens(struct api_call *call);
+void post_tokens(struct api_call *call);
+void delete_token(struct api_call *call);
+void get_accounts(struct api_call *call);
+void post_accounts(struct api_call *call);
+void patch_account(struct api_call *call);
+void delete_account(struct api_call *call);
+void post_account_sign_out(struct api_call *call);
 
-void get_trainees(struct call *call);
-void post_trainees(struct call *call);
-void patch_trainee(struct call *call);
-void delete_trainee(struct call *call);
-void post_trainee_erase(struct call *call);
-void post_trainee_sign_out(struct call *call);
-void post_trainee_code(struct call *call);
-void get_courses(struct call *call);
-void post_courses(struct call *call);
-void get_course(struct call *call);
-void patch_course(struct call *call);
-void delete_course(struct call *call);
-void post_course_trainees(struct call *call);
-void delete_course_trainee(struct call *call);
+void get_trainees(struct api_call *call);
+void post_trainees(struct api_call *call);
+void patch_trainee(struct api_call *call);
+void delete_trainee(struct api_call *call);
+void post_trainee_erase(struct api_call *call);
+void post_trainee_sign_out(struct api_call *call);
+void post_trainee_code(struct api_call *call);
+void get_courses(struct api_call *call);
+void post_courses(struct api_call *call);
+void get_course(struct api_call *call);
+void patch_course(struct api_call *call);
+void delete_course(struct api_call *call);
+void post_course_trainees(struct api_call *call);
+void delete_course_trainee(struct api_call *call);
 
-void get_server(struct call *call);
-void get_stations(struct call *call);
-void post_station_code(struct call *call);
-void post_station_revoke(struct call *call);
-void get_cases(struct call *call);
-void get_case(struct call *call);
-void get_case_manifest(struct call *call);
-void get_case_anatomy(struct call *call);
-void get_case_check(struct call *call);
+void get_server(struct api_call *call);
+void get_stations(struct api_call *call);
+void post_station_code(struct api_call *call);
+void post_station_revoke(struct api_call *call);
+void get_cases(struct api_call *call);
+void get_case(struct api_call *call);
+void get_case_manifest(struct api_call *call);
+void get_case_anatomy(struct api_call *call);
+void get_case_check(struct api_call *call);
 
-void get_sessions(struct call *call);
-void get_session(struct call *call);
-void delete_session(struct call *call);
-void get_session_trace(struct call *call);
-void get_session_report(struct call *call);
-void get_distributions(struct call *call);
-void get_audit(struct call *call);
+void get_sessions(struct api_call *call);
+void get_session(struct api_call *call);
+void delete_session(struct api_call *call);
+void get_session_trace(struct api_call *call);
+void get_session_report(struct api_call *call);
+void get_distributions(struct api_call *call);
+void get_audit(struct api_call *call);

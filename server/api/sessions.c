@@ -17,7 +17,7 @@ static void take_session(void *array, const struct store_cell *cells, int count)
     json_array_append_new(array, row);
 }
 
-static bool is_trainee(const struct call *call) {
+static bool is_trainee(const struct api_call *call) {
     return call->principal.role == ROLE_TRAINEE;
 }
 
@@ -33,7 +33,7 @@ static json_t *take_next(json_t *rows, int limit) {
     return json_incref(json_object_get(json_array_get(rows, (size_t)limit - 1), "id"));
 }
 
-static void answer_sessions(struct call *call, struct store_filter filter) {
+static void answer_sessions(struct api_call *call, struct store_filter filter) {
     struct error err = {""};
     json_t *rows = json_array();
     int limit = filter.limit++;
@@ -46,7 +46,7 @@ static void answer_sessions(struct call *call, struct store_filter filter) {
         json_decref(all);
 }
 
-void get_sessions(struct call *call) {
+void get_sessions(struct api_call *call) {
     enum { WHOSE, COURSE, CASE, BEFORE, LIMIT };
     struct call_query query = {.names = {"trainee", "course", "case", "before", "limit"}};
     struct store_filter filter;
@@ -68,7 +68,7 @@ void get_sessions(struct call *call) {
     answer_sessions(call, filter);
 }
 
-void get_audit(struct call *call) {
+void get_audit(struct api_call *call) {
     struct call_query query = {.names = {"limit"}};
     struct error err = {""};
     int limit;
@@ -85,7 +85,7 @@ void get_audit(struct call *call) {
 
 // ---- one ----------------------------------------------------------------------------------------
 
-static bool is_own(const struct call *call, const json_t *row) {
+static bool is_own(const struct api_call *call, const json_t *row) {
     const char *trainee = json_string_value(json_object_get(row, "trainee"));
     return !is_trainee(call) ||
            (trainee && trainee[0] && !strcmp(trainee, call->principal.trainee));
@@ -93,7 +93,7 @@ static bool is_own(const struct call *call, const json_t *row) {
 
 // The row of the session of the path, with its trace; the caller releases it. NULL after a refusal:
 // one that is another's is not there.
-static json_t *find_session(struct call *call) {
+static json_t *find_session(struct api_call *call) {
     struct error err = {""};
     json_t *rows = json_array();
     enum result result = RESULT_OK;
@@ -122,7 +122,7 @@ static void take_result(void *array, const struct store_cell *cells, int count) 
     json_decref(details);
 }
 
-void get_session(struct call *call) {
+void get_session(struct api_call *call) {
     struct error err = {""};
     json_t *row = find_session(call);
     if (!row)
@@ -138,7 +138,7 @@ void get_session(struct call *call) {
         json_decref(all);
 }
 
-void delete_session(struct call *call) {
+void delete_session(struct api_call *call) {
     struct error err = {""};
     json_t *row = find_session(call);
     if (!row)
@@ -151,7 +151,7 @@ void delete_session(struct call *call) {
 // ---- its trace ----------------------------------------------------------------------------------
 
 // The path of its trace; false after a refusal.
-static bool find_trace(struct call *call, char out_path[STORE_TEXT_MAX]) {
+static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
     struct stat status;
     json_t *row = find_session(call);
     if (!row)
@@ -165,7 +165,7 @@ static bool find_trace(struct call *call, char out_path[STORE_TEXT_MAX]) {
     return false;
 }
 
-void get_session_trace(struct call *call) {
+void get_session_trace(struct api_call *call) {
     struct web_response *r = call->response;
     char path[STORE_TEXT_MAX];
     if (!find_trace(call, path))
@@ -179,7 +179,7 @@ void get_session_trace(struct call *call) {
 // ---- distributions ------------------------------------------------------------------------------
 
 // Figures are sorted, so those of one metric, subject, version and unit are adjacent.
-struct gathering {
+struct metric_rows {
     json_t *all;
     json_t *head; // of those that are being gathered, or NULL
     double *values;
@@ -193,7 +193,7 @@ static double quantile(const double *values, size_t count, double share) {
     return values[below] + (at - (double)below) * (values[above] - values[below]);
 }
 
-static void tell(struct gathering *g) {
+static void tell(struct metric_rows *g) {
     json_t *numbers = json_array();
     bool whole = g->count <= VALUES_MAX;
     for (size_t i = 0; whole && i < g->count; i++)
@@ -206,7 +206,7 @@ static void tell(struct gathering *g) {
     json_array_append(g->all, g->head);
 }
 
-static void finish(struct gathering *g) {
+static void finish(struct metric_rows *g) {
     if (g->head)
         tell(g);
     json_decref(g->head);
@@ -215,7 +215,7 @@ static void finish(struct gathering *g) {
 }
 
 static void take_figure(void *user, const struct store_cell *cells, int count) {
-    struct gathering *g = user;
+    struct metric_rows *g = user;
     json_t *head = call_row(cells, count - 1);
     if (!g->head || !json_equal(g->head, head)) {
         finish(g);
@@ -241,7 +241,7 @@ static void take_course(void *user, const struct store_cell *cells, int count) {
 }
 
 // A trainee sees that of a course that they are in.
-static bool may_see(struct call *call, const char *course) {
+static bool may_see(struct api_call *call, const char *course) {
     struct membership m = {.course = course};
     struct error err = {""};
     if (!is_trainee(call))
@@ -259,7 +259,7 @@ static bool may_see(struct call *call, const char *course) {
     return m.is_in;
 }
 
-void get_distributions(struct call *call) {
+void get_distributions(struct api_call *call) {
     struct call_query query = {.names = {"case", "course"}};
     struct error err = {""};
     if (!call_take_query(call, &query))
@@ -271,7 +271,7 @@ void get_distributions(struct call *call) {
     }
     if (!may_see(call, course))
         return;
-    struct gathering g = {.all = json_array()};
+    struct metric_rows g = {.all = json_array()};
     enum result result =
         store_figures_on(call->store, name, course, is_trainee(call), take_figure, &g, &err);
     finish(&g);
@@ -292,7 +292,7 @@ static void take_first(void *user, const struct store_cell *cells, int count) {
         snprintf(first, STORE_NAME_MAX, "%s", cells[0].text);
 }
 
-static void make_report(struct call *call, const struct api_report *about) {
+static void make_report(struct api_call *call, const struct api_report *about) {
     struct web_response *r = call->response;
     struct error err = {""};
     char *page = NULL;
@@ -322,7 +322,7 @@ static void make_report(struct call *call, const struct api_report *about) {
 // Beside whom a session's figures are shown: those of the course that is asked for; else an
 // instructor sees them beside all, and a trainee beside those of the first course that they are in.
 // False after a refusal.
-static bool choose_course(struct call *call, struct call_query *query, struct api_report *about,
+static bool choose_course(struct api_call *call, struct call_query *query, struct api_report *about,
                           char out_first[STORE_NAME_MAX]) {
     struct error err = {""};
     out_first[0] = '\0';
@@ -342,7 +342,7 @@ static bool choose_course(struct call *call, struct call_query *query, struct ap
     return call_check(call, result, &err);
 }
 
-void get_session_report(struct call *call) {
+void get_session_report(struct api_call *call) {
     struct call_query query = {.names = {"course"}};
     char path[STORE_TEXT_MAX], first[STORE_NAME_MAX];
     struct api_report about = {.trace = path, .hide_few = is_trainee(call)};

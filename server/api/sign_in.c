@@ -16,14 +16,14 @@ struct try {
     int64_t at_ns;
 };
 
-static bool too_many(struct call *call, int wait_s) {
+static bool too_many(struct api_call *call, int wait_s) {
     log_warning("api", "too many failed sign-ins from %s", call->request->address);
     call_refuse(call, 429, "too_many", NULL, "Too many failed attempts; wait %d s.", wait_s);
     call->response->retry_after_s = wait_s;
     return false;
 }
 
-static bool try_begin(struct call *call, const char *name, struct try *out) {
+static bool try_begin(struct api_call *call, const char *name, struct try *out) {
     struct throttle *throttle = &call->api->throttle;
     int wait_s;
     *out = (struct try){.named = name, .at_ns = clock_now_ns()};
@@ -37,7 +37,7 @@ static bool try_begin(struct call *call, const char *name, struct try *out) {
     return too_many(call, wait_s);
 }
 
-static void try_was_right(struct call *call, const struct try *try) {
+static void try_was_right(struct api_call *call, const struct try *try) {
     throttle_take_back(&call->api->throttle, try->address, try->at_ns);
     if (try->named)
         throttle_take_back(&call->api->throttle, try->name, try->at_ns);
@@ -52,7 +52,7 @@ static json_t *account_json(const struct store_principal *p) {
 
 // Sets a cookie for the principal. RESULT_MISSING if the password or code has changed meanwhile;
 // then the caller answers.
-static enum result set_cookie(struct call *call, int status) {
+static enum result set_cookie(struct api_call *call, int status) {
     char secret[SECRET_MAX], hash[SECRET_MAX];
     int64_t id, until_ns;
     struct error err = {""};
@@ -70,7 +70,7 @@ static enum result set_cookie(struct call *call, int status) {
 }
 
 // Finds the account without revealing whether it exists.
-static bool find_account(struct call *call, const char *name, bool *out_there) {
+static bool find_account(struct api_call *call, const char *name, bool *out_there) {
     struct error err = {""};
     enum result result = store_find_account(call->store, name, &call->principal, &err);
     *out_there = result == RESULT_OK && call->principal.password[0];
@@ -78,13 +78,13 @@ static bool find_account(struct call *call, const char *name, bool *out_there) {
 }
 
 // The records are closed meanwhile, for that takes its time.
-static bool password_fits(struct call *call, bool there, const char *password) {
+static bool password_fits(struct api_call *call, bool there, const char *password) {
     call_close_store(call);
     bool fits = password_is(there ? call->principal.password : NULL, password);
     return call_open_store(call) && fits;
 }
 
-static void sign_in_by_password(struct call *call) {
+static void sign_in_by_password(struct api_call *call) {
     const char *name, *password;
     struct try try;
     bool there;
@@ -100,7 +100,7 @@ static void sign_in_by_password(struct call *call) {
         call_refuse(call, 401, "wrong_password", NULL, "The name or the password is wrong.");
 }
 
-static void sign_in_by_code(struct call *call, const char *typed) {
+static void sign_in_by_code(struct api_call *call, const char *typed) {
     char code[SECRET_CODE_MAX], hash[SECRET_MAX];
     struct error err = {""};
     struct try try;
@@ -119,7 +119,7 @@ static void sign_in_by_code(struct call *call, const char *typed) {
         try_was_right(call, &try);
 }
 
-void post_sign_in(struct call *call) {
+void post_sign_in(struct api_call *call) {
     static const char *const fields[] = {"name", "password", "code", NULL};
     if (!call_take_body(call, fields))
         return;
@@ -136,7 +136,7 @@ void post_sign_in(struct call *call) {
 // ---- the first instructor -----------------------------------------------------------------------
 
 // With first_lock.
-static bool make_first(struct call *call, const char *name, const char *encoded) {
+static bool make_first(struct api_call *call, const char *name, const char *encoded) {
     struct error err = {""};
     bool has;
     if (!call_check(call, store_has_instructor(call->store, &has, &err), &err))
@@ -151,7 +151,7 @@ static bool make_first(struct call *call, const char *name, const char *encoded)
     return call_check(call, store_find_account(call->store, name, &call->principal, &err), &err);
 }
 
-static bool secret_fits(struct call *call, const char *secret) {
+static bool secret_fits(struct api_call *call, const char *secret) {
     struct api *api = call->api;
     pthread_mutex_lock(&api->first_lock);
     bool fits = api->first_secret[0] && secret_is(api->first_secret, secret);
@@ -162,7 +162,7 @@ static bool secret_fits(struct call *call, const char *secret) {
     return fits;
 }
 
-void post_first(struct call *call) {
+void post_first(struct api_call *call) {
     static const char *const fields[] = {"secret", "name", "password", NULL};
     const char *secret, *name, *password;
     char encoded[PASSWORD_ENCODED];
@@ -188,13 +188,13 @@ void post_first(struct call *call) {
 
 // ---- out, and who -------------------------------------------------------------------------------
 
-static void drop_cookie(struct call *call) {
+static void drop_cookie(struct api_call *call) {
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=; Path=/; Max-Age=0; Secure; HttpOnly; SameSite=Strict");
     call_done(call);
 }
 
-void post_sign_out(struct call *call) {
+void post_sign_out(struct api_call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
@@ -205,7 +205,7 @@ void post_sign_out(struct call *call) {
         drop_cookie(call);
 }
 
-void post_my_sign_out(struct call *call) {
+void post_my_sign_out(struct api_call *call) {
     static const char *const fields[] = {NULL};
     struct error err = {""};
     if (call_take_body(call, fields) &&
@@ -218,7 +218,7 @@ static void take_name(void *array, const struct store_cell *cells, int count) {
     json_array_append_new(array, json_string(cells[0].text));
 }
 
-void get_me(struct call *call) {
+void get_me(struct api_call *call) {
     struct error err = {""};
     json_t *courses = json_array();
     enum result result =
@@ -231,7 +231,7 @@ void get_me(struct call *call) {
         json_decref(me);
 }
 
-void patch_me(struct call *call) {
+void patch_me(struct api_call *call) {
     static const char *const fields[] = {"password", "new_password", NULL};
     const char *old, *new;
     char encoded[PASSWORD_ENCODED], name[STORE_NAME_MAX];

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-void get_server(struct call *call) {
+void get_server(struct api_call *call) {
     const struct api *api = call->api;
     struct authority_server server;
     authority_server(api->config.keys_dir, &server, NULL);
@@ -21,7 +21,7 @@ void get_server(struct call *call) {
 
 // ---- stations -----------------------------------------------------------------------------------
 
-static json_t *station_json(struct call *call, const struct api_station *station) {
+static json_t *station_json(struct api_call *call, const struct api_station *station) {
     int64_t until_s = 0;
     struct error err;
     if (authority_station_until(call->api->config.keys_dir, station->name, &until_s, &err) !=
@@ -34,7 +34,7 @@ static json_t *station_json(struct call *call, const struct api_station *station
                      until_s ? json_integer(until_s) : json_null());
 }
 
-void get_stations(struct call *call) {
+void get_stations(struct api_call *call) {
     const struct api_config *config = &call->api->config;
     json_t *stations = json_array();
     for (int i = 0; i < config->station_count; i++)
@@ -43,7 +43,7 @@ void get_stations(struct call *call) {
 }
 
 // The station of the path, in the config; NULL after a refusal.
-static const char *find_station(struct call *call) {
+static const char *find_station(struct api_call *call) {
     static const char *const fields[] = {NULL};
     const struct api_config *config = &call->api->config;
     if (!call_take_body(call, fields))
@@ -57,14 +57,14 @@ static const char *find_station(struct call *call) {
 }
 
 // Before it is done, so that nothing is done that is not in the log.
-static bool note(struct call *call, const char *action, const char *station) {
+static bool note(struct api_call *call, const char *action, const char *station) {
     char subject[STORE_TEXT_MAX];
     struct error err = {""};
     snprintf(subject, sizeof subject, "station %s", station);
     return call_check(call, store_note(call->store, action, subject, &err), &err);
 }
 
-void post_station_code(struct call *call) {
+void post_station_code(struct api_call *call) {
     char code[AUTHORITY_CODE_MAX];
     struct error err = {""};
     const char *station = find_station(call);
@@ -80,7 +80,7 @@ void post_station_code(struct call *call) {
                               "port", call->api->config.port));
 }
 
-void post_station_revoke(struct call *call) {
+void post_station_revoke(struct api_call *call) {
     struct error err = {""};
     const char *station = find_station(call);
     if (!station || !note(call, "revoke", station))

@@ -261,15 +261,15 @@ static const json_t *open_list(struct manifest *m, const struct object *object, 
     return m->result == RESULT_OK ? array : NULL;
 }
 
-struct list {
+struct manifest_list {
     const char *key;
     size_t max;
     const char *const *keys;
     void (*read)(struct manifest *m, const struct object *object, struct knee_case *knee);
 };
 
-static void read_list(struct manifest *m, const struct object *object, const struct list *list,
-                      struct knee_case *knee) {
+static void read_list(struct manifest *m, const struct object *object,
+                      const struct manifest_list *list, struct knee_case *knee) {
     const json_t *array = open_list(m, object, list->key, list->max);
     char path[PATH_MAX_LENGTH], at[PATH_MAX_LENGTH];
     key_path(object, list->key, path);
@@ -306,7 +306,7 @@ static void read_key(struct manifest *m, const struct object *object, struct kne
 
 static void read_torn(struct manifest *m, const struct object *object, struct knee_case *knee) {
     static const char *const keys[] = {"physical", "target", NULL};
-    static const struct list list = {"keys", CASE_KEYS_MAX, keys, read_key};
+    static const struct manifest_list list = {"keys", CASE_KEYS_MAX, keys, read_key};
     need(m, object, "keys");
     read_name(m, object, "ligament", knee->torn[knee->torn_count++]);
     read_list(m, object, &list, knee);
@@ -317,7 +317,7 @@ static void read_lists(struct manifest *m, const struct object *root, struct kne
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
     static const char *const torn_keys[] = {"ligament", "keys", NULL};
-    static const struct list lists[] = {
+    static const struct manifest_list lists[] = {
         {"groups", CASE_GROUPS_MAX, group_keys, read_group},
         {"portals", CASE_PORTALS_MAX, portal_keys, read_portal},
         {"patella", PATELLA_KEYS_MAX, patella_keys, read_patella},

@@ -19,11 +19,11 @@ void inspection_note(struct inspection *inspection, enum finding_level level, co
                      const char *format, ...) {
     inspection->faults += level == FINDING_FAULT;
     inspection->warnings += level == FINDING_WARNING;
-    if (inspection->count == FINDINGS_MAX) {
+    if (inspection->count == CHECK_FINDINGS_MAX) {
         inspection->left_out++;
         return;
     }
-    struct finding *finding = &inspection->findings[inspection->count++];
+    struct check_finding *finding = &inspection->findings[inspection->count++];
     finding->level = level;
     snprintf(finding->where, sizeof finding->where, "%s", where);
     va_list args;

@@ -5,19 +5,19 @@
 
 enum finding_level { FINDING_NOTE, FINDING_WARNING, FINDING_FAULT };
 
-struct finding {
+struct check_finding {
     enum finding_level level;
     char where[CASE_NAME_MAX]; // group, portal or "joint"
     char text[384];
 };
 
-#define FINDINGS_MAX 256
+#define CHECK_FINDINGS_MAX 256
 
 struct inspection {
     int count;
-    int left_out;         // beyond FINDINGS_MAX
+    int left_out;         // beyond CHECK_FINDINGS_MAX
     int faults, warnings; // of all, those left out too
-    struct finding findings[FINDINGS_MAX];
+    struct check_finding findings[CHECK_FINDINGS_MAX];
 };
 
 // Adds a finding, cut at the text's end.

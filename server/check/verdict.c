@@ -150,7 +150,7 @@ static json_t *findings(const struct inspection *inspection) {
         [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
     json_t *array = json_array();
     for (int i = 0; i < inspection->count; i++) {
-        const struct finding *f = &inspection->findings[i];
+        const struct check_finding *f = &inspection->findings[i];
         // What is quoted of a broken file need not be UTF-8.
         json_t *text = json_string(f->text);
         json_array_append_new(array,

@@ -54,7 +54,7 @@ static const char help[] =
 
 static const char program[] = "arthron-server records";
 
-struct request {
+struct records_request {
     const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site;
     bool json;
     char **words;
@@ -96,7 +96,7 @@ static void print_json(json_t *json) {
 
 // ---- list, show ---------------------------------------------------------------------------------
 
-static int list(struct store *store, const struct request *r) {
+static int list(struct store *store, const struct records_request *r) {
     enum store_list which;
     struct error err;
     if (!store_list_from_name(r->words[1], &which)) {
@@ -147,7 +147,7 @@ static void print_shown(const json_t *shown) {
     }
 }
 
-static int show(struct store *store, const struct request *r) {
+static int show(struct store *store, const struct records_request *r) {
     static const char *const kinds[] = {"trainee", "course",  "station", "case",
                                         "session", "account", NULL};
     char plural[32];
@@ -176,7 +176,7 @@ static int show(struct store *store, const struct request *r) {
 
 // ---- add, enrol ---------------------------------------------------------------------------------
 
-static int add_account(struct store *store, const struct request *r) {
+static int add_account(struct store *store, const struct records_request *r) {
     char password[STORE_TEXT_MAX];
     enum store_role role;
     struct error err;
@@ -199,7 +199,7 @@ static int add_account(struct store *store, const struct request *r) {
                 given ? "" : ", which cannot sign in: it has no password");
 }
 
-static int set_password(struct store *store, const struct request *r) {
+static int set_password(struct store *store, const struct records_request *r) {
     char password[STORE_TEXT_MAX];
     struct error err;
     enum result result = records_read_password(r->password, password, &err);
@@ -208,7 +208,7 @@ static int set_password(struct store *store, const struct request *r) {
     return done(result, &err, "%s has a new password", r->words[1]);
 }
 
-static int remove_one(struct store *store, const struct request *r) {
+static int remove_one(struct store *store, const struct records_request *r) {
     struct error err;
     if (strcmp(r->words[1], "account") != 0)
         return argument_wrong(program, "only an account can be removed");
@@ -216,7 +216,7 @@ static int remove_one(struct store *store, const struct request *r) {
                 r->words[2]);
 }
 
-static int add(struct store *store, const struct request *r) {
+static int add(struct store *store, const struct records_request *r) {
     struct error err;
     if (!strcmp(r->words[1], "trainee"))
         return done(store_add_trainee(store, r->words[2], r->full_name, &err), &err,
@@ -230,7 +230,7 @@ static int add(struct store *store, const struct request *r) {
     return argument_unknown(program, "add", r->words[1], kinds);
 }
 
-static int enrol(struct store *store, const struct request *r) {
+static int enrol(struct store *store, const struct records_request *r) {
     struct error err;
     return done(store_enrol(store, r->words[1], r->words[2], &err), &err, "%s is in course %s",
                 r->words[1], r->words[2]);
@@ -238,7 +238,7 @@ static int enrol(struct store *store, const struct request *r) {
 
 // ---- export, erase ------------------------------------------------------------------------------
 
-static enum result export_statements(struct store *store, const struct request *r,
+static enum result export_statements(struct store *store, const struct records_request *r,
                                      struct error *err) {
     char host[65] = "localhost", site[96];
     int left;
@@ -253,7 +253,7 @@ static enum result export_statements(struct store *store, const struct request *
     return result;
 }
 
-static int export(struct store *store, const struct request *r) {
+static int export(struct store *store, const struct records_request *r) {
     struct error err;
     enum result result = RESULT_OK;
     if (!r->csv && !r->xapi)
@@ -286,7 +286,7 @@ static void print_erased(const char *pseudonym, json_t *traces, bool json) {
         printf("%s\n", json_string_value(json_array_get(traces, i)));
 }
 
-static int erase(struct store *store, const struct request *r) {
+static int erase(struct store *store, const struct records_request *r) {
     char pseudonym[STORE_NAME_MAX];
     struct error err;
     json_t *traces = json_array();
@@ -305,7 +305,7 @@ static const struct verb {
     const char *name, *usage;
     int words;
     enum store_mode mode;
-    int (*run)(struct store *store, const struct request *r);
+    int (*run)(struct store *store, const struct records_request *r);
 } verbs[] = {
     {"list", "list WHAT", 2, STORE_THERE, list},
     {"show", "show KIND NAME", 3, STORE_THERE, show},
@@ -319,7 +319,7 @@ static const struct verb {
 
 enum { VERB_COUNT = sizeof verbs / sizeof *verbs };
 
-static int run(const struct verb *verb, const struct request *r) {
+static int run(const struct verb *verb, const struct records_request *r) {
     struct store *store;
     struct error err;
     if (r->count != verb->words)
@@ -331,7 +331,7 @@ static int run(const struct verb *verb, const struct request *r) {
     return code;
 }
 
-static int find_and_run(const struct request *r) {
+static int find_and_run(const struct records_request *r) {
     const char *names[VERB_COUNT + 1] = {NULL};
     if (!r->file)
         return argument_wrong(program,
@@ -347,7 +347,7 @@ static int find_and_run(const struct request *r) {
 }
 
 // False where an argument is unknown; getopt has named it.
-static bool take_option(int option, struct request *r) {
+static bool take_option(int option, struct records_request *r) {
     const char **const texts[] = {
         ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role, ['t'] = &r->trainee,
         ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi, ['s'] = &r->site};
@@ -373,7 +373,7 @@ int command_records(int argc, char **argv) {
         {"help", no_argument, NULL, 'h'},
         {0},
     };
-    struct request request = {0};
+    struct records_request request = {0};
     for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);

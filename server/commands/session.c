@@ -52,7 +52,7 @@ static const char help[] =
 
 static const char program[] = "arthron-server session";
 
-static const struct kind {
+static const struct command_kind {
     const char *name, *usage;
     arthron_Command_Kind kind;
     int arguments;
@@ -327,7 +327,7 @@ static bool fill_last(const char *word, arthron_Command *out) {
     return put_text(out->case_name, sizeof out->case_name, word);
 }
 
-static const struct kind *find_kind(const char *word) {
+static const struct command_kind *find_kind(const char *word) {
     for (int i = 0; i < KIND_COUNT; i++)
         if (!strcmp(word, kinds[i].name))
             return &kinds[i];
@@ -341,7 +341,7 @@ static int refuse_kind(const char *word) {
     return argument_unknown(program, "command", word, names);
 }
 
-static bool fits(const struct kind *kind, int count, const arthron_Command *command,
+static bool fits(const struct command_kind *kind, int count, const arthron_Command *command,
                  const char *from) {
     bool copies = kind->kind == arthron_Command_Kind_COPY;
     return count == kind->arguments + 1 && copies == !!from && (copies || command->at_s == 0) &&
@@ -397,7 +397,7 @@ static int run(const char *socket, const char *from, char **words, int count,
                               "--socket PATH is missing: the server's socket, as in its config");
     if (!count)
         return argument_wrong(program, "the command is missing: list, show, start, ...");
-    const struct kind *kind = find_kind(words[0]);
+    const struct command_kind *kind = find_kind(words[0]);
     if (!kind)
         return refuse_kind(words[0]);
     if (!fits(kind, count, command, from))

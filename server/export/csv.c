@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum source { OF_TIME, OF_INPUT, OF_OUTPUT, OF_GROUP };
+enum column_source { OF_TIME, OF_INPUT, OF_OUTPUT, OF_GROUP };
 
-struct column {
-    enum source source;
+struct csv_column {
+    enum column_source source;
     struct step_field field; // OF_GROUP: the index whose name this is
     char name[sizeof((struct step_field *)0)->name + 8];
     bool usual; // there unless others are asked for
@@ -22,18 +22,18 @@ struct column {
 struct table {
     FILE *file;
     const struct scene *scene; // or NULL
-    struct column *all, *columns;
+    struct csv_column *all, *columns;
     int all_count, count;
     int trouble; // errno of what could not be written
 };
 
 // ---- which columns ------------------------------------------------------------------------------
 
-static void add(struct table *table, enum source source, const struct step_field *field,
+static void add(struct table *table, enum column_source source, const struct step_field *field,
                 const char *name, bool usual) {
     CHECK(table->all_count < COLUMNS_MAX);
-    struct column *column = &table->all[table->all_count++];
-    *column = (struct column){.source = source, .usual = usual};
+    struct csv_column *column = &table->all[table->all_count++];
+    *column = (struct csv_column){.source = source, .usual = usual};
     if (field)
         column->field = *field;
     snprintf(column->name, sizeof column->name, "%.*s", (int)sizeof column->name - 1, name);
@@ -124,7 +124,7 @@ static const char *group_name(const struct table *table, const struct step_field
     return index >= 0 && index < knee->group_count ? knee->groups[index].name : "";
 }
 
-static void print_cell(struct table *table, const struct column *column,
+static void print_cell(struct table *table, const struct csv_column *column,
                        const struct trace_record *record, const struct input_row *row,
                        double seconds) {
     const struct session_output *output = &record->output;

@@ -17,7 +17,8 @@ struct export_request {
 
 // All of these: RESULT_OK where the record was whole. RESULT_MISSING, RESULT_CORRUPT and
 // RESULT_FORMAT with the error of trace_read where it was not: all that could be read is written.
-// Anything else, RESULT_MISSING too where there is no step in the time asked for, and no
+// Anything else, RESULT_MISSING too where no step is in the time asked for or the folder is not
+// there, and no
 // file is made. A file that is there is replaced once the new one is whole.
 
 // A row for each step. Without a scene the names of groups are left out. RESULT_INVALID where there

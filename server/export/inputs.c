@@ -28,20 +28,21 @@ void input_row_of(const struct trace_record *record, struct input_row *row) {
     }
 }
 
-struct list {
+struct input_fields {
     struct step_field *fields;
     int count, owner;
     const char *prefix;
 };
 
-static void add(struct list *list, const char *name, const struct field_type *type, size_t offset) {
+static void add(struct input_fields *list, const char *name, const struct field_type *type,
+                size_t offset) {
     CHECK(list->count < INPUT_FIELDS_MAX);
     struct step_field *field = &list->fields[list->count++];
     *field = (struct step_field){.owner = list->owner, .offset = offset, .type = type};
     snprintf(field->name, sizeof field->name, "%s%s", list->prefix, name);
 }
 
-static void add_values(struct list *list, enum sample_kind kind, size_t base) {
+static void add_values(struct input_fields *list, enum sample_kind kind, size_t base) {
     static const char *const angles[] = {"flexion_deg", "varus_deg", "internal_deg",
                                          "shift_mm",    "drawer_mm", "distraction_mm"};
     static const char *const parts[] = {"qw", "qx", "qy", "qz", "tx_mm", "ty_mm", "tz_mm"};
@@ -59,7 +60,7 @@ static void add_values(struct list *list, enum sample_kind kind, size_t base) {
     }
 }
 
-static void add_sample(struct list *list, enum channel channel, enum sample_kind kind) {
+static void add_sample(struct input_fields *list, enum channel channel, enum sample_kind kind) {
     char prefix[40];
     size_t place = (size_t)channel * SAMPLE_KIND_COUNT + kind;
     size_t base = offsetof(struct input_row, samples) + place * sizeof(struct sample);
@@ -76,7 +77,7 @@ static void add_sample(struct list *list, enum channel channel, enum sample_kind
 
 int input_fields(const bool sampled[CHANNEL_COUNT][SAMPLE_KIND_COUNT],
                  struct step_field out_fields[INPUT_FIELDS_MAX]) {
-    struct list list = {out_fields, 0, OF_ALL, ""};
+    struct input_fields list = {out_fields, 0, OF_ALL, ""};
     add(&list, "input", &field_input, offsetof(struct input_row, kind));
     list.owner = OF_JOBS;
     add(&list, "input_job", &field_count, offsetof(struct input_row, job));

@@ -5,7 +5,7 @@
 #include "trace/rerun.h"
 
 // Jobs are run as they are asked for; the last one's result waits here until it lands.
-struct gathering {
+struct landing_run {
     const struct landing_watcher *watcher;
     struct operation *operation;
     struct job_result *pending;
@@ -17,7 +17,7 @@ struct gathering {
     struct error *err;
 };
 
-static void land(struct gathering *g, const struct session_output *output, double seconds,
+static void land(struct landing_run *g, const struct session_output *output, double seconds,
                  bool wanted) {
     struct landing landing = {.step = output->step,
                               .seconds = seconds,
@@ -30,7 +30,7 @@ static void land(struct gathering *g, const struct session_output *output, doubl
 }
 
 // A step's job is asked for after the one before has landed.
-static void take_step(struct gathering *g, const struct session_output *output, double seconds,
+static void take_step(struct landing_run *g, const struct session_output *output, double seconds,
                       bool wanted) {
     const struct landed *landed = &output->landed;
     bool here = landed->job && g->pending && g->pending->job == landed->job;
@@ -62,7 +62,7 @@ static bool can_run(const struct scene *scene, const struct job *job) {
 }
 
 static bool on_step(void *user, const struct trace_record *record, double seconds) {
-    struct gathering *g = user;
+    struct landing_run *g = user;
     const struct job *job = &record->output.job;
     if (job->id && !can_run(g->scene, job)) {
         g->result = fail(g->err, RESULT_FORMAT, "step %llu: its job cannot be run on the case",
@@ -74,7 +74,7 @@ static bool on_step(void *user, const struct trace_record *record, double second
 }
 
 static bool on_past(void *user, const struct trace_record *record) {
-    struct gathering *g = user;
+    struct landing_run *g = user;
     struct session_output output;
     rerun_step(g->rerun, record, &output);
     g->kind = output.job.id ? output.job.kind : g->kind;
@@ -87,7 +87,7 @@ static bool stop(void *user, const struct trace_record *record) {
 }
 
 // A piece of a record begins with inputs alone: what they led to must be found again.
-static enum result run_past(struct gathering *g, const struct export_request *request,
+static enum result run_past(struct landing_run *g, const struct export_request *request,
                             struct error *err) {
     struct trace_reader *reader;
     struct session *session;
@@ -113,7 +113,7 @@ enum result landings_run(struct walk *walk, const struct landing_watcher *watche
     const struct export_request *asked = walk->request;
     struct export_request request = *asked;
     struct contents all = {.steps = UINT64_MAX};
-    struct gathering g = {
+    struct landing_run g = {
         .watcher = watcher, .scene = asked->scene, .from_s = asked->from_s, .err = err};
     request.from_s = -INFINITY;
     walk->request = &request;

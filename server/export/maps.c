@@ -68,10 +68,10 @@ void maps_destroy(struct maps **handle) {
 // ---- what they show -----------------------------------------------------------------------------
 
 // A picture of a group: what it shows of each vertex.
-struct view {
+struct group_map {
     const struct case_group *group;
     const double *blends; // of a cut; NULL: the group as it is
-    double (*value)(const struct view *view, int quantity, uint32_t vertex);
+    double (*value)(const struct group_map *view, int quantity, uint32_t vertex);
     int quantities;
     int exact;       // the first so many of them are given bit for bit too
     bool has_vertex; // and the vertex's number last
@@ -83,14 +83,14 @@ static double component(const float *vectors, uint32_t vertex, int axis) {
     return vectors ? (double)vectors[3 * (size_t)vertex + (size_t)axis] : 0;
 }
 
-static double surface_value(const struct view *view, int quantity, uint32_t vertex) {
+static double surface_value(const struct group_map *view, int quantity, uint32_t vertex) {
     const struct case_group *group = view->group;
     const float *const vectors[] = {group->mesh.positions, group->warp, group->maxcut};
     return component(vectors[quantity / 3], vertex, quantity % 3);
 }
 
 // S'' − S
-static double cut_value(const struct view *view, int quantity, uint32_t vertex) {
+static double cut_value(const struct group_map *view, int quantity, uint32_t vertex) {
     double blend = view->blends[vertex];
     if (quantity == 0)
         return blend;
@@ -111,18 +111,18 @@ static const struct image_channel cut_channels[] = {
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
-static const struct view surface_view = {.value = surface_value,
-                                         .quantities = 9,
-                                         .has_vertex = true,
-                                         .channels = surface_channels,
-                                         .channel_count = COUNT(surface_channels)};
-static const struct view cut_view = {.value = cut_value,
-                                     .quantities = 4,
-                                     .exact = 1,
-                                     .channels = cut_channels,
-                                     .channel_count = COUNT(cut_channels)};
+static const struct group_map surface_view = {.value = surface_value,
+                                              .quantities = 9,
+                                              .has_vertex = true,
+                                              .channels = surface_channels,
+                                              .channel_count = COUNT(surface_channels)};
+static const struct group_map cut_view = {.value = cut_value,
+                                          .quantities = 4,
+                                          .exact = 1,
+                                          .channels = cut_channels,
+                                          .channel_count = COUNT(cut_channels)};
 
-static double texel_value(const struct view *view, int quantity, const uint32_t corners[3],
+static double texel_value(const struct group_map *view, int quantity, const uint32_t corners[3],
                           int corner) {
     double v[3];
     if (corner != ATLAS_FOURTH)
@@ -132,7 +132,7 @@ static double texel_value(const struct view *view, int quantity, const uint32_t 
     return v[1] + v[2] - v[0];
 }
 
-static void fill_texel(const struct view *view, const uint32_t corners[3], int corner,
+static void fill_texel(const struct group_map *view, const uint32_t corners[3], int corner,
                        uint32_t *values, uint32_t width) {
     for (int i = 0; i < view->quantities; i++) {
         double value = texel_value(view, i, corners, corner);
@@ -147,7 +147,7 @@ static void fill_texel(const struct view *view, const uint32_t corners[3], int c
         *values = corner == ATLAS_FOURTH ? MESH_NONE : corners[corner];
 }
 
-static void write_view(const struct view *view, struct image_writer *writer) {
+static void write_view(const struct group_map *view, struct image_writer *writer) {
     const struct mesh *mesh = &view->group->mesh;
     struct atlas atlas = atlas_of(mesh->triangle_count);
     size_t count = (size_t)view->channel_count * atlas.width;
@@ -177,7 +177,8 @@ static bool tissue_has_maps(const struct maps *maps, int tissue) {
     return false;
 }
 
-static int declare_view(const struct view *view, const char *name, struct image_writer *writer) {
+static int declare_view(const struct group_map *view, const char *name,
+                        struct image_writer *writer) {
     struct atlas atlas = atlas_of(view->group->mesh.triangle_count);
     return image_writer_part(writer, name, atlas.width, atlas.height, view->channels,
                              view->channel_count);
@@ -185,7 +186,7 @@ static int declare_view(const struct view *view, const char *name, struct image_
 
 static void declare_cut(const struct maps *maps, const struct landing *landing,
                         struct image_writer *writer) {
-    struct view view = cut_view;
+    struct group_map view = cut_view;
     char name[CASE_NAME_MAX + 32];
     view.group = group_of(maps, landing->result->tissue);
     snprintf(name, sizeof name, "%s.job_%llu", view.group->name,
@@ -201,7 +202,7 @@ static void declare_cut(const struct maps *maps, const struct landing *landing,
 
 void maps_declare(const struct maps *maps, struct image_writer *writer) {
     for (int tissue = 0; tissue < scene_tissue_count(maps->scene); tissue++) {
-        struct view view = surface_view;
+        struct group_map view = surface_view;
         view.group = group_of(maps, tissue);
         if (tissue_has_maps(maps, tissue))
             declare_view(&view, view.group->name, writer);
@@ -220,7 +221,7 @@ static void write_cuts(const struct maps *maps, double *const blends[TISSUES_MAX
                        struct image_writer *writer) {
     for (int i = 0; i < maps->count; i++) {
         const struct job_result *result = maps->landings[i].result;
-        struct view view = cut_view;
+        struct group_map view = cut_view;
         view.group = group_of(maps, result->tissue);
         view.blends = blends[result->tissue];
         apply(result, blends[result->tissue]);
@@ -233,7 +234,7 @@ void maps_write(const struct maps *maps, struct image_writer *writer) {
     double *blends[TISSUES_MAX] = {0};
     int count = scene_tissue_count(maps->scene);
     for (int tissue = 0; tissue < count; tissue++) {
-        struct view view = surface_view;
+        struct group_map view = surface_view;
         view.group = group_of(maps, tissue);
         size_t vertices = view.group->mesh.vertex_count;
         blends[tissue] = alloc(vertices, sizeof(double));

@@ -5,16 +5,16 @@
 
 #define TOUCHING 1e-6 // mm, as in warp/warp.h
 
-struct bone {
+struct bone_solid {
     struct solid solid;
     bool has_inside;
     uint32_t hint;
 };
 
-static enum result bone_init(struct bone *bone, struct knee_case *knee, enum body body,
+static enum result bone_init(struct bone_solid *bone, struct knee_case *knee, enum body body,
                              struct error *err) {
     const struct case_group *group = case_group(knee, body_name(body));
-    *bone = (struct bone){.hint = MESH_NONE};
+    *bone = (struct bone_solid){.hint = MESH_NONE};
     if (!group || !group->part_count)
         return fail(err, RESULT_MISSING, "there is no %s to bridge to", body_name(body));
     struct topology t = topology_of(&group->mesh);
@@ -22,13 +22,14 @@ static enum result bone_init(struct bone *bone, struct knee_case *knee, enum bod
     return solid_init(&bone->solid, &group->mesh, err);
 }
 
-static double bone_distance(struct bone *bone, vec3 p) {
+static double bone_distance(struct bone_solid *bone, vec3 p) {
     double distance = solid_distance(&bone->solid, p, &bone->hint);
     distance = bone->has_inside ? distance : fabs(distance);
     return distance > TOUCHING ? distance : 0;
 }
 
-static void find_shares(struct case_group *group, struct bone *own, struct bone *other) {
+static void find_shares(struct case_group *group, struct bone_solid *own,
+                        struct bone_solid *other) {
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
         vec3 p = mesh_vertex(&group->mesh, v);
         double near = bone_distance(own, p), far = bone_distance(other, p);
@@ -41,7 +42,7 @@ enum result bridge_make(struct knee_case *knee, struct case_group *group, enum b
     if (group->body == other)
         return fail(err, RESULT_INVALID, "group %s: cannot bridge from the %s to itself",
                     group->name, body_name(other));
-    struct bone bones[2] = {0};
+    struct bone_solid bones[2] = {0};
     enum result result = bone_init(&bones[0], knee, group->body, err);
     if (result == RESULT_OK)
         result = bone_init(&bones[1], knee, other, err);

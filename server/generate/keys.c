@@ -9,17 +9,18 @@ static double value_at(const struct recipe_series *series, int key) {
     return series->count > 1 ? series->values[key] : series->values[0];
 }
 
-struct bones {
+struct knee_solids {
     const struct knee_case *knee;
     struct solid femur, tibia, menisci[2];
 };
 
-static pose held(const struct bones *bones, const struct joint_hold *hold) {
+static pose held(const struct knee_solids *bones, const struct joint_hold *hold) {
     struct joint_angles angles = motion_joint(bones->knee, &bones->femur, &bones->tibia, hold);
     return joint_to_pose(&bones->knee->joint, &angles);
 }
 
-static struct case_key key_of(const struct bones *bones, const struct recipe_ligament *l, int key) {
+static struct case_key key_of(const struct knee_solids *bones, const struct recipe_ligament *l,
+                              int key) {
     struct joint_hold hold = {.flexion_deg = value_at(&l->flexion_deg, key),
                               .valgus_deg = value_at(&l->valgus_deg, key),
                               .internal_deg = value_at(&l->internal_deg, key),
@@ -34,7 +35,7 @@ static struct case_key key_of(const struct bones *bones, const struct recipe_lig
     return (struct case_key){.physical = physical, .target = target};
 }
 
-static void add_ligament(struct knee_case *knee, const struct bones *bones,
+static void add_ligament(struct knee_case *knee, const struct knee_solids *bones,
                          const struct recipe_ligament *ligament) {
     CHECK(knee->torn_count < CASE_LIGAMENTS_MAX);
     strcpy(knee->torn[knee->torn_count], ligament->name);
@@ -48,7 +49,7 @@ static void add_ligament(struct knee_case *knee, const struct bones *bones,
 }
 
 enum result generate_keys(struct knee_case *knee, const struct recipe *recipe, struct error *err) {
-    struct bones bones = {.knee = knee};
+    struct knee_solids bones = {.knee = knee};
     enum result result = solid_init(&bones.femur, &case_group(knee, "femur")->mesh, err);
     if (result == RESULT_OK)
         result = solid_init(&bones.tibia, &case_group(knee, "tibia")->mesh, err);

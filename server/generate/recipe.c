@@ -11,7 +11,7 @@
 
 #define KEYS_MAX 128
 
-struct reading {
+struct recipe_reader {
     struct recipe *recipe;
     struct error *err;
     enum result result;       // of the first entry that was refused
@@ -19,13 +19,13 @@ struct reading {
     int seen_count;
 };
 
-struct number_key {
+struct recipe_key {
     const char *section, *key;
     size_t offset; // in struct recipe
     double low, high;
 };
 
-static const struct number_key number_keys[] = {
+static const struct recipe_key number_keys[] = {
     {"knee", "size", offsetof(struct recipe, size), 0.8, 1.2},
     {"mesh", "resolution_mm", offsetof(struct recipe, resolution_mm), 1.2, 3},
     {"menisci", "medial_cm3", offsetof(struct recipe, meniscus_medial_cm3), 1.4, 2.5},
@@ -33,12 +33,12 @@ static const struct number_key number_keys[] = {
     {"menisci", "rim_mm", offsetof(struct recipe, rim_mm), MAXCUT_RIM_LEAST_MM, MAXCUT_RIM_MOST_MM},
 };
 
-static enum result refuse(struct reading *r, const char *section, const char *key,
+static enum result refuse(struct recipe_reader *r, const char *section, const char *key,
                           const char *reason) {
     return r->result = fail(r->err, RESULT_INVALID, "[%s] %s: %s", section, key, reason);
 }
 
-static enum result read_number(struct reading *r, const char *section, const char *key,
+static enum result read_number(struct recipe_reader *r, const char *section, const char *key,
                                const char *value, double low, double high, double *out) {
     if (number_double(value, low, high, out))
         return RESULT_OK;
@@ -46,7 +46,7 @@ static enum result read_number(struct reading *r, const char *section, const cha
                             section, key, value, low, high);
 }
 
-static enum result read_point(struct reading *r, const char *section, const char *key,
+static enum result read_point(struct recipe_reader *r, const char *section, const char *key,
                               const char *value, vec3 *out) {
     pose p;
     if (number_pose(value, &p) && p.rotation.w == 1 && vec3_length(p.translation) <= 100) {
@@ -57,7 +57,7 @@ static enum result read_point(struct reading *r, const char *section, const char
 }
 
 // "[cavity NAME]": the cavity of that name, a new one where there is none yet.
-static struct recipe_cavity *cavity_of(struct reading *r, const char *section) {
+static struct recipe_cavity *cavity_of(struct recipe_reader *r, const char *section) {
     const char *name = section + strlen("cavity ");
     struct recipe *recipe = r->recipe;
     for (int i = 0; i < recipe->cavity_count; i++)
@@ -71,7 +71,7 @@ static struct recipe_cavity *cavity_of(struct reading *r, const char *section) {
     return cavity;
 }
 
-static enum result read_cavity(struct reading *r, const char *section, const char *key,
+static enum result read_cavity(struct recipe_reader *r, const char *section, const char *key,
                                const char *value) {
     struct recipe_cavity *cavity = cavity_of(r, section);
     if (!cavity)
@@ -91,7 +91,7 @@ static enum result read_cavity(struct reading *r, const char *section, const cha
 }
 
 // "[tear NAME]": as with cavities.
-static struct recipe_tear *tear_of(struct reading *r, const char *section) {
+static struct recipe_tear *tear_of(struct recipe_reader *r, const char *section) {
     const char *name = section + strlen("tear ");
     struct recipe *recipe = r->recipe;
     for (int i = 0; i < recipe->tear_count; i++)
@@ -105,7 +105,7 @@ static struct recipe_tear *tear_of(struct reading *r, const char *section) {
     return tear;
 }
 
-static enum result read_tear(struct reading *r, const char *section, const char *key,
+static enum result read_tear(struct recipe_reader *r, const char *section, const char *key,
                              const char *value) {
     struct recipe_tear *tear = tear_of(r, section);
     if (!tear)
@@ -158,7 +158,7 @@ static bool parse_series(const char *value, const struct series_key *k, struct r
 }
 
 // "[ligament NAME]": as with cavities.
-static struct recipe_ligament *ligament_of(struct reading *r, const char *section) {
+static struct recipe_ligament *ligament_of(struct recipe_reader *r, const char *section) {
     const char *name = section + strlen("ligament ");
     struct recipe *recipe = r->recipe;
     for (int i = 0; i < recipe->ligament_count; i++)
@@ -171,7 +171,7 @@ static struct recipe_ligament *ligament_of(struct reading *r, const char *sectio
     return ligament;
 }
 
-static enum result read_ligament(struct reading *r, const char *section, const char *key,
+static enum result read_ligament(struct recipe_reader *r, const char *section, const char *key,
                                  const char *value) {
     struct recipe_ligament *ligament = ligament_of(r, section);
     if (!ligament)
@@ -190,7 +190,7 @@ static enum result read_ligament(struct reading *r, const char *section, const c
     return refuse(r, section, key, "unknown key");
 }
 
-static enum result read_knee(struct reading *r, const char *section, const char *key,
+static enum result read_knee(struct recipe_reader *r, const char *section, const char *key,
                              const char *value) {
     if (strcmp(section, "knee") == 0 && strcmp(key, "title") == 0) {
         if (strlen(value) >= sizeof r->recipe->title)
@@ -206,7 +206,7 @@ static enum result read_knee(struct reading *r, const char *section, const char 
         return RESULT_OK;
     }
     for (size_t i = 0; i < sizeof number_keys / sizeof *number_keys; i++) {
-        const struct number_key *k = &number_keys[i];
+        const struct recipe_key *k = &number_keys[i];
         if (strcmp(section, k->section) == 0 && strcmp(key, k->key) == 0)
             return read_number(r, section, key, value, k->low, k->high,
                                (double *)((char *)r->recipe + k->offset));
@@ -214,7 +214,7 @@ static enum result read_knee(struct reading *r, const char *section, const char 
     return refuse(r, section, key, "unknown key");
 }
 
-static bool seen_before(struct reading *r, const char *section, const char *key) {
+static bool seen_before(struct recipe_reader *r, const char *section, const char *key) {
     char name[sizeof r->seen[0]];
     snprintf(name, sizeof name, "%s/%s", section, key);
     for (int i = 0; i < r->seen_count; i++)
@@ -227,7 +227,7 @@ static bool seen_before(struct reading *r, const char *section, const char *key)
 
 // inih goes on after an error: only the first one counts.
 static int read_entry(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
+    struct recipe_reader *r = user;
     if (r->result != RESULT_OK)
         return 0;
     if (seen_before(r, section, key))
@@ -347,7 +347,7 @@ enum result recipe_load(const char *path, struct recipe *out_recipe, struct erro
                                   .meniscus_medial_cm3 = 2.4,
                                   .meniscus_lateral_cm3 = 2.4,
                                   .rim_mm = MAXCUT_RIM_MM};
-    struct reading r = {.recipe = out_recipe, .err = err, .result = RESULT_OK};
+    struct recipe_reader r = {.recipe = out_recipe, .err = err, .result = RESULT_OK};
     int line = ini_parse(file, read_entry, &r);
     if (line < 0)
         return fail(err, RESULT_IO, "%s: %s", file, strerror(errno));

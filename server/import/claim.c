@@ -18,7 +18,7 @@
 #define STL_TRIANGLE 50
 
 // A file by lines. `line` has neither blanks at its start nor its line's end.
-struct reading {
+struct line_reader {
     FILE *file;
     char *buffer, *line;
     size_t room;
@@ -26,7 +26,7 @@ struct reading {
     bool foul;       // reading has ended at a zero byte or a carriage return inside of a line
 };
 
-static bool next_line(struct reading *r) {
+static bool next_line(struct line_reader *r) {
     ssize_t length = getline(&r->buffer, &r->room, r->file);
     if (length < 0)
         return false;
@@ -149,7 +149,7 @@ static bool is_ply_row(char *line, const struct ply_element *element) {
     return word == NULL;
 }
 
-static enum result check_ply_rows(struct reading *r, const char *path, struct ply *ply,
+static enum result check_ply_rows(struct line_reader *r, const char *path, struct ply *ply,
                                   struct error *err) {
     uint64_t said = 0, lines = 0, end = 0; // end: of the element's rows
     int next = 0;
@@ -170,7 +170,7 @@ static enum result check_ply_rows(struct reading *r, const char *path, struct pl
     return RESULT_OK;
 }
 
-static enum result claim_of_ply(struct reading *r, const char *path, struct import_claim *out,
+static enum result claim_of_ply(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     struct ply ply = {0};
     bool ended = false, sound = true;
@@ -241,7 +241,7 @@ static bool is_off_face(const char *line, unsigned vertices, bool coloured) {
     return sound && count_numbers(end, coloured ? 4 : 0, 255) >= 0;
 }
 
-static enum result claim_of_off(struct reading *r, const char *path, struct import_claim *out,
+static enum result claim_of_off(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
     bool coloured = sound && off_is_coloured(r->line);
@@ -294,7 +294,7 @@ static bool take_face(const char *line, bool *out_repeated) {
     return true;
 }
 
-static enum result claim_of_obj(struct reading *r, const char *path, struct import_claim *out,
+static enum result claim_of_obj(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     while (next_line(r)) {
         size_t length = strlen(r->line);
@@ -329,8 +329,8 @@ static bool is_three_numbers(const char *text) {
     return text[strspn(text, " \t")] == '\0';
 }
 
-static enum result claim_of_stl_text(struct reading *r, const char *path, struct import_claim *out,
-                                     struct error *err) {
+static enum result claim_of_stl_text(struct line_reader *r, const char *path,
+                                     struct import_claim *out, struct error *err) {
     uint64_t vertices = 0, ends = 0, solids = 0;
     while (next_line(r)) {
         bool vertex = starts_with_word(r->line, "vertex");
@@ -368,7 +368,7 @@ static enum result check_stl_numbers(FILE *file, const char *path, uint32_t face
     return RESULT_OK;
 }
 
-static enum result claim_of_stl(struct reading *r, const char *path, struct import_claim *out,
+static enum result claim_of_stl(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
     struct stat status;
     char header[STL_HEADER] = "";
@@ -396,7 +396,8 @@ static enum result claim_of_stl(struct reading *r, const char *path, struct impo
 enum result import_claim_of(const char *path, struct import_claim *out_claim, struct error *err) {
     static const struct {
         const char *ending;
-        enum result (*claim)(struct reading *, const char *, struct import_claim *, struct error *);
+        enum result (*claim)(struct line_reader *, const char *, struct import_claim *,
+                             struct error *);
     } formats[] = {{".ply", claim_of_ply},
                    {".off", claim_of_off},
                    {".obj", claim_of_obj},
@@ -406,7 +407,7 @@ enum result import_claim_of(const char *path, struct import_claim *out_claim, st
     for (size_t i = 0; dot && i < sizeof formats / sizeof formats[0]; i++) {
         if (strcasecmp(dot, formats[i].ending) != 0)
             continue;
-        struct reading reading = {.file = fopen(path, "rb")};
+        struct line_reader reading = {.file = fopen(path, "rb")};
         if (!reading.file)
             return fail(err, RESULT_IO, "%s: cannot be opened", path);
         enum result result = formats[i].claim(&reading, path, out_claim, err);

@@ -15,7 +15,8 @@ static int64_t next_due(const struct viewer *viewer, int64_t now_ns) {
 }
 
 // False where the batch is full.
-static bool put_moment(const struct station_cache *cache, struct sent *sent, struct batch *batch) {
+static bool put_moment(const struct station_cache *cache, struct sent_state *sent,
+                       struct live_batch *batch) {
     if (!cache->item_size ||
         (sent->session == cache->item_session && sent->step == cache->item_step))
         return true;
@@ -26,7 +27,8 @@ static bool put_moment(const struct station_cache *cache, struct sent *sent, str
     return true;
 }
 
-static bool put_place(const struct station_cache *cache, struct sent *sent, struct batch *batch) {
+static bool put_place(const struct station_cache *cache, struct sent_state *sent,
+                      struct live_batch *batch) {
     if (sent->place == cache->place_number)
         return true;
     if (!batch_put(batch, cache->place, cache->place_size))
@@ -38,13 +40,13 @@ static bool put_place(const struct station_cache *cache, struct sent *sent, stru
 // ---- the wall -----------------------------------------------------------------------------------
 
 int64_t follow_wall(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                    struct batch *batch) {
+                    struct live_batch *batch) {
     if (now_ns < viewer->due_ns)
         return viewer->due_ns;
     int count = sessions_config(a->sessions)->station_count;
     for (int i = 0; i < count; i++) {
         int station = (viewer->turn + i) % count;
-        struct sent *sent = &viewer->sent[station];
+        struct sent_state *sent = &viewer->sent[station];
         cache_refresh(a, station, now_ns, viewer->period_ns / 2);
         cache_place(a, station, now_ns);
         if (!put_place(&a->cache[station], sent, batch) ||
@@ -104,7 +106,7 @@ static bool may_see(const struct viewer *viewer, const struct session_about *abo
 }
 
 // A new session, from its first step on: then its cut worker knows of it, too.
-static bool introduce(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static bool introduce(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     const struct station_cache *cache = &a->cache[viewer->station];
     if (viewer->introduced && viewer->session == cache->about.serial)
         return true;
@@ -133,7 +135,7 @@ static bool introduce(struct live_server *a, struct viewer *viewer, struct batch
     return true;
 }
 
-static void put_remarks(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static void put_remarks(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     struct kept_remark remarks[REMARKS_AT_ONCE];
     uint64_t revision;
     int count;
@@ -161,7 +163,7 @@ static bool is_told(const struct viewer *viewer, int tissue, const struct tissue
            told->refused == f->refused;
 }
 
-static void put_resections(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static void put_resections(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     const struct scene *scene = sessions_scene(a->sessions, a->cache[viewer->station].about.scene);
     struct tissue_report report;
     runtime_tissues(sessions_runtime(a->sessions), viewer->station, &report);
@@ -196,7 +198,7 @@ static void take_payloads(struct viewer *viewer) {
 }
 
 // One chunk in a batch, so that what moves does not wait for what is large. True: more is to come.
-static bool put_chunk(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static bool put_chunk(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     take_payloads(viewer);
     for (int i = 0; i < TISSUES_MAX; i++) {
         struct sending *sending = &viewer->sendings[i];
@@ -234,7 +236,7 @@ bool follow_meshes(struct live_server *a, struct viewer *viewer, const arthron_P
 // ---- all of one station -------------------------------------------------------------------------
 
 static void put_metrics(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                        struct batch *batch) {
+                        struct live_batch *batch) {
     struct station_cache *cache = &a->cache[viewer->station];
     cache_metrics(a, viewer->station, now_ns);
     if (viewer->metrics_ns == cache->metrics_ns || cache->metrics_of != viewer->session)
@@ -244,8 +246,8 @@ static void put_metrics(struct live_server *a, struct viewer *viewer, int64_t no
 }
 
 static void put_what_moves(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                           struct batch *batch) {
-    struct sent *sent = &viewer->sent[viewer->station];
+                           struct live_batch *batch) {
+    struct sent_state *sent = &viewer->sent[viewer->station];
     const struct station_cache *cache = &a->cache[viewer->station];
     put_remarks(a, viewer, batch);
     put_resections(a, viewer, batch);
@@ -254,7 +256,7 @@ static void put_what_moves(struct live_server *a, struct viewer *viewer, int64_t
 }
 
 int64_t follow_station(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                       struct batch *batch) {
+                       struct live_batch *batch) {
     const struct station_cache *cache = &a->cache[viewer->station];
     if (now_ns >= viewer->due_ns) {
         cache_refresh(a, viewer->station, now_ns, viewer->period_ns / 2);

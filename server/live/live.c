@@ -16,7 +16,7 @@
 
 // ---- batches ------------------------------------------------------------------------------------
 
-bool batch_put(struct batch *b, const void *items, size_t size) {
+bool batch_put(struct live_batch *b, const void *items, size_t size) {
     if (size > b->size - b->used) {
         b->full = true;
         return false;
@@ -26,7 +26,7 @@ bool batch_put(struct batch *b, const void *items, size_t size) {
     return true;
 }
 
-bool batch_say(struct batch *b, const arthron_Live *item) {
+bool batch_say(struct live_batch *b, const arthron_Live *item) {
     size_t used;
     if (live_encode(item, b->bytes + b->used, b->size - b->used, &used) != RESULT_OK) {
         b->full = true;
@@ -41,7 +41,7 @@ uint32_t chunk_count(const struct mesh_payload *payload) {
 }
 
 bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
-               struct batch *b) {
+               struct live_batch *b) {
     size_t at = (size_t)index * WIRE_CHUNK_DATA, left = payload->size - at, used;
     chunk->base = payload->base;
     chunk->number = payload->number;
@@ -209,7 +209,7 @@ bool live_server_take(struct live_server *a, struct viewer *viewer, const arthro
 
 // ---- what it is told ----------------------------------------------------------------------------
 
-static void tell_trouble(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static void tell_trouble(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     if (!viewer->trouble[0])
         return;
     a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
@@ -226,7 +226,7 @@ static void tell_trouble(struct live_server *a, struct viewer *viewer, struct ba
 }
 
 // Each that is left in the ring fits a batch that is empty.
-static void tell_answers(struct viewer *viewer, struct batch *batch) {
+static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
     struct parcel *parcel;
     while (!batch->full && ring_count(viewer->answers)) {
         if (batch->used > batch->size / 8) { // it may be a long one
@@ -244,7 +244,7 @@ static void tell_answers(struct viewer *viewer, struct batch *batch) {
 }
 
 // Behind the replies to all that were taken.
-static void tell_refusals(struct live_server *a, struct viewer *viewer, struct batch *batch) {
+static void tell_refusals(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
     a->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
     snprintf(a->item.message.command_reply.text, sizeof a->item.message.command_reply.text,
              "%d commands of this page are waiting: send this one again later", ASKED_MAX);
@@ -254,7 +254,7 @@ static void tell_refusals(struct live_server *a, struct viewer *viewer, struct b
 
 // Who looks at what stands still knows so that the server is there.
 static void tell_beat(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                      struct batch *batch) {
+                      struct live_batch *batch) {
     if (!batch->used && now_ns - viewer->told_ns >= IDLE_NS) {
         a->item = (arthron_Live){.which_message = arthron_Live_beat_tag};
         batch_say(batch, &a->item);
@@ -264,7 +264,7 @@ static void tell_beat(struct live_server *a, struct viewer *viewer, int64_t now_
 }
 
 static int64_t tell_view(struct live_server *a, struct viewer *viewer, int64_t now_ns,
-                         struct batch *batch) {
+                         struct live_batch *batch) {
     switch (viewer->watch.what) {
     case arthron_Watch_What_WALL:
         return follow_wall(a, viewer, now_ns, batch);
@@ -281,7 +281,7 @@ static int64_t tell_view(struct live_server *a, struct viewer *viewer, int64_t n
 size_t live_server_batch(struct live_server *a, struct viewer *viewer, int64_t now_ns, uint8_t *out,
                          size_t size, int64_t *out_next_ns) {
     CHECK(size >= LIVE_BATCH_MAX);
-    struct batch batch = {out, size, 0, false};
+    struct live_batch batch = {out, size, 0, false};
     tell_answers(viewer, &batch);
     tell_refusals(a, viewer, &batch);
     tell_trouble(a, viewer, &batch);

@@ -30,7 +30,7 @@ struct playback {
     arthron_Live item;
     arthron_MeshChunk chunk;
     uint8_t bytes[LIVE_ITEM_MAX];
-    struct batch batch;
+    struct live_batch batch;
     bool last;
 };
 
@@ -43,7 +43,7 @@ struct playback *playback_create(struct live_server *live, const struct viewer *
     p->account = viewer->account;
     p->watch = viewer->watch;
     p->parcels = ring_create(PARCELS_MAX, sizeof(struct parcel *));
-    p->batch = (struct batch){p->bytes, sizeof p->bytes, 0, false};
+    p->batch = (struct live_batch){p->bytes, sizeof p->bytes, 0, false};
     sem_init(&p->taken, 0, 0);
     return p;
 }
@@ -75,7 +75,7 @@ void playback_leave(struct playback **playback) {
 
 // ---- to the page --------------------------------------------------------------------------------
 
-void playback_batch(struct playback *p, struct batch *batch) {
+void playback_batch(struct playback *p, struct live_batch *batch) {
     while (p->next || ring_pop(p->parcels, &p->next)) {
         if (!batch_put(batch, p->next->bytes, p->next->size))
             return;

@@ -14,4 +14,4 @@ struct playback *playback_create(struct live_server *live, const struct viewer *
 // Queues it behind those that are played. False where there are too many.
 bool playback_start(struct playback *playback);
 void playback_leave(struct playback **playback); // it ends soon; the reference is given back
-void playback_batch(struct playback *playback, struct batch *batch);
+void playback_batch(struct playback *playback, struct live_batch *batch);

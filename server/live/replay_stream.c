@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct replay {
+struct replay_stream {
     struct sessions *sessions;
     const arthron_Watch *watch;
     const struct replay_sink *sink;
@@ -66,7 +66,7 @@ static enum result find_trace(const struct sessions *sessions, const char *sessi
     return fail(err, RESULT_MISSING, "the trace of session %s is not there", session);
 }
 
-static enum result find_case(struct replay *f, struct error *err) {
+static enum result find_case(struct replay_stream *f, struct error *err) {
     const struct sessions_config *config = sessions_config(f->sessions);
     const char *wanted = f->watch->case_name;
     int own = -1, index = -1;
@@ -90,16 +90,16 @@ static enum result find_case(struct replay *f, struct error *err) {
 
 // ---- to the sink ------------------------------------------------------------------------------
 
-static arthron_Live *begin_item(struct replay *f, pb_size_t kind) {
+static arthron_Live *begin_item(struct replay_stream *f, pb_size_t kind) {
     *f->sink->item = (arthron_Live){.which_message = kind};
     return f->sink->item;
 }
 
-static void say(struct replay *f) {
+static void say(struct replay_stream *f) {
     f->gone = f->gone || !f->sink->say(f->sink->user, f->sink->item);
 }
 
-static void say_session(struct replay *f, const char *path) {
+static void say_session(struct replay_stream *f, const char *path) {
     arthron_LiveSession *out = &begin_item(f, arthron_Live_session_tag)->message.session;
     int64_t last_ns;
     out->seat = f->station;
@@ -120,14 +120,14 @@ static void say_session(struct replay *f, const char *path) {
     say(f);
 }
 
-static void say_trouble(struct replay *f, arthron_Trouble_Kind kind, const char *text) {
+static void say_trouble(struct replay_stream *f, arthron_Trouble_Kind kind, const char *text) {
     arthron_Trouble *out = &begin_item(f, arthron_Live_trouble_tag)->message.trouble;
     out->kind = kind;
     snprintf(out->text, sizeof out->text, "%.255s", text);
     say(f);
 }
 
-static void say_moment(struct replay *f, bool whatever) {
+static void say_moment(struct replay_stream *f, bool whatever) {
     const struct step_snapshot *now = &f->moments.now;
     if (!whatever && now->since_ns < f->due_ns)
         return;
@@ -136,7 +136,7 @@ static void say_moment(struct replay *f, bool whatever) {
     say(f);
 }
 
-static void say_progress(struct replay *f, bool done) {
+static void say_progress(struct replay_stream *f, bool done) {
     double size = (double)trace_reader_size(f->reader);
     double share = done || size <= 0 ? 1 : (double)trace_reader_offset(f->reader) / size;
     share = share > 1 ? 1 : share;
@@ -148,7 +148,8 @@ static void say_progress(struct replay *f, bool done) {
     say(f);
 }
 
-static void say_resection(struct replay *f, int tissue, const struct tissue_figures *figures) {
+static void say_resection(struct replay_stream *f, int tissue,
+                          const struct tissue_figures *figures) {
     const struct mesh_feed *feed = f->feeds[tissue];
     int group = scene_tissue_group(f->scene, tissue);
     reply_resection(figures, scene_case(f->scene)->groups[group].name,
@@ -160,7 +161,7 @@ static void say_resection(struct replay *f, int tissue, const struct tissue_figu
 // ---- meshes -------------------------------------------------------------------------------------
 
 // The page has whatever it was sent: nothing is lost on a page's connection.
-static void say_mesh(struct replay *f, int tissue) {
+static void say_mesh(struct replay_stream *f, int tissue) {
     struct mesh_payload *payload;
     while (!f->gone && (payload = mesh_feed_next(f->feeds[tissue], &f->cursors[tissue]))) {
         const struct tissue *now = mesh_feed_tissue(f->feeds[tissue]);
@@ -171,7 +172,7 @@ static void say_mesh(struct replay *f, int tissue) {
     }
 }
 
-static void say_first_meshes(struct replay *f) {
+static void say_first_meshes(struct replay_stream *f) {
     const struct operation *operation = rerun_operation(f->rerun);
     f->shows_meshes = true;
     for (int i = 0; i < scene_tissue_count(f->scene) && !f->gone; i++) {
@@ -189,7 +190,7 @@ static void say_first_meshes(struct replay *f) {
     }
 }
 
-static void push_change(struct replay *f, const struct job_result *result) {
+static void push_change(struct replay_stream *f, const struct job_result *result) {
     struct mesh_feed **feed = &f->feeds[result->tissue];
     const struct cut_mesh *mesh = operation_mesh(rerun_operation(f->rerun), result->tissue);
     struct mesh_delta delta;
@@ -210,7 +211,7 @@ static void push_change(struct replay *f, const struct job_result *result) {
 
 // Out of the rerun, after the step at which it landed.
 static void on_landing(void *user, const struct job_result *result) {
-    struct replay *f = user;
+    struct replay_stream *f = user;
     if (!f->shows_meshes || result->outcome == JOB_NOTHING)
         return;
     f->landed = true;
@@ -221,7 +222,7 @@ static void on_landing(void *user, const struct job_result *result) {
 // ---- steps --------------------------------------------------------------------------------------
 
 // On its own case what was recorded is cache, whatever this server would make of it today.
-static void run_step(struct replay *f, const struct trace_record *record,
+static void run_step(struct replay_stream *f, const struct trace_record *record,
                      struct session_output *output) {
     struct landed landed;
     if (f->rerun && !f->gap && f->own_case)
@@ -232,7 +233,7 @@ static void run_step(struct replay *f, const struct trace_record *record,
         *output = record->output;
 }
 
-static void show_step(struct replay *f, const struct trace_record *record) {
+static void show_step(struct replay_stream *f, const struct trace_record *record) {
     static _Thread_local struct session_output output;
     if (record->type == TRACE_STEP && f->rerun && f->watch->meshes && !f->shows_meshes)
         say_first_meshes(f);
@@ -250,13 +251,13 @@ static void show_step(struct replay *f, const struct trace_record *record) {
     metrics_step(&f->metrics, &record->input, &output);
 }
 
-static void show_remark(struct replay *f, const struct remark *remark) {
+static void show_remark(struct replay_stream *f, const struct remark *remark) {
     remark_to_wire(remark, f->header.start_ns,
                    &begin_item(f, arthron_Live_remark_tag)->message.remark);
     say(f);
 }
 
-static void show_gap(struct replay *f) {
+static void show_gap(struct replay_stream *f) {
     if (!f->gap && f->own_case)
         say_trouble(f, arthron_Trouble_Kind_NOTE,
                     "steps are missing in its trace: the meshes stay as they were before");
@@ -278,7 +279,7 @@ static bool on_gap(void *user, uint64_t missing) {
 }
 
 static bool on_resume(void *user, int64_t utc_ns) {
-    struct replay *f = user;
+    struct replay_stream *f = user;
     (void)utc_ns;
     metrics_interrupt(&f->metrics);
     return true;
@@ -291,14 +292,14 @@ static bool on_remark(void *user, const struct remark *remark) {
 
 // Before each record: how far it has come. False once nobody looks any more.
 static bool on_record(void *user, const struct trace_record *record) {
-    struct replay *f = user;
+    struct replay_stream *f = user;
     (void)record;
     say_progress(f, false);
     return !f->gone;
 }
 
 // A session that goes on, or whose server was killed, has no end.
-static void show_end(struct replay *f, enum result end, const struct error *why) {
+static void show_end(struct replay_stream *f, enum result end, const struct error *why) {
     if (end != RESULT_CLOSED && end != RESULT_MISSING)
         say_trouble(f, arthron_Trouble_Kind_FAILED, error_without_folder(why->text));
     reply_metrics(&f->metrics, scene_case(f->scene),
@@ -307,7 +308,7 @@ static void show_end(struct replay *f, enum result end, const struct error *why)
     say_progress(f, true);
 }
 
-static enum result show(struct replay *f, const char *path) {
+static enum result show(struct replay_stream *f, const char *path) {
     struct trace_player player = {.user = f,
                                   .record = on_record,
                                   .step = on_step,
@@ -335,8 +336,8 @@ static enum result show(struct replay *f, const char *path) {
 enum result replay_stream_run(struct sessions *sessions, const arthron_Watch *watch,
                               const struct replay_sink *sink, struct error *err) {
     char path[SESSIONS_PATH_MAX];
-    struct replay *f = alloc(1, sizeof *f);
-    *f = (struct replay){.sessions = sessions, .watch = watch, .sink = sink, .progress = -1};
+    struct replay_stream *f = alloc(1, sizeof *f);
+    *f = (struct replay_stream){.sessions = sessions, .watch = watch, .sink = sink, .progress = -1};
     f->period_ns = snapshot_period_ns(watch);
     enum result result = find_trace(sessions, watch->session, path, err);
     if (result == RESULT_OK)

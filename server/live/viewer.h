@@ -16,20 +16,20 @@
 
 // ---- batches ------------------------------------------------------------------------------------
 
-struct batch {
+struct live_batch {
     uint8_t *bytes;
     size_t size, used;
     bool full; // something did not find room
 };
 
 // False, and full, where it finds no room.
-bool batch_put(struct batch *batch, const void *items, size_t size);
-bool batch_say(struct batch *batch, const arthron_Live *item);
+bool batch_put(struct live_batch *batch, const void *items, size_t size);
+bool batch_say(struct live_batch *batch, const arthron_Live *item);
 
 // A mesh's payload in pieces, as MeshChunk has them. chunk: the caller's room for one.
 uint32_t chunk_count(const struct mesh_payload *payload);
 bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
-               struct batch *batch);
+               struct live_batch *batch);
 
 // Encoded items on their way from another thread to one viewer.
 struct parcel {
@@ -92,7 +92,7 @@ struct viewer {
     arthron_Watch watch;
     int64_t period_ns, due_ns; // of moments
     int turn;                  // the station at which the next batch of a wall begins
-    struct sent {
+    struct sent_state {
         uint64_t session, step;
         uint32_t place;
     } sent[STATIONS_MAX];
@@ -152,9 +152,9 @@ void cache_metrics(struct live_server *live, int station, int64_t now_ns);
 
 // Fill a batch; return when there may be more.
 int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now_ns,
-                    struct batch *batch);
+                    struct live_batch *batch);
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
-                       struct batch *batch);
+                       struct live_batch *batch);
 void follow_end(struct viewer *viewer); // the page looks elsewhere
 // What the page says of its meshes; false: too busy.
 bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);

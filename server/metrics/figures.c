@@ -56,14 +56,14 @@ const struct metric_kind metric_kinds[METRIC_COUNT] = {
     [METRIC_ZONE_REMOVED] = {"zone_removed", "mm3", 1, false, no_floor},
 };
 
-struct telling {
+struct metric_list {
     void (*each)(void *, const struct metric_value *);
     void *context;
     const struct metrics *m;
     struct metric_value about; // whom the next figures are about
 };
 
-static void tell(struct telling *t, enum metric metric, double value, bool above_floor) {
+static void tell(struct metric_list *t, enum metric metric, double value, bool above_floor) {
     struct metric_value v = t->about;
     v.metric = metric;
     v.value = value;
@@ -96,7 +96,7 @@ static bool is_over_noise(const struct instrument_metrics *one, const struct tra
     return travel_jerk(travel) >= LDLJ_LEAST_OVER_NOISE * travel_noise_jerk(rate_hz);
 }
 
-static void tell_travel(struct telling *t, const struct instrument_metrics *one, bool seen) {
+static void tell_travel(struct metric_list *t, const struct instrument_metrics *one, bool seen) {
     const struct travel *travel = seen ? &one->seen : &one->hand;
     bool followed = is_followed(one);
     double path = travel_path_mm(travel);
@@ -106,7 +106,7 @@ static void tell_travel(struct telling *t, const struct instrument_metrics *one,
     tell(t, METRIC_LDLJ_HAND + seen, travel_ldlj(travel), followed && is_over_noise(one, travel));
 }
 
-static void tell_touch(struct telling *t, const struct touch *touch) {
+static void tell_touch(struct metric_list *t, const struct touch *touch) {
     for (int g = 0; g < CASE_GROUPS_MAX; g++) {
         const struct group_touch *group = &touch->groups[g];
         t->about.group = g;
@@ -123,12 +123,12 @@ static void tell_touch(struct telling *t, const struct touch *touch) {
     t->about.group = -1;
 }
 
-static void tell_share(struct telling *t, enum metric metric, int64_t part_ns, int64_t all_ns) {
+static void tell_share(struct metric_list *t, enum metric metric, int64_t part_ns, int64_t all_ns) {
     double share = share_of(part_ns, all_ns);
     tell(t, metric, share, share >= SHARE_LEAST && seconds(all_ns) >= TIME_LEAST_S);
 }
 
-static void tell_view(struct telling *t, const struct instrument_metrics *one) {
+static void tell_view(struct metric_list *t, const struct instrument_metrics *one) {
     if (!one->beside_scope_ns)
         return;
     double out_s = seconds(one->out_of_view_ns);
@@ -139,7 +139,7 @@ static void tell_view(struct telling *t, const struct instrument_metrics *one) {
     tell(t, METRIC_TRIANGULATION_MEAN, search_mean_s(&one->search), true);
 }
 
-static void tell_instrument(struct telling *t, const struct instrument_metrics *one) {
+static void tell_instrument(struct metric_list *t, const struct instrument_metrics *one) {
     if (!one->present_ns)
         return;
     tell(t, METRIC_PRESENT, seconds(one->present_ns), is_well_present(one));
@@ -153,7 +153,7 @@ static void tell_instrument(struct telling *t, const struct instrument_metrics *
 
 // ---- one tissue ---------------------------------------------------------------------------------
 
-static void tell_zones(struct telling *t, const struct quality_report *q) {
+static void tell_zones(struct metric_list *t, const struct quality_report *q) {
     for (int a = 0; a < ZONE_ALONG_COUNT; a++)
         for (int c = 0; c < ZONE_ACROSS_COUNT; c++) {
             t->about.along = a;
@@ -164,7 +164,7 @@ static void tell_zones(struct telling *t, const struct quality_report *q) {
     t->about.along = t->about.across = -1;
 }
 
-static void tell_tissue(struct telling *t, const struct tissue_figures *f, uint32_t undone) {
+static void tell_tissue(struct metric_list *t, const struct tissue_figures *f, uint32_t undone) {
     const struct quality_report *q = &f->quality;
     tell(t, METRIC_CUTS, f->cuts, true);
     tell(t, METRIC_CUTS_REFUSED, f->refused, true);
@@ -179,7 +179,7 @@ static void tell_tissue(struct telling *t, const struct tissue_figures *f, uint3
     tell_zones(t, q);
 }
 
-static void tell_hands(struct telling *t) {
+static void tell_hands(struct metric_list *t) {
     double share = hands_together(&t->m->hands);
     bool followed = hands_seconds(&t->m->hands) >= TIME_LEAST_S;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
@@ -190,7 +190,7 @@ static void tell_hands(struct telling *t) {
 void metrics_each(const struct metrics *m, void (*each)(void *, const struct metric_value *),
                   void *context) {
     struct metric_value nobody = {METRIC_TIME, -1, -1, -1, -1, -1, -1, NAN, false};
-    struct telling t = {each, context, m, nobody};
+    struct metric_list t = {each, context, m, nobody};
     tell(&t, METRIC_TIME, seconds(m->running_ns), true);
     tell_hands(&t);
     for (int i = 0; i < INSTRUMENT_COUNT; i++) {

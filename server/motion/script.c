@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-struct reading {
+struct script_reader {
     struct motion_script *script;
     struct error *err;
     enum result result; // of the first entry that was refused
@@ -14,13 +14,13 @@ struct reading {
     bool seed_seen;
 };
 
-struct number_key {
+struct script_key {
     const char *key;
     size_t offset; // in struct motion_script
     double low, high;
 };
 
-static const struct number_key number_keys[] = {
+static const struct script_key number_keys[] = {
     {"rate_hz", offsetof(struct motion_script, rate_hz), 10, 1000},
     {"speed_mm_s", offsetof(struct motion_script, speed_mm_s), 1, 200},
     {"joint_speed_deg_s", offsetof(struct motion_script, joint_speed_deg_s), 1, 90},
@@ -46,7 +46,7 @@ const char *motion_verb_name(enum motion_verb verb) {
     return verbs[verb].key;
 }
 
-static enum result read_setting(struct reading *r, const char *key, const char *value) {
+static enum result read_setting(struct script_reader *r, const char *key, const char *value) {
     if (strcmp(key, "seed") == 0) {
         if (r->seed_seen)
             return fail(r->err, RESULT_INVALID, "[motion] seed: given twice");
@@ -57,7 +57,7 @@ static enum result read_setting(struct reading *r, const char *key, const char *
                     value, UINT32_MAX);
     }
     for (unsigned i = 0; i < sizeof number_keys / sizeof *number_keys; i++) {
-        const struct number_key *k = &number_keys[i];
+        const struct script_key *k = &number_keys[i];
         if (strcmp(key, k->key) != 0)
             continue;
         if (r->seen >> i & 1)
@@ -141,7 +141,7 @@ static enum motion_verb verb_from_key(const char *key) {
     return verb;
 }
 
-static enum result read_step(struct reading *r, const char *key, const char *value) {
+static enum result read_step(struct script_reader *r, const char *key, const char *value) {
     struct motion_script *script = r->script;
     struct motion_step step = {.verb = verb_from_key(key)};
     if (step.verb == MOTION_VERB_COUNT)
@@ -160,7 +160,7 @@ static enum result read_step(struct reading *r, const char *key, const char *val
 
 // inih goes on after an error: only the first one counts.
 static int read_entry(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
+    struct script_reader *r = user;
     if (r->result != RESULT_OK)
         return 0;
     if (strcmp(section, "motion") == 0)
@@ -176,7 +176,7 @@ enum result motion_script_load(const char *path, struct motion_script *out_scrip
                                struct error *err) {
     *out_script = (struct motion_script){
         .rate_hz = 100, .speed_mm_s = 40, .joint_speed_deg_s = 20, .seed = 1};
-    struct reading r = {.script = out_script, .err = err, .result = RESULT_OK};
+    struct script_reader r = {.script = out_script, .err = err, .result = RESULT_OK};
     int line = ini_parse(path, read_entry, &r);
     if (line < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));

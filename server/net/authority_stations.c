@@ -140,7 +140,7 @@ static enum result note_issued(const char *dir, const X509 *certificate, const c
     return result;
 }
 
-struct enrolment {
+struct station_enrolment {
     const char *dir;
     EVP_PKEY *key;                     // the station's
     char asked[CERTIFICATE_NAME_SIZE]; // the name in the request, empty: none
@@ -149,7 +149,7 @@ struct enrolment {
 };
 
 // Under the lock.
-static enum result issue(struct enrolment *e, const char *station, struct error *err) {
+static enum result issue(struct station_enrolment *e, const char *station, struct error *err) {
     if (e->asked[0] && strcmp(e->asked, station) != 0)
         return fail(err, RESULT_REFUSED, "the certificate would be for station %s, not %s", station,
                     e->asked);
@@ -159,7 +159,8 @@ static enum result issue(struct enrolment *e, const char *station, struct error 
 
 // Under the lock. The certificate is on record before the code is used up, and the code is used up
 // before anyone sees the certificate.
-static enum result use_code(struct enrolment *e, const struct code *code, struct error *err) {
+static enum result use_code(struct station_enrolment *e, const struct code *code,
+                            struct error *err) {
     struct records codes;
     enum result result = records_read(e->dir, "codes", &codes, err);
     if (result == RESULT_OK) {
@@ -176,7 +177,7 @@ static enum result use_code(struct enrolment *e, const struct code *code, struct
     return result;
 }
 
-static enum result begin(struct enrolment *e, const struct authority_request *request,
+static enum result begin(struct station_enrolment *e, const struct authority_request *request,
                          int *out_lock, struct error *err) {
     e->key = certificate_request_key(request->der, request->size, e->asked);
     if (!e->key)
@@ -186,7 +187,7 @@ static enum result begin(struct enrolment *e, const struct authority_request *re
     return result == RESULT_OK ? authority_lock(e->dir, false, out_lock, err) : result;
 }
 
-static enum result answer(const struct enrolment *e, struct authority_answer *out,
+static enum result answer(const struct station_enrolment *e, struct authority_answer *out,
                           struct error *err) {
     out->certificate_size = sizeof out->certificate_der;
     out->authority_size = sizeof out->authority_der;
@@ -197,7 +198,7 @@ static enum result answer(const struct enrolment *e, struct authority_answer *ou
     return result;
 }
 
-static void end(struct enrolment *e) {
+static void end(struct station_enrolment *e) {
     X509_free(e->certificate);
     EVP_PKEY_free(e->key);
     issuer_release(&e->authority);
@@ -206,7 +207,7 @@ static void end(struct enrolment *e) {
 enum result authority_enrol(const char *dir, const char *code_text,
                             const struct authority_request *request, struct authority_answer *out,
                             struct error *err) {
-    struct enrolment e = {.dir = dir};
+    struct station_enrolment e = {.dir = dir};
     struct code code;
     int lock;
     enum result result = code_read(code_text, &code, err);
@@ -264,7 +265,7 @@ static enum result may_renew(const char *dir, const char *station, const char *s
 enum result authority_renew(const char *dir, const char *station, const char *serial_hex,
                             const struct authority_request *request, struct authority_answer *out,
                             struct error *err) {
-    struct enrolment e = {.dir = dir};
+    struct station_enrolment e = {.dir = dir};
     int lock;
     enum result result = check_name(station, err);
     if (result != RESULT_OK)

@@ -13,7 +13,7 @@
 #define CALL_TIMEOUT_S 10
 #define LONG_TIMEOUT_S 600
 
-struct call {
+struct console_call {
     const char *path;
     struct exchange exchange;
     pb_size_t wanted; // which message answers
@@ -25,7 +25,7 @@ struct call {
     struct error *err;
 };
 
-static void finish(struct call *call, enum result result, const char *text) {
+static void finish(struct console_call *call, enum result result, const char *text) {
     if (call->done)
         return;
     call->done = true;
@@ -34,7 +34,7 @@ static void finish(struct call *call, enum result result, const char *text) {
         fail(call->err, result, "%s: %s", call->path, text);
 }
 
-static void read_reply(struct call *call) {
+static void read_reply(struct console_call *call) {
     struct exchange *x = &call->exchange;
     struct error err;
     if (wire_decode_console(x->in, x->in_size, &call->answer, &err) != RESULT_OK)
@@ -47,7 +47,8 @@ static void read_reply(struct call *call) {
         finish(call, RESULT_FORMAT, "the server's answer does not match the question");
 }
 
-static int receive_reply(struct call *call, struct lws *socket, const void *bytes, size_t size) {
+static int receive_reply(struct console_call *call, struct lws *socket, const void *bytes,
+                         size_t size) {
     bool whole = false;
     if (!console_collect(&call->exchange, socket, bytes, size, &whole))
         finish(call, RESULT_LIMIT, "the server's answer is too long");
@@ -59,7 +60,7 @@ static int receive_reply(struct call *call, struct lws *socket, const void *byte
 static int on_server(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                      size_t size) {
     (void)user;
-    struct call *call = lws_context_user(lws_get_context(socket));
+    struct console_call *call = lws_context_user(lws_get_context(socket));
     switch (reason) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
         call->connected = true;
@@ -81,13 +82,13 @@ static int on_server(struct lws *socket, enum lws_callback_reasons reason, void 
 }
 
 static void on_timeout(lws_sorted_usec_list_t *timeout) {
-    struct call *call = lws_container_of(timeout, struct call, timeout);
+    struct console_call *call = lws_container_of(timeout, struct console_call, timeout);
     char text[48];
     snprintf(text, sizeof text, "no answer within %d s", call->timeout_s);
     finish(call, RESULT_TIMEOUT, text);
 }
 
-static void make_call(struct call *call) {
+static void make_call(struct console_call *call) {
     static const struct lws_protocols protocols[] = {
         {.name = WIRE_CONSOLE_SUBPROTOCOL, .callback = on_server},
         {0},
@@ -137,7 +138,7 @@ static int timeout_of(const arthron_Console *asked) {
 }
 
 // `call` is all zero but for what is asked and wanted.
-static enum result ask(const char *socket_path, struct call *call, struct error *err) {
+static enum result ask(const char *socket_path, struct console_call *call, struct error *err) {
     enum result result = console_check_length(socket_path, err);
     if (result == RESULT_OK)
         result = check_way(socket_path, err);
@@ -155,7 +156,7 @@ static enum result ask(const char *socket_path, struct call *call, struct error 
 
 enum result console_call(const char *socket_path, const arthron_Command *command,
                          arthron_CommandReply *out_reply, struct error *err) {
-    struct call *call = alloc(1, sizeof *call);
+    struct console_call *call = alloc(1, sizeof *call);
     call->asked.which_message = arthron_Console_command_tag;
     call->asked.message.command = *command;
     call->wanted = arthron_Console_command_reply_tag;
@@ -168,7 +169,7 @@ enum result console_call(const char *socket_path, const arthron_Command *command
 
 enum result console_ask_metrics(const char *socket_path, const char *station,
                                 arthron_Metrics *out_metrics, struct error *err) {
-    struct call *call = alloc(1, sizeof *call);
+    struct console_call *call = alloc(1, sizeof *call);
     call->asked.which_message = arthron_Console_metrics_ask_tag;
     snprintf(call->asked.message.metrics_ask.station,
              sizeof call->asked.message.metrics_ask.station, "%s", station);

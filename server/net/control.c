@@ -35,12 +35,12 @@ bool control_take_slot(struct peer *peer) {
     while (index < CONTROL_PEERS_MAX && control->slots[index].peer)
         index++;
     if (index < CONTROL_PEERS_MAX) {
-        struct slot *slot = &control->slots[index];
-        *slot = (struct slot){.generation = slot->generation + 1,
-                              .peer = peer,
-                              .outbox = outbox,
-                              .meshes = peer->meshes,
-                              .until_s = peer->identity.until_s};
+        struct peer_slot *slot = &control->slots[index];
+        *slot = (struct peer_slot){.generation = slot->generation + 1,
+                                   .peer = peer,
+                                   .outbox = outbox,
+                                   .meshes = peer->meshes,
+                                   .until_s = peer->identity.until_s};
         peer->handle = (struct control_peer){index, slot->generation};
     }
     pthread_mutex_unlock(&control->lock);
@@ -50,7 +50,7 @@ bool control_take_slot(struct peer *peer) {
 }
 
 void control_free_slot(struct peer *peer) {
-    struct slot *slot = &peer->control->slots[peer->handle.index];
+    struct peer_slot *slot = &peer->control->slots[peer->handle.index];
     pthread_mutex_lock(&peer->control->lock);
     slot->peer = NULL;
     pthread_mutex_unlock(&peer->control->lock);
@@ -58,15 +58,15 @@ void control_free_slot(struct peer *peer) {
     control_drop_meshes(slot);
 }
 
-struct slot *control_find_slot(struct control *control, struct control_peer handle) {
+struct peer_slot *control_find_slot(struct control *control, struct control_peer handle) {
     CHECK(handle.index >= 0 && handle.index < CONTROL_PEERS_MAX);
-    struct slot *slot = &control->slots[handle.index];
+    struct peer_slot *slot = &control->slots[handle.index];
     return slot->peer && slot->generation == handle.generation ? slot : NULL;
 }
 
 int64_t control_certificate_end(struct control *control, struct control_peer handle) {
     pthread_mutex_lock(&control->lock);
-    const struct slot *slot = control_find_slot(control, handle);
+    const struct peer_slot *slot = control_find_slot(control, handle);
     int64_t until_s = slot ? slot->until_s : 0;
     pthread_mutex_unlock(&control->lock);
     return until_s;
@@ -79,7 +79,7 @@ bool control_send(struct control *control, struct control_peer handle,
     struct outgoing out;
     outgoing_encode(message, &out);
     pthread_mutex_lock(&control->lock);
-    struct slot *slot = control_find_slot(control, handle);
+    struct peer_slot *slot = control_find_slot(control, handle);
     if (slot) {
         put = outbox_put(slot->outbox, message, &out);
         slot->overflown |= put == OUTBOX_OVERFLOWN;
@@ -96,7 +96,7 @@ bool control_send(struct control *control, struct control_peer handle,
 
 // ---- the control thread -------------------------------------------------------------------------
 
-static void serve(struct control *control, const struct slot *slot) {
+static void serve(struct control *control, const struct peer_slot *slot) {
     struct peer *peer = slot->peer;
     if (ws_server_stops(control->server))
         peer_refuse(peer, arthron_Refusal_Reason_SHUTDOWN, "the server stops");
@@ -123,7 +123,7 @@ static void take_certificate(struct control *control) {
 static void serve_slots(struct control *control, bool all) {
     for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
         pthread_mutex_lock(&control->lock);
-        struct slot slot = control->slots[i];
+        struct peer_slot slot = control->slots[i];
         control->slots[i].wakes = false;
         pthread_mutex_unlock(&control->lock);
         if (slot.peer && (slot.wakes || all))
@@ -282,12 +282,12 @@ static const struct lws_protocols protocols[] = {
 };
 
 // Where the authority keeps what a server shows.
-struct paths {
+struct server_files {
     char authority[4096], certificate[4096], key[4096];
 };
 
-static struct paths paths_in(const char *dir) {
-    struct paths paths;
+static struct server_files paths_in(const char *dir) {
+    struct server_files paths;
     snprintf(paths.authority, sizeof paths.authority, "%s/authority.pem", dir);
     snprintf(paths.certificate, sizeof paths.certificate, "%s/server.pem", dir);
     snprintf(paths.key, sizeof paths.key, "%s/server.key", dir);
@@ -295,7 +295,7 @@ static struct paths paths_in(const char *dir) {
 }
 
 static enum result listen_at(struct control *control, const struct control_config *config,
-                             const struct paths *paths, struct error *err) {
+                             const struct server_files *paths, struct error *err) {
     const struct lws_context_creation_info info = {
         .iface = config->address,
         .port = config->port,
@@ -312,7 +312,7 @@ static enum result listen_at(struct control *control, const struct control_confi
     return ws_server_create(WS_SERVER_TLS, &info, &handler, &control->server, err);
 }
 
-static enum result open_files(const struct paths *paths, struct tls_files **out_files,
+static enum result open_files(const struct server_files *paths, struct tls_files **out_files,
                               struct error *err) {
     if (access(paths->authority, R_OK))
         return fail(err, RESULT_MISSING, "%s: %s", paths->authority, strerror(errno));
@@ -335,7 +335,7 @@ enum result control_create(const struct control_config *config,
     control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
-    const struct paths paths = paths_in(config->authority_dir);
+    const struct server_files paths = paths_in(config->authority_dir);
     struct tls_files *tls_files = NULL;
     enum result result = open_files(&paths, &tls_files, err);
     if (result == RESULT_OK)

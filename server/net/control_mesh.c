@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Where a group's payload goes: in the place of an older one, else in a free place.
-static struct delivery *place_for(struct slot *slot, const char *group) {
+static struct delivery *place_for(struct peer_slot *slot, const char *group) {
     struct delivery *free_one = NULL;
     for (int i = 0; i < WIRE_MESH_GROUPS_MAX; i++) {
         struct delivery *delivery = &slot->deliveries[i];
@@ -22,7 +22,7 @@ bool control_send_mesh(struct control *control, struct control_peer handle,
     struct mesh_payload *older = NULL;
     bool wakes = true;
     pthread_mutex_lock(&control->lock);
-    struct slot *slot = control_find_slot(control, handle);
+    struct peer_slot *slot = control_find_slot(control, handle);
     struct delivery *place = slot && slot->meshes ? place_for(slot, payload->group) : NULL;
     if (place) {
         older = place->payload;
@@ -43,7 +43,7 @@ static bool is_last(const struct delivery *delivery) {
 
 // The next chunk of the groups in turn, with a reference to its payload. False: there is none.
 static bool take_chunk(struct peer *peer, struct delivery *out) {
-    struct slot *slot = &peer->control->slots[peer->handle.index];
+    struct peer_slot *slot = &peer->control->slots[peer->handle.index];
     bool taken = false;
     pthread_mutex_lock(&peer->control->lock);
     for (int i = 0; i < WIRE_MESH_GROUPS_MAX && !taken; i++) {
@@ -90,7 +90,7 @@ size_t control_next_chunk(struct peer *peer) {
     return size;
 }
 
-void control_drop_meshes(struct slot *slot) {
+void control_drop_meshes(struct peer_slot *slot) {
     for (int i = 0; i < WIRE_MESH_GROUPS_MAX; i++)
         mesh_payload_release(&slot->deliveries[i].payload);
 }

@@ -46,7 +46,7 @@ struct delivery {
 };
 
 // One agreed peer as other threads know it; all of it under the lock.
-struct slot {
+struct peer_slot {
     uint32_t generation;
     struct peer *peer; // NULL: free
     struct outbox *outbox;
@@ -72,7 +72,7 @@ struct control {
     arthron_MeshChunk chunk; // the one being written
     struct outgoing_chunk chunk_bytes;
     pthread_mutex_t lock; // held for a copy of one message at most
-    struct slot slots[CONTROL_PEERS_MAX];
+    struct peer_slot slots[CONTROL_PEERS_MAX];
     atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
         replies_dropped;
 };
@@ -87,14 +87,14 @@ void control_free_slot(struct peer *peer);
 void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last);
 
 // The slot of a handle, NULL where the peer is gone. Under the lock.
-struct slot *control_find_slot(struct control *control, struct control_peer handle);
+struct peer_slot *control_find_slot(struct control *control, struct control_peer handle);
 
 // ---- control_mesh.c: meshes ---------------------------------------------------------------------
 
 // Encodes the next chunk of what is on its way to the peer into control->chunk_bytes; its size, 0
 // where there is nothing.
 size_t control_next_chunk(struct peer *peer);
-void control_drop_meshes(struct slot *slot); // that nobody can find any more
+void control_drop_meshes(struct peer_slot *slot); // that nobody can find any more
 
 // ---- peer.c: the protocol -----------------------------------------------------------------------
 

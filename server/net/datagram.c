@@ -31,7 +31,7 @@ struct epoch {
     uint64_t newest;
 };
 
-struct connection {
+struct datagram_connection {
     uint32_t id; // meaningful while epoch.to_server
     void *user;
     struct epoch epoch, old_epoch;
@@ -52,7 +52,7 @@ struct question {
 };
 
 // One side of recvmmsg and sendmmsg.
-struct batch {
+struct datagram_batch {
     struct mmsghdr headers[DATAGRAM_BATCH];
     struct iovec parts[DATAGRAM_BATCH];
     struct address addresses[DATAGRAM_BATCH];
@@ -61,10 +61,10 @@ struct batch {
 
 struct datagram_endpoint {
     int fd, port;
-    struct connection connections[DATAGRAM_CONNECTIONS_MAX];
+    struct datagram_connection connections[DATAGRAM_CONNECTIONS_MAX];
     struct question questions[DATAGRAM_BATCH];
     int question_count;
-    struct batch in, out;
+    struct datagram_batch in, out;
     int out_count;
     struct datagram_counts counts;
 };
@@ -113,7 +113,7 @@ static int bound_port(int fd) {
     return atoi(service);
 }
 
-static void prepare(struct batch *batch) {
+static void prepare(struct datagram_batch *batch) {
     for (int i = 0; i < DATAGRAM_BATCH; i++) {
         batch->parts[i] = (struct iovec){batch->data[i], WIRE_DATAGRAM_MAX};
         batch->headers[i].msg_hdr = (struct msghdr){
@@ -154,16 +154,16 @@ struct datagram_counts datagram_counts(const struct datagram_endpoint *endpoint)
 
 // ---- connections and epochs ---------------------------------------------------------------------
 
-static struct connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
+static struct datagram_connection *find(const struct datagram_endpoint *endpoint, uint32_t id) {
     for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++) {
-        const struct connection *c = &endpoint->connections[i];
+        const struct datagram_connection *c = &endpoint->connections[i];
         if (c->epoch.to_server && c->id == id)
-            return (struct connection *)c;
+            return (struct datagram_connection *)c;
     }
     return NULL;
 }
 
-static struct connection *find_free(struct datagram_endpoint *endpoint) {
+static struct datagram_connection *find_free(struct datagram_endpoint *endpoint) {
     for (int i = 0; i < DATAGRAM_CONNECTIONS_MAX; i++)
         if (!endpoint->connections[i].epoch.to_server)
             return &endpoint->connections[i];
@@ -181,7 +181,7 @@ static void random_bytes(void *data, int size) {
     CHECK(done == 1);
 }
 
-static void epoch_start(struct connection *c, uint8_t number, int64_t now_ns,
+static void epoch_start(struct datagram_connection *c, uint8_t number, int64_t now_ns,
                         arthron_UdpKeys *keys) {
     random_bytes(keys->key_to_server, sizeof keys->key_to_server);
     random_bytes(keys->iv_to_server, sizeof keys->iv_to_server);
@@ -200,7 +200,7 @@ static void epoch_start(struct connection *c, uint8_t number, int64_t now_ns,
 void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection, void *user,
                         int64_t now_ns, arthron_UdpKeys *out_keys) {
     uint8_t number = 0;
-    struct connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find(endpoint, connection);
     if (c) {
         number = (uint8_t)(c->epoch.number + 1);
         epoch_end(&c->old_epoch);
@@ -209,8 +209,8 @@ void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection,
     } else {
         c = find_free(endpoint);
         CHECK(c);
-        *c =
-            (struct connection){.id = connection, .unconfirmed_left = DATAGRAM_UNCONFIRMED_REPLIES};
+        *c = (struct datagram_connection){.id = connection,
+                                          .unconfirmed_left = DATAGRAM_UNCONFIRMED_REPLIES};
     }
     c->user = user;
     *out_keys = (arthron_UdpKeys){
@@ -220,13 +220,13 @@ void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection,
 
 bool datagram_epoch_is_old(const struct datagram_endpoint *endpoint, uint32_t connection,
                            int64_t now_ns) {
-    const struct connection *c = find(endpoint, connection);
+    const struct datagram_connection *c = find(endpoint, connection);
     CHECK(c);
     return now_ns - c->epoch.start_ns >= EPOCH_NS || c->epoch.newest >= EPOCH_SEQUENCES;
 }
 
 void datagram_forget(struct datagram_endpoint *endpoint, uint32_t connection) {
-    struct connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find(endpoint, connection);
     if (!c)
         return;
     epoch_end(&c->epoch);
@@ -245,7 +245,7 @@ void datagram_destroy(struct datagram_endpoint **endpoint) {
     *endpoint = NULL;
 }
 
-static struct epoch *find_epoch(struct connection *c, uint8_t number, int64_t now_ns) {
+static struct epoch *find_epoch(struct datagram_connection *c, uint8_t number, int64_t now_ns) {
     if (c->epoch.number == number)
         return &c->epoch;
     if (c->old_epoch.to_server && now_ns >= c->old_until_ns)
@@ -254,7 +254,7 @@ static struct epoch *find_epoch(struct connection *c, uint8_t number, int64_t no
 }
 
 // The station has the keys of the epoch that it last used; those of a newer one may be on the way.
-static struct epoch *reply_epoch(struct connection *c) {
+static struct epoch *reply_epoch(struct datagram_connection *c) {
     return c->epoch.used || !c->old_epoch.to_server ? &c->epoch : &c->old_epoch;
 }
 
@@ -266,7 +266,7 @@ static bool same_address(const struct address *a, const struct address *b) {
 
 // Notes a datagram that opened. Only the newest one of a connection says where the station is: an
 // older one may have been held back and sent from elsewhere. Returns a challenge for a new address.
-static uint64_t note_arrival(struct connection *c, struct epoch *epoch, uint64_t sequence,
+static uint64_t note_arrival(struct datagram_connection *c, struct epoch *epoch, uint64_t sequence,
                              const struct address *from, int64_t now_ns) {
     bool newest_of_epoch = !epoch->used || sequence > epoch->newest;
     bool newest = newest_of_epoch && (epoch == &c->epoch || !c->epoch.used);
@@ -289,7 +289,7 @@ static uint64_t note_arrival(struct connection *c, struct epoch *epoch, uint64_t
 }
 
 void datagram_confirm(struct datagram_endpoint *endpoint, uint32_t connection, uint64_t challenge) {
-    struct connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find(endpoint, connection);
     if (!c || !challenge || challenge != c->challenge)
         return;
     c->challenge = 0;
@@ -300,7 +300,7 @@ void datagram_confirm(struct datagram_endpoint *endpoint, uint32_t connection, u
 // ---- receiving ----------------------------------------------------------------------------------
 
 struct opened {
-    struct connection *connection;
+    struct datagram_connection *connection;
     struct epoch *epoch;
     uint64_t sequence;
     uint8_t message[WIRE_DATAGRAM_MAX];
@@ -353,7 +353,7 @@ static bool take(struct datagram_endpoint *endpoint, int index, int64_t now_ns,
 }
 
 int datagram_receive(struct datagram_endpoint *endpoint, struct datagram_in *out_frames) {
-    struct batch *in = &endpoint->in;
+    struct datagram_batch *in = &endpoint->in;
     endpoint->question_count = 0;
     for (int i = 0; i < DATAGRAM_BATCH; i++)
         in->headers[i].msg_hdr.msg_namelen = sizeof in->addresses[i].storage;
@@ -385,12 +385,12 @@ static struct question *find_question(struct datagram_endpoint *endpoint, uint32
     return NULL;
 }
 
-static void queue(struct datagram_endpoint *endpoint, struct connection *c, const uint8_t *message,
-                  size_t size) {
+static void queue(struct datagram_endpoint *endpoint, struct datagram_connection *c,
+                  const uint8_t *message, size_t size) {
     if (endpoint->out_count == DATAGRAM_BATCH)
         datagram_flush(endpoint);
     int i = endpoint->out_count++;
-    struct batch *out = &endpoint->out;
+    struct datagram_batch *out = &endpoint->out;
     out->parts[i].iov_len = seal_seal(reply_epoch(c)->to_station, message, size, out->data[i]);
     out->addresses[i] = c->present;
     out->headers[i].msg_hdr.msg_namelen = c->present.size;
@@ -408,7 +408,7 @@ static enum result encode_within(const arthron_Reply *reply, uint8_t *message, s
 
 bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
                     const arthron_Reply *reply) {
-    struct connection *c = find(endpoint, connection);
+    struct datagram_connection *c = find(endpoint, connection);
     struct question *question = find_question(endpoint, connection, reply->frame_number);
     if (!c || !question)
         return false;

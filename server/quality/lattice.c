@@ -106,7 +106,7 @@ static int step_above(const struct lattice *lattice, double height) {
 // While columns are measured, `first` is the first step above their samples.
 static void measure(void *context, int column, int side, double height) {
     struct lattice *lattice = context;
-    struct column *c = &lattice->columns[column];
+    struct lattice_column *c = &lattice->columns[column];
     int step = step_above(lattice, height);
     (void)side;
     c->count = 1;
@@ -136,7 +136,7 @@ void lattice_init(struct lattice *lattice, const struct plan_view *view, const s
         lattice->columns[i].low = INT32_MAX;
     each_meeting(lattice, mesh, measure, lattice);
     for (int i = 0; i < count; i++) {
-        struct column *c = &lattice->columns[i];
+        struct lattice_column *c = &lattice->columns[i];
         c->low = c->count ? c->low : 0;
         c->count = (int32_t)c->first - c->low;
         c->first = lattice->sample_count;
@@ -154,7 +154,7 @@ void lattice_fini(struct lattice *lattice) {
 // Samples of a column from step `low` on and below step `high`.
 static void visit_steps(const struct lattice *lattice, int column, int low, int high,
                         lattice_visit *visit, void *context) {
-    const struct column *c = &lattice->columns[column];
+    const struct lattice_column *c = &lattice->columns[column];
     int begin = low > c->low ? low - c->low : 0;
     int end = high < c->low + c->count ? high - c->low : c->count;
     if (begin < end)
@@ -210,14 +210,14 @@ struct wind {
 // Samples below the height are inside once more, or once less.
 static void wind(void *context, int column, int side, double height) {
     const struct wind *w = context;
-    const struct column *c = &w->lattice->columns[column];
+    const struct lattice_column *c = &w->lattice->columns[column];
     int end = step_above(w->lattice, height) - c->low;
     for (int i = 0; i < end && i < c->count; i++)
         w->windings[c->first + (uint32_t)i] += (int8_t)side;
 }
 
-static void visit_wound(const struct column *c, int column, int8_t *windings, lattice_visit *visit,
-                        void *context) {
+static void visit_wound(const struct lattice_column *c, int column, int8_t *windings,
+                        lattice_visit *visit, void *context) {
     uint32_t end = c->first + (uint32_t)c->count;
     for (uint32_t i = c->first, begin; i < end; i++) {
         for (begin = i; i < end && windings[i] > 0; i++)

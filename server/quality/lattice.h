@@ -8,7 +8,7 @@
 #define LATTICE_MM 0.25
 
 // Samples first to first + count - 1, the lowest of them `low` steps above the lattice's origin.
-struct column {
+struct lattice_column {
     uint32_t first;
     int32_t low;
     int32_t count;
@@ -18,7 +18,7 @@ struct lattice {
     struct plan_view view;
     vec3 origin;    // in the view: where the lowest sample of the first column would be
     int wide, deep; // columns along x and y; that at (i, k) is columns[k * wide + i]
-    struct column *columns;
+    struct lattice_column *columns;
     uint32_t sample_count;
 };
 

@@ -30,7 +30,7 @@ static void mark_region(struct quality_plan *plan, const struct convex *parts, i
 
 static void count_samples(struct quality_plan *plan, bool may_go) {
     for (int column = 0; column < lattice_column_count(&plan->lattice); column++) {
-        const struct column *c = &plan->lattice.columns[column];
+        const struct lattice_column *c = &plan->lattice.columns[column];
         uint8_t zone = plan->zone_of[column];
         for (uint32_t i = c->first; i < c->first + (uint32_t)c->count; i++) {
             uint8_t flags = plan->samples[i];

@@ -260,13 +260,13 @@ static enum result look_at(struct recorder *r, struct store *store, const char *
     return result;
 }
 
-struct paths {
+struct trace_paths {
     char (*at)[STORE_TEXT_MAX];
     size_t count, room;
 };
 
-static enum result collect(struct recorder *r, struct store *store, DIR *dir, struct paths *paths,
-                           struct error *err) {
+static enum result collect(struct recorder *r, struct store *store, DIR *dir,
+                           struct trace_paths *paths, struct error *err) {
     enum result result = RESULT_OK;
     struct dirent *entry;
     while (result == RESULT_OK && (entry = readdir(dir))) {
@@ -282,7 +282,8 @@ static enum result collect(struct recorder *r, struct store *store, DIR *dir, st
 }
 
 // The records are open only while they are asked, not while traces are read.
-static enum result find_unrecorded(struct recorder *r, struct paths *paths, struct error *err) {
+static enum result find_unrecorded(struct recorder *r, struct trace_paths *paths,
+                                   struct error *err) {
     struct store *store;
     DIR *dir = opendir(r->traces_dir);
     if (!dir)
@@ -321,7 +322,7 @@ static bool take_over_trace(struct recorder *r, const char *path) {
 }
 
 static bool take_over(struct recorder *r) {
-    struct paths paths = {0};
+    struct trace_paths paths = {0};
     struct error err;
     enum result result = find_unrecorded(r, &paths, &err);
     size_t taken = 0;

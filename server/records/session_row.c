@@ -59,14 +59,14 @@ static enum result hash_trace(struct store_session *session, struct error *err) 
 
 _Static_assert(STORE_NAME_MAX >= SUBJECT_MAX, "what a figure is about fits");
 
-struct telling {
+struct score_builder {
     struct session_score *score;
     const struct knee_case *knee; // or NULL
 };
 
 static void take_value(void *user, const struct metric_value *v) {
-    const struct telling *telling = user;
-    struct session_score *score = telling->score;
+    const struct score_builder *builder = user;
+    struct session_score *score = builder->score;
     const struct metric_kind *kind = &metric_kinds[v->metric];
     if (score->count == score->room) {
         score->room = 2 * score->room + 64;
@@ -77,14 +77,14 @@ static void take_value(void *user, const struct metric_value *v) {
     *r = (struct store_result){.version = kind->version, .value = v->value};
     snprintf(r->metric, sizeof r->metric, "%s", kind->name);
     snprintf(r->unit, sizeof r->unit, "%s", kind->unit);
-    subject_text(telling->knee, v, r->subject);
+    subject_text(builder->knee, v, r->subject);
     if (v->below_floor)
         snprintf(r->details, sizeof r->details, "{\"below_floor\":true}");
 }
 
 // ---- the trace ----------------------------------------------------------------------------------
 
-struct reading {
+struct row_reader {
     struct metrics *metrics;
     struct store_session *session;
     int64_t last_ns;
@@ -93,7 +93,7 @@ struct reading {
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
-    struct reading *r = user;
+    struct row_reader *r = user;
     metrics_step(r->metrics, &record->input, &record->output);
     r->last_ns = record->input.time_ns;
     r->session->steps++;
@@ -101,7 +101,7 @@ static bool on_step(void *user, const struct trace_record *record) {
 }
 
 static bool on_resume(void *user, int64_t utc_ns) {
-    struct reading *r = user;
+    struct row_reader *r = user;
     metrics_interrupt(r->metrics);
     r->begin_ns = r->last_ns;
     r->begin_utc_ns = utc_ns;
@@ -109,13 +109,13 @@ static bool on_resume(void *user, int64_t utc_ns) {
 }
 
 static bool on_gap(void *user, uint64_t missing) {
-    struct reading *r = user;
+    struct row_reader *r = user;
     r->session->missing += missing;
     return true;
 }
 
 static bool on_end(void *user, uint64_t records, uint64_t missing) {
-    struct reading *r = user;
+    struct row_reader *r = user;
     (void)records;
     r->session->state = STATE_CLOSED;
     r->session->missing = missing;
@@ -125,7 +125,7 @@ static bool on_end(void *user, uint64_t records, uint64_t missing) {
 static void read_steps(struct trace_reader *reader, struct metrics *metrics,
                        struct store_session *s) {
     int64_t start_ns = trace_reader_header(reader)->start_ns;
-    struct reading r = {metrics, s, start_ns, start_ns, s->start_utc_ns};
+    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns};
     struct trace_player player = {
         .user = &r, .step = on_step, .resume = on_resume, .gap = on_gap, .end = on_end};
     s->state = STATE_INTERRUPTED;
@@ -160,13 +160,13 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     const struct scene *scene = find(user, header->case_hash);
     if (scene)
         trace_reader_bind(reader, scene);
-    struct telling telling = {out, scene ? scene_case(scene) : NULL};
+    struct score_builder builder = {out, scene ? scene_case(scene) : NULL};
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, header->optic);
     session_row_begin(header, trace, &out->session);
     read_steps(reader, metrics, &out->session);
     if (is_signed(reader, authority, &out->session))
-        metrics_each(metrics, take_value, &telling);
+        metrics_each(metrics, take_value, &builder);
     free(metrics);
     trace_reader_destroy(&reader);
     result = hash_trace(&out->session, err);

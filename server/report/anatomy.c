@@ -14,22 +14,22 @@ static const struct colour background = {1, 1, 1};
 static const struct {
     const char *name;
     vec3 from, up;
-} views[VIEW_COUNT] = {
-    [VIEW_FRONT] = {"front", {0.1, 1, 0.15}, {0, 0, 1}},
-    [VIEW_BACK] = {"back", {-0.1, -1, 0.15}, {0, 0, 1}},
-    [VIEW_MEDIAL] = {"medial", {-1, 0.2, 0.15}, {0, 0, 1}},
-    [VIEW_LATERAL] = {"lateral", {1, 0.2, 0.15}, {0, 0, 1}},
-    [VIEW_TOP] = {"top", {0, 0, 1}, {0, 1, 0}},
+} views[VIEWPOINT_COUNT] = {
+    [VIEWPOINT_FRONT] = {"front", {0.1, 1, 0.15}, {0, 0, 1}},
+    [VIEWPOINT_BACK] = {"back", {-0.1, -1, 0.15}, {0, 0, 1}},
+    [VIEWPOINT_MEDIAL] = {"medial", {-1, 0.2, 0.15}, {0, 0, 1}},
+    [VIEWPOINT_LATERAL] = {"lateral", {1, 0.2, 0.15}, {0, 0, 1}},
+    [VIEWPOINT_TOP] = {"top", {0, 0, 1}, {0, 1, 0}},
 };
 
-const char *view_name(enum view view) {
+const char *viewpoint_name(enum viewpoint view) {
     return views[view].name;
 }
 
-bool view_from_name(const char *name, enum view *out_view) {
-    for (int i = 0; i < VIEW_COUNT; i++) {
+bool viewpoint_from_name(const char *name, enum viewpoint *out_view) {
+    for (int i = 0; i < VIEWPOINT_COUNT; i++) {
         if (strcmp(views[i].name, name) == 0) {
-            *out_view = (enum view)i;
+            *out_view = (enum viewpoint)i;
             return true;
         }
     }
@@ -40,11 +40,12 @@ static bool begins(const char *name, const char *with) {
     return strncmp(name, with, strlen(with)) == 0;
 }
 
-void anatomy_choose(const struct knee_case *knee, enum view view, bool out_shown[CASE_GROUPS_MAX]) {
+void anatomy_choose(const struct knee_case *knee, enum viewpoint view,
+                    bool out_shown[CASE_GROUPS_MAX]) {
     for (int i = 0; i < knee->group_count; i++) {
         const char *name = knee->groups[i].name;
         bool plateau = begins(name, "tibia") || begins(name, "meniscus");
-        out_shown[i] = view == VIEW_TOP ? plateau : !begins(name, "skin");
+        out_shown[i] = view == VIEWPOINT_TOP ? plateau : !begins(name, "skin");
     }
 }
 
@@ -92,13 +93,14 @@ static struct colour paint(const void *context, const struct render_spot *spot) 
 
 // ---- what is shown ----
 
-struct shown {
+struct shown_groups {
     int count;
     struct mesh meshes[CASE_GROUPS_MAX];
     struct render_surface surfaces[CASE_GROUPS_MAX];
 };
 
-static void shown_add(struct shown *shown, const struct case_group *group, pose T_femur_body) {
+static void shown_add(struct shown_groups *shown, const struct case_group *group,
+                      pose T_femur_body) {
     struct mesh *mesh = &shown->meshes[shown->count];
     case_group_virtual(group, mesh);
     shown->surfaces[shown->count++] = (struct render_surface){
@@ -111,7 +113,7 @@ static void shown_add(struct shown *shown, const struct case_group *group, pose 
     };
 }
 
-static void shown_fini(struct shown *shown) {
+static void shown_fini(struct shown_groups *shown) {
     for (int i = 0; i < shown->count; i++)
         mesh_fini(&shown->meshes[i]);
 }
@@ -121,7 +123,7 @@ static void box_include(struct box *box, vec3 p) {
     box->max = (vec3){fmax(box->max.x, p.x), fmax(box->max.y, p.y), fmax(box->max.z, p.z)};
 }
 
-static struct box box_about(const struct shown *shown, vec3 centre) {
+static struct box box_about(const struct shown_groups *shown, vec3 centre) {
     struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
     for (int i = 0; i < shown->count; i++) {
         const struct render_surface *surface = &shown->surfaces[i];
@@ -134,7 +136,7 @@ static struct box box_about(const struct shown *shown, vec3 centre) {
     return box;
 }
 
-static vec3 from_of(enum view view, enum side side) {
+static vec3 from_of(enum viewpoint view, enum side side) {
     vec3 from = views[view].from;
     if (side == SIDE_LEFT)
         from.x = -from.x;
@@ -149,7 +151,7 @@ enum result anatomy_picture(const struct knee_case *knee, const struct anatomy_v
         [BODY_TIBIA] = joint_to_pose(&knee->joint, &angles),
         [BODY_PATELLA] = case_patella_pose(knee, view->flexion_deg),
     };
-    struct shown shown = {0};
+    struct shown_groups shown = {0};
     for (int i = 0; i < knee->group_count; i++)
         if (view->shown[i])
             shown_add(&shown, &knee->groups[i], T_femur_body[knee->groups[i].body]);

@@ -6,19 +6,27 @@
 #include "case/case.h"
 #include "report/render.h"
 
-enum view { VIEW_FRONT, VIEW_BACK, VIEW_MEDIAL, VIEW_LATERAL, VIEW_TOP, VIEW_COUNT };
+enum viewpoint {
+    VIEWPOINT_FRONT,
+    VIEWPOINT_BACK,
+    VIEWPOINT_MEDIAL,
+    VIEWPOINT_LATERAL,
+    VIEWPOINT_TOP,
+    VIEWPOINT_COUNT
+};
 
-const char *view_name(enum view view); // "front", "back", ...
-bool view_from_name(const char *name, enum view *out_view);
+const char *viewpoint_name(enum viewpoint view); // "front", "back", ...
+bool viewpoint_from_name(const char *name, enum viewpoint *out_view);
 
 struct anatomy_view {
-    enum view view; // top: on the tibia's plateau, front above
+    enum viewpoint view; // top: on the tibia's plateau, front above
     double flexion_deg;
     bool shown[CASE_GROUPS_MAX]; // by the index of the group
 };
 
 // All but the skin; from the top tibia and menisci.
-void anatomy_choose(const struct knee_case *knee, enum view view, bool out_shown[CASE_GROUPS_MAX]);
+void anatomy_choose(const struct knee_case *knee, enum viewpoint view,
+                    bool out_shown[CASE_GROUPS_MAX]);
 
 // The skin is translucent. The caller releases *out_picture. RESULT_MISSING where nothing is shown.
 enum result anatomy_picture(const struct knee_case *knee, const struct anatomy_view *view,

@@ -37,14 +37,14 @@ static const char *const strokes[] = {
 };
 
 // Where one axis' values go.
-struct scale {
+struct axis_scale {
     double min, max;     // values
     double start, along; // pixels: of min, and to max
     double step;         // of ticks
 };
 
 struct layout {
-    struct scale x, y;
+    struct axis_scale x, y;
     double left, top, width, height; // the area of the lines
 };
 
@@ -52,11 +52,11 @@ static bool is_value(double value) {
     return fabs(value) < VALUE_MAX; // NaN is not
 }
 
-static double place(const struct scale *scale, double value) {
+static double place(const struct axis_scale *scale, double value) {
     return scale->start + scale->along * ((value - scale->min) / (scale->max - scale->min));
 }
 
-static bool is_within(const struct scale *scale, double value) {
+static bool is_within(const struct axis_scale *scale, double value) {
     return value >= scale->min && value <= scale->max;
 }
 
@@ -146,7 +146,7 @@ static double step_of(double wanted) {
     return (times < 1.5 ? 1 : times < 3.5 ? 2 : times < 7.5 ? 5 : 10) * ten;
 }
 
-static void write_number(char *out, size_t size, double value, const struct scale *scale) {
+static void write_number(char *out, size_t size, double value, const struct axis_scale *scale) {
     double most = fmax(fabs(scale->min), fabs(scale->max));
     if (most >= 1e6 || scale->step < 1e-5)
         snprintf(out, size, "%.6g", value);
@@ -154,15 +154,15 @@ static void write_number(char *out, size_t size, double value, const struct scal
         snprintf(out, size, "%.*f", (int)fmax(0, ceil(-log10(scale->step) - 1e-9)), value);
 }
 
-static double first_tick(const struct scale *scale) {
+static double first_tick(const struct axis_scale *scale) {
     return ceil(scale->min / scale->step - 1e-9);
 }
 
-static double last_tick(const struct scale *scale) {
+static double last_tick(const struct axis_scale *scale) {
     return floor(scale->max / scale->step + 1e-9);
 }
 
-static double widest_tick(const struct scale *scale) {
+static double widest_tick(const struct axis_scale *scale) {
     double widest = 0;
     char text[32];
     for (double i = first_tick(scale); i <= last_tick(scale); i++) {
@@ -211,7 +211,7 @@ struct area {
 
 static bool band_area(const struct plot_band *band, const struct layout *at,
                       struct area *out_area) {
-    const struct scale *scale = band->of_y ? &at->y : &at->x;
+    const struct axis_scale *scale = band->of_y ? &at->y : &at->x;
     double from = fmax(band->from, scale->min), to = fmin(band->to, scale->max);
     if (isnan(band->from) || isnan(band->to) || !(from < to))
         return false;

@@ -15,15 +15,15 @@
 
 // ---- what is shown ----
 
-struct shown {
+struct rendered_surface {
     const struct render_surface *surface;
     struct mesh world; // Embree has a copy
     vec3 *normals;
 };
 
-struct stage {
+struct render_state {
     const struct render_scene *scene;
-    struct shown *shown; // by Embree's id of the geometry
+    struct rendered_surface *shown; // by Embree's id of the geometry
     RTCScene all, opaque;
     double reach_mm;    // how far from the camera's origin there is something
     double skip_mm;     // a ray that leaves a surface sees nothing nearer than this
@@ -38,7 +38,7 @@ static void make_device(void) {
     device = rtcNewDevice("threads=1");
 }
 
-static void shown_init(struct shown *shown, const struct render_surface *surface) {
+static void shown_init(struct rendered_surface *shown, const struct render_surface *surface) {
     shown->surface = surface;
     mesh_copy(&shown->world, surface->mesh);
     for (uint32_t v = 0; v < shown->world.vertex_count; v++)
@@ -47,8 +47,8 @@ static void shown_init(struct shown *shown, const struct render_surface *surface
     shown->normals = corner_normals(&shown->world, surface->crease_deg);
 }
 
-static void attach(struct stage *stage, unsigned id) {
-    const struct shown *shown = &stage->shown[id];
+static void attach(struct render_state *stage, unsigned id) {
+    const struct rendered_surface *shown = &stage->shown[id];
     const struct mesh *mesh = &shown->world;
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     float *positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
@@ -74,14 +74,14 @@ static void make_sky(vec3 out_sky[SKY_RAYS]) {
     }
 }
 
-static void stage_init(struct stage *stage, const struct render_scene *scene) {
+static void stage_init(struct render_state *stage, const struct render_scene *scene) {
     vec3 middle = scene->camera.T_world_camera.translation;
-    *stage = (struct stage){.scene = scene, .all = rtcNewScene(device)};
+    *stage = (struct render_state){.scene = scene, .all = rtcNewScene(device)};
     stage->opaque = rtcNewScene(device);
     stage->shown = alloc((size_t)scene->surface_count, sizeof *stage->shown);
     rtcSetSceneFlags(stage->all, RTC_SCENE_FLAG_ROBUST);
     for (int i = 0; i < scene->surface_count; i++) {
-        struct shown *shown = &stage->shown[i];
+        struct rendered_surface *shown = &stage->shown[i];
         shown_init(shown, &scene->surfaces[i]);
         for (uint32_t v = 0; v < shown->world.vertex_count; v++)
             stage->reach_mm =
@@ -95,7 +95,7 @@ static void stage_init(struct stage *stage, const struct render_scene *scene) {
     stage->skip_mm = 1e-4 * scene->camera.height_mm + 1e-6 * stage->reach_mm;
 }
 
-static void stage_fini(struct stage *stage) {
+static void stage_fini(struct render_state *stage) {
     for (int i = 0; i < stage->scene->surface_count; i++) {
         mesh_fini(&stage->shown[i].world);
         free(stage->shown[i].normals);
@@ -126,7 +126,7 @@ static uint8_t byte_of(double linear) {
 // ---- one ray ----
 
 struct hit {
-    const struct shown *shown;
+    const struct rendered_surface *shown;
     struct render_spot spot; // its point in the world
     vec3 face, normal;       // unit length, towards the viewer
     double distance;
@@ -151,7 +151,8 @@ static vec3 blend(const double weights[3], vec3 a, vec3 b, vec3 c) {
                            c);
 }
 
-static bool cast(const struct stage *stage, const struct ray *ray, double near, struct hit *out) {
+static bool cast(const struct render_state *stage, const struct ray *ray, double near,
+                 struct hit *out) {
     struct RTCIntersectContext context;
     struct RTCRayHit found = {.ray = embree_ray(ray->origin, ray->direction, near, INFINITY),
                               .hit.geomID = RTC_INVALID_GEOMETRY_ID};
@@ -159,7 +160,7 @@ static bool cast(const struct stage *stage, const struct ray *ray, double near, 
     rtcIntersect1(stage->all, &context, &found);
     if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return false;
-    const struct shown *shown = &stage->shown[found.hit.geomID];
+    const struct rendered_surface *shown = &stage->shown[found.hit.geomID];
     uint32_t t = found.hit.primID;
     double u = (double)found.hit.u, v = (double)found.hit.v;
     *out = (struct hit){.shown = shown, .distance = (double)found.ray.tfar};
@@ -190,7 +191,7 @@ static vec3 across(vec3 n) {
     return vec3_unit_or(vec3_cross(n, other), (vec3){0, 0, 1});
 }
 
-static bool is_free(const struct stage *stage, vec3 origin, vec3 direction) {
+static bool is_free(const struct render_state *stage, vec3 origin, vec3 direction) {
     struct RTCIntersectContext context;
     struct RTCRay ray =
         embree_ray(origin, direction, 0, SKY_REACH * stage->scene->camera.height_mm);
@@ -199,7 +200,8 @@ static bool is_free(const struct stage *stage, vec3 origin, vec3 direction) {
     return ray.tfar >= 0;
 }
 
-static double sky_share(const struct stage *stage, const struct hit *hit, struct place place) {
+static double sky_share(const struct render_state *stage, const struct hit *hit,
+                        struct place place) {
     vec3 u = across(hit->normal), v = vec3_cross(hit->normal, u);
     vec3 x = vec3_add_scaled(vec3_scale(cos(place.turn), u), sin(place.turn), v);
     vec3 y = vec3_cross(hit->normal, x);
@@ -223,7 +225,7 @@ static struct colour paint_of(const struct hit *hit) {
     return surface->paint(surface->paint_context, &spot);
 }
 
-static vec3 shade(const struct stage *stage, const struct hit *hit, struct place place) {
+static vec3 shade(const struct render_state *stage, const struct hit *hit, struct place place) {
     quat turn = stage->scene->camera.T_world_camera.rotation;
     vec3 above = quat_rotate(turn, vec3_unit_or((vec3){-0.45, 0.6, 0.7}, (vec3){0}));
     vec3 right = quat_rotate(turn, vec3_unit_or((vec3){0.8, -0.1, 0.5}, (vec3){0}));
@@ -233,7 +235,8 @@ static vec3 shade(const struct stage *stage, const struct hit *hit, struct place
     return vec3_scale(light, light_of(paint_of(hit)));
 }
 
-static vec3 light_along(const struct stage *stage, const struct ray *ray, struct place place) {
+static vec3 light_along(const struct render_state *stage, const struct ray *ray,
+                        struct place place) {
     vec3 sum = {0};
     double through = 1, near = 0;
     struct hit hit;
@@ -254,7 +257,8 @@ static double fraction(double x) {
     return x - floor(x);
 }
 
-static void render_pixel(const struct stage *stage, int column, int row, struct picture *picture) {
+static void render_pixel(const struct render_state *stage, int column, int row,
+                         struct picture *picture) {
     const struct camera *camera = &stage->scene->camera;
     // Jimenez's interleaved gradient noise: even over each few pixels
     double turn =
@@ -279,7 +283,7 @@ enum result render(const struct render_scene *scene, int width, int height,
     pthread_once(&device_once, make_device);
     if (!device)
         return fail(err, RESULT_IO, "Embree cannot start: error %d", rtcGetDeviceError(NULL));
-    struct stage stage;
+    struct render_state stage;
     stage_init(&stage, scene);
     enum RTCError problem = rtcGetDeviceError(device);
     if (problem == RTC_ERROR_NONE) {

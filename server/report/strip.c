@@ -21,22 +21,22 @@ double strip_quantile(const double *values, size_t count, double share) {
 }
 
 // Halved, for twice the largest number is none.
-struct scale {
+struct strip_scale {
     double least, span;
 };
 
-static struct scale scale_of(const struct strip *s) {
+static struct strip_scale scale_of(const struct strip *s) {
     double least = fmin(s->values[0], s->mark), most = fmax(s->values[s->count - 1], s->mark);
-    return (struct scale){0.5 * least, 0.5 * most - 0.5 * least};
+    return (struct strip_scale){0.5 * least, 0.5 * most - 0.5 * least};
 }
 
 // Where all are one value, in the middle.
-static double place(const struct scale *scale, double value) {
+static double place(const struct strip_scale *scale, double value) {
     double share = scale->span > 0 ? (0.5 * value - scale->least) / scale->span : 0.5;
     return MARGIN_PX + share * (WIDTH_PX - 2 * MARGIN_PX);
 }
 
-static void write_box(FILE *file, const struct strip *s, const struct scale *scale) {
+static void write_box(FILE *file, const struct strip *s, const struct strip_scale *scale) {
     double q[5];
     for (int i = 0; i < 5; i++)
         q[i] = place(scale, strip_quantile(s->values, s->count, 0.25 * i));
@@ -51,7 +51,7 @@ static void write_box(FILE *file, const struct strip *s, const struct scale *sca
 
 void strip_write(FILE *file, const struct strip *s) {
     CHECK(s->count > 0);
-    struct scale scale = scale_of(s);
+    struct strip_scale scale = scale_of(s);
     fprintf(file,
             "<svg viewBox=\"0 0 %g %g\" width=\"%g\" height=\"%g\" role=\"img\"><title>%zu values, "
             "quartiles %.4g, %.4g, %.4g; here %.4g</title>",

@@ -27,7 +27,7 @@ static struct colour paint(const void *context, const struct render_spot *spot) 
 enum result tissue_picture(const struct tissue_look *look, const struct camera *camera, int width,
                            int height, struct picture *out_picture, struct error *err) {
     struct mesh lines;
-    lines_mesh(look->lines, look->line_count, LINE_SHARE * camera->height_mm, &lines);
+    rods_mesh(look->lines, look->line_count, LINE_SHARE * camera->height_mm, &lines);
     const struct render_surface surfaces[] = {
         {.mesh = look->mesh,
          .T_world_mesh = pose_identity(),

@@ -2,14 +2,14 @@
 // displacements purple lines.
 #pragma once
 
-#include "report/lines.h"
 #include "report/render.h"
+#include "report/rods.h"
 
 struct tissue_look {
     const struct mesh *mesh;
-    const uint32_t *labels;   // of each triangle, 0: original surface; NULL: all is
-    const double *blends;     // of each vertex, 0 to 1, shaded towards purple; or NULL
-    const struct line *lines; // displacements
+    const uint32_t *labels;  // of each triangle, 0: original surface; NULL: all is
+    const double *blends;    // of each vertex, 0 to 1, shaded towards purple; or NULL
+    const struct rod *lines; // displacements
     size_t line_count;
 };
 

@@ -93,7 +93,7 @@ static void add_step(struct report_lines *lines, struct moment at,
         add_volume(lines, at, &output->landed);
 }
 
-struct reading {
+struct lines_reader {
     struct report_lines *lines;
     struct metrics *metrics;
     int64_t first_ns;
@@ -102,7 +102,7 @@ struct reading {
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
-    struct reading *r = user;
+    struct lines_reader *r = user;
     r->at.s = (double)(record->output.time_ns - r->first_ns) / (double)NS_PER_S;
     r->at.order = r->at.s / r->all_s;
     metrics_step(r->metrics, &record->input, &record->output);
@@ -112,7 +112,7 @@ static bool on_step(void *user, const struct trace_record *record) {
 
 // The server was killed: what was between is not known.
 static bool on_resume(void *user, int64_t utc_ns) {
-    struct reading *r = user;
+    struct lines_reader *r = user;
     (void)utc_ns;
     metrics_interrupt(r->metrics);
     break_joint(r->lines, r->at.order + A_LITTLE);
@@ -124,10 +124,10 @@ static bool on_resume(void *user, int64_t utc_ns) {
 void report_lines_read(struct trace_reader *reader, const struct survey *survey,
                        survey_progress progress, struct report_lines *lines,
                        struct metrics *metrics) {
-    struct reading r = {.lines = lines,
-                        .metrics = metrics,
-                        .first_ns = survey->first_ns,
-                        .all_s = fmax(survey_seconds(survey), 1e-9)};
+    struct lines_reader r = {.lines = lines,
+                             .metrics = metrics,
+                             .first_ns = survey->first_ns,
+                             .all_s = fmax(survey_seconds(survey), 1e-9)};
     struct trace_player player = {
         .user = &r, .step = on_step, .resume = on_resume, .progress = progress};
     lines_init(lines);

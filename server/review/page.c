@@ -16,7 +16,7 @@
 #include <string.h>
 #include <time.h>
 
-struct page {
+struct review_page {
     FILE *file;
     const struct trace_header *header;
     const struct knee_case *knee; // NULL: groups have no names
@@ -55,7 +55,7 @@ __attribute__((format(printf, 3, 4))) static void write_fact(FILE *file, const c
     write_row(file, name, text);
 }
 
-static void write_origin(const struct page *page) {
+static void write_origin(const struct review_page *page) {
     const struct trace_header *h = page->header;
     char id[33], start[32];
     time_t seconds = (time_t)(h->start_utc_ns / NS_PER_S);
@@ -70,7 +70,7 @@ static void write_origin(const struct page *page) {
     write_row(page->file, "start", start);
 }
 
-static void write_summary(const struct page *page) {
+static void write_summary(const struct review_page *page) {
     const struct survey *s = &page->survey;
     const struct session_settings *settings = &page->header->settings;
     fputs("<h2>Summary</h2>\n<table>\n", page->file);
@@ -94,7 +94,7 @@ static void write_summary(const struct page *page) {
 
 // ---- sections -----------------------------------------------------------------------------------
 
-static void write_instruments(const struct page *page) {
+static void write_instruments(const struct review_page *page) {
     fputs("<h2>Instruments</h2>\n<p>Long lines are thinned; no peak is lost. The femur's frame: x "
           "to the right, y anterior, z proximal.</p>\n",
           page->file);
@@ -108,7 +108,7 @@ static void write_instruments(const struct page *page) {
     }
 }
 
-static void write_joint(const struct page *page) {
+static void write_joint(const struct review_page *page) {
     fputs("<h2>Joint</h2>\n<div class=\"row\">\n", page->file);
     report_plot_joint(page->file, &page->lines);
     fputs("</div>\n", page->file);
@@ -116,12 +116,12 @@ static void write_joint(const struct page *page) {
 
 // ---- resection ----------------------------------------------------------------------------------
 
-static bool is_resected(const struct page *page, int tissue) {
+static bool is_resected(const struct review_page *page, int tissue) {
     const struct tissue_figures *f = &page->survey.tissues[tissue];
     return f->mesh_number || f->refused;
 }
 
-static void write_resection_row(const struct page *page, int tissue) {
+static void write_resection_row(const struct review_page *page, int tissue) {
     const struct tissue_figures *f = &page->survey.tissues[tissue];
     const double figures[] = {
         f->volume_mm3,       f->quality.removed_mm3, f->pieces_mm3, f->quality.planned_mm3,
@@ -141,14 +141,14 @@ static void write_resection_row(const struct page *page, int tissue) {
     fputs("</tr>\n", page->file);
 }
 
-static void write_volume(const struct page *page, int tissue) {
+static void write_volume(const struct review_page *page, int tissue) {
     char title[SUBJECT_MAX + 16], name[SUBJECT_MAX];
     subject_tissue(page->knee, tissue, name);
     snprintf(title, sizeof title, "Volume of %s", name);
     report_plot_volume(page->file, title, &page->lines.volume[tissue]);
 }
 
-static void write_resection(const struct page *page) {
+static void write_resection(const struct review_page *page) {
     static const char *const heads[] = {"cuts",        "refused",     "pieces",  "left, mm³",
                                         "by blades",   "in pieces",   "planned", "over the plan",
                                         "short of it", "not matched", "rim, mm", "step, mm"};
@@ -199,8 +199,8 @@ static void write_spread(FILE *file, const double *values, size_t count, double 
     fputs("</td>", file);
 }
 
-static void write_beside(const struct page *page, const struct metric_kind *kind, const char *about,
-                         double value) {
+static void write_beside(const struct review_page *page, const struct metric_kind *kind,
+                         const char *about, double value) {
     const struct spread *spread = cohort_find(&page->cohort, kind, about);
     if (!spread || !isfinite(value)) {
         fprintf(page->file, "<td class=\"n\">%s</td><td colspan=\"2\">-</td>",
@@ -215,7 +215,7 @@ static void write_beside(const struct page *page, const struct metric_kind *kind
 }
 
 static void write_figure(void *context, const struct metric_value *v) {
-    const struct page *page = context;
+    const struct review_page *page = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
     char about[SUBJECT_MAX], value[48] = "-";
     if (v->depth >= 0 && v->value == 0)
@@ -233,7 +233,7 @@ static void write_figure(void *context, const struct metric_value *v) {
     fputs("</tr>\n", page->file);
 }
 
-static void write_whose(const struct page *page) {
+static void write_whose(const struct review_page *page) {
     fputs("<p>Beside each: the same figure, of the same version, of the sessions", page->file);
     if (page->course) {
         fputs(" of the trainees of course ", page->file);
@@ -249,7 +249,7 @@ static void write_whose(const struct page *page) {
             page->hide_few ? "trainees, nothing" : "sessions, the figures themselves");
 }
 
-static void write_figures(const struct page *page) {
+static void write_figures(const struct review_page *page) {
     fprintf(
         page->file,
         "<h2>Figures</h2>\n<p>As of arthron-trace score, with an optic of %g degrees and a field "
@@ -268,7 +268,7 @@ static void write_figures(const struct page *page) {
 
 // ---- the page -----------------------------------------------------------------------------------
 
-static void describe_seal(const struct trace_reader *reader, struct page *page) {
+static void describe_seal(const struct trace_reader *reader, struct review_page *page) {
     struct trace_seal seal;
     struct error why;
     char by[TRACE_SIGNED_BY_MAX];
@@ -281,7 +281,7 @@ static void describe_seal(const struct trace_reader *reader, struct page *page) 
 }
 
 static enum result read_all(struct trace_reader *reader, const struct review_source *source,
-                            struct page *page, struct error *err) {
+                            struct review_page *page, struct error *err) {
     struct trace_reader *again;
     survey_read(reader, source->progress, &page->survey);
     describe_seal(reader, page);
@@ -299,7 +299,7 @@ static enum result read_all(struct trace_reader *reader, const struct review_sou
                         : RESULT_OK;
 }
 
-static void write_page(struct page *page) {
+static void write_page(struct review_page *page) {
     html_begin(page->file, "Session report");
     write_summary(page);
     write_instruments(page);
@@ -311,7 +311,7 @@ static void write_page(struct page *page) {
 
 static enum result review(struct trace_reader *reader, const struct review_source *source,
                           FILE *file, bool *out_whole, struct error *err) {
-    struct page *page = alloc(1, sizeof *page);
+    struct review_page *page = alloc(1, sizeof *page);
     page->file = file;
     page->header = trace_reader_header(reader);
     struct knee_case *knee = review_case(page->header, source->case_dir, err);

@@ -13,7 +13,7 @@ _Static_assert(sizeof((arthron_Reply *)0)->event_counts / sizeof(uint32_t) >= EV
                "a reply counts every event");
 
 // Where an answer goes.
-enum path { PATH_CONTROL, PATH_DATAGRAM };
+enum reply_path { PATH_CONTROL, PATH_DATAGRAM };
 
 static void count(atomic_uint_fast64_t *counter, uint64_t by) {
     atomic_fetch_add_explicit(counter, by, memory_order_relaxed);
@@ -69,7 +69,7 @@ static void onto_session_clock(struct frame *frame, int64_t offset_ns) {
         frame->samples[i].time_ns += offset_ns;
 }
 
-static void answer(struct worker *worker, struct station_runtime *station, enum path path) {
+static void answer(struct worker *worker, struct station_runtime *station, enum reply_path path) {
     if (path == PATH_DATAGRAM) {
         datagram_reply(worker->endpoint, station->udp_connection, &station->reply);
         return;
@@ -92,7 +92,7 @@ static void take_events(struct station_runtime *station) {
     memcpy(station->reply.event_counts, station->event_counts, sizeof station->event_counts);
 }
 
-static void take_frame(struct worker *worker, struct station_runtime *station, enum path path,
+static void take_frame(struct worker *worker, struct station_runtime *station, enum reply_path path,
                        const struct frame *frame, int64_t received_ns) {
     if (is_second_copy(station, frame)) {
         answer(worker, station, path);

@@ -12,7 +12,7 @@
 #include <pthread.h>
 
 // A station's connection as the control thread last told it.
-struct connection {
+struct station_connection {
     uint64_t joins; // counts up with each
     bool connected;
     struct control_peer peer;
@@ -34,9 +34,9 @@ struct station_runtime {
     const struct runtime_station *config;
     struct station_counts counts;
 
-    struct newest *connections; // of struct connection, from the control thread
-    struct connection told;     // the control thread's
-    struct ring *frames;        // of struct tcp_frame, from the control thread
+    struct newest *connections;     // of struct station_connection, from the control thread
+    struct station_connection told; // the control thread's
+    struct ring *frames;            // of struct tcp_frame, from the control thread
 
     pthread_mutex_t shown_lock; // of the readers; the worker takes no part
     struct newest *snapshots;   // of struct step_snapshot, from the worker
@@ -50,7 +50,7 @@ struct station_runtime {
     // The worker's alone:
     struct session_runtime *session; // NULL: none
     enum session_state state;
-    struct connection connection;
+    struct station_connection connection;
     uint32_t udp_connection;
     uint64_t last_frame;
     arthron_Reply reply;                // to last_frame
@@ -65,7 +65,7 @@ struct station_runtime {
 enum request_kind { REQUEST_ATTACH, REQUEST_INPUT, REQUEST_REMARK };
 
 // From the owner of the sessions to a worker.
-struct request {
+struct worker_request {
     enum request_kind kind;
     int station;
     uint64_t ticket; // REQUEST_INPUT, REQUEST_REMARK
@@ -89,7 +89,7 @@ struct worker {
     struct datagram_endpoint *endpoint;
     int wake_fd;
     pthread_mutex_t request_lock; // of the producers; the worker takes no part
-    struct ring *requests;        // of struct request
+    struct ring *requests;        // of struct worker_request
     struct ring *notices;         // of struct runtime_notice
     struct {
         atomic_uint_fast64_t strangers, forged, replayed, malformed, too_long;

@@ -103,13 +103,13 @@ _Static_assert(sizeof((arthron_Metric *)0)->subject >= SUBJECT_MAX, "what a figu
 
 #define METRICS_MAX (sizeof((arthron_Metrics *)0)->metrics / sizeof(arthron_Metric))
 
-struct telling {
+struct metrics_message {
     const struct knee_case *knee;
     arthron_Metrics *out;
 };
 
 static void take_metric(void *context, const struct metric_value *v) {
-    const struct telling *t = context;
+    const struct metrics_message *t = context;
     const struct metric_kind *kind = &metric_kinds[v->metric];
     if (t->out->metrics_count == METRICS_MAX || (v->depth >= 0 && v->value == 0))
         return;
@@ -123,9 +123,9 @@ static void take_metric(void *context, const struct metric_value *v) {
 
 void reply_metrics(const struct metrics *metrics, const struct knee_case *knee,
                    arthron_Metrics *out) {
-    struct telling telling = {knee, out};
+    struct metrics_message message = {knee, out};
     out->metrics_count = 0;
-    metrics_each(metrics, take_metric, &telling);
+    metrics_each(metrics, take_metric, &message);
 }
 
 bool reply_refuse(arthron_CommandReply *reply, const char *format, ...) {

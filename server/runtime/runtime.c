@@ -14,7 +14,7 @@ static void open_station(struct runtime *r, int index) {
     station->index = index;
     station->config = &r->config.stations[index];
     station->state = SESSION_CLOSED;
-    station->connections = newest_create(sizeof(struct connection));
+    station->connections = newest_create(sizeof(struct station_connection));
     station->frames = ring_create(RUNTIME_FRAMES_MAX, sizeof(struct tcp_frame));
     station->snapshots = newest_create(sizeof(struct step_snapshot));
     station->metrics = newest_create(sizeof(struct live_metrics));
@@ -80,13 +80,13 @@ static void tell_connection(struct runtime *r, int station) {
 }
 
 void runtime_join(struct runtime *r, int station, struct control_peer peer) {
-    struct connection *told = &r->stations[station].told;
-    *told = (struct connection){.joins = told->joins + 1, .connected = true, .peer = peer};
+    struct station_connection *told = &r->stations[station].told;
+    *told = (struct station_connection){.joins = told->joins + 1, .connected = true, .peer = peer};
     tell_connection(r, station);
 }
 
 void runtime_leave(struct runtime *r, int station) {
-    struct connection *told = &r->stations[station].told;
+    struct station_connection *told = &r->stations[station].told;
     told->connected = told->clock_known = false;
     tell_connection(r, station);
     if (!cut_worker_message(station_worker(r, station)->cut_worker, station, told->peer, NULL))
@@ -122,26 +122,26 @@ bool runtime_mesh_message(struct runtime *r, int station, struct control_peer pe
 
 // ---- sessions -----------------------------------------------------------------------------------
 
-static bool request(struct runtime *r, const struct request *wanted) {
+static bool request(struct runtime *r, const struct worker_request *wanted) {
     return worker_request(station_worker(r, wanted->station), wanted);
 }
 
 // Each station has one attachment on its way at most, so there is room behind what was asked for.
 void runtime_attach(struct runtime *r, int station, struct session_runtime *session) {
-    bool taken = request(
-        r, &(struct request){.kind = REQUEST_ATTACH, .station = station, .session = session});
+    bool taken = request(r, &(struct worker_request){
+                                .kind = REQUEST_ATTACH, .station = station, .session = session});
     CHECK(taken);
 }
 
 bool runtime_input(struct runtime *r, int station, enum input_kind kind, uint64_t ticket) {
     return request(r,
-                   &(struct request){
+                   &(struct worker_request){
                        .kind = REQUEST_INPUT, .station = station, .ticket = ticket, .input = kind});
 }
 
 bool runtime_remark(struct runtime *r, int station, uint64_t session, const struct remark *remark,
                     uint64_t ticket) {
-    struct request wanted = {.kind = REQUEST_REMARK, .station = station, .ticket = ticket};
+    struct worker_request wanted = {.kind = REQUEST_REMARK, .station = station, .ticket = ticket};
     wanted.of_session = session;
     wanted.remark = *remark;
     return request(r, &wanted);

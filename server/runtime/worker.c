@@ -55,7 +55,7 @@ static void station_joined(struct worker *worker, struct station_runtime *statio
 
 // What the control thread told since the last look; of several changes the newest.
 static void take_connection(struct worker *worker, struct station_runtime *station) {
-    struct connection before = station->connection, *now = &station->connection;
+    struct station_connection before = station->connection, *now = &station->connection;
     if (!newest_take(station->connections, now))
         return;
     bool is_new = now->joins != before.joins;
@@ -79,12 +79,12 @@ static bool take_input(struct worker *worker, struct station_runtime *station,
     return true;
 }
 
-static bool take_remark(struct station_runtime *station, const struct request *request) {
+static bool take_remark(struct station_runtime *station, const struct worker_request *request) {
     return station->session && station->session->serial == request->of_session &&
            trace_append_remark(station->session->trace, &request->remark);
 }
 
-static void take_request(struct worker *worker, const struct request *request) {
+static void take_request(struct worker *worker, const struct worker_request *request) {
     struct station_runtime *station = &worker->runtime->stations[request->station];
     struct runtime_notice notice = {
         .kind = NOTICE_TAKEN, .station = request->station, .ticket = request->ticket};
@@ -99,7 +99,7 @@ static void take_request(struct worker *worker, const struct request *request) {
 
 // Those that are there now: more may come all the time.
 static void take_requests(struct worker *worker) {
-    struct request request;
+    struct worker_request request;
     for (size_t left = ring_count(worker->requests); left; left--)
         if (ring_pop(worker->requests, &request))
             take_request(worker, &request);
@@ -185,7 +185,7 @@ static void *work(void *argument) {
     return NULL;
 }
 
-bool worker_request(struct worker *worker, const struct request *request) {
+bool worker_request(struct worker *worker, const struct worker_request *request) {
     pthread_mutex_lock(&worker->request_lock);
     bool pushed = ring_push(worker->requests, request);
     pthread_mutex_unlock(&worker->request_lock);
@@ -207,7 +207,7 @@ enum result worker_start(struct runtime *runtime, int index, struct error *err) 
         return result;
     worker->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     CHECK(worker->wake_fd >= 0);
-    worker->requests = ring_create(REQUESTS_MAX, sizeof(struct request));
+    worker->requests = ring_create(REQUESTS_MAX, sizeof(struct worker_request));
     worker->notices = ring_create(NOTICES_MAX, sizeof(struct runtime_notice));
     worker->cut_worker = cut_worker_create(worker);
     int failed = pthread_create(&worker->thread, NULL, work, worker);

@@ -9,4 +9,4 @@ void worker_stop(struct worker *worker);    // ends its sessions, joins, closes 
 void worker_release(struct worker *worker); // its rings, once no other thread uses them
 
 // Wakes the worker. False where it has too much to do.
-bool worker_request(struct worker *worker, const struct request *request);
+bool worker_request(struct worker *worker, const struct worker_request *request);

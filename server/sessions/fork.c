@@ -49,7 +49,7 @@ static enum result find_trace(const struct sessions *s, const char *from,
 
 // ---- the new trace ------------------------------------------------------------------------------
 
-struct copying {
+struct trace_copy {
     const struct sessions *sessions;
     const char *from;
     uint64_t end; // of what is copied, in the file
@@ -59,7 +59,7 @@ struct copying {
 };
 
 static bool copy_input(void *user, const struct trace_record *record) {
-    struct copying *c = user;
+    struct trace_copy *c = user;
     struct trace_record input = *record;
     input.type = TRACE_PAST;
     if (record->offset >= c->end)
@@ -74,7 +74,7 @@ static bool copy_input(void *user, const struct trace_record *record) {
 static enum result copy_inputs(const struct sessions *s, const struct restored *restored,
                                const char *from, struct trace_writer *writer, struct error *err) {
     struct trace_reader *reader;
-    struct copying copying = {s, from, restored->place.offset, writer, RESULT_OK, err};
+    struct trace_copy copying = {s, from, restored->place.offset, writer, RESULT_OK, err};
     struct trace_player player = {.user = &copying, .step = copy_input, .past = copy_input};
     enum result result = trace_reader_create(from, &reader, err);
     if (result != RESULT_OK)

@@ -39,7 +39,7 @@ static enum result take_step(struct restored *a, const char *path, struct rerun 
     return RESULT_OK;
 }
 
-struct running {
+struct resume_run {
     const struct sessions *sessions;
     struct restored *restored;
     struct trace_reader *reader;
@@ -52,7 +52,7 @@ struct running {
 };
 
 static bool on_record(void *user, const struct trace_record *record) {
-    struct running *r = user;
+    struct resume_run *r = user;
     struct restored *a = r->restored;
     if (sessions_are_ending(r->sessions))
         r->result = fail(r->err, RESULT_TIMEOUT, "%s: the server ends", r->path);
@@ -73,7 +73,7 @@ static bool on_record(void *user, const struct trace_record *record) {
 }
 
 // RESULT_MISSING at the end of a trace that was not closed: as it should be.
-static enum result run(struct running *r) {
+static enum result run(struct resume_run *r) {
     struct trace_player player = {.user = r, .record = on_record};
     enum result end = trace_play(r->reader, &player, r->err);
     if (r->result != RESULT_OK || end != RESULT_OK)
@@ -82,12 +82,12 @@ static enum result run(struct running *r) {
 }
 
 // A copy is of a time that there was.
-static bool is_beyond(const struct running *r, enum result result) {
+static bool is_beyond(const struct resume_run *r, enum result result) {
     bool ended = result == RESULT_MISSING || result == RESULT_CLOSED;
     return ended && r->at_s && isfinite(*r->at_s) && !r->reached;
 }
 
-static enum result refuse_beyond(const struct running *r) {
+static enum result refuse_beyond(const struct resume_run *r) {
     const struct restored *a = r->restored;
     return fail(r->err, RESULT_INVALID, "%s: its session ends after %.2f s", r->path,
                 (double)(a->place.time_ns - a->header.start_ns) / NS_PER_S);
@@ -136,7 +136,7 @@ enum result restore_run(const struct sessions *s, const char *path, const double
     struct rerun *rerun = rerun_create(s->scenes[out->scene], &out->header.settings);
     out->place = trace_reader_place(reader);
     trace_reader_bind(reader, s->scenes[out->scene]);
-    struct running running = {s, out, reader, rerun, path, at_s, false, RESULT_OK, err};
+    struct resume_run running = {s, out, reader, rerun, path, at_s, false, RESULT_OK, err};
     result = run(&running);
     if (is_beyond(&running, result))
         result = refuse_beyond(&running);

@@ -56,7 +56,7 @@ static void print_text(const char *dir, const struct case_check *check) {
     static const char *const levels[] = {
         [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
     for (int i = 0; i < check->findings.count; i++) {
-        const struct finding *finding = &check->findings.findings[i];
+        const struct check_finding *finding = &check->findings.findings[i];
         printf("%s: %s: %s\n", levels[finding->level], finding->where, finding->text);
     }
     if (check->findings.left_out)

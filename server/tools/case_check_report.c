@@ -11,7 +11,7 @@
 #define CELL_MM 0.25
 #define MOST 0.999
 
-struct page {
+struct check_page {
     const struct case_check *check;
     const struct scene *scene;
     FILE *file;
@@ -20,7 +20,7 @@ struct page {
 
 // ---- words --------------------------------------------------------------------------------------
 
-static void write_row(FILE *file, const struct finding *finding) {
+static void write_row(FILE *file, const struct check_finding *finding) {
     static const char *const levels[] = {
         [FINDING_NOTE] = "note", [FINDING_WARNING] = "warning", [FINDING_FAULT] = "fault"};
     fprintf(file, "<tr><td>%s</td><td>", levels[finding->level]);
@@ -42,7 +42,7 @@ static void write_findings(FILE *file, const struct inspection *inspection) {
         fprintf(file, "<p>And %d more.</p>\n", inspection->left_out);
 }
 
-static void write_grade(const struct page *page) {
+static void write_grade(const struct check_page *page) {
     const struct check_settings *s = &page->check->settings;
     fprintf(page->file,
             "<p>Grade: <strong>%s</strong>. Field %s, grid %g mm, %d poses of the joint%s. Places "
@@ -72,7 +72,7 @@ static void write_pose(FILE *file, const struct check_pose *at) {
             per_cent(f->yielded, f->looked), f->jumped ? f->jump.value : 0);
 }
 
-static void write_poses(const struct page *page) {
+static void write_poses(const struct check_page *page) {
     fputs("<h2>Poses</h2>\n<p>Shares are of the reachable space in which something is displaced. A "
           "gap is filled where displacements leave less than a tenth of it: no field could do "
           "without a fold there.</p>\n"
@@ -107,7 +107,7 @@ static struct series series_of(const struct case_check *check, bool keys) {
     return s;
 }
 
-static void plot_over_flexion(const struct page *page, const char *title, const char *y_title,
+static void plot_over_flexion(const struct check_page *page, const char *title, const char *y_title,
                               const struct plot_line *lines, int count, const char *caption) {
     struct plot plot = {.title = title,
                         .description = caption,
@@ -125,7 +125,7 @@ static void plot_over_flexion(const struct page *page, const char *title, const 
     html_plot(page->file, &plot, caption);
 }
 
-static void write_plots(const struct page *page) {
+static void write_plots(const struct check_page *page) {
     struct series rest = series_of(page->check, false), keys = series_of(page->check, true);
     size_t n = (size_t)rest.count, k = (size_t)keys.count;
     struct plot_line gains[] = {
@@ -144,7 +144,8 @@ static void write_plots(const struct page *page) {
     fputs("</div>\n", page->file);
 }
 
-static void write_opening(const struct page *page, const struct opening *o, const char *name) {
+static void write_opening(const struct check_page *page, const struct opening *o,
+                          const char *name) {
     char title[CASE_NAME_MAX + 48], unit[64];
     snprintf(title, sizeof title, "%s torn: %s", name, o->coordinate);
     snprintf(unit, sizeof unit, "%s, %s", o->coordinate, o->unit);
@@ -157,7 +158,7 @@ static void write_opening(const struct page *page, const struct opening *o, cons
                       "The mock-up's joint held against the ligament's end, and what is shown.");
 }
 
-static void write_openings(const struct page *page) {
+static void write_openings(const struct check_page *page) {
     const struct knee_case *knee = scene_case(page->scene);
     if (!page->check->opening_count)
         return;
@@ -169,7 +170,7 @@ static void write_openings(const struct page *page) {
 
 // ---- sections -----------------------------------------------------------------------------------
 
-static enum result write_section(const struct page *page, const struct check_pose *at,
+static enum result write_section(const struct check_page *page, const struct check_pose *at,
                                  enum section_kind kind, struct error *err) {
     struct section section;
     struct picture picture;
@@ -191,7 +192,7 @@ static enum result write_section(const struct page *page, const struct check_pos
     return result;
 }
 
-static enum result write_sections_at(const struct page *page, const struct check_pose *at,
+static enum result write_sections_at(const struct check_page *page, const struct check_pose *at,
                                      struct error *err) {
     enum result result = RESULT_OK;
     fputs("<div class=\"row\">\n", page->file);
@@ -201,7 +202,7 @@ static enum result write_sections_at(const struct page *page, const struct check
     return result;
 }
 
-static enum result write_legend(const struct page *page, struct error *err) {
+static enum result write_legend(const struct check_page *page, struct error *err) {
     struct picture scale;
     char caption[512];
     section_scale(&scale);
@@ -218,7 +219,7 @@ static enum result write_legend(const struct page *page, struct error *err) {
 
 // At rest at 0, 30, 60 and 90 degrees where something is displaced, and with each torn ligament
 // held in its first key.
-static bool is_drawn(const struct page *page, int index) {
+static bool is_drawn(const struct check_page *page, int index) {
     const struct check_pose *at = &page->check->poses[index];
     if (at->is_still)
         return false;
@@ -232,7 +233,7 @@ static bool is_drawn(const struct page *page, int index) {
     return true;
 }
 
-static enum result write_sections(const struct page *page, struct error *err) {
+static enum result write_sections(const struct check_page *page, struct error *err) {
     fputs("<h2>Sections</h2>\n<p>Through the contacts of femur and tibia, 100 mm wide, in the "
           "tibia's frame.</p>\n",
           page->file);
@@ -245,7 +246,7 @@ static enum result write_sections(const struct page *page, struct error *err) {
 
 // ---- the page -----------------------------------------------------------------------------------
 
-static enum result write_page(const struct page *page, struct error *err) {
+static enum result write_page(const struct check_page *page, struct error *err) {
     write_grade(page);
     write_findings(page->file, &page->check->findings);
     if (!page->scene || !page->check->field->looked)
@@ -260,7 +261,7 @@ static enum result write_page(const struct page *page, struct error *err) {
 enum result check_report(const struct case_check *check, const struct scene *scene,
                          const char *path, struct error *err) {
     char title[CASE_NAME_MAX + 16];
-    struct page page = {check, scene, fopen(path, "we"), 0};
+    struct check_page page = {check, scene, fopen(path, "we"), 0};
     if (!page.file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     page.gain_most = fmax(1, ceil(field_gain_within(check->field, MOST)));

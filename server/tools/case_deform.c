@@ -23,7 +23,7 @@ static const char help[] =
     "                   DEPTH is at most half of RADIUS. Several cavities add up.\n"
     "  --out DIR        write the case here; it may be the same folder\n";
 
-struct request {
+struct deform_request {
     const char *out;
     const char *groups[CASE_GROUPS_MAX];
     int group_count;
@@ -39,7 +39,7 @@ static bool parse_cavity(const char *text, struct deform_cavity *out_cavity) {
     return true;
 }
 
-static enum result deform(struct knee_case *knee, const struct request *request,
+static enum result deform(struct knee_case *knee, const struct deform_request *request,
                           struct error *err) {
     struct case_group *groups[CASE_GROUPS_MAX];
     for (int i = 0; i < request->group_count; i++) {
@@ -57,7 +57,7 @@ static enum result deform(struct knee_case *knee, const struct request *request,
     return case_save(knee, request->out, err);
 }
 
-static int run(const char *dir, const struct request *request) {
+static int run(const char *dir, const struct deform_request *request) {
     struct knee_case *knee;
     struct error err;
     if (case_load(dir, NULL, &knee, &err) != RESULT_OK)
@@ -73,7 +73,7 @@ int command_deform(int argc, char **argv) {
                                             {"out", required_argument, NULL, 'o'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
-    struct request request = {0};
+    struct deform_request request = {0};
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {

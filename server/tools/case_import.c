@@ -62,7 +62,7 @@ static const char help[] =
     "It refuses a file that is misread, and a knee of 4 cm or 40 m, with the unit that would\n"
     "fit. It also refuses a case with a fault of `arthron-case check`, and writes nothing.\n";
 
-struct source {
+struct surface_source {
     char group[CASE_NAME_MAX];
     const char *path;
     double mm_per_unit; // 0: stands before the first --unit
@@ -74,14 +74,14 @@ struct body_choice {
     enum body body; // BODY_COUNT: none
 };
 
-struct request {
+struct import_request {
     const char *name, *title, *side, *out;
     double first_unit, unit; // mm; 0 before the first --unit
     pose T_case_common;
     bool has_joint;
     pose T_femur_joint;
     int source_count, body_count, bridge_count, cuttable_count, portal_count;
-    struct source sources[SOURCES_MAX];
+    struct surface_source sources[SOURCES_MAX];
     struct body_choice bodies[CASE_GROUPS_MAX], bridges[CASE_GROUPS_MAX];
     const char *cuttable[CASE_GROUPS_MAX];
     struct case_portal portals[CASE_PORTALS_MAX];
@@ -103,7 +103,7 @@ static char *split_name(char *text, char *out_name) {
     return valid ? equals + 1 : NULL;
 }
 
-static bool parse_unit(const char *text, struct request *request) {
+static bool parse_unit(const char *text, struct import_request *request) {
     static const struct {
         const char *name;
         double mm;
@@ -120,8 +120,8 @@ static bool parse_unit(const char *text, struct request *request) {
 }
 
 // A file's name may hold "@": only what looks like a number after the last one is a pose.
-static bool parse_source(char *text, struct request *request) {
-    struct source *source = &request->sources[request->source_count++];
+static bool parse_source(char *text, struct import_request *request) {
+    struct surface_source *source = &request->sources[request->source_count++];
     char *path = split_name(text, source->group);
     if (!path)
         return false;
@@ -137,20 +137,20 @@ static bool parse_source(char *text, struct request *request) {
     return true;
 }
 
-static bool parse_body(char *text, struct request *request) {
+static bool parse_body(char *text, struct import_request *request) {
     struct body_choice *choice = &request->bodies[request->body_count++];
     const char *body = split_name(text, choice->group);
     return body && body_from_name(body, &choice->body);
 }
 
-static bool parse_bridge(char *text, struct request *request) {
+static bool parse_bridge(char *text, struct import_request *request) {
     struct body_choice *choice = &request->bridges[request->bridge_count++];
     const char *body = split_name(text, choice->group);
     choice->body = BODY_COUNT;
     return body && (strcmp(body, "none") == 0 || body_from_name(body, &choice->body));
 }
 
-static bool parse_portal(char *text, struct request *request) {
+static bool parse_portal(char *text, struct import_request *request) {
     struct case_portal *portal = &request->portals[request->portal_count++];
     const char *numbers = split_name(text, portal->name);
     double v[6];
@@ -161,7 +161,7 @@ static bool parse_portal(char *text, struct request *request) {
     return vec3_length(portal->direction) > 0;
 }
 
-static bool take_option(int option, char *text, struct request *request) {
+static bool take_option(int option, char *text, struct import_request *request) {
     switch (option) {
     case 'u':
         return parse_unit(text, request);
@@ -203,7 +203,7 @@ static bool take_option(int option, char *text, struct request *request) {
 
 // ---- meshes to groups ---------------------------------------------------------------------------
 
-static enum body body_of(const struct request *request, const char *group) {
+static enum body body_of(const struct import_request *request, const char *group) {
     for (int i = 0; i < request->body_count; i++)
         if (strcmp(request->bodies[i].group, group) == 0)
             return request->bodies[i].body;
@@ -211,7 +211,8 @@ static enum body body_of(const struct request *request, const char *group) {
 }
 
 // The only mesh of a group bears the group's name, others that of their file.
-static void part_name(const struct request *request, const struct source *source, char *out_name) {
+static void part_name(const struct import_request *request, const struct surface_source *source,
+                      char *out_name) {
     int same = 0;
     for (int i = 0; i < request->source_count; i++)
         same += strcmp(request->sources[i].group, source->group) == 0;
@@ -226,8 +227,8 @@ static void part_name(const struct request *request, const struct source *source
         snprintf(out_name, CASE_NAME_MAX, "%s", source->group);
 }
 
-static void say(struct request *request, const struct source *source, const struct mesh *mesh,
-                const struct repair_report *report) {
+static void say(struct import_request *request, const struct surface_source *source,
+                const struct mesh *mesh, const struct repair_report *report) {
     struct import_said said = {source->group, source->path, mesh, report};
     if (request->json)
         json_array_append_new(request->json, import_json(&said));
@@ -235,8 +236,8 @@ static void say(struct request *request, const struct source *source, const stru
         import_print(&said);
 }
 
-static enum result add_source(struct knee_case *knee, struct request *request,
-                              const struct source *source, struct error *err) {
+static enum result add_source(struct knee_case *knee, struct import_request *request,
+                              const struct surface_source *source, struct error *err) {
     struct case_limits limits = case_limits_default();
     struct import_source from = {
         .path = source->path,
@@ -265,7 +266,7 @@ static enum result add_source(struct knee_case *knee, struct request *request,
     return result;
 }
 
-static enum result mark_groups(struct knee_case *knee, const struct request *request,
+static enum result mark_groups(struct knee_case *knee, const struct import_request *request,
                                struct error *err) {
     for (int i = 0; i < request->body_count; i++)
         if (!case_group(knee, request->bodies[i].group))
@@ -281,14 +282,14 @@ static enum result mark_groups(struct knee_case *knee, const struct request *req
     return RESULT_OK;
 }
 
-static enum body bridge_of(const struct request *request, const struct case_group *group) {
+static enum body bridge_of(const struct import_request *request, const struct case_group *group) {
     for (int i = 0; i < request->bridge_count; i++)
         if (strcmp(request->bridges[i].group, group->name) == 0)
             return request->bridges[i].body;
     return import_default_bridge(group->name, group->body);
 }
 
-static enum result bridge_groups(struct knee_case *knee, const struct request *request,
+static enum result bridge_groups(struct knee_case *knee, const struct import_request *request,
                                  struct error *err) {
     for (int i = 0; i < request->bridge_count; i++)
         if (!case_group(knee, request->bridges[i].group))
@@ -307,7 +308,7 @@ static enum result refuse_faults(struct knee_case *knee, struct error *err) {
     static struct inspection inspection;
     inspect_case(knee, &inspection);
     for (int i = 0; i < inspection.count; i++) {
-        const struct finding *finding = &inspection.findings[i];
+        const struct check_finding *finding = &inspection.findings[i];
         if (finding->level == FINDING_FAULT)
             return fail(err, RESULT_INVALID, "%s: %s", finding->where, finding->text);
         fprintf(stderr, "warning: %s: %s\n", finding->where, finding->text);
@@ -315,7 +316,7 @@ static enum result refuse_faults(struct knee_case *knee, struct error *err) {
     return RESULT_OK;
 }
 
-static enum result fill(struct knee_case *knee, struct request *request, struct error *err) {
+static enum result fill(struct knee_case *knee, struct import_request *request, struct error *err) {
     enum result result = RESULT_OK;
     for (int i = 0; result == RESULT_OK && i < request->source_count; i++)
         result = add_source(knee, request, &request->sources[i], err);
@@ -337,7 +338,7 @@ static enum result fill(struct knee_case *knee, struct request *request, struct 
     return result == RESULT_OK ? case_save(knee, request->out, err) : result;
 }
 
-static int run(struct request *request) {
+static int run(struct import_request *request) {
     struct knee_case *knee = case_create(request->name, request->title);
     struct error err;
     enum result result = fill(knee, request, &err);
@@ -368,8 +369,8 @@ int command_import(int argc, char **argv) {
                                             {0}};
     static const char *const sides[] = {"left", "right", NULL};
     static const char *const units[] = {"mm", "cm", "m", NULL};
-    static struct request request;
-    request = (struct request){.title = "", .T_case_common = pose_identity()};
+    static struct import_request request;
+    request = (struct import_request){.title = "", .T_case_common = pose_identity()};
     int option, which = 0;
     while ((option = getopt_long(argc, argv, "", options, &which)) != -1) {
         if (option == 'h') {

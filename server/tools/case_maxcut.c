@@ -19,7 +19,7 @@ static const char help[] =
     "                   meniscus is hollow at its rim\n"
     "  --out DIR        write the case here (default: DIR)\n";
 
-struct request {
+struct maxcut_request {
     const char *dir, *out;
     double rim_mm;
     const char *groups[CASE_GROUPS_MAX];
@@ -43,21 +43,22 @@ static enum result resect(struct knee_case *knee, const char *name, double rim_m
     return result;
 }
 
-static enum result run(struct knee_case *knee, const struct request *request, struct error *err) {
+static enum result run(struct knee_case *knee, const struct maxcut_request *request,
+                       struct error *err) {
     enum result result = RESULT_OK;
     for (int i = 0; i < request->group_count && result == RESULT_OK; i++)
         result = resect(knee, request->groups[i], request->rim_mm, err);
     return result == RESULT_OK ? case_save(knee, request->out, err) : result;
 }
 
-static void take_menisci(struct knee_case *knee, struct request *request) {
+static void take_menisci(struct knee_case *knee, struct maxcut_request *request) {
     static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
     for (int i = 0; i < 2; i++)
         if (case_group(knee, menisci[i]))
             request->groups[request->group_count++] = menisci[i];
 }
 
-static int load_and_run(struct request *request) {
+static int load_and_run(struct maxcut_request *request) {
     struct knee_case *knee;
     struct error err;
     if (case_load(request->dir, NULL, &knee, &err) != RESULT_OK)
@@ -77,7 +78,7 @@ int command_maxcut(int argc, char **argv) {
                                             {"out", required_argument, NULL, 'o'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
-    struct request request = {.rim_mm = MAXCUT_RIM_MM};
+    struct maxcut_request request = {.rim_mm = MAXCUT_RIM_MM};
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         switch (option) {

@@ -93,7 +93,7 @@ int command_picture(int argc, char **argv) {
         }
         if (option == '?')
             return EXIT_USAGE;
-        if (option == 'v' && !view_from_name(optarg, &settings.view.view))
+        if (option == 'v' && !viewpoint_from_name(optarg, &settings.view.view))
             return unknown_choice("picture", "--view", optarg, views);
         if (!parse_option(option, &settings))
             return usage_error("picture", "--%s %s: must be from 0 to 140", options[index].name,

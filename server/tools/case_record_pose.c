@@ -43,14 +43,14 @@ enum role { ROLE_REST, ROLE_PHYSICAL, ROLE_TARGET, ROLE_COUNT };
 
 static const char *const role_names[ROLE_COUNT + 1] = {"rest", "physical", "target", NULL};
 
-struct request {
+struct record_pose_request {
     const char *dir, *ligament, *station, *socket;
     enum role role; // ROLE_COUNT: not given
 };
 
 // ---- the present pose ---------------------------------------------------------------------------
 
-static enum result read_once(const struct request *request, arthron_JointReading *out,
+static enum result read_once(const struct record_pose_request *request, arthron_JointReading *out,
                              struct error *err) {
     static arthron_CommandReply reply;
     arthron_Command command = {.kind = arthron_Command_Kind_SHOW};
@@ -110,8 +110,9 @@ static enum result check_still(const struct knee_case *knee, const pose *poses, 
     return RESULT_OK;
 }
 
-static enum result present_pose(const struct knee_case *knee, const struct request *request,
-                                pose *out_pose, struct error *err) {
+static enum result present_pose(const struct knee_case *knee,
+                                const struct record_pose_request *request, pose *out_pose,
+                                struct error *err) {
     static const struct timespec pause = {0, READING_MS * 1000000L};
     pose poses[READINGS];
     arthron_JointReading now = {0};
@@ -149,8 +150,8 @@ static void say_what_waits(const struct knee_case *knee, const struct recorded_k
                joint_from_pose(&knee->joint, record->waiting[i].physical).flexion_deg);
 }
 
-static enum result take_pose(struct knee_case *knee, const struct request *request, pose p,
-                             struct recorded_keys *record, struct error *err) {
+static enum result take_pose(struct knee_case *knee, const struct record_pose_request *request,
+                             pose p, struct recorded_keys *record, struct error *err) {
     int key = -1;
     if (request->role == ROLE_REST) {
         enum result result = recorded_keys_rest(knee, p, err);
@@ -175,7 +176,7 @@ static enum result try_keys(const struct knee_case *knee, struct error *err) {
     return result == RESULT_OK ? result : fail_in(err, result, "nothing is saved: ");
 }
 
-static enum result save(struct knee_case *knee, const struct request *request,
+static enum result save(struct knee_case *knee, const struct record_pose_request *request,
                         const struct recorded_keys *record, struct error *err) {
     enum result result = RESULT_OK;
     if (request->role != ROLE_PHYSICAL)
@@ -193,7 +194,7 @@ static enum result save(struct knee_case *knee, const struct request *request,
     return RESULT_OK;
 }
 
-static enum result record_pose(struct knee_case *knee, const struct request *request,
+static enum result record_pose(struct knee_case *knee, const struct record_pose_request *request,
                                struct error *err) {
     struct recorded_keys record;
     pose p;
@@ -205,7 +206,7 @@ static enum result record_pose(struct knee_case *knee, const struct request *req
     return result == RESULT_OK ? save(knee, request, &record, err) : result;
 }
 
-static int run(const struct request *request) {
+static int run(const struct record_pose_request *request) {
     struct knee_case *knee;
     struct error err;
     enum result result = case_load(request->dir, NULL, &knee, &err);
@@ -224,7 +225,7 @@ static enum role role_from_name(const char *name) {
     return role;
 }
 
-static int check_request(const struct request *r) {
+static int check_request(const struct record_pose_request *r) {
     if (r->role == ROLE_COUNT || !r->station || !r->socket)
         return usage_error("record-pose", "--as, --station and --socket are needed");
     if ((r->role == ROLE_REST) != !r->ligament)
@@ -238,7 +239,7 @@ int command_record_pose(int argc, char **argv) {
         {"as", required_argument, NULL, 'a'},      {"ligament", required_argument, NULL, 'l'},
         {"station", required_argument, NULL, 's'}, {"socket", required_argument, NULL, 'S'},
         {"help", no_argument, NULL, 'h'},          {0}};
-    struct request request = {.role = ROLE_COUNT};
+    struct record_pose_request request = {.role = ROLE_COUNT};
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         if (option == 'h') {

@@ -22,7 +22,7 @@ static const char help[] =
     "\n"
     "Exits 1 where the trace could not be read so far (what can be read is written).\n";
 
-struct request {
+struct cut_request {
     const char *file, *out;
     double from_s, to_s;
 };
@@ -53,8 +53,8 @@ static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE]
     return result;
 }
 
-struct copying {
-    const struct request *request;
+struct trace_piece {
+    const struct cut_request *request;
     struct trace_writer *writer;
     int64_t start_ns;
     uint64_t steps;
@@ -63,7 +63,7 @@ struct copying {
 };
 
 static bool copy_record(void *user, const struct trace_record *record) {
-    struct copying *c = user;
+    struct trace_piece *c = user;
     struct trace_record copy = *record;
     if (record->type == TRACE_STEP || record->type == TRACE_PAST) {
         double seconds = (double)(record->input.time_ns - c->start_ns) / (double)NS_PER_S;
@@ -77,9 +77,10 @@ static bool copy_record(void *user, const struct trace_record *record) {
     return c->result == RESULT_OK;
 }
 
-static enum result copy(const struct request *request, struct trace_reader *reader,
+static enum result copy(const struct cut_request *request, struct trace_reader *reader,
                         struct trace_writer *writer, uint64_t *out_steps, struct error *err) {
-    struct copying c = {request, writer, trace_reader_header(reader)->start_ns, 0, RESULT_OK, err};
+    struct trace_piece c = {request, writer,    trace_reader_header(reader)->start_ns,
+                            0,       RESULT_OK, err};
     struct trace_player player = {.user = &c, .record = copy_record, .progress = show_second_half};
     enum result result = trace_play(reader, &player, err);
     *out_steps = c.steps;
@@ -90,7 +91,7 @@ static enum result copy(const struct request *request, struct trace_reader *read
     return result == RESULT_OK ? RESULT_CLOSED : result;
 }
 
-static enum result cut(const struct request *request, struct error *err) {
+static enum result cut(const struct cut_request *request, struct error *err) {
     struct trace_reader *reader;
     struct trace_writer *writer = NULL;
     uint64_t steps = 1; // until they were counted
@@ -119,7 +120,7 @@ int command_cut(int argc, char **argv) {
                                             {"out", required_argument, NULL, 'o'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    struct request request = {.from_s = 0, .to_s = INFINITY};
+    struct cut_request request = {.from_s = 0, .to_s = INFINITY};
     bool good = true;
     for (int c; good && (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')

@@ -37,7 +37,7 @@ static const char help[] =
     "\n"
     "Exits 1 where the trace is not whole; what can be read is written.\n";
 
-struct request {
+struct trace_export_request {
     const char *csv, *exr, *gltf, *case_dir;
     struct export_request export;
 };
@@ -48,7 +48,7 @@ static bool is_made(enum result result, FILE *file) {
                                 result == RESULT_CORRUPT || result == RESULT_FORMAT);
 }
 
-static enum result write_table(struct request *request, struct error *err) {
+static enum result write_table(struct trace_export_request *request, struct error *err) {
     struct draft draft;
     if (!strcmp(request->csv, "-")) {
         request->export.progress = NULL;
@@ -67,7 +67,7 @@ static enum result write_table(struct request *request, struct error *err) {
 }
 
 // A table has the names of groups where the case is there; an image needs it only for cuts.
-static enum result load_needed(struct request *request, struct scene **out_scene,
+static enum result load_needed(struct trace_export_request *request, struct scene **out_scene,
                                struct error *err) {
     struct trace_reader *reader;
     struct survey survey = {0};
@@ -87,7 +87,7 @@ static enum result load_needed(struct request *request, struct scene **out_scene
     return result;
 }
 
-static int write_export(struct request *request, const char *out) {
+static int write_export(struct trace_export_request *request, const char *out) {
     struct error err;
     struct scene *scene;
     enum result result = load_needed(request, &scene, &err);
@@ -109,7 +109,7 @@ static bool parse_seconds(const char *text, double *out_seconds) {
     return end != text && *end == '\0' && isfinite(*out_seconds);
 }
 
-static bool parse_option(int option, struct request *request) {
+static bool parse_option(int option, struct trace_export_request *request) {
     switch (option) {
     case 'c':
         request->csv = optarg;
@@ -149,7 +149,7 @@ int command_export(int argc, char **argv) {
                                             {"columns", required_argument, NULL, 'n'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    struct request request = {
+    struct trace_export_request request = {
         .export = {.from_s = -INFINITY, .to_s = INFINITY, .progress = show_progress}};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')

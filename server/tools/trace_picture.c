@@ -26,7 +26,7 @@ static const char help[] =
     "  --group NAME  of the case; if left out the one with the most cuts\n"
     "  --case DIR    the case, where it is not where the trace says\n";
 
-struct request {
+struct picture_request {
     const char *file, *out, *group, *case_dir;
     double at_s;
 };
@@ -54,17 +54,17 @@ static enum result choose(const struct scene *scene, const struct operation *ope
 }
 
 // From S' to S'', of each vertex that has given way.
-static struct line *lines_of(const struct case_group *group, const struct match *match,
-                             size_t *out_count) {
+static struct rod *lines_of(const struct case_group *group, const struct match *match,
+                            size_t *out_count) {
     static const float none[3];
-    struct line *lines = alloc(group->mesh.vertex_count, sizeof *lines);
+    struct rod *lines = alloc(group->mesh.vertex_count, sizeof *lines);
     *out_count = 0;
     for (uint32_t i = 0; match && i < group->mesh.vertex_count; i++) {
         vec3 from = mesh_vertex(&group->mesh, i), to = match_vertex(match, i);
         const float *warp = group->warp ? group->warp + 3 * (size_t)i : none;
         from = vec3_add(from, (vec3){(double)warp[0], (double)warp[1], (double)warp[2]});
         if (vec3_distance(from, to) > LINE_MM)
-            lines[(*out_count)++] = (struct line){from, to};
+            lines[(*out_count)++] = (struct rod){from, to};
     }
     return lines;
 }
@@ -80,7 +80,7 @@ static enum result draw(const struct scene *scene, const struct operation *opera
     for (uint32_t i = 0; i < mesh.triangle_count; i++)
         ids[i] = cut_mesh_label(cut, ids[i]);
     struct tissue_look look = {.mesh = &mesh, .labels = ids};
-    struct line *lines = lines_of(group, operation_match(operation, tissue), &look.line_count);
+    struct rod *lines = lines_of(group, operation_match(operation, tissue), &look.line_count);
     look.lines = lines;
     quat axes = knee->joint.T_femur_joint.rotation;
     struct box box = mesh_bounds(&mesh);
@@ -100,13 +100,13 @@ static enum result draw(const struct scene *scene, const struct operation *opera
 
 // ---- the command --------------------------------------------------------------------------------
 
-struct running {
+struct picture_run {
     struct rerun *rerun;
     int64_t to_ns;
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
-    struct running *r = user;
+    struct picture_run *r = user;
     struct session_output output;
     if (record->input.time_ns > r->to_ns)
         return false;
@@ -122,13 +122,13 @@ static bool on_gap(void *user, uint64_t missing) {
 // Up to the wanted time, the record's end, or its first gap.
 static void run_to(struct rerun *rerun, struct trace_reader *reader, double at_s) {
     double to_ns = (double)trace_reader_header(reader)->start_ns + at_s * NS_PER_S;
-    struct running r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX};
+    struct picture_run r = {rerun, to_ns < (double)INT64_MAX ? (int64_t)to_ns : INT64_MAX};
     struct trace_player player = {
         .user = &r, .step = on_step, .past = on_step, .gap = on_gap, .progress = show_progress};
     trace_play(reader, &player, NULL);
 }
 
-static enum result picture(const struct request *request, struct error *err) {
+static enum result picture(const struct picture_request *request, struct error *err) {
     struct trace_reader *reader;
     struct scene *scene = NULL;
     enum result result = trace_reader_create(request->file, &reader, err);
@@ -152,7 +152,7 @@ static enum result picture(const struct request *request, struct error *err) {
     return result;
 }
 
-static bool parse_option(int option, struct request *request) {
+static bool parse_option(int option, struct picture_request *request) {
     switch (option) {
     case 'o':
         request->out = optarg;
@@ -173,7 +173,7 @@ int command_picture(int argc, char **argv) {
         {"out", required_argument, NULL, 'o'},   {"at", required_argument, NULL, 'a'},
         {"group", required_argument, NULL, 'g'}, {"case", required_argument, NULL, 'c'},
         {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
-    struct request request = {.at_s = INFINITY};
+    struct picture_request request = {.at_s = INFINITY};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

@@ -36,7 +36,7 @@ static const char help[] =
     "for.\n"
     "Exits 1 where the trace could not be read to its end.\n";
 
-struct request {
+struct replay_request {
     const char *file, *case_dir, *field, *avatar, *strength;
     double from_s, to_s; // NAN: not asked for
     bool json;
@@ -115,7 +115,8 @@ static bool avatar_from_name(const char *name, enum avatar_mode *out) {
 
 // False: a word or number is none. What was not asked for stays.
 // What is wrong with them, or NULL.
-static const char *take_settings(const struct request *request, struct session_settings *settings) {
+static const char *take_settings(const struct replay_request *request,
+                                 struct session_settings *settings) {
     char *end = "";
     if (request->strength)
         settings->field.strength = strtod(request->strength, &end);
@@ -136,7 +137,7 @@ static double real_time(int64_t session_ns, int64_t begin_ns) {
     return (double)session_ns / (double)(clock_now_ns() - begin_ns);
 }
 
-static int compare(const struct request *request, struct trace_reader *reader,
+static int compare(const struct replay_request *request, struct trace_reader *reader,
                    const struct scene *scene) {
     struct replay_report report;
     struct error err;
@@ -148,7 +149,7 @@ static int compare(const struct request *request, struct trace_reader *reader,
     return report.verdict != REPLAY_DIFFERENT && all_compared(&report) ? EXIT_GOOD : EXIT_FAULT;
 }
 
-static int try_out(const struct request *request, struct trace_reader *reader,
+static int try_out(const struct replay_request *request, struct trace_reader *reader,
                    const struct scene *scene, const struct session_settings *settings) {
     struct trial_report report;
     struct error err;
@@ -160,7 +161,7 @@ static int try_out(const struct request *request, struct trace_reader *reader,
     return report.end == RESULT_CLOSED || report.end == RESULT_MISSING ? EXIT_GOOD : EXIT_FAULT;
 }
 
-static int replay(const struct request *request) {
+static int replay(const struct replay_request *request) {
     struct error err;
     struct trace_reader *reader;
     struct scene *scene = NULL;
@@ -184,7 +185,7 @@ static int replay(const struct request *request) {
     return code;
 }
 
-static bool take_option(int option, struct request *out) {
+static bool take_option(int option, struct replay_request *out) {
     switch (option) {
     case 'c':
         out->case_dir = optarg;
@@ -220,7 +221,7 @@ int command_replay(int argc, char **argv) {
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    struct request request = {.from_s = NAN, .to_s = NAN};
+    struct replay_request request = {.from_s = NAN, .to_s = NAN};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

@@ -24,12 +24,12 @@ static const char help[] =
     "\n"
     "Exits 1 where the trace is not whole or steps are missing (what can be read is reported).\n";
 
-struct request {
+struct report_request {
     const char *out, *records;
     struct review_source source;
 };
 
-static enum result make_page(const struct request *request, FILE *file, bool *out_whole,
+static enum result make_page(const struct report_request *request, FILE *file, bool *out_whole,
                              struct error *err) {
     struct review_source source = request->source;
     enum result result = RESULT_OK;
@@ -41,7 +41,7 @@ static enum result make_page(const struct request *request, FILE *file, bool *ou
     return result;
 }
 
-static int report(const struct request *request) {
+static int report(const struct report_request *request) {
     struct error err = {""};
     char *page = NULL;
     size_t size = 0;
@@ -64,7 +64,7 @@ int command_report(int argc, char **argv) {
         {"out", required_argument, NULL, 'o'},     {"case", required_argument, NULL, 'c'},
         {"records", required_argument, NULL, 'r'}, {"course", required_argument, NULL, 'k'},
         {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0}};
-    struct request request = {.source.progress = show_progress};
+    struct report_request request = {.source.progress = show_progress};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

@@ -26,7 +26,7 @@ static const char help[] =
     "\n"
     "Exits 1 where the trace is not whole or steps are missing (what can be read is scored).\n";
 
-struct request {
+struct score_request {
     const char *file, *case_dir;
     bool json;
     double tilt_deg, field_deg; // NAN: as the trace says
@@ -151,7 +151,7 @@ static void print_text(const struct score *s) {
 
 // ---- the command --------------------------------------------------------------------------------
 
-static struct view_optic optic_of(const struct request *request,
+static struct view_optic optic_of(const struct score_request *request,
                                   const struct trace_header *header) {
     struct view_optic optic = header->optic;
     if (!isnan(request->tilt_deg))
@@ -161,7 +161,7 @@ static struct view_optic optic_of(const struct request *request,
     return optic;
 }
 
-static int score(const struct request *request) {
+static int score(const struct score_request *request) {
     struct trace_reader *reader;
     struct error err = {""};
     if (trace_reader_create(request->file, &reader, &err) != RESULT_OK)
@@ -194,7 +194,7 @@ int command_score(int argc, char **argv) {
         {"json", no_argument, NULL, 'j'},        {"case", required_argument, NULL, 'c'},
         {"optic", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'},
         {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
-    struct request request = {.tilt_deg = NAN, .field_deg = NAN};
+    struct score_request request = {.tilt_deg = NAN, .field_deg = NAN};
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'h')
             return fputs(help, stdout) < 0;

@@ -89,7 +89,7 @@ bool catalogue_is_of(const char *path, const char *id) {
     return !strcmp(text, id);
 }
 
-struct finding {
+struct trace_search {
     const char *id;
     char *path;
     size_t path_size;
@@ -97,7 +97,7 @@ struct finding {
 };
 
 static bool find(void *user, const struct trace_entry *entry) {
-    struct finding *f = user;
+    struct trace_search *f = user;
     if (strncmp(entry->id_start, f->id, strlen(entry->id_start)) != 0 ||
         strlen(entry->path) >= f->path_size || !catalogue_is_of(entry->path, f->id))
         return true;
@@ -108,7 +108,7 @@ static bool find(void *user, const struct trace_entry *entry) {
 
 enum result catalogue_find(const char *folder, const char *id, char *out_path, size_t path_size,
                            struct error *err) {
-    struct finding f = {id, out_path, path_size, false};
+    struct trace_search f = {id, out_path, path_size, false};
     if (!trace_is_id(id))
         return fail(err, RESULT_INVALID, "%s is no session's id", id);
     enum result result = catalogue_each(folder, find, &f, err);

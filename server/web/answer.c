@@ -307,7 +307,7 @@ static int choose(struct answer *a, const struct web_response *r,
     if (status != 200 || a->file < 0 || (options->if_range[0] && strcmp(options->if_range, quoted)))
         return status;
     int64_t to;
-    enum range range = range_parse(options->range, size, &a->at, &to);
+    enum range_verdict range = range_parse(options->range, size, &a->at, &to);
     a->left = to - a->at;
     return range == RANGE_NONE ? status : range == RANGE_SOME ? 206 : 416;
 }

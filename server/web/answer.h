@@ -45,8 +45,8 @@ struct answer answer_refusal(int status, const char *code, const char *text, boo
 bool answer_read(struct answer *answer);
 
 // The part of `size` bytes that a Range header asks for.
-enum range { RANGE_NONE, RANGE_SOME, RANGE_BEYOND };
+enum range_verdict { RANGE_NONE, RANGE_SOME, RANGE_BEYOND };
 
 // RANGE_NONE: all bytes (also for several ranges, which a server may ignore). RANGE_SOME: from
 // *out_from up to, but without, *out_to. RANGE_BEYOND: there are no such bytes.
-enum range range_parse(const char *range, int64_t size, int64_t *out_from, int64_t *out_to);
+enum range_verdict range_parse(const char *range, int64_t size, int64_t *out_from, int64_t *out_to);

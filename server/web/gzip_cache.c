@@ -8,17 +8,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct item {
-    struct gzip_file packed; // first: a pointer to it is a pointer to the item
-    atomic_int holders;      // the cache too
-    struct item *next;       // asked for less lately
+struct cached_file {
+    struct gzip_file packed;  // first: a pointer to it is a pointer to the item
+    atomic_int holders;       // the cache too
+    struct cached_file *next; // asked for less lately
     char name[GZIP_CACHE_NAME_MAX];
 };
 
 struct gzip_cache {
     pthread_mutex_t lock;
     size_t most, used;
-    struct item *first;
+    struct cached_file *first;
 };
 
 struct gzip_cache *gzip_cache_create(size_t most) {
@@ -29,7 +29,7 @@ struct gzip_cache *gzip_cache_create(size_t most) {
 }
 
 void gzip_file_release(const struct gzip_file **packed) {
-    struct item *item = (struct item *)(uintptr_t)*packed;
+    struct cached_file *item = (struct cached_file *)(uintptr_t)*packed;
     *packed = NULL;
     if (!item || atomic_fetch_sub(&item->holders, 1) > 1)
         return;
@@ -38,33 +38,33 @@ void gzip_file_release(const struct gzip_file **packed) {
 }
 
 // Takes it out of the row; the cache's hold on it stays.
-static struct item *pick(struct gzip_cache *s, struct item **at) {
-    struct item *item = *at;
+static struct cached_file *pick(struct gzip_cache *s, struct cached_file **at) {
+    struct cached_file *item = *at;
     *at = item->next;
     s->used -= item->packed.size;
     return item;
 }
 
-static void put_first(struct gzip_cache *s, struct item *item) {
+static void put_first(struct gzip_cache *s, struct cached_file *item) {
     item->next = s->first;
     s->first = item;
     s->used += item->packed.size;
 }
 
-static struct item *pick_named(struct gzip_cache *s, const char *name) {
-    for (struct item **at = &s->first; *at; at = &(*at)->next)
+static struct cached_file *pick_named(struct gzip_cache *s, const char *name) {
+    for (struct cached_file **at = &s->first; *at; at = &(*at)->next)
         if (!strcmp((*at)->name, name))
             return pick(s, at);
     return NULL;
 }
 
-static void drop(struct item *item) {
+static void drop(struct cached_file *item) {
     const struct gzip_file *packed = item ? &item->packed : NULL;
     gzip_file_release(&packed);
 }
 
 static void drop_last(struct gzip_cache *s) {
-    struct item **at = &s->first;
+    struct cached_file **at = &s->first;
     while ((*at)->next)
         at = &(*at)->next;
     drop(pick(s, at));
@@ -81,7 +81,7 @@ void gzip_cache_destroy(struct gzip_cache **cache) {
 
 const struct gzip_file *gzip_cache_take(struct gzip_cache *s, const char *name) {
     pthread_mutex_lock(&s->lock);
-    struct item *item = pick_named(s, name);
+    struct cached_file *item = pick_named(s, name);
     if (item) {
         put_first(s, item);
         atomic_fetch_add(&item->holders, 1);
@@ -92,7 +92,7 @@ const struct gzip_file *gzip_cache_take(struct gzip_cache *s, const char *name) 
 
 const struct gzip_file *gzip_cache_put(struct gzip_cache *s, const char *name, uint8_t *bytes,
                                        size_t size) {
-    struct item *item = alloc(1, sizeof *item);
+    struct cached_file *item = alloc(1, sizeof *item);
     CHECK(snprintf(item->name, sizeof item->name, "%s", name) < GZIP_CACHE_NAME_MAX);
     item->packed = (struct gzip_file){bytes, size};
     atomic_init(&item->holders, 1);

@@ -18,7 +18,8 @@ static int64_t read_position(const char *text, const char *end) {
     return number_int(digits, 0, INT64_MAX, &value) ? value : -2;
 }
 
-enum range range_parse(const char *range, int64_t size, int64_t *out_from, int64_t *out_to) {
+enum range_verdict range_parse(const char *range, int64_t size, int64_t *out_from,
+                               int64_t *out_to) {
     static const char unit[] = "bytes=";
     *out_from = 0;
     *out_to = size;

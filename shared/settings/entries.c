@@ -18,7 +18,7 @@ struct entry {
     int line;
 };
 
-struct reading {
+struct entries_reader {
     FILE *file;
     entry_taker take;
     void *user;
@@ -30,7 +30,7 @@ struct reading {
     struct entry entries[ENTRIES_MAX];
 };
 
-static bool refuse(struct reading *r) {
+static bool refuse(struct entries_reader *r) {
     r->refused = true;
     return false;
 }
@@ -39,14 +39,15 @@ static bool same(const char *a, const char *b) {
     return a && b ? !strcmp(a, b) : a == b;
 }
 
-static const struct entry *find(const struct reading *r, const char *section, const char *key) {
+static const struct entry *find(const struct entries_reader *r, const char *section,
+                                const char *key) {
     for (int i = 0; i < r->count; i++)
         if (same(r->entries[i].section, section) && same(r->entries[i].key, key))
             return &r->entries[i];
     return NULL;
 }
 
-static bool remember(struct reading *r, const char *section, const char *key) {
+static bool remember(struct entries_reader *r, const char *section, const char *key) {
     if (r->count == ENTRIES_MAX) {
         fail(r->err, RESULT_LIMIT, "more than %d sections and keys", ENTRIES_MAX);
         return refuse(r);
@@ -56,7 +57,7 @@ static bool remember(struct reading *r, const char *section, const char *key) {
     return true;
 }
 
-static bool take_header(struct reading *r, const char *header) {
+static bool take_header(struct entries_reader *r, const char *header) {
     char section[256];
     size_t length = strcspn(header, "]");
     if (header[length] != ']')
@@ -75,14 +76,14 @@ static bool take_header(struct reading *r, const char *header) {
     return refuse(r);
 }
 
-static bool is_cut(const struct reading *r, const char *text, size_t size) {
+static bool is_cut(const struct entries_reader *r, const char *text, size_t size) {
     size_t length = strlen(text);
     return length + 1 == size && text[length - 1] != '\n' && !feof(r->file);
 }
 
 // As fgets, for inih.
 static char *read_line(char *text, int size, void *user) {
-    struct reading *r = user;
+    struct entries_reader *r = user;
     if (r->refused || !fgets(text, size, r->file))
         return NULL;
     r->line++;
@@ -97,7 +98,7 @@ static char *read_line(char *text, int size, void *user) {
 }
 
 // To inih a line that begins with a blank goes on with the value before: it gives the key again.
-static bool is_new(struct reading *r, const char *section, const char *key) {
+static bool is_new(struct entries_reader *r, const char *section, const char *key) {
     const struct entry *first = find(r, section, key);
     if (!first)
         return remember(r, section, key);
@@ -111,13 +112,13 @@ static bool is_new(struct reading *r, const char *section, const char *key) {
 }
 
 static int take_entry(void *user, const char *section, const char *key, const char *value) {
-    struct reading *r = user;
+    struct entries_reader *r = user;
     if (r->refused || !is_new(r, section, key))
         return 0;
     return r->take(r->user, section, key, value, r->err) || refuse(r);
 }
 
-static enum result read_file(struct reading *r, const char *path) {
+static enum result read_file(struct entries_reader *r, const char *path) {
     int wrong_line = ini_parse_stream(read_line, r, take_entry, r);
     if (ferror(r->file))
         return fail(r->err, RESULT_MISSING, "%s cannot be read: %s", path, strerror(errno));
@@ -130,8 +131,8 @@ static enum result read_file(struct reading *r, const char *path) {
 }
 
 enum result entries_read(const char *path, entry_taker take, void *user, struct error *err) {
-    struct reading *r = alloc(1, sizeof *r);
-    *r = (struct reading){.take = take, .user = user, .err = err};
+    struct entries_reader *r = alloc(1, sizeof *r);
+    *r = (struct entries_reader){.take = take, .user = user, .err = err};
     r->file = fopen(path, "re");
     enum result result =
         r->file ? read_file(r, path)

@@ -9,7 +9,8 @@ static double mean_of(const double *numbers, int count) {
     return sum / count;
 }
 
-static void measure(const double *readings, const double *values, int count, struct line *line) {
+static void measure(const double *readings, const double *values, int count,
+                    struct fitted_line *line) {
     double sum = 0;
     line->max = 0;
     for (int i = 0; i < count; i++) {
@@ -20,8 +21,8 @@ static void measure(const double *readings, const double *values, int count, str
     line->rms = sqrt(sum / count);
 }
 
-enum result line_fit(const double *readings, const double *values, int count, struct line *out,
-                     struct error *err) {
+enum result line_fit(const double *readings, const double *values, int count,
+                     struct fitted_line *out, struct error *err) {
     if (count < 2)
         return fail(err, RESULT_MISSING, "%d known values are too few, at least 2 are needed",
                     count);
@@ -39,7 +40,7 @@ enum result line_fit(const double *readings, const double *values, int count, st
                     "the encoder's readings lie between %g and %g, at least %.0f counts apart are "
                     "needed: is it the right register, and does it turn?",
                     low, high, LINE_COUNTS_MIN);
-    struct line line = {.scale = both / spread};
+    struct fitted_line line = {.scale = both / spread};
     line.offset = mean_value - line.scale * mean_reading;
     measure(readings, values, count, &line);
     *out = line;

@@ -5,12 +5,12 @@
 
 #define LINE_COUNTS_MIN 10.0
 
-struct line {
+struct fitted_line {
     double scale, offset; // value = scale · reading + offset
     double rms, max;      // of what is left, in the value's unit
 };
 
 // RESULT_MISSING: fewer than two readings. RESULT_INVALID: all within LINE_COUNTS_MIN of each
 // other, or not finite. *out is then not written.
-enum result line_fit(const double *readings, const double *values, int count, struct line *out,
-                     struct error *err);
+enum result line_fit(const double *readings, const double *values, int count,
+                     struct fitted_line *out, struct error *err);

@@ -11,14 +11,14 @@ enum { MAIN_INPUT = 8, MAIN_OUTPUT, MAIN_COLLECTION, MAIN_FEATURE, MAIN_END_COLL
 enum { FLAG_CONSTANT = 1, FLAG_VARIABLE = 2, FLAG_RELATIVE = 4 };
 static const uint8_t long_item = 0xfe;
 
-struct item {
+struct descriptor_item {
     int type, tag, size;
     uint32_t data;
     int32_t signed_data;
 };
 
 // Usages hold their page in the upper half; 0 there: the page that holds at the main item.
-struct range {
+struct usage_range {
     uint32_t first, last;
 };
 
@@ -35,7 +35,7 @@ struct parser {
     struct globals globals, stack[STACK_MAX];
     int stacked, depth;
     uint32_t collection; // the usage of the top-level one
-    struct range ranges[RANGES_MAX];
+    struct usage_range ranges[RANGES_MAX];
     int range_count;
     uint32_t first; // of a range whose end has not come
     int bits[256];  // of the input reports so far
@@ -114,7 +114,8 @@ static enum result take_input(struct parser *p, uint32_t flags, struct error *er
 
 // ---- items --------------------------------------------------------------------------------------
 
-static enum result take_main(struct parser *p, const struct item *item, struct error *err) {
+static enum result take_main(struct parser *p, const struct descriptor_item *item,
+                             struct error *err) {
     enum result result = RESULT_OK;
     if (item->tag == MAIN_INPUT) {
         result = take_input(p, item->data, err);
@@ -142,7 +143,8 @@ static enum result push_or_pop(struct parser *p, bool push, struct error *err) {
     return RESULT_OK;
 }
 
-static enum result take_global(struct parser *p, const struct item *item, struct error *err) {
+static enum result take_global(struct parser *p, const struct descriptor_item *item,
+                               struct error *err) {
     struct globals *g = &p->globals;
     switch (item->tag) {
     case 0:
@@ -174,8 +176,9 @@ static enum result take_global(struct parser *p, const struct item *item, struct
     }
 }
 
-static enum result take_local(struct parser *p, const struct item *item, struct error *err) {
-    struct range range = {item->data, item->data};
+static enum result take_local(struct parser *p, const struct descriptor_item *item,
+                              struct error *err) {
+    struct usage_range range = {item->data, item->data};
     if (item->tag == 1)
         p->first = item->data;
     if (item->tag != 0 && item->tag != 2) // designators, strings, delimiters
@@ -190,17 +193,18 @@ static enum result take_local(struct parser *p, const struct item *item, struct 
     return RESULT_OK;
 }
 
-static enum result next_item(struct parser *p, struct item *out, struct error *err) {
+static enum result next_item(struct parser *p, struct descriptor_item *out, struct error *err) {
     uint8_t prefix = p->bytes[p->at++];
     size_t left = p->size - p->at;
-    *out = (struct item){.type = TYPE_RESERVED};
+    *out = (struct descriptor_item){.type = TYPE_RESERVED};
     if (prefix == long_item) {
         if (left < 2 || left - 2 < p->bytes[p->at])
             return refuse(p, RESULT_FORMAT, "an item cut short", err);
         p->at += 2u + p->bytes[p->at];
         return RESULT_OK;
     }
-    *out = (struct item){prefix >> 2 & 3, prefix >> 4, (prefix & 3) == 3 ? 4 : prefix & 3, 0, 0};
+    *out = (struct descriptor_item){prefix >> 2 & 3, prefix >> 4,
+                                    (prefix & 3) == 3 ? 4 : prefix & 3, 0, 0};
     if (left < (size_t)out->size)
         return refuse(p, RESULT_FORMAT, "an item cut short", err);
     for (int i = 0; i < out->size; i++)
@@ -211,7 +215,8 @@ static enum result next_item(struct parser *p, struct item *out, struct error *e
     return RESULT_OK;
 }
 
-static enum result take_item(struct parser *p, const struct item *item, struct error *err) {
+static enum result take_item(struct parser *p, const struct descriptor_item *item,
+                             struct error *err) {
     switch (item->type) {
     case TYPE_MAIN:
         return take_main(p, item, err);
@@ -232,7 +237,7 @@ enum result hid_descriptor_read(const uint8_t *bytes, size_t size, struct hid_de
     if (size > HID_DESCRIPTOR_BYTES_MAX)
         return refuse(&p, RESULT_LIMIT, "more than 4096 bytes", err);
     while (p.at < size && result == RESULT_OK) {
-        struct item item;
+        struct descriptor_item item;
         p.item_at = p.at;
         result = next_item(&p, &item, err);
         if (result == RESULT_OK)

@@ -16,7 +16,7 @@ static const double farthest_from_rotation = 0.05; // of any element of RᵀR fr
 // or another unit does.
 static const double shortest_quaternion = 0.5, longest_quaternion = 2;
 
-struct content {
+struct igtl_content {
     const uint8_t *bytes;
     size_t size;
     const char *device; // not terminated where it has its full length
@@ -24,7 +24,8 @@ struct content {
 
 struct type {
     char name[IGTL_HEADER_TYPE_SIZE + 1];
-    enum result (*read)(const struct content *content, struct igtl_message *out, struct error *err);
+    enum result (*read)(const struct igtl_content *content, struct igtl_message *out,
+                        struct error *err);
 };
 
 // ---- poses --------------------------------------------------------------------------------------
@@ -89,11 +90,11 @@ static bool pose_from_quaternion(const float position[3], quat q, pose *out) {
 
 // ---- types --------------------------------------------------------------------------------------
 
-static enum result wrong_size(const struct content *c, const char *type, struct error *err) {
+static enum result wrong_size(const struct igtl_content *c, const char *type, struct error *err) {
     return fail(err, RESULT_FORMAT, "%s with a content of %zu bytes", type, c->size);
 }
 
-static enum result read_transform(const struct content *c, struct igtl_message *out,
+static enum result read_transform(const struct igtl_content *c, struct igtl_message *out,
                                   struct error *err) {
     float matrix[12];
     pose p;
@@ -107,7 +108,7 @@ static enum result read_transform(const struct content *c, struct igtl_message *
 }
 
 // A quaternion of three elements leaves out w >= 0; none at all is no rotation.
-static enum result read_position(const struct content *c, struct igtl_message *out,
+static enum result read_position(const struct igtl_content *c, struct igtl_message *out,
                                  struct error *err) {
     igtl_position body = {.quaternion = {0, 0, 0, 1}};
     if (c->size > sizeof body)
@@ -141,7 +142,7 @@ static bool is_tool_type(int type) {
     return type >= IGTL_TDATA_TYPE_TRACKER && type <= IGTL_TDATA_TYPE_5D;
 }
 
-static enum result read_tdata(const struct content *c, struct igtl_message *out,
+static enum result read_tdata(const struct igtl_content *c, struct igtl_message *out,
                               struct error *err) {
     size_t count = c->size / IGTL_TDATA_ELEMENT_SIZE;
     if (c->size % IGTL_TDATA_ELEMENT_SIZE || count > IGTL_TOOLS_MAX)
@@ -160,7 +161,7 @@ static enum result read_tdata(const struct content *c, struct igtl_message *out,
     return RESULT_OK;
 }
 
-static enum result read_qtdata(const struct content *c, struct igtl_message *out,
+static enum result read_qtdata(const struct igtl_content *c, struct igtl_message *out,
                                struct error *err) {
     size_t count = c->size / IGTL_QTDATA_ELEMENT_SIZE;
     if (c->size % IGTL_QTDATA_ELEMENT_SIZE || count > IGTL_TOOLS_MAX)
@@ -183,7 +184,7 @@ static enum result read_qtdata(const struct content *c, struct igtl_message *out
 }
 
 // 0: it will send; anything else: it will not.
-static enum result read_answer(const struct content *c, struct igtl_message *out,
+static enum result read_answer(const struct igtl_content *c, struct igtl_message *out,
                                struct error *err) {
     if (c->size != sizeof(igtl_rts_tdata))
         return wrong_size(c, "RTS_", err);
@@ -210,11 +211,11 @@ static const struct type *type_of(const igtl_header *header) {
 }
 
 // From version 2 on a body is: extended header, content, metadata header, metadata.
-static enum result find_content(const struct igtl_stream *s, struct content *out,
+static enum result find_content(const struct igtl_stream *s, struct igtl_content *out,
                                 struct error *err) {
     const uint8_t *b = s->body;
     size_t size = s->header.body_size;
-    *out = (struct content){b, size, s->header.device_name};
+    *out = (struct igtl_content){b, size, s->header.device_name};
     if (s->header.version == 1)
         return RESULT_OK;
     if (size < 12)
@@ -239,7 +240,7 @@ static int64_t stamp_of(const igtl_header *header) {
 static enum igtl_event read_message(const struct igtl_stream *s, struct igtl_message *out,
                                     struct error *err) {
     const struct type *type = type_of(&s->header);
-    struct content content;
+    struct igtl_content content;
     out->count = out->refused = 0;
     out->denied = false;
     out->stamp_ns = stamp_of(&s->header);

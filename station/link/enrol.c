@@ -16,7 +16,7 @@
 #define PATIENCE_US (15 * LWS_USEC_PER_SEC)
 #define STOP_US (100 * LWS_US_PER_MS) // how often it is looked whether the caller stops
 
-struct enrolment {
+struct enrol_client {
     const char *host;
     int port;
     struct trust trust;
@@ -35,7 +35,7 @@ struct enrolment {
 
 // ---- the conversation ---------------------------------------------------------------------------
 
-static void finish(struct enrolment *e, enum result result, const char *text) {
+static void finish(struct enrol_client *e, enum result result, const char *text) {
     if (e->done)
         return;
     e->done = true;
@@ -44,13 +44,13 @@ static void finish(struct enrolment *e, enum result result, const char *text) {
         fail(e->err, result, "%s, port %d: %s", e->host, e->port, text);
 }
 
-static void give_up(struct enrolment *e, const char *why) {
+static void give_up(struct enrol_client *e, const char *why) {
     bool distrusted = e->trust.problem[0];
     finish(e, distrusted && !e->trust.clock_is_wrong ? RESULT_REFUSED : RESULT_IO,
            distrusted ? e->trust.problem : why);
 }
 
-static void read_answer(struct enrolment *e) {
+static void read_answer(struct enrol_client *e) {
     arthron_Control message;
     struct error err;
     if (wire_decode_control(e->answer, e->used, &message, &err) != RESULT_OK) {
@@ -68,7 +68,7 @@ static void read_answer(struct enrolment *e) {
     }
 }
 
-static int hear(struct enrolment *e, struct lws *socket, const void *bytes, size_t size) {
+static int hear(struct enrol_client *e, struct lws *socket, const void *bytes, size_t size) {
     if (size > sizeof e->answer - e->used) {
         finish(e, RESULT_LIMIT, "the server's answer is too long");
         return -1;
@@ -80,7 +80,7 @@ static int hear(struct enrolment *e, struct lws *socket, const void *bytes, size
     return e->done ? -1 : 0;
 }
 
-static int ask(struct enrolment *e, struct lws *socket) {
+static int ask(struct enrol_client *e, struct lws *socket) {
     size_t size = e->request_size;
     e->request_size = 0;
     return size && lws_write(socket, e->request, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
@@ -89,7 +89,7 @@ static int ask(struct enrolment *e, struct lws *socket) {
 static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *user, void *bytes,
                     size_t size) {
     (void)user;
-    struct enrolment *e = lws_context_user(lws_get_context(socket));
+    struct enrol_client *e = lws_context_user(lws_get_context(socket));
     switch (reason) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
         lws_callback_on_writable(socket);
@@ -110,19 +110,19 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
 }
 
 static void lose_patience(lws_sorted_usec_list_t *patience) {
-    finish(lws_container_of(patience, struct enrolment, patience), RESULT_TIMEOUT,
+    finish(lws_container_of(patience, struct enrol_client, patience), RESULT_TIMEOUT,
            "no answer within 15 s");
 }
 
 static void look_for_stop(lws_sorted_usec_list_t *stop) {
-    struct enrolment *e = lws_container_of(stop, struct enrolment, stop);
+    struct enrol_client *e = lws_container_of(stop, struct enrol_client, stop);
     if (atomic_load(e->stopping))
         finish(e, RESULT_CLOSED, "the station stops");
     else
         lws_sul_schedule(e->context, 0, &e->stop, look_for_stop, STOP_US);
 }
 
-static void converse(struct enrolment *e) {
+static void converse(struct enrol_client *e) {
     static const struct lws_protocols protocols[] = {
         {.name = WIRE_ENROL_SUBPROTOCOL, .callback = on_event},
         {0},
@@ -178,7 +178,7 @@ static size_t encode_request(EVP_PKEY *key, const char *station, uint8_t *der, s
     return length > 0 && (size_t)length <= size ? (size_t)length : 0;
 }
 
-static enum result prepare(struct enrolment *e, const char *code, const char *station,
+static enum result prepare(struct enrol_client *e, const char *code, const char *station,
                            EVP_PKEY *key, struct error *err) {
     arthron_Control message = {.which_message = arthron_Control_enrol_tag};
     arthron_Enrol *enrol = &message.message.enrol;
@@ -197,13 +197,13 @@ static X509 *read_der(const uint8_t *der, size_t size) {
     return d2i_X509(NULL, &der, (long)size);
 }
 
-static bool is_named_authority(const struct enrolment *e) {
+static bool is_named_authority(const struct enrol_client *e) {
     uint8_t fingerprint[CODE_FINGERPRINT_SIZE];
     code_fingerprint(e->enrolled.authority_der.bytes, e->enrolled.authority_der.size, fingerprint);
     return !CRYPTO_memcmp(fingerprint, e->trust.code->fingerprint, sizeof fingerprint);
 }
 
-static enum result check_answer(const struct enrolment *e, EVP_PKEY *key, X509 *certificate,
+static enum result check_answer(const struct enrol_client *e, EVP_PKEY *key, X509 *certificate,
                                 X509 *authority, struct error *err) {
     if (!certificate || !authority || X509_check_private_key(certificate, key) != 1)
         return fail(err, RESULT_FORMAT, "the server sent no certificate for this station's key");
@@ -213,7 +213,7 @@ static enum result check_answer(const struct enrolment *e, EVP_PKEY *key, X509 *
     return RESULT_OK;
 }
 
-static enum result write_files(const struct enrolment *e, EVP_PKEY *key, const char *dir,
+static enum result write_files(const struct enrol_client *e, EVP_PKEY *key, const char *dir,
                                struct error *err) {
     X509 *certificate =
         read_der(e->enrolled.certificate_der.bytes, e->enrolled.certificate_der.size);
@@ -227,7 +227,7 @@ static enum result write_files(const struct enrolment *e, EVP_PKEY *key, const c
 }
 
 // With whom the server is trusted by: code "" for the certificate that trust has.
-static enum result exchange(struct enrolment *e, const char *code, const char *station,
+static enum result exchange(struct enrol_client *e, const char *code, const char *station,
                             const char *keys_dir, struct error *err) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
     CHECK(key);
@@ -245,7 +245,7 @@ static enum result exchange(struct enrolment *e, const char *code, const char *s
 
 enum result link_enrol(const char *host, int port, const char *code_text, const char *station,
                        const char *keys_dir, struct error *err) {
-    struct enrolment e = {.host = host, .port = port, .err = err};
+    struct enrol_client e = {.host = host, .port = port, .err = err};
     struct code code;
     enum result result = code_read(code_text, &code, err);
     if (result == RESULT_OK)
@@ -255,7 +255,7 @@ enum result link_enrol(const char *host, int port, const char *code_text, const 
 
 enum result enrol_again(const struct link_config *config, const atomic_bool *stopping,
                         struct error *err) {
-    struct enrolment e = {
+    struct enrol_client e = {
         .host = config->host, .port = config->port, .stopping = stopping, .err = err};
     enum result result = trust_init(&e.trust, config->keys_dir, config->host, err);
     return result == RESULT_OK ? exchange(&e, "", config->station, config->keys_dir, err) : result;

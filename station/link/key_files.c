@@ -34,12 +34,12 @@ enum result key_files_find(const char *dir, struct key_files *out, struct error 
 
 // ---- writing ------------------------------------------------------------------------------------
 
-struct content {
+struct key_content {
     EVP_PKEY *key;     // NULL: none
     X509 *certificate; // behind it
 };
 
-static bool write_content(int fd, const struct content *content) {
+static bool write_content(int fd, const struct key_content *content) {
     FILE *file = fdopen(fd, "w");
     if (!file) {
         close(fd);
@@ -62,7 +62,7 @@ static bool sync_folder(const char *dir) {
 
 // Written whole under another name, then renamed.
 static enum result replace(const char *dir, const char *name, mode_t mode,
-                           const struct content *content, struct error *err) {
+                           const struct key_content *content, struct error *err) {
     char path[KEY_FILES_PATH_SIZE], part[KEY_FILES_PATH_SIZE + 8];
     path_in(dir, name, path);
     snprintf(part, sizeof part, "%s.part", path);
@@ -84,11 +84,11 @@ enum result key_files_write(const char *dir, EVP_PKEY *key, X509 *certificate, X
     if (mkdir(dir, 0700) && errno != EEXIST)
         return fail(err, RESULT_IO, "%s: %s", dir, strerror(errno));
     if (authority)
-        result = replace(dir, "authority.pem", 0644, &(struct content){NULL, authority}, err);
+        result = replace(dir, "authority.pem", 0644, &(struct key_content){NULL, authority}, err);
     if (result == RESULT_OK)
-        result = replace(dir, "station.key", 0600, &(struct content){key, certificate}, err);
+        result = replace(dir, "station.key", 0600, &(struct key_content){key, certificate}, err);
     if (result == RESULT_OK)
-        result = replace(dir, "station.pem", 0644, &(struct content){NULL, certificate}, err);
+        result = replace(dir, "station.pem", 0644, &(struct key_content){NULL, certificate}, err);
     return result;
 }
 

@@ -31,7 +31,7 @@ static const lws_retry_bo_t backoff = {
 // ---- saying -------------------------------------------------------------------------------------
 
 static void say(struct link *link, const arthron_Control *message) {
-    struct outgoing out;
+    struct line_message out;
     size_t size;
     enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
@@ -63,8 +63,8 @@ static void say_hello(struct link *link) {
 }
 
 static int write_next(struct link *link) {
-    struct outgoing out;
-    struct line *line = &link->line;
+    struct line_message out;
+    struct control_line *line = &link->line;
     if (!ring_pop(line->queue, &out) && !ring_pop(link->frames, &out))
         return 0;
     if (lws_write(line->socket, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
@@ -178,7 +178,7 @@ static int64_t shortest_round_trip(const struct clock_offset *clock) {
 }
 
 static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t received_ns) {
-    struct line *line = &link->line;
+    struct control_line *line = &link->line;
     int64_t offset_ns, uncertainty_ns;
     line->heard_ns = received_ns;
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
@@ -253,7 +253,7 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
 }
 
 static int hear_chunk(struct link *link, size_t size) {
-    struct line *line = &link->line;
+    struct control_line *line = &link->line;
     arthron_Control answer;
     struct error err;
     if (wire_decode_chunk(line->incoming, size, &line->chunk, &err) != RESULT_OK) {
@@ -266,7 +266,7 @@ static int hear_chunk(struct link *link, size_t size) {
 }
 
 static int hear(struct link *link, const void *bytes, size_t size) {
-    struct line *line = &link->line;
+    struct control_line *line = &link->line;
     int64_t now_ns = clock_now_ns();
     struct error err;
     if (size > sizeof line->incoming - line->used) {
@@ -289,7 +289,7 @@ static int hear(struct link *link, const void *bytes, size_t size) {
 }
 
 static int tick(struct link *link) {
-    struct line *line = &link->line;
+    struct control_line *line = &link->line;
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     int64_t now_ns = clock_now_ns();
     if (line->pings && now_ns - line->heard_ns > SILENCE_NS) {
@@ -332,7 +332,7 @@ static void take_keys(struct link *link) {
 }
 
 static void connect_now(lws_sorted_usec_list_t *retry) {
-    struct line *line = lws_container_of(retry, struct line, retry);
+    struct control_line *line = lws_container_of(retry, struct control_line, retry);
     struct link *link = lws_container_of(line, struct link, line);
     take_keys(link);
     struct lws_client_connect_info info = {
@@ -364,8 +364,8 @@ static void try_again(struct link *link) {
 }
 
 static void connected(struct link *link, struct lws *socket) {
-    struct line *line = &link->line;
-    struct outgoing stale;
+    struct control_line *line = &link->line;
+    struct line_message stale;
     while (ring_pop(line->queue, &stale) || ring_pop(link->frames, &stale))
         ;
     line->socket = socket;
@@ -448,7 +448,7 @@ enum result line_init(struct link *link, struct error *err) {
         .uid = -1,
     };
     lws_set_log_level(0, NULL);
-    link->line.queue = ring_create(QUEUE_LENGTH, sizeof(struct outgoing));
+    link->line.queue = ring_create(QUEUE_LENGTH, sizeof(struct line_message));
     link->line.context = lws_create_context(&info);
     if (!link->line.context)
         return fail(err, RESULT_IO, "the link to %s cannot be set up", link->config.host);
@@ -456,7 +456,7 @@ enum result line_init(struct link *link, struct error *err) {
 }
 
 void line_serve(struct link *link) {
-    struct line *line = &link->line;
+    struct control_line *line = &link->line;
     lws_sul_schedule(line->context, 0, &line->retry, connect_now, 1);
     while (!atomic_load(&link->stopping))
         lws_service(line->context, 0);

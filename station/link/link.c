@@ -91,7 +91,7 @@ bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply) {
 
 static bool send_in_control(struct link *link, const arthron_Frame *frame) {
     arthron_Control message = {.which_message = arthron_Control_frame_tag};
-    struct outgoing out;
+    struct line_message out;
     size_t size;
     message.message.frame = *frame;
     enum result result = wire_encode_control(&message, out.bytes, sizeof out.bytes, &size);
@@ -112,7 +112,7 @@ static enum udp_sent send_by_datagram(struct link *link, const arthron_Frame *fr
 
 static bool send_frame(struct link *link, const arthron_Frame *frame) {
     struct sender *sender = &link->sender;
-    struct route route = {.control = true};
+    struct frame_route route = {.control = true};
     enum udp_sent sent = UDP_REFUSED;
     if (sender->udp.fd >= 0)
         route = path_next(&sender->path, clock_now_ns());
@@ -199,7 +199,7 @@ static struct link *prepare(const struct link_config *config) {
     link->config.station = alloc_text(config->station);
     link->config.software = alloc_text(config->software);
     link->meshes = meshes_create();
-    link->frames = ring_create(FRAMES_QUEUED, sizeof(struct outgoing));
+    link->frames = ring_create(FRAMES_QUEUED, sizeof(struct line_message));
     link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
     link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     CHECK(link->arrival_fd >= 0);

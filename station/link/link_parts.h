@@ -17,7 +17,7 @@
 
 #define FRAMES_REMEMBERED 1024 // a power of two
 
-struct outgoing {
+struct line_message {
     uint32_t size;
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
     uint8_t bytes[WIRE_CONTROL_MAX];
@@ -37,12 +37,12 @@ struct arrival {
 };
 
 // One control connection; all of it belongs to the line's thread.
-struct line {
+struct control_line {
     struct lws_context *context;
     struct lws *socket; // NULL: not connected
     lws_sorted_usec_list_t retry;
     uint16_t attempts;
-    struct ring *queue; // of struct outgoing: Hello, pings and answers
+    struct ring *queue; // of struct line_message: Hello, pings and answers
     struct clock_offset clock;
     bool welcomed;
     bool meshes;       // both sides can
@@ -72,10 +72,10 @@ struct link {
     atomic_bool keys_changed; // the line's thread has to take them
     pthread_t thread;
     atomic_bool stopping;
-    struct line line;
+    struct control_line line;
     struct sender sender;
     struct meshes *meshes;
-    struct ring *frames;   // caller to line: struct outgoing
+    struct ring *frames;   // caller to line: struct line_message
     struct ring *arrivals; // line to caller: struct arrival
     int arrival_fd;        // eventfd, signalled behind each arrival
     atomic_bool ready;     // the clock is known and the session is open: frames may go

@@ -21,14 +21,14 @@ static bool is_trial_due(struct path *path, int64_t now_ns) {
     return true;
 }
 
-struct route path_next(struct path *path, int64_t now_ns) {
+struct frame_route path_next(struct path *path, int64_t now_ns) {
     if (path->datagrams && path->unanswered_ns && now_ns - path->unanswered_ns > PATIENCE_NS)
         path_refused(path, now_ns);
     if (!path->datagrams)
-        return (struct route){.control = true, .datagram = is_trial_due(path, now_ns)};
+        return (struct frame_route){.control = true, .datagram = is_trial_due(path, now_ns)};
     if (!path->unanswered_ns)
         path->unanswered_ns = now_ns;
-    return (struct route){.datagram = true};
+    return (struct frame_route){.datagram = true};
 }
 
 void path_answered(struct path *path, int64_t now_ns) {

@@ -13,14 +13,14 @@ struct path {
     int64_t unanswered_ns; // since when datagrams have had no answer; 0: the last one had
 };
 
-struct route {
+struct frame_route {
     bool control, datagram;
 };
 
 // A zeroed struct path starts in the control connection and tries a datagram at once.
 
 // The way of the frame that is sent now.
-struct route path_next(struct path *path, int64_t now_ns);
+struct frame_route path_next(struct path *path, int64_t now_ns);
 
 // An answer came by datagram.
 void path_answered(struct path *path, int64_t now_ns);

@@ -30,7 +30,7 @@ static const char *const what_names[FAULT_WHAT_COUNT + 1] = {
     [FAULT_HALF_MESSAGE] = "half-message",
 };
 
-static const struct kind {
+static const struct fault_kind {
     unsigned whose;
     bool has_value;
 } kinds[FAULT_WHAT_COUNT] = {
@@ -87,7 +87,7 @@ static enum result check(const struct fault *f, struct error *err) {
     if (f->who == FAULT_WHO_COUNT || f->what == FAULT_WHAT_COUNT || isnan(f->at_s) ||
         isnan(f->for_s))
         return fail(err, RESULT_MISSING, "[fault %s]: needs at_s, for_s, who and what", f->name);
-    const struct kind *kind = &kinds[f->what];
+    const struct fault_kind *kind = &kinds[f->what];
     if (!(kind->whose & OF(f->who)))
         return fail(err, RESULT_INVALID, "[fault %s] what: %s has no %s", f->name,
                     who_names[f->who], what_names[f->what]);

@@ -48,7 +48,7 @@ static enum result read_counts(struct gather *gather, const char *key, double kn
     return RESULT_OK;
 }
 
-static enum result judge(const struct line *line, int count, struct calibration_entry *out,
+static enum result judge(const struct fitted_line *line, int count, struct calibration_entry *out,
                          json_t *report, struct error *err) {
     const char *unit = calibration_is_angle(out) ? "degrees" : "mm";
     out->scale = line->scale;
@@ -71,7 +71,7 @@ enum result calibrate_encoder(struct station_config *config,
     struct joint_angles none = {0};
     double value, counts[CALIBRATE_VALUES_MAX];
     struct gather *gather = NULL;
-    struct line line;
+    struct fitted_line line;
     if (!value_of(&none, arguments->key, &value))
         return fail(err, RESULT_INVALID, "%s is no value of the joint", arguments->key);
     snprintf(out->of, sizeof out->of, "%s", arguments->key);

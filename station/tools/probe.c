@@ -23,7 +23,7 @@ static const char help[] =
     "  -j, --json               print JSON: values, and the config as a text\n"
     "      --help               show this\n";
 
-struct arguments {
+struct probe_arguments {
     int modbus_count, tracker_count, slaves; // slaves 0: as suits the line
     const char *modbus[LINES_MAX], *trackers[LINES_MAX];
     bool json;
@@ -44,7 +44,7 @@ static void note(struct found *found, enum result result, const struct error *er
     found->failures++;
 }
 
-static void probe_all(const struct arguments *a, struct found *found) {
+static void probe_all(const struct probe_arguments *a, struct found *found) {
     struct error err;
     fputs("; Proposed by arthron-station probe.\n"
           "[station]\nname = room-1\nserver = server.example.org:4810\nkeys = keys\n"
@@ -59,7 +59,7 @@ static void probe_all(const struct arguments *a, struct found *found) {
     probe_hid(found->config, found->hid);
 }
 
-static int run(const struct arguments *arguments) {
+static int run(const struct probe_arguments *arguments) {
     struct found found = {.modbus = json_array(), .trackers = json_array(), .hid = json_array()};
     found.config = open_memstream(&found.text, &found.size);
     CHECK(found.config);
@@ -78,7 +78,7 @@ static int run(const struct arguments *arguments) {
     return found.failures ? 1 : 0;
 }
 
-static bool take_option(int option, struct arguments *out) {
+static bool take_option(int option, struct probe_arguments *out) {
     int64_t slaves;
     switch (option) {
     case 'm':
@@ -110,7 +110,7 @@ int tool_probe(int argc, char **argv) {
         {"tracker", required_argument, NULL, 't'}, {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},          {0},
     };
-    struct arguments arguments = {0};
+    struct probe_arguments arguments = {0};
     bool good = true;
     for (int o; good && (o = getopt_long(argc, argv, "m:n:t:j", options, NULL)) != -1;) {
         if (o == 'h') {

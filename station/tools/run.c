@@ -23,7 +23,7 @@ static const char help[] =
     "  -v, --verbose                logs more\n"
     "      --help                   show this\n";
 
-struct arguments {
+struct run_arguments {
     const char *config;
     struct setting_override overrides[OVERRIDES_MAX];
     int override_count;
@@ -37,7 +37,7 @@ static void on_signal(int signal_number) {
     stop = 1;
 }
 
-static bool take_option(struct arguments *out, int option) {
+static bool take_option(struct run_arguments *out, int option) {
     switch (option) {
     case 'c':
         out->config = optarg;
@@ -61,7 +61,7 @@ static bool take_option(struct arguments *out, int option) {
     }
 }
 
-static enum result load(const struct arguments *arguments, struct station_config **out_config,
+static enum result load(const struct run_arguments *arguments, struct station_config **out_config,
                         struct error *err) {
     enum result result = station_config_load(arguments->config, arguments->overrides,
                                              arguments->override_count, out_config, err);
@@ -73,7 +73,7 @@ static enum result load(const struct arguments *arguments, struct station_config
     return result;
 }
 
-static int run(const struct arguments *arguments) {
+static int run(const struct run_arguments *arguments) {
     struct station_config *config;
     struct error err;
     if (load(arguments, &config, &err) != RESULT_OK) {
@@ -99,7 +99,7 @@ int tool_run(int argc, char **argv) {
         {"json", no_argument, NULL, 'j'},          {"verbose", no_argument, NULL, 'v'},
         {"help", no_argument, NULL, 'h'},          {0},
     };
-    struct arguments arguments = {0};
+    struct run_arguments arguments = {0};
     for (int o; (o = getopt_long(argc, argv, "c:s:t:ljv", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);

@@ -16,7 +16,7 @@ _Static_assert((int)_arthron_Body_ARRAYSIZE == BONE_COUNT &&
 #define EVENT_BITS (sizeof((arthron_View){0}.events) / sizeof(uint32_t))
 
 // A frame that was sent.
-struct sent {
+struct sent_frame {
     uint64_t number; // 0: none
     int64_t time_ns;
     pose T_mockup_body[BONE_COUNT];
@@ -25,7 +25,7 @@ struct sent {
 };
 
 // The last answer about an instrument, in the frame of its body.
-struct answer {
+struct prediction {
     bool known;
     enum bone bone;
     struct avatar_extrapolation extrapolation;
@@ -41,13 +41,13 @@ struct predict {
     struct bone_place places[BONE_COUNT];
     uint64_t answered;   // number of the newest frame that was
     int64_t answered_ns; // its time
-    struct answer answers[INSTRUMENT_COUNT];
+    struct prediction answers[INSTRUMENT_COUNT];
     pose T_body_virtual[BONE_COUNT];
     double warp_mm;
     uint64_t connection;
     uint32_t told[EVENT_BITS]; // by the replies of this connection
     uint32_t events[EVENT_BITS];
-    struct sent sent[PREDICT_REMEMBERED];
+    struct sent_frame sent[PREDICT_REMEMBERED];
 };
 
 static void forget_answers(struct predict *p) {
@@ -91,8 +91,8 @@ void predict_connection(struct predict *p, uint64_t connection) {
 // ---- frames -------------------------------------------------------------------------------------
 
 static void remember(struct predict *p) {
-    struct sent *sent = &p->sent[p->frame.number % PREDICT_REMEMBERED];
-    *sent = (struct sent){.number = p->frame.number, .time_ns = p->frame.time_ns};
+    struct sent_frame *sent = &p->sent[p->frame.number % PREDICT_REMEMBERED];
+    *sent = (struct sent_frame){.number = p->frame.number, .time_ns = p->frame.time_ns};
     for (int i = 0; i < BONE_COUNT; i++)
         sent->T_mockup_body[i] = p->places[i].T_mockup_body;
     for (int i = 0; i < p->frame.count; i++) {
@@ -130,13 +130,13 @@ static void count_events(struct predict *p, const arthron_Reply *reply) {
     }
 }
 
-static void take_instrument(struct predict *p, const struct sent *sent,
+static void take_instrument(struct predict *p, const struct sent_frame *sent,
                             const arthron_WarpedInstrument *m) {
     int instrument = (int)m->channel - CHANNEL_FIRST_INSTRUMENT;
     if (m->validity == arthron_Validity_LOST || !sent->has_tip[instrument])
         return;
-    struct answer *answer = &p->answers[instrument];
-    *answer = (struct answer){
+    struct prediction *answer = &p->answers[instrument];
+    *answer = (struct prediction){
         .known = true, .bone = (enum bone)m->body, .extrapolation = wire_extrapolation_to(m)};
     answer->T_body_sent = pose_compose(pose_inverse(sent->T_mockup_body[answer->bone]),
                                        sent->T_mockup_tip[instrument]);
@@ -146,7 +146,7 @@ static void take_instrument(struct predict *p, const struct sent *sent,
 }
 
 bool predict_reply(struct predict *p, const arthron_Reply *reply) {
-    const struct sent *sent = &p->sent[reply->frame_number % PREDICT_REMEMBERED];
+    const struct sent_frame *sent = &p->sent[reply->frame_number % PREDICT_REMEMBERED];
     count_events(p, reply);
     if (!reply->frame_number || sent->number != reply->frame_number ||
         reply->frame_number < p->answered)
@@ -178,7 +178,7 @@ static arthron_Validity answer_validity(int64_t age_ns) {
                                        : arthron_Validity_LOST;
 }
 
-static void show_warp(const struct predict *p, const struct answer *answer, pose T_mockup_tip,
+static void show_warp(const struct predict *p, const struct prediction *answer, pose T_mockup_tip,
                       arthron_ViewInstrument *out) {
     int64_t age_ns = p->frame.time_ns - p->answered_ns;
     out->warp_validity = answer->known ? answer_validity(age_ns) : arthron_Validity_LOST;

@@ -14,7 +14,7 @@
 #define STRANGERS_MAX 16 // that have not said yet what they want
 #define SEND_BUFFER 4096 // of each viewer: what waits in the kernel grows old
 
-struct viewer {
+struct view_client {
     struct lws *socket;
     uint64_t serial; // of what it was sent last
 };
@@ -27,7 +27,7 @@ struct view {
     uint64_t shown;        // the caller's thread only
     atomic_int viewer_count;
     // The view's thread only.
-    struct viewer viewers[VIEW_VIEWERS_MAX];
+    struct view_client viewers[VIEW_VIEWERS_MAX];
     uint64_t serial; // of the message below
     size_t size;
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
@@ -36,7 +36,7 @@ struct view {
 
 // ---- viewers ------------------------------------------------------------------------------------
 
-static struct viewer *find_viewer(struct view *view, const struct lws *socket) {
+static struct view_client *find_viewer(struct view *view, const struct lws *socket) {
     for (int i = 0; i < VIEW_VIEWERS_MAX; i++)
         if (view->viewers[i].socket == socket)
             return &view->viewers[i];
@@ -45,18 +45,18 @@ static struct viewer *find_viewer(struct view *view, const struct lws *socket) {
 
 // It begins with the next message: the last one may be from long ago.
 static int let_in(struct view *view, struct lws *socket) {
-    struct viewer *viewer = find_viewer(view, NULL);
+    struct view_client *viewer = find_viewer(view, NULL);
     int size = SEND_BUFFER;
     if (!viewer)
         return -1;
     setsockopt(lws_get_socket_fd(socket), SOL_SOCKET, SO_SNDBUF, &size, sizeof size);
-    *viewer = (struct viewer){socket, view->serial};
+    *viewer = (struct view_client){socket, view->serial};
     atomic_fetch_add(&view->viewer_count, 1);
     return 0;
 }
 
 static int let_go(struct view *view, const struct lws *socket) {
-    struct viewer *viewer = find_viewer(view, socket);
+    struct view_client *viewer = find_viewer(view, socket);
     if (viewer) {
         viewer->socket = NULL;
         atomic_fetch_sub(&view->viewer_count, 1);
@@ -65,7 +65,7 @@ static int let_go(struct view *view, const struct lws *socket) {
 }
 
 static int write_newest(struct view *view, struct lws *socket) {
-    struct viewer *viewer = find_viewer(view, socket);
+    struct view_client *viewer = find_viewer(view, socket);
     if (!viewer || viewer->serial == view->serial)
         return 0;
     viewer->serial = view->serial;

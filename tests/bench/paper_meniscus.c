@@ -58,12 +58,12 @@ static enum result draw_seen(struct fig11 *fig, enum moment moment, struct error
 
 static enum result draw_felt(struct fig11 *fig, enum moment moment, struct error *err) {
     const struct meniscectomy *m = &fig->m;
-    struct line *lines = alloc(m->whole.vertex_count, sizeof *lines);
+    struct rod *lines = alloc(m->whole.vertex_count, sizeof *lines);
     struct mesh mesh;
     meniscectomy_warped(m, &mesh);
     struct tissue_look look = {.mesh = &mesh, .blends = match_blends(m->match), .lines = lines};
     for (uint32_t v = 0; v < mesh.vertex_count; v++) {
-        struct line line = {mesh_vertex(&m->group->mesh, v), mesh_vertex(&mesh, v)};
+        struct rod line = {mesh_vertex(&m->group->mesh, v), mesh_vertex(&mesh, v)};
         if (vec3_distance(line.from, line.to) > LINE_MM)
             lines[look.line_count++] = line;
     }
@@ -79,8 +79,8 @@ static enum result draw_moment(struct fig11 *fig, enum moment moment, struct err
 }
 
 static enum result draw_plateau(struct fig11 *fig, struct error *err) {
-    struct anatomy_view view = {.view = VIEW_TOP};
-    anatomy_choose(fig->knee, VIEW_TOP, view.shown);
+    struct anatomy_view view = {.view = VIEWPOINT_TOP};
+    anatomy_choose(fig->knee, VIEWPOINT_TOP, view.shown);
     return anatomy_picture(fig->knee, &view, 640, 480, &fig->plateau, err);
 }
 

@@ -4,8 +4,8 @@
 #include "base/clock.h"
 #include "motion/joint.h"
 #include "paper.h"
-#include "report/lines.h"
 #include "report/render.h"
+#include "report/rods.h"
 #include "samples.h"
 #include "scene/probe.h"
 #include "warp/avatar.h"
@@ -330,11 +330,11 @@ static void write_rows(struct fig7 *fig, struct paper_page *page) {
 // ---- the picture ----
 
 static void rods(const struct fig7 *fig, const struct way *way, struct mesh *out_mesh) {
-    struct line lines[POSE_COUNT - 1];
+    struct rod lines[POSE_COUNT - 1];
     for (int i = 0; i + 1 < POSE_COUNT; i++)
-        lines[i] = (struct line){{LINE_X, way->y[i], fig->plateau_z + way->height[i]},
-                                 {LINE_X, way->y[i + 1], fig->plateau_z + way->height[i + 1]}};
-    lines_mesh(lines, POSE_COUNT - 1, 0.25, out_mesh);
+        lines[i] = (struct rod){{LINE_X, way->y[i], fig->plateau_z + way->height[i]},
+                                {LINE_X, way->y[i + 1], fig->plateau_z + way->height[i + 1]}};
+    rods_mesh(lines, POSE_COUNT - 1, 0.25, out_mesh);
 }
 
 // The medial plateau as it is, or as the patient's, with the ways over it.

@@ -328,7 +328,7 @@ static void a_full_disk_is_an_error_and_leaves_no_file(void **state) {
     assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
     assert_int_equal(files_in_folder(), before);
     struct error err = {""};
-    assert_int_equal(export_exr(&request, "/nowhere/at/all.exr", &err), RESULT_IO);
+    assert_int_equal(export_exr(&request, "/nowhere/at/all.exr", &err), RESULT_MISSING);
     assert_non_null(strstr(err.text, "/nowhere/at/all.exr"));
     request.trace = "/nowhere.trace";
     assert_int_equal(export_exr(&request, exr_path, &err), RESULT_IO);

@@ -36,9 +36,9 @@ class Check(unittest.TestCase):
         self.addCleanup(keep.cleanup)
         self.tree = keep.name
         shutil.copy(os.path.join(SOURCE, "check"), self.tree)
-        shutil.copytree(os.path.join(SOURCE, "scripts"), os.path.join(self.tree, "scripts"))
         for folder in ("bin", "docker/packages", "tests"):
             os.makedirs(os.path.join(self.tree, folder))
+        shutil.copy(os.path.join(SOURCE, "docker/packages/fresh-build-folder"), os.path.join(self.tree, "docker/packages"))
         shutil.copy(os.path.join(SOURCE, "tests/list-of-skipped"), os.path.join(self.tree, "tests"))
         for name, text in (("bin/cmake", "#!/bin/sh\n"), ("bin/ctest", CTEST), ("docker/packages/install", "#!/bin/sh\n")):
             os.chmod(self.write(name, text), 0o755)

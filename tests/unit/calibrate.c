@@ -235,7 +235,7 @@ static void an_encoders_zero_and_scale_come_back(void **state) {
             values[k] = 25 * k;
             readings[k] = (values[k] - offset) / scale;
         }
-        struct line line;
+        struct fitted_line line;
         assert_int_equal(line_fit(readings, values, 6, &line, NULL), RESULT_OK);
         assert_near(line.scale, scale, 1e-12);
         assert_near(line.offset, offset, 1e-9);
@@ -249,7 +249,7 @@ static void an_encoder_that_stands_still_is_refused(void **state) {
     (void)state;
     double still[] = {2048, 2049, 2047, 2048}, values[] = {0, 30, 60, 90};
     double wild[] = {0, 100, NAN, 300};
-    struct line line;
+    struct fitted_line line;
     assert_int_equal(line_fit(still, values, 4, &line, NULL), RESULT_INVALID);
     assert_int_equal(line_fit(wild, values, 4, &line, NULL), RESULT_INVALID);
     assert_int_equal(line_fit(still, values, 1, &line, NULL), RESULT_MISSING);

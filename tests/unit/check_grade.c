@@ -34,10 +34,10 @@ static struct case_check *check_knee(struct knee_case *knee, struct scene **out_
     return check;
 }
 
-static const struct finding *find(const struct case_check *check, enum finding_level level,
-                                  const char *where, const char *text) {
+static const struct check_finding *find(const struct case_check *check, enum finding_level level,
+                                        const char *where, const char *text) {
     for (int i = 0; i < check->findings.count; i++) {
-        const struct finding *f = &check->findings.findings[i];
+        const struct check_finding *f = &check->findings.findings[i];
         if (f->level == level && !strcmp(f->where, where) && strstr(f->text, text))
             return f;
     }
@@ -194,14 +194,14 @@ static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
 static void findings_for_which_there_is_no_room_count_all_the_same(void **state) {
     (void)state;
     static struct case_check check;
-    for (int i = 0; i < FINDINGS_MAX; i++)
+    for (int i = 0; i < CHECK_FINDINGS_MAX; i++)
         inspection_note(&check.findings, FINDING_NOTE, "tibia", "%d", i);
     findings_grade(&check);
     assert_int_equal(check.grade, GRADE_FIT);
     for (int i = 1; i <= 3; i++) {
         inspection_note(&check.findings, i < 3 ? FINDING_WARNING : FINDING_FAULT, "femur", "more");
         findings_grade(&check);
-        assert_int_equal(check.findings.count, FINDINGS_MAX);
+        assert_int_equal(check.findings.count, CHECK_FINDINGS_MAX);
         assert_int_equal(check.findings.left_out, i);
         assert_int_equal(check.grade, i < 3 ? GRADE_WARNINGS : GRADE_UNFIT);
     }

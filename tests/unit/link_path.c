@@ -20,11 +20,11 @@ static void a_path_needs_three_answers_in_a_row(void **state) {
     }
     assert_false(path.datagrams);
     for (int i = 0; i < 3; i++, now_ns += NS_PER_S) {
-        struct route route = path_next(&path, now_ns);
+        struct frame_route route = path_next(&path, now_ns);
         assert_true(route.control && route.datagram);
         path_answered(&path, now_ns);
     }
-    struct route route = path_next(&path, now_ns);
+    struct frame_route route = path_next(&path, now_ns);
     assert_true(!route.control && route.datagram);
 }
 

@@ -1,9 +1,9 @@
 #include "base/check.h"
 #include "folder.h"
 #include "mesh/topology.h"
-#include "report/lines.h"
 #include "report/normals.h"
 #include "report/render.h"
+#include "report/rods.h"
 #include "scene/shapes.h"
 #include "test.h"
 
@@ -335,20 +335,20 @@ static void normals_are_smooth_below_the_crease_and_flat_above(void **state) {
 
 static void lines_become_closed_rods(void **state) {
     (void)state;
-    const struct line lines[] = {{{0, 0, 0}, {3, 4, 0}},
-                                 {{1, 1, 1}, {1, 1, 1}},
-                                 {{0, 0, 9}, {0, 0, 11}},
-                                 {{9, 9, 9}, {-5, 8, 7}}};
+    const struct rod lines[] = {{{0, 0, 0}, {3, 4, 0}},
+                                {{1, 1, 1}, {1, 1, 1}},
+                                {{0, 0, 9}, {0, 0, 11}},
+                                {{9, 9, 9}, {-5, 8, 7}}};
     double length = 5 + 2 + sqrt(14 * 14 + 1 + 4);
     struct mesh mesh;
-    lines_mesh(lines, 4, 0.5, &mesh);
+    rods_mesh(lines, 4, 0.5, &mesh);
     assert_int_equal(mesh_validate(&mesh, NULL), RESULT_OK);
     struct topology t = topology_of(&mesh);
     assert_true(t.closed && t.manifold && t.oriented);
     assert_int_equal(t.components, 3);
     assert_near(mesh_volume(&mesh), 1.5 * sqrt(3) * 0.25 * length, 1e-4); // a hexagon's area
     mesh_fini(&mesh);
-    lines_mesh(lines, 0, 0.5, &mesh);
+    rods_mesh(lines, 0, 0.5, &mesh);
     assert_int_equal(mesh.triangle_count, 0);
     mesh_fini(&mesh);
 }

@@ -15,7 +15,7 @@ static struct picture draw(const struct knee_case *knee, const struct anatomy_vi
     return picture;
 }
 
-static struct picture draw_usual(const struct knee_case *knee, enum view view) {
+static struct picture draw_usual(const struct knee_case *knee, enum viewpoint view) {
     struct anatomy_view usual = {.view = view};
     anatomy_choose(knee, view, usual.shown);
     return draw(knee, &usual);
@@ -55,7 +55,7 @@ static void add_wall(struct knee_case *knee, vec3 centre, vec3 half) {
 static void lesions_are_painted_where_they_are_and_as_large(void **state) {
     (void)state;
     struct knee_case *knee = box_knee();
-    struct picture picture = draw_usual(knee, VIEW_TOP);
+    struct picture picture = draw_usual(knee, VIEWPOINT_TOP);
     struct counts counts = count(&picture);
     int all = counts.red + counts.yellow + counts.blue;
     // of the upper side of 12 by 30 mm, 4 by 4 and 2 by 8, of which 2 by 4 twice
@@ -63,7 +63,7 @@ static void lesions_are_painted_where_they_are_and_as_large(void **state) {
     struct case_region *tear = &case_group(knee, "meniscus_medial")->lesion.tear;
     struct case_region *plan = &case_group(knee, "meniscus_medial")->lesion.plan, none = *tear;
     *tear = *plan; // the tear shows above the plan
-    struct picture torn = draw_usual(knee, VIEW_TOP);
+    struct picture torn = draw_usual(knee, VIEWPOINT_TOP);
     assert_near(count(&torn).red, counts.yellow, 0.1 * counts.yellow);
     *tear = none;
     picture_fini(&picture);
@@ -78,11 +78,11 @@ static void what_is_shown_is_the_patient(void **state) {
     float *warp = case_group_need_warp(meniscus);
     for (uint32_t v = 0; v < meniscus->mesh.vertex_count; v++)
         warp[3 * v + 1] = 4;
-    struct picture displaced = draw_usual(knee, VIEW_TOP);
+    struct picture displaced = draw_usual(knee, VIEWPOINT_TOP);
     for (uint32_t v = 0; v < meniscus->mesh.vertex_count; v++)
         meniscus->mesh.positions[3 * v + 1] += warp[3 * v + 1];
     memset(warp, 0, 3 * sizeof *warp * meniscus->mesh.vertex_count);
-    struct picture moved = draw_usual(knee, VIEW_TOP);
+    struct picture moved = draw_usual(knee, VIEWPOINT_TOP);
     assert_memory_equal(displaced.rgb, moved.rgb, 3 * WIDTH * HEIGHT);
     picture_fini(&displaced);
     picture_fini(&moved);
@@ -93,14 +93,14 @@ static void each_view_is_from_where_it_says(void **state) {
     (void)state;
     const struct {
         enum side side;
-        enum view hidden, seen;
+        enum viewpoint hidden, seen;
         vec3 centre, half;
     } walls[] = {
-        {SIDE_RIGHT, VIEW_LATERAL, VIEW_MEDIAL, {55, 0, 0}, {2, 90, 90}},
-        {SIDE_RIGHT, VIEW_MEDIAL, VIEW_LATERAL, {-55, 0, 0}, {2, 90, 90}},
-        {SIDE_LEFT, VIEW_MEDIAL, VIEW_LATERAL, {55, 0, 0}, {2, 90, 90}},
-        {SIDE_RIGHT, VIEW_FRONT, VIEW_BACK, {0, 57, 0}, {90, 2, 90}},
-        {SIDE_RIGHT, VIEW_BACK, VIEW_FRONT, {0, -57, 0}, {90, 2, 90}},
+        {SIDE_RIGHT, VIEWPOINT_LATERAL, VIEWPOINT_MEDIAL, {55, 0, 0}, {2, 90, 90}},
+        {SIDE_RIGHT, VIEWPOINT_MEDIAL, VIEWPOINT_LATERAL, {-55, 0, 0}, {2, 90, 90}},
+        {SIDE_LEFT, VIEWPOINT_MEDIAL, VIEWPOINT_LATERAL, {55, 0, 0}, {2, 90, 90}},
+        {SIDE_RIGHT, VIEWPOINT_FRONT, VIEWPOINT_BACK, {0, 57, 0}, {90, 2, 90}},
+        {SIDE_RIGHT, VIEWPOINT_BACK, VIEWPOINT_FRONT, {0, -57, 0}, {90, 2, 90}},
     };
     for (size_t i = 0; i < sizeof walls / sizeof walls[0]; i++) {
         struct knee_case *knee = box_knee();
@@ -135,7 +135,8 @@ static void a_bent_knee_has_tibia_and_patella_where_the_joint_puts_them(void **s
     pose_mesh(tibia, joint_to_pose(&posed->joint, &angles));
     pose_mesh(patella, case_patella_pose(posed, 50));
     pose_mesh(case_group(knee, "tibia"), pose_identity());
-    struct anatomy_view bent = {.view = VIEW_MEDIAL, .flexion_deg = 50}, straight = {VIEW_MEDIAL};
+    struct anatomy_view bent = {.view = VIEWPOINT_MEDIAL, .flexion_deg = 50},
+                        straight = {VIEWPOINT_MEDIAL};
     show(posed, "tibia", &bent);
     show(posed, "patella", &bent);
     memcpy(straight.shown, bent.shown, sizeof bent.shown);
@@ -160,8 +161,8 @@ static void the_usual_choice_hides_what_hides_the_rest(void **state) {
     add_wall(knee, (vec3){0}, (vec3){9, 9, 9});
     case_add_group(knee, "skin", BODY_FEMUR);
     bool front[CASE_GROUPS_MAX], top[CASE_GROUPS_MAX];
-    anatomy_choose(knee, VIEW_FRONT, front);
-    anatomy_choose(knee, VIEW_TOP, top);
+    anatomy_choose(knee, VIEWPOINT_FRONT, front);
+    anatomy_choose(knee, VIEWPOINT_TOP, top);
     const char *const names[] = {"tibia", "meniscus_medial", "femur", "patella", "mcl", "skin"};
     for (int i = 0; i < 6; i++) {
         assert_int_equal(is_shown(knee, front, names[i]), i < 5);
@@ -184,7 +185,7 @@ static void skin_is_seen_through(void **state) {
     box_mesh((vec3){-50, 0, 15}, (vec3){2, 10, 10}, &mesh);
     assert_int_equal(case_add_part(case_add_group(knee, "skin", BODY_FEMUR), "skin", &mesh, NULL),
                      RESULT_OK);
-    struct anatomy_view skin = {.view = VIEW_MEDIAL}, bone = skin, both = skin;
+    struct anatomy_view skin = {.view = VIEWPOINT_MEDIAL}, bone = skin, both = skin;
     show(knee, "skin", &skin);
     show(knee, "femur", &bone);
     show(knee, "skin", &both);
@@ -201,7 +202,7 @@ static void skin_is_seen_through(void **state) {
 static void nothing_to_show_is_an_error(void **state) {
     (void)state;
     struct knee_case *knee = box_knee();
-    struct anatomy_view nothing = {.view = VIEW_TOP};
+    struct anatomy_view nothing = {.view = VIEWPOINT_TOP};
     struct picture picture;
     struct error err;
     assert_int_equal(anatomy_picture(knee, &nothing, WIDTH, HEIGHT, &picture, &err),
@@ -212,13 +213,13 @@ static void nothing_to_show_is_an_error(void **state) {
 
 static void views_have_names(void **state) {
     (void)state;
-    for (int i = 0; i < VIEW_COUNT; i++) {
-        enum view view = VIEW_COUNT;
-        assert_true(view_from_name(view_name((enum view)i), &view));
+    for (int i = 0; i < VIEWPOINT_COUNT; i++) {
+        enum viewpoint view = VIEWPOINT_COUNT;
+        assert_true(viewpoint_from_name(viewpoint_name((enum viewpoint)i), &view));
         assert_int_equal(view, i);
     }
-    enum view view;
-    assert_false(view_from_name("below", &view));
+    enum viewpoint view;
+    assert_false(viewpoint_from_name("below", &view));
 }
 
 int main(void) {

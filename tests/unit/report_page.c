@@ -129,7 +129,7 @@ static void cut_surfaces_and_displacements_stand_out(void **state) {
     struct counts cut = draw(&look);
     assert_near((double)cut.cut / (cut.cut + cut.original), 0.25, 0.02);
 
-    const struct line lines[] = {{{-7, -5, 1}, {7, -5, 1}}, {{-7, 5, 1}, {7, 5, 1}}};
+    const struct rod lines[] = {{{-7, -5, 1}, {7, -5, 1}}, {{-7, 5, 1}, {7, 5, 1}}};
     look.lines = lines;
     look.line_count = 1;
     int one = draw(&look).displaced;

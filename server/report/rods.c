@@ -1,4 +1,4 @@
-#include "report/lines.h"
+#include "report/rods.h"
 
 #define SIDES 6
 #define VERTICES (2 * SIDES)
@@ -11,7 +11,7 @@ static void add_triangle(struct mesh *mesh, uint32_t a, uint32_t b, uint32_t c) 
     triangle[2] = mesh->vertex_count + c;
 }
 
-static void add_rod(struct mesh *mesh, const struct line *line, double radius) {
+static void add_rod(struct mesh *mesh, const struct rod *line, double radius) {
     vec3 along = vec3_unit_or(vec3_sub(line->to, line->from), (vec3){0});
     vec3 other = fabs(along.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0};
     vec3 x = vec3_unit_or(vec3_cross(along, other), (vec3){0}), y = vec3_cross(along, x);
@@ -36,10 +36,10 @@ static void add_rod(struct mesh *mesh, const struct line *line, double radius) {
     mesh->vertex_count += VERTICES;
 }
 
-void lines_mesh(const struct line *lines, size_t count, double radius_mm, struct mesh *out_mesh) {
+void rods_mesh(const struct rod *rods, size_t count, double radius_mm, struct mesh *out_mesh) {
     mesh_init(out_mesh, (uint32_t)count * VERTICES, (uint32_t)count * TRIANGLES);
     out_mesh->vertex_count = out_mesh->triangle_count = 0;
     for (size_t i = 0; i < count; i++)
-        if (vec3_distance(lines[i].from, lines[i].to) > 0)
-            add_rod(out_mesh, &lines[i], radius_mm);
+        if (vec3_distance(rods[i].from, rods[i].to) > 0)
+            add_rod(out_mesh, &rods[i], radius_mm);
 }

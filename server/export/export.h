@@ -15,11 +15,10 @@ struct export_request {
     void (*progress)(uint64_t done, uint64_t all); // or NULL
 };
 
-// All of these: RESULT_OK where the record was whole. RESULT_MISSING, RESULT_CORRUPT and
-// RESULT_FORMAT with the error of trace_read where it was not: all that could be read is written.
-// Anything else, RESULT_MISSING too where no step is in the time asked for or the folder is not
-// there, and no
-// file is made. A file that is there is replaced once the new one is whole.
+// All of these: RESULT_OK if the trace is whole. If not, RESULT_MISSING, RESULT_CORRUPT or
+// RESULT_FORMAT with the error of trace_read: all that could be read is written. Any other result
+// makes no file, also RESULT_MISSING if no step is in the time asked for or the folder does not
+// exist. An existing file is replaced once the new one is complete.
 
 // A row for each step. Without a scene the names of groups are left out. RESULT_INVALID where there
 // is no such column.

@@ -6,6 +6,7 @@
 #include "sessions/audit.h"
 #include "sessions/course.h"
 #include "sessions/fork.h"
+#include "sessions/manager.h"
 #include "sessions/remark_command.h"
 #include "sessions/session_list.h"
 #include "store/text.h"
@@ -206,6 +207,10 @@ void commands_run(struct sessions *s, const char *actor, const arthron_Command *
     }
     if (command->kind == arthron_Command_Kind_SHOW) {
         session_list_one(s, station, reply);
+        return;
+    }
+    if (!manager_opens(s)) {
+        reply_refuse(reply, "the server is starting or ending: try again");
         return;
     }
     if (command->kind == arthron_Command_Kind_COPY)

@@ -13,6 +13,7 @@
 #include <time.h>
 
 #define ROUND_NS NS_PER_S
+#define RETRY_NS NS_PER_S
 #define POOL_THREADS 4
 #define POOL_TASKS (4 * STATIONS_MAX)
 
@@ -50,8 +51,11 @@ static int64_t run_task(void *data) {
 }
 
 static void finish_task(void *data, bool done) {
-    if (!done)
+    struct station_task *task = data;
+    if (!done && task->ended)
         run_task(data);
+    else if (!done) // the server ends, or has too much to do
+        station_slot_failed(&task->sessions->slots[task->station], clock_now_ns() + RETRY_NS);
     free(data);
 }
 
@@ -66,9 +70,12 @@ static void give_task(struct sessions *s, struct station_task what) {
         finish_task(data, false);
 }
 
+bool manager_opens(const struct sessions *s) {
+    return atomic_load(&s->manager->opens);
+}
+
 void manager_open(struct sessions *s, int station) {
-    if (atomic_load(&s->manager->opens) &&
-        station_slot_claim_needed(&s->slots[station], clock_now_ns()))
+    if (manager_opens(s) && station_slot_claim_needed(&s->slots[station], clock_now_ns()))
         give_task(s, (struct station_task){.sessions = s, .station = station});
 }
 

@@ -14,6 +14,9 @@ void manager_destroy(struct sessions *sessions);
 // Does nothing before manager_start, which looks at all stations.
 void manager_open(struct sessions *sessions, int station);
 
+// Whether sessions may be opened and steered: between manager_start and manager_stop.
+bool manager_opens(const struct sessions *sessions);
+
 // Wakes the manager: a notice has come, or a station may need a session. From any thread, never
 // waits. sessions: struct sessions
 void manager_notify(void *sessions);

@@ -100,7 +100,9 @@ static void watch_stroke(struct stroke *stroke, enum blade_kind kind,
 static uint32_t stroke_of(struct cutting *cutting, int instrument, enum blade_kind kind,
                           const struct sweep *to) {
     struct stroke *stroke = &cutting->strokes[instrument];
-    bool waits = cutting->waiting[instrument].count > 0;
+    bool waits = false;
+    for (int t = 0; t < TISSUES_MAX; t++)
+        waits |= cutting->waiting[instrument][t].count > 0;
     bool paused = kind != BLADE_PUNCH && !waits && to->time_ns - stroke->cut_ns > PAUSE_NS;
     if (!stroke->active || paused)
         *stroke = (struct stroke){++cutting->stroke_count, true, to->opening, to->time_ns};
@@ -125,13 +127,10 @@ void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns) {
 
 // ---- moves that wait ----------------------------------------------------------------------------
 
-static bool follow_each_other(const struct waiting_move *a, const struct waiting_move *b) {
-    return a->tissue == b->tissue && a->stroke == b->stroke;
-}
-
-// A bite is of one place: its moves are not one.
+// A bite is of one place: its moves are not one. Nor are those between which the tip jumped.
 static bool can_be_one(const struct waiting_move *a, const struct waiting_move *b) {
-    return a->move.kind != BLADE_PUNCH && follow_each_other(a, b);
+    vec3 end = a->move.T_mesh_tip[1].translation, begin = b->move.T_mesh_tip[0].translation;
+    return a->move.kind != BLADE_PUNCH && a->stroke == b->stroke && vec3_distance(end, begin) == 0;
 }
 
 // How far the way leaves the straight one, where b's begin is left out.
@@ -174,29 +173,31 @@ static struct blade_move move_of(enum blade_kind kind, const struct sweep *from,
 // Returns how many moves are lost: 0 or 1.
 static int let_wait(struct cutting *cutting, int instrument, int tissue, enum blade_kind kind,
                     const struct sweep *from, const struct sweep *to) {
-    struct waiting_moves *w = &cutting->waiting[instrument];
+    struct waiting_moves *w = &cutting->waiting[instrument][tissue];
     uint32_t stroke = stroke_of(cutting, instrument, kind, to);
     if (w->count == CUTTING_WAITING_MAX && !make_room(w))
         return 1;
-    w->moves[w->count++] =
-        (struct waiting_move){tissue, stroke, from->time_ns, move_of(kind, from, to)};
+    w->moves[w->count++] = (struct waiting_move){stroke, from->time_ns, move_of(kind, from, to)};
     return 0;
 }
 
 int cutting_drop_waiting(struct cutting *cutting) {
     int count = 0;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
-        count += cutting->waiting[i].count;
-        cutting->waiting[i].count = 0;
-    }
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        for (int t = 0; t < TISSUES_MAX; t++) {
+            count += cutting->waiting[i][t].count;
+            cutting->waiting[i][t].count = 0;
+        }
     return count;
 }
 
 bool cutting_waits(const struct cutting *cutting, uint32_t stroke) {
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
-        for (int k = 0; k < cutting->waiting[i].count; k++)
-            if (cutting->waiting[i].moves[k].stroke <= stroke)
+        for (int t = 0; t < TISSUES_MAX; t++) {
+            const struct waiting_moves *w = &cutting->waiting[i][t]; // the oldest stroke first
+            if (w->count && w->moves[0].stroke <= stroke)
                 return true;
+        }
     return false;
 }
 
@@ -260,30 +261,32 @@ static bool take_due(struct cutting *cutting, struct job *out_job) {
     return true;
 }
 
-static struct waiting_moves *waited_longest(struct cutting *cutting) {
+static struct waiting_moves *waited_longest(struct cutting *cutting, int *out_tissue) {
     struct waiting_moves *longest = NULL;
-    for (int i = 0; i < INSTRUMENT_COUNT; i++) {
-        struct waiting_moves *w = &cutting->waiting[i];
-        if (w->count && (!longest || w->moves[0].begin_ns < longest->moves[0].begin_ns))
+    for (int i = 0; i < INSTRUMENT_COUNT; i++)
+        for (int t = 0; t < TISSUES_MAX; t++) {
+            struct waiting_moves *w = &cutting->waiting[i][t];
+            if (!w->count || (longest && w->moves[0].begin_ns >= longest->moves[0].begin_ns))
+                continue;
             longest = w;
-    }
+            *out_tissue = t;
+        }
     return longest;
 }
 
 bool cutting_take(struct cutting *cutting, struct job *out_job) {
     if (is_cut_at_once(cutting))
         return take_due(cutting, out_job);
-    struct waiting_moves *w = waited_longest(cutting);
+    struct waiting_moves *w = waited_longest(cutting, &out_job->tissue);
     if (!w)
         return false;
     int count = 0;
-    while (count < w->count && count < JOB_MOVES_MAX &&
-           follow_each_other(&w->moves[0], &w->moves[count])) {
+    for (; count < w->count && count < JOB_MOVES_MAX; count++) {
+        if (w->moves[count].stroke != w->moves[0].stroke)
+            break;
         out_job->moves[count] = w->moves[count].move;
-        count++;
     }
     out_job->kind = JOB_CUT;
-    out_job->tissue = w->moves[0].tissue;
     out_job->stroke = w->moves[0].stroke;
     out_job->move_count = count;
     remove_waiting(w, 0, count);

@@ -26,14 +26,14 @@ struct stroke {
     int64_t cut_ns;
 };
 
-// The moves of one instrument that wait for their job, in the order of time: the way that the hand
-// went while a job was under way. Where there is no room, two neighbours become one move.
+// The moves of one instrument in one tissue that wait for their job, in the order of time: the way
+// that the hand went while a job was under way. Where there is no room, two neighbours become one
+// move.
 #define CUTTING_WAITING_MAX 64
 
 struct waiting_moves {
     int count;
     struct waiting_move {
-        int tissue;
         uint32_t stroke;
         int64_t begin_ns;
         struct blade_move move;
@@ -51,7 +51,7 @@ struct due_move {
 struct cutting {
     struct sweep sweeps[INSTRUMENT_COUNT][TISSUES_MAX];
     struct stroke strokes[INSTRUMENT_COUNT];
-    struct waiting_moves waiting[INSTRUMENT_COUNT];
+    struct waiting_moves waiting[INSTRUMENT_COUNT][TISSUES_MAX];
     uint32_t stroke_count; // ever begun, so that no two have one number
     int rules;             // as in session_settings
     struct due_move due;   // of the step that was watched last

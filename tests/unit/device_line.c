@@ -150,7 +150,7 @@ static void *use(void *argument) {
 }
 
 static void start(struct user *user, const struct bus *bus, int slave) {
-    char number[8];
+    char number[16];
     snprintf(number, sizeof number, "%d", slave);
     *user = (struct user){.device = opened(bus->path, number), .slave = slave};
     assert_int_equal(0, pthread_create(&user->thread, NULL, use, user));

@@ -241,7 +241,30 @@ async function the_place_of_one_station_is_not_asked_for_another(world) {
   }
 }
 
+async function a_pause_leaves_the_trainee_the_picture(world) {
+  const { testbed, browser } = world;
+  await testbed.runStation("room-3");
+  const page = await open(world, "room-3", watchDrawn);
+  await testbed.session("pause", "room-3");
+  await page.locator(".scope-sign.state", { hasText: "Paused" }).waitFor();
+  await page.evaluate(() => (window.drawn = []));
+  browser.heard(page).views.length = 0;
+  await sleep(8000);
+  const drawn = await page.evaluate(() => window.drawn);
+  const views = new Map(browser.heard(page).views.map(view).map((seen) => [seen.number, seen]));
+  await testbed.session("start", "room-3");
+  const shown = drawn.flatMap((frame) => {
+    const seen = views.get(frame.number);
+    const tip = seen && instrument(seen, PROBE)?.warped?.t;
+    return tip ? [{ tip, off: drawnOff(frame, seen, tip) }] : [];
+  });
+  assert.ok(shown.length >= 10 && shown.length > drawn.length / 2, `the probe is in ${shown.length} of ${drawn.length} pictures`);
+  assert.ok(quantile(shown.map(({ off }) => off), 0.9) < 0.1, "it is drawn where the station has it");
+  assert.ok(Math.max(...shown.map(({ tip }) => distance(tip, shown[0].tip))) > 1, "it stands still");
+}
+
 export const tests = [
   a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
   what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
+  a_pause_leaves_the_trainee_the_picture,
 ];

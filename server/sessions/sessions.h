@@ -1,5 +1,5 @@
 // The life of a server's sessions: cases are loaded, stations come and go, sessions are opened,
-// steered, ended, resumed and copied. Owns the runtime, the control connections and the console.
+// controlled, ended, resumed and copied. Owns the runtime, the control connections and the console.
 //
 // Threads beside the runtime's: one for control connections, one for the console, the session
 // manager (manager.h) with a few that open and close files, and the recorder, who alone waits for

@@ -2,12 +2,12 @@
 
 #include "base/check.h"
 #include "base/clock.h"
-#include "generate/generate.h"
 #include "folder.h"
-#include "sessions/sessions.h"
+#include "generate/generate.h"
 #include "link/link.h"
 #include "net/authority.h"
 #include "samples.h"
+#include "sessions/sessions.h"
 
 #include <arpa/inet.h>
 #include <stdio.h>
@@ -193,7 +193,7 @@ static enum result bench_feel(const struct bench_options *options, struct report
 
 // ---- what poses beside it cost ------------------------------------------------------------------
 
-struct house {
+struct rig {
     char dir[FOLDER_MAX], keys[128], case_dir[128], station_keys[128];
     struct sessions_config config;
     struct sessions *sessions;
@@ -214,7 +214,7 @@ static int free_port(void) {
     return ntohs(address.sin_port);
 }
 
-static enum result save_case(struct house *h, struct error *err) {
+static enum result save_case(struct rig *h, struct error *err) {
     struct knee_case *knee;
     enum result result = healthy_knee(&knee, err);
     if (result != RESULT_OK)
@@ -225,16 +225,16 @@ static enum result save_case(struct house *h, struct error *err) {
     return result;
 }
 
-static void fill_config(struct house *h) {
+static void fill_config(struct rig *h) {
     struct sessions_config *c = &h->config;
     *c = (struct sessions_config){.address = "127.0.0.1",
-                             .port = free_port(),
-                             .workers = 1,
-                             .wait_s = 30,
-                             .calibration_days = 90,
-                             .settings = session_settings_default(),
-                             .case_count = 1,
-                             .station_count = 1};
+                                  .port = free_port(),
+                                  .workers = 1,
+                                  .wait_s = 30,
+                                  .calibration_days = 90,
+                                  .settings = session_settings_default(),
+                                  .case_count = 1,
+                                  .station_count = 1};
     snprintf(c->keys_dir, sizeof c->keys_dir, "%s", h->keys);
     snprintf(c->traces_dir, sizeof c->traces_dir, "%s/traces", h->dir);
     snprintf(c->socket, sizeof c->socket, "%s/socket", h->dir);
@@ -246,7 +246,7 @@ static void fill_config(struct house *h) {
     snprintf(c->stations[0].case_name, sizeof c->stations[0].case_name, "healthy");
 }
 
-static enum result enrol(struct house *h, struct error *err) {
+static enum result enrol(struct rig *h, struct error *err) {
     char code[AUTHORITY_CODE_MAX];
     enum result result = authority_issue_code(h->keys, STATION, code, err);
     if (result == RESULT_OK)
@@ -254,7 +254,7 @@ static enum result enrol(struct house *h, struct error *err) {
     return result;
 }
 
-static enum result open_house(struct house *h, struct error *err) {
+static enum result open_rig(struct rig *h, struct error *err) {
     static const atomic_bool never;
     const char *host = "127.0.0.1";
     folder_make(h->dir);
@@ -280,7 +280,7 @@ static enum result open_house(struct house *h, struct error *err) {
     return result == RESULT_OK ? link_create(&link, &h->link, err) : result;
 }
 
-static void close_house(struct house *h) {
+static void close_rig(struct rig *h) {
     if (h->link)
         link_destroy(&h->link);
     if (h->sessions)
@@ -294,7 +294,7 @@ static void sleep_until(int64_t time_ns) {
 }
 
 // Frames at 500 Hz for so long; round trips in us.
-static void ride(struct house *h, double seconds, bool cutting, struct samples *out_us) {
+static void ride(struct rig *h, double seconds, bool cutting, struct samples *out_us) {
     int64_t start_ns = clock_now_ns(), end_ns = start_ns + (int64_t)(seconds * NS_PER_S);
     for (int64_t due_ns = start_ns; due_ns < end_ns; due_ns += FRAME_NS) {
         sleep_until(due_ns);
@@ -315,7 +315,7 @@ static void ride(struct house *h, double seconds, bool cutting, struct samples *
     }
 }
 
-static enum result wait_for_path(struct house *h, struct error *err) {
+static enum result wait_for_path(struct rig *h, struct error *err) {
     struct link_status status;
     for (int i = 0; i < 100; i++) {
         struct samples warm = {0};
@@ -328,7 +328,7 @@ static enum result wait_for_path(struct house *h, struct error *err) {
     return fail(err, RESULT_TIMEOUT, "no datagram path to a server on this machine");
 }
 
-static void compare(struct house *h, const struct bench_options *options, struct report *report) {
+static void compare(struct rig *h, const struct bench_options *options, struct report *report) {
     int rounds = options->quick ? 4 : 10;
     double seconds = options->quick ? 2 : 5;
     struct samples ratios = {0}, all[2] = {{0}, {0}};
@@ -361,13 +361,13 @@ static void compare(struct house *h, const struct bench_options *options, struct
 
 static enum result bench_poses(const struct bench_options *options, struct report *report,
                                struct error *err) {
-    struct house house = {0};
-    enum result result = open_house(&house, err);
+    struct rig rig = {0};
+    enum result result = open_rig(&rig, err);
     if (result == RESULT_OK)
-        result = wait_for_path(&house, err);
+        result = wait_for_path(&rig, err);
     if (result == RESULT_OK)
-        compare(&house, options, report);
-    close_house(&house);
+        compare(&rig, options, report);
+    close_rig(&rig);
     return result;
 }
 

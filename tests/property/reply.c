@@ -12,7 +12,7 @@
 #define STEPS 400
 #define PROBE 0 // of a step's instruments
 
-struct house {
+struct rig {
     struct scene *scene;
     struct session *session;
     struct predict *predict;
@@ -25,7 +25,7 @@ struct house {
 // ---- both sides ---------------------------------------------------------------------------------
 
 // How the runtime tells of the session, and the loop hears it.
-static void tell_session(struct house *h) {
+static void tell_session(struct rig *h) {
     arthron_Control *message = calloc(1, sizeof *message);
     uint8_t bytes[WIRE_CONTROL_MAX];
     size_t size;
@@ -41,10 +41,10 @@ static void tell_session(struct house *h) {
     free(message);
 }
 
-static void open_house(struct house *h, enum avatar_mode mode) {
+static void open_rig(struct rig *h, enum avatar_mode mode) {
     struct knee_case *knee = box_knee();
     struct error err = {""};
-    *h = (struct house){.random = {(uint64_t)mode + 1}};
+    *h = (struct rig){.random = {(uint64_t)mode + 1}};
     if (scene_create(&knee, &h->scene, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     struct session_settings settings = session_settings_default();
@@ -57,13 +57,13 @@ static void open_house(struct house *h, enum avatar_mode mode) {
     session_step(h->session, &h->input, &h->output);
 }
 
-static void close_house(struct house *h) {
+static void close_rig(struct rig *h) {
     predict_destroy(&h->predict);
     session_destroy(&h->session);
     scene_destroy(&h->scene);
 }
 
-static void answer(struct house *h) {
+static void answer(struct rig *h) {
     const struct frame *frame = &h->input.frame;
     arthron_Reply reply;
     uint8_t bytes[WIRE_DATAGRAM_MAX];
@@ -95,7 +95,7 @@ static struct frame frame_of(uint64_t number, pose T_mockup_femur, struct joint_
 }
 
 // Through the portal, with the tip between the bones or before the patella.
-static pose some_tip(const struct house *h, struct random *random) {
+static pose some_tip(const struct rig *h, struct random *random) {
     vec3 portal = scene_case(h->scene)->portals[0].position;
     vec3 tip = vec3_add((vec3){-15, 15, -17}, random_in_box(random, 20));
     vec3 u = vec3_unit_or(vec3_sub(tip, portal), (vec3){0, 0, 1});
@@ -104,7 +104,7 @@ static pose some_tip(const struct house *h, struct random *random) {
     return (pose){quat_from_axis_angle(vec3_unit_or(axis, (vec3){1, 0, 0}), angle), tip};
 }
 
-static arthron_View show(struct house *h, struct frame *frame) {
+static arthron_View show(struct rig *h, struct frame *frame) {
     arthron_View view;
     predict_frame(h->predict, frame, false);
     predict_view(h->predict, &view);
@@ -119,7 +119,7 @@ static void assert_shown(const arthron_Pose *shown, pose expected, double tolera
 
 // ---- what must hold -----------------------------------------------------------------------------
 
-static void assert_bones(const struct house *h, const arthron_View *view, pose T_moved) {
+static void assert_bones(const struct rig *h, const arthron_View *view, pose T_moved) {
     for (int i = 0; i < BODY_COUNT; i++) {
         assert_shown(&view->bodies[i].pose, pose_compose(T_moved, h->output.T_mockup_body[i]),
                      1e-9);
@@ -129,7 +129,7 @@ static void assert_bones(const struct house *h, const arthron_View *view, pose T
 }
 
 // The hand goes on while the bones stay: the server's own way of going on.
-static void hand_moves(struct house *h, pose T_mockup_tip) {
+static void hand_moves(struct rig *h, pose T_mockup_tip) {
     const struct instrument_output *o = &h->output.instruments[PROBE];
     struct frame now = h->input.frame;
     pose tip = T_mockup_tip;
@@ -148,7 +148,7 @@ static void hand_moves(struct house *h, pose T_mockup_tip) {
 }
 
 // Hand and bones are moved as one: all that is shown is moved just so.
-static void house_moves(struct house *h, pose T_mockup_tip) {
+static void knee_moves(struct rig *h, pose T_mockup_tip) {
     const struct instrument_output *o = &h->output.instruments[PROBE];
     pose T_moved = random_pose(&h->random, 50);
     struct frame now = h->input.frame;
@@ -160,7 +160,7 @@ static void house_moves(struct house *h, pose T_mockup_tip) {
     assert_shown(&view.instruments[0].warped, pose_compose(T_moved, o->T_mockup_warped), 1e-5);
 }
 
-static void count(struct house *h) {
+static void count(struct rig *h) {
     const struct instrument_output *o = &h->output.instruments[PROBE];
     h->warped += vec3_distance(o->T_mockup_warped.translation, o->T_mockup_tip.translation) > 0.1;
     h->turned += quat_angle(o->T_mockup_warped.rotation, o->T_mockup_tip.rotation) > 1e-3;
@@ -170,7 +170,7 @@ static void count(struct house *h) {
                                   h->output.T_mockup_body[BODY_TIBIA].translation) > 0.01;
 }
 
-static void step(struct house *h, uint64_t number) {
+static void step(struct rig *h, uint64_t number) {
     struct joint_angles joint = {.flexion_deg = random_between(&h->random, 0, 60),
                                  .varus_deg = random_between(&h->random, -6, 2),
                                  .drawer_mm = random_between(&h->random, -2, 6)};
@@ -189,15 +189,15 @@ static void step(struct house *h, uint64_t number) {
     assert_shown(&view.instruments[0].warped, o->T_mockup_warped, 1e-5);
     assert_bones(h, &view, pose_identity());
     hand_moves(h, T_mockup_tip);
-    house_moves(h, T_mockup_tip);
+    knee_moves(h, T_mockup_tip);
     count(h);
 }
 
 static void a_viewer_sees_what_the_server_would_show(void **state) {
     (void)state;
     for (int mode = 0; mode < AVATAR_MODE_COUNT; mode++) {
-        struct house h;
-        open_house(&h, (enum avatar_mode)mode);
+        struct rig h;
+        open_rig(&h, (enum avatar_mode)mode);
         for (uint64_t number = 1; number <= STEPS; number++)
             step(&h, number);
         // Or the test says nothing.
@@ -205,7 +205,7 @@ static void a_viewer_sees_what_the_server_would_show(void **state) {
         assert_true(h.bodies[BODY_FEMUR] > 10 && h.bodies[BODY_TIBIA] > 10 &&
                     h.bodies[BODY_PATELLA] > 10);
         assert_int_equal(h.turned > STEPS / 20, mode == AVATAR_RIGID);
-        close_house(&h);
+        close_rig(&h);
     }
 }
 
@@ -235,8 +235,8 @@ static int group_on_patella(const struct knee_case *knee) {
 // A station's padded frame makes room for it.
 static void the_longest_reply_fits_a_datagram_and_the_frame_that_it_answers(void **state) {
     (void)state;
-    struct house h;
-    open_house(&h, AVATAR_RIGID);
+    struct rig h;
+    open_rig(&h, AVATAR_RIGID);
     struct frame frame = {.number = UINT64_MAX, .time_ns = WIRE_TIME_MAX_NS - 1};
     struct session_output *output = &h.output;
     output->state = SESSION_CLOSED;
@@ -261,7 +261,7 @@ static void the_longest_reply_fits_a_datagram_and_the_frame_that_it_answers(void
     assert_int_equal(wire_encode_frame(&message, bytes, sizeof bytes, &frame_size), RESULT_OK);
     assert_int_equal(reply_size, 163 + 5 * 225); // as PROTOCOL.md says
     assert_true(reply_size <= frame_size);
-    close_house(&h);
+    close_rig(&h);
 }
 
 int main(void) {

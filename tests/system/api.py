@@ -11,13 +11,13 @@ import ssl
 import time
 import unittest
 
-from arthron import House, call, free_port, wait_until
+from arthron import SystemTest, call, free_port, wait_until
 
 STATION = "[station room-1]\ncase = arthrosis\ntrainee = ada"
 PASSWORD = "correct horse battery"
 
 
-class Api(House):
+class Api(SystemTest):
     def setUp(self):
         super().setUp()
         self.web_port = free_port()
@@ -93,7 +93,7 @@ class Api(House):
         self.start_station()
         wait_until("a running session", lambda: self.session()["state"] == "running")
         self.wait_for_steps(100)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         closed = wait_until("the closed session with its results", lambda: next(
             (s for s in self.get("/sessions", ada)["sessions"] if s["state"] == "closed" and s["trace_xxh3"]), None))
         self.assertEqual((closed["trainee"], closed["station"], closed["case"]), ("ada", "room-1", "arthrosis"))

@@ -110,7 +110,7 @@ class Process:
         return "" if status in self.statuses else f"{self.label} ended with {status}:\n{self.log()}"
 
 
-class House(unittest.TestCase):
+class SystemTest(unittest.TestCase):
     """A folder with keys and cases; mock-up, server and station on demand."""
 
     @classmethod
@@ -124,7 +124,7 @@ class House(unittest.TestCase):
         cls.shared.cleanup()
 
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="house-", dir=self.shared.name)
+        self.folder = tempfile.mkdtemp(prefix="system-", dir=self.shared.name)
         self.keys = os.path.join(self.folder, "keys")
         self.traces = os.path.join(self.folder, "traces")
         self.socket = os.path.join(self.folder, "s")
@@ -235,7 +235,7 @@ tool.punch = punch
     def session(self, name="room-1"):
         return next(s for s in self.sessions() if s["station"] == name)
 
-    def steer(self, *words, code=0):
+    def session_command(self, *words, code=0):
         return call_json("arthron-server", "session", "--socket", self.socket, *words, code=code)
 
     def wait_for_steps(self, more=50, name="room-1"):
@@ -245,7 +245,7 @@ tool.punch = punch
     def metrics(self, name="room-1"):
         """As the running server has them."""
         return {(m["name"], m["subject"], m["version"]): (m["value"], m["unit"], m["below_floor"])
-                for m in self.steer("show", name)["metrics"]}
+                for m in self.session_command("show", name)["metrics"]}
 
     def assert_metrics_are_those_of(self, trace, metrics):
         """Bit for bit what score makes of the trace."""

@@ -1,9 +1,9 @@
-"""A house whose mock-up bites with a punch, and what its station and server know of the tissue then."""
+"""A mock-up bites with a punch, and what station and server then know of the tissue."""
 
 import os
 import time
 
-from arthron import House, call, wait_until
+from arthron import SystemTest, call, wait_until
 
 BITES = """
 [motion]
@@ -21,7 +21,7 @@ withdraw = punch
 """
 
 
-class Bites(House):
+class Bites(SystemTest):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
@@ -38,7 +38,7 @@ class Bites(House):
         self.enrol("room-1")
 
     def resection(self, group="meniscus_medial"):
-        return next(r for r in self.steer("show", "room-1")["resections"] if r["group"] == group)
+        return next(r for r in self.session_command("show", "room-1")["resections"] if r["group"] == group)
 
     def whole(self):
         resection = self.resection()
@@ -49,7 +49,7 @@ class Bites(House):
 
     def pause(self):
         """A cut that is on its way lands all the same, on a busy machine some time later."""
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
 
         def rests():
             before = self.resection()

@@ -8,7 +8,7 @@ import subprocess
 import time
 import unittest
 
-from arthron import House, call, call_json, free_port, wait_until
+from arthron import SystemTest, call, call_json, free_port, wait_until
 
 DAY_S = 86400
 
@@ -27,7 +27,7 @@ def shown(port):
             return secured.getpeercert(binary_form=True)
 
 
-class Certificates(House):
+class Certificates(SystemTest):
     def make_short(self, folder, name, use, days, names=""):
         """key and certificate of the authority, good for some days, in place of those that are there."""
         key, certificate = os.path.join(folder, name + ".key"), os.path.join(folder, name + ".pem")

@@ -16,7 +16,7 @@ import tempfile
 import time
 import unittest
 
-from arthron import SOURCE, House, call
+from arthron import SOURCE, SystemTest, call
 
 CORPUS = os.path.join(SOURCE, "tests/corpus/conversation")
 CASE = os.path.join(SOURCE, "tests/corpus/trace/version4/case.tar.xz")
@@ -129,7 +129,7 @@ class Played:
             self.datagrams.close()
 
 
-class Conversation(House):
+class Conversation(SystemTest):
     def setUp(self):
         super().setUp()
         with tarfile.open(CASE) as packed:

@@ -11,7 +11,7 @@ import threading
 import time
 import unittest
 
-from arthron import SOURCE, House, call, wait_until
+from arthron import SOURCE, SystemTest, call, wait_until
 
 made = tempfile.TemporaryDirectory(prefix="arthron-test-")
 subprocess.run(["protoc", "--proto_path", os.path.join(SOURCE, "shared/wire"), "--python_out", made.name,
@@ -25,7 +25,7 @@ spec.loader.exec_module(example)
 pb = example.pb
 
 
-class ExampleStation(House):
+class ExampleStation(SystemTest):
     def setUp(self):
         super().setUp()
         self.server = self.start_server()
@@ -78,7 +78,7 @@ class ExampleStation(House):
                 station.hear(0.01)
 
         def shown():
-            there = self.steer("show", "room-1").get("joint")
+            there = self.session_command("show", "room-1").get("joint")
             return there and there["validity"] == "ok" and there["T_femur_tibia"]
         hand = threading.Thread(target=stand)
         hand.start()

@@ -3,7 +3,7 @@
 import re
 import unittest
 
-from arthron import House, call, call_json, wait_until
+from arthron import SystemTest, call, call_json, wait_until
 
 FAULT_S = 0.6
 PAUSE_S = 2.2
@@ -34,7 +34,7 @@ def begin_of(i):
     return FIRST_S + i * (FAULT_S + PAUSE_S)
 
 
-class Faults(House):
+class Faults(SystemTest):
     """Flexion and the probe's x are straight lines over time, so that a value tells its own time."""
 
     def write_motion(self, seconds):

@@ -5,10 +5,10 @@ import os
 import shutil
 import unittest
 
-from arthron import House, call, wait_until
+from arthron import SystemTest, call, wait_until
 
 
-class Grades(House):
+class Grades(SystemTest):
     def setUp(self):
         super().setUp()
         shutil.copytree(self.cases, self.path("cases"))

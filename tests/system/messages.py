@@ -8,12 +8,12 @@ import subprocess
 import tempfile
 import unittest
 
-from arthron import House, call, free_port, program, wait_until
+from arthron import SystemTest, call, free_port, program, wait_until
 
 NOBODY = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
 
 
-class Starts(House):
+class Starts(SystemTest):
     def refused(self, *settings):
         done = call("arthron-server", "run", "--config", self.server_config(extra="records = r.db"),
                     *(word for setting in settings for word in ("--set", setting)), code=1)
@@ -64,7 +64,7 @@ def open_writer(fifo):
         return None
 
 
-class Codes(House):
+class Codes(SystemTest):
     def test_a_code_for_a_station_that_the_config_lacks_comes_with_a_warning(self):
         def enrol(name):
             done = call("arthron-server", "keys", "enrol", self.keys, name)
@@ -77,7 +77,7 @@ class Codes(House):
         self.assertIn("no [station room-10]", enrol("room-10"))
 
 
-class InterruptedStart(House):
+class InterruptedStart(SystemTest):
     def test_a_start_is_interrupted_and_the_next_one_resumes_the_session(self):
         self.start_mockup()
         server = self.start_server()

@@ -6,11 +6,11 @@ import os
 import shutil
 import unittest
 
-from arthron import House, call, call_json
+from arthron import SystemTest, call, call_json
 from old_traces import unpack
 
 
-class OldSession(House):
+class OldSession(SystemTest):
     def setUp(self):
         super().setUp()
         whole, self.case = unpack(self.folder)
@@ -34,7 +34,7 @@ start = auto
         session = self.session("demo")
         self.assertEqual((session["id"], session["trace"], session["state"]),
                          (before["session"], self.trace, "running"))
-        self.steer("stop", "demo")
+        self.session_command("stop", "demo")
         server.end()
         after = call_json("arthron-trace", "info", self.trace)
         self.assertEqual((after["version"], after["resumes"], after["state"]), (4, 1, "closed"))
@@ -66,7 +66,7 @@ start = auto
         copy = ("session", "--socket", self.socket, "copy", "demo", "--from", old, "--at")
         self.assertIn("its session ends after 13.", call("arthron-server", *copy, "1000", code=1).stderr)
         call("arthron-server", *copy, "10")
-        self.steer("stop", "demo")
+        self.session_command("stop", "demo")
         session = self.session("demo")
         server.end()
         info = call_json("arthron-trace", "info", session["trace"])

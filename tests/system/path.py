@@ -8,10 +8,10 @@ import socket
 import time
 import unittest
 
-from arthron import House, call, call_json, free_port, program, wait_until
+from arthron import SystemTest, call, call_json, free_port, program, wait_until
 
 
-class Path(House):
+class Path(SystemTest):
     def test_poses_are_warped_recorded_and_replayed_to_the_bit(self):
         self.start_mockup()
         server = self.start_server()
@@ -72,7 +72,7 @@ class Path(House):
         os.rmdir(self.traces)
         station = self.start_station("room-1", "--live")
         wait_until("told", lambda: "no session: " in station.out())
-        self.assertIn(self.traces, self.steer("start", "room-1", code=1)["text"])
+        self.assertIn(self.traces, self.session_command("start", "room-1", code=1)["text"])
         os.mkdir(self.traces)
         wait_until("running", lambda: self.session()["state"] == "running")
         self.wait_for_steps()
@@ -104,7 +104,7 @@ class Path(House):
         self.wait_for_steps()
         self.assertEqual(station.end(), 0)
 
-    def test_sessions_are_steered_over_the_local_socket(self):
+    def test_sessions_are_commanded_over_the_local_socket(self):
         self.start_mockup()
         self.start_server("[station room-1]\ncase = arthrosis\nstart = command")
         self.enrol("room-1")
@@ -112,21 +112,21 @@ class Path(House):
         wait_until("a session that waits", lambda: self.session()["state"] == "waiting")
         for command, state in (("start", "running"), ("pause", "paused"), ("start", "running"),
                                ("reset", "running"), ("stop", "closed")):
-            self.assertTrue(self.steer(command, "room-1")["ok"])
+            self.assertTrue(self.session_command(command, "room-1")["ok"])
             self.assertEqual(self.session()["state"], state)
         ended = self.session()["trace"]
         wait_until("whole trace", lambda: call("arthron-trace", "verify", ended, code=None).returncode == 0)
-        self.assertTrue(self.steer("start", "room-1")["ok"])
+        self.assertTrue(self.session_command("start", "room-1")["ok"])
         self.assertNotEqual(self.session()["trace"], ended)
         self.wait_for_steps()
         self.assertEqual(self.session()["frames_lost"], 0)
-        self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
+        self.assertTrue(self.session_command("case", "room-1", "healthy")["ok"])
         self.assertEqual(self.session()["case"], "healthy")
-        self.assertIn("no case", self.steer("case", "room-1", "nowhere", code=1)["text"])
-        self.assertIn("no station", self.steer("start", "nobody", code=1)["text"])
+        self.assertIn("no case", self.session_command("case", "room-1", "nowhere", code=1)["text"])
+        self.assertIn("no station", self.session_command("start", "nobody", code=1)["text"])
 
 
-class Strangers(House):
+class Strangers(SystemTest):
     def test_foreign_datagrams_get_silence_and_poses_go_on(self):
         self.start_mockup()
         self.start_server()
@@ -140,7 +140,7 @@ class Strangers(House):
             with self.assertRaises(socket.timeout):
                 s.recv(2000)
         self.wait_for_steps()
-        self.assertEqual(self.steer("list")["refused"]["strangers"], 7)
+        self.assertEqual(self.session_command("list")["refused"]["strangers"], 7)
 
     def test_a_revoked_station_is_refused(self):
         self.start_mockup()
@@ -190,8 +190,8 @@ class Strangers(House):
         station = self.start_station("room-1", "--seconds", "2", "--live")
         station.process.wait(timeout=30)
         self.assertIn("case bad is unfit: femur: faces too much", station.out() + station.log())
-        self.assertIn("case bad is unfit", self.steer("case", "room-1", "bad", code=1)["text"])
-        self.assertTrue(self.steer("case", "room-1", "healthy")["ok"])
+        self.assertIn("case bad is unfit", self.session_command("case", "room-1", "bad", code=1)["text"])
+        self.assertTrue(self.session_command("case", "room-1", "healthy")["ok"])
         self.assertEqual(self.session()["case_grade"], "not checked")
         server.end()
         server = self.start_server("[warp]\nfield = smooth\n" + stations.format("bad"), "unfit = serve")
@@ -226,7 +226,7 @@ class Strangers(House):
         self.assertFalse(os.path.exists(self.path("k2/station.pem")))
 
 
-class Devices(House):
+class Devices(SystemTest):
     def validity(self, column):
         trace = self.session()["trace"]
         rows = call("arthron-trace", "export", trace, "--csv", "-", code=None).stdout.splitlines() if trace else []
@@ -268,7 +268,7 @@ class Devices(House):
         self.assertEqual(joint[-30], "ok")
 
 
-class Configs(House):
+class Configs(SystemTest):
     def refused(self, path, *texts):
         done = call("arthron-server", "run", "--config", path, code=None)
         self.assertIn(done.returncode, (1, 2))

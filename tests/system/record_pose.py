@@ -6,7 +6,7 @@ import re
 import shutil
 import unittest
 
-from arthron import House, call, call_json, free_port, program, wait_until
+from arthron import SystemTest, call, call_json, free_port, program, wait_until
 
 COLUMNS = ["flexion_deg", "varus_deg", "internal_deg", "shift_mm", "drawer_mm", "distraction_mm"]
 RESOLUTION = 0.01  # of the encoders' registers
@@ -25,7 +25,7 @@ def text(rows):
     return "t_seconds," + ",".join(COLUMNS) + "\n" + "".join(",".join(f"{v:.4f}" for v in r) + "\n" for r in rows)
 
 
-class RecordPose(House):
+class RecordPose(SystemTest):
     def setUp(self):
         super().setUp()
         self.modbus, self.tracker = f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}"
@@ -47,7 +47,7 @@ class RecordPose(House):
         wait_until("the mock-up's ports", lambda: self.mockup.out().count("\n") >= 2)
 
     def joint(self):
-        return self.steer("show", "room-1").get("joint")
+        return self.session_command("show", "room-1").get("joint")
 
     def hold(self, **joint):
         self.play(held(**joint))
@@ -108,8 +108,8 @@ class RecordPose(House):
         self.mockup.end()
         wait_until("the loss", lambda: self.joint()["validity"] == "lost")
         self.assertIn("the joint is lost", self.record("rest", code=1))
-        self.steer("stop", "room-1")
-        self.assertNotIn("joint", self.steer("show", "room-1"))
+        self.session_command("stop", "room-1")
+        self.assertNotIn("joint", self.session_command("show", "room-1"))
         self.assertIn("room-1 has no session", self.record("rest", code=1))
         self.assertEqual(self.info()["hash"], before)
         self.assertFalse(os.path.exists(os.path.join(self.case, "recorded.json")))

@@ -7,12 +7,12 @@ import signal
 import sqlite3
 import unittest
 
-from arthron import House, call, call_json, wait_until
+from arthron import SystemTest, call, call_json, wait_until
 
 STATION = "[station room-1]\ncase = arthrosis\ntrainee = ada-lovelace"
 
 
-class Records(House):
+class Records(SystemTest):
     def setUp(self):
         super().setUp()
         self.db = self.path("records.db")
@@ -77,7 +77,7 @@ class Records(House):
         opened = self.in_state("open")[0]
         self.assertEqual(opened["id"], self.session()["id"])
 
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         closed = self.in_state("closed")[0]
         self.assertEqual(set(closed), set(opened))
         self.assertEqual(closed["id"], opened["id"])
@@ -86,13 +86,13 @@ class Records(House):
 
         # A backup and a restore while a session runs: it goes on, and is in the restored records.
         # What began or ended since the backup comes back.
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.in_state("open")
         self.wait_for_steps(20)
         call("arthron-server", "backup", "--file", self.db, "--out", self.path("backup.db"))
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         self.in_state("closed", 2)
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_steps(20)
         going_on = self.session()["id"]
         self.records("add", "course", "after the backup")
@@ -104,12 +104,12 @@ class Records(House):
         self.assertEqual(self.in_state("open")[0]["id"], going_on)
         aside = restored.stdout.split(": ", 1)[1].strip()
         self.assertIn("after the backup", call("arthron-server", "records", "--file", aside, "list", "courses").stdout)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         for row in self.in_state("closed", 3):
             self.assert_is_of_trace(row)
 
         # Killed, and for longer than a session waits: the next server takes it from its trace.
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.in_state("open")
         self.wait_for_steps(20)
         server.end(signal.SIGKILL)
@@ -132,24 +132,24 @@ class Records(House):
             f.write("this is no database" * 100)
         server = self.start_room()
         server.wait_for_log("restore BACKUP --file " + self.db)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         os.unlink(self.db)
         server.wait_for_log("accept sessions again")
         self.assert_is_of_trace(self.in_state("closed")[0])
 
         lock = sqlite3.connect(self.db, isolation_level=None)
         lock.execute("BEGIN IMMEDIATE")
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         server.wait_for_log("has locked the records")
         self.wait_for_steps(20)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         self.assertEqual(len(self.rows("sessions")), 1)
         lock.execute("ROLLBACK")
         lock.close()
         self.in_state("closed", 2)
 
         # Who goes for good leaves a session that says so.
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.in_state("open")
         self.station.end()
         self.assert_is_of_trace(self.in_state("deserted")[0])
@@ -166,13 +166,13 @@ class Records(House):
 
     def test_a_changed_case_and_a_refused_undo_are_in_the_audit_log_and_other_refused_commands_are_not(self):
         self.start_room()
-        self.steer("case", "room-1", "healthy")
+        self.session_command("case", "room-1", "healthy")
         session = self.session()["id"]
-        self.steer("pause", "room-1")
-        self.steer("case", "room-1", "none", code=1)
-        self.steer("undo", "room-1", code=1)  # nothing was cut
-        self.steer("stop", "room-1")
-        self.steer("pause", "room-1", code=1)
+        self.session_command("pause", "room-1")
+        self.session_command("case", "room-1", "none", code=1)
+        self.session_command("undo", "room-1", code=1)  # nothing was cut
+        self.session_command("stop", "room-1")
+        self.session_command("pause", "room-1", code=1)
         self.in_state("closed", 2)
         said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-4:])
         of_it = f"session {session}"
@@ -183,9 +183,9 @@ class Records(House):
     def test_a_copied_session_has_a_row_of_its_own(self):
         self.start_room()
         first = self.session()["id"]
-        self.steer("copy", "room-1", "--from", first)
+        self.session_command("copy", "room-1", "--from", first)
         second = self.session()["id"]
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         self.in_state("closed", 2)
         self.assertEqual([row["id"] for row in self.rows("sessions")], [first, second])
         said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-3:])

@@ -4,10 +4,10 @@
 import signal
 import unittest
 
-from arthron import House, call, call_json, wait_until
+from arthron import SystemTest, call, call_json, wait_until
 
 
-class Remarks(House):
+class Remarks(SystemTest):
     def setUp(self):
         super().setUp()
         self.start_mockup()
@@ -22,14 +22,14 @@ class Remarks(House):
 
     def test_notes_are_in_the_trace_and_outlive_the_server(self):
         trace = self.session()["trace"]
-        self.steer("note", "room-1", "Lift the hand – slowly")
+        self.session_command("note", "room-1", "Lift the hand – slowly")
         self.wait_for_steps()
         self.server.end(signal.SIGKILL)
         self.server = self.start_server("[station room-1]\ncase = arthrosis\ntrainee = anna\n")
         wait_until("the station", lambda: self.session()["connected"], 30)
-        self.steer("note", "room-1", "Better")
+        self.session_command("note", "room-1", "Better")
         self.wait_for_steps()
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         self.server.end()
         remarks = self.info(trace)["remarks"]
         self.assertEqual([(r["number"], r["text"]) for r in remarks], [(1, "Lift the hand – slowly"), (2, "Better")])
@@ -42,24 +42,24 @@ class Remarks(House):
         call("arthron-trace", "verify", trace)
 
     def test_a_note_says_something_and_needs_a_session(self):
-        self.assertIn("one line", self.steer("note", "room-1", "", code=1)["text"])
-        self.assertIn("one line", self.steer("note", "room-1", "two\nlines", code=1)["text"])
+        self.assertIn("one line", self.session_command("note", "room-1", "", code=1)["text"])
+        self.assertIn("one line", self.session_command("note", "room-1", "two\nlines", code=1)["text"])
         call("arthron-server", "session", "--socket", self.socket, "note", "room-1", "x" * 300, code=2)
-        self.steer("stop", "room-1")
-        self.assertIn("no session", self.steer("note", "room-1", "too late", code=1)["text"])
+        self.session_command("stop", "room-1")
+        self.assertIn("no session", self.session_command("note", "room-1", "too late", code=1)["text"])
 
     def test_strength_and_trainee_are_of_the_sessions_to_come(self):
         first = self.session()["trace"]
-        assigned = self.steer("assign", "room-1", "bert")["sessions"][0]
+        assigned = self.session_command("assign", "room-1", "bert")["sessions"][0]
         self.assertEqual((assigned["trainee"], assigned["next_trainee"]), ("anna", "bert"))
         said = call("arthron-server", "session", "--socket", self.socket, "list").stdout
         self.assertIn("room-1: bert from the next session on", said)
-        self.steer("case", "room-1", "healthy", "--strength", "0.25")
+        self.session_command("case", "room-1", "healthy", "--strength", "0.25")
         second = self.session()["trace"]
         self.assertEqual(self.session()["trainee"], "bert")
         self.wait_for_steps()
-        self.steer("assign", "room-1", "")
-        self.steer("case", "room-1", "arthrosis")
+        self.session_command("assign", "room-1", "")
+        self.session_command("case", "room-1", "arthrosis")
         third = self.session()["trace"]
         self.wait_for_steps()
         call("arthron-server", "session", "--socket", self.socket, "case", "room-1", "healthy", "--strength", "2", code=2)

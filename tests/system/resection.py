@@ -23,7 +23,7 @@ class Resection(Bites):
         self.assertEqual(self.resection("meniscus_lateral")["cuts"], 0)
         trace = self.session()["trace"]
         self.assert_same_mesh(station)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         metrics = self.metrics()
         self.assertGreater(metrics["path_seen", "punch", 1][0], 10)
         self.assertEqual(metrics["cuts", "meniscus_medial", 1][0], r["cuts"])
@@ -47,11 +47,11 @@ class Resection(Bites):
 
     def test_a_reset_makes_the_mesh_whole_at_both_ends(self):
         station = self.start_station()
-        wait_until("a session", lambda: self.steer("show", "room-1", code=None)["resections"])
+        wait_until("a session", lambda: self.session_command("show", "room-1", code=None)["resections"])
         before = wait_until("its mesh", self.whole)
         self.wait_for_cuts(1)
-        self.steer("reset", "room-1")
-        self.steer("pause", "room-1")
+        self.session_command("reset", "room-1")
+        self.session_command("pause", "room-1")
         wait_until("the whole mesh", lambda: self.resection()["cuts"] == 0)
         after = self.resection()
         self.assertEqual(after["mesh_hash"], before["mesh_hash"])

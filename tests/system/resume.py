@@ -16,7 +16,7 @@ STATE = ("mesh_number", "mesh_hash", "cuts", "removed_mm3", "pieces_mm3", "volum
 
 class Resume(Bites):
     def cuts(self):
-        return self.steer("show", "room-1", code=None)["resections"][0]["cuts"]
+        return self.session_command("show", "room-1", code=None)["resections"][0]["cuts"]
 
     def kill(self):
         self.server.end(signal.SIGKILL)
@@ -41,7 +41,7 @@ class Resume(Bites):
         self.assertEqual({key: after[key] for key in STATE}, {key: before[key] for key in STATE})
         self.assertEqual((again["id"], again["trace"], again["state"]), (session["id"], session["trace"], "paused"))
         wait_until("the station", lambda: self.session()["connected"], 30)
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_steps()
         wait_until("another cut", lambda: self.cuts() > before["cuts"], 60)
         self.pause()
@@ -78,20 +78,20 @@ class Resume(Bites):
         after, again = self.resection(), self.session()
         self.assertEqual({key: after[key] for key in STATE}, {key: before[key] for key in STATE})
         self.assertEqual((again["id"], again["trace"], again["state"]), (session["id"], session["trace"], "paused"))
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         self.server.end()
         self.assertEqual(self.verify(session["trace"])["signature"], "good")
 
     def test_killed_amid_cuts_again_and_again_it_goes_on(self):
         self.start_station()
-        wait_until("a cut", lambda: self.steer("show", "room-1", code=None)["resections"] and self.cuts() >= 1, 60)
+        wait_until("a cut", lambda: self.session_command("show", "room-1", code=None)["resections"] and self.cuts() >= 1, 60)
         session = self.session()
         for times in range(1, 4):
             self.kill()
             self.restart()
             self.assertEqual(self.session()["id"], session["id"])
             self.wait_for_steps(100)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         metrics = self.metrics()
         self.assertGreater(metrics["present", "punch", 1][0], 1)
         self.server.end()
@@ -162,9 +162,9 @@ class Resume(Bites):
         with open(first["trace"], "rb") as f:
             open_trace = f.read()
         self.server.process.send_signal(signal.SIGCONT)
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         wait_until("its end", lambda: call_json("arthron-trace", "info", first["trace"])["whole"])
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_steps()
         second = self.session()
         self.kill()

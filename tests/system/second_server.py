@@ -5,12 +5,12 @@ import os
 import signal
 import unittest
 
-from arthron import House, call_json, free_port, wait_until
+from arthron import SystemTest, call_json, free_port, wait_until
 
 STATION = "[station room-1]\ncase = arthrosis"
 
 
-class SecondServer(House):
+class SecondServer(SystemTest):
     def start_room(self):
         self.server = self.start_server(STATION, "records = records.db")
         self.start_mockup()

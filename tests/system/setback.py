@@ -23,13 +23,13 @@ class SetBack(Bites):
         return whole and self.figures(whole)
 
     def refused(self, *words):
-        reply = self.steer(*words, code=1)
+        reply = self.session_command(*words, code=1)
         self.assertFalse(reply["ok"])
         return reply["text"]
 
     def undo(self):
         """A cut that is on its way when the session is paused lands before: from the second on all is known."""
-        reply = self.steer("undo", "room-1")
+        reply = self.session_command("undo", "room-1")
         self.assertTrue(reply["ok"])
         self.assertGreater(reply["undone"]["cuts"], 0)
         return reply["undone"]
@@ -47,16 +47,16 @@ class SetBack(Bites):
 
     def cut_one_more(self):
         cuts = self.resection()["cuts"]
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_cuts(cuts + 1)
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
 
     def test_a_session_goes_back_stroke_by_stroke_and_on_again(self):
         station = self.start_station()
-        wait_until("a session", lambda: self.steer("show", "room-1", code=None)["resections"])
+        wait_until("a session", lambda: self.session_command("show", "room-1", code=None)["resections"])
         whole = wait_until("its mesh", self.whole_figures)
         self.wait_for_cuts(7)
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
         self.undo()
         strokes = 1 + self.undo_all()
         self.assertGreater(strokes, 1)
@@ -82,7 +82,7 @@ class SetBack(Bites):
     def test_a_killed_server_knows_what_was_undone(self):
         self.start_station()
         self.wait_for_cuts(2)
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
         self.undo()
         before, session = self.figures(), self.session()
         wait_until("the trace on disk", lambda: self.undone_in(session["trace"]))
@@ -111,24 +111,24 @@ class SetBack(Bites):
     def test_a_session_is_copied_from_another_ones_trace(self):
         self.start_station()
         self.wait_for_cuts(7)
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
         self.undo()
         then, first = self.figures(), self.session()
         at_s = self.a_time_from_now_on(first["trace"])
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_cuts(then["cuts"] + 2)
-        self.steer("stop", "room-1")
-        self.steer("copy", "room-1", "--from", first["id"], "--at", str(at_s))
+        self.session_command("stop", "room-1")
+        self.session_command("copy", "room-1", "--from", first["id"], "--at", str(at_s))
         second = self.session()
         self.assertNotEqual(second["id"], first["id"])
         self.assertEqual(second["state"], "paused")
         wait_until("the same tissue", lambda: self.figures() == then)
-        self.steer("start", "room-1")
+        self.session_command("start", "room-1")
         self.wait_for_cuts(then["cuts"] + 1)
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
         self.undo()
         on = self.figures()
-        self.steer("copy", "room-1", "--from", second["trace"])
+        self.session_command("copy", "room-1", "--from", second["trace"])
         third = self.session()
         wait_until("the same tissue", lambda: self.figures() == on)
         wait_until("the end of the one before", lambda: call_json("arthron-trace", "info", second["trace"])["whole"])

@@ -9,12 +9,12 @@ import threading
 import time
 import unittest
 
-from arthron import House, call, free_port, program
+from arthron import SystemTest, call, free_port, program
 
 DAY_S = 86400
 
 
-class Station(House):
+class Station(SystemTest):
     def setUp(self):
         super().setUp()
         self.start_mockup()

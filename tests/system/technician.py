@@ -9,7 +9,7 @@ import subprocess
 import time
 import unittest
 
-from arthron import House, call, call_json, free_port, program, wait_until
+from arthron import SystemTest, call, call_json, free_port, program, wait_until
 
 TIP = (3.0, -4.0, 120.0)  # of the probe in its tool's frame
 T_TRACKER_MOCKUP = "200 -100 900 0.5 0.5 0.5 0.5"
@@ -51,7 +51,7 @@ def swinging(tilt=0.5):
     return motion(rows)
 
 
-class Technician(House):
+class Technician(SystemTest):
     def setUp(self):
         super().setUp()
         self.modbus_port, self.tracker_port = free_port(), free_port()
@@ -317,7 +317,7 @@ class Technician(House):
         wait_until("touches", lambda: self.session()["touches"] >= 3, 60)
         drift_mm = self.session()["drift_mm"]
         station.end()
-        self.steer("stop", "room-1")
+        self.session_command("stop", "room-1")
         return drift_mm
 
     def test_a_tracker_that_was_moved_shows_in_the_drift_of_touches(self):

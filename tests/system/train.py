@@ -5,10 +5,10 @@ import shutil
 import subprocess
 import unittest
 
-from arthron import SOURCE, House, Process, call, program, wait_until
+from arthron import SOURCE, SystemTest, Process, call, program, wait_until
 
 
-class Train(House):
+class Train(SystemTest):
     def setUp(self):
         super().setUp()
         self.start_mockup()

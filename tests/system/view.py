@@ -6,14 +6,14 @@ import stat
 import time
 import unittest
 
-from arthron import PATIENCE_S, House, call, call_json, free_port, wait_until
+from arthron import PATIENCE_S, SystemTest, call, call_json, free_port, wait_until
 from websocket import POSE, Viewer
 
 PROBE = 4
 COLUMNS = dict(zip(POSE, ("qw", "qx", "qy", "qz", "tx_mm", "ty_mm", "tz_mm")))
 
 
-class View(House):
+class View(SystemTest):
     def setUp(self):
         super().setUp()
         self.view_port = free_port()
@@ -168,7 +168,7 @@ class View(House):
         self.start_all()
         viewer = self.look()
         self.probe_when(viewer, "an answer", lambda p: p["warp_validity"] == "ok")
-        self.steer("pause", "room-1")
+        self.session_command("pause", "room-1")
         wait_until("told", lambda: viewer.next()["state"] == "paused")
         begin = time.monotonic()
         while time.monotonic() < begin + 1:  # longer than an answer from before the pause is held

@@ -5,7 +5,7 @@ import os
 import subprocess
 import unittest
 
-from arthron import House, call, call_json, wait_until
+from arthron import SystemTest, call, call_json, wait_until
 from bites import BITES
 
 ROOMS = {"room-1": "healthy", "room-2": "arthrosis", "room-3": "healthy", "room-4": "arthrosis"}
@@ -15,7 +15,7 @@ UNOPTIMIZED = os.environ["ARTHRON_UNOPTIMIZED"]
 ANOTHER_CPU = "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX2,-FMA,-FMA4"
 
 
-class Workers(House):
+class Workers(SystemTest):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
@@ -49,7 +49,7 @@ file = {self.shared.name}/{room}.csv
         return self.start(f"{room}-{workers}", "arthron-station", "run", "--config", config)
 
     def cuts(self, room):
-        return sum(r["cuts"] for r in self.steer("show", room, code=None)["resections"])
+        return sum(r["cuts"] for r in self.session_command("show", room, code=None)["resections"])
 
     def record(self, workers):
         """The traces of sessions side by side, and how often each was cut."""
@@ -57,7 +57,7 @@ file = {self.shared.name}/{room}.csv
         for room in ROOMS:
             wait_until(f"cuts in {room}", lambda: self.cuts(room) >= CUTS, 60)
         for room in ROOMS:
-            self.steer("stop", room)
+            self.session_command("stop", room)
         sessions = {room: (self.session(room)["trace"], self.cuts(room)) for room in ROOMS}
         for station in stations:
             station.end()

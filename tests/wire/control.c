@@ -5,7 +5,7 @@
 #include "net/registrar.h"
 #include "test.h"
 #include "wire/browser.h"
-#include "wire/doorman.h"
+#include "wire/test_server.h"
 #include "wire/websocket.h"
 
 #include <openssl/evp.h>
@@ -15,15 +15,15 @@
 #include <string.h>
 #include <unistd.h>
 
-static struct doorman doorman;
+static struct test_server test_server;
 static char anna[128];
 static int keys_lock = -1; // of hold_the_keys
 
-static int open_house(void **state) {
+static int set_up(void **state) {
     (void)state;
-    doorman = (struct doorman){.hello_timeout_ns = 300 * NS_PER_MS};
-    doorman_open(&doorman);
-    doorman_enrol(&doorman, "anna", anna);
+    test_server = (struct test_server){.hello_timeout_ns = 300 * NS_PER_MS};
+    test_server_open(&test_server);
+    test_server_enrol(&test_server, "anna", anna);
     return 0;
 }
 
@@ -33,10 +33,10 @@ static void let_go_of_the_keys(void) {
     keys_lock = -1;
 }
 
-static int close_house(void **state) {
+static int tear_down(void **state) {
     (void)state;
     let_go_of_the_keys(); // where the test failed before it could
-    doorman_close(&doorman);
+    test_server_close(&test_server);
     return 0;
 }
 
@@ -73,7 +73,7 @@ static bool hear_kind(struct websocket *socket, int kind, arthron_Control *out_m
 }
 
 static struct websocket *call_as(const char *keys_dir) {
-    struct websocket *socket = websocket_open(doorman.port, keys_dir, WIRE_SUBPROTOCOL);
+    struct websocket *socket = websocket_open(test_server.port, keys_dir, WIRE_SUBPROTOCOL);
     assert_non_null(socket);
     return socket;
 }
@@ -123,10 +123,10 @@ static void a_hello_is_welcomed_with_what_both_sides_can_do(void **state) {
     assert_int_equal(welcome->version, WIRE_VERSION_MAX);
     assert_int_equal(welcome->capabilities_count, 1);
     assert_string_equal(welcome->capabilities[0], "datagrams");
-    assert_string_equal(welcome->software, "doorman");
+    assert_string_equal(welcome->software, "test_server");
     assert_string_equal(welcome->case_name, "healthy");
     websocket_close(socket);
-    assert_true(wait_for(&doorman.gone, 1));
+    assert_true(wait_for(&test_server.gone, 1));
 }
 
 static void a_hello_in_three_fragments_is_one_message(void **state) {
@@ -157,7 +157,7 @@ static void a_version_that_is_not_ours_is_refused(void **state) {
         tell(socket, &message);
         expect_refusal(socket, arthron_Refusal_Reason_VERSION);
     }
-    assert_int_equal(atomic_load(&doorman.hellos), 0);
+    assert_int_equal(atomic_load(&test_server.hellos), 0);
 }
 
 static void a_name_that_is_not_the_certificates_is_refused(void **state) {
@@ -170,23 +170,23 @@ static void a_name_that_is_not_the_certificates_is_refused(void **state) {
         tell(socket, &message);
         expect_refusal(socket, arthron_Refusal_Reason_IDENTITY);
     }
-    assert_int_equal(atomic_load(&doorman.hellos), 0);
+    assert_int_equal(atomic_load(&test_server.hellos), 0);
 }
 
 static void what_the_handler_refuses_is_refused_with_its_reason(void **state) {
     (void)state;
-    doorman.refuses = true;
+    test_server.refuses = true;
     struct websocket *socket = call_as(anna);
     arthron_Control message = good_hello();
     tell(socket, &message);
     expect_refusal(socket, arthron_Refusal_Reason_BUSY);
-    assert_int_equal(atomic_load(&doorman.gone), 0);
+    assert_int_equal(atomic_load(&test_server.gone), 0);
 }
 
 static void a_silent_peer_is_refused_in_time(void **state) {
     (void)state;
     expect_refusal(call_as(anna), arthron_Refusal_Reason_MALFORMED);
-    struct websocket *stranger = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    struct websocket *stranger = websocket_open(test_server.port, NULL, WIRE_ENROL_SUBPROTOCOL);
     expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
 }
 
@@ -198,7 +198,7 @@ static void what_becomes_no_websocket_is_hung_up_on(void **state) {
         "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade, HTTP2-Settings\r\n"
         "Upgrade: h2c\r\nHTTP2-Settings: AAMAAABkAARAAAAAAAIAAAAA\r\n\r\n"};
     for (int i = 0; i < 3; i++) {
-        struct browser *browser = browser_open(doorman.port);
+        struct browser *browser = browser_open(test_server.port);
         assert_true(browser_say(browser, requests[i], strlen(requests[i])));
         assert_true(browser_is_ended(browser));
         browser_close(browser);
@@ -211,7 +211,7 @@ static void nothing_is_heard_before_hello(void **state) {
     arthron_Control message = {.which_message = arthron_Control_frame_tag};
     tell(socket, &message);
     expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
-    assert_int_equal(atomic_load(&doorman.frames), 0);
+    assert_int_equal(atomic_load(&test_server.frames), 0);
 }
 
 // ---- certificates -------------------------------------------------------------------------------
@@ -219,33 +219,33 @@ static void nothing_is_heard_before_hello(void **state) {
 static void without_a_certificate_there_is_only_enrolment(void **state) {
     (void)state;
     expect_refusal(call_as(NULL), arthron_Refusal_Reason_IDENTITY);
-    assert_int_equal(control_counts(doorman.control).refused_certificates, 1);
-    struct websocket *stranger = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    assert_int_equal(control_counts(test_server.control).refused_certificates, 1);
+    struct websocket *stranger = websocket_open(test_server.port, NULL, WIRE_ENROL_SUBPROTOCOL);
     arthron_Control message = good_hello();
     tell(stranger, &message);
     expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
-    assert_null(websocket_open(doorman.port, anna, "chat"));
+    assert_null(websocket_open(test_server.port, anna, "chat"));
 }
 
 static void a_certificate_of_another_authority_ends_the_handshake(void **state) {
     (void)state;
-    struct doorman other = {0};
+    struct test_server other = {0};
     char foreign[128];
-    doorman_open(&other);
-    doorman_enrol(&other, "anna", foreign);
-    assert_null(websocket_open(doorman.port, foreign, WIRE_SUBPROTOCOL));
-    assert_int_equal(control_counts(doorman.control).refused_certificates, 1);
-    doorman_close(&other);
+    test_server_open(&other);
+    test_server_enrol(&other, "anna", foreign);
+    assert_null(websocket_open(test_server.port, foreign, WIRE_SUBPROTOCOL));
+    assert_int_equal(control_counts(test_server.control).refused_certificates, 1);
+    test_server_close(&other);
 }
 
-static void revoking_closes_the_connection_and_the_door(void **state) {
+static void revoking_closes_the_connection_and_refuses_the_next(void **state) {
     (void)state;
     struct error err;
     struct websocket *socket = call_and_greet();
-    assert_int_equal(authority_revoke(doorman.keys, "anna", &err), RESULT_OK);
+    assert_int_equal(authority_revoke(test_server.keys, "anna", &err), RESULT_OK);
     expect_pong(socket);
     expect_refusal(socket, arthron_Refusal_Reason_IDENTITY);
-    assert_true(wait_for(&doorman.gone, 1));
+    assert_true(wait_for(&test_server.gone, 1));
     expect_refusal(call_as(anna), arthron_Refusal_Reason_IDENTITY);
 }
 
@@ -253,13 +253,13 @@ static void revoking_closes_the_connection_and_the_door(void **state) {
 
 // As another process would.
 static void hold_the_keys(void) {
-    assert_int_equal(authority_lock(doorman.keys, true, &keys_lock, NULL), RESULT_OK);
+    assert_int_equal(authority_lock(test_server.keys, true, &keys_lock, NULL), RESULT_OK);
 }
 
 static arthron_Control good_enrol(const char *station) {
     arthron_Control message = {.which_message = arthron_Control_enrol_tag};
     arthron_Enrol *enrol = &message.message.enrol;
-    assert_int_equal(authority_issue_code(doorman.keys, station, enrol->code, NULL), RESULT_OK);
+    assert_int_equal(authority_issue_code(test_server.keys, station, enrol->code, NULL), RESULT_OK);
     EVP_PKEY *key = EVP_EC_gen("P-256");
     X509_REQ *request = X509_REQ_new();
     X509_NAME_add_entry_by_txt(X509_REQ_get_subject_name(request), "CN", MBSTRING_UTF8,
@@ -274,7 +274,7 @@ static arthron_Control good_enrol(const char *station) {
 }
 
 static struct websocket *apply(const arthron_Control *enrol) {
-    struct websocket *socket = websocket_open(doorman.port, NULL, WIRE_ENROL_SUBPROTOCOL);
+    struct websocket *socket = websocket_open(test_server.port, NULL, WIRE_ENROL_SUBPROTOCOL);
     assert_non_null(socket);
     tell(socket, enrol);
     return socket;
@@ -316,7 +316,7 @@ static void revoking_works_while_an_enrolment_waits(void **state) {
     (void)state;
     arthron_Control enrol = good_enrol("bert");
     struct websocket *station = call_and_greet();
-    assert_int_equal(authority_revoke(doorman.keys, "anna", NULL), RESULT_OK);
+    assert_int_equal(authority_revoke(test_server.keys, "anna", NULL), RESULT_OK);
     hold_the_keys();
     struct websocket *stranger = apply(&enrol);
     expect_refusal(station, arthron_Refusal_Reason_IDENTITY);
@@ -343,8 +343,8 @@ static void count_news(void *user) {
 static struct tls_files *servers_files(void) {
     char certificate[160], key[160];
     struct tls_files *files;
-    snprintf(certificate, sizeof certificate, "%s/server.pem", doorman.keys);
-    snprintf(key, sizeof key, "%s/server.key", doorman.keys);
+    snprintf(certificate, sizeof certificate, "%s/server.pem", test_server.keys);
+    snprintf(key, sizeof key, "%s/server.key", test_server.keys);
     assert_int_equal(tls_files_create(certificate, key, &files, NULL, NULL), RESULT_OK);
     return files;
 }
@@ -359,7 +359,7 @@ static void no_more_than_ten_wait_to_be_enrolled(void **state) {
     hold_the_keys();
     const struct identity stranger = {.certified = false};
     struct registrar *registrar =
-        registrar_create(doorman.keys, servers_files(), count_news, &news);
+        registrar_create(test_server.keys, servers_files(), count_news, &news);
     for (int i = 0; i < REGISTRAR_APPLICANTS_MAX; i++)
         assert_true(
             registrar_apply(registrar, (struct peer *)&places[i], &stranger, &enrol.message.enrol));
@@ -390,11 +390,11 @@ static void a_server_can_stop_while_an_enrolment_waits(void **state) {
     hold_the_keys();
     struct websocket *stranger = apply(&enrol);
     expect_pong(station);
-    doorman_stop(&doorman);
+    test_server_stop(&test_server);
     websocket_close(stranger);
     websocket_close(station);
     let_go_of_the_keys();
-    doorman_start(&doorman);
+    test_server_start(&test_server);
     expect_enrolled(apply(&enrol));
 }
 
@@ -404,15 +404,15 @@ static void a_stranger_learns_nothing_of_the_servers_files(void **state) {
     for (size_t i = 0; i < sizeof broken / sizeof *broken; i++) {
         arthron_Control enrol = good_enrol("bert"), message;
         char path[128], aside[160];
-        snprintf(path, sizeof path, "%s/%s", doorman.keys, broken[i]);
+        snprintf(path, sizeof path, "%s/%s", test_server.keys, broken[i]);
         snprintf(aside, sizeof aside, "%s.aside", path);
         assert_int_equal(rename(path, aside), 0);
-        assert_int_equal(authority_write(doorman.keys, broken[i], "?", 1, NULL), RESULT_OK);
+        assert_int_equal(authority_write(test_server.keys, broken[i], "?", 1, NULL), RESULT_OK);
         struct websocket *socket = apply(&enrol);
         assert_true(hear(socket, &message));
         assert_int_equal(message.message.refusal.reason, arthron_Refusal_Reason_BUSY);
         assert_true(message.message.refusal.text[0]);
-        assert_null(strstr(message.message.refusal.text, doorman.dir));
+        assert_null(strstr(message.message.refusal.text, test_server.dir));
         websocket_close(socket);
         assert_int_equal(rename(aside, path), 0);
     }
@@ -426,7 +426,7 @@ static void an_unknown_message_is_skipped_and_counted(void **state) {
     struct websocket *socket = call_and_greet();
     assert_true(websocket_send(socket, WEBSOCKET_BINARY, true, field_99, sizeof field_99));
     expect_pong(socket);
-    assert_int_equal(control_counts(doorman.control).unknown_messages, 1);
+    assert_int_equal(control_counts(test_server.control).unknown_messages, 1);
     websocket_close(socket);
 }
 
@@ -451,7 +451,7 @@ static const struct {
 static void a_malformed_message_closes_its_peer_and_no_other(void **state) {
     (void)state;
     char bert[128];
-    doorman_enrol(&doorman, "bert", bert);
+    test_server_enrol(&test_server, "bert", bert);
     struct websocket *other = call_as(bert);
     arthron_Control message = good_hello();
     strcpy(message.message.hello.station, "bert");
@@ -463,7 +463,7 @@ static void a_malformed_message_closes_its_peer_and_no_other(void **state) {
         expect_refusal(socket, arthron_Refusal_Reason_MALFORMED);
         expect_pong(other);
     }
-    assert_int_equal(control_counts(doorman.control).malformed_messages, rows);
+    assert_int_equal(control_counts(test_server.control).malformed_messages, rows);
     websocket_close(other);
 }
 
@@ -492,7 +492,7 @@ static void times_that_no_clock_shows_are_ignored(void **state) {
         tell(socket, &message);
     }
     expect_pong(socket);
-    assert_int_equal(atomic_load(&doorman.clocks), 0);
+    assert_int_equal(atomic_load(&test_server.clocks), 0);
     websocket_close(socket);
 }
 
@@ -506,8 +506,8 @@ static void the_offset_leads_from_the_stations_clock_to_the_servers(void **state
     message.which_message = arthron_Control_pong_tag;
     message.message.pong = (arthron_Pong){sent_ns, station_ns, station_ns};
     tell(socket, &message);
-    assert_true(wait_for(&doorman.clocks, 1));
-    assert_in_range(llabs(doorman.offset_ns + ahead_ns), 0, doorman.uncertainty_ns);
+    assert_true(wait_for(&test_server.clocks, 1));
+    assert_in_range(llabs(test_server.offset_ns + ahead_ns), 0, test_server.uncertainty_ns);
     websocket_close(socket);
 }
 
@@ -524,9 +524,9 @@ static void a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody(void **s
                                        .has_lead = true,
                                        .lead = {.v_count = 3, .slope_count = 9}};
     int sent = 0;
-    while (control_counts(doorman.control).replies_dropped < 100 && sent < 1000000)
-        sent += control_send(doorman.control, doorman.peer, &reply);
-    assert_true(control_counts(doorman.control).replies_dropped >= 100);
+    while (control_counts(test_server.control).replies_dropped < 100 && sent < 1000000)
+        sent += control_send(test_server.control, test_server.peer, &reply);
+    assert_true(control_counts(test_server.control).replies_dropped >= 100);
     for (int i = 0; i < sent; i++) // it was only slow: what was accepted arrives
         assert_true(hear_kind(deaf, arthron_Control_reply_tag, &reply));
     expect_pong(deaf);
@@ -540,7 +540,7 @@ static void stall(void) {
     for (int round = 0; round < 200 && taken; round++) {
         taken = 0;
         for (int i = 0; i < 5000; i++)
-            taken += control_send(doorman.control, doorman.peer, &reply);
+            taken += control_send(test_server.control, test_server.peer, &reply);
         usleep(50000); // what can still go goes
     }
 }
@@ -549,7 +549,7 @@ static bool send_figures(const char *group, uint32_t cuts) {
     arthron_Control message = {.which_message = arthron_Control_resection_tag};
     strcpy(message.message.resection.group, group);
     message.message.resection.cuts = cuts;
-    return control_send(doorman.control, doorman.peer, &message);
+    return control_send(test_server.control, test_server.peer, &message);
 }
 
 // Figures of one group after the other, each newer, until something else comes; the newest of each.
@@ -583,7 +583,7 @@ static void a_peer_that_stalls_gets_the_newest_figures_of_each_group(void **stat
         assert_true(send_figures("medial", cut));
         assert_true(send_figures("lateral", 1000 + cut));
     }
-    assert_true(control_send(doorman.control, doorman.peer, &message));
+    assert_true(control_send(test_server.control, test_server.peer, &message));
     assert_true(send_figures("lateral", 1));
     message = hear_figures(slow, &medial, &lateral);
     assert_int_equal(message.which_message, arthron_Control_session_change_tag);
@@ -601,75 +601,75 @@ static void a_peer_that_stalls_gets_the_newest_figures_of_each_group(void **stat
 static void a_message_for_a_peer_that_is_gone_goes_nowhere(void **state) {
     (void)state;
     websocket_close(call_and_greet());
-    assert_true(wait_for(&doorman.gone, 1));
+    assert_true(wait_for(&test_server.gone, 1));
     arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
-    assert_false(control_send(doorman.control, doorman.peer, &message));
-    struct control_peer first = doorman.peer;
+    assert_false(control_send(test_server.control, test_server.peer, &message));
+    struct control_peer first = test_server.peer;
     struct websocket *socket = call_and_greet();
-    assert_int_equal(doorman.peer.index, first.index);
-    assert_false(control_send(doorman.control, first, &message));
-    assert_true(control_send(doorman.control, doorman.peer, &message));
+    assert_int_equal(test_server.peer.index, first.index);
+    assert_false(control_send(test_server.control, first, &message));
+    assert_true(control_send(test_server.control, test_server.peer, &message));
     websocket_close(socket);
 }
 
 static void a_stopping_server_says_so(void **state) {
     (void)state;
     struct websocket *socket = call_and_greet();
-    doorman_stop(&doorman);
+    test_server_stop(&test_server);
     expect_refusal(socket, arthron_Refusal_Reason_SHUTDOWN);
-    assert_int_equal(atomic_load(&doorman.gone), 1);
+    assert_int_equal(atomic_load(&test_server.gone), 1);
 }
 
 static void a_port_that_is_taken_is_named(void **state) {
     (void)state;
     struct control_handler handler = {0};
     struct control_config config = {.address = "127.0.0.1",
-                                    .port = doorman.port,
-                                    .authority_dir = doorman.keys,
+                                    .port = test_server.port,
+                                    .authority_dir = test_server.keys,
                                     .software = "second",
                                     .hello_timeout_ns = NS_PER_S};
     struct control *second;
     struct error err;
     char port[16];
-    snprintf(port, sizeof port, "%d", doorman.port);
+    snprintf(port, sizeof port, "%d", test_server.port);
     assert_int_equal(control_create(&config, &handler, &second, &err), RESULT_IO);
     assert_non_null(strstr(err.text, port));
-    config.authority_dir = doorman.dir;
+    config.authority_dir = test_server.dir;
     assert_int_equal(control_create(&config, &handler, &second, &err), RESULT_MISSING);
-    assert_non_null(strstr(err.text, doorman.dir));
+    assert_non_null(strstr(err.text, test_server.dir));
 }
 
-#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+#define WITH_SERVER(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        IN_A_HOUSE(a_hello_is_welcomed_with_what_both_sides_can_do),
-        IN_A_HOUSE(a_hello_in_three_fragments_is_one_message),
-        IN_A_HOUSE(a_version_that_is_not_ours_is_refused),
-        IN_A_HOUSE(a_name_that_is_not_the_certificates_is_refused),
-        IN_A_HOUSE(what_the_handler_refuses_is_refused_with_its_reason),
-        IN_A_HOUSE(a_silent_peer_is_refused_in_time),
-        IN_A_HOUSE(what_becomes_no_websocket_is_hung_up_on),
-        IN_A_HOUSE(nothing_is_heard_before_hello),
-        IN_A_HOUSE(without_a_certificate_there_is_only_enrolment),
-        IN_A_HOUSE(a_certificate_of_another_authority_ends_the_handshake),
-        IN_A_HOUSE(revoking_closes_the_connection_and_the_door),
-        IN_A_HOUSE(an_unknown_message_is_skipped_and_counted),
-        IN_A_HOUSE(a_malformed_message_closes_its_peer_and_no_other),
-        IN_A_HOUSE(a_message_that_is_too_long_is_not_collected),
-        IN_A_HOUSE(times_that_no_clock_shows_are_ignored),
-        IN_A_HOUSE(the_offset_leads_from_the_stations_clock_to_the_servers),
-        IN_A_HOUSE(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
-        IN_A_HOUSE(a_peer_that_stalls_gets_the_newest_figures_of_each_group),
-        IN_A_HOUSE(a_message_for_a_peer_that_is_gone_goes_nowhere),
-        IN_A_HOUSE(a_stopping_server_says_so),
-        IN_A_HOUSE(while_another_process_holds_the_keys_frames_are_answered),
-        IN_A_HOUSE(revoking_works_while_an_enrolment_waits),
-        IN_A_HOUSE(who_leaves_while_it_waits_keeps_its_code),
-        IN_A_HOUSE(no_more_than_ten_wait_to_be_enrolled),
-        IN_A_HOUSE(a_server_can_stop_while_an_enrolment_waits),
-        IN_A_HOUSE(a_stranger_learns_nothing_of_the_servers_files),
-        IN_A_HOUSE(a_port_that_is_taken_is_named),
+        WITH_SERVER(a_hello_is_welcomed_with_what_both_sides_can_do),
+        WITH_SERVER(a_hello_in_three_fragments_is_one_message),
+        WITH_SERVER(a_version_that_is_not_ours_is_refused),
+        WITH_SERVER(a_name_that_is_not_the_certificates_is_refused),
+        WITH_SERVER(what_the_handler_refuses_is_refused_with_its_reason),
+        WITH_SERVER(a_silent_peer_is_refused_in_time),
+        WITH_SERVER(what_becomes_no_websocket_is_hung_up_on),
+        WITH_SERVER(nothing_is_heard_before_hello),
+        WITH_SERVER(without_a_certificate_there_is_only_enrolment),
+        WITH_SERVER(a_certificate_of_another_authority_ends_the_handshake),
+        WITH_SERVER(revoking_closes_the_connection_and_refuses_the_next),
+        WITH_SERVER(an_unknown_message_is_skipped_and_counted),
+        WITH_SERVER(a_malformed_message_closes_its_peer_and_no_other),
+        WITH_SERVER(a_message_that_is_too_long_is_not_collected),
+        WITH_SERVER(times_that_no_clock_shows_are_ignored),
+        WITH_SERVER(the_offset_leads_from_the_stations_clock_to_the_servers),
+        WITH_SERVER(a_peer_that_reads_nothing_loses_replies_and_holds_up_nobody),
+        WITH_SERVER(a_peer_that_stalls_gets_the_newest_figures_of_each_group),
+        WITH_SERVER(a_message_for_a_peer_that_is_gone_goes_nowhere),
+        WITH_SERVER(a_stopping_server_says_so),
+        WITH_SERVER(while_another_process_holds_the_keys_frames_are_answered),
+        WITH_SERVER(revoking_works_while_an_enrolment_waits),
+        WITH_SERVER(who_leaves_while_it_waits_keeps_its_code),
+        WITH_SERVER(no_more_than_ten_wait_to_be_enrolled),
+        WITH_SERVER(a_server_can_stop_while_an_enrolment_waits),
+        WITH_SERVER(a_stranger_learns_nothing_of_the_servers_files),
+        WITH_SERVER(a_port_that_is_taken_is_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,7 +4,7 @@
 #include "base/clock.h"
 #include "net/datagram.h"
 #include "test.h"
-#include "wire/doorman.h"
+#include "wire/test_server.h"
 
 #include <netinet/in.h>
 #include <poll.h>
@@ -13,26 +13,26 @@
 #include <string.h>
 #include <unistd.h>
 
-static struct doorman doorman;
+static struct test_server test_server;
 static char anna[128];
 
-static int open_house(void **state) {
+static int set_up(void **state) {
     (void)state;
-    doorman = (struct doorman){0};
-    doorman_open(&doorman);
-    doorman_enrol(&doorman, "anna", anna);
+    test_server = (struct test_server){0};
+    test_server_open(&test_server);
+    test_server_enrol(&test_server, "anna", anna);
     return 0;
 }
 
-static int close_house(void **state) {
+static int tear_down(void **state) {
     (void)state;
-    doorman_close(&doorman);
+    test_server_close(&test_server);
     return 0;
 }
 
 static struct link *link_to(const char *host, const char *keys_dir) {
     struct link_config config = {.host = host,
-                                 .port = doorman.port,
+                                 .port = test_server.port,
                                  .keys_dir = keys_dir,
                                  .station = "anna",
                                  .software = "test",
@@ -94,7 +94,7 @@ static void take_the_rest(struct link *link, struct traffic *t) {
 }
 
 static void wait_until_ready(struct link *link) {
-    assert_true(wait_for(&doorman.clocks, 1));
+    assert_true(wait_for(&test_server.clocks, 1));
     for (int i = 0; i < 5000 && status_of(link).path == LINK_DOWN; i++)
         usleep(2000);
     assert_int_not_equal(status_of(link).path, LINK_DOWN);
@@ -106,11 +106,11 @@ static void a_link_says_who_it_is_and_what_it_has(void **state) {
     (void)state;
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
-    assert_string_equal(doorman.hello.station, "anna");
-    assert_string_equal(doorman.hello.software, "test");
-    assert_int_equal(doorman.hello.devices_count, 1);
-    assert_string_equal(doorman.hello.devices[0].name, "arm");
-    assert_string_equal(doorman.hello.capabilities[0], "datagrams");
+    assert_string_equal(test_server.hello.station, "anna");
+    assert_string_equal(test_server.hello.software, "test");
+    assert_int_equal(test_server.hello.devices_count, 1);
+    assert_string_equal(test_server.hello.devices[0].name, "arm");
+    assert_string_equal(test_server.hello.capabilities[0], "datagrams");
     struct link_status status = status_of(link);
     assert_true(status.welcomed && status.clock_known);
     assert_string_equal(status.session_case, "healthy");
@@ -118,7 +118,7 @@ static void a_link_says_who_it_is_and_what_it_has(void **state) {
     assert_true(status.utc_known && llabs(status.utc_ahead_s) <= 1);
     assert_int_equal(status.connects, 1);
     link_destroy(&link);
-    assert_true(wait_for(&doorman.gone, 1));
+    assert_true(wait_for(&test_server.gone, 1));
 }
 
 static void a_link_tells_of_the_session_when_it_changed(void **state) {
@@ -127,7 +127,7 @@ static void a_link_tells_of_the_session_when_it_changed(void **state) {
                               .patella_count = 1,
                               .patella = {{30, pose_identity()}}};
     knee.joint.T_tibia_joint.translation.z = 17;
-    doorman.knee = &knee;
+    test_server.knee = &knee;
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
     struct link_session session = {0};
@@ -143,34 +143,34 @@ static void a_link_tells_of_the_session_when_it_changed(void **state) {
         usleep(10000);
     assert_false(link_get_session(link, &seen, &session));
     link_destroy(&link);
-    assert_true(wait_for(&doorman.gone, 1));
-    doorman.knee = NULL;
+    assert_true(wait_for(&test_server.gone, 1));
+    test_server.knee = NULL;
 }
 
 static void both_ends_know_the_offset_of_the_clocks(void **state) {
     (void)state;
     struct link *link = link_to("127.0.0.1", anna);
-    assert_true(wait_for(&doorman.clocks, 5));
+    assert_true(wait_for(&test_server.clocks, 5));
     wait_until_ready(link);
     struct link_status status = status_of(link);
-    pthread_mutex_lock(&doorman.lock);
+    pthread_mutex_lock(&test_server.lock);
     // One machine, one clock: the offset is nothing.
-    assert_in_range(llabs(doorman.offset_ns), 0, doorman.uncertainty_ns);
+    assert_in_range(llabs(test_server.offset_ns), 0, test_server.uncertainty_ns);
     assert_in_range(llabs(status.clock_offset_ns), 0, status.clock_uncertainty_ns);
-    assert_true(doorman.uncertainty_ns < NS_PER_S);
-    assert_true(doorman.rtt_ns > 0);
-    pthread_mutex_unlock(&doorman.lock);
+    assert_true(test_server.uncertainty_ns < NS_PER_S);
+    assert_true(test_server.rtt_ns > 0);
+    pthread_mutex_unlock(&test_server.lock);
     link_destroy(&link);
 }
 
 static void no_frame_leaves_before_the_clock_is_known(void **state) {
     (void)state;
-    doorman_stop(&doorman);
+    test_server_stop(&test_server);
     struct link *link = link_to("localhost", anna);
     struct frame frame = {.number = 1};
     assert_false(link_send(link, &frame));
     assert_int_equal(status_of(link).path, LINK_DOWN);
-    doorman_start(&doorman);
+    test_server_start(&test_server);
     wait_until_ready(link);
     assert_true(link_send(link, &frame));
     link_destroy(&link);
@@ -199,17 +199,17 @@ static void a_link_comes_back_when_the_server_does(void **state) {
     traffic = (struct traffic){0};
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
-    uint64_t id = doorman.hello.connection;
-    doorman_stop(&doorman);
+    uint64_t id = test_server.hello.connection;
+    test_server_stop(&test_server);
     for (int i = 0; i < 5000 && status_of(link).path != LINK_DOWN; i++)
         usleep(2000);
     assert_int_equal(status_of(link).path, LINK_DOWN);
     assert_string_equal(status_of(link).refusal, "the server stops");
-    doorman_start(&doorman);
-    assert_true(wait_for(&doorman.hellos, 2));
+    test_server_start(&test_server);
+    assert_true(wait_for(&test_server.hellos, 2));
     exchange_until_path(link, &traffic, LINK_CONTROL);
     assert_int_equal(status_of(link).connects, 2);
-    assert_int_equal(doorman.hello.connection, id);
+    assert_int_equal(test_server.hello.connection, id);
     assert_string_equal(status_of(link).refusal, "");
     exchange(link, &traffic);
     take_the_rest(link, &traffic);
@@ -220,7 +220,7 @@ static void a_link_comes_back_when_the_server_does(void **state) {
 
 static void what_the_server_refuses_is_kept(void **state) {
     (void)state;
-    doorman.refuses = true;
+    test_server.refuses = true;
     struct link *link = link_to("localhost", anna);
     for (int i = 0; i < 5000 && !status_of(link).refusal[0]; i++)
         usleep(2000);
@@ -231,18 +231,18 @@ static void what_the_server_refuses_is_kept(void **state) {
 
 static void a_link_trusts_only_its_authority(void **state) {
     (void)state;
-    struct doorman other = {0};
+    struct test_server other = {0};
     char foreign[128];
-    doorman_open(&other);
-    doorman_enrol(&other, "anna", foreign);
+    test_server_open(&other);
+    test_server_enrol(&other, "anna", foreign);
     struct link *link = link_to("localhost", foreign);
     usleep(500000);
     assert_false(status_of(link).welcomed);
-    assert_int_equal(atomic_load(&doorman.hellos), 0);
+    assert_int_equal(atomic_load(&test_server.hellos), 0);
     // Not even asked for a certificate: the link hung up first.
-    assert_int_equal(control_counts(doorman.control).refused_certificates, 0);
+    assert_int_equal(control_counts(test_server.control).refused_certificates, 0);
     link_destroy(&link);
-    doorman_close(&other);
+    test_server_close(&other);
 }
 
 static void copy_key_file(const char *from_dir, const char *to_dir, const char *name) {
@@ -254,18 +254,18 @@ static void copy_key_file(const char *from_dir, const char *to_dir, const char *
 static void
 a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying(void **state) {
     (void)state;
-    struct doorman other = {0};
+    struct test_server other = {0};
     char foreign[128];
-    doorman_open(&other);
-    doorman_enrol(&other, "anna", foreign);
+    test_server_open(&other);
+    test_server_enrol(&other, "anna", foreign);
     copy_key_file(anna, foreign, "authority.pem");
     struct link *link = link_to("localhost", foreign);
-    for (int i = 0; i < 5000 && control_counts(doorman.control).refused_certificates < 3; i++)
+    for (int i = 0; i < 5000 && control_counts(test_server.control).refused_certificates < 3; i++)
         usleep(2000);
-    assert_true(control_counts(doorman.control).refused_certificates >= 3);
+    assert_true(control_counts(test_server.control).refused_certificates >= 3);
     assert_int_equal(status_of(link).connects, 0);
     link_destroy(&link);
-    doorman_close(&other);
+    test_server_close(&other);
 }
 
 static void a_challenge_is_answered_in_the_control_connection(void **state) {
@@ -274,9 +274,9 @@ static void a_challenge_is_answered_in_the_control_connection(void **state) {
     wait_until_ready(link);
     arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
     message.message.udp_path.challenge = 0x123456789abcdef0;
-    assert_true(control_send(doorman.control, doorman.peer, &message));
-    assert_true(wait_for(&doorman.messages, 1));
-    assert_int_equal(doorman.challenge, 0x123456789abcdef0);
+    assert_true(control_send(test_server.control, test_server.peer, &message));
+    assert_true(wait_for(&test_server.messages, 1));
+    assert_int_equal(test_server.challenge, 0x123456789abcdef0);
     link_destroy(&link);
 }
 
@@ -286,7 +286,7 @@ static void a_missing_key_is_named(void **state) {
     struct error err;
     struct link *link;
     struct link_config config = {.host = "localhost",
-                                 .port = doorman.port,
+                                 .port = test_server.port,
                                  .keys_dir = anna,
                                  .station = "anna",
                                  .software = "test"};
@@ -340,7 +340,7 @@ static void responder_open(struct responder *r) {
     if (datagram_create("127.0.0.1", 0, &r->endpoint, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     datagram_new_epoch(r->endpoint, 77, NULL, clock_now_ns(), &r->keys);
-    doorman.keys_at_hello = &r->keys;
+    test_server.keys_at_hello = &r->keys;
     pthread_create(&r->thread, NULL, respond, r);
 }
 
@@ -390,7 +390,7 @@ static void a_frame_that_left_by_datagram_is_called_sent(void **state) {
     atomic_store(&responder.mute, true); // so that trials go on
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
-    pthread_mutex_lock(&doorman.lock);
+    pthread_mutex_lock(&test_server.lock);
     int64_t until_ns = clock_now_ns() + 10 * NS_PER_S;
     uint64_t seen = 0, full = 0;
     int trials = 0;
@@ -408,7 +408,7 @@ static void a_frame_that_left_by_datagram_is_called_sent(void **state) {
         if (refused[newest])
             break;
     }
-    pthread_mutex_unlock(&doorman.lock);
+    pthread_mutex_unlock(&test_server.lock);
     assert_false(refused[seen]);
     assert_int_equal(trials, 4);
     assert_true(full > 0);
@@ -431,7 +431,7 @@ static void a_new_epoch_loses_no_frame(void **state) {
         pthread_mutex_lock(&responder.lock);
         datagram_new_epoch(responder.endpoint, 77, NULL, clock_now_ns(), &message.message.udp_keys);
         pthread_mutex_unlock(&responder.lock);
-        assert_true(control_send(doorman.control, doorman.peer, &message));
+        assert_true(control_send(test_server.control, test_server.peer, &message));
         for (int i = 0; i < 100; i++)
             exchange(link, &traffic);
         assert_int_equal(status_of(link).path, LINK_DATAGRAM);
@@ -454,7 +454,7 @@ static void where_no_datagram_is_answered_frames_stay_in_the_control_connection(
     assert_int_equal(bind(silent, (struct sockaddr *)&address, size), 0);
     assert_int_equal(getsockname(silent, (struct sockaddr *)&address, &size), 0);
     arthron_UdpKeys keys = {.port = ntohs(address.sin_port), .connection = 5};
-    doorman.keys_at_hello = &keys;
+    test_server.keys_at_hello = &keys;
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
     for (int i = 0; i < 500; i++)
@@ -474,7 +474,7 @@ static void a_closed_port_is_no_worse_than_a_silent_one(void **state) {
     static struct traffic traffic;
     traffic = (struct traffic){0};
     arthron_UdpKeys keys = {.port = 1, .connection = 5};
-    doorman.keys_at_hello = &keys;
+    test_server.keys_at_hello = &keys;
     struct link *link = link_to("localhost", anna);
     wait_until_ready(link);
     for (int i = 0; i < 300; i++)
@@ -485,26 +485,26 @@ static void a_closed_port_is_no_worse_than_a_silent_one(void **state) {
     link_destroy(&link);
 }
 
-#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+#define WITH_SERVER(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        IN_A_HOUSE(a_link_says_who_it_is_and_what_it_has),
-        IN_A_HOUSE(a_link_tells_of_the_session_when_it_changed),
-        IN_A_HOUSE(both_ends_know_the_offset_of_the_clocks),
-        IN_A_HOUSE(no_frame_leaves_before_the_clock_is_known),
-        IN_A_HOUSE(every_frame_is_answered_once_in_the_control_connection),
-        IN_A_HOUSE(a_link_comes_back_when_the_server_does),
-        IN_A_HOUSE(what_the_server_refuses_is_kept),
-        IN_A_HOUSE(a_link_trusts_only_its_authority),
-        IN_A_HOUSE(a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying),
-        IN_A_HOUSE(a_challenge_is_answered_in_the_control_connection),
-        IN_A_HOUSE(a_missing_key_is_named),
-        IN_A_HOUSE(datagrams_are_taken_left_and_taken_again_as_they_pass),
-        IN_A_HOUSE(a_frame_that_left_by_datagram_is_called_sent),
-        IN_A_HOUSE(a_new_epoch_loses_no_frame),
-        IN_A_HOUSE(where_no_datagram_is_answered_frames_stay_in_the_control_connection),
-        IN_A_HOUSE(a_closed_port_is_no_worse_than_a_silent_one),
+        WITH_SERVER(a_link_says_who_it_is_and_what_it_has),
+        WITH_SERVER(a_link_tells_of_the_session_when_it_changed),
+        WITH_SERVER(both_ends_know_the_offset_of_the_clocks),
+        WITH_SERVER(no_frame_leaves_before_the_clock_is_known),
+        WITH_SERVER(every_frame_is_answered_once_in_the_control_connection),
+        WITH_SERVER(a_link_comes_back_when_the_server_does),
+        WITH_SERVER(what_the_server_refuses_is_kept),
+        WITH_SERVER(a_link_trusts_only_its_authority),
+        WITH_SERVER(a_certificate_of_another_authority_is_refused_and_the_link_goes_on_trying),
+        WITH_SERVER(a_challenge_is_answered_in_the_control_connection),
+        WITH_SERVER(a_missing_key_is_named),
+        WITH_SERVER(datagrams_are_taken_left_and_taken_again_as_they_pass),
+        WITH_SERVER(a_frame_that_left_by_datagram_is_called_sent),
+        WITH_SERVER(a_new_epoch_loses_no_frame),
+        WITH_SERVER(where_no_datagram_is_answered_frames_stay_in_the_control_connection),
+        WITH_SERVER(a_closed_port_is_no_worse_than_a_silent_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

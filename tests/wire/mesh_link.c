@@ -4,14 +4,14 @@
 #include "link/link.h"
 #include "net/mesh_feed.h"
 #include "test.h"
-#include "wire/doorman.h"
 #include "wire/mesh_model.h"
+#include "wire/test_server.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-static struct doorman doorman;
+static struct test_server test_server;
 static char anna[128];
 
 // The mesh of a session, and what its one station has of it, as a cut worker would keep it.
@@ -32,11 +32,12 @@ static void send_next(struct control_peer peer) {
     if (!payload)
         return;
     stage.base = payload->base;
-    assert_true(control_send_mesh(doorman.control, peer, payload));
+    assert_true(control_send_mesh(test_server.control, peer, payload));
     mesh_payload_release(&payload);
 }
 
-static void on_mesh(struct doorman *d, struct control_peer peer, const arthron_Control *message) {
+static void on_mesh(struct test_server *d, struct control_peer peer,
+                    const arthron_Control *message) {
     (void)d;
     pthread_mutex_lock(&stage.lock);
     if (message->which_message == arthron_Control_mesh_ask_tag) {
@@ -70,31 +71,31 @@ static void push(void) {
 static void push_and_send(void) {
     pthread_mutex_lock(&stage.lock);
     push();
-    send_next(doorman.peer);
+    send_next(test_server.peer);
     pthread_mutex_unlock(&stage.lock);
 }
 
-static int open_house(void **state) {
+static int set_up(void **state) {
     (void)state;
-    doorman = (struct doorman){.on_mesh = on_mesh};
+    test_server = (struct test_server){.on_mesh = on_mesh};
     atomic_store(&stage.asks, 0);
     atomic_store(&stage.acks, 0);
     open_session(1);
-    doorman_open(&doorman);
-    doorman_enrol(&doorman, "anna", anna);
+    test_server_open(&test_server);
+    test_server_enrol(&test_server, "anna", anna);
     return 0;
 }
 
-static int close_house(void **state) {
+static int tear_down(void **state) {
     (void)state;
-    doorman_close(&doorman);
+    test_server_close(&test_server);
     mesh_feed_destroy(&stage.feed);
     return 0;
 }
 
 static struct link *new_link(bool meshes) {
     struct link_config config = {.host = "localhost",
-                                 .port = doorman.port,
+                                 .port = test_server.port,
                                  .keys_dir = anna,
                                  .station = "anna",
                                  .software = "test",
@@ -137,7 +138,7 @@ static void a_link_follows_a_mesh(void **state) {
     (void)state;
     struct link *link = new_link(true);
     expect_the_servers_mesh(link);
-    assert_string_equal(doorman.hello.capabilities[0], "meshes");
+    assert_string_equal(test_server.hello.capabilities[0], "meshes");
     for (int i = 0; i < 100; i++) {
         push_and_send();
         if (i % 10 == 0)
@@ -155,11 +156,11 @@ static void a_link_that_comes_back_goes_on_where_it_was(void **state) {
     expect_the_servers_mesh(link);
     push_and_send();
     expect_the_servers_mesh(link);
-    doorman_stop(&doorman);
+    test_server_stop(&test_server);
     stage.cursor = (struct mesh_cursor){0};
     for (int i = 0; i < 3; i++)
         push();
-    doorman_start(&doorman);
+    test_server_start(&test_server);
     expect_the_servers_mesh(link);
     assert_int_equal(stage.ask.have_count, 1);
     assert_string_equal(stage.ask.have[0].group, "meniscus");
@@ -173,9 +174,9 @@ static void a_link_that_comes_back_to_another_session_gets_its_mesh(void **state
     (void)state;
     struct link *link = new_link(true);
     expect_the_servers_mesh(link);
-    doorman_stop(&doorman);
+    test_server_stop(&test_server);
     open_session(2); // the number is the same, the mesh is not
-    doorman_start(&doorman);
+    test_server_start(&test_server);
     expect_the_servers_mesh(link);
     assert_int_equal(stage.ask.have[0].number, 1);
     assert_int_equal(stage.base, 0);
@@ -213,7 +214,7 @@ static void a_link_that_got_other_bytes_asks_again(void **state) {
         other->bytes[other->size - 1] ^= 1;
         if (seals)
             mesh_payload_seal(other);
-        assert_true(control_send_mesh(doorman.control, doorman.peer, other));
+        assert_true(control_send_mesh(test_server.control, test_server.peer, other));
         mesh_payload_release(&payload);
         mesh_payload_release(&other);
         pthread_mutex_unlock(&stage.lock);
@@ -228,10 +229,10 @@ static void a_link_without_the_capability_gets_no_mesh(void **state) {
     (void)state;
     struct link_tissue tissues[WIRE_MESH_GROUPS_MAX];
     struct link *link = new_link(false);
-    assert_true(wait_for(&doorman.clocks, 3));
+    assert_true(wait_for(&test_server.clocks, 3));
     struct mesh_cursor cursor = {.asked = true};
     struct mesh_payload *payload = mesh_feed_next(stage.feed, &cursor);
-    assert_false(control_send_mesh(doorman.control, doorman.peer, payload));
+    assert_false(control_send_mesh(test_server.control, test_server.peer, payload));
     assert_int_equal(atomic_load(&payload->references), 2); // ours and the feed's
     assert_int_equal(atomic_load(&stage.asks), 0);
     assert_int_equal(link_get_tissues(link, tissues), 0);
@@ -239,17 +240,17 @@ static void a_link_without_the_capability_gets_no_mesh(void **state) {
     link_destroy(&link);
 }
 
-#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+#define WITH_SERVER(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
     log_set_level(LOG_ERROR);
     const struct CMUnitTest tests[] = {
-        IN_A_HOUSE(a_link_follows_a_mesh),
-        IN_A_HOUSE(a_link_that_comes_back_goes_on_where_it_was),
-        IN_A_HOUSE(a_link_that_comes_back_to_another_session_gets_its_mesh),
-        IN_A_HOUSE(a_link_that_missed_a_change_asks_for_it),
-        IN_A_HOUSE(a_link_that_got_other_bytes_asks_again),
-        IN_A_HOUSE(a_link_without_the_capability_gets_no_mesh),
+        WITH_SERVER(a_link_follows_a_mesh),
+        WITH_SERVER(a_link_that_comes_back_goes_on_where_it_was),
+        WITH_SERVER(a_link_that_comes_back_to_another_session_gets_its_mesh),
+        WITH_SERVER(a_link_that_missed_a_change_asks_for_it),
+        WITH_SERVER(a_link_that_got_other_bytes_asks_again),
+        WITH_SERVER(a_link_without_the_capability_gets_no_mesh),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,7 +2,7 @@
 #include "base/clock.h"
 #include "net/control.h"
 #include "test.h"
-#include "wire/doorman.h"
+#include "wire/test_server.h"
 #include "wire/websocket.h"
 
 #include <stdio.h>
@@ -13,22 +13,22 @@
 #define LARGE (32u << 20) // more than sockets hold
 #define CHUNKS (LARGE / WIRE_CHUNK_DATA)
 
-static struct doorman doorman;
+static struct test_server test_server;
 static char anna[128];
 static uint8_t bytes[WIRE_CHUNK_MAX];
 static arthron_MeshChunk chunk;
 
-static int open_house(void **state) {
+static int set_up(void **state) {
     (void)state;
-    doorman = (struct doorman){0};
-    doorman_open(&doorman);
-    doorman_enrol(&doorman, "anna", anna);
+    test_server = (struct test_server){0};
+    test_server_open(&test_server);
+    test_server_enrol(&test_server, "anna", anna);
     return 0;
 }
 
-static int close_house(void **state) {
+static int tear_down(void **state) {
     (void)state;
-    doorman_close(&doorman);
+    test_server_close(&test_server);
     return 0;
 }
 
@@ -51,7 +51,7 @@ static int hear(struct websocket *socket, arthron_Control *out_message) {
 }
 
 static struct websocket *greet(const char *capability) {
-    struct websocket *socket = websocket_open(doorman.port, anna, WIRE_SUBPROTOCOL);
+    struct websocket *socket = websocket_open(test_server.port, anna, WIRE_SUBPROTOCOL);
     arthron_Control message = {.which_message = arthron_Control_hello_tag};
     arthron_Hello *hello = &message.message.hello;
     assert_non_null(socket);
@@ -75,7 +75,7 @@ static struct mesh_payload *payload_of(const char *group, size_t size) {
 }
 
 static bool send(struct mesh_payload *payload) {
-    return control_send_mesh(doorman.control, doorman.peer, payload);
+    return control_send_mesh(test_server.control, test_server.peer, payload);
 }
 
 // ---- tests --------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ static void what_is_said_before_a_mesh_leaves_is_heard_before_it(void **state) {
     arthron_Control message, change = {.which_message = arthron_Control_session_change_tag};
     for (int i = 1; i <= 20; i++) {
         snprintf(change.message.session_change.text, 8, "%d", i);
-        assert_true(control_send(doorman.control, doorman.peer, &change));
+        assert_true(control_send(test_server.control, test_server.peer, &change));
     }
     assert_true(send(payload));
     int last = 0, kind;
@@ -193,7 +193,7 @@ static void payloads_go_with_their_peer(void **state) {
     assert_true(send(payload));
     assert_int_equal(atomic_load(&payload->references), 2);
     websocket_close(socket);
-    assert_true(wait_for(&doorman.gone, 1));
+    assert_true(wait_for(&test_server.gone, 1));
     wait_for_references(payload, 1);
     assert_false(send(payload));
     assert_int_equal(atomic_load(&payload->references), 1);
@@ -209,12 +209,12 @@ static void a_ninth_group_has_no_place(void **state) {
         assert_int_equal(send(payloads[i]), i < WIRE_MESH_GROUPS_MAX);
     }
     assert_int_equal(atomic_load(&payloads[WIRE_MESH_GROUPS_MAX]->references), 1);
-    doorman_stop(&doorman); // with all of them on their way
+    test_server_stop(&test_server); // with all of them on their way
     for (int i = 0; i <= WIRE_MESH_GROUPS_MAX; i++) {
         assert_int_equal(atomic_load(&payloads[i]->references), 1);
         mesh_payload_release(&payloads[i]);
     }
-    doorman_start(&doorman);
+    test_server_start(&test_server);
     websocket_close(socket);
 }
 
@@ -249,18 +249,18 @@ static void a_chunk_is_not_a_stations_to_say(void **state) {
     websocket_close(socket);
 }
 
-#define IN_A_HOUSE(test) cmocka_unit_test_setup_teardown(test, open_house, close_house)
+#define WITH_SERVER(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        IN_A_HOUSE(a_reply_overtakes_a_mesh),
-        IN_A_HOUSE(what_is_said_before_a_mesh_leaves_is_heard_before_it),
-        IN_A_HOUSE(a_small_payload_does_not_wait_for_a_large_one_of_another_group),
-        IN_A_HOUSE(a_newer_payload_of_the_group_takes_the_place_of_the_older),
-        IN_A_HOUSE(payloads_go_with_their_peer),
-        IN_A_HOUSE(a_ninth_group_has_no_place),
-        IN_A_HOUSE(without_the_capability_nothing_of_meshes_may_be_said),
-        IN_A_HOUSE(a_chunk_is_not_a_stations_to_say),
+        WITH_SERVER(a_reply_overtakes_a_mesh),
+        WITH_SERVER(what_is_said_before_a_mesh_leaves_is_heard_before_it),
+        WITH_SERVER(a_small_payload_does_not_wait_for_a_large_one_of_another_group),
+        WITH_SERVER(a_newer_payload_of_the_group_takes_the_place_of_the_older),
+        WITH_SERVER(payloads_go_with_their_peer),
+        WITH_SERVER(a_ninth_group_has_no_place),
+        WITH_SERVER(without_the_capability_nothing_of_meshes_may_be_said),
+        WITH_SERVER(a_chunk_is_not_a_stations_to_say),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,20 +4,20 @@ import { until } from "../programs.mjs";
 
 const MAY = [/ERR_CONNECTION/, /WebSocket connection/, /Failed to load resource/];
 
-const steering = (page) => page.locator(".controls button");
+const controlsOf = (page) => page.locator(".controls button");
 
 async function brokenStation(page) {
   await page.getByText(/No connection to the server for \d+ s/).waitFor();
   assert.equal(await page.locator(".state-badge").innerText(), "No data");
   await page.locator(".controls-line", { hasText: "Commands are disabled: the server cannot be reached" }).waitFor();
-  const enabled = await steering(page).evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.textContent));
+  const enabled = await controlsOf(page).evaluateAll((all) => all.filter((one) => !one.disabled).map((one) => one.textContent));
   assert.deepEqual(enabled, [], "these can be pressed");
 }
 
 async function wholeStation(page) {
   await until("nothing is old", async () => !(await page.getByText(/No connection to the server|No data from the station/).isVisible()));
   await page.locator(".state-badge", { hasText: "Running" }).waitFor();
-  await until("it can be steered", () => page.getByRole("button", { name: "Pause" }).isEnabled());
+  await until("it can be controlled", () => page.getByRole("button", { name: "Pause" }).isEnabled());
   assert.doesNotMatch(await page.locator(".controls-line").innerText(), /Commands are disabled/);
 }
 

@@ -1,4 +1,4 @@
-// A session as the instructor sees and steers it. What the page shows is held against what the server says
+// A session as the instructor sees and controls it. What the page shows is held against what the server says
 // by another way, its local socket.
 import assert from "node:assert/strict";
 import { ALIKE, difference, still } from "../browser.mjs";

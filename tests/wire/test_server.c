@@ -1,4 +1,4 @@
-#include "wire/doorman.h"
+#include "wire/test_server.h"
 
 #include "base/clock.h"
 #include "link/link.h"
@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static void tell_session(struct doorman *d, struct control_peer peer) {
+static void tell_session(struct test_server *d, struct control_peer peer) {
     arthron_Control open = {.which_message = arthron_Control_session_change_tag};
     arthron_SessionChange *change = &open.message.session_change;
     change->state = arthron_SessionState_RUNNING;
@@ -23,7 +23,7 @@ static void tell_session(struct doorman *d, struct control_peer peer) {
 
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
-    struct doorman *d = user;
+    struct test_server *d = user;
     if (d->refuses) {
         *refusal = (arthron_Refusal){arthron_Refusal_Reason_BUSY, "full"};
         return RESULT_REFUSED;
@@ -47,7 +47,7 @@ static enum result on_hello(void *user, struct control_peer peer, const arthron_
 
 static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns) {
-    struct doorman *d = user;
+    struct test_server *d = user;
     tell_session(d, peer);
     pthread_mutex_lock(&d->lock);
     d->offset_ns = offset_ns;
@@ -60,7 +60,7 @@ static void on_clock(void *user, struct control_peer peer, int64_t offset_ns,
 static void on_frame(void *user, struct control_peer peer, const arthron_Frame *message,
                      int64_t received_ns) {
     (void)received_ns;
-    struct doorman *d = user;
+    struct test_server *d = user;
     arthron_Control reply = {.which_message = arthron_Control_reply_tag};
     reply.message.reply.frame_number = message->number;
     reply.message.reply.frame_time_ns = message->time_ns;
@@ -69,7 +69,7 @@ static void on_frame(void *user, struct control_peer peer, const arthron_Frame *
 }
 
 static void on_message(void *user, struct control_peer peer, const arthron_Control *message) {
-    struct doorman *d = user;
+    struct test_server *d = user;
     if (message->which_message != arthron_Control_udp_path_tag) {
         if (d->on_mesh)
             d->on_mesh(d, peer, message);
@@ -83,16 +83,16 @@ static void on_message(void *user, struct control_peer peer, const arthron_Contr
 
 static void on_gone(void *user, struct control_peer peer) {
     (void)peer;
-    atomic_fetch_add(&((struct doorman *)user)->gone, 1);
+    atomic_fetch_add(&((struct test_server *)user)->gone, 1);
 }
 
-void doorman_start(struct doorman *d) {
+void test_server_start(struct test_server *d) {
     struct control_handler handler = {d, on_hello, on_clock, on_frame, on_message, on_gone};
     struct control_config config = {
         .address = "127.0.0.1",
         .port = d->port,
         .authority_dir = d->keys,
-        .software = "doorman",
+        .software = "test_server",
         .hello_timeout_ns = d->hello_timeout_ns ? d->hello_timeout_ns : 5 * NS_PER_S,
     };
     struct error err;
@@ -101,11 +101,11 @@ void doorman_start(struct doorman *d) {
     d->port = control_port(d->control);
 }
 
-void doorman_stop(struct doorman *d) {
+void test_server_stop(struct test_server *d) {
     control_destroy(&d->control);
 }
 
-void doorman_open(struct doorman *d) {
+void test_server_open(struct test_server *d) {
     const char *hosts[] = {"localhost", "127.0.0.1"};
     struct error err;
     folder_make(d->dir);
@@ -114,17 +114,17 @@ void doorman_open(struct doorman *d) {
     if (authority_init(d->keys, d->only_host ? &d->only_host : hosts, d->only_host ? 1 : 2, &err) !=
         RESULT_OK)
         fail_msg("%s", err.text);
-    doorman_start(d);
+    test_server_start(d);
 }
 
-void doorman_close(struct doorman *d) {
+void test_server_close(struct test_server *d) {
     if (d->control)
-        doorman_stop(d);
+        test_server_stop(d);
     pthread_mutex_destroy(&d->lock);
     folder_remove(d->dir);
 }
 
-void doorman_enrol(struct doorman *d, const char *station, char out_keys_dir[128]) {
+void test_server_enrol(struct test_server *d, const char *station, char out_keys_dir[128]) {
     char code[AUTHORITY_CODE_MAX];
     struct error err;
     snprintf(out_keys_dir, 128, "%s/%s", d->dir, station);

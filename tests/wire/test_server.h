@@ -1,6 +1,6 @@
 // What the tests of the network share: a temporary folder with an authority, enrolled stations, and
-// a control room whose handler, in place of the sessions, writes down what it is told and answers each
-// frame.
+// a control room whose handler, in place of the sessions, writes down what it is told and answers
+// each frame.
 #pragma once
 
 #include "folder.h"
@@ -9,11 +9,11 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-struct doorman {
+struct test_server {
     char dir[FOLDER_MAX];       // temporary; dir/keys is the authority's
     char keys[FOLDER_MAX + 16]; // folder of the authority
     struct control *control;
-    int port; // the same after doorman_restart
+    int port; // the same after test_server_restart
     int64_t hello_timeout_ns;
     const char *only_host;          // in the server\'s certificate; NULL: localhost and 127.0.0.1
     bool refuses;                   // answers Hello with BUSY, "full"
@@ -21,7 +21,7 @@ struct doorman {
     uint64_t case_hash;
     const struct knee_frame *knee; // of the session, NULL: it is not told
     // Told of MeshAsk and mesh_ack in the control thread, where not NULL.
-    void (*on_mesh)(struct doorman *doorman, struct control_peer peer,
+    void (*on_mesh)(struct test_server *test_server, struct control_peer peer,
                     const arthron_Control *message);
     pthread_mutex_t lock; // guards what follows
     arthron_Hello hello;  // the last one
@@ -31,13 +31,14 @@ struct doorman {
     atomic_int hellos, clocks, frames, messages, gone;
 };
 
-void doorman_open(struct doorman *doorman); // folder, authority, control room
-void doorman_close(struct doorman *doorman);
-void doorman_stop(struct doorman *doorman); // the control room only
-void doorman_start(struct doorman *doorman);
+void test_server_open(struct test_server *test_server); // folder, authority, control room
+void test_server_close(struct test_server *test_server);
+void test_server_stop(struct test_server *test_server); // the control room only
+void test_server_start(struct test_server *test_server);
 
 // Enrols a station; its keys are in *out_keys_dir (dir/NAME).
-void doorman_enrol(struct doorman *doorman, const char *station, char out_keys_dir[128]);
+void test_server_enrol(struct test_server *test_server, const char *station,
+                       char out_keys_dir[128]);
 
 // True as soon as *counter is at least `wanted`; false after 10 s.
 bool wait_for(atomic_int *counter, int wanted);

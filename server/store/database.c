@@ -17,7 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BUSY_MS 1000
+#define BUSY_MS 4000 // a busy disk syncs a new file for longer than a second
 #define LOCK_ROUND_MS 10
 
 // ---- errors -------------------------------------------------------------------------------------

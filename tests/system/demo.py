@@ -25,7 +25,7 @@ def read(path):
 
 
 class Tree(unittest.TestCase):
-    """A copy of the scripts; the installer and CMake only say that they were called."""
+    """A copy of the demo and what it uses; the installer and CMake only say that they were called."""
 
     def setUp(self):
         self.base = tempfile.mkdtemp(prefix="arthron-demo-")
@@ -35,8 +35,10 @@ class Tree(unittest.TestCase):
         os.makedirs(os.path.join(self.tree, "docker/packages"))
         for name in ("demo", "check"):
             shutil.copy(os.path.join(SOURCE, name), self.tree)
-        for name in ("scripts", "cases"):
-            shutil.copytree(os.path.join(SOURCE, name), os.path.join(self.tree, name))
+        shutil.copytree(os.path.join(SOURCE, "cases"), os.path.join(self.tree, "cases"))
+        for name in ("docker/packages/fresh-build-folder", "station/mockup/place-recording"):
+            os.makedirs(os.path.dirname(os.path.join(self.tree, name)), exist_ok=True)
+            shutil.copy(os.path.join(SOURCE, name), os.path.join(self.tree, name))
         self.path = os.path.join(self.base, "bin")
         os.mkdir(self.path)
         write(os.path.join(self.tree, "docker/packages/install"), "#!/bin/sh\necho packages >>calls\n", 0o755)

@@ -1,7 +1,6 @@
 // A session as the instructor sees and controls it. What the page shows is held against what the server says
 // by another way, its local socket.
 import assert from "node:assert/strict";
-import { ALIKE, difference, still } from "../browser.mjs";
 import { call, sleep, until } from "../programs.mjs";
 
 const open = async ({ testbed, browser, users }, name) => {
@@ -27,19 +26,8 @@ async function sameMesh({ testbed, browser }, page, name) {
   });
 }
 
-const scene = (page) => still(page.locator("canvas.scene-canvas"));
-
 // Stroke by stroke, until the server has none.
 const undoAll = (testbed) => until("nothing is left to be undone", () => testbed.session("undo", "room-1").then(() => false, () => true));
-
-// From above, without what lies over them.
-async function showMenisci(page) {
-  await page.locator("summary", { hasText: "Show" }).click();
-  for (const name of ["Femur", "Patella", "Measured instruments", "Tip trails"]) await page.getByLabel(name, { exact: true }).uncheck();
-  await page.keyboard.press("Escape");
-  await page.getByRole("button", { name: "Superior" }).click();
-  await sleep(1000);
-}
 
 async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   const { testbed } = world;
@@ -53,8 +41,6 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   const cut = await testbed.resection("room-1");
   await until("the volume that is left", async () => Math.abs((await figure(page, "Volume left")) - cut.volume_mm3) <= 0.5);
   await until("the plot has what was removed", async () => Math.abs((await plotted(page, "Removed")) - cut.removed_mm3 - cut.pieces_mm3) <= 0.6);
-  await showMenisci(page);
-  const before = await scene(page);
   await press(page, "Undo cut");
   await said(page, "Undo cut: done");
   await sameMesh(world, page, "room-1");
@@ -66,9 +52,7 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   const whole = (await testbed.resection("room-1")).volume_mm3;
   assert.ok(whole > cut.volume_mm3 + 1, `${whole} whole, ${cut.volume_mm3} cut`);
   await until("the whole again", async () => Math.abs((await figure(page, "Volume left")) - whole) <= 0.5);
-  const changed = difference(before, await scene(page));
   await until("the plot has that nothing is removed", async () => (await plotted(page, "Removed")) === 0);
-  assert.ok(changed > 4 * ALIKE, `${changed} of the picture is another`);
   await press(page, "Resume");
   await said(page, "done");
 }

@@ -339,7 +339,7 @@ static void move_pieces(struct cut_change *from, struct cut_change *to) {
 static void cut_way(struct operation *operation, struct operated_tissue *t, const struct job *job,
                     struct job_result *result) {
     struct match *before = t->now.match ? match_copy(t->now.match) : NULL;
-    uint32_t number = t->now.figures.mesh_number;
+    uint32_t number = t->now.figures.mesh_number, cuts = t->now.figures.cuts;
     double distance_mm = 0;
     result->outcome = JOB_NOTHING;
     for (int i = 0; i < job->move_count; i++) {
@@ -358,6 +358,7 @@ static void cut_way(struct operation *operation, struct operated_tissue *t, cons
     if (result->outcome == JOB_DONE) {
         t->now.figures.distance_mm = distance_mm;
         t->now.figures.mesh_number = number + 1;
+        t->now.figures.cuts = cuts + 1;
         tell_blends(before, t, result);
     }
     match_destroy(&before);

@@ -65,8 +65,7 @@ static void ring(void *user) {
     web_wake(user);
 }
 
-// ---- what the live server asks
-// ---------------------------------------------------------------------
+// ---- what the live server asks ------------------------------------------------------------------
 
 struct ownership {
     const struct live_account *viewer_account;

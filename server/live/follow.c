@@ -39,18 +39,18 @@ static bool put_place(const struct station_cache *cache, struct sent_state *sent
 
 // ---- the wall -----------------------------------------------------------------------------------
 
-int64_t follow_wall(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                     struct live_batch *batch) {
     if (now_ns < viewer->due_ns)
         return viewer->due_ns;
-    int count = sessions_config(a->sessions)->station_count;
+    int count = sessions_config(live->sessions)->station_count;
     for (int i = 0; i < count; i++) {
         int station = (viewer->turn + i) % count;
         struct sent_state *sent = &viewer->sent[station];
-        cache_refresh(a, station, now_ns, viewer->period_ns / 2);
-        cache_place(a, station, now_ns);
-        if (!put_place(&a->cache[station], sent, batch) ||
-            !put_moment(&a->cache[station], sent, batch)) {
+        cache_refresh(live, station, now_ns, viewer->period_ns / 2);
+        cache_place(live, station, now_ns);
+        if (!put_place(&live->cache[station], sent, batch) ||
+            !put_moment(&live->cache[station], sent, batch)) {
             viewer->turn = station;
             return now_ns;
         }
@@ -76,10 +76,10 @@ void follow_end(struct viewer *viewer) {
     viewer->turn = 0;
 }
 
-static void fill_session(struct live_server *a, const struct viewer *viewer,
+static void fill_session(struct live_server *live, const struct viewer *viewer,
                          arthron_LiveSession *out) {
-    const struct session_about *about = &a->cache[viewer->station].about;
-    const struct sessions_config *config = sessions_config(a->sessions);
+    const struct session_about *about = &live->cache[viewer->station].about;
+    const struct sessions_config *config = sessions_config(live->sessions);
     const struct session_station *station = &config->stations[viewer->station];
     *out = (arthron_LiveSession){.seat = (uint32_t)viewer->station,
                                  .optic_deg = (float)station->optic.tilt_deg,
@@ -87,7 +87,7 @@ static void fill_session(struct live_server *a, const struct viewer *viewer,
     snprintf(out->station, sizeof out->station, "%s", station->name);
     if (!about->serial)
         return;
-    const struct knee_case *knee = scene_case(sessions_scene(a->sessions, about->scene));
+    const struct knee_case *knee = scene_case(sessions_scene(live->sessions, about->scene));
     memcpy(out->id, about->id, sizeof out->id);
     snprintf(out->trainee, sizeof out->trainee, "%s", about->trainee);
     snprintf(out->case_name, sizeof out->case_name, "%s", config->cases[about->scene].name);
@@ -106,23 +106,23 @@ static bool may_see(const struct viewer *viewer, const struct session_about *abo
 }
 
 // A new session, from its first step on: then its cut worker knows of it, too.
-static bool introduce(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
-    const struct station_cache *cache = &a->cache[viewer->station];
+static bool introduce(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
+    const struct station_cache *cache = &live->cache[viewer->station];
     if (viewer->introduced && viewer->session == cache->about.serial)
         return true;
     if (!may_see(viewer, &cache->about)) {
         if (!viewer->barred)
             viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
                            "there is no session of yours at %s",
-                           sessions_config(a->sessions)->stations[viewer->station].name);
+                           sessions_config(live->sessions)->stations[viewer->station].name);
         viewer->barred = true;
         return viewer->introduced = false;
     }
     if (cache->moment.session != cache->about.serial)
         return viewer->introduced;
-    a->item = (arthron_Live){.which_message = arthron_Live_session_tag};
-    fill_session(a, viewer, &a->item.message.session);
-    if (!batch_say(batch, &a->item))
+    live->item = (arthron_Live){.which_message = arthron_Live_session_tag};
+    fill_session(live, viewer, &live->item.message.session);
+    if (!batch_say(batch, &live->item))
         return false;
     clear_sendings(viewer);
     viewer->introduced = true;
@@ -135,17 +135,17 @@ static bool introduce(struct live_server *a, struct viewer *viewer, struct live_
     return true;
 }
 
-static void put_remarks(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
+static void put_remarks(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
     struct kept_remark remarks[REMARKS_AT_ONCE];
     uint64_t revision;
     int count;
-    bool all = sessions_remarks(a->sessions, viewer->station, viewer->session, viewer->remarks,
+    bool all = sessions_remarks(live->sessions, viewer->station, viewer->session, viewer->remarks,
                                 viewer->remarked, remarks, REMARKS_AT_ONCE, &count, &revision);
     for (int i = 0; i < count; i++) {
-        a->item = (arthron_Live){.which_message = arthron_Live_remark_tag};
-        remark_to_wire(&remarks[i].remark, a->cache[viewer->station].about.start_ns,
-                       &a->item.message.remark);
-        if (!batch_say(batch, &a->item))
+        live->item = (arthron_Live){.which_message = arthron_Live_remark_tag};
+        remark_to_wire(&remarks[i].remark, live->cache[viewer->station].about.start_ns,
+                       &live->item.message.remark);
+        if (!batch_say(batch, &live->item))
             return;
         viewer->remarked[remarks[i].remark.number - 1] = remarks[i].revision;
     }
@@ -163,19 +163,21 @@ static bool is_told(const struct viewer *viewer, int tissue, const struct tissue
            told->refused == f->refused;
 }
 
-static void put_resections(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
-    const struct scene *scene = sessions_scene(a->sessions, a->cache[viewer->station].about.scene);
+static void put_resections(struct live_server *live, struct viewer *viewer,
+                           struct live_batch *batch) {
+    const struct scene *scene =
+        sessions_scene(live->sessions, live->cache[viewer->station].about.scene);
     struct tissue_report report;
-    runtime_tissues(sessions_runtime(a->sessions), viewer->station, &report);
+    runtime_tissues(sessions_runtime(live->sessions), viewer->station, &report);
     bool there = report.session == viewer->session;
     for (int i = 0; there && i < scene_tissue_count(scene); i++) {
         if (is_told(viewer, i, &report.figures[i]))
             continue;
-        a->item = (arthron_Live){.which_message = arthron_Live_resection_tag};
+        live->item = (arthron_Live){.which_message = arthron_Live_resection_tag};
         reply_resection(&report.figures[i],
                         scene_case(scene)->groups[scene_tissue_group(scene, i)].name,
-                        report.mesh_hashes[i], &a->item.message.resection);
-        if (!batch_say(batch, &a->item))
+                        report.mesh_hashes[i], &live->item.message.resection);
+        if (!batch_say(batch, &live->item))
             return;
         viewer->resected[i] = true;
         viewer->figures[i] = report.figures[i];
@@ -198,13 +200,13 @@ static void take_payloads(struct viewer *viewer) {
 }
 
 // One chunk in a batch, so that what moves does not wait for what is large. True: more is to come.
-static bool put_chunk(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
+static bool put_chunk(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
     take_payloads(viewer);
     for (int i = 0; i < TISSUES_MAX; i++) {
         struct sending *sending = &viewer->sendings[i];
         if (!sending->payload)
             continue;
-        if (!chunk_say(sending->payload, sending->index, &a->chunk, batch))
+        if (!chunk_say(sending->payload, sending->index, &live->chunk, batch))
             return true;
         if (++sending->index == chunk_count(sending->payload))
             mesh_payload_release(&sending->payload);
@@ -216,7 +218,7 @@ static bool put_chunk(struct live_server *a, struct viewer *viewer, struct live_
     return false;
 }
 
-bool follow_meshes(struct live_server *a, struct viewer *viewer, const arthron_Page *message) {
+bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message) {
     if (!viewer->mailbox || !viewer->introduced)
         return true;
     struct mesh_request request = {.station = viewer->station,
@@ -227,7 +229,7 @@ bool follow_meshes(struct live_server *a, struct viewer *viewer, const arthron_P
     else
         request.ack = message->message.mesh_ack;
     request.mailbox = mailbox_hold(viewer->mailbox);
-    if (runtime_mesh_request(sessions_runtime(a->sessions), &request))
+    if (runtime_mesh_request(sessions_runtime(live->sessions), &request))
         return true;
     mailbox_release(&request.mailbox);
     return false;
@@ -235,40 +237,40 @@ bool follow_meshes(struct live_server *a, struct viewer *viewer, const arthron_P
 
 // ---- all of one station -------------------------------------------------------------------------
 
-static void put_metrics(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+static void put_metrics(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                         struct live_batch *batch) {
-    struct station_cache *cache = &a->cache[viewer->station];
-    cache_metrics(a, viewer->station, now_ns);
+    struct station_cache *cache = &live->cache[viewer->station];
+    cache_metrics(live, viewer->station, now_ns);
     if (viewer->metrics_ns == cache->metrics_ns || cache->metrics_of != viewer->session)
         return;
     if (batch_put(batch, cache->metrics, cache->metrics_size))
         viewer->metrics_ns = cache->metrics_ns;
 }
 
-static void put_what_moves(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+static void put_what_moves(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                            struct live_batch *batch) {
     struct sent_state *sent = &viewer->sent[viewer->station];
-    const struct station_cache *cache = &a->cache[viewer->station];
-    put_remarks(a, viewer, batch);
-    put_resections(a, viewer, batch);
+    const struct station_cache *cache = &live->cache[viewer->station];
+    put_remarks(live, viewer, batch);
+    put_resections(live, viewer, batch);
     put_moment(cache, sent, batch);
-    put_metrics(a, viewer, now_ns, batch);
+    put_metrics(live, viewer, now_ns, batch);
 }
 
-int64_t follow_station(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                        struct live_batch *batch) {
-    const struct station_cache *cache = &a->cache[viewer->station];
+    const struct station_cache *cache = &live->cache[viewer->station];
     if (now_ns >= viewer->due_ns) {
-        cache_refresh(a, viewer->station, now_ns, viewer->period_ns / 2);
-        cache_place(a, viewer->station, now_ns);
-        bool introduced = introduce(a, viewer, batch);
+        cache_refresh(live, viewer->station, now_ns, viewer->period_ns / 2);
+        cache_place(live, viewer->station, now_ns);
+        bool introduced = introduce(live, viewer, batch);
         if (is_staff(viewer))
             put_place(cache, &viewer->sent[viewer->station], batch);
         if (introduced && viewer->session)
-            put_what_moves(a, viewer, now_ns, batch);
+            put_what_moves(live, viewer, now_ns, batch);
         if (!batch->full)
             viewer->due_ns = next_due(viewer, now_ns);
     }
-    bool more = viewer->introduced && viewer->mailbox && put_chunk(a, viewer, batch);
+    bool more = viewer->introduced && viewer->mailbox && put_chunk(live, viewer, batch);
     return more ? now_ns : viewer->due_ns;
 }

@@ -59,9 +59,9 @@ bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshC
     return true;
 }
 
-struct parcel *parcel_of(const arthron_Live *item, uint32_t account) {
+struct parcel *parcel_of(const arthron_Live *item, uint32_t viewer_number) {
     struct parcel *parcel = alloc(1, sizeof *parcel + LIVE_ITEM_MAX);
-    parcel->account = account;
+    parcel->viewer_number = viewer_number;
     if (live_encode(item, parcel->bytes, LIVE_BATCH_MAX, &parcel->size) != RESULT_OK) {
         free(parcel);
         return NULL;
@@ -79,21 +79,21 @@ void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char
     va_end(args);
 }
 
-// For whoever had the place before.
+// Answers to the viewer that used this slot before.
 static void drop_answers(struct viewer *viewer) {
     struct parcel *parcel;
     while (ring_pop(viewer->answers, &parcel))
         free(parcel);
 }
 
-struct viewer *live_server_join(struct live_server *a, const struct live_account *account) {
+struct viewer *live_server_join(struct live_server *live, const struct live_account *account) {
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
-        struct viewer *viewer = &a->viewers[i];
+        struct viewer *viewer = &live->viewers[i];
         if (viewer->used)
             continue;
         drop_answers(viewer);
         *viewer = (struct viewer){.used = true,
-                                  .number = ++a->numbers,
+                                  .number = ++live->numbers,
                                   .account = *account,
                                   .role = ROLE_COUNT,
                                   .answers = viewer->answers,
@@ -110,37 +110,37 @@ static void look_away(struct viewer *viewer) {
         playback_leave(&viewer->playback);
 }
 
-void live_server_leave(struct live_server *a, struct viewer *viewer) {
-    (void)a;
+void live_server_leave(struct live_server *live, struct viewer *viewer) {
+    (void)live;
     look_away(viewer);
     viewer->used = false;
 }
 
 // ---- what a page says ---------------------------------------------------------------------------
 
-static bool watch_station(struct live_server *a, struct viewer *viewer) {
+static bool watch_station(struct live_server *live, struct viewer *viewer) {
     const arthron_Watch *watch = &viewer->watch;
     int watching = 0;
-    viewer->station = sessions_find_station(sessions_config(a->sessions), watch->station);
+    viewer->station = sessions_find_station(sessions_config(live->sessions), watch->station);
     if (viewer->station < 0) {
         viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
                        "there is no station %s in the server's config", watch->station);
         return false;
     }
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
-        watching +=
-            a->viewers[i].used && a->viewers[i].mailbox && a->viewers[i].station == viewer->station;
+        watching += live->viewers[i].used && live->viewers[i].mailbox &&
+                    live->viewers[i].station == viewer->station;
     if (watch->meshes && watching >= MESH_SUBSCRIBERS_MAX)
         viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
                        "%d pages follow the meshes of %s already: this one gets none",
                        MESH_SUBSCRIBERS_MAX, watch->station);
     else if (watch->meshes)
-        viewer->mailbox = mailbox_create(live_news, a);
+        viewer->mailbox = mailbox_create(live_news, live);
     return true;
 }
 
-static bool watch_recorded(struct live_server *a, struct viewer *viewer) {
-    viewer->playback = playback_create(a, viewer);
+static bool watch_recorded(struct live_server *live, struct viewer *viewer) {
+    viewer->playback = playback_create(live, viewer);
     if (playback_start(viewer->playback))
         return true;
     playback_leave(&viewer->playback);
@@ -149,7 +149,8 @@ static bool watch_recorded(struct live_server *a, struct viewer *viewer) {
     return false;
 }
 
-static void take_watch(struct live_server *a, struct viewer *viewer, const arthron_Watch *watch) {
+static void take_watch(struct live_server *live, struct viewer *viewer,
+                       const arthron_Watch *watch) {
     look_away(viewer);
     viewer->watch = *watch;
     viewer->period_ns = snapshot_period_ns(watch);
@@ -161,9 +162,9 @@ static void take_watch(struct live_server *a, struct viewer *viewer, const arthr
                        "the wall is for instructors and technicians");
         good = false;
     } else if (watch->what == arthron_Watch_What_STATION) {
-        good = watch_station(a, viewer);
+        good = watch_station(live, viewer);
     } else if (watch->what == arthron_Watch_What_RECORDED) {
-        good = watch_recorded(a, viewer);
+        good = watch_recorded(live, viewer);
     }
     if (!good)
         viewer->watch.what = arthron_Watch_What_NOTHING;
@@ -182,26 +183,27 @@ static const char *refusal_of(enum store_role role, const arthron_Command *comma
 
 // Replies come in order: once one command is refused for want of room, those behind it are too,
 // until that was told.
-static void take_command(struct live_server *a, struct viewer *viewer,
+static void take_command(struct live_server *live, struct viewer *viewer,
                          const arthron_Command *command) {
     if (viewer->asked < ASKED_MAX && !viewer->refused &&
-        command_runner_add(a, viewer, command, refusal_of(viewer->role, command)))
+        command_runner_add(live, viewer, command, refusal_of(viewer->role, command)))
         viewer->asked++;
     else
         viewer->refused++;
 }
 
-bool live_server_take(struct live_server *a, struct viewer *viewer, const arthron_Page *message) {
+bool live_server_take(struct live_server *live, struct viewer *viewer,
+                      const arthron_Page *message) {
     switch (message->which_message) {
     case arthron_Page_watch_tag:
-        take_watch(a, viewer, &message->message.watch);
+        take_watch(live, viewer, &message->message.watch);
         return true;
     case arthron_Page_command_tag:
-        take_command(a, viewer, &message->message.command);
+        take_command(live, viewer, &message->message.command);
         return true;
     case arthron_Page_mesh_ask_tag:
     case arthron_Page_mesh_ack_tag:
-        return follow_meshes(a, viewer, message);
+        return follow_meshes(live, viewer, message);
     default:
         return true;
     }
@@ -209,17 +211,18 @@ bool live_server_take(struct live_server *a, struct viewer *viewer, const arthro
 
 // ---- what it is told ----------------------------------------------------------------------------
 
-static void tell_trouble(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
+static void tell_trouble(struct live_server *live, struct viewer *viewer,
+                         struct live_batch *batch) {
     if (!viewer->trouble[0])
         return;
-    a->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
-    memcpy(a->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
-    a->item.message.trouble.kind = viewer->trouble_kind;
-    bool told = batch_say(batch, &a->item);
+    live->item = (arthron_Live){.which_message = arthron_Live_trouble_tag};
+    memcpy(live->item.message.trouble.text, viewer->trouble, sizeof viewer->trouble);
+    live->item.message.trouble.kind = viewer->trouble_kind;
+    bool told = batch_say(batch, &live->item);
     if (told && viewer->trouble_kind == arthron_Trouble_Kind_FAILED) { // of a record
-        a->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
-        a->item.message.progress.done = true;
-        told = batch_say(batch, &a->item);
+        live->item = (arthron_Live){.which_message = arthron_Live_progress_tag};
+        live->item.message.progress.done = true;
+        told = batch_say(batch, &live->item);
     }
     if (told)
         viewer->trouble[0] = '\0';
@@ -234,7 +237,7 @@ static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
             return;
         }
         ring_pop(viewer->answers, &parcel);
-        if (parcel->account == viewer->number) {
+        if (parcel->viewer_number == viewer->number) {
             if (!batch_put(batch, parcel->bytes, parcel->size))
                 viewer_trouble(viewer, arthron_Trouble_Kind_NOTE, "the answer was too long");
             viewer->asked--;
@@ -244,32 +247,33 @@ static void tell_answers(struct viewer *viewer, struct live_batch *batch) {
 }
 
 // Behind the replies to all that were taken.
-static void tell_refusals(struct live_server *a, struct viewer *viewer, struct live_batch *batch) {
-    a->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
-    snprintf(a->item.message.command_reply.text, sizeof a->item.message.command_reply.text,
+static void tell_refusals(struct live_server *live, struct viewer *viewer,
+                          struct live_batch *batch) {
+    live->item = (arthron_Live){.which_message = arthron_Live_command_reply_tag};
+    snprintf(live->item.message.command_reply.text, sizeof live->item.message.command_reply.text,
              "%d commands of this page are waiting: send this one again later", ASKED_MAX);
-    while (!viewer->asked && viewer->refused && batch_say(batch, &a->item))
+    while (!viewer->asked && viewer->refused && batch_say(batch, &live->item))
         viewer->refused--;
 }
 
-// Who looks at what stands still knows so that the server is there.
-static void tell_beat(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+// An empty batch each IDLE_NS shows a page on which nothing changes that the server is there.
+static void tell_beat(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                       struct live_batch *batch) {
     if (!batch->used && now_ns - viewer->told_ns >= IDLE_NS) {
-        a->item = (arthron_Live){.which_message = arthron_Live_beat_tag};
-        batch_say(batch, &a->item);
+        live->item = (arthron_Live){.which_message = arthron_Live_beat_tag};
+        batch_say(batch, &live->item);
     }
     if (batch->used)
         viewer->told_ns = now_ns;
 }
 
-static int64_t tell_view(struct live_server *a, struct viewer *viewer, int64_t now_ns,
+static int64_t tell_view(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                          struct live_batch *batch) {
     switch (viewer->watch.what) {
     case arthron_Watch_What_WALL:
-        return follow_wall(a, viewer, now_ns, batch);
+        return follow_wall(live, viewer, now_ns, batch);
     case arthron_Watch_What_STATION:
-        return follow_station(a, viewer, now_ns, batch);
+        return follow_station(live, viewer, now_ns, batch);
     case arthron_Watch_What_RECORDED:
         playback_batch(viewer->playback, batch);
         return now_ns + IDLE_NS;
@@ -278,18 +282,18 @@ static int64_t tell_view(struct live_server *a, struct viewer *viewer, int64_t n
     }
 }
 
-size_t live_server_batch(struct live_server *a, struct viewer *viewer, int64_t now_ns, uint8_t *out,
-                         size_t size, int64_t *out_next_ns) {
+size_t live_server_batch(struct live_server *live, struct viewer *viewer, int64_t now_ns,
+                         uint8_t *out, size_t size, int64_t *out_next_ns) {
     CHECK(size >= LIVE_BATCH_MAX);
     struct live_batch batch = {out, size, 0, false};
     tell_answers(viewer, &batch);
-    tell_refusals(a, viewer, &batch);
-    tell_trouble(a, viewer, &batch);
+    tell_refusals(live, viewer, &batch);
+    tell_trouble(live, viewer, &batch);
     *out_next_ns = now_ns + IDLE_NS;
     if (!batch.full)
-        *out_next_ns = tell_view(a, viewer, now_ns, &batch);
-    tell_trouble(a, viewer, &batch); // that the view has come upon
-    tell_beat(a, viewer, now_ns, &batch);
+        *out_next_ns = tell_view(live, viewer, now_ns, &batch);
+    tell_trouble(live, viewer, &batch); // that the view has come upon
+    tell_beat(live, viewer, now_ns, &batch);
     if (batch.full || viewer->trouble[0])
         *out_next_ns = now_ns;
     return batch.used;
@@ -302,54 +306,54 @@ size_t live_server_batch(struct live_server *a, struct viewer *viewer, int64_t n
 
 struct live_server *live_server_create(struct sessions *sessions,
                                        const struct live_config *config) {
-    struct live_server *a = alloc(1, sizeof *a);
+    struct live_server *live = alloc(1, sizeof *live);
     struct task_pool_settings commands = {.threads = COMMAND_THREADS,
                                           .tasks_max = LIVE_VIEWERS_MAX * 2 * ASKED_MAX};
     struct task_pool_settings playbacks = {
         .threads = PLAYBACK_THREADS, .tasks_max = LIVE_VIEWERS_MAX, .nice = PLAYBACK_NICE};
-    a->sessions = sessions;
-    a->config = *config;
-    pthread_rwlock_init(&a->news_lock, NULL);
+    live->sessions = sessions;
+    live->config = *config;
+    pthread_rwlock_init(&live->news_lock, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
-        a->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
-    a->commands = task_pool_create(&commands);
-    a->playbacks = task_pool_create(&playbacks);
-    return a;
+        live->viewers[i].answers = ring_create(2 * ASKED_MAX, sizeof(struct parcel *));
+    live->commands = task_pool_create(&commands);
+    live->playbacks = task_pool_create(&playbacks);
+    return live;
 }
 
 // All viewers have left, so what is played ends by itself.
-void live_server_destroy(struct live_server **live) {
-    struct live_server *a = *live;
-    if (!a)
+void live_server_destroy(struct live_server **owned) {
+    struct live_server *live = *owned;
+    *owned = NULL;
+    if (!live)
         return;
-    live_server_on_news(a, NULL, NULL);
+    live_server_on_news(live, NULL, NULL);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
-        if (a->viewers[i].used)
-            live_server_leave(a, &a->viewers[i]);
-    task_pool_destroy(&a->commands);
-    task_pool_destroy(&a->playbacks);
+        if (live->viewers[i].used)
+            live_server_leave(live, &live->viewers[i]);
+    task_pool_destroy(&live->commands);
+    task_pool_destroy(&live->playbacks);
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
-        drop_answers(&a->viewers[i]);
-        ring_destroy(&a->viewers[i].answers);
+        drop_answers(&live->viewers[i]);
+        ring_destroy(&live->viewers[i].answers);
     }
     for (int i = 0; i < STATIONS_MAX; i++)
-        free(a->cache[i].metrics);
-    pthread_rwlock_destroy(&a->news_lock);
-    free(a);
-    *live = NULL;
+        free(live->cache[i].metrics);
+    pthread_rwlock_destroy(&live->news_lock);
+    free(live);
 }
 
-void live_server_on_news(struct live_server *a, void (*on_news)(void *user), void *user) {
-    pthread_rwlock_wrlock(&a->news_lock);
-    a->on_news = on_news;
-    a->news_user = user;
-    pthread_rwlock_unlock(&a->news_lock);
+void live_server_on_news(struct live_server *live, void (*on_news)(void *user), void *user) {
+    pthread_rwlock_wrlock(&live->news_lock);
+    live->on_news = on_news;
+    live->news_user = user;
+    pthread_rwlock_unlock(&live->news_lock);
 }
 
-void live_news(void *live) {
-    struct live_server *a = live;
-    pthread_rwlock_rdlock(&a->news_lock);
-    if (a->on_news)
-        a->on_news(a->news_user);
-    pthread_rwlock_unlock(&a->news_lock);
+void live_news(void *user) {
+    struct live_server *live = user;
+    pthread_rwlock_rdlock(&live->news_lock);
+    if (live->on_news)
+        live->on_news(live->news_user);
+    pthread_rwlock_unlock(&live->news_lock);
 }

@@ -11,13 +11,13 @@
 #include "wire/wire.h"
 
 #define LIVE_VIEWERS_MAX 64
-#define LIVE_BATCH_MAX 65536 // what a batch takes
+#define LIVE_BATCH_MAX 65536 // bytes
 
 struct live_server;
 struct viewer;
 
-// Account of a viewer. Instructors see and command everything; technicians see all that is live,
-// and may list and show; trainees see their own sessions.
+// Account of a viewer. Instructors see and command everything. Technicians see all stations, and
+// may send the commands list and show. Trainees see their own sessions.
 struct live_account {
     char name[64];
     char role[16]; // "instructor", "technician", "trainee"
@@ -37,9 +37,9 @@ struct live_server *live_server_create(struct sessions *sessions, const struct l
 // Call before sessions_destroy, and after the web server has ended. NULL inside is fine.
 void live_server_destroy(struct live_server **live);
 
-// From now on `ring` is called when some viewer may have a batch: from any thread, at any time; it
-// must not wait. NULL ends this; no call is under way when the function returns.
-void live_server_on_news(struct live_server *live, void (*ring)(void *user), void *user);
+// From now on `on_news` is called when some viewer may have a batch: from any thread, at any time.
+// It must not wait. NULL ends this; no call is under way when the function returns.
+void live_server_on_news(struct live_server *live, void (*on_news)(void *user), void *user);
 
 // NULL if there are LIVE_VIEWERS_MAX viewers.
 struct viewer *live_server_join(struct live_server *live, const struct live_account *account);
@@ -49,6 +49,6 @@ void live_server_leave(struct live_server *live, struct viewer *viewer);
 bool live_server_take(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
 
 // The next batch: an encoded LiveBatch. `size` is at least LIVE_BATCH_MAX. Returns 0 if there is
-// nothing to send now. *out_next_ns: when to ask again, unless `ring` is called before.
+// nothing to send now. *out_next_ns: when to ask again, unless `on_news` is called before.
 size_t live_server_batch(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                          uint8_t *out, size_t size, int64_t *out_next_ns);

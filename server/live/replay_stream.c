@@ -30,7 +30,7 @@ struct replay_stream {
     struct mesh_feed *feeds[TISSUES_MAX];
     struct mesh_cursor cursors[TISSUES_MAX];
     bool shows_meshes; // from the first step on
-    bool landed;       // something did at this step: its moment is cache whatever the rate
+    bool landed;       // a job landed at this step: its moment is sent at any rate
     struct metrics metrics;
     int progress; // in hundredths
 };
@@ -160,7 +160,7 @@ static void say_resection(struct replay_stream *f, int tissue,
 
 // ---- meshes -------------------------------------------------------------------------------------
 
-// The page has whatever it was sent: nothing is lost on a page's connection.
+// The connection to a page loses nothing, so the page has all meshes that were sent.
 static void say_mesh(struct replay_stream *f, int tissue) {
     struct mesh_payload *payload;
     while (!f->gone && (payload = mesh_feed_next(f->feeds[tissue], &f->cursors[tissue]))) {
@@ -221,7 +221,7 @@ static void on_landing(void *user, const struct job_result *result) {
 
 // ---- steps --------------------------------------------------------------------------------------
 
-// On its own case what was recorded is cache, whatever this server would make of it today.
+// On its own case the recorded output is sent, not the one that this server would compute.
 static void run_step(struct replay_stream *f, const struct trace_record *record,
                      struct session_output *output) {
     struct landed landed;

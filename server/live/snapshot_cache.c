@@ -1,4 +1,4 @@
-// What pages are cache of a station, made once for all of them.
+// The messages about a station that are the same for all pages, so made once.
 #include "base/check.h"
 #include "base/clock.h"
 #include "live/viewer.h"
@@ -14,34 +14,34 @@
 
 // ---- moments ------------------------------------------------------------------------------------
 
-static void take(struct live_server *a, int station, int64_t now_ns) {
-    struct station_cache *s = &a->cache[station];
+static void take(struct live_server *live, int station, int64_t now_ns) {
+    struct station_cache *s = &live->cache[station];
     struct station_status status;
-    sessions_status(a->sessions, station, &status);
-    runtime_snapshot(sessions_runtime(a->sessions), station, &s->moment);
+    sessions_status(live->sessions, station, &status);
+    runtime_snapshot(sessions_runtime(live->sessions), station, &s->moment);
     s->about = status.about;
     s->connected = status.connected;
     s->state = status.state;
     s->taken_ns = now_ns;
 }
 
-static void encode(struct live_server *a, int station) {
-    struct station_cache *s = &a->cache[station];
-    a->item = (arthron_Live){.which_message = arthron_Live_moment_tag};
-    snapshot_to_wire(&s->moment, (uint32_t)station, &a->item.message.moment);
-    enum result result = live_encode(&a->item, s->item, sizeof s->item, &s->item_size);
+static void encode(struct live_server *live, int station) {
+    struct station_cache *s = &live->cache[station];
+    live->item = (arthron_Live){.which_message = arthron_Live_moment_tag};
+    snapshot_to_wire(&s->moment, (uint32_t)station, &live->item.message.moment);
+    enum result result = live_encode(&live->item, s->item, sizeof s->item, &s->item_size);
     CHECK(result == RESULT_OK);
     s->item_session = s->moment.session;
     s->item_step = s->moment.step;
 }
 
-void cache_refresh(struct live_server *a, int station, int64_t now_ns, int64_t age_ns) {
-    struct station_cache *s = &a->cache[station];
+void cache_refresh(struct live_server *live, int station, int64_t now_ns, int64_t age_ns) {
+    struct station_cache *s = &live->cache[station];
     if (s->taken_ns && now_ns - s->taken_ns < age_ns)
         return;
-    take(a, station, now_ns);
+    take(live, station, now_ns);
     if (s->moment.step && (s->moment.session != s->item_session || s->moment.step != s->item_step))
-        encode(a, station);
+        encode(live, station);
 }
 
 // ---- places -------------------------------------------------------------------------------------
@@ -68,13 +68,13 @@ static void tell_devices(struct station_cache *s, const struct station_counts *c
     }
 }
 
-static void tell_tissues(struct live_server *a, int station, const struct station_status *status,
+static void tell_tissues(struct live_server *live, int station, const struct station_status *status,
                          arthron_Place *out) {
     struct tissue_report report;
-    runtime_tissues(sessions_runtime(a->sessions), station, &report);
+    runtime_tissues(sessions_runtime(live->sessions), station, &report);
     if (!status->has_tissues || report.session != status->about.serial)
         return;
-    for (int i = 0; i < scene_tissue_count(sessions_scene(a->sessions, status->scene)); i++) {
+    for (int i = 0; i < scene_tissue_count(sessions_scene(live->sessions, status->scene)); i++) {
         out->cuts += report.figures[i].cuts;
         out->removed_mm3 += report.figures[i].quality.removed_mm3;
     }
@@ -88,18 +88,18 @@ static float strength_of(const struct sessions_config *config,
 }
 
 // passed_s: since the one before; INFINITY where nobody looked for long: nothing is told of that.
-static void fill_place(struct live_server *a, int station, double passed_s, arthron_Place *out) {
-    const struct sessions_config *config = sessions_config(a->sessions);
-    struct runtime *runtime = sessions_runtime(a->sessions);
-    struct station_cache *s = &a->cache[station];
+static void fill_place(struct live_server *live, int station, double passed_s, arthron_Place *out) {
+    const struct sessions_config *config = sessions_config(live->sessions);
+    struct runtime *runtime = sessions_runtime(live->sessions);
+    struct station_cache *s = &live->cache[station];
     struct station_status status;
-    sessions_status(a->sessions, station, &status);
+    sessions_status(live->sessions, station, &status);
     bool has_session = status.phase != SLOT_EMPTY;
     *out = (arthron_Place){.seat = (uint32_t)station, .has_info = true};
-    sessions_info(a->sessions, station, &out->info);
+    sessions_info(live->sessions, station, &out->info);
     memcpy(out->trainee, has_session ? status.about.trainee : status.trainee, sizeof out->trainee);
     tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);
-    tell_tissues(a, station, &status, out);
+    tell_tissues(live, station, &status, out);
     double lost = (double)rise(out->info.frames_lost, &s->lost);
     double steps = (double)rise(out->info.steps, &s->frames);
     double warp_mm = runtime_take_warp_mm(runtime, station);
@@ -111,8 +111,8 @@ static void fill_place(struct live_server *a, int station, double passed_s, arth
     warning_of_place(out, config->calibration_mm);
 }
 
-void cache_place(struct live_server *a, int station, int64_t now_ns) {
-    struct station_cache *s = &a->cache[station];
+void cache_place(struct live_server *live, int station, int64_t now_ns) {
+    struct station_cache *s = &live->cache[station];
     int state = s->state;
     bool changed = state != s->place_state || s->connected != s->place_connected;
     if (s->place_number && !changed && now_ns - s->place_ns < PLACE_NS)
@@ -120,9 +120,9 @@ void cache_place(struct live_server *a, int station, int64_t now_ns) {
     double passed_s = fmax((double)(now_ns - s->place_ns) / NS_PER_S, 0.01);
     if (!s->place_number || now_ns - s->place_ns > 2 * PLACE_NS)
         passed_s = INFINITY;
-    a->item = (arthron_Live){.which_message = arthron_Live_place_tag};
-    fill_place(a, station, passed_s, &a->item.message.place);
-    enum result result = live_encode(&a->item, s->place, sizeof s->place, &s->place_size);
+    live->item = (arthron_Live){.which_message = arthron_Live_place_tag};
+    fill_place(live, station, passed_s, &live->item.message.place);
+    enum result result = live_encode(&live->item, s->place, sizeof s->place, &s->place_size);
     CHECK(result == RESULT_OK);
     s->place_number++;
     s->place_ns = now_ns;
@@ -132,17 +132,17 @@ void cache_place(struct live_server *a, int station, int64_t now_ns) {
 
 // ---- metrics ------------------------------------------------------------------------------------
 
-void cache_metrics(struct live_server *a, int station, int64_t now_ns) {
-    struct station_cache *s = &a->cache[station];
+void cache_metrics(struct live_server *live, int station, int64_t now_ns) {
+    struct station_cache *s = &live->cache[station];
     if (s->metrics_ns && now_ns - s->metrics_ns < METRICS_NS)
         return;
     if (!s->metrics)
         s->metrics = alloc(1, LIVE_ITEM_MAX);
-    a->item = (arthron_Live){.which_message = arthron_Live_metrics_tag};
+    live->item = (arthron_Live){.which_message = arthron_Live_metrics_tag};
     s->metrics_of = s->about.serial;
-    sessions_metrics(a->sessions, sessions_config(a->sessions)->stations[station].name,
-                     &a->item.message.metrics);
-    enum result result = live_encode(&a->item, s->metrics, LIVE_ITEM_MAX, &s->metrics_size);
+    sessions_metrics(live->sessions, sessions_config(live->sessions)->stations[station].name,
+                     &live->item.message.metrics);
+    enum result result = live_encode(&live->item, s->metrics, LIVE_ITEM_MAX, &s->metrics_size);
     CHECK(result == RESULT_OK);
     s->metrics_ns = now_ns;
 }

@@ -1,4 +1,4 @@
-// The inside of the live, for its own files: viewers, what is cache of a station, batches.
+// Viewers, batches and the cache of each station's messages. Private to this room.
 #pragma once
 
 #include "base/ring.h"
@@ -12,43 +12,42 @@
 #include <semaphore.h>
 
 #define PLAYBACK_THREADS 2
-#define ASKED_MAX 8 // commands of one page that are not answered yet
+#define ASKED_MAX 8 // unanswered commands of one page
 
 // ---- batches ------------------------------------------------------------------------------------
 
 struct live_batch {
     uint8_t *bytes;
     size_t size, used;
-    bool full; // something did not find room
+    bool full; // an item had no room
 };
 
-// False, and full, where it finds no room.
+// False if there is no room; the batch is then full.
 bool batch_put(struct live_batch *batch, const void *items, size_t size);
 bool batch_say(struct live_batch *batch, const arthron_Live *item);
 
-// A mesh's payload in pieces, as MeshChunk has them. chunk: the caller's room for one.
+// A mesh's payload in pieces, as MeshChunk holds them. chunk: memory of the caller for one piece.
 uint32_t chunk_count(const struct mesh_payload *payload);
 bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshChunk *chunk,
                struct live_batch *batch);
 
 // Encoded items on their way from another thread to one viewer.
 struct parcel {
-    uint32_t account; // struct viewer's number, of an answer
+    uint32_t viewer_number; // of an answer: the viewer that it is for
     size_t size;
     uint8_t bytes[];
 };
 
-// NULL where the item is too long for any batch.
-struct parcel *parcel_of(const arthron_Live *item, uint32_t account);
+// NULL if the item is too long for any batch.
+struct parcel *parcel_of(const arthron_Live *item, uint32_t viewer_number);
 
-// ---- what is cache of a station
-// --------------------------------------------------------------------
+// ---- the cache of a station's messages ----------------------------------------------------------
 
 #define MOMENT_ITEM_MAX (arthron_Moment_size + 16)
 #define PLACE_ITEM_MAX (arthron_Place_size + 16)
 
-// The same for all viewers, so made once: the newest moment, the place of the last second, the
-// metrics of the last two.
+// Messages that are the same for all viewers, so made once: the newest moment, the place of the
+// last second, the metrics of the last two seconds.
 struct station_cache {
     int64_t taken_ns;
     struct step_snapshot moment;
@@ -68,7 +67,7 @@ struct station_cache {
     uint8_t place[PLACE_ITEM_MAX];
 
     int64_t metrics_ns;
-    uint64_t metrics_of; // struct live's serial
+    uint64_t metrics_of; // serial of the session
     size_t metrics_size;
     uint8_t *metrics;
 };
@@ -79,15 +78,15 @@ struct playback;
 
 struct viewer {
     bool used;
-    uint32_t number; // tells one user of the place from the next
+    uint32_t number; // tells this viewer from others that used the slot before
     struct live_account account;
     enum store_role role; // ROLE_COUNT: none
-    char trouble[256];    // still to be told
+    char trouble[256];    // not sent yet
     arthron_Trouble_Kind trouble_kind;
-    int64_t told_ns;      // when it last got something
+    int64_t told_ns;      // when it last got a batch
     struct ring *answers; // of struct parcel *, from a thread of its commands
-    int asked;            // commands that are not answered yet
-    int refused;          // and those behind them, which are refused
+    int asked;            // unanswered commands
+    int refused;          // commands after these, which are refused
 
     arthron_Watch watch;
     int64_t period_ns, due_ns; // of moments
@@ -100,11 +99,11 @@ struct viewer {
     // One station:
     int station; // -1: none
     bool introduced, barred;
-    uint64_t session; // that the page was told of
-    uint64_t remarks; // revision of those that the page has, and of each of them
-    uint64_t remarked[REMARKS_MAX];
+    uint64_t session;               // the last that the page was told of
+    uint64_t remarks;               // revision of the remarks that the page has
+    uint64_t remarked[REMARKS_MAX]; // revision of each of these
     bool resected[TISSUES_MAX];
-    struct tissue_figures figures[TISSUES_MAX]; // that the page has
+    struct tissue_figures figures[TISSUES_MAX]; // the last that the page got
     int64_t metrics_ns;
     struct mailbox *mailbox; // NULL: no meshes
     struct sending {
@@ -121,12 +120,13 @@ struct live_server {
     struct viewer viewers[LIVE_VIEWERS_MAX];
     uint32_t numbers;
     struct station_cache cache[STATIONS_MAX];
-    arthron_Live item; // both too large for a stack
+    arthron_Live item; // too large for a stack, as is the chunk
     arthron_MeshChunk chunk;
-    struct task_pool *commands;                   // those of one page run in order
-    struct task_pool *playbacks;                  // of recorded sessions
-    atomic_int playbacks_left, playbacks_waiting; // not ended; not begun
-    pthread_rwlock_t news_lock; // of both: who is told that some viewer may have something
+    struct task_pool *commands;   // commands of one page run in order
+    struct task_pool *playbacks;  // of recorded sessions
+    atomic_int playbacks_left;    // those that have not ended
+    atomic_int playbacks_waiting; // those that have not begun
+    pthread_rwlock_t news_lock;   // of on_news and news_user
     void (*on_news)(void *user);
     void *news_user;
 };
@@ -138,35 +138,32 @@ static inline bool is_staff(const struct viewer *viewer) {
 void viewer_trouble(struct viewer *viewer, arthron_Trouble_Kind kind, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-// ---- cache.c: all of the thread of the pages
-// ------------------------------------------------------
+// ---- snapshot_cache.c: for the web server's thread ----
 
-// Brings the moment of a station up to date where it is older than that.
+// Makes the moment of a station again if it is older than age_ns.
 void cache_refresh(struct live_server *live, int station, int64_t now_ns, int64_t age_ns);
-// The place of each station is made anew each second, and when its state changes.
+// Makes the place of a station again each second, and when the station's state changes.
 void cache_place(struct live_server *live, int station, int64_t now_ns);
 void cache_metrics(struct live_server *live, int station, int64_t now_ns);
 
-// ---- follow.c
-// -------------------------------------------------------------------------------------
+// ---- follow.c: for the web server's thread ----
 
-// Fill a batch; return when there may be more.
+// Fill a batch, and return the time at which there may be more.
 int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                     struct live_batch *batch);
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                        struct live_batch *batch);
-void follow_end(struct viewer *viewer); // the page looks elsewhere
-// What the page says of its meshes; false: too busy.
+void follow_end(struct viewer *viewer); // the viewer no longer watches this
+// Takes a page's message about its meshes. False: too busy.
 bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
 
 // ---- command_runner.c ----
 
-// False: too busy. refusal: why the command is not done, or NULL.
+// False: too busy. refusal: why the command is refused, or NULL.
 bool command_runner_add(struct live_server *live, const struct viewer *viewer,
                         const arthron_Command *command, const char *refusal);
 
 // ---- live.c ----
 
-// Tells whoever serves pages that some viewer may have something. From any thread, never waits.
-// live: struct live_server
-void live_news(void *live);
+// Calls on_news: some viewer may have a batch. From any thread, never waits. user: the live_server.
+void live_news(void *user);

@@ -1,9 +1,9 @@
-// What is most urgent about a station, in one line for a person.
+// The most urgent warning about a station, in one line for a person.
 #pragma once
 
 #include "wire/wire.h"
 
 enum urgency { URGENCY_NONE, URGENCY_LOOK, URGENCY_ACT, URGENCY_NOW };
 
-// From all else that is in the place; drift_mm: what its touches may be off.
+// Sets the place's warning from its other fields. drift_mm: the drift of touches that is accepted.
 void warning_of_place(arthron_Place *place, double drift_mm);

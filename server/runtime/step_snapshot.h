@@ -1,6 +1,5 @@
-// A step as it is shown to those who look on: what a page gets of a session (arthron_Moment in the
-// schema). The worker makes one at each step, and whoever plays a recorded session again. Nothing
-// allocates or looks at a clock.
+// A step as pages show it (arthron_Moment in the schema). The worker makes one at each step, and so
+// does a playback of a recorded session. Nothing here allocates or reads a clock.
 #pragma once
 
 #include "step/session.h"
@@ -17,7 +16,7 @@ struct snapshot_instrument {
 };
 
 struct step_snapshot {
-    uint64_t session; // struct live's serial; 0: none yet
+    uint64_t session; // the session's serial; 0: none yet
     uint64_t step;
     int64_t time_ns;  // on the session's clock
     int64_t since_ns; // the session's start
@@ -40,13 +39,13 @@ struct snapshot_maker {
 
 void snapshot_begin(struct snapshot_maker *maker, uint64_t session, int64_t start_ns);
 
-// The next step: maker->now is of it. The velocity of a tip follows the way by which it was
-// measured to go with a time constant of 50 ms, so that a tracker's noise does not add up to speed:
+// Makes maker->now from the next step. The velocity of a tip follows the measured motion with a
+// time constant of 50 ms, so that a tracker's noise does not add up to speed:
 //     v += (dt / (50 ms + dt)) (dx/dt − v)
 void snapshot_step(struct snapshot_maker *maker, const struct session_output *output);
 
 void snapshot_to_wire(const struct step_snapshot *snapshot, uint32_t station,
                       arthron_Moment *out_message);
 
-// How far apart they are for who asked for them.
+// The time between two moments at the rate that the page asked for.
 int64_t snapshot_period_ns(const arthron_Watch *watch);

@@ -5,15 +5,15 @@
 //   tip.CHANNEL       T_tool_tip (bones: where the bone's frame lies in the marker's)
 //   T_mockup_tracker  where the tracker's frame lies in the mock-up's
 //   stamps            no: the tracker's time stamps mean nothing; yes
-//   request           auto, TDATA, QTDATA or none: what it is asked to send
-//   (device/igtl_request.h);
-//                     auto
+//   request           what it is asked to send (device/igtl_request.h): auto, TDATA, QTDATA or
+//                     none; auto
 //   request_ms        the shortest time between two messages that are asked for, 1 to 1000; 5
 //   coordinates       name of the coordinate system that is asked for; empty
 //
 // A sample is T_mockup_tracker · T_tracker_tool · T_tool_tip, at the time when its bytes came: the
 // messages' own time stamps are of a clock that we do not know. They tell which message is late
-// (device/stamp.h), and whether a tool's pose is only said again.
+// (device/stamp.h), and whether a tool's pose is only said again. OpenIGTLink's library leaves the
+// stamp of a message uninitialized that its sender does not stamp: it stands still at any value.
 
 #include "base/check.h"
 #include "base/clock.h"
@@ -34,16 +34,21 @@
 #include <unistd.h>
 
 static const int connect_timeout_ms = 1000;
+static const double still_mm = 0.001; // what one pose in two types of message may differ by
 
 struct tracker {
     char address[OPTION_TEXT_MAX];
     char tools[CHANNEL_COUNT][IGTL_NAME_SIZE]; // empty: not tracked
     pose T_mockup_tracker, T_tool_tip[CHANNEL_COUNT];
     bool uses_stamps;
+    bool is_unstamped; // this connection: what its messages have for a stamp stands still
     struct igtl_request request;
     bool denied; // it said no to the newest request
     struct stamp_clock clock;
-    int64_t stamps_ns[CHANNEL_COUNT]; // of the newest poses
+    struct tracker_newest {
+        int64_t stamp_ns, arrival_ns; // stamp_ns 0: none
+        vec3 position;
+    } newest[CHANNEL_COUNT]; // poses that were used
     int fd;
     struct igtl_stream stream;
     struct igtl_message message;
@@ -129,8 +134,8 @@ static enum result tracker_open(void *device, struct error *err) {
     struct tracker *d = device;
     igtl_stream_init(&d->stream);
     d->clock = (struct stamp_clock){0};
-    memset(d->stamps_ns, 0, sizeof d->stamps_ns);
-    d->denied = false;
+    memset(d->newest, 0, sizeof d->newest);
+    d->denied = d->is_unstamped = false;
     igtl_request_begin(&d->request, clock_now_ns());
     return socket_connect(d->address, connect_timeout_ms, &d->fd, err);
 }
@@ -148,40 +153,77 @@ static void add_sample(struct device_reading *reading, enum channel channel, int
                                            .T_mockup_body = T_mockup_body};
 }
 
+static bool has_stamp(const struct tracker *d) {
+    return d->uses_stamps && !d->is_unstamped && d->message.stamp_ns;
+}
+
+// Has a tool moved since its newest pose, which came long ago and has the same stamp?
+static bool moves_under_one_stamp(const struct tracker *d, int64_t time_ns) {
+    for (int i = 0; i < d->message.count; i++)
+        for (int c = 0; c < CHANNEL_COUNT; c++) {
+            const struct tracker_newest *newest = &d->newest[c];
+            vec3 position = d->message.tools[i].T_tracker_tool.translation;
+            if (!strcmp(d->message.tools[i].name, d->tools[c]) &&
+                newest->stamp_ns == d->message.stamp_ns &&
+                time_ns - newest->arrival_ns > STAMP_LATE_NS &&
+                vec3_distance(position, newest->position) > still_mm)
+                return true;
+        }
+    return false;
+}
+
+static bool is_stamp_used(const struct tracker *d) {
+    for (int c = 0; c < CHANNEL_COUNT; c++)
+        if (d->newest[c].stamp_ns == d->message.stamp_ns)
+            return true;
+    return false;
+}
+
+static enum result tell_late(const struct tracker *d, struct error *err) {
+    long long ms = d->clock.lateness_ns / NS_PER_MS;
+    if (is_stamp_used(d))
+        return fail(err, RESULT_FORMAT, "its time stamps have stood still for %lld ms", ms);
+    return fail(err, RESULT_FORMAT, "a message came %lld ms late", ms);
+}
+
 static enum result check_stamp(struct tracker *d, int64_t time_ns, struct error *err) {
-    if (!d->uses_stamps || !d->message.stamp_ns)
+    if (has_stamp(d) && moves_under_one_stamp(d, time_ns)) {
+        log_warning("tracker", "%s: ignores its time stamps: they stand still while a tool moves",
+                    d->address);
+        d->is_unstamped = true;
+    }
+    if (!has_stamp(d))
         return RESULT_OK;
     enum stamp_verdict verdict = stamp_judge(&d->clock, d->message.stamp_ns, time_ns);
-    int64_t ms = d->clock.lateness_ns / NS_PER_MS;
     switch (verdict) {
     case STAMP_LATE:
-        return fail(err, RESULT_FORMAT, "a message that is %lld ms late", (long long)ms);
+        return tell_late(d, err);
     case STAMP_AHEAD:
-        return fail(err, RESULT_FORMAT, "its clock went ahead by %lld ms", (long long)-ms);
+        return fail(err, RESULT_FORMAT, "its clock went ahead by %lld ms",
+                    (long long)(-d->clock.lateness_ns / NS_PER_MS));
     case STAMP_ANEW:
-        return fail(err, RESULT_FORMAT, "its clock was put back, or everything comes late now");
+        return fail(err, RESULT_FORMAT, "its clock was set back, or all its messages are late now");
     default:
         return RESULT_OK;
     }
 }
 
-static bool is_said_again(struct tracker *d, int channel) {
-    int64_t stamp_ns = d->message.stamp_ns;
-    bool again = d->uses_stamps && stamp_ns && stamp_ns == d->stamps_ns[channel];
-    d->stamps_ns[channel] = stamp_ns;
-    return again;
+static void take_tool(struct tracker *d, enum channel channel, pose T_tracker_tool, int64_t time_ns,
+                      struct device_reading *reading) {
+    struct tracker_newest *newest = &d->newest[channel];
+    if (has_stamp(d) && d->message.stamp_ns == newest->stamp_ns)
+        return; // said again
+    *newest = (struct tracker_newest){d->message.stamp_ns, time_ns, T_tracker_tool.translation};
+    pose T_mockup_tool = pose_compose(d->T_mockup_tracker, T_tracker_tool);
+    add_sample(reading, channel, time_ns, pose_compose(T_mockup_tool, d->T_tool_tip[channel]));
 }
 
 static void take_message(struct tracker *d, int64_t time_ns, struct device_reading *reading) {
     reading->malformed += d->message.refused;
     for (int i = 0; i < d->message.count; i++)
         for (int c = 0; c < CHANNEL_COUNT; c++)
-            if (!strcmp(d->message.tools[i].name, d->tools[c]) && !is_said_again(d, c)) {
-                pose T_mockup_tool =
-                    pose_compose(d->T_mockup_tracker, d->message.tools[i].T_tracker_tool);
-                add_sample(reading, (enum channel)c, time_ns,
-                           pose_compose(T_mockup_tool, d->T_tool_tip[c]));
-            }
+            if (!strcmp(d->message.tools[i].name, d->tools[c]))
+                take_tool(d, (enum channel)c, d->message.tools[i].T_tracker_tool, time_ns, reading);
 }
 
 static enum result take_bytes(struct tracker *d, const uint8_t *bytes, size_t size,

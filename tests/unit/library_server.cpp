@@ -5,6 +5,7 @@
 #include <igtlMessageHeader.h>
 #include <igtlQuaternionTrackingDataMessage.h>
 #include <igtlServerSocket.h>
+#include <igtlTimeStamp.h>
 #include <igtlTrackingDataMessage.h>
 #include <igtlTransformMessage.h>
 #include <mutex>
@@ -18,6 +19,7 @@ struct library_server {
     std::mutex lock;
     library_server_record record{};
     bool asked = false;
+    float tool_x = 12; // moves a little, as a hand does
     std::thread thread;
 };
 
@@ -70,55 +72,79 @@ static bool hear(library_server *s, igtl::Socket *socket) {
     return true;
 }
 
-static bool send_tdata(igtl::Socket *socket) {
+// The library leaves the stamp of a message that is not stamped as it finds it in its memory.
+static bool send(const library_server *s, igtl::Socket *socket, igtl::MessageBase *message) {
+    auto now = igtl::TimeStamp::New();
+    now->GetTime();
+    if (s->kind == SENDS_ONE_STAMP || s->kind == REPEATS_ITSELF)
+        message->SetTimeStamp(0xbebebebe, 0xbebebebe);
+    else
+        message->SetTimeStamp(now);
+    message->Pack();
+    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+}
+
+static void put_tool(const library_server *s, igtl::Matrix4x4 &matrix) {
+    igtl::IdentityMatrix(matrix);
+    matrix[0][3] = s->tool_x;
+}
+
+static bool send_tdata(const library_server *s, igtl::Socket *socket) {
     auto message = igtl::TrackingDataMessage::New();
     auto tool = igtl::TrackingDataElement::New();
     igtl::Matrix4x4 matrix;
-    igtl::IdentityMatrix(matrix);
-    matrix[0][3] = 12;
+    put_tool(s, matrix);
     tool->SetName("pointer");
     tool->SetType(igtl::TrackingDataElement::TYPE_6D);
     tool->SetMatrix(matrix);
     message->SetDeviceName("Tracker");
     message->AddTrackingDataElement(tool);
-    message->Pack();
-    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+    return send(s, socket, message);
 }
 
-static bool send_qtdata(igtl::Socket *socket) {
+static bool send_qtdata(const library_server *s, igtl::Socket *socket) {
     auto message = igtl::QuaternionTrackingDataMessage::New();
     auto tool = igtl::QuaternionTrackingDataElement::New();
     tool->SetName("pointer");
     tool->SetType(igtl::QuaternionTrackingDataElement::TYPE_6D);
-    tool->SetPosition(12, 0, 0);
+    tool->SetPosition(s->tool_x, 0, 0);
     tool->SetQuaternion(0, 0, 0, 1);
     message->SetDeviceName("Tracker");
     message->AddQuaternionTrackingDataElement(tool);
-    message->Pack();
-    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+    return send(s, socket, message);
 }
 
-static bool send_transform(igtl::Socket *socket) {
+static bool send_transform(const library_server *s, igtl::Socket *socket) {
     auto message = igtl::TransformMessage::New();
     igtl::Matrix4x4 matrix;
-    igtl::IdentityMatrix(matrix);
-    matrix[0][3] = 12;
+    put_tool(s, matrix);
     message->SetDeviceName("pointer");
     message->SetMatrix(matrix);
-    message->Pack();
-    return socket->Send(message->GetPackPointer(), message->GetPackSize()) != 0;
+    return send(s, socket, message);
+}
+
+static bool send_pose(library_server *s, igtl::Socket *socket) {
+    if (s->kind != REPEATS_ITSELF)
+        s->tool_x = s->tool_x < 13 ? s->tool_x + 0.002F : 12;
+    switch (s->kind) {
+    case SENDS_BY_ITSELF:
+    case SENDS_ONE_STAMP:
+    case REPEATS_ITSELF:
+        return send_transform(s, socket);
+    case SENDS_TDATA:
+        return !s->asked || send_tdata(s, socket);
+    case SENDS_QTDATA:
+        return !s->asked || send_qtdata(s, socket);
+    default:
+        return true;
+    }
 }
 
 static void serve(library_server *s, igtl::Socket *socket) {
     socket->SetReceiveTimeout(5);
-    while (!s->stop && hear(s, socket)) {
-        bool alive = s->kind == SENDS_BY_ITSELF            ? send_transform(socket)
-                     : s->kind == SENDS_TDATA && s->asked  ? send_tdata(socket)
-                     : s->kind == SENDS_QTDATA && s->asked ? send_qtdata(socket)
-                                                           : true;
-        if (!alive)
+    while (!s->stop && hear(s, socket))
+        if (!send_pose(s, socket))
             return;
-    }
 }
 
 static void run(library_server *s) {

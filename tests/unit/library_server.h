@@ -10,7 +10,14 @@ extern "C" {
 
 struct library_server;
 
-enum library_server_kind { SENDS_TDATA, SENDS_QTDATA, SENDS_BY_ITSELF, REFUSES };
+enum library_server_kind {
+    SENDS_TDATA,
+    SENDS_QTDATA,
+    SENDS_BY_ITSELF,
+    SENDS_ONE_STAMP, // by itself, with the same stamp in each message
+    REPEATS_ITSELF,  // by itself, with the same stamp and pose in each message
+    REFUSES
+};
 
 // What it did so far; of any thread.
 struct library_server_record {

@@ -45,11 +45,9 @@ enum result store_add_account(struct store *store, const char *name, enum store_
     if (result != RESULT_OK)
         return result;
     int64_t trainee_id;
-    result =
-        store_must_be_new(store, "SELECT id FROM account WHERE name = ?", "an account", name, err);
+    result = store_must_be_new(store, &account_table, name, err);
     if (result == RESULT_OK && trainee)
-        result = store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee",
-                                  trainee, &trainee_id, err);
+        result = store_find_named(store, &trainee_table, trainee, &trainee_id, err);
     if (result == RESULT_OK)
         result = store_do(store,
                           "INSERT INTO account (name, role, password, trainee_id, created_utc_ns) "
@@ -91,8 +89,7 @@ static enum result begin_change(struct store *store, const char *name, int64_t *
         return result;
     result = store_has_instructor(store, out_had, err);
     if (result == RESULT_OK)
-        result = store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name,
-                                  out_id, err);
+        result = store_find_named(store, &account_table, name, out_id, err);
     if (result == RESULT_OK)
         result = end_tokens(store, *out_id, err);
     return result == RESULT_OK ? result : store_end(store, result, err);
@@ -168,18 +165,8 @@ enum result store_rename_account(struct store *store, const char *name, const ch
     int64_t id;
     enum result result = text_check(new_name, "account's name", STORE_NAME_MAX, err);
     if (result == RESULT_OK)
-        result = store_begin(store, err);
+        result = store_begin_named(store, &account_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name, &id, err);
-    if (result == RESULT_OK)
-        result = store_must_be_new(store, "SELECT id FROM account WHERE name = ?", "an account",
-                                   new_name, err);
-    if (result == RESULT_OK)
-        result =
-            store_do(store, "UPDATE account SET name = ? WHERE id = ?", err, "ti", new_name, id);
-    if (result == RESULT_OK)
-        result = store_audit(store, "rename", "account", id, err);
-    return store_end(store, result, err);
+    return store_end(store, store_rename_row(store, &account_table, id, new_name, err), err);
 }

@@ -58,13 +58,28 @@ enum result store_each_row(struct store *store, sqlite3_stmt *statement, store_r
 enum result store_end(struct store *store, enum result result, struct error *err);
 enum result store_begin(struct store *store, struct error *err);
 
-// The number of the row with this name. what: "trainee", for the error.
-enum result store_find_named(struct store *store, const char *sql, const char *what,
-                             const char *name, int64_t *out_id, struct error *err);
+// A table whose rows have unique names.
+struct named_table {
+    const char *name, *with_article; // "trainee", "a trainee": for errors and the audit log
+    const char *find, *rename;       // SQL
+};
+extern const struct named_table account_table, course_table, trainee_table;
+extern const struct named_table present_trainee_table; // without those who were erased
 
-// RESULT_REFUSED if a row has that name already. what: "a trainee", for the error.
-enum result store_must_be_new(struct store *store, const char *sql, const char *what,
+// The number of the row with this name.
+enum result store_find_named(struct store *store, const struct named_table *table, const char *name,
+                             int64_t *out_id, struct error *err);
+// Begins a transaction and finds the row with this name. After an error no transaction is open.
+enum result store_begin_named(struct store *store, const struct named_table *table,
+                              const char *name, int64_t *out_id, struct error *err);
+
+// RESULT_REFUSED if a row has that name already.
+enum result store_must_be_new(struct store *store, const struct named_table *table,
                               const char *name, struct error *err);
+// Inside a transaction: the row gets the name, unless another one has it, and the audit log an
+// entry.
+enum result store_rename_row(struct store *store, const struct named_table *table, int64_t id,
+                             const char *new_name, struct error *err);
 
 // Like store_end, after an INSERT of a `kind`, which it adds to the audit log.
 enum result store_end_added(struct store *store, enum result result, const char *kind,

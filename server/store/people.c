@@ -9,18 +9,6 @@
 #include <string.h>
 #include <sys/random.h>
 
-static enum result find_trainee(struct store *store, const char *name, int64_t *out_id,
-                                struct error *err) {
-    return store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", name, out_id,
-                            err);
-}
-
-static enum result find_course(struct store *store, const char *name, int64_t *out_id,
-                               struct error *err) {
-    return store_find_named(store, "SELECT id FROM course WHERE name = ?", "course", name, out_id,
-                            err);
-}
-
 // ---- adding -------------------------------------------------------------------------------------
 
 enum result store_add_trainee(struct store *store, const char *name, const char *full_name,
@@ -32,8 +20,7 @@ enum result store_add_trainee(struct store *store, const char *name, const char 
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_must_be_new(store, "SELECT id FROM trainee WHERE name = ?", "a trainee", name, err);
+    result = store_must_be_new(store, &trainee_table, name, err);
     if (result == RESULT_OK)
         result = store_do(store,
                           "INSERT INTO trainee (name, full_name, created_utc_ns) VALUES (?, ?, ?)",
@@ -47,65 +34,54 @@ enum result store_add_course(struct store *store, const char *name, struct error
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_must_be_new(store, "SELECT id FROM course WHERE name = ?", "a course", name, err);
+    result = store_must_be_new(store, &course_table, name, err);
     if (result == RESULT_OK)
         result = store_do(store, "INSERT INTO course (name, created_utc_ns) VALUES (?, ?)", err,
                           "ti", name, clock_utc_ns());
     return store_end_added(store, result, "course", err);
 }
 
+// Inside a transaction in which the trainee was found.
+static enum result change_enrolment(struct store *store, const char *sql, int64_t trainee_id,
+                                    const char *course, struct error *err) {
+    int64_t course_id;
+    enum result result = store_find_named(store, &course_table, course, &course_id, err);
+    return result == RESULT_OK ? store_do(store, sql, err, "ii", trainee_id, course_id) : result;
+}
+
 enum result store_enrol(struct store *store, const char *trainee, const char *course,
                         struct error *err) {
-    int64_t trainee_id = 0, course_id;
-    enum result result = store_begin(store, err);
+    int64_t id;
+    enum result result = store_begin_named(store, &trainee_table, trainee, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_trainee(store, trainee, &trainee_id, err);
+    result = change_enrolment(
+        store, "INSERT OR IGNORE INTO enrolment (trainee_id, course_id) VALUES (?, ?)", id, course,
+        err);
     if (result == RESULT_OK)
-        result = find_course(store, course, &course_id, err);
-    if (result == RESULT_OK)
-        result =
-            store_do(store, "INSERT OR IGNORE INTO enrolment (trainee_id, course_id) VALUES (?, ?)",
-                     err, "ii", trainee_id, course_id);
-    if (result == RESULT_OK)
-        result = store_audit(store, "enrol", "trainee", trainee_id, err);
+        result = store_audit(store, "enrol", "trainee", id, err);
     return store_end(store, result, err);
 }
 
 enum result store_unenrol(struct store *store, const char *trainee, const char *course,
                           struct error *err) {
-    int64_t trainee_id = 0, course_id;
-    enum result result = store_begin(store, err);
+    int64_t id;
+    enum result result = store_begin_named(store, &trainee_table, trainee, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_trainee(store, trainee, &trainee_id, err);
-    if (result == RESULT_OK)
-        result = find_course(store, course, &course_id, err);
-    if (result == RESULT_OK)
-        result = store_do(store, "DELETE FROM enrolment WHERE trainee_id = ? AND course_id = ?",
-                          err, "ii", trainee_id, course_id);
+    result = change_enrolment(store, "DELETE FROM enrolment WHERE trainee_id = ? AND course_id = ?",
+                              id, course, err);
     if (result == RESULT_OK && !sqlite3_changes(store->db))
         result = fail(err, RESULT_MISSING, "%s: trainee '%s' is not in course '%s'", store->path,
                       trainee, course);
     if (result == RESULT_OK)
-        result = store_audit(store, "unenrol", "trainee", trainee_id, err);
+        result = store_audit(store, "unenrol", "trainee", id, err);
     return store_end(store, result, err);
 }
 
 // ---- changing -----------------------------------------------------------------------------------
 
 // Inside a transaction.
-static enum result rename_trainee(struct store *store, int64_t id, const char *new_name,
-                                  struct error *err) {
-    enum result result = store_must_be_new(store, "SELECT id FROM trainee WHERE name = ?",
-                                           "a trainee", new_name, err);
-    if (result == RESULT_OK)
-        result =
-            store_do(store, "UPDATE trainee SET name = ? WHERE id = ?", err, "ti", new_name, id);
-    return result == RESULT_OK ? store_audit(store, "rename", "trainee", id, err) : result;
-}
-
 static enum result set_full_name(struct store *store, int64_t id, const char *full_name,
                                  struct error *err) {
     enum result result =
@@ -122,14 +98,11 @@ enum result store_change_trainee(struct store *store, const char *name, const ch
     if (result == RESULT_OK && full_name && full_name[0])
         result = text_check(full_name, "trainee's full name", STORE_TEXT_MAX, err);
     if (result == RESULT_OK)
-        result = store_begin(store, err);
+        result = store_begin_named(store, &present_trainee_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
-                         "trainee", name, &id, err);
-    if (result == RESULT_OK && new_name)
-        result = rename_trainee(store, id, new_name, err);
+    if (new_name)
+        result = store_rename_row(store, &trainee_table, id, new_name, err);
     if (result == RESULT_OK && full_name)
         result = set_full_name(store, id, full_name, err);
     return store_end(store, result, err);
@@ -140,29 +113,18 @@ enum result store_rename_course(struct store *store, const char *name, const cha
     int64_t id;
     enum result result = text_check(new_name, "course's name", STORE_NAME_MAX, err);
     if (result == RESULT_OK)
-        result = store_begin(store, err);
+        result = store_begin_named(store, &course_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_course(store, name, &id, err);
-    if (result == RESULT_OK)
-        result = store_must_be_new(store, "SELECT id FROM course WHERE name = ?", "a course",
-                                   new_name, err);
-    if (result == RESULT_OK)
-        result =
-            store_do(store, "UPDATE course SET name = ? WHERE id = ?", err, "ti", new_name, id);
-    if (result == RESULT_OK)
-        result = store_audit(store, "rename", "course", id, err);
-    return store_end(store, result, err);
+    return store_end(store, store_rename_row(store, &course_table, id, new_name, err), err);
 }
 
 enum result store_remove_course(struct store *store, const char *name, struct error *err) {
     int64_t id;
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &course_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_course(store, name, &id, err);
-    if (result == RESULT_OK)
-        result = store_do(store, "DELETE FROM enrolment WHERE course_id = ?", err, "i", id);
+    result = store_do(store, "DELETE FROM enrolment WHERE course_id = ?", err, "i", id);
     if (result == RESULT_OK)
         result = store_do(store, "DELETE FROM course WHERE id = ?", err, "i", id);
     if (result == RESULT_OK)
@@ -170,8 +132,7 @@ enum result store_remove_course(struct store *store, const char *name, struct er
     return store_end(store, result, err);
 }
 
-// ---- erasing, removing
-// ------------------------------------------------------------------------------------
+// ---- erasing, removing --------------------------------------------------------------------------
 
 // Random, so that it reveals nothing about the person.
 static void make_pseudonym(char out[STORE_NAME_MAX]) {
@@ -222,13 +183,10 @@ enum result store_erase_trainee(struct store *store, const char *name,
                                 char out_pseudonym[STORE_NAME_MAX], struct error *err) {
     int64_t id;
     make_pseudonym(out_pseudonym);
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &trainee_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_trainee(store, name, &id, err);
-    if (result == RESULT_OK)
-        result = erase_rows(store, id, out_pseudonym, err);
-    result = store_end(store, result, err);
+    result = store_end(store, erase_rows(store, id, out_pseudonym, err), err);
     if (result == RESULT_OK)
         cut_log(store);
     return result;
@@ -236,13 +194,11 @@ enum result store_erase_trainee(struct store *store, const char *name,
 
 enum result store_remove_trainee(struct store *store, const char *name, struct error *err) {
     int64_t id, sessions;
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &trainee_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result = find_trainee(store, name, &id, err);
-    if (result == RESULT_OK)
-        result = store_find(store, "SELECT count(*) FROM session WHERE trainee_id = ?", &sessions,
-                            err, "i", id);
+    result = store_find(store, "SELECT count(*) FROM session WHERE trainee_id = ?", &sessions, err,
+                        "i", id);
     if (result == RESULT_OK && sessions)
         result = fail(err, RESULT_REFUSED,
                       "%s: trainee '%s' has %lld sessions; erase the trainee instead", store->path,

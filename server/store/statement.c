@@ -97,21 +97,53 @@ enum result store_begin(struct store *store, struct error *err) {
     return store_run(store, "BEGIN IMMEDIATE", err);
 }
 
-enum result store_find_named(struct store *store, const char *sql, const char *what,
-                             const char *name, int64_t *out_id, struct error *err) {
-    enum result result = store_find(store, sql, out_id, err, "t", name);
+const struct named_table account_table = {"account", "an account",
+                                          "SELECT id FROM account WHERE name = ?",
+                                          "UPDATE account SET name = ? WHERE id = ?"};
+const struct named_table course_table = {"course", "a course",
+                                         "SELECT id FROM course WHERE name = ?",
+                                         "UPDATE course SET name = ? WHERE id = ?"};
+const struct named_table trainee_table = {"trainee", "a trainee",
+                                          "SELECT id FROM trainee WHERE name = ?",
+                                          "UPDATE trainee SET name = ? WHERE id = ?"};
+const struct named_table present_trainee_table = {
+    "trainee", "a trainee", "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
+    NULL};
+
+enum result store_find_named(struct store *store, const struct named_table *table, const char *name,
+                             int64_t *out_id, struct error *err) {
+    enum result result = store_find(store, table->find, out_id, err, "t", name);
     if (result == RESULT_MISSING)
-        fail(err, result, "%s: there is no %s '%.*s'", store->path, what, STORE_NAME_MAX, name);
+        fail(err, result, "%s: there is no %s '%.*s'", store->path, table->name, STORE_NAME_MAX,
+             name);
     return result;
 }
 
-enum result store_must_be_new(struct store *store, const char *sql, const char *what,
+enum result store_begin_named(struct store *store, const struct named_table *table,
+                              const char *name, int64_t *out_id, struct error *err) {
+    enum result result = store_begin(store, err);
+    if (result != RESULT_OK)
+        return result;
+    result = store_find_named(store, table, name, out_id, err);
+    return result == RESULT_OK ? result : store_end(store, result, err);
+}
+
+enum result store_must_be_new(struct store *store, const struct named_table *table,
                               const char *name, struct error *err) {
     int64_t id;
-    enum result result = store_find(store, sql, &id, err, "t", name);
+    enum result result = store_find(store, table->find, &id, err, "t", name);
     if (result == RESULT_OK)
-        return fail(err, RESULT_REFUSED, "%s: there is already %s '%s'", store->path, what, name);
+        return fail(err, RESULT_REFUSED, "%s: there is already %s '%s'", store->path,
+                    table->with_article, name);
     return result == RESULT_MISSING ? RESULT_OK : result;
+}
+
+enum result store_rename_row(struct store *store, const struct named_table *table, int64_t id,
+                             const char *new_name, struct error *err) {
+    enum result result = store_must_be_new(store, table, new_name, err);
+    if (result == RESULT_OK)
+        result = store_do(store, table->rename, err, "ti", new_name, id);
+    return result == RESULT_OK ? store_audit(store, "rename", table->name, id, err) : result;
 }
 
 enum result store_end_added(struct store *store, enum result result, const char *kind,

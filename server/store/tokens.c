@@ -208,10 +208,8 @@ static enum result find_owner(struct store *store, const struct store_principal 
                               int64_t *out_account, int64_t *out_trainee, struct error *err) {
     *out_account = *out_trainee = 0;
     if (owner->by_account)
-        return store_find_named(store, "SELECT id FROM account WHERE name = ?", "account",
-                                owner->name, out_account, err);
-    return store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", owner->name,
-                            out_trainee, err);
+        return store_find_named(store, &account_table, owner->name, out_account, err);
+    return store_find_named(store, &trainee_table, owner->name, out_trainee, err);
 }
 
 // Since the lookup, the password may have changed, or somebody may have signed the owner out.
@@ -258,15 +256,12 @@ enum result store_add_token(struct store *store, enum store_token_kind kind, con
 enum result store_add_code(struct store *store, const char *trainee, const char *hash,
                            int64_t *out_until_utc_ns, struct error *err) {
     int64_t id;
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &present_trainee_table, trainee, &id, err);
     if (result != RESULT_OK)
         return result;
+    // Cookies of the previous code:
     result =
-        store_find_named(store, "SELECT id FROM trainee WHERE name = ? AND erased_utc_ns IS NULL",
-                         "trainee", trainee, &id, err);
-    if (result == RESULT_OK) // cookies of the previous code
-        result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind = 'cookie'", err,
-                          "i", id);
+        store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind = 'cookie'", err, "i", id);
     if (result == RESULT_OK)
         result = insert_token(store, TOKEN_CODE, hash, 0, id, NULL, out_until_utc_ns, err);
     if (result == RESULT_OK)
@@ -299,13 +294,10 @@ enum result store_remove_token(struct store *store, const struct store_principal
 
 enum result store_sign_out_account(struct store *store, const char *name, struct error *err) {
     int64_t id;
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &account_table, name, &id, err);
     if (result != RESULT_OK)
         return result;
-    result =
-        store_find_named(store, "SELECT id FROM account WHERE name = ?", "account", name, &id, err);
-    if (result == RESULT_OK)
-        result = store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", id);
+    result = store_do(store, "DELETE FROM token WHERE account_id = ?", err, "i", id);
     if (result == RESULT_OK)
         result = store_audit(store, "sign out", "account", id, err);
     return store_end(store, result, err);
@@ -314,14 +306,11 @@ enum result store_sign_out_account(struct store *store, const char *name, struct
 // Begins a transaction, and deletes the cookies of the trainee's code.
 static enum result begin_sign_out(struct store *store, const char *trainee, int64_t *out_id,
                                   struct error *err) {
-    enum result result = store_begin(store, err);
+    enum result result = store_begin_named(store, &trainee_table, trainee, out_id, err);
     if (result != RESULT_OK)
         return result;
-    result = store_find_named(store, "SELECT id FROM trainee WHERE name = ?", "trainee", trainee,
-                              out_id, err);
-    if (result == RESULT_OK)
-        result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind <> 'code'", err,
-                          "i", *out_id);
+    result = store_do(store, "DELETE FROM token WHERE trainee_id = ? AND kind <> 'code'", err, "i",
+                      *out_id);
     return result == RESULT_OK ? result : store_end(store, result, err);
 }
 

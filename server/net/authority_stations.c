@@ -227,6 +227,24 @@ enum result authority_enrol(const char *dir, const char *code_text,
 
 // ---- renewal ------------------------------------------------------------------------------------
 
+// All certificates of stations.
+struct certificate_records {
+    struct records issued, revoked;
+};
+
+// Release with release_certificates, after an error too.
+static enum result read_certificates(const char *dir, struct certificate_records *out,
+                                     struct error *err) {
+    *out = (struct certificate_records){0};
+    enum result result = records_read(dir, "issued", &out->issued, err);
+    return result == RESULT_OK ? records_read(dir, "revoked", &out->revoked, err) : result;
+}
+
+static void release_certificates(struct certificate_records *records) {
+    records_release(&records->issued);
+    records_release(&records->revoked);
+}
+
 static bool contains(const struct records *records, const char *serial) {
     for (int i = 0; i < records->count; i++)
         if (!strcasecmp(records->items[i].key, serial))
@@ -247,18 +265,15 @@ static int count_good(const struct records *issued, const struct records *revoke
 // Under the lock. A renewal of each renewal would fill the folder.
 static enum result may_renew(const char *dir, const char *station, const char *serial,
                              struct error *err) {
-    struct records issued = {0}, revoked = {0};
-    enum result result = records_read(dir, "issued", &issued, err);
-    if (result == RESULT_OK)
-        result = records_read(dir, "revoked", &revoked, err);
-    if (result == RESULT_OK && contains(&revoked, serial))
+    struct certificate_records all;
+    enum result result = read_certificates(dir, &all, err);
+    if (result == RESULT_OK && contains(&all.revoked, serial))
         result = fail(err, RESULT_REFUSED, "this certificate is revoked");
-    if (result == RESULT_OK && count_good(&issued, &revoked, station) >= CERTIFICATES_MAX)
+    if (result == RESULT_OK && count_good(&all.issued, &all.revoked, station) >= CERTIFICATES_MAX)
         result = fail(err, RESULT_REFUSED,
                       "station %s has %d certificates: revoke them, and enrol it again", station,
                       CERTIFICATES_MAX);
-    records_release(&issued);
-    records_release(&revoked);
+    release_certificates(&all);
     return result;
 }
 
@@ -318,16 +333,13 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
         result = authority_lock(dir, true, &lock, err);
     if (result != RESULT_OK)
         return result;
-    struct records issued = {0}, revoked = {0};
-    result = records_read(dir, "issued", &issued, err);
-    if (result == RESULT_OK)
-        result = records_read(dir, "revoked", &revoked, err);
+    struct certificate_records all;
+    result = read_certificates(dir, &all, err);
     if (result == RESULT_OK)
         result = void_codes(dir, station, err);
     if (result == RESULT_OK)
-        result = revoke_issued(dir, station, &issued, &revoked, err);
-    records_release(&issued);
-    records_release(&revoked);
+        result = revoke_issued(dir, station, &all.issued, &all.revoked, err);
+    release_certificates(&all);
     close(lock);
     return result;
 }
@@ -354,17 +366,14 @@ enum result authority_used(const char *dir, const char *station, const char *ser
     enum result result = authority_lock(dir, false, &lock, err);
     if (result != RESULT_OK)
         return result;
-    struct records issued = {0}, revoked = {0};
-    result = records_read(dir, "issued", &issued, err);
-    if (result == RESULT_OK)
-        result = records_read(dir, "revoked", &revoked, err);
+    struct certificate_records all;
+    result = read_certificates(dir, &all, err);
     if (result == RESULT_OK) {
-        *out_revoked = revoke_older(&issued, &revoked, station, serial_hex);
+        *out_revoked = revoke_older(&all.issued, &all.revoked, station, serial_hex);
         if (*out_revoked)
-            result = records_write(dir, "revoked", &revoked, err);
+            result = records_write(dir, "revoked", &all.revoked, err);
     }
-    records_release(&issued);
-    records_release(&revoked);
+    release_certificates(&all);
     close(lock);
     return result;
 }
@@ -373,19 +382,16 @@ enum result authority_used(const char *dir, const char *station, const char *ser
 
 enum result authority_station_until(const char *dir, const char *station, int64_t *out_utc_s,
                                     struct error *err) {
-    struct records issued = {0}, revoked = {0};
+    struct certificate_records all;
     *out_utc_s = 0;
-    enum result result = records_read(dir, "issued", &issued, err);
-    if (result == RESULT_OK)
-        result = records_read(dir, "revoked", &revoked, err);
-    for (int i = 0; result == RESULT_OK && i < issued.count; i++) {
-        const struct record *record = &issued.items[i];
+    enum result result = read_certificates(dir, &all, err);
+    for (int i = 0; result == RESULT_OK && i < all.issued.count; i++) {
+        const struct record *record = &all.issued.items[i];
         int64_t until_s = record->utc_s + CERTIFICATE_DAYS * DAY_S;
         if (!strcmp(record->station, station) && until_s > now_s() && until_s > *out_utc_s &&
-            !contains(&revoked, record->key))
+            !contains(&all.revoked, record->key))
             *out_utc_s = until_s;
     }
-    records_release(&issued);
-    records_release(&revoked);
+    release_certificates(&all);
     return result;
 }

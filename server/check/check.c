@@ -232,15 +232,7 @@ static void sum_up(struct case_check *check) {
         keep_worst(&all->fold, &check->fold_pose, field_own_folds(f), &f->fold, i, true);
         keep_worst(&all->filling, &check->filling_pose, f->filled, &f->filling, i, true);
         keep_worst(&all->yielding, &check->yielding_pose, f->yielded, &f->yielding, i, true);
-        all->looked += f->looked;
-        all->still += f->still;
-        all->close += f->close;
-        all->folded += f->folded;
-        all->yielded += f->yielded;
-        all->filled += f->filled;
-        all->jumped += f->jumped;
-        for (int b = 0; b < GAIN_BINS; b++)
-            all->gains[b] += f->gains[b];
+        field_counts_add(all, f);
     }
 }
 

@@ -359,6 +359,18 @@ static void keep_larger(struct field_spot *spot, bool had, const struct field_sp
         *spot = *other;
 }
 
+void field_counts_add(struct field_figures *sum, const struct field_figures *figures) {
+    sum->looked += figures->looked;
+    sum->still += figures->still;
+    sum->close += figures->close;
+    sum->folded += figures->folded;
+    sum->yielded += figures->yielded;
+    sum->filled += figures->filled;
+    sum->jumped += figures->jumped;
+    for (int i = 0; i < GAIN_BINS; i++)
+        sum->gains[i] += figures->gains[i];
+}
+
 static void add(struct field_figures *f, const struct field_figures *g) {
     if (g->looked)
         keep_larger(&f->gain, f->looked, &g->gain);
@@ -370,15 +382,7 @@ static void add(struct field_figures *f, const struct field_figures *g) {
         keep_lesser(&f->filling, f->filled, &g->filling);
     if (field_own_folds(g))
         keep_lesser(&f->fold, field_own_folds(f), &g->fold);
-    f->looked += g->looked;
-    f->still += g->still;
-    f->close += g->close;
-    f->folded += g->folded;
-    f->yielded += g->yielded;
-    f->filled += g->filled;
-    f->jumped += g->jumped;
-    for (int i = 0; i < GAIN_BINS; i++)
-        f->gains[i] += g->gains[i];
+    field_counts_add(f, g);
 }
 
 void field_walk(const struct warp_scene *scene, const struct field *field,

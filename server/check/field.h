@@ -69,6 +69,9 @@ void field_walk(const struct warp_scene *scene, const struct field *field,
                 const struct moved *moved, uint32_t yielding, const struct space *space,
                 const struct field_progress *progress, struct field_figures *figures);
 
+// Adds the counts, not the spots.
+void field_counts_add(struct field_figures *sum, const struct field_figures *figures);
+
 // Folds that neither a surface that gives way nor a filled gap explains.
 static inline uint64_t field_own_folds(const struct field_figures *figures) {
     return figures->folded - figures->yielded - figures->filled;

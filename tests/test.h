@@ -13,6 +13,13 @@
 
 #include <math.h>
 
+// RESULT_OK from a call that leaves its error in `err`, a struct error of the caller.
+#define assert_ok(call)                                                                            \
+    do {                                                                                           \
+        if ((call) != RESULT_OK)                                                                   \
+            fail_msg("%s: %s", #call, err.text);                                                   \
+    } while (0)
+
 // |a - b| <= tolerance, and neither is NaN.
 #define assert_near(a, b, tolerance)                                                               \
     do {                                                                                           \

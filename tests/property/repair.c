@@ -15,14 +15,6 @@ static void turn(struct mesh *mesh, uint32_t t) {
     v[2] = second;
 }
 
-static void add_triangles(struct mesh *mesh, uint32_t count, const uint32_t *corners) {
-    mesh->triangles =
-        realloc(mesh->triangles, 3 * (size_t)(mesh->triangle_count + count) * sizeof(uint32_t));
-    memcpy(mesh->triangles + 3 * (size_t)mesh->triangle_count, corners,
-           3 * (size_t)count * sizeof(uint32_t));
-    mesh->triangle_count += count;
-}
-
 static struct repair_report repaired(struct mesh *mesh) {
     const struct repair_settings gentle = {.weld_mm = 0, .island_share = 0.02};
     struct repair_report report;
@@ -45,7 +37,7 @@ static void spoil(struct mesh *mesh, struct random *r) {
             turn(mesh, t);
             break;
         case 1:
-            add_triangles(mesh, 1, doubled);
+            shape_add_triangles(mesh, 1, doubled);
             break;
         case 2: // a corner goes elsewhere
             v[random_bits(r) % 3] = mesh->triangles[3 * (size_t)other];

@@ -213,6 +213,14 @@ void shape_append(struct mesh *mesh, const struct mesh *other) {
     *mesh = both;
 }
 
+void shape_add_triangles(struct mesh *mesh, uint32_t count, const uint32_t *corners) {
+    mesh->triangles =
+        realloc(mesh->triangles, 3 * (size_t)(mesh->triangle_count + count) * sizeof(uint32_t));
+    memcpy(mesh->triangles + 3 * (size_t)mesh->triangle_count, corners,
+           3 * (size_t)count * sizeof(uint32_t));
+    mesh->triangle_count += count;
+}
+
 float *shape_displacement(const struct mesh *mesh, double longest_mm, uint64_t seed) {
     struct random r = {seed};
     vec3 wave[3], direction[3];

@@ -29,6 +29,7 @@ void shape_soup(struct mesh *out, double half, int triangles, uint64_t seed);
 void shape_move(struct mesh *mesh, pose T_to_from);
 void shape_scale(struct mesh *mesh, double factor);
 void shape_append(struct mesh *mesh, const struct mesh *other); // no vertex is shared
+void shape_add_triangles(struct mesh *mesh, uint32_t count, const uint32_t *corners);
 
 // A smooth displacement for each vertex, 3 * vertex_count, none longer than `longest_mm`. The
 // caller frees it.

@@ -21,12 +21,6 @@ static struct api_case cases[2];
 static const struct api_station stations[] = {{"room-1", "healthy", "ada", false},
                                               {"room-2", "torn", "", true}};
 
-#define assert_ok(call)                                                                            \
-    do {                                                                                           \
-        if ((call) != RESULT_OK)                                                                   \
-            fail_msg("%s: %s", #call, err.text);                                                   \
-    } while (0)
-
 const char *in_api(const char *name) {
     static char paths[4][FOLDER_MAX + 64];
     static int next;

@@ -1,7 +1,7 @@
 #include "case/case.h"
 
-#include "check/inspect.h"
 #include "case_knee.h"
+#include "check/inspect.h"
 #include "random.h"
 #include "test.h"
 
@@ -13,12 +13,6 @@
 #include <unistd.h>
 
 static struct error err;
-
-#define assert_ok(call)                                                                            \
-    do {                                                                                           \
-        if ((call) != RESULT_OK)                                                                   \
-            fail_msg("%s: %s", #call, err.text);                                                   \
-    } while (0)
 
 static char folder[FOLDER_MAX];
 

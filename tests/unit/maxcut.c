@@ -1,8 +1,8 @@
 #include "generate/maxcut.h"
 
 #include "case/arc.h"
+#include "generated.h"
 #include "mesh/columns.h"
-#include "generate/generate.h"
 #include "test.h"
 #include "unit/case_knee.h"
 #include "winding.h"
@@ -12,25 +12,9 @@
 
 static struct knee_case *knee;
 
-static struct knee_case *generate(enum side side) {
-    struct recipe recipe = {.name = "test",
-                            .title = "Test",
-                            .side = side,
-                            .size = 1,
-                            .resolution_mm = 2,
-                            .meniscus_medial_cm3 = 2.4,
-                            .meniscus_lateral_cm3 = 2.4,
-                            .rim_mm = 3.5};
-    struct knee_case *made;
-    struct error err;
-    if (generate_knee(&recipe, &made, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-    return made;
-}
-
 static int make_knee(void **state) {
     (void)state;
-    knee = generate(SIDE_RIGHT);
+    knee = plain_knee(SIDE_RIGHT, 2, 3.5);
     return 0;
 }
 
@@ -155,7 +139,7 @@ static void roots_and_capsule_stay_where_they_are(void **state) {
 
 static void a_left_knee_keeps_the_mirrored_rim(void **state) {
     (void)state;
-    struct knee_case *left = generate(SIDE_LEFT);
+    struct knee_case *left = plain_knee(SIDE_LEFT, 2, 3.5);
     for (int i = 0; i < 2; i++) {
         const struct case_group *a = case_group(left, menisci[i]);
         const struct case_group *b = case_group(knee, menisci[i]);

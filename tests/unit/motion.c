@@ -1,10 +1,10 @@
 #include "motion/motion.h"
 
-#include "generate/generate.h"
-#include "motion/joint.h"
-#include "mesh/solid.h"
 #include "folder.h"
+#include "generated.h"
 #include "mesh/query.h"
+#include "mesh/solid.h"
+#include "motion/joint.h"
 #include "random.h"
 #include "test.h"
 #include "winding.h"
@@ -17,24 +17,9 @@
 
 static struct knee_case *knee; // healthy, right
 
-static struct knee_case *generate(enum side side) {
-    struct recipe recipe = {.name = "test",
-                            .title = "Test",
-                            .side = side,
-                            .size = 1,
-                            .resolution_mm = 1.7,
-                            .meniscus_medial_cm3 = 2.4,
-                            .meniscus_lateral_cm3 = 2.4};
-    struct knee_case *made;
-    struct error err;
-    if (generate_knee(&recipe, &made, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-    return made;
-}
-
 static int make_knee(void **state) {
     (void)state;
-    knee = generate(SIDE_RIGHT);
+    knee = plain_knee(SIDE_RIGHT, 1.7, 0);
     return 0;
 }
 
@@ -426,7 +411,7 @@ static void the_palpation_script_shows_all_that_a_demo_needs(void **state) {
 
 static void a_left_knee_plays_the_same_script_mirrored(void **state) {
     (void)state;
-    struct knee_case *left = generate(SIDE_LEFT);
+    struct knee_case *left = plain_knee(SIDE_LEFT, 1.7, 0);
     struct motion_script script;
     load_palpation(&script);
     script.tremor_mm = 0;

@@ -42,12 +42,6 @@ static double valgus_of(pose p) {
     return -joint_from_pose(&knee->joint, p).varus_deg;
 }
 
-#define assert_ok(call)                                                                            \
-    do {                                                                                           \
-        if ((call) != RESULT_OK)                                                                   \
-            fail_msg("%s: %s", #call, err.text);                                                   \
-    } while (0)
-
 static void physical(const char *ligament, double flexion, double valgus) {
     assert_ok(recorded_keys_physical(knee, &record, ligament, at(flexion, valgus), &err));
 }
@@ -85,11 +79,14 @@ static void a_target_without_its_pose_is_refused_and_nothing_changes(void **stat
     (void)state;
     int key;
     physical("mcl", 30, 5);
-    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(35.5, 15), &key, &err), RESULT_MISSING);
+    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(35.5, 15), &key, &err),
+                     RESULT_MISSING);
     assert_non_null(strstr(err.text, "mcl has no physical pose within 5 degrees of 35.5"));
-    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(30, 5.5), &key, &err), RESULT_INVALID);
+    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(30, 5.5), &key, &err),
+                     RESULT_INVALID);
     assert_non_null(strstr(err.text, "push on"));
-    assert_int_equal(recorded_keys_target(knee, &record, "acl", at(30, 15), &key, &err), RESULT_MISSING);
+    assert_int_equal(recorded_keys_target(knee, &record, "acl", at(30, 15), &key, &err),
+                     RESULT_MISSING);
     assert_int_equal(record.count, 1);
     assert_int_equal(knee->torn_count, 0);
     assert_int_equal(knee->key_count, 0);
@@ -167,14 +164,16 @@ static void more_than_a_case_holds_is_refused(void **state) {
     for (int i = 0; i < CASE_KEYS_MAX; i++)
         target("mcl", 2 * i, 9);
     physical("mcl", 70, 5);
-    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(70, 9), &key, &err), RESULT_LIMIT);
+    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(70, 9), &key, &err),
+                     RESULT_LIMIT);
     knee->key_count = 0;
     for (int i = 0; i < CASE_LIGAMENTS_MAX; i++) {
         snprintf(knee->torn[i], CASE_NAME_MAX, "l%d", i);
         knee->keys[knee->key_count++] = (struct case_key){i, at(10, 5), at(10, 9)};
     }
     knee->torn_count = CASE_LIGAMENTS_MAX;
-    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(70, 9), &key, &err), RESULT_LIMIT);
+    assert_int_equal(recorded_keys_target(knee, &record, "mcl", at(70, 9), &key, &err),
+                     RESULT_LIMIT);
     assert_int_equal(knee->key_count, CASE_LIGAMENTS_MAX);
     assert_int_equal(recorded_keys_physical(knee, &record, "a b", at(0, 0), &err), RESULT_INVALID);
     assert_int_equal(recorded_keys_physical(knee, &record, "", at(0, 0), &err), RESULT_INVALID);
@@ -229,7 +228,8 @@ static void a_file_at_fault_is_refused_by_name_and_key(void **state) {
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         write_file(folder, "recorded.json", rows[i].text, strlen(rows[i].text));
-        if (recorded_keys_load(folder, &record, &err) == RESULT_OK || !strstr(err.text, rows[i].says))
+        if (recorded_keys_load(folder, &record, &err) == RESULT_OK ||
+            !strstr(err.text, rows[i].says))
             fail_msg("%s gave \"%s\", not \"%s\"", rows[i].text, err.text, rows[i].says);
     }
 }

@@ -64,14 +64,6 @@ static void two_boxes(struct mesh *mesh, vec3 second) {
     mesh_fini(&other);
 }
 
-static void add_triangles(struct mesh *mesh, uint32_t count, const uint32_t *corners) {
-    mesh->triangles =
-        realloc(mesh->triangles, 3 * (size_t)(mesh->triangle_count + count) * sizeof(uint32_t));
-    memcpy(mesh->triangles + 3 * (size_t)mesh->triangle_count, corners,
-           3 * (size_t)count * sizeof(uint32_t));
-    mesh->triangle_count += count;
-}
-
 static void a_sound_mesh_stays_bit_for_bit(void **state) {
     (void)state;
     for (int i = 0; i < 4; i++) {
@@ -205,7 +197,7 @@ static void bad_triangles_and_unused_vertices_go_and_are_counted(void **state) {
     memcpy(more[4], mesh.triangles + 9, sizeof more[4]);
     more[4][0] = mesh.triangles[10]; // turned: another duplicate
     more[4][1] = mesh.triangles[9];
-    add_triangles(&mesh, 5, &more[0][0]);
+    shape_add_triangles(&mesh, 5, &more[0][0]);
     mesh.positions = realloc(mesh.positions, 3 * 11 * sizeof(float));
     memset(mesh.positions + 24, 0, 9 * sizeof(float));
     mesh.vertex_count = 11;
@@ -263,7 +255,7 @@ static void of_a_sheet_that_is_there_twice_one_side_is_kept(void **state) {
     uint32_t count = mesh.triangle_count;
     uint32_t *back = malloc(3 * count * sizeof *back);
     memcpy(back, mesh.triangles, 3 * count * sizeof *back);
-    add_triangles(&mesh, count, back);
+    shape_add_triangles(&mesh, count, back);
     for (uint32_t t = count; t < 2 * count; t++)
         turn(&mesh, t);
     free(back);
@@ -282,7 +274,7 @@ static void a_fin_stays_and_is_named(void **state) {
     mesh.vertex_count = 9;
     mesh_set_vertex(&mesh, 8, (vec3){4, 4, 4});
     uint32_t fin[3] = {mesh.triangles[0], mesh.triangles[1], 8};
-    add_triangles(&mesh, 1, fin);
+    shape_add_triangles(&mesh, 1, fin);
     struct repair_report report = repaired(&mesh);
     assert_int_equal(13, mesh.triangle_count);
     assert_int_equal(9, mesh.vertex_count);
@@ -352,7 +344,7 @@ static void a_triangle_without_height_stays_and_is_named(void **state) {
     uint32_t flat[3] = {0, 1, 2}; // the first row of vertices
     vec3 a = mesh_vertex(&mesh, 0), b = mesh_vertex(&mesh, 1), c = mesh_vertex(&mesh, 2);
     assert_near(vec3_length(vec3_cross(vec3_sub(b, a), vec3_sub(c, a))), 0, 1e-12);
-    add_triangles(&mesh, 1, flat);
+    shape_add_triangles(&mesh, 1, flat);
     struct repair_report report = repaired(&mesh);
     assert_int_equal(9, mesh.triangle_count);
     assert_int_equal(1, report.flat_triangles);

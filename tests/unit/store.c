@@ -11,12 +11,6 @@
 
 static struct error err;
 
-#define assert_ok(call)                                                                            \
-    do {                                                                                           \
-        if ((call) != RESULT_OK)                                                                   \
-            fail_msg("%s: %s", #call, err.text);                                                   \
-    } while (0)
-
 static const struct store_result figures[] = {
     {"resection.over", "meniscus_medial", 1, "mm3", 12.5, "{\"cuts\":3}"},
     {"resection.rim", "meniscus_medial", 1, "mm", NAN, ""},

@@ -13,12 +13,6 @@
 static struct error err;
 static struct store *store;
 
-#define assert_ok(call)                                                                            \
-    do {                                                                                           \
-        if ((call) != RESULT_OK)                                                                   \
-            fail_msg("%s: %s", #call, err.text);                                                   \
-    } while (0)
-
 static int begin(void **state) {
     store_folder_begin(state);
     store = open_records();

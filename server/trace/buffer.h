@@ -1,8 +1,8 @@
-// A stream of bytes between one thread that appends and others that take it off. For writer.c and
+// A stream of bytes from one thread, the appender, to others, which release it. For writer.c and
 // disk.c only.
 //
-// Positions count all bytes that were ever put. The memory is reserved as a whole and used in
-// chunks, the lowest free one first, so that it is touched only as far as it was ever needed.
+// A position is a number of bytes since the first one. The memory is reserved as a whole and used
+// in chunks, the lowest free one first, so that only as many pages are touched as were ever needed.
 #pragma once
 
 #include <stdatomic.h>
@@ -16,24 +16,24 @@
 
 struct buffer {
     uint8_t *memory;
-    _Alignas(64) atomic_uint_fast64_t head; // the next to put, the appender's
+    _Alignas(64) atomic_uint_fast64_t head; // position of the next byte; the appender writes it
     uint8_t places[BUFFER_CHUNKS];          // in memory, of the chunks that are in use
     _Alignas(64) atomic_uint_fast64_t free; // a bit for each place
-    uint64_t kept;                          // before it all is free: of who releases
-    uint64_t touched;                       // places
+    uint64_t kept;    // the first position that is not released; for the releasing thread
+    uint64_t touched; // number of places
 };
 
 void buffer_init(struct buffer *buffer);
 void buffer_fini(struct buffer *buffer);
 
-// The appender's. False, and nothing was put, where there is no room; at most a chunk at once.
+// For the appender. False if there is no room for all bytes; at most a chunk at once.
 bool buffer_put(struct buffer *buffer, const uint8_t *data, size_t size);
 bool buffer_has_room(const struct buffer *buffer, size_t size);
 
 uint64_t buffer_head(const struct buffer *buffer);
-// What lies from a position on in one piece, up to the head.
+// The contiguous bytes from a position on, at most up to the head. Returns their number.
 size_t buffer_span(const struct buffer *buffer, uint64_t at, const uint8_t **out_data);
-// Nobody looks again at what is before the position.
+// Frees the bytes before the position.
 void buffer_release(struct buffer *buffer, uint64_t before);
-// The appender is not to meet a page for the first time.
+// Touches memory ahead, so that the appender never waits for a new page.
 void buffer_touch_ahead(struct buffer *buffer);

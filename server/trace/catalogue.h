@@ -19,17 +19,17 @@ struct trace_entry {
     char station[64];
     char stamp[sizeof TRACE_STAMP]; // these sort as times do
     char id_start[9];
-    int64_t written_utc_ns; // when it was written to last
+    int64_t written_utc_ns; // time of the last write
 };
 
-// In no order; what has another name is passed over. False ends it. RESULT_IO where the folder
-// cannot be read.
+// Calls `entry` for each trace, in any order, until it returns false. Skips files with other names.
+// RESULT_IO: the folder cannot be read.
 enum result catalogue_each(const char *folder,
                            bool (*entry)(void *user, const struct trace_entry *entry), void *user,
                            struct error *err);
 
-// The trace of a session: its header has the id, or it has the name and its header cannot be read.
-// RESULT_INVALID where the id is none, RESULT_MISSING where there is no such trace.
+// Finds the trace of a session: its header has the id, or its header cannot be read and its name
+// has the id's start. RESULT_INVALID: `id` is no id. RESULT_MISSING: there is no such trace.
 enum result catalogue_find(const char *folder, const char *id, char *out_path, size_t path_size,
                            struct error *err);
 

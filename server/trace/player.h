@@ -1,12 +1,12 @@
-// Goes through a trace, and calls back for what it meets.
+// Reads a trace and calls a function for each record, by its type.
 #pragma once
 
 #include "trace/trace.h"
 
-// Each may be NULL: what it would be told of is passed over. False ends the pass.
+// A function that is NULL is not called. A function that returns false ends the pass.
 struct trace_player {
     void *user;
-    bool (*record)(void *user, const struct trace_record *record); // any, before its own
+    bool (*record)(void *user, const struct trace_record *record); // every record, before its own
     bool (*step)(void *user, const struct trace_record *record);   // TRACE_STEP
     bool (*past)(void *user, const struct trace_record *record);   // TRACE_PAST
     bool (*gap)(void *user, uint64_t missing);
@@ -17,7 +17,7 @@ struct trace_player {
     void (*progress)(uint64_t done, uint64_t all); // bytes, after each record
 };
 
-// From where the reader is. RESULT_OK where a callback ended the pass, else as trace_read:
-// RESULT_CLOSED behind the end record, and what is wrong with the trace where it stops before.
+// Begins at the reader's place. RESULT_OK: a function ended the pass. Otherwise the last result of
+// trace_read: RESULT_CLOSED after the end record, or the fault of the trace.
 enum result trace_play(struct trace_reader *reader, const struct trace_player *player,
                        struct error *err);

@@ -21,7 +21,7 @@ static inline bool time_is_sane(int64_t time_ns) {
     return time_ns >= -TIME_MAX_NS && time_ns <= TIME_MAX_NS;
 }
 
-// What a trace ends with. Without a signature both sizes are 0.
+// The content of an end record. Without a signature both sizes are 0.
 struct trace_end {
     uint64_t records, missing;
     size_t certificate_size, signature_size;
@@ -29,14 +29,14 @@ struct trace_end {
     uint8_t signature[TRACE_SIGNATURE_MAX];
 };
 
-// What the bytes of a step depend on.
+// The bytes of a step depend on these.
 struct trace_layout {
     unsigned version;
     int rules; // of the header's settings
 };
 
-// Each returns the size of the whole, and the chain goes on by it. `out` holds HEADER_MAX or
-// RECORD_MAX bytes.
+// Each returns the size of the whole record and adds the record to the chain. `out` holds
+// HEADER_MAX or RECORD_MAX bytes.
 size_t header_encode(const struct trace_header *header, struct chain *chain, uint8_t *out);
 size_t record_encode_step(const struct session_input *input, bool job_done,
                           const struct session_output *output, int rules, struct chain *chain,
@@ -49,16 +49,17 @@ size_t record_encode_fault(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out);
 size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 
-// What the first bytes say about the rest. RESULT_FORMAT, RESULT_VERSION, RESULT_LIMIT.
+// The version, and the number of bytes after the prefix. RESULT_FORMAT, RESULT_VERSION,
+// RESULT_LIMIT.
 enum result header_decode_prefix(const uint8_t *prefix, unsigned *out_version, size_t *out_rest,
                                  struct error *err);
 enum result record_decode_prefix(const uint8_t *prefix, unsigned version, size_t *out_rest,
                                  struct error *err);
 
-// Of the last bytes of a header or record.
+// At the end of a header or record.
 size_t checksum_size(unsigned version);
-// The chain goes on by what the checksum says, right or wrong, so that the record after a damaged
-// one can be told from a damaged one.
+// Continues the chain by the checksum in the file even if it is wrong, so that a sound record after
+// a damaged one still matches.
 bool checksum_matches(const uint8_t *data, size_t size, unsigned version, struct chain *chain);
 
 // The whole, prefix and checksum included. RESULT_CORRUPT, RESULT_FORMAT. *out_end is set where the
@@ -69,6 +70,6 @@ enum result record_decode(const uint8_t *data, size_t size, struct trace_layout 
                           struct chain *chain, struct trace_record *out_record,
                           struct trace_end *out_end, struct error *err);
 
-// What a signer signs: out_message holds TRACE_SEAL_SIZE bytes.
+// The signed message: out_message holds TRACE_SEAL_SIZE bytes.
 void seal_message(const uint8_t hash[TRACE_HASH_SIZE], uint64_t records, uint64_t missing,
                   uint8_t *out_message);

@@ -1,5 +1,5 @@
-// What somebody said to the trainee during a session, or a point to touch: part of its record, and
-// no input of it.
+// A note or a point to touch from an instructor to the trainee. It is recorded in the session's
+// trace, but is no input of the session.
 #pragma once
 
 #include "base/pose.h"
@@ -11,12 +11,12 @@
 #define REMARK_AUTHOR_MAX 64
 
 struct remark {
-    uint32_t number; // from 1, at most REMARKS_MAX; the same again: as it is from now on
+    uint32_t number; // 1 to REMARKS_MAX; a later remark with the same number replaces this one
     int64_t time_ns; // on the session's clock
     char author[REMARK_AUTHOR_MAX];
     char text[REMARK_TEXT_MAX]; // empty for a marker alone
-    bool withdrawn;             // is to be shown no longer
-    bool has_marker;            // a point to touch:
+    bool withdrawn;             // must not be shown any more
+    bool has_marker;            // body and point are a point to touch
     enum body body;
     vec3 point; // in the virtual body's frame, within ±10 m
 };

@@ -4,7 +4,7 @@
 #include "step/fields.h"
 #include "trace/rerun.h"
 
-// What other mathematics (another build, libc or CPU) may move a warped pose by.
+// The largest change of a warped tip that counts as rounding of another build, libc or CPU.
 #define REPLAY_TOLERANCE_MM 1e-6
 
 enum replay_verdict {
@@ -23,17 +23,18 @@ struct replay_difference {
 };
 
 struct replay_report {
-    uint64_t steps;                 // run and compared
-    uint64_t different;             // steps in which any field differs
-    struct replay_difference first; // where different > 0; the hash only where nothing else differs
-    double largest_mm;              // between a recorded and a replayed warped tip
-    bool same_events;               // states and events of every step
+    uint64_t steps;     // that were run and compared
+    uint64_t different; // steps in which any field differs
+    struct replay_difference
+        first;         // if different > 0; names the hash only if no other field differs
+    double largest_mm; // distance between a recorded and a replayed warped tip
+    bool same_events;  // states and events agree in every step
     bool same_build, same_libc, same_cpu;
-    int rules;          // that its steps follow, recorded and replayed
+    int rules;          // of the trace's steps; the replay uses the same
     int64_t session_ns; // between the first and the last step
-    uint64_t left_out;  // steps after the first gap: their inputs' past is not known
-    enum result end;    // how reading ended: RESULT_CLOSED for a whole file
-    struct error why;   // where it did not
+    uint64_t left_out;  // steps after the first gap, whose state cannot be known
+    enum result end;    // the last result of trace_read: RESULT_CLOSED for a whole file
+    struct error why;   // if the file is not whole
     enum replay_verdict verdict;
 };
 
@@ -42,9 +43,9 @@ struct replay_span {
     int64_t from_ns, to_ns;
 };
 
-// The case's hash must be that of the header: else RESULT_REFUSED and nothing is run. RESULT_OK
-// says only that a report was made. All steps are run, and those of the span compared (NULL: all
-// that are there). `progress` may be NULL; it gets bytes read and bytes in all.
+// Runs all steps, and compares those in the span (NULL: all). RESULT_OK means only that the report
+// is complete. RESULT_REFUSED: the case's hash is not the header's, and nothing was run. `progress`
+// may be NULL; it gets the bytes read so far and the size of the file.
 enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
                          const struct replay_span *span,
                          void (*progress)(uint64_t done, uint64_t all),

@@ -10,7 +10,7 @@ struct rerun;
 struct rerun *rerun_create(const struct scene *scene, const struct session_settings *settings);
 void rerun_destroy(struct rerun **rerun); // NULL inside is fine
 
-// Who is told of each result as it lands: after its step, and before the session's next job is run.
+// Calls `landed` for each result: after the step at which it lands, before the next job is run.
 void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct job_result *result),
                  void *user);
 
@@ -18,16 +18,16 @@ void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct jo
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *out_output);
 
-// The same where the session may ask for other jobs than the recorded one did, as under other
-// settings: a job lands where the record says that one does, or half a second after it was asked
-// for. That takes a step of its own before this one, whose landing out_landed says.
+// The same for other settings or another case, where the session may ask for other jobs than the
+// recorded one did. A job lands where the record has a landing, or half a second after it was asked
+// for. In the second case it lands in an extra step before this one, which out_landed describes.
 void rerun_step_freely(struct rerun *rerun, const struct trace_record *record,
                        struct session_output *out_output, struct landed *out_landed);
 
-// Its tissue after all jobs that were asked for so far.
+// The tissue after all jobs so far.
 const struct operation *rerun_operation(const struct rerun *rerun);
 
-// Gives the session out of hand, to go on with it: the job whose result has not landed yet is in
-// *out_pending, or NULL. The rerun is gone.
+// Ends the rerun and gives its session to the caller, to go on with it. *out_pending is the result
+// that has not landed yet, or NULL.
 void rerun_release(struct rerun **rerun, struct session **out_session,
                    struct operation **out_operation, struct job_result **out_pending);

@@ -1,21 +1,21 @@
-// The same hands under other settings, or on another case: what would have been shown, felt and
-// cut.
+// Runs the recorded hands under other settings or on another case, and compares what they would
+// have shown, touched and cut.
 #pragma once
 
 #include "trace/rerun.h"
 
-// What one of the two, recorded or tried, gave.
+// Figures of the recorded session or of the tried one.
 struct trial_side {
-    uint64_t steps;        // in which the instrument was there
-    double offset_mm;      // of the shown tip from the measured one: the mean
-    double noticed;        // share of its steps that might be noticed (session/discrepancy.h)
+    uint64_t steps;        // with the instrument present
+    double offset_mm;      // mean distance of the shown tip from the measured one
+    double noticed;        // share of these steps past a threshold of step/discrepancy.h
     double penetration_mm; // the largest
 };
 
 struct trial_instrument {
     struct trial_side recorded, tried;
-    uint64_t both;           // steps in which it was there in both
-    double mean_mm, most_mm; // between the two shown tips
+    uint64_t both;           // steps with the instrument present in both
+    double mean_mm, most_mm; // distance between the two shown tips
 };
 
 struct trial_report {

@@ -1,8 +1,8 @@
-// What a trainee's session is worth in figures, from its steps as they happen or as a trace has
-// them: the same steps in the same order give the same bits. docs/METRICS.md defines each figure.
+// Computes the metrics of a trainee's session from its steps, live or from a trace. The same steps
+// in the same order give the same bits. docs/METRICS.md defines each metric.
 //
-// Constant memory and no pointer: a copy is a copy of the figures so far. Nothing allocates, fails
-// or looks at a clock.
+// struct metrics has constant size and no pointers, so an assignment copies it. Nothing here
+// allocates, fails or reads a clock.
 #pragma once
 
 #include "metrics/hands.h"
@@ -11,55 +11,56 @@
 #include "metrics/view.h"
 #include "step/session.h"
 
-// Where steps are farther apart than this, what stands at the earlier one counts for so long.
+// The longest time for which the values of one step count.
 #define METRICS_STEP_MAX_NS 100000000LL
 
-// Time constant of what is noticed: a hand that trembles at a threshold is past it where it is so
-// for most of this time.
+// Time constant of the low-pass behind `noticed`: a hand that trembles at a threshold counts as
+// past it if it is past it for most of this time.
 #define METRICS_NOTICE_NS 250000000LL
 
 enum noticed { NOTICED_TURNED, NOTICED_TILTED, NOTICED_GAIN, NOTICED_ANY, NOTICED_COUNT };
 
 struct instrument_metrics {
     int64_t present_ns;
-    int64_t newest_ns; // of the last sample that was taken
-    int64_t samples;   // how many were
+    int64_t newest_ns; // time of the last new sample
+    int64_t samples;   // number of new samples
     struct smooth hand_smooth, seen_smooth;
     struct travel hand, seen;
     struct touch touch;
-    int64_t judged_ns; // present, and the discrepancy known: traces of version 2 have none
-    double felt[NOTICED_COUNT]; // share of the last time past the threshold
+    int64_t judged_ns;          // present with a known discrepancy; traces of version 2 have none
+    double felt[NOTICED_COUNT]; // output of the low-pass: 0 to 1
     int64_t noticed_ns[NOTICED_COUNT];
-    int64_t beside_scope_ns, out_of_view_ns; // present together; and not in the scope's view
+    int64_t beside_scope_ns; // present together with the scope
+    int64_t out_of_view_ns;  // of these, out of the scope's view
     struct search search;
 };
 
 struct metrics {
     struct view_optic optic;
     int64_t running_ns;
-    bool stepped;     // there was a step,
-    int64_t time_ns;  // at this time,
-    bool running;     // the session ran from there on,
-    struct standing { // and this stood:
+    bool stepped;     // there was a step; the next three are of the last one
+    int64_t time_ns;  // its time
+    bool running;     // whether the session ran after it
+    struct standing { // its values, which count until the next step
         bool present, beside_scope, in_view, judged, noticed[NOTICED_COUNT];
         int nearest;
         double penetration_mm;
     } standing[INSTRUMENT_COUNT];
     struct instrument_metrics instruments[INSTRUMENT_COUNT];
     struct hands hands;
-    bool resected[TISSUES_MAX]; // some job landed
+    bool resected[TISSUES_MAX]; // a job has landed
     struct tissue_figures tissues[TISSUES_MAX];
-    uint32_t undone[TISSUES_MAX]; // strokes that were set back
+    uint32_t undone[TISSUES_MAX]; // strokes that were undone
 };
 
 void metrics_init(struct metrics *metrics, struct view_optic optic);
 
-// A session's next step. A reset begins anew.
+// Adds the session's next step. INPUT_RESET sets all metrics back.
 void metrics_step(struct metrics *metrics, const struct session_input *input,
                   const struct session_output *output);
 
-// The server was killed here and started again: what stood does so no longer, and no motion is
-// bridged.
+// Call it where the server was killed and started again: the values of the last step no longer
+// count, and no motion is bridged.
 void metrics_interrupt(struct metrics *metrics);
 
 // ---- the figures
@@ -104,14 +105,14 @@ enum metric {
 
 struct metric_kind {
     const char *name, *unit; // "1": none
-    int version;             // raised where the same steps would give another figure
-    bool continuous;         // stands noise, rate and lost samples, above its floor
-    const char *floor;       // in words; "" where there is none
+    int version;             // rises when the same steps would give another figure
+    bool continuous;         // above its floor it hardly depends on noise, rate and lost samples
+    const char *floor;       // in words; "": none
 };
 
 extern const struct metric_kind metric_kinds[METRIC_COUNT];
 
-// One figure. What it is not about is -1.
+// One figure. An index that does not apply to the metric is -1.
 struct metric_value {
     enum metric metric;
     int instrument, group, depth, tissue, along, across;
@@ -119,6 +120,7 @@ struct metric_value {
     bool below_floor;
 };
 
-// Each figure of what was there, in the order of the kinds.
+// Calls `each` for every figure of the instruments, groups and tissues of this session, in the
+// order of enum metric.
 void metrics_each(const struct metrics *metrics,
                   void (*each)(void *context, const struct metric_value *value), void *context);

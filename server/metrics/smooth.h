@@ -1,11 +1,11 @@
-// Positions of a tracked point at 100 Hz and without noise, from samples at any times: what path,
-// speed and jerk are taken from.
+// Smoothed positions of a tracked point at 100 Hz, from samples at any times. Path, speed and jerk
+// are computed from them.
 //
-// Between two samples the point goes straight. Its mean over each cell of 10 ms (cell k: from k to
-// k + 1 times 10 ms) is exact, whatever the station's rate. A symmetric FIR follows: six running
-// means of SMOOTH_BOX cells, one after the other, so its weights are positive (a path never gets
-// longer) and it has no phase, only a delay of SMOOTH_TAPS / 2 cells. It says nothing before all
-// its cells are there, so figures made live and from a record are the same.
+// Between two samples the point moves straight. Its mean over each cell of 10 ms (cell k: from k to
+// k + 1 times 10 ms) is exact at any rate of the station. A symmetric FIR follows: six successive
+// running means of SMOOTH_BOX cells. Its weights are positive, so it lengthens no path. It shifts
+// no phase, and has a delay of SMOOTH_TAPS / 2 cells. It has no output until all its cells are
+// known, so figures made live and from a trace are the same.
 #pragma once
 
 #include "base/pose.h"
@@ -17,8 +17,8 @@
 #define SMOOTH_BOX 8 // -3 dB at 2.3 Hz, below -60 dB from 10 Hz on
 #define SMOOTH_TAPS (6 * (SMOOTH_BOX - 1) + 1)
 
-// Samples farther apart than this are not joined: another run begins, and what lay between counts
-// for nothing.
+// Samples farther apart than this are not joined: a new run begins, and the time between does not
+// count.
 #define SMOOTH_BRIDGE_NS 150000000LL
 #define SMOOTH_OUT_MAX (SMOOTH_BRIDGE_NS / SMOOTH_PERIOD_NS + 1)
 
@@ -26,12 +26,12 @@ struct smooth {
     bool running; // there was a sample in this run: `last` at last_ns
     int64_t last_ns;
     vec3 last;
-    int64_t cell; // that is being filled
-    bool whole;   // from its beginning
+    int64_t cell; // the cell that is being filled
+    bool whole;   // it is being filled from its beginning
     vec3 sum;     // position times ns so far
     vec3 cells[SMOOTH_TAPS];
-    int count, next; // how many of them are there; the oldest, where all are
-    bool first;      // nothing came out of this run yet
+    int count, next; // number of cells; index of the oldest once all are there
+    bool first;      // this run has had no output yet
 };
 
 struct smooth_point {
@@ -43,7 +43,7 @@ struct smooth_point {
 void smooth_init(struct smooth *smooth);
 void smooth_break(struct smooth *smooth); // the next sample begins a run
 
-// What comes out, in order; how many. A sample that is not newer than the last one is left out.
-// time_ns is not below 0.
+// Adds a sample, and returns the number of points in out_points, in order. Ignores a sample that is
+// not newer than the last one. time_ns must not be negative.
 int smooth_feed(struct smooth *smooth, int64_t time_ns, vec3 position,
                 struct smooth_point out_points[SMOOTH_OUT_MAX]);

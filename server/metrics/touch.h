@@ -1,9 +1,9 @@
 // Which groups one instrument touched, how often, how long and how deep.
 //
-// A touch begins where the tip is nearer than 0.2 mm to a physical surface and ends where it is
-// farther than 0.4 mm (as the session's events). One that begins within 0.2 s is still the same:
-// noise makes no touches. It counts once for each group that was the nearest in it, however often
-// that changes. Depth is the step's penetration, in the nearest group.
+// A touch begins when the tip is nearer than 0.2 mm to a physical surface and ends when it is
+// farther than 0.4 mm, as the session's events do. A touch that begins within 0.2 s of the last one
+// continues it, so noise makes no touches. A touch counts once for each group that was the nearest
+// during it. Depth is the step's penetration, in the nearest group.
 #pragma once
 
 #include "case/case.h"
@@ -27,13 +27,13 @@ struct group_touch {
 
 struct touch {
     bool touching;
-    int64_t last_ns;     // when it last did
+    int64_t last_ns;     // time of the last step in touch
     uint32_t groups_now; // of this touch, a bit each
     struct group_touch groups[CASE_GROUPS_MAX];
 };
 
 void touch_init(struct touch *touch);
-// nearest: -1 where no group is in reach.
+// nearest: the nearest group, -1 if none is in reach.
 void touch_step(struct touch *touch, int64_t time_ns, int nearest, double nearest_mm);
-// What stands from this step to the next, after passed_ns.
+// Counts the values of a step for passed_ns, the time until the next step.
 void touch_pass(struct touch *touch, int nearest, double penetration_mm, int64_t passed_ns);

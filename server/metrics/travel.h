@@ -1,11 +1,12 @@
 // How far and how smoothly a point moved, from its smoothed positions (metrics/smooth.h).
 //
-// A path is measured with a ruler: from where it begins, the first point of the path at the ruler's
-// length is the next mark, and so on; its length is the marks' distances and what is left past the
-// last one. Noise much smaller than the ruler adds nothing, however long the point rests.
+// A path is measured with a ruler. The first mark is where the path begins. The next mark is the
+// first point at the ruler's length from the last mark. The path's length is the sum of the
+// distances between marks, plus the rest after the last one. Noise much smaller than the ruler adds
+// nothing while the point rests.
 //
-// Jerk j is the third difference of smoothed positions over (10 ms)³, speed v their first over 10
-// ms. With T the time over which there is jerk:
+// Jerk j is the third difference of smoothed positions over (10 ms)³, and speed v is the first one
+// over 10 ms. T is the time for which jerk is known:
 //
 //     LDLJ = −ln(T³ / max|v|² · Σ |j|² · 10 ms)
 #pragma once
@@ -31,10 +32,10 @@ struct travel {
     struct ruler path, economy;
     vec3 before[3]; // the last points of this run, the newest first
     int count;
-    double speed;         // mm/s, between the last two; 0 where there is one
-    double largest_speed; // where there is jerk
+    double speed;         // mm/s, between the last two; 0 if there is only one
+    double largest_speed; // while jerk is known
     double jerk_squared;  // Σ |j|², mm²/s⁶
-    int64_t jerks;        // how many
+    int64_t jerks;        // number of terms in this sum
 };
 
 void travel_init(struct travel *travel);
@@ -47,6 +48,6 @@ double travel_economy(const struct travel *travel);
 double travel_ldlj(const struct travel *travel); // NaN where nothing moved
 double travel_jerk(const struct travel *travel); // root mean square, mm/s³; 0 where there is none
 
-// The root mean square jerk that noise of 0.1 mm in each direction, of so many samples a second,
-// leaves behind the filter: 258 mm/s³ at 100.
+// The root mean square jerk that noise of 0.1 mm in each direction has after the filter, at this
+// rate of samples: 258 mm/s³ at 100 Hz.
 double travel_noise_jerk(double rate_hz);

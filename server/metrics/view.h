@@ -1,5 +1,6 @@
-// What the scope sees: a cone from its tip, tilted from the shaft towards the tip frame's y by the
-// angle of the optic; and how long an instrument takes to come into it. Nothing hides anything.
+// The view of the scope, and how long an instrument takes to come into it. The view is a cone from
+// the scope's tip. The optic's angle tilts it from the shaft towards the y axis of the tip's frame.
+// Nothing occludes the view.
 #pragma once
 
 #include "base/pose.h"
@@ -14,14 +15,15 @@
 
 bool view_shows(const struct view_optic *optic, pose scope, vec3 tip);
 
-// One instrument's triangulation. A search begins when instrument and scope are both there, or when
-// the instrument has been out of view for VIEW_LOST_NS, at the moment it went out; it ends when the
-// instrument came into view to stay for VIEW_FOUND_NS. Where one of the two goes, it is given up.
+// One instrument's triangulation. A search begins when instrument and scope are both present. It
+// also begins once the instrument has been out of view for VIEW_LOST_NS, and then counts from the
+// moment it left the view. It ends when the instrument comes into view and stays for VIEW_FOUND_NS.
+// If instrument or scope leaves, the search does not count.
 struct search {
     bool there, searching, in_view;
     int64_t began_ns;
-    int64_t changed_ns; // since when in_view is as it is
-    int found;          // searches that ended
+    int64_t changed_ns; // time of the last change of in_view
+    int found;          // number of searches that ended
     int64_t first_ns, all_ns;
 };
 

@@ -13,12 +13,12 @@ struct sweep {
     vec3 last; // where the tip was at the last step
 };
 
-// What one undo takes back: an instrument's cuts of one closing of the jaw, of one press of the
-// shaver's button, of one pass of the knife.
+// The cuts that one undo takes back: those of one closing of the jaw, of one press of the shaver's
+// button, or of one pass of the knife.
 //
-// A stroke goes on until the instrument rests: it is gone, its handle is lost, the burr stands, or
-// the jaw has opened by 0.2 from where it was closed farthest. A burr or a knife also ends it by
-// 0.5 s without a cut, from the last that landed and changed the tissue to the move that is cut.
+// A stroke ends when the instrument or its handle is lost, the burr stops, or the jaw has opened by
+// 0.2 from where it was closed farthest. A stroke of a burr or a knife also ends after 0.5 s
+// without a cut: from the last cut that landed and changed the tissue to the next move that cuts.
 struct stroke {
     uint32_t number;
     bool active;
@@ -26,9 +26,8 @@ struct stroke {
     int64_t cut_ns;
 };
 
-// The moves of one instrument in one tissue that wait for their job, in the order of time: the way
-// that the hand went while a job was under way. Where there is no room, two neighbours become one
-// move.
+// The moves of one instrument in one tissue that wait for their job, in order of time: the path of
+// the hand while another job is under way. If there is no room, two neighbours become one move.
 #define CUTTING_WAITING_MAX 64
 
 struct waiting_moves {
@@ -40,7 +39,7 @@ struct waiting_moves {
     } moves[CUTTING_WAITING_MAX];
 };
 
-// Before rule 2: of the moves that are due the one that began first, so that none waits for ever.
+// Before rule 2: the move that began first among those that are due, so that none waits for ever.
 struct due_move {
     struct sweep *from; // NULL: none is due
     struct sweep to;
@@ -57,27 +56,27 @@ struct cutting {
     struct due_move due;   // of the step that was watched last
 };
 
-// Nothing is swept any more. Moves that wait stay.
+// Ends all sweeps. Waiting moves stay.
 void cutting_rest(struct cutting *cutting);
 
-// The moves that wait are given up; returns how many.
+// Drops the waiting moves, and returns their number.
 int cutting_drop_waiting(struct cutting *cutting);
 
-// Whether a move of that stroke, or of an older one, waits.
+// Whether a move of this stroke, or of an older one, waits.
 bool cutting_waits(const struct cutting *cutting, uint32_t stroke);
 
-// What is cut from now on are new strokes.
+// Ends all strokes: later cuts begin new ones.
 void cutting_end_strokes(struct cutting *cutting);
 
 // A cut of that stroke changed the tissue.
 void cutting_landed(struct cutting *cutting, uint32_t stroke, int64_t time_ns);
 
-// Watches all instruments of a step: a move that is due waits, and its sweep begins anew. Before
-// rule 2 none waits: a move that is due grows until it is taken. Returns how many moves found no
-// room and are not cut.
+// Looks at all instruments of a step. A move that is due begins to wait, and a new sweep begins.
+// Before rule 2 no move waits: a move that is due grows until it is taken. Returns the number of
+// moves that had no room and are not cut.
 int cutting_watch(struct cutting *cutting, const struct scene *scene,
                   const struct session_output *out);
 
-// True where there is something to be cut: the moves that have waited for the longest go into
-// *out_job, those of one instrument, tissue and stroke that follow each other.
+// True if moves wait: *out_job gets those that waited longest, successive moves of one instrument,
+// tissue and stroke.
 bool cutting_take(struct cutting *cutting, struct job *out_job);

@@ -11,22 +11,22 @@ struct easing;
 struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field);
 void easing_destroy(struct easing **easing); // NULL inside is fine
 
-// 3 * vertex_count: S'' − S as far as it has come; stays where it is.
+// 3 * vertex_count: S'' − S as far as it is eased in. The address stays the same.
 const float *easing_displacement(const struct easing *easing);
-// Of these, kept up with them; NULL where the field is not smooth, or the group bridges two bones:
-// a mean knows of one.
+// The mean of these displacements, always up to date. NULL if the field is not smooth or the group
+// bridges two bones.
 const struct surface_mean *easing_mean(const struct easing *easing);
 
 void easing_restore(struct easing *easing); // at once to the static displacements
 
-// From where the blends are now towards those of a result. Allocates nothing.
+// Sets the blends of a result as the new target. Allocates nothing.
 void easing_aim(struct easing *easing, const struct job_result *result);
 
 bool easing_active(const struct easing *easing);
 
-// The largest change, in mm, that is still due to the displacement at a tip whose closest triangle
-// this is; 0 for MESH_NONE. In a smooth field all of the surface counts.
+// The largest remaining change, in mm, of the displacement at a tip that is closest to this
+// triangle; 0 for MESH_NONE. In a smooth field the whole surface counts.
 double easing_rest_mm(const struct easing *easing, uint32_t triangle);
 
-// Applies this share, 0 to 1, of the change that is left.
+// Applies this share, 0 to 1, of the remaining change.
 void easing_advance(struct easing *easing, double share);

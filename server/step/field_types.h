@@ -1,4 +1,4 @@
-// Types of fields: how a value lies in memory and in a trace, what it may be, and how it reads. For
+// Types of fields: the size of a value in memory and in a trace, its range, and its text. For
 // fields.c and for inputs.
 #pragma once
 
@@ -8,7 +8,7 @@
 struct field_type {
     size_t size;         // in memory
     size_t encoded;      // in a trace
-    int64_t least, most; // of whole numbers that a reader checks; both 0: any
+    int64_t least, most; // range of a whole number, checked when it is read; both 0: any
     double (*number)(const void *value);
     void (*print)(const void *value, char *out_text); // into FIELD_TEXT_MAX
 };

@@ -16,10 +16,9 @@ void operation_destroy(struct operation **operation); // NULL inside is fine
 
 // Runs a job. It takes milliseconds and allocates. The caller destroys the result.
 //
-// Strokes are undone from the last one backwards, until all tissue is as it was at the start or
-// when it was last restored. A tissue's state before a stroke is found by making the cuts before it
-// again, from the nearest state that was kept: states are kept between strokes, the newest two that
-// are at least 32 cuts apart.
+// Undo goes backwards from the last stroke, to the start or to the last restore. To find a tissue's
+// state before a stroke, the operation makes the cuts before it again, from the nearest state that
+// it kept. It keeps the two newest states between strokes that are at least 32 cuts apart.
 struct job_result *operation_run(struct operation *operation, const struct job *job);
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);

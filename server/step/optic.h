@@ -1,5 +1,5 @@
-// The scope's optic: where it looks, and how much it sees. No step asks for it; the figures of a
-// session do (metrics/view.h), so a session's record has it.
+// The scope's optic: the direction and the angle of its view. No step uses it, but the metrics of a
+// session do (metrics/view.h), so its trace stores it.
 #pragma once
 
 #include <stdbool.h>

@@ -8,9 +8,9 @@
 // Surfaces, search structures, tissue that can be cut. Immutable; any number of sessions on any
 // threads share one.
 //
-// scene_create takes ownership of *knee (which becomes NULL) where it succeeds. RESULT_INVALID
-// where a tear leaves no tissue, a case has more than TISSUES_MAX cuttable groups, or a torn
-// ligament's key is not met (warp/adaptive.h).
+// If scene_create succeeds, it takes ownership of *knee, which becomes NULL. RESULT_INVALID: a tear
+// leaves no tissue, the case has more than TISSUES_MAX cuttable groups, or the key of a torn
+// ligament is not met (warp/adaptive.h).
 struct scene;
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);
@@ -19,8 +19,8 @@ const struct knee_case *scene_case(const struct scene *scene);
 int scene_tissue_count(const struct scene *scene);
 int scene_tissue_group(const struct scene *scene, int tissue); // its index in the case's groups
 
-// The adaptive warp of a case's torn ligaments, which the caller destroys. RESULT_INVALID, naming
-// the key, where one is not met.
+// The adaptive warp of a case's torn ligaments. The caller destroys it. RESULT_INVALID names a key
+// that is not met.
 enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind,
                            struct adaptive **out_adaptive, struct error *err);
 

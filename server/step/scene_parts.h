@@ -1,5 +1,4 @@
-// The inside of struct scene, for this room only: what the steps and the operation ask the kernels
-// for.
+// The members of struct scene. Private to this room.
 #pragma once
 
 #include "case/case.h"
@@ -23,7 +22,7 @@ struct scene_tissue {
 struct scene {
     struct knee_case *knee;
     struct query *queries[CASE_GROUPS_MAX];
-    struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups that are displaced, or may come to be
+    struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups with a displacement, now or after cuts
     struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
@@ -31,8 +30,8 @@ struct scene {
     struct scene_tissue tissues[TISSUES_MAX];
 };
 
-// The corrections M of all bodies, in the frame that T_frame_body are given in: that of the tibia
-// follows from the pose between the two bones, and the others have none.
+// The corrections M of all bodies, in the frame of T_frame_body. The tibia's follows from its pose
+// relative to the femur; the others are the identity.
 void scene_correct(const struct scene *scene, enum adaptive_kind kind,
                    const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
                    pose out_correction[BODY_COUNT]);

@@ -5,7 +5,7 @@
 #include "warp/adaptive.h"
 #include "warp/avatar.h"
 
-// What an instrument is made of, for contacts beside its tip (warp/avatar.h).
+// The shape of an instrument, for contacts away from its tip (warp/avatar.h).
 struct instrument_body {
     int point_count; // 1 to AVATAR_POINTS_MAX; the first is the tip
     struct avatar_point points[AVATAR_POINTS_MAX];
@@ -14,13 +14,13 @@ struct instrument_body {
 // Counts in range, places within 300 mm of the tip, radii from 0 to 20 mm, the first at the origin.
 bool instrument_body_is_valid(const struct instrument_body *body);
 
-// Which rules a step follows. A new meaning gets a number, so that an older record can be run again
-// as it was made:
-//   1  the job of a cut has one move, which grows while another job is under way; a session that is
-//      paused shows no instrument
-//   2  what is moved while a job is under way waits as moves of its own, and a job may have
-//   several;
-//      a session that is paused shows its instruments
+// The rules that a step follows. A changed meaning gets a new number, so that an older trace can be
+// run again by its own rules:
+//   1  The job of a cut has one move, which grows while another job is under way. A paused session
+//      shows no instruments.
+//   2  Moves that are made while a job is under way wait, and a job may have several moves. A
+//   paused
+//      session shows its instruments.
 #define RULES_NEWEST 2
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
@@ -31,9 +31,9 @@ struct session_settings {
     enum adaptive_kind adaptive;
     enum avatar_mode avatar; // without a portal in the case: tip
     struct instrument_body bodies[INSTRUMENT_COUNT];
-    int64_t hold_ns; // how long a sample that stopped coming stands for the newest
-    // A cut's new warp is eased in: in one step the displacement at a tip may change by this share
-    // of the tip's own way, and by so much for each second.
+    int64_t hold_ns; // how long the last sample is used after its device falls silent
+    // A cut's new warp is eased in: in one step the displacement at a tip may change by ease_share
+    // of the tip's own way, plus ease_mm_s times the time since the last step.
     double ease_share;
     double ease_mm_s;
 };

@@ -14,15 +14,15 @@ struct recorder;
 
 // Texts are copied.
 struct recorder_config {
-    const char *records;    // the database; made where it is not there
+    const char *records;    // the database; made if it does not exist
     const char *traces_dir; // of all traces of this server
-    const char *authority;  // a PEM file: whose signatures are believed
+    const char *authority;  // a PEM file: only traces signed under it give results
     scene_finder find;      // called from the recorder's thread
     void *user;
 };
 
-// Adds the sessions in traces_dir whose end the records lack, then waits for more. Does the same
-// again if somebody replaces the file of the records.
+// Adds the sessions in traces_dir that have no end in the records, then waits for more. Does the
+// same again after the file of the records was replaced.
 struct recorder *recorder_start(const struct recorder_config *config);
 
 // From any thread; copies, and does not wait for a disk. The trace of a session that has ended must

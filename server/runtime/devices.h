@@ -1,4 +1,4 @@
-// How a station's devices do, from the frames that come: counted by the worker, read by anybody.
+// Counts samples and dropouts of a station's devices. The worker counts, any thread may read.
 #pragma once
 
 #include "base/sample.h"
@@ -8,12 +8,12 @@
 
 // Since the station's connection.
 struct device_counts {
-    atomic_uint_fast64_t samples;  // new ones: frames that had a newer measurement of it
-    atomic_uint_fast64_t dropouts; // times that a sample of it went from ok to held
+    atomic_uint_fast64_t samples;  // frames with a new measurement of the device
+    atomic_uint_fast64_t dropouts; // how often a sample of the device went from ok to held
     atomic_bool lost;              // all of its samples are lost
 };
 
-// The worker's: what the frame before had.
+// The samples of the last frame, for the worker.
 struct device_watch {
     int64_t newest_ns[WIRE_DEVICES_MAX];
     enum validity validity[CHANNEL_COUNT][SAMPLE_KIND_COUNT]; // ok at first

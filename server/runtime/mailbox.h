@@ -1,6 +1,7 @@
-// Where a cut worker leaves the meshes for one page: the newest payload of each tissue. Neither
-// side waits for the other, but for a call of `notify`. A payload that was not taken when the next
-// one comes is released. Both sides hold references, so that either may go first.
+// The meshes for one page, from a cut worker: the newest payload of each tissue. The cut worker
+// never waits for the page. The page waits only for a call of `notify` to return, when it leaves. A
+// payload that was not taken when the next one comes is released. Both sides hold references, so
+// either may go first.
 #pragma once
 
 #include "net/mesh_payload.h"
@@ -15,8 +16,8 @@ struct mailbox *mailbox_create(void (*notify)(void *user), void *user);
 struct mailbox *mailbox_hold(struct mailbox *mailbox);
 void mailbox_release(struct mailbox **mailbox); // NULL inside is fine
 
-// The page has gone, or follows something else. `notify` is not called any more when this returns:
-// what it is called with may go.
+// The page has gone, or follows something else. After this returns, `notify` is not called any
+// more, so its `user` may be released.
 void mailbox_leave(struct mailbox *mailbox);
 bool mailbox_is_left(const struct mailbox *mailbox);
 

@@ -7,11 +7,10 @@
 
 #define MESH_SUBSCRIBERS_MAX 16 // of one station
 
-// What a page says about the meshes that it has, as a station does (PROTOCOL.md).
+// A page's MeshAsk or mesh_ack, as a station sends them (PROTOCOL.md).
 struct mesh_request {
     int station;
-    uint64_t
-        session; // serial of the session that the page follows; a request for another is dropped
+    uint64_t session; // serial of the page's session; a request for another session is dropped
     struct mailbox *mailbox; // a reference; the receiver of the request releases it
     bool asks;               // else it acknowledges
     union {

@@ -1,5 +1,4 @@
-// What the files of this room share: stations as their workers see them, and the channels between
-// threads.
+// The state of workers and their stations, and the channels between threads. Private to this room.
 #pragma once
 
 #include "base/newest.h"
@@ -11,7 +10,7 @@
 
 #include <pthread.h>
 
-// A station's connection as the control thread last told it.
+// The newest state of a station's connection, from the control thread.
 struct station_connection {
     uint64_t joins; // counts up with each
     bool connected;

@@ -2,8 +2,8 @@
 //
 // Threads: a worker for each core (datagrams, steps, replies) and a cut worker beside it (cuts, and
 // the meshes that they change). A station belongs to one worker, so workers share nothing. A worker
-// waits for no other thread: others leave the newest state of a connection, frames and requests for
-// it, and it leaves notices for the owner of the sessions.
+// waits for no other thread. Other threads leave frames, requests and the newest state of a
+// connection for it, and it leaves notices for the owner of the sessions.
 #pragma once
 
 #include "net/control.h"
@@ -17,8 +17,8 @@ struct runtime;
 enum result runtime_create(const struct runtime_config *config, struct runtime **out_runtime,
                            struct error *err);
 
-// Ends every session, or gives it back open, tells the stations, and joins all threads. The notices
-// that are left can be taken until runtime_destroy. `runtime` may be NULL.
+// Ends every session, or with `hand_over` gives it back open. Tells the stations, and joins all
+// threads. Until runtime_destroy the caller can take the last notices. `runtime` may be NULL.
 void runtime_stop(struct runtime *runtime, bool hand_over);
 void runtime_destroy(struct runtime **runtime); // NULL inside is fine
 
@@ -28,12 +28,12 @@ void runtime_join(struct runtime *runtime, int station, struct control_peer peer
 void runtime_leave(struct runtime *runtime, int station);
 void runtime_set_clock(struct runtime *runtime, int station, int64_t offset_ns);
 void runtime_confirm_path(struct runtime *runtime, int station, uint64_t challenge);
-// A frame that came over TCP. What the worker has no room for is counted and dropped: a station has
-// room for RUNTIME_FRAMES_MAX at a time.
+// A frame that came over TCP. At most RUNTIME_FRAMES_MAX frames of a station wait for its worker;
+// further ones are counted and dropped.
 #define RUNTIME_FRAMES_MAX 16
 void runtime_frame(struct runtime *runtime, int station, const struct frame *frame,
                    int64_t received_ns);
-// A MeshAsk or mesh_ack. False where the cut worker has too much to do.
+// A MeshAsk or mesh_ack. False if the cut worker has too much to do.
 bool runtime_mesh_message(struct runtime *runtime, int station, struct control_peer peer,
                           const arthron_Control *message);
 
@@ -41,18 +41,18 @@ bool runtime_mesh_message(struct runtime *runtime, int station, struct control_p
 
 // The station must have no session. The runtime owns it until NOTICE_ENDED.
 void runtime_attach(struct runtime *runtime, int station, struct session_runtime *session);
-// Both are answered by NOTICE_TAKEN with their ticket. False where the worker has too much to do.
+// NOTICE_TAKEN with the ticket answers these two. False if the worker has too much to do.
 bool runtime_input(struct runtime *runtime, int station, enum input_kind kind, uint64_t ticket);
-// session: the serial of the session that is meant.
+// session: serial of the session.
 bool runtime_remark(struct runtime *runtime, int station, uint64_t session,
                     const struct remark *remark, uint64_t ticket);
-// Subscribes a page, or passes on what it says. Takes the request's mailbox where it succeeds.
+// Subscribes a page, or passes its message on. On success it takes over the request's mailbox.
 bool runtime_mesh_request(struct runtime *runtime, const struct mesh_request *request);
 
-// One thread, the owner's. False: none is left.
+// Only for the owner's thread. False: no notice is left.
 bool runtime_next_notice(struct runtime *runtime, struct runtime_notice *out_notice);
 
-// ---- what it shows: any thread but a worker's ----
+// ---- its state and figures: any thread but a worker's ----
 
 // The last step of the station's last session; step 0: there was none yet.
 void runtime_snapshot(struct runtime *runtime, int station, struct step_snapshot *out_snapshot);

@@ -1,5 +1,5 @@
-// What a cut did to a mesh, as the change that stations are told. All arrays are the delta's own;
-// base, number and hash are the feed's to set. Positions become floats.
+// Makes the mesh_delta that stations get for the change of a mesh by a cut. The delta owns all its
+// arrays. The feed sets base, number and hash. Positions become floats.
 #pragma once
 
 #include "cut/cut.h"
@@ -14,6 +14,6 @@ void tissue_delta_of_change(const struct cut_mesh *mesh, const struct cut_change
 // The delta has no pieces yet.
 void tissue_delta_add_pieces(const struct cut_change *change, struct mesh_delta *out_delta);
 
-// From what stations have to any mesh of the same origin: all that differs.
+// All differences from the stations' mesh to another mesh of the same origin.
 void tissue_delta_between(const struct tissue *before, const struct cut_mesh *mesh,
                           struct mesh_delta *out_delta);

@@ -1,4 +1,4 @@
-// What the runtime takes and gives: its configuration, sessions, counts, notices.
+// Types of the runtime's interface: configuration, sessions, counts, notices.
 #pragma once
 
 #include "metrics/metrics.h"
@@ -34,15 +34,16 @@ struct runtime_config {
     void *user;
 };
 
-// What a session is worth so far.
+// The metrics of a session so far.
 struct live_metrics {
     uint64_t session; // its serial; 0: none yet
     const struct scene *scene;
     struct metrics metrics;
 };
 
-// A session with its trace. Whoever opens it fills it in and releases it after NOTICE_ENDED; in
-// between session and trace belong to one worker, the operation to that worker's cut worker.
+// A session with its trace. The owner of the sessions fills it in, and releases it after
+// NOTICE_ENDED. In between, session and trace belong to one worker, and the operation to that
+// worker's cut worker.
 struct session_runtime {
     uint64_t serial; // no two sessions of a server's life have the same
     struct session *session;
@@ -51,8 +52,8 @@ struct session_runtime {
     const struct scene *scene;
     struct live_metrics metrics;
     struct snapshot_maker snapshots;
-    // Of a session that is resumed: where it was, how far its clock is ahead of the server's (which
-    // began anew), and the result of a job that had not landed, or NULL.
+    // Of a resumed session: its last state and time, how far its clock is ahead of the new
+    // server's, and the result of a job that had not landed, or NULL.
     enum session_state state;
     int64_t last_ns, ahead_ns;
     struct job_result *pending;
@@ -74,12 +75,12 @@ struct station_counts {
     atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
 };
 
-// What a worker's socket dropped.
+// Datagrams that the workers' sockets dropped.
 struct socket_counts {
     uint64_t strangers, forged, replayed, malformed, too_long;
 };
 
-// What the last jobs left of a session's tissues.
+// A session's tissues after their last jobs.
 struct tissue_report {
     uint64_t session; // serial; 0: none yet
     struct tissue_figures figures[TISSUES_MAX];
@@ -96,8 +97,8 @@ enum notice_kind {
     NOTICE_STATE,  // a session's state changed
     NOTICE_TAKEN,  // a request was taken
     NOTICE_UNDONE, // a job of an undo has landed
-    NOTICE_OPENED, // a session's tissues can be asked for (runtime_tissues)
-    NOTICE_ENDED   // a session is the owner's again
+    NOTICE_OPENED, // runtime_tissues reports on the session
+    NOTICE_ENDED   // the session belongs to its owner again
 };
 
 // From the runtime to the owner of its sessions.

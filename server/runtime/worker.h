@@ -1,5 +1,6 @@
 // A worker: one thread, one datagram socket, the sessions of its stations. It waits for no other
-// thread: rings and newest values to and from them, non-blocking sends, a trace that only copies.
+// thread: it exchanges rings and newest values with them, its sends do not block, and a trace only
+// copies.
 #pragma once
 
 #include "runtime/parts.h"

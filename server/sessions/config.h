@@ -1,4 +1,4 @@
-// What a server serves: cases, stations, folders, limits.
+// The configuration of a server's sessions: cases, stations, folders, limits.
 #pragma once
 
 #include "runtime/types.h"
@@ -18,7 +18,7 @@ struct session_station {
     char case_name[STATION_NAME_MAX]; // one of the cases
     char trainee[STATION_NAME_MAX];
     struct view_optic optic; // of its scope
-    bool start_by_command;   // else a session runs as soon as its station is there
+    bool start_by_command;   // else a session runs as soon as its station connects
     // Buttons of each instrument's handle that are down while its tip touches; 0: none.
     uint32_t contact_buttons[INSTRUMENT_COUNT];
 };
@@ -32,9 +32,9 @@ struct sessions_config {
     char traces_dir[SESSIONS_PATH_MAX];
     char socket[SESSIONS_PATH_MAX];  // local socket of the console
     char records[SESSIONS_PATH_MAX]; // the database of sessions (store); empty: none
-    bool serve_unfit;                // also cases that a check found unfit (check/grade.h)
+    bool serve_unfit;                // open sessions on cases that a check found unfit, too
     int wait_s;                      // how long a session waits for its station
-    // The server warns beyond these: age and residuals of a station's calibration, and drift.
+    // The server warns above these: age and residuals of a station's calibration, and drift.
     int calibration_days;
     double calibration_mm, calibration_deg;
     struct session_settings settings;
@@ -44,9 +44,9 @@ struct sessions_config {
     struct session_station stations[STATIONS_MAX];
 };
 
-// How many workers a server of this config has: one for each core where the config says 0.
+// The number of workers: one for each core if the config says 0.
 int sessions_worker_count(const struct sessions_config *config);
 
-// An index, or -1 where no case or station has that name.
+// An index, or -1 if no case or station has this name.
 int sessions_find_case(const struct sessions_config *config, const char *name);
 int sessions_find_station(const struct sessions_config *config, const char *name);

@@ -1,24 +1,24 @@
-// A session that begins where a recorded one was at some time: a trace of its own, in which the
-// other's inputs until then come first, and the state that they led to.
+// Copies a recorded session up to some time into a new session, which goes on from there. The new
+// session's trace begins with the inputs of the recorded one.
 #pragma once
 
 #include "sessions/parts.h"
 
 struct fork;
 
-// from: the path of a trace, or the id of a session whose trace lies with this server's. at_s:
-// since its start; later inputs, and its stop, are left out. Runs the session again on a thread of
-// low priority, and waits for that and for the disk: without any lock. RESULT_MISSING, RESULT_IO,
-// RESULT_FORMAT, or as restore_run.
+// from: the path of a trace, or the id of a session with a trace in this server's folder. at_s:
+// time since the session's start; later inputs and the stop are left out. Runs the session again on
+// a thread of low priority and waits for it and for the disk, without holding a lock.
+// RESULT_MISSING, RESULT_IO, RESULT_FORMAT, or as restore_run.
 enum result fork_create(struct sessions *sessions, int station, const char *from, double at_s,
                         struct fork **out_fork, struct error *err);
 
-// It takes the place of the station's session. The command lock of the slot is held. False: the
+// Replaces the station's session by the copy. The caller holds the slot's command lock. False: the
 // reply says why not.
 bool fork_begin(struct fork *fork, arthron_CommandReply *reply);
 
-// What has not begun leaves nothing behind. NULL inside is fine.
+// Also removes the files of a copy that has not begun. NULL inside is fine.
 void fork_destroy(struct fork **fork);
 
-// Removes what a server that was killed left of copies that had not begun.
+// Removes the files of copies that had not begun when an earlier server was killed.
 void fork_clear(const char *traces_dir);

@@ -1,20 +1,20 @@
-// The session manager: a thread that takes the runtime's notices, and a pool that opens and
-// releases sessions, so that no file holds up a notice or another station.
+// The session manager: a thread that takes the runtime's notices, and a pool of threads that open
+// and release sessions. So no file delays a notice or another station.
 #pragma once
 
 #include "sessions/parts.h"
 
 void manager_create(struct sessions *sessions); // before any session; manager_notify may be called
-void manager_start(struct sessions *sessions);  // opens what stations need from now on
-void manager_stop(struct sessions *sessions);   // no session is opened any more; NULL is fine
+void manager_start(struct sessions *sessions);  // from now on opens sessions that stations need
+void manager_stop(struct sessions *sessions);   // from now on opens no session; NULL is fine
 // After runtime_stop: releases the sessions that the runtime gave back.
 void manager_destroy(struct sessions *sessions);
 
-// Has a session opened where the station needs one and has none. From any thread, never waits.
-// Does nothing before manager_start, which looks at all stations.
+// Opens a session if the station needs one and has none. From any thread, never waits. Does nothing
+// before manager_start, which looks at all stations.
 void manager_open(struct sessions *sessions, int station);
 
-// Whether sessions may be opened and steered: between manager_start and manager_stop.
+// Whether sessions may be opened and controlled: between manager_start and manager_stop.
 bool manager_opens(const struct sessions *sessions);
 
 // Wakes the manager: a notice has come, or a station may need a session. From any thread, never

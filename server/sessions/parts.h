@@ -1,4 +1,4 @@
-// What the files of this room share.
+// struct sessions. Private to this room.
 #pragma once
 
 #include "net/console.h"
@@ -33,10 +33,10 @@ struct sessions {
     atomic_uint_fast64_t serials;
 };
 
-static inline bool sessions_are_ending(const struct sessions *s) {
-    return atomic_load(&s->ending) || atomic_load(s->cancelled);
+static inline bool sessions_are_ending(const struct sessions *sessions) {
+    return atomic_load(&sessions->ending) || atomic_load(sessions->cancelled);
 }
 
-static inline const char *station_name(const struct sessions *s, int station) {
-    return s->config.stations[station].name;
+static inline const char *station_name(const struct sessions *sessions, int station) {
+    return sessions->config.stations[station].name;
 }

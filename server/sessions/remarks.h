@@ -1,11 +1,11 @@
-// What instructors say to a session: notes, and points to touch. The session's slot keeps them for
-// the pages, and its trace keeps them for good.
+// The remarks of a session: instructors' notes, and points to touch. The station's slot keeps them
+// for the pages. The trace keeps them for good.
 #pragma once
 
 #include "trace/remark.h"
 #include "wire/wire.h"
 
-// All under the lock of the slot.
+// Use only under the slot's lock.
 struct remarks {
     uint64_t session;  // its serial
     uint64_t revision; // counts up with each change
@@ -16,12 +16,13 @@ struct remarks {
     } * all; // by number - 1
 };
 
-// A session begins. What was said in it before its server was killed is taken over: *said is empty
-// afterwards; or NULL.
+// A session begins. said: NULL, or its remarks from before the server was killed, which are moved
+// here; *said is empty afterwards.
 void remarks_begin(struct remarks *remarks, uint64_t session, struct remarks *said);
 void remarks_fini(struct remarks *remarks);
 
-// The last state of a remark; numbers below it that never came are withdrawn ones.
+// Adds a remark, or replaces the one with its number. Smaller numbers that are missing count as
+// withdrawn.
 void remarks_put(struct remarks *remarks, const struct remark *remark);
 
 // start_ns: the session's, on its clock.

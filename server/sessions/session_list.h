@@ -1,4 +1,4 @@
-// What is told of sessions to those who ask.
+// Answers of the commands list and show.
 #pragma once
 
 #include "sessions/parts.h"

@@ -2,8 +2,8 @@
 // controlled, ended, resumed and copied. Owns the runtime, the control connections and the console.
 //
 // Threads beside the runtime's: one for control connections, one for the console, the session
-// manager (manager.h) with a few that open and close files, and the recorder, who alone waits for
-// the database.
+// manager (manager.h), a few that open and close files, and the recorder. Only the recorder waits
+// for the database.
 #pragma once
 
 #include "runtime/runtime.h"
@@ -18,8 +18,8 @@ struct sessions;
 enum result sessions_create(const struct sessions_config *config, const atomic_bool *cancelled,
                             struct sessions **out_sessions, struct error *err);
 
-// A copy or an undo that somebody waits for is broken off and answered, so that who must end before
-// the sessions does not wait for it. From any thread.
+// Ends every wait for a copy or an undo, with an answer. So threads that must end before
+// sessions_destroy do not wait for these. From any thread.
 void sessions_break_off(struct sessions *sessions);
 
 // Tells the stations, ends every session with a whole trace, joins all threads.
@@ -31,14 +31,15 @@ void sessions_hand_over(struct sessions **sessions);
 
 void sessions_command(void *sessions, const char *actor, const arthron_Command *command,
                       arthron_CommandReply *out_reply);
-// Of the session that the station has, or had last. False where there is no such station.
+// Of the station's present or last session. False: there is no such station.
 bool sessions_metrics(void *sessions, const char *station, arthron_Metrics *out_metrics);
 
 void sessions_status(struct sessions *sessions, int station, struct station_status *out_status);
 void sessions_info(struct sessions *sessions, int station, arthron_SessionInfo *out_info);
-// The remarks of the station's session with that serial that a page has not as they are now.
-// told: the revision up to which it has all, and told_each[number - 1] the revision that it has of
-// each. At most `room` of them; true where these are all, up to *out_revision.
+// The remarks that a page lacks or has in an old revision, of the station's session with this
+// serial. told: the page has all remarks up to this revision. told_each[number - 1]: the page's
+// revision of each remark. Gives at most `room` of them. True if no more are left, up to
+// *out_revision.
 bool sessions_remarks(struct sessions *sessions, int station, uint64_t session, uint64_t told,
                       const uint64_t told_each[REMARKS_MAX], struct kept_remark *out, int room,
                       int *out_count, uint64_t *out_revision);

@@ -1,5 +1,4 @@
-// What stations say over their control connections. All of it runs in the control thread, which
-// waits for nothing.
+// Handles the messages of stations. It runs in the control thread, so it waits for nothing.
 #pragma once
 
 #include "sessions/parts.h"

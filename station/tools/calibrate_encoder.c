@@ -1,4 +1,4 @@
-#include "calibrate/line.h"
+#include "calibrate/encoder.h"
 #include "tools/calibrate.h"
 
 #include <stdio.h>
@@ -48,20 +48,20 @@ static enum result read_counts(struct gather *gather, const char *key, double kn
     return RESULT_OK;
 }
 
-static enum result judge(const struct fitted_line *line, int count, struct calibration_entry *out,
+static enum result judge(const struct encoder_fit *fit, int count, struct calibration_entry *out,
                          json_t *report, struct error *err) {
     const char *unit = calibration_is_angle(out) ? "degrees" : "mm";
-    out->scale = line->scale;
-    out->offset = line->offset;
-    out->residual = line->rms;
+    out->scale = fit->scale;
+    out->offset = fit->offset;
+    out->residual = fit->rms;
     snprintf(out->details, sizeof out->details, "%d known values, largest residual %.2f %s", count,
-             line->max, unit);
-    json_object_set_new(report, "scale", json_real(line->scale));
-    json_object_set_new(report, "offset", json_real(line->offset));
-    if (line->rms > RMS_MAX)
+             fit->max, unit);
+    json_object_set_new(report, "scale", json_real(fit->scale));
+    json_object_set_new(report, "offset", json_real(fit->offset));
+    if (fit->rms > RMS_MAX)
         return fail(err, RESULT_INVALID,
                     "the values do not lie on a line (%.1f %s root mean square): once more",
-                    line->rms, unit);
+                    fit->rms, unit);
     return RESULT_OK;
 }
 
@@ -71,7 +71,7 @@ enum result calibrate_encoder(struct station_config *config,
     struct joint_angles none = {0};
     double value, counts[CALIBRATE_VALUES_MAX];
     struct gather *gather = NULL;
-    struct fitted_line line;
+    struct encoder_fit fit;
     if (!value_of(&none, arguments->key, &value))
         return fail(err, RESULT_INVALID, "%s is no value of the joint", arguments->key);
     snprintf(out->of, sizeof out->of, "%s", arguments->key);
@@ -83,6 +83,6 @@ enum result calibrate_encoder(struct station_config *config,
         result = read_counts(gather, arguments->key, arguments->values[i], &counts[i], err);
     gather_destroy(&gather);
     if (result == RESULT_OK)
-        result = line_fit(counts, arguments->values, arguments->value_count, &line, err);
-    return result == RESULT_OK ? judge(&line, arguments->value_count, out, report, err) : result;
+        result = encoder_calibrate(counts, arguments->values, arguments->value_count, &fit, err);
+    return result == RESULT_OK ? judge(&fit, arguments->value_count, out, report, err) : result;
 }

@@ -1,7 +1,7 @@
 // The kernels of calibration against truths made up in the test, and against a real recording of a
 // pointer that was turned on each of eight landmarks of a block.
+#include "calibrate/encoder.h"
 #include "calibrate/landmarks.h"
-#include "calibrate/line.h"
 #include "calibrate/noise.h"
 #include "calibrate/pivot.h"
 #include "device/recording.h"
@@ -235,13 +235,13 @@ static void an_encoders_zero_and_scale_come_back(void **state) {
             values[k] = 25 * k;
             readings[k] = (values[k] - offset) / scale;
         }
-        struct fitted_line line;
-        assert_int_equal(line_fit(readings, values, 6, &line, NULL), RESULT_OK);
-        assert_near(line.scale, scale, 1e-12);
-        assert_near(line.offset, offset, 1e-9);
+        struct encoder_fit fit;
+        assert_int_equal(encoder_calibrate(readings, values, 6, &fit, NULL), RESULT_OK);
+        assert_near(fit.scale, scale, 1e-12);
+        assert_near(fit.offset, offset, 1e-9);
         values[3] += 4;
-        assert_int_equal(line_fit(readings, values, 6, &line, NULL), RESULT_OK);
-        assert_true(line.max > 2 && line.max < 4 && line.rms < line.max);
+        assert_int_equal(encoder_calibrate(readings, values, 6, &fit, NULL), RESULT_OK);
+        assert_true(fit.max > 2 && fit.max < 4 && fit.rms < fit.max);
     }
 }
 
@@ -249,10 +249,10 @@ static void an_encoder_that_stands_still_is_refused(void **state) {
     (void)state;
     double still[] = {2048, 2049, 2047, 2048}, values[] = {0, 30, 60, 90};
     double wild[] = {0, 100, NAN, 300};
-    struct fitted_line line;
-    assert_int_equal(line_fit(still, values, 4, &line, NULL), RESULT_INVALID);
-    assert_int_equal(line_fit(wild, values, 4, &line, NULL), RESULT_INVALID);
-    assert_int_equal(line_fit(still, values, 1, &line, NULL), RESULT_MISSING);
+    struct encoder_fit fit;
+    assert_int_equal(encoder_calibrate(still, values, 4, &fit, NULL), RESULT_INVALID);
+    assert_int_equal(encoder_calibrate(wild, values, 4, &fit, NULL), RESULT_INVALID);
+    assert_int_equal(encoder_calibrate(still, values, 1, &fit, NULL), RESULT_MISSING);
 }
 
 static void noise_is_measured_on_a_moving_point(void **state) {

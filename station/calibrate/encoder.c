@@ -1,4 +1,4 @@
-#include "calibrate/line.h"
+#include "calibrate/encoder.h"
 
 #include <math.h>
 
@@ -10,19 +10,19 @@ static double mean_of(const double *numbers, int count) {
 }
 
 static void measure(const double *readings, const double *values, int count,
-                    struct fitted_line *line) {
+                    struct encoder_fit *fit) {
     double sum = 0;
-    line->max = 0;
+    fit->max = 0;
     for (int i = 0; i < count; i++) {
-        double off = fabs(line->scale * readings[i] + line->offset - values[i]);
+        double off = fabs(fit->scale * readings[i] + fit->offset - values[i]);
         sum += off * off;
-        line->max = fmax(line->max, off);
+        fit->max = fmax(fit->max, off);
     }
-    line->rms = sqrt(sum / count);
+    fit->rms = sqrt(sum / count);
 }
 
-enum result line_fit(const double *readings, const double *values, int count,
-                     struct fitted_line *out, struct error *err) {
+enum result encoder_calibrate(const double *readings, const double *values, int count,
+                              struct encoder_fit *out, struct error *err) {
     if (count < 2)
         return fail(err, RESULT_MISSING, "%d known values are too few, at least 2 are needed",
                     count);
@@ -35,14 +35,14 @@ enum result line_fit(const double *readings, const double *values, int count,
         low = fmin(low, readings[i]);
         high = fmax(high, readings[i]);
     }
-    if (!(high - low >= LINE_COUNTS_MIN) || !isfinite(both))
+    if (!(high - low >= ENCODER_COUNTS_MIN) || !isfinite(both))
         return fail(err, RESULT_INVALID,
                     "the encoder's readings lie between %g and %g, at least %.0f counts apart are "
                     "needed: is it the right register, and does it turn?",
-                    low, high, LINE_COUNTS_MIN);
-    struct fitted_line line = {.scale = both / spread};
-    line.offset = mean_value - line.scale * mean_reading;
-    measure(readings, values, count, &line);
-    *out = line;
+                    low, high, ENCODER_COUNTS_MIN);
+    struct encoder_fit fit = {.scale = both / spread};
+    fit.offset = mean_value - fit.scale * mean_reading;
+    measure(readings, values, count, &fit);
+    *out = fit;
     return RESULT_OK;
 }

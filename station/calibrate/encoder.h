@@ -3,14 +3,14 @@
 
 #include "base/result.h"
 
-#define LINE_COUNTS_MIN 10.0
+#define ENCODER_COUNTS_MIN 10.0
 
-struct fitted_line {
+struct encoder_fit {
     double scale, offset; // value = scale · reading + offset
     double rms, max;      // of what is left, in the value's unit
 };
 
-// RESULT_MISSING: fewer than two readings. RESULT_INVALID: all within LINE_COUNTS_MIN of each
+// RESULT_MISSING: fewer than two readings. RESULT_INVALID: all within ENCODER_COUNTS_MIN of each
 // other, or not finite. *out is then not written.
-enum result line_fit(const double *readings, const double *values, int count,
-                     struct fitted_line *out, struct error *err);
+enum result encoder_calibrate(const double *readings, const double *values, int count,
+                              struct encoder_fit *out, struct error *err);

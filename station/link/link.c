@@ -91,7 +91,7 @@ bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply) {
 
 static bool send_in_control(struct link *link, const arthron_Frame *frame) {
     arthron_Control message = {.which_message = arthron_Control_frame_tag};
-    struct line_message out;
+    struct control_message out;
     size_t size;
     message.message.frame = *frame;
     enum result result = wire_encode_control(&message, out.bytes, sizeof out.bytes, &size);
@@ -99,7 +99,7 @@ static bool send_in_control(struct link *link, const arthron_Frame *frame) {
     out.size = (uint32_t)size;
     if (!ring_push(link->frames, &out))
         return false;
-    lws_cancel_service(link->line.context);
+    lws_cancel_service(link->control.context);
     return true;
 }
 
@@ -176,7 +176,7 @@ bool link_copy_tissue(struct link *link, const char *group, struct tissue *out_t
 // ---- life ---------------------------------------------------------------------------------------
 
 static void release(struct link *link) {
-    line_fini(link);
+    control_fini(link);
     trust_fini(&link->trust);
     udp_close(&link->sender.udp);
     meshes_destroy(&link->meshes);
@@ -199,7 +199,7 @@ static struct link *prepare(const struct link_config *config) {
     link->config.station = alloc_text(config->station);
     link->config.software = alloc_text(config->software);
     link->meshes = meshes_create();
-    link->frames = ring_create(FRAMES_QUEUED, sizeof(struct line_message));
+    link->frames = ring_create(FRAMES_QUEUED, sizeof(struct control_message));
     link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
     link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     CHECK(link->arrival_fd >= 0);
@@ -223,7 +223,7 @@ static void note_change(void *user) {
 }
 
 static void *serve(void *link) {
-    line_serve(link);
+    control_serve(link);
     return NULL;
 }
 
@@ -232,7 +232,7 @@ enum result link_create(const struct link_config *config, struct link **out_link
     struct link *link = prepare(config);
     enum result result = trust_init(&link->trust, config->keys_dir, config->host, err);
     if (result == RESULT_OK)
-        result = line_init(link, err);
+        result = control_init(link, err);
     if (result != RESULT_OK) {
         release(link);
         *out_link = NULL;
@@ -249,7 +249,7 @@ enum result link_create(const struct link_config *config, struct link **out_link
 void link_destroy(struct link **link) {
     renewal_destroy(&(*link)->renewal);
     atomic_store(&(*link)->stopping, true);
-    lws_cancel_service((*link)->line.context);
+    lws_cancel_service((*link)->control.context);
     pthread_join((*link)->thread, NULL);
     release(*link);
     *link = NULL;

@@ -1,4 +1,4 @@
-// The inside of a link: what link.c (the caller's thread) and line.c (the control connection and
+// The inside of a link: what link.c (the caller's thread) and control.c (the control connection and
 // its thread) share.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 #define FRAMES_REMEMBERED 1024 // a power of two
 
-struct line_message {
+struct control_message {
     uint32_t size;
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
     uint8_t bytes[WIRE_CONTROL_MAX];
@@ -36,13 +36,13 @@ struct arrival {
     };
 };
 
-// One control connection; all of it belongs to the line's thread.
-struct control_line {
+// One control connection; all of it belongs to the control thread.
+struct control_connection {
     struct lws_context *context;
     struct lws *socket; // NULL: not connected
     lws_sorted_usec_list_t retry;
     uint16_t attempts;
-    struct ring *queue; // of struct line_message: Hello, pings and answers
+    struct ring *queue; // of struct control_message: Hello, pings and answers
     struct clock_offset clock;
     bool welcomed;
     bool meshes;       // both sides can
@@ -69,14 +69,14 @@ struct link {
     uint64_t id;               // of this link: the same in every Hello
     struct trust trust;
     struct renewal *renewal;  // NULL: of a visit
-    atomic_bool keys_changed; // the line's thread has to take them
+    atomic_bool keys_changed; // the control thread has to take them
     pthread_t thread;
     atomic_bool stopping;
-    struct control_line line;
+    struct control_connection control;
     struct sender sender;
     struct meshes *meshes;
-    struct ring *frames;   // caller to line: struct line_message
-    struct ring *arrivals; // line to caller: struct arrival
+    struct ring *frames;   // caller to control thread: struct control_message
+    struct ring *arrivals; // control thread to caller: struct arrival
     int arrival_fd;        // eventfd, signalled behind each arrival
     atomic_bool ready;     // the clock is known and the session is open: frames may go
     atomic_int path;       // enum link_path while ready
@@ -87,8 +87,8 @@ struct link {
     atomic_uint_fast64_t session_changes;
 };
 
-// Makes the context. The thread then calls line_serve, which returns once link->stopping is set and
-// lws_cancel_service was called.
-enum result line_init(struct link *link, struct error *err);
-void line_serve(struct link *link);
-void line_fini(struct link *link);
+// Makes the context. The thread then calls control_serve, which returns once link->stopping is set
+// and lws_cancel_service was called.
+enum result control_init(struct link *link, struct error *err);
+void control_serve(struct link *link);
+void control_fini(struct link *link);

@@ -9,7 +9,7 @@
 
 #define FAILURES_MAX 3 // in a row; a server that goes on sending the same would be asked for ever
 
-// One group. All but tissue and counts is the line's thread's alone.
+// One group. All but tissue and counts is the control thread's alone.
 struct followed {
     char group[sizeof((arthron_MeshChunk){0}.group)];
     struct tissue tissue;
@@ -164,7 +164,8 @@ static bool collect(struct meshes *meshes, struct followed *followed,
 
 // ---- payloads -----------------------------------------------------------------------------------
 
-static enum result apply(struct meshes *meshes, struct followed *followed, struct error *err) {
+static enum result change_tissue(struct meshes *meshes, struct followed *followed,
+                                 struct error *err) {
     pthread_mutex_lock(&meshes->lock);
     struct tissue *tissue = &followed->tissue;
     enum result result = tissue_apply(tissue, followed->payload, followed->size, err);
@@ -182,7 +183,7 @@ static bool take_payload(struct meshes *meshes, struct followed *followed, arthr
     if (tissue_payload_hash(followed->payload, followed->size) != followed->hash)
         return ask_again(meshes, followed, "its bytes are not those that were sent", out);
     bool passed = followed->base && followed->base != here && followed->number <= here;
-    if (!passed && apply(meshes, followed, &err) != RESULT_OK)
+    if (!passed && change_tissue(meshes, followed, &err) != RESULT_OK)
         return ask_again(meshes, followed, err.text, out);
     give_up_payload(followed);
     followed->failures = 0;

@@ -1,5 +1,5 @@
 // The meshes that a station follows: pieces into payloads, payloads into tissues, and what is to be
-// answered (wire/PROTOCOL.md, Meshes). No sockets. The line's thread calls all but the last two,
+// answered (wire/PROTOCOL.md, Meshes). No sockets. The control thread calls all but the last two,
 // which are for any thread.
 #pragma once
 

@@ -31,14 +31,14 @@ static const lws_retry_bo_t backoff = {
 // ---- saying -------------------------------------------------------------------------------------
 
 static void say(struct link *link, const arthron_Control *message) {
-    struct line_message out;
+    struct control_message out;
     size_t size;
     enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
     out.size = (uint32_t)size;
-    if (!ring_push(link->line.queue, &out)) // the server floods us, or takes nothing
-        lws_set_timeout(link->line.socket, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
-    lws_callback_on_writable(link->line.socket);
+    if (!ring_push(link->control.queue, &out)) // the server floods us, or takes nothing
+        lws_set_timeout(link->control.socket, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+    lws_callback_on_writable(link->control.socket);
 }
 
 static void say_hello(struct link *link) {
@@ -63,13 +63,13 @@ static void say_hello(struct link *link) {
 }
 
 static int write_next(struct link *link) {
-    struct line_message out;
-    struct control_line *line = &link->line;
-    if (!ring_pop(line->queue, &out) && !ring_pop(link->frames, &out))
+    struct control_message out;
+    struct control_connection *control = &link->control;
+    if (!ring_pop(control->queue, &out) && !ring_pop(link->frames, &out))
         return 0;
-    if (lws_write(line->socket, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
+    if (lws_write(control->socket, out.bytes, out.size, LWS_WRITE_BINARY) < (int)out.size)
         return -1;
-    lws_callback_on_writable(line->socket);
+    lws_callback_on_writable(control->socket);
     return 0;
 }
 
@@ -91,8 +91,8 @@ static bool names(const arthron_Welcome *welcome, const char *capability) {
 }
 
 static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
-    link->line.welcomed = true;
-    link->line.meshes = link->config.meshes && names(welcome, "meshes");
+    link->control.welcomed = true;
+    link->control.meshes = link->config.meshes && names(welcome, "meshes");
     meshes_set_case(link->meshes, welcome->case_hash);
     atomic_fetch_add(&link->connects, 1);
     pthread_mutex_lock(&link->lock);
@@ -106,10 +106,10 @@ static void hear_welcome(struct link *link, const arthron_Welcome *welcome) {
     link->status.refusal[0] = link->status.problem[0] = '\0';
     link->status.clock_is_wrong = false;
     pthread_mutex_unlock(&link->lock);
-    link->line.attempts = 0;
-    link->line.trouble[0] = '\0';
+    link->control.attempts = 0;
+    link->control.trouble[0] = '\0';
     log_info("link", "welcomed by %s, case %s", welcome->software, welcome->case_name);
-    lws_set_timer_usecs(link->line.socket, 0);
+    lws_set_timer_usecs(link->control.socket, 0);
 }
 
 static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
@@ -124,7 +124,7 @@ static void hear_refusal(struct link *link, const arthron_Refusal *refusal) {
 
 // Called when either of the two has changed.
 static void update_ready(struct link *link) {
-    atomic_store(&link->ready, link->status.clock_known && link->line.session_open);
+    atomic_store(&link->ready, link->status.clock_known && link->control.session_open);
 }
 
 static void ask_for_meshes(struct link *link) {
@@ -144,10 +144,10 @@ static void keep_session(struct link *link, const arthron_SessionChange *change)
 }
 
 static void hear_change(struct link *link, const arthron_SessionChange *change) {
-    bool opens = !link->line.session_open && change->state != arthron_SessionState_CLOSED;
-    link->line.session_open = change->state != arthron_SessionState_CLOSED;
+    bool opens = !link->control.session_open && change->state != arthron_SessionState_CLOSED;
+    link->control.session_open = change->state != arthron_SessionState_CLOSED;
     meshes_set_case(link->meshes, change->case_hash);
-    if (opens && link->line.meshes)
+    if (opens && link->control.meshes)
         ask_for_meshes(link);
     pthread_mutex_lock(&link->lock);
     link->status.state = (arthron_SessionState)change->state;
@@ -178,20 +178,20 @@ static int64_t shortest_round_trip(const struct clock_offset *clock) {
 }
 
 static void hear_pong(struct link *link, const arthron_Pong *pong, int64_t received_ns) {
-    struct control_line *line = &link->line;
+    struct control_connection *control = &link->control;
     int64_t offset_ns, uncertainty_ns;
-    line->heard_ns = received_ns;
+    control->heard_ns = received_ns;
     if (pong->sent_ns < 0 || pong->sent_ns > received_ns || !is_remote_time(pong->received_ns) ||
         !is_remote_time(pong->answered_ns) ||
-        !clock_offset_add(&line->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
+        !clock_offset_add(&control->clock, pong->sent_ns, pong->received_ns, pong->answered_ns,
                           received_ns) ||
-        !clock_offset_get(&line->clock, received_ns, &offset_ns, &uncertainty_ns))
+        !clock_offset_get(&control->clock, received_ns, &offset_ns, &uncertainty_ns))
         return;
     pthread_mutex_lock(&link->lock);
     link->status.clock_known = true;
     link->status.clock_offset_ns = offset_ns;
     link->status.clock_uncertainty_ns = uncertainty_ns;
-    link->status.round_trip_ns = shortest_round_trip(&line->clock);
+    link->status.round_trip_ns = shortest_round_trip(&control->clock);
     pthread_mutex_unlock(&link->lock);
     update_ready(link);
 }
@@ -201,7 +201,7 @@ static int hear_keys(struct link *link, const arthron_UdpKeys *keys) {
     socklen_t size = sizeof arrival.server;
     if (!link->config.datagrams)
         return 0;
-    if (getpeername(lws_get_socket_fd(link->line.socket), (struct sockaddr *)&arrival.server,
+    if (getpeername(lws_get_socket_fd(link->control.socket), (struct sockaddr *)&arrival.server,
                     &size))
         return -1;
     return hand_over(link, &arrival) ? 0 : -1;
@@ -241,7 +241,7 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
         atomic_fetch_add(&link->unknown_messages, 1);
     } else if (message->which_message == arthron_Control_refusal_tag) {
         hear_refusal(link, &message->message.refusal);
-    } else if (link->line.welcomed) {
+    } else if (link->control.welcomed) {
         return hear_welcomed(link, message, now_ns);
     } else if (message->which_message == arthron_Control_welcome_tag) {
         hear_welcome(link, &message->message.welcome);
@@ -253,46 +253,46 @@ static int hear_message(struct link *link, const arthron_Control *message, int64
 }
 
 static int hear_chunk(struct link *link, size_t size) {
-    struct control_line *line = &link->line;
+    struct control_connection *control = &link->control;
     arthron_Control answer;
     struct error err;
-    if (wire_decode_chunk(line->incoming, size, &line->chunk, &err) != RESULT_OK) {
+    if (wire_decode_chunk(control->incoming, size, &control->chunk, &err) != RESULT_OK) {
         log_warning("link", "the server sent a malformed message: %s", err.text);
         return -1;
     }
-    if (meshes_hear(link->meshes, &line->chunk, &answer))
+    if (meshes_hear(link->meshes, &control->chunk, &answer))
         say(link, &answer);
     return 0;
 }
 
 static int hear(struct link *link, const void *bytes, size_t size) {
-    struct control_line *line = &link->line;
+    struct control_connection *control = &link->control;
     int64_t now_ns = clock_now_ns();
     struct error err;
-    if (size > sizeof line->incoming - line->used) {
+    if (size > sizeof control->incoming - control->used) {
         log_warning("link", "the server sent a message that is too long");
         return -1;
     }
-    memcpy(line->incoming + line->used, bytes, size);
-    line->used += size;
-    if (lws_remaining_packet_payload(line->socket) || !lws_is_final_fragment(line->socket))
+    memcpy(control->incoming + control->used, bytes, size);
+    control->used += size;
+    if (lws_remaining_packet_payload(control->socket) || !lws_is_final_fragment(control->socket))
         return 0;
-    size_t whole = line->used;
-    line->used = 0;
-    if (line->meshes && wire_is_chunk(line->incoming, whole))
+    size_t whole = control->used;
+    control->used = 0;
+    if (control->meshes && wire_is_chunk(control->incoming, whole))
         return hear_chunk(link, whole);
-    if (wire_decode_control(line->incoming, whole, &line->message, &err) != RESULT_OK) {
+    if (wire_decode_control(control->incoming, whole, &control->message, &err) != RESULT_OK) {
         log_warning("link", "a malformed message of the server: %s", err.text);
         return -1;
     }
-    return hear_message(link, &line->message, now_ns);
+    return hear_message(link, &control->message, now_ns);
 }
 
 static int tick(struct link *link) {
-    struct control_line *line = &link->line;
+    struct control_connection *control = &link->control;
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     int64_t now_ns = clock_now_ns();
-    if (line->pings && now_ns - line->heard_ns > SILENCE_NS) {
+    if (control->pings && now_ns - control->heard_ns > SILENCE_NS) {
         log_warning("link", "no answer from the server for 5 s");
         return -1;
     }
@@ -302,8 +302,8 @@ static int tick(struct link *link) {
     }
     message.message.ping.sent_ns = now_ns;
     say(link, &message);
-    line->pings++;
-    lws_set_timer_usecs(line->socket, line->pings < FAST_PINGS ? FAST_PING_US : PING_US);
+    control->pings++;
+    lws_set_timer_usecs(control->socket, control->pings < FAST_PINGS ? FAST_PING_US : PING_US);
     return 0;
 }
 
@@ -312,10 +312,10 @@ static int tick(struct link *link) {
 static void try_again(struct link *link);
 
 static void log_trouble(struct link *link, const char *text) {
-    char *last = link->line.trouble;
+    char *last = link->control.trouble;
     if (atomic_load(&link->stopping) || !strcmp(last, text))
         return;
-    snprintf(last, sizeof link->line.trouble, "%s", text);
+    snprintf(last, sizeof link->control.trouble, "%s", text);
     pthread_mutex_lock(&link->lock);
     snprintf(link->status.problem, sizeof link->status.problem, "%s", text);
     link->status.clock_is_wrong = link->trust.clock_is_wrong;
@@ -332,11 +332,11 @@ static void take_keys(struct link *link) {
 }
 
 static void connect_now(lws_sorted_usec_list_t *retry) {
-    struct control_line *line = lws_container_of(retry, struct control_line, retry);
-    struct link *link = lws_container_of(line, struct link, line);
+    struct control_connection *control = lws_container_of(retry, struct control_connection, retry);
+    struct link *link = lws_container_of(control, struct link, control);
     take_keys(link);
     struct lws_client_connect_info info = {
-        .context = line->context,
+        .context = control->context,
         .address = link->config.host,
         .port = link->config.port,
         .host = link->config.host,
@@ -346,7 +346,7 @@ static void connect_now(lws_sorted_usec_list_t *retry) {
         .alpn = "http/1.1",
         // trust.c checks the name, for addresses too
         .ssl_connection = LCCSCF_USE_SSL | LCCSCF_SKIP_SERVER_CERT_HOSTNAME_CHECK,
-        .pwsi = &line->socket,
+        .pwsi = &control->socket,
     };
     link->trust.problem[0] = '\0';
     link->trust.clock_is_wrong = false;
@@ -357,25 +357,25 @@ static void connect_now(lws_sorted_usec_list_t *retry) {
 }
 
 static void try_again(struct link *link) {
-    link->line.socket = NULL;
+    link->control.socket = NULL;
     if (!atomic_load(&link->stopping))
-        lws_retry_sul_schedule(link->line.context, 0, &link->line.retry, &backoff, connect_now,
-                               &link->line.attempts);
+        lws_retry_sul_schedule(link->control.context, 0, &link->control.retry, &backoff,
+                               connect_now, &link->control.attempts);
 }
 
 static void connected(struct link *link, struct lws *socket) {
-    struct control_line *line = &link->line;
-    struct line_message stale;
-    while (ring_pop(line->queue, &stale) || ring_pop(link->frames, &stale))
+    struct control_connection *control = &link->control;
+    struct control_message stale;
+    while (ring_pop(control->queue, &stale) || ring_pop(link->frames, &stale))
         ;
-    line->socket = socket;
-    line->clock = (struct clock_offset){0};
-    line->pings = 0;
-    line->used = 0;
-    line->heard_ns = clock_now_ns();
-    line->welcomed = false;
-    line->meshes = false;
-    line->session_open = false;
+    control->socket = socket;
+    control->clock = (struct clock_offset){0};
+    control->pings = 0;
+    control->used = 0;
+    control->heard_ns = clock_now_ns();
+    control->welcomed = false;
+    control->meshes = false;
+    control->session_open = false;
     say_hello(link);
 }
 
@@ -408,13 +408,13 @@ static int on_event(struct lws *socket, enum lws_callback_reasons reason, void *
         return tick(link);
     case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
         if (atomic_load(&link->ready))
-            lws_callback_on_writable(link->line.socket);
+            lws_callback_on_writable(link->control.socket);
         return 0;
     case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
         log_trouble(link, link->trust.problem[0] ? link->trust.problem : trouble_sentence(bytes));
         return 0;
     case LWS_CALLBACK_WSI_DESTROY: // the one event that every end of a connection has
-        if (socket == link->line.socket)
+        if (socket == link->control.socket)
             disconnected(link);
         return 0;
     default:
@@ -434,7 +434,7 @@ static bool machine_has_ipv6(void) {
     return fd >= 0;
 }
 
-enum result line_init(struct link *link, struct error *err) {
+enum result control_init(struct link *link, struct error *err) {
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN,
         .protocols = protocols,
@@ -448,22 +448,22 @@ enum result line_init(struct link *link, struct error *err) {
         .uid = -1,
     };
     lws_set_log_level(0, NULL);
-    link->line.queue = ring_create(QUEUE_LENGTH, sizeof(struct line_message));
-    link->line.context = lws_create_context(&info);
-    if (!link->line.context)
+    link->control.queue = ring_create(QUEUE_LENGTH, sizeof(struct control_message));
+    link->control.context = lws_create_context(&info);
+    if (!link->control.context)
         return fail(err, RESULT_IO, "the link to %s cannot be set up", link->config.host);
     return RESULT_OK;
 }
 
-void line_serve(struct link *link) {
-    struct control_line *line = &link->line;
-    lws_sul_schedule(line->context, 0, &line->retry, connect_now, 1);
+void control_serve(struct link *link) {
+    struct control_connection *control = &link->control;
+    lws_sul_schedule(control->context, 0, &control->retry, connect_now, 1);
     while (!atomic_load(&link->stopping))
-        lws_service(line->context, 0);
+        lws_service(control->context, 0);
 }
 
-void line_fini(struct link *link) {
-    if (link->line.context)
-        lws_context_destroy(link->line.context);
-    ring_destroy(&link->line.queue);
+void control_fini(struct link *link) {
+    if (link->control.context)
+        lws_context_destroy(link->control.context);
+    ring_destroy(&link->control.queue);
 }

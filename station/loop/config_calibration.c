@@ -5,16 +5,16 @@
 #include <stdio.h>
 #include <string.h>
 
-static enum result set(struct station_config *config, const struct calibration_entry *entry,
-                       const char *key, const char *value, struct error *err) {
+static enum result set_key(struct station_config *config, const struct calibration_entry *entry,
+                           const char *key, const char *value, struct error *err) {
     if (station_config_set(config, entry->device, key, value))
         return RESULT_OK;
     return fail(err, RESULT_LIMIT, "[device %s] has too many keys", entry->device);
 }
 
 // The direction of the shaft is the tool's; a pivot tells only where the tip is.
-static enum result apply_tip(struct station_config *config, const struct station_device *device,
-                             const struct calibration_entry *entry, struct error *err) {
+static enum result set_tip(struct station_config *config, const struct station_device *device,
+                           const struct calibration_entry *entry, struct error *err) {
     char key[64], value[256];
     pose tip;
     snprintf(key, sizeof key, "tip.%s", entry->of);
@@ -25,17 +25,17 @@ static enum result apply_tip(struct station_config *config, const struct station
     quat q = tip.rotation;
     snprintf(value, sizeof value, "%.9g %.9g %.9g %.17g %.17g %.17g %.17g", at.x, at.y, at.z, q.w,
              q.x, q.y, q.z);
-    return set(config, entry, key, value, err);
+    return set_key(config, entry, key, value, err);
 }
 
-static enum result apply_registration(struct station_config *config,
-                                      const struct calibration_entry *entry, struct error *err) {
+static enum result set_registration(struct station_config *config,
+                                    const struct calibration_entry *entry, struct error *err) {
     char value[256];
     vec3 t = entry->T_mockup_tracker.translation;
     quat q = entry->T_mockup_tracker.rotation;
     snprintf(value, sizeof value, "%.9g %.9g %.9g %.17g %.17g %.17g %.17g", t.x, t.y, t.z, q.w, q.x,
              q.y, q.z);
-    return set(config, entry, "T_mockup_tracker", value, err);
+    return set_key(config, entry, "T_mockup_tracker", value, err);
 }
 
 // REGISTER [SCALE [OFFSET]] [signed|unsigned]: scale and offset change, the rest stays.
@@ -58,16 +58,16 @@ enum result station_config_scale(struct station_config *config, const char *devi
                : fail(err, RESULT_LIMIT, "[device %s] has too many keys", device_name);
 }
 
-static enum result apply(struct station_config *config, const struct calibration_entry *entry,
-                         struct error *err) {
+static enum result set_entry(struct station_config *config, const struct calibration_entry *entry,
+                             struct error *err) {
     const struct station_device *device = station_config_device(config, entry->device);
     if (!device)
         return fail(err, RESULT_INVALID, "the config has no [device %s]", entry->device);
     switch (entry->kind) {
     case CALIBRATION_TIP:
-        return apply_tip(config, device, entry, err);
+        return set_tip(config, device, entry, err);
     case CALIBRATION_REGISTRATION:
-        return apply_registration(config, entry, err);
+        return set_registration(config, entry, err);
     default:
         return station_config_scale(config, entry->device, entry->of, entry->scale, entry->offset,
                                     err);
@@ -76,7 +76,7 @@ static enum result apply(struct station_config *config, const struct calibration
 
 enum result station_config_calibrate(struct station_config *config, struct error *err) {
     for (int i = 0; i < config->calibration.count; i++) {
-        enum result result = apply(config, &config->calibration.entries[i], err);
+        enum result result = set_entry(config, &config->calibration.entries[i], err);
         if (result != RESULT_OK)
             return fail_in(err, result, "%s: ", config->calibration_path);
     }

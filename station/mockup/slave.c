@@ -87,13 +87,13 @@ static void spoil_registers(struct slave *s, double seconds, uint16_t *registers
 
 // ---- lines --------------------------------------------------------------------------------------
 
-static void prepare_line(struct slave *s) {
-    CHECK(s->line);
+static void prepare_modbus(struct slave *s) {
+    CHECK(s->modbus);
     CHECK(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, s->capture) == 0);
-    modbus_set_slave(s->line, s->number);
-    modbus_set_byte_timeout(s->line, 0, patience_us);
+    modbus_set_slave(s->modbus, s->number);
+    modbus_set_byte_timeout(s->modbus, 0, patience_us);
     // The pause that libmodbus makes, with all masters waiting, after a request that is none.
-    modbus_set_response_timeout(s->line, 0, patience_us);
+    modbus_set_response_timeout(s->modbus, 0, patience_us);
 }
 
 enum result slave_listen(struct slave *s, const char *address, struct error *err) {
@@ -105,8 +105,8 @@ enum result slave_listen(struct slave *s, const char *address, struct error *err
     int host = (int)(strrchr(address, ':') - address);
     if (address != s->address)
         snprintf(s->address, sizeof s->address, "%.*s:%u", host, address, port);
-    s->line = modbus_new_tcp(NULL, 0); // only a reader and writer of frames: we own the sockets
-    prepare_line(s);
+    s->modbus = modbus_new_tcp(NULL, 0); // only a reader and writer of frames: we own the sockets
+    prepare_modbus(s);
     return RESULT_OK;
 }
 
@@ -133,8 +133,8 @@ enum result slave_open_terminal(struct slave *s, const char *path, struct error 
     tcgetattr(s->other_end, &raw);
     cfmakeraw(&raw);
     tcsetattr(s->other_end, TCSANOW, &raw);
-    s->line = modbus_new_rtu(name, 115200, 'N', 8, 1);
-    prepare_line(s);
+    s->modbus = modbus_new_rtu(name, 115200, 'N', 8, 1);
+    prepare_modbus(s);
     s->listener = -1;
     s->masters[0] = fd;
     s->master_count = 1;
@@ -144,7 +144,7 @@ enum result slave_open_terminal(struct slave *s, const char *path, struct error 
 }
 
 void slave_close(struct slave *s) {
-    if (!s->line)
+    if (!s->modbus)
         return;
     if (s->listener >= 0)
         close(s->listener);
@@ -156,8 +156,8 @@ void slave_close(struct slave *s) {
         unlink(s->path);
     close(s->capture[0]);
     close(s->capture[1]);
-    modbus_free(s->line);
-    s->line = NULL;
+    modbus_free(s->modbus);
+    s->modbus = NULL;
     s->listener = -1;
     s->master_count = 0;
 }
@@ -176,8 +176,8 @@ static double seconds_of(const struct slave *s) {
 // What libmodbus answers, as bytes.
 static size_t encode_reply(struct slave *s, const uint8_t *request, int length,
                            modbus_mapping_t *mapping, uint8_t *out) {
-    modbus_set_socket(s->line, s->capture[0]);
-    if (modbus_reply(s->line, request, length, mapping) <= 0)
+    modbus_set_socket(s->modbus, s->capture[0]);
+    if (modbus_reply(s->modbus, request, length, mapping) <= 0)
         return 0;
     ssize_t size = read(s->capture[1], out, MODBUS_MAX_ADU_LENGTH);
     return size < 0 ? 0 : (size_t)size;
@@ -186,7 +186,7 @@ static size_t encode_reply(struct slave *s, const uint8_t *request, int length,
 static void reply(struct slave *s, int master, uint8_t *request, int length,
                   modbus_mapping_t *mapping) {
     uint8_t bytes[MODBUS_MAX_ADU_LENGTH];
-    int function = modbus_get_header_length(s->line);
+    int function = modbus_get_header_length(s->modbus);
     double seconds = seconds_of(s);
     if (faults_strike(s->faults, FAULT_MODBUS, FAULT_DROPOUT, seconds))
         return;
@@ -231,14 +231,14 @@ static void drop_master(struct slave *s, int i) {
 static void serve_master(struct slave *s, int i, modbus_mapping_t *mapping) {
     uint8_t request[MODBUS_MAX_ADU_LENGTH];
     bool tcp = s->listener >= 0;
-    modbus_set_socket(s->line, s->masters[i]);
-    int length = modbus_receive(s->line, request);
+    modbus_set_socket(s->modbus, s->masters[i]);
+    int length = modbus_receive(s->modbus, request);
     if (length > 0 && (!tcp || header_is_honest(request, length))) {
         reply(s, i, request, length, mapping);
     } else if (length && tcp) {
         drop_master(s, i);
     } else if (length < 0) {
-        modbus_flush(s->line);
+        modbus_flush(s->modbus);
         sleep_ms(1);
     }
 }
@@ -270,12 +270,12 @@ static bool plug(struct slave *s) {
     struct error err;
     if (faults_on(s->faults, FAULT_MODBUS, FAULT_UNPLUG, seconds_of(s)))
         slave_close(s);
-    else if (!s->line && (s->path ? slave_open_terminal(s, s->path, &err)
-                                  : slave_listen(s, s->address, &err)) != RESULT_OK)
+    else if (!s->modbus && (s->path ? slave_open_terminal(s, s->path, &err)
+                                    : slave_listen(s, s->address, &err)) != RESULT_OK)
         log_warning("mockup", "%s", err.text);
-    if (!s->line)
+    if (!s->modbus)
         sleep_ms(10);
-    return s->line;
+    return s->modbus;
 }
 
 void *slave_run(void *slave) {

@@ -18,9 +18,9 @@ struct slave {
     int number;       // the slave's id
     struct faults *faults;
 
-    struct _modbus *line; // what follows belongs to slave.c
-    char address[300];    // with the port that was taken; empty: serial
-    int listener;         // -1: serial, or unplugged
+    struct _modbus *modbus; // what follows belongs to slave.c
+    char address[300];      // with the port that was taken; empty: serial
+    int listener;           // -1: serial, or unplugged
     int masters[SLAVE_MASTERS_MAX], master_count;
     int capture[2]; // a reply goes through it on its way out, so that a fault can spoil it
     int other_end;  // of the pseudo terminal, kept open so that a master that leaves is no hang-up

@@ -265,51 +265,68 @@ static enum result choose_driver(struct device *d, const struct device_config *c
     return option_fail_name(config, "driver", err, text, name, names);
 }
 
+// What each channel of a device is judged and smoothed by.
+struct slot_settings {
+    double hold_ms, jump_mm, jump_deg, noise_mm, noise_deg;
+    struct filter_settings filter;
+};
+
+static enum result read_settings(const struct device_config *config, struct slot_settings *out,
+                                 struct error *err) {
+    const char *filter = option_text(config, "filter");
+    *out = (struct slot_settings){.filter = {FILTER_NONE}};
+    enum result result = option_number(config, "hold_ms", 0, 10000, 100, &out->hold_ms, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "jump_mm", 1, 10000, 50, &out->jump_mm, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "jump_deg", 1, 180, SLOT_JUMP_DEG, &out->jump_deg, err);
+    if (result == RESULT_OK)
+        result = option_number(config, "noise_mm", 0.01, 1000, SLOT_NOISE_MM, &out->noise_mm, err);
+    if (result == RESULT_OK)
+        result =
+            option_number(config, "noise_deg", 0.01, 180, SLOT_NOISE_DEG, &out->noise_deg, err);
+    if (result == RESULT_OK && filter && !filter_parse(filter, &out->filter))
+        result = option_fail(config, "filter", err, RESULT_INVALID,
+                             "\"%s\" is neither none nor one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ]",
+                             filter);
+    return result;
+}
+
+static void init_slots(struct device *d, const struct device_outputs *outputs, int index,
+                       const struct slot_settings *settings) {
+    d->slot_count = outputs->count;
+    for (int i = 0; i < outputs->count; i++) {
+        struct slot *slot = &d->slots[i];
+        slot_init(slot, outputs->outputs[i].channel, outputs->outputs[i].kind, (uint8_t)index,
+                  settings->hold_ms, settings->jump_mm);
+        guard_init(&slot->guard, settings->jump_mm, settings->jump_deg);
+        slot->noise_mm = settings->noise_mm;
+        slot->noise_deg = settings->noise_deg;
+        filter_init(&slot->filter, &settings->filter);
+    }
+}
+
 static enum result configure(struct device *d, const struct device_config *config, int index,
                              struct error *err) {
     char driver[OPTION_TEXT_MAX];
-    double hold_ms, jump_mm, jump_deg, noise_mm, noise_deg;
-    struct filter_settings filter = {FILTER_NONE};
-    const char *filter_text = option_text(config, "filter");
+    struct slot_settings settings;
     struct device_outputs outputs = {0};
     enum result result = refuse_repeated_keys(config, err);
     if (result == RESULT_OK)
         result = option_required(config, "driver", driver, err);
     if (result == RESULT_OK)
-        result = option_number(config, "hold_ms", 0, 10000, 100, &hold_ms, err);
+        result = read_settings(config, &settings, err);
     if (result == RESULT_OK)
-        result = option_number(config, "jump_mm", 1, 10000, 50, &jump_mm, err);
+        result = choose_driver(d, config, driver, err);
     if (result == RESULT_OK)
-        result = option_number(config, "jump_deg", 1, 180, SLOT_JUMP_DEG, &jump_deg, err);
-    if (result == RESULT_OK)
-        result = option_number(config, "noise_mm", 0.01, 1000, SLOT_NOISE_MM, &noise_mm, err);
-    if (result == RESULT_OK)
-        result = option_number(config, "noise_deg", 0.01, 180, SLOT_NOISE_DEG, &noise_deg, err);
-    if (result == RESULT_OK && filter_text && !filter_parse(filter_text, &filter))
-        result = option_fail(config, "filter", err, RESULT_INVALID,
-                             "\"%s\" is neither none nor one-euro MIN_CUTOFF_HZ BETA [DCUTOFF_HZ]",
-                             filter_text);
-    if (result != RESULT_OK)
-        return result;
-    result = choose_driver(d, config, driver, err);
-    if (result != RESULT_OK)
-        return result;
-    result = create_handle(d, config, &outputs, err);
+        result = create_handle(d, config, &outputs, err);
     if (result != RESULT_OK)
         return result;
     strcpy(d->status.name, config->name);
     d->status.driver = d->driver->name;
-    d->slot_count = outputs.count;
-    d->status.filter = filter.kind;
-    d->status.hold_ms = hold_ms;
-    for (int i = 0; i < outputs.count; i++) {
-        slot_init(&d->slots[i], outputs.outputs[i].channel, outputs.outputs[i].kind, (uint8_t)index,
-                  hold_ms, jump_mm);
-        guard_init(&d->slots[i].guard, jump_mm, jump_deg);
-        d->slots[i].noise_mm = noise_mm;
-        d->slots[i].noise_deg = noise_deg;
-        filter_init(&d->slots[i].filter, &filter);
-    }
+    d->status.filter = settings.filter.kind;
+    d->status.hold_ms = settings.hold_ms;
+    init_slots(d, &outputs, index, &settings);
     return RESULT_OK;
 }
 

@@ -136,7 +136,7 @@ static const struct option options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static bool set_option(struct mockup *m, int code, const char *text) {
+static bool set_motion(struct mockup *m, int code, const char *text) {
     switch (code) {
     case MOTION:
         m->motion = text;
@@ -146,6 +146,16 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         return true;
     case TOOL:
         return channel_from_name(text, &m->tool) && m->tool != CHANNEL_JOINT;
+    case FAULTS:
+        m->faults_path = text;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static bool set_slave(struct mockup *m, int code, const char *text) {
+    switch (code) {
     case MODBUS_TCP:
         m->tcp_address = text;
         return true;
@@ -158,6 +168,13 @@ static bool set_option(struct mockup *m, int code, const char *text) {
     case SLAVE:
         return parse_whole(text, 1, 247, &m->tcp.number) &&
                parse_whole(text, 1, 247, &m->rtu.number);
+    default:
+        return false;
+    }
+}
+
+static bool set_tracker(struct mockup *m, int code, const char *text) {
+    switch (code) {
     case TRACKER:
         m->tracker_address = text;
         return true;
@@ -170,21 +187,30 @@ static bool set_option(struct mockup *m, int code, const char *text) {
         return parse_whole(text, 1, 3, &m->tracker.header_version);
     case RATE:
         return number_double(text, 1, 10000, &m->tracker.rate_hz);
+    case T_TRACKER_MOCKUP:
+        return number_pose(text, &m->tracker.T_tracker_mockup);
+    case T_TOOL_TIP:
+        return parse_tip(m, text);
+    default:
+        return false;
+    }
+}
+
+static bool set_handle(struct mockup *m, int code, const char *text) {
+    switch (code) {
     case HID:
         m->hid.serial = text;
         return *text && strlen(text) < 64;
     case HID_RATE:
         return number_double(text, 1, 10000, &m->hid.rate_hz);
-    case T_TRACKER_MOCKUP:
-        return number_pose(text, &m->tracker.T_tracker_mockup);
-    case T_TOOL_TIP:
-        return parse_tip(m, text);
-    case FAULTS:
-        m->faults_path = text;
-        return true;
     default:
         return false;
     }
+}
+
+static bool set_option(struct mockup *m, int code, const char *text) {
+    return set_motion(m, code, text) || set_slave(m, code, text) || set_tracker(m, code, text) ||
+           set_handle(m, code, text);
 }
 
 _Noreturn static void end_with_usage(const char *text) {

@@ -57,6 +57,11 @@ struct station_runtime {
     uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
     int64_t last_step_ns, last_frame_ns;
     int64_t metrics_ns; // of the session's clock, when metrics were last published
+    struct {
+        bool asked;
+        uint64_t ticket; // of the request
+        uint64_t job;    // the last that the session asked for to do it; 0: none yet
+    } undo;              // that is on its way: one at a time
     struct device_watch device_watch;
     struct drift drift[INSTRUMENT_COUNT];
 };

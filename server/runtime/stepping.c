@@ -77,10 +77,13 @@ void step_hand_over(struct worker *worker, struct station_runtime *station) {
     retire(worker, station, END_HANDED_OVER);
 }
 
-static void order_job(struct worker *worker, const struct station_runtime *station,
+static void order_job(struct worker *worker, struct station_runtime *station,
                       const struct session_output *output) {
-    if (output->job.id && station->session)
-        cut_worker_run(worker->cut_worker, station->index, station->session->serial, &output->job);
+    if (!output->job.id || !station->session)
+        return;
+    if (output->job.kind == JOB_UNDO)
+        station->undo.job = output->job.id;
+    cut_worker_run(worker->cut_worker, station->index, station->session->serial, &output->job);
 }
 
 void step_input(struct worker *worker, struct station_runtime *station, struct session_input *input,
@@ -117,8 +120,10 @@ void step_without_frame(struct worker *worker, struct station_runtime *station,
 
 static void notify_undone(struct worker *worker, const struct station_runtime *station,
                           uint64_t session, const struct job_result *result) {
-    struct runtime_notice notice = {
-        .kind = NOTICE_UNDONE, .station = station->index, .session = session};
+    struct runtime_notice notice = {.kind = NOTICE_UNDONE,
+                                    .station = station->index,
+                                    .session = session,
+                                    .ticket = station->undo.ticket};
     notice.undone.outcome = result->outcome;
     notice.undone.cuts = result->cuts_back;
     notice.undone.volume_mm3 = result->mm3_back;
@@ -126,15 +131,35 @@ static void notify_undone(struct worker *worker, const struct station_runtime *s
     worker_notify(worker, &notice);
 }
 
+bool step_begin_undo(struct station_runtime *station, uint64_t ticket) {
+    if (station->undo.asked)
+        return false;
+    station->undo.asked = true;
+    station->undo.ticket = ticket;
+    station->undo.job = 0;
+    return true;
+}
+
+void step_void_undo(struct worker *worker, struct station_runtime *station) {
+    if (station->undo.asked)
+        notify_undone(worker, station, station->session->serial,
+                      &(struct job_result){.outcome = JOB_NOTHING});
+    station->undo.asked = false;
+}
+
+// An undo that a reset has made void may have a job on its way still.
 static void land(struct worker *worker, struct station_runtime *station,
                  struct job_result *result) {
     uint64_t session = station->session->serial;
+    bool answers = station->undo.asked && station->undo.job == result->job;
     struct session_input input = {
         .kind = INPUT_JOB, .time_ns = step_now_ns(station), .job = result->job, .result = result};
     struct session_output output;
     step_input(worker, station, &input, &output);
-    if (result->kind == JOB_UNDO && output.landed.job) // else a reset came between
-        notify_undone(worker, station, session, result);
+    if (!answers)
+        return;
+    station->undo.asked = result->more;
+    notify_undone(worker, station, session, result);
 }
 
 // A session that has ended since takes its results with it. The cut worker releases them.
@@ -179,6 +204,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     station->state = session->state;
     cut_worker_open(worker->cut_worker, station->index, session);
     clear_counts(station);
+    memset(&station->undo, 0, sizeof station->undo);
     station->last_frame = 0;
     station->events = 0;
     station->last_step_ns = session->last_ns;

@@ -9,6 +9,10 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
                 struct session_output *out_output);
 void step_without_frame(struct worker *worker, struct station_runtime *station,
                         enum input_kind kind);
+// One undo is on its way at a time: from when it is asked for until NOTICE_UNDONE answers it. False
+// where another one is. A reset makes it void, and the notice says that nothing was undone.
+bool step_begin_undo(struct station_runtime *station, uint64_t ticket);
+void step_void_undo(struct worker *worker, struct station_runtime *station);
 // Gives the session back as it is.
 void step_hand_over(struct worker *worker, struct station_runtime *station);
 void step_results(struct worker *worker); // lands the results of the cut worker

@@ -96,7 +96,7 @@ enum session_end {
 enum notice_kind {
     NOTICE_STATE,  // a session's state changed
     NOTICE_TAKEN,  // a request was taken
-    NOTICE_UNDONE, // a job of an undo has landed
+    NOTICE_UNDONE, // a job of an undo has landed, or a reset has made the undo void
     NOTICE_OPENED, // runtime_tissues reports on the session
     NOTICE_ENDED   // the session belongs to its owner again
 };
@@ -107,7 +107,7 @@ struct runtime_notice {
     int station;
     uint64_t session;         // serial
     enum session_state state; // after it
-    uint64_t ticket;          // NOTICE_TAKEN: the request's
+    uint64_t ticket;          // NOTICE_TAKEN, NOTICE_UNDONE: the request's
     bool done;                // NOTICE_TAKEN: false where there was no such session, or no room
     struct {                  // NOTICE_UNDONE
         enum job_outcome outcome;

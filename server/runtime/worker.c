@@ -72,10 +72,14 @@ static void take_connection(struct worker *worker, struct station_runtime *stati
 // ---- requests -----------------------------------------------------------------------------------
 
 static bool take_input(struct worker *worker, struct station_runtime *station,
-                       enum input_kind input) {
+                       const struct worker_request *request) {
     if (!station->session)
         return false;
-    step_without_frame(worker, station, input);
+    if (request->input == INPUT_UNDO && !step_begin_undo(station, request->ticket))
+        return false;
+    if (request->input == INPUT_RESET)
+        step_void_undo(worker, station);
+    step_without_frame(worker, station, request->input);
     return true;
 }
 
@@ -92,7 +96,7 @@ static void take_request(struct worker *worker, const struct worker_request *req
         step_begin(worker, station, request->session);
         return;
     }
-    notice.done = request->kind == REQUEST_INPUT ? take_input(worker, station, request->input)
+    notice.done = request->kind == REQUEST_INPUT ? take_input(worker, station, request)
                                                  : take_remark(station, request);
     worker_notify(worker, &notice);
 }

@@ -29,20 +29,22 @@ static bool refuse_nothing_to_undo(const struct sessions *s, int station,
 static bool ask_for_undo(struct sessions *s, int station, arthron_CommandReply *reply) {
     struct station_slot *slot = &s->slots[station];
     struct station_status status;
+    uint64_t ticket;
     bool done;
     station_slot_status(slot, &status);
     if (!scene_tissue_count(s->scenes[status.about.scene])) // no job would come
         return refuse_nothing_to_undo(s, station, reply);
-    if (!station_slot_begin_undo(slot))
+    if (!station_slot_begin_undo(slot, &ticket))
         return reply_refuse(reply, "station %s: an undo is on its way", station_name(s, station));
-    uint64_t ticket = station_slot_new_ticket(slot);
-    if (runtime_input(s->runtime, station, INPUT_UNDO, ticket) &&
-        station_slot_wait_taken(slot, ticket, clock_now_ns() + TICKET_WAIT_NS, &done))
+    bool answered = runtime_input(s->runtime, station, INPUT_UNDO, ticket) &&
+                    station_slot_wait_taken(slot, ticket, clock_now_ns() + TICKET_WAIT_NS, &done);
+    if (answered && done)
         return reply->ok = true;
-    struct undo_answer none;
     station_slot_cancel_undo(slot);
-    station_slot_end_undo(slot, 0, &none);
-    return reply_refuse(reply, "station %s: its worker is too busy", station_name(s, station));
+    return reply_refuse(reply,
+                        answered ? "station %s: an undo is on its way, or its session ended"
+                                 : "station %s: its worker is too busy",
+                        station_name(s, station));
 }
 
 // Without the command lock: the session can be paused or stopped meanwhile.
@@ -122,13 +124,6 @@ static void copy_session(struct sessions *s, int station, const arthron_Command 
 
 // ---- commands -----------------------------------------------------------------------------------
 
-static bool reset(struct sessions *s, int station, arthron_CommandReply *reply) {
-    bool done = course_input(s, station, INPUT_RESET, SESSION_RUNNING, reply);
-    if (done)
-        station_slot_cancel_undo(&s->slots[station]);
-    return done;
-}
-
 static bool has_session(struct sessions *s, int station, arthron_CommandReply *reply) {
     struct station_status status;
     station_slot_status(&s->slots[station], &status);
@@ -149,7 +144,7 @@ static void command_session(struct sessions *s, const char *actor, const arthron
     else if (command->kind == arthron_Command_Kind_NOTE)
         remark_command(s, station, actor, &command->remark, reply);
     else
-        reset(s, station, reply);
+        course_input(s, station, INPUT_RESET, SESSION_RUNNING, reply);
 }
 
 static void command_station(struct sessions *s, const char *actor, const arthron_Command *command,

@@ -84,7 +84,7 @@ void manager_open(struct sessions *s, int station) {
 static void take_undone(struct station_slot *slot, const struct runtime_notice *notice) {
     struct undo_answer undone = {notice->undone.outcome, notice->undone.cuts,
                                  notice->undone.volume_mm3};
-    station_slot_add_undone(slot, notice->session, &undone, notice->undone.more);
+    station_slot_add_undone(slot, notice->ticket, &undone, notice->undone.more);
 }
 
 static void take_notice(struct sessions *s, const struct runtime_notice *notice) {

@@ -259,22 +259,23 @@ static bool undo_may_come(const struct station_slot *slot) {
     return s->phase != SLOT_EMPTY && s->about.serial == slot->undo.session;
 }
 
-bool station_slot_begin_undo(struct station_slot *slot) {
+bool station_slot_begin_undo(struct station_slot *slot, uint64_t *out_ticket) {
     begin(slot);
     bool is_free = !slot->undo.awaited && !(slot->undo.pending && undo_may_come(slot));
     if (is_free) {
         memset(&slot->undo, 0, sizeof slot->undo);
         slot->undo.awaited = slot->undo.pending = true;
         slot->undo.session = slot->status.about.serial;
+        slot->undo.ticket = *out_ticket = ++slot->ticket;
     }
     end(slot);
     return is_free;
 }
 
-void station_slot_add_undone(struct station_slot *slot, uint64_t session,
+void station_slot_add_undone(struct station_slot *slot, uint64_t ticket,
                              const struct undo_answer *undone, bool more) {
     begin(slot);
-    if (slot->undo.pending && slot->undo.session == session) {
+    if (slot->undo.pending && slot->undo.ticket == ticket) {
         slot->undo.undone.outcome = undone->outcome;
         slot->undo.undone.cuts += undone->cuts;
         slot->undo.undone.volume_mm3 += undone->volume_mm3;
@@ -285,9 +286,7 @@ void station_slot_add_undone(struct station_slot *slot, uint64_t session,
 
 void station_slot_cancel_undo(struct station_slot *slot) {
     begin(slot);
-    if (slot->undo.pending)
-        slot->undo.undone.outcome = JOB_NOTHING;
-    slot->undo.pending = false;
+    slot->undo.awaited = slot->undo.pending = false;
     end(slot);
 }
 

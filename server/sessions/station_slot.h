@@ -81,6 +81,7 @@ struct station_slot {
         bool awaited;     // a thread waits for the answer
         bool pending;     // the worker has not answered
         uint64_t session; // serial of the session to undo in
+        uint64_t ticket;  // of the request, which the answer names
         struct undo_answer undone;
     } undo;
     bool broken_off; // all waits end
@@ -145,12 +146,13 @@ void station_slot_set_taken(struct station_slot *slot, uint64_t ticket, bool don
 bool station_slot_wait_taken(struct station_slot *slot, uint64_t ticket, int64_t until_ns,
                              bool *out_done);
 
-// False if an undo is under way.
-bool station_slot_begin_undo(struct station_slot *slot);
-// The worker's answer. more: another answer follows.
-void station_slot_add_undone(struct station_slot *slot, uint64_t session,
+// Gives the request a ticket. False if an undo is under way.
+bool station_slot_begin_undo(struct station_slot *slot, uint64_t *out_ticket);
+// The worker's answer to the request with that ticket; other requests ignore it. more: another
+// answer follows.
+void station_slot_add_undone(struct station_slot *slot, uint64_t ticket,
                              const struct undo_answer *undone, bool more);
-// The session was reset: a requested undo will get no answer.
+// The worker did not take the request in time, or refused it: a later answer is dropped.
 void station_slot_cancel_undo(struct station_slot *slot);
 // Waits for the answer and ends the undo. False if none came: the time is over, the session has
 // ended, or the wait was broken off.

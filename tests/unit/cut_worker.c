@@ -171,6 +171,52 @@ static void an_undo_behind_a_reset_has_nothing_to_undo(void **state) {
     sessions_destroy(&sessions);
 }
 
+// As one whose asker has given it up, because the worker took too long.
+static void an_undo_that_was_given_up_answers_no_other(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    for (int i = 0; i < 2; i++) { // the second stroke is the shorter one
+        hall_shave_part(sessions, i * 0.8, 0.8 + i * 0.2);
+        hall_command(sessions, arthron_Command_Kind_PAUSE); // ends the stroke
+        hall_last_tissues(sessions);
+        hall_command(sessions, arthron_Command_Kind_START);
+    }
+    uint32_t before = hall_last_tissues(sessions).figures[0].cuts;
+    runtime_input(sessions_runtime(sessions), 0, INPUT_UNDO, 0);
+    const arthron_CommandReply *reply = hall_try(sessions, arthron_Command_Kind_UNDO);
+    uint32_t left = hall_last_tissues(sessions).figures[0].cuts;
+    if (reply->ok) { // the other one had landed
+        assert_true(reply->undone.cuts > before / 2);
+        assert_int_equal(left, 0);
+    } else {
+        assert_string_equal(reply->text,
+                            "station room-1: an undo is on its way, or its session ended");
+        assert_true(left > before / 2 && left < before);
+    }
+    sessions_destroy(&sessions);
+}
+
+// As one whose asker has given it up.
+static void a_reset_answers_the_undo_that_it_makes_void(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    static struct asker asker;
+    asker.sessions = sessions;
+    hall_join(sessions);
+    for (int i = 0; i < 400; i++) // more than is cut by then: the undo waits for it
+        hall_frame(sessions, (vec3){-19, -14 + 28.0 * i / 400, -11});
+    assert_int_equal(pthread_create(&asker.thread, NULL, ask_for_undo, &asker), 0);
+    hall_wait_ms(10);
+    hall_hold_commands(sessions); // when the worker has taken the undo
+    runtime_input(sessions_runtime(sessions), 0, INPUT_RESET, 0);
+    hall_let_commands_go(sessions);
+    pthread_join(asker.thread, NULL);
+    if (!asker.reply.ok)
+        assert_string_equal(asker.reply.text, "station room-1: there is no cut to be undone");
+    sessions_destroy(&sessions);
+}
+
 static void where_nothing_can_be_cut_an_undo_is_refused_each_time(void **state) {
     (void)state;
     const arthron_Command command = {.kind = arthron_Command_Kind_UNDO, .station = "room-1"};
@@ -251,6 +297,8 @@ int main(void) {
         cmocka_unit_test(a_reset_is_answered_when_it_is_done),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
         cmocka_unit_test(an_undo_behind_a_reset_has_nothing_to_undo),
+        cmocka_unit_test(an_undo_that_was_given_up_answers_no_other),
+        cmocka_unit_test(a_reset_answers_the_undo_that_it_makes_void),
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
         cmocka_unit_test(who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on),

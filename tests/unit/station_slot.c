@@ -179,29 +179,49 @@ static void a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off(void **state
 static void an_undo_is_answered_by_all_of_its_jobs(void **state) {
     (void)state;
     struct undo_answer undone, one = {JOB_DONE, 2, 10};
+    uint64_t ticket, other;
     assert_true(station_slot_claim(&slot, NULL));
     attach(5);
-    assert_true(station_slot_begin_undo(&slot));
-    assert_false(station_slot_begin_undo(&slot));
-    station_slot_add_undone(&slot, 4, &one, false); // of an older session
-    station_slot_add_undone(&slot, 5, &one, true);
-    station_slot_add_undone(&slot, 5, &one, false);
+    assert_true(station_slot_begin_undo(&slot, &ticket));
+    assert_false(station_slot_begin_undo(&slot, &other));
+    station_slot_add_undone(&slot, ticket, &one, true);
+    station_slot_add_undone(&slot, ticket, &one, false);
     assert_true(station_slot_end_undo(&slot, clock_now_ns() + NS_PER_MS, &undone));
     assert_int_equal(undone.cuts, 4);
-    assert_true(station_slot_begin_undo(&slot));
+    assert_true(station_slot_begin_undo(&slot, &ticket));
+}
+
+static void an_answer_to_an_undo_that_was_given_up_is_no_other_ones(void **state) {
+    (void)state;
+    struct undo_answer undone, late = {JOB_DONE, 7, 10}, own = {JOB_DONE, 2, 10};
+    uint64_t given_up, ticket;
+    assert_true(station_slot_claim(&slot, NULL));
+    attach(5);
+    assert_true(station_slot_begin_undo(&slot, &given_up));
+    station_slot_cancel_undo(&slot);
+    station_slot_add_undone(&slot, given_up, &late, false);
+    assert_true(station_slot_begin_undo(&slot, &ticket));
+    station_slot_add_undone(&slot, given_up, &late, false);
+    assert_false(station_slot_end_undo(&slot, clock_now_ns(), &undone));
+    station_slot_add_undone(&slot, ticket, &own, false);
+    assert_true(station_slot_begin_undo(&slot, &ticket));
+    station_slot_add_undone(&slot, ticket, &own, false);
+    assert_true(station_slot_end_undo(&slot, clock_now_ns() + NS_PER_MS, &undone));
+    assert_int_equal(undone.cuts, 2);
 }
 
 static void an_undo_ends_unanswered_with_its_session(void **state) {
     (void)state;
     struct undo_answer undone;
+    uint64_t ticket;
     assert_true(station_slot_claim(&slot, NULL));
     attach(5);
-    assert_true(station_slot_begin_undo(&slot));
+    assert_true(station_slot_begin_undo(&slot, &ticket));
     station_slot_set_state(&slot, 5, SESSION_CLOSED);
     assert_false(station_slot_end_undo(&slot, clock_now_ns() + 3600 * NS_PER_S, &undone));
     assert_true(station_slot_claim(&slot, NULL));
     attach(6);
-    assert_true(station_slot_begin_undo(&slot));
+    assert_true(station_slot_begin_undo(&slot, &ticket));
 }
 
 int main(void) {
@@ -217,6 +237,7 @@ int main(void) {
         SLOT_TEST(who_waits_for_a_session_goes_on_when_its_worker_has_it),
         SLOT_TEST(a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off),
         SLOT_TEST(an_undo_is_answered_by_all_of_its_jobs),
+        SLOT_TEST(an_answer_to_an_undo_that_was_given_up_is_no_other_ones),
         SLOT_TEST(an_undo_ends_unanswered_with_its_session),
     };
     return cmocka_run_group_tests_name("slot", tests, NULL, NULL);

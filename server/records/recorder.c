@@ -158,19 +158,26 @@ static void notice_exchange(struct recorder *r) {
     r->file = now;
 }
 
+// *out_removed: somebody has removed the session meanwhile, and it stays removed.
 static enum result write_row(struct recorder *r, const struct session_score *score,
-                             struct error *err) {
+                             bool *out_removed, struct error *err) {
     struct store *store;
+    const struct store_session *session = &score->session;
     enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
-    if (result == RESULT_OK)
-        result = store_put_session(store, &score->session, score->results, score->count, err);
+    *out_removed = false;
+    if (result != RESULT_OK)
+        return result;
+    if (session->state == STATE_OPEN)
+        result = store_put_session(store, session, score->results, score->count, err);
+    else
+        result = store_put_ended(store, session, score->results, score->count, err);
     store_close(&store);
-    if (result == RESULT_INVALID || result == RESULT_REFUSED) {
-        log_error("records", "session %s, trace %s: it cannot be recorded: %s", score->session.id,
-                  score->session.trace, err->text);
-        result = RESULT_OK; // for nothing would change by trying again
-    }
-    return result;
+    if (result == RESULT_INVALID || result == RESULT_REFUSED)
+        log_error("records", "session %s, trace %s: it cannot be recorded: %s", session->id,
+                  session->trace, err->text);
+    *out_removed = result == RESULT_MISSING;
+    bool is_final = *out_removed || result == RESULT_INVALID || result == RESULT_REFUSED;
+    return is_final ? RESULT_OK : result; // nothing would change by trying again
 }
 
 static enum result write_audit(struct recorder *r, const struct store_audit_entry *entry,
@@ -198,14 +205,16 @@ static bool may_read(struct recorder *r, const char *trace) {
 static enum result write_score(struct recorder *r, const struct store_session *session,
                                struct error *err) {
     struct session_score score;
+    bool removed;
     if (!session->end_utc_ns || !may_read(r, session->trace))
         return RESULT_OK;
     if (session_score_trace(session->trace, r->authority, r->find, r->user, &score, err) !=
         RESULT_OK) {
-        log_error("records", "%s; the session is recorded without hash and results", err->text);
+        log_error("records", "%s; the records get neither hash nor results of the session",
+                  err->text);
         return RESULT_OK;
     }
-    enum result result = write_row(r, &score, err);
+    enum result result = write_row(r, &score, &removed, err);
     session_score_fini(&score);
     return result;
 }
@@ -213,11 +222,12 @@ static enum result write_score(struct recorder *r, const struct store_session *s
 static enum result write_session(struct recorder *r, const struct store_session *session,
                                  struct error *err) {
     const struct session_score row = {.session = *session};
-    enum result result = write_row(r, &row, err);
+    bool removed;
+    enum result result = write_row(r, &row, &removed, err);
     if (result != RESULT_OK)
         return result;
     tell_success(r);
-    return write_score(r, session, err);
+    return removed ? RESULT_OK : write_score(r, session, err);
 }
 
 // False if the rest has to wait.
@@ -326,12 +336,12 @@ static bool take_over(struct recorder *r) {
     struct error err;
     enum result result = find_unrecorded(r, &paths, &err);
     size_t taken = 0;
-    for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
-        taken += take_over_trace(r, paths.at[i]);
-    if (result == RESULT_OK)
+    if (result == RESULT_OK) // before traces that take their time
         put_live_again(r);
     else
         tell_failure(r, &err);
+    for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
+        taken += take_over_trace(r, paths.at[i]);
     if (taken)
         log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
     free(paths.at);

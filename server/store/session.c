@@ -4,9 +4,11 @@
 #include "store/text.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 static const char *const state_names[] = {"open", "closed", "deserted", "interrupted"};
@@ -82,6 +84,18 @@ static enum result find_session(struct store *store, const struct store_session 
     return result == RESULT_MISSING ? begin_session(store, s, out_id, err) : result;
 }
 
+// Whoever removes a session removes both in one transaction.
+static enum result find_ended(struct store *store, const struct store_session *s, int64_t *out_id,
+                              struct error *err) {
+    enum result result =
+        store_find(store, "SELECT id FROM session WHERE uuid = ?", out_id, err, "t", s->id);
+    if (result != RESULT_MISSING)
+        return result;
+    if (access(s->trace, F_OK) && errno == ENOENT)
+        return fail(err, RESULT_MISSING, "session %s was removed", s->id);
+    return begin_session(store, s, out_id, err);
+}
+
 static enum result update_session(struct store *store, int64_t id, const struct store_session *s,
                                   struct error *err) {
     char hash[17];
@@ -107,8 +121,12 @@ static enum result put_result(struct store *store, int64_t session_id, const str
                     r->value, r->details);
 }
 
-enum result store_put_session(struct store *store, const struct store_session *s,
-                              const struct store_result *results, int count, struct error *err) {
+typedef enum result (*session_finder)(struct store *store, const struct store_session *s,
+                                      int64_t *out_id, struct error *err);
+
+static enum result put_session(struct store *store, session_finder find,
+                               const struct store_session *s, const struct store_result *results,
+                               int count, struct error *err) {
     int64_t id;
     CHECK((unsigned)s->state < sizeof state_names / sizeof *state_names);
     enum result result = check_session(s, err);
@@ -116,12 +134,22 @@ enum result store_put_session(struct store *store, const struct store_session *s
         result = store_begin(store, err);
     if (result != RESULT_OK)
         return result;
-    result = find_session(store, s, &id, err);
+    result = find(store, s, &id, err);
     if (result == RESULT_OK)
         result = update_session(store, id, s, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
         result = put_result(store, id, &results[i], err);
     return store_end(store, result, err);
+}
+
+enum result store_put_session(struct store *store, const struct store_session *s,
+                              const struct store_result *results, int count, struct error *err) {
+    return put_session(store, find_session, s, results, count, err);
+}
+
+enum result store_put_ended(struct store *store, const struct store_session *s,
+                            const struct store_result *results, int count, struct error *err) {
+    return put_session(store, find_ended, s, results, count, err);
 }
 
 // ---- removing -----------------------------------------------------------------------------------
@@ -165,6 +193,27 @@ static enum result remove_rows(struct store *store, const char *id, const struct
     return result == RESULT_OK ? store_note(store, "remove", subject, err) : result;
 }
 
+// A server that writes a trace has it locked. -1: there is none.
+static enum result lock_trace(const char *id, const char *trace, int *out_fd, struct error *err) {
+    *out_fd = open(trace, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (*out_fd < 0 || flock(*out_fd, LOCK_EX | LOCK_NB) == 0)
+        return RESULT_OK;
+    close(*out_fd);
+    return fail(err, RESULT_REFUSED, "the trace of session %s is still being written", id);
+}
+
+static enum result remove_trace(const char *id, const char *trace, struct error *err) {
+    int fd;
+    enum result result = lock_trace(id, trace, &fd, err);
+    if (result != RESULT_OK)
+        return result;
+    if (unlink(trace) && errno != ENOENT)
+        result = fail(err, RESULT_IO, "%s: %s", trace, strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return result;
+}
+
 enum result store_remove_session(struct store *store, const char *id, struct error *err) {
     struct removal removal;
     enum result result = store_begin(store, err);
@@ -173,8 +222,8 @@ enum result store_remove_session(struct store *store, const char *id, struct err
     result = find_removal(store, id, &removal, err);
     if (result == RESULT_OK)
         result = remove_rows(store, id, &removal, err);
-    if (result == RESULT_OK && unlink(removal.trace) && errno != ENOENT)
-        result = fail(err, RESULT_IO, "%s: %s", removal.trace, strerror(errno));
+    if (result == RESULT_OK)
+        result = remove_trace(id, removal.trace, err);
     return store_end(store, result, err);
 }
 

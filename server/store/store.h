@@ -204,7 +204,13 @@ struct store_result {
 enum result store_put_session(struct store *store, const struct store_session *session,
                               const struct store_result *results, int count, struct error *err);
 
-// Deletes a session, its results and its trace. RESULT_REFUSED while the session is open.
+// The same for a session that has ended. RESULT_MISSING if the records lack it and its trace is
+// gone too: then somebody has removed it.
+enum result store_put_ended(struct store *store, const struct store_session *session,
+                            const struct store_result *results, int count, struct error *err);
+
+// Deletes a session, its results and its trace. RESULT_REFUSED while the session is open, or a
+// server writes its trace.
 enum result store_remove_session(struct store *store, const char *id, struct error *err);
 
 // Marks open sessions that began before this time as interrupted: their server has ended.

@@ -137,6 +137,55 @@ static void a_large_one_is_read_when_the_server_is_back(void **state) {
     assert_recorded(steps);
 }
 
+// As DELETE /sessions/ID does, while the recorder has still to write what it knows.
+static void a_session_that_was_removed_meanwhile_stays_removed(void **state) {
+    (void)state;
+    struct trace_header header = some_header();
+    struct store_session session;
+    struct error err;
+    sqlite3 *lock;
+    write_bytes_of_trace(1);
+    session_row_begin(&header, path, &session);
+    session.state = STATE_INTERRUPTED;
+    session.end_utc_ns = session.start_utc_ns + 1;
+    struct store *store = open_records();
+    assert_int_equal(store_put_session(store, &session, NULL, 0, &err), RESULT_OK);
+    store_close(&store);
+    assert_int_equal(sqlite3_open(store_path, &lock), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(lock, "BEGIN IMMEDIATE; DELETE FROM session", NULL, NULL, NULL),
+                     SQLITE_OK);
+    struct recorder *recorder = start();
+    recorder_put(recorder, &session);
+    unlink(path);
+    assert_int_equal(sqlite3_exec(lock, "COMMIT", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_close(lock), SQLITE_OK);
+    recorder_stop(&recorder);
+    store = open_records();
+    assert_int_equal(row_count(store, LIST_SESSIONS), 0);
+    store_close(&store);
+}
+
+static void a_session_whose_trace_is_being_written_is_not_removed(void **state) {
+    (void)state;
+    struct trace_header header = some_header();
+    struct store_session session;
+    struct error err;
+    struct trace_writer *writer = start_writing();
+    session_row_begin(&header, path, &session);
+    session.state = STATE_INTERRUPTED;
+    struct store *store = open_records();
+    assert_int_equal(store_put_session(store, &session, NULL, 0, &err), RESULT_OK);
+    assert_int_equal(store_remove_session(store, session.id, &err), RESULT_REFUSED);
+    assert_non_null(strstr(err.text, "is still being written"));
+    assert_int_equal(access(path, F_OK), 0);
+    assert_int_equal(row_count(store, LIST_SESSIONS), 1);
+    trace_writer_destroy(&writer);
+    assert_int_equal(store_remove_session(store, session.id, &err), RESULT_OK);
+    assert_int_equal(row_count(store, LIST_SESSIONS), 0);
+    assert_int_not_equal(access(path, F_OK), 0);
+    store_close(&store);
+}
+
 // ---- whose traces
 // ---------------------------------------------------------------------------------
 
@@ -291,6 +340,10 @@ static void what_was_done_while_the_records_were_locked_is_in_them_at_last(void 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_small_one_is_read_before_the_server_is_gone, begin, end),
+        cmocka_unit_test_setup_teardown(a_session_that_was_removed_meanwhile_stays_removed, begin,
+                                        end),
+        cmocka_unit_test_setup_teardown(a_session_whose_trace_is_being_written_is_not_removed,
+                                        begin, end),
         cmocka_unit_test_setup_teardown(
             what_was_done_while_the_records_were_locked_is_in_them_at_last, begin, end),
         cmocka_unit_test_setup_teardown(only_a_trace_that_this_server_signed_has_results, begin,

@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "random.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #define TURN 6.283185307179586

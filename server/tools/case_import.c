@@ -390,7 +390,7 @@ int command_import(int argc, char **argv) {
                            options[which].name, optarg);
     }
     if (optind != argc)
-        return usage_error("import", "what is \"%s\"?", argv[optind]);
+        return usage_error("import", "unexpected argument \"%s\"", argv[optind]);
     if (!request.first_unit || !request.name || !request.side || !request.source_count ||
         !request.out)
         return usage_error("import", "--unit, --name, --side, --group and --out are needed");

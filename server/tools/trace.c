@@ -13,14 +13,14 @@ static const struct {
     int (*run)(int argc, char **argv);
     const char *what;
 } commands[] = {
-    {"info", command_info, "whose session it is, and what happened in it"},
-    {"verify", command_verify, "whether the file is whole, or up to where"},
-    {"replay", command_replay, "run the session again: compare every step, or try other settings"},
-    {"cut", command_cut, "a piece that replays, of another trace"},
-    {"export", command_export, "the steps as a table, an image or an animated scene"},
-    {"score", command_score, "what it is worth: time, paths, smoothness, contacts, resection"},
-    {"picture", command_picture, "what was cut, drawn"},
-    {"report", command_report, "all of it on one page: paths, warp, joint, resection, figures"},
+    {"info", command_info, "prints a session's origin and a summary of its steps"},
+    {"verify", command_verify, "checks that the file is whole, unchanged and signed"},
+    {"replay", command_replay, "runs the session again: compares every step, or tries settings"},
+    {"cut", command_cut, "writes a piece of a session as a trace"},
+    {"export", command_export, "writes the steps as a table, an image or an animated scene"},
+    {"score", command_score, "computes the metrics: time, paths, smoothness, contacts, resection"},
+    {"picture", command_picture, "draws a meniscus after its cuts"},
+    {"report", command_report, "writes a page: paths, warp, joint, resection, metrics"},
 };
 
 #define COMMAND_COUNT (sizeof commands / sizeof commands[0])

@@ -10,17 +10,16 @@
 static const char help[] =
     "Usage: arthron-trace cut FILE [--from S] [--to S] --out OUT\n"
     "\n"
-    "Writes a piece of a session as a trace of its own: the steps from S to S seconds after its\n"
-    "start. It replays, since the inputs before the piece come with it, without what was answered "
-    "to\n"
-    "them. It names the trace that it is of by its last hash, and nobody signs it: who is to be\n"
-    "believed is the whole trace. Of version 2 nothing can be cut.\n"
+    "Writes a piece of a session as a trace of its own. The piece also has the inputs before it,\n"
+    "without their outputs, so it can be replayed. It names the whole trace by its last hash. A\n"
+    "piece has no signature: only the whole trace proves anything. Traces of version 2 cannot be\n"
+    "cut.\n"
     "\n"
-    "  --from S   where the piece begins: 0\n"
-    "  --to S     and ends: the end\n"
+    "  --from S   the piece begins S seconds after the session's start (default: 0)\n"
+    "  --to S     the piece ends S seconds after the session's start (default: the end)\n"
     "  --out OUT  the file to write; it must not exist\n"
     "\n"
-    "Exits 1 where the trace could not be read so far (what can be read is written).\n";
+    "Exits 1 if the trace cannot be read up to there. Everything that can be read is written.\n";
 
 struct cut_request {
     const char *file, *out;

@@ -21,21 +21,20 @@ static const char help[] =
     "  --columns LIST  columns of the table, in this order: names or patterns, separated by "
     "commas,\n"
     "                  as 't_seconds,probe_t?_mm,*_time_ns'; '*' selects all of them\n"
-    "  --from S        leave out what was before S seconds\n"
-    "  --to S          leave out what was after S seconds\n"
-    "  --case DIR      the case, where it is not where the trace says. A table needs it for names\n"
-    "                  of groups, an image for maps, a scene always\n"
+    "  --from S        leave out everything before S seconds\n"
+    "  --to S          leave out everything after S seconds\n"
+    "  --case DIR      the folder of the case, if it has moved. A table needs the case for names "
+    "of\n"
+    "                  groups, and an image for maps. A scene always needs it\n"
     "\n"
-    "The table has a row for each step. 'input' says what led to the step: for one row for each "
-    "frame,\n"
-    "keep the rows where it is 'frame'. time_ns is the step's time, frame_time_ns the frame's, "
-    "and\n"
-    "measured_NAME_time_ns the time at which NAME was measured: use this one for speeds. Measured\n"
-    "values (measured_*) are in the table where --columns asks for them. A cell is empty where "
-    "there\n"
-    "is no value.\n"
+    "The column 'input' names the input of each step. For one row for each frame, keep the rows\n"
+    "with 'frame'. time_ns is the time of the step, and frame_time_ns that of the frame.\n"
+    "measured_NAME_time_ns is the time at which NAME was measured; use it to compute speeds. The\n"
+    "table has measured values (measured_*) only if --columns selects them. A cell without a "
+    "value\n"
+    "is empty.\n"
     "\n"
-    "Exits 1 where the trace is not whole; what can be read is written.\n";
+    "Exits 1 if the trace is not whole. Everything that can be read is written.\n";
 
 struct trace_export_request {
     const char *csv, *exr, *gltf, *case_dir;

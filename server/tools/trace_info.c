@@ -11,15 +11,19 @@
 static const char help[] =
     "Usage: arthron-trace info FILE [--json]\n"
     "\n"
-    "Prints whose session it is, when and with which case, settings and machine it was recorded,\n"
-    "and what happened: steps, events, instruments, the largest displacement.\n"
+    "Prints the origin of a session (station, trainee, time, case, settings, machine) and a "
+    "summary:\n"
+    "steps, events, instruments, the largest displacement.\n"
     "\n"
-    "Of each instrument, how the shown tip moves beside the hand's: offset, what lies between\n"
-    "them; gain, its way over the hand's, least and most (negative: the warped space folds\n"
-    "there); turned, the angle between the two ways (180 degrees in a fold); tilted, the shaft's.\n"
-    "What is past the thresholds of people in a headset might be noticed.\n"
+    "For each instrument it compares the motion of the shown tip with that of the hand:\n"
+    "  offset  the distance between the two\n"
+    "  gain    the shown way over the hand's, least and most; negative where the warped space "
+    "folds\n"
+    "  turned  the angle between the two ways; 180 degrees in a fold\n"
+    "  tilted  the angle between the two shafts\n"
+    "It counts steps past the thresholds that people notice in a headset.\n"
     "\n"
-    "Exits 1 where the file cannot be read at all; verify tells whether it is whole.\n";
+    "Exits 1 if the file cannot be read at all. The command verify checks whether it is whole.\n";
 
 static void hex_text(const uint8_t *bytes, size_t size, char *out) {
     for (size_t i = 0; i < size; i++)
@@ -201,7 +205,7 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
     if (trace_header_is_piece(h))
         printf("piece       of another trace; %" PRIu64 " inputs before it\n", s->past);
     if (s->faults)
-        printf("disk        it failed %" PRIu64 " times; what it may have lost was written again\n",
+        printf("disk        failed %" PRIu64 " times; the bytes in doubt were written again\n",
                s->faults);
     if (s->resumes)
         printf("resumed     %" PRIu64 " times after its server was killed\n", s->resumes);

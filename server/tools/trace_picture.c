@@ -17,14 +17,14 @@
 static const char help[] =
     "Usage: arthron-trace picture FILE --out FILE.png [--at S] [--group NAME] [--case DIR]\n"
     "\n"
-    "Runs the session again and draws a meniscus from above, front above: what the cuts left of "
-    "it,\n"
-    "their surface in salmon, and as purple lines how far the touch has given way.\n"
+    "Runs the session again and draws a meniscus after its cuts, seen from above with the front "
+    "at\n"
+    "the top. Cut surfaces are salmon. Purple lines show how far the touch has given way.\n"
     "\n"
-    "  --out FILE    where the picture goes, PNG, 640x480 pixels\n"
-    "  --at S        after S seconds; if left out at the end\n"
-    "  --group NAME  of the case; if left out the one with the most cuts\n"
-    "  --case DIR    the case, where it is not where the trace says\n";
+    "  --out FILE    write the picture here: PNG, 640x480 pixels\n"
+    "  --at S        draw it after S seconds (default: at the end)\n"
+    "  --group NAME  the meniscus (default: the one with the most cuts)\n"
+    "  --case DIR    the folder of the case, if it has moved\n";
 
 struct picture_request {
     const char *file, *out, *group, *case_dir;
@@ -178,7 +178,7 @@ int command_picture(int argc, char **argv) {
         if (c == 'h')
             return fputs(help, stdout) < 0;
         if (!parse_option(c, &request))
-            return usage_error(argv[0], "unknown option, or a value that cannot be");
+            return usage_error(argv[0], "unknown option, or a value that is no number of seconds");
     }
     if (take_file(argc, argv, &request.file) != EXIT_GOOD)
         return EXIT_USAGE;

@@ -12,29 +12,26 @@
 static const char help[] =
     "Usage: arthron-trace replay FILE [OPTIONS] [--json]\n"
     "\n"
-    "Runs the session again from its recorded inputs and compares every field of every step.\n"
-    "The case is the one that the trace names, or DIR. On the same build, libc and CPU level "
-    "nothing\n"
-    "may differ; elsewhere warped poses may by 1e-6 mm, states and events may not. Steps after a "
-    "gap\n"
-    "cannot be compared.\n"
+    "Runs the session again from its recorded inputs and compares every field of every step. With\n"
+    "the same build, libc and CPU level all fields must be equal. Otherwise warped poses may "
+    "differ\n"
+    "by 1e-6 mm, but states and events must be equal. Steps after a gap cannot be compared.\n"
     "\n"
-    "  --case DIR       where the case is\n"
+    "  --case DIR       the folder of the case, if it has moved\n"
     "  --from S --to S  compare only the steps from S to S seconds after the start\n"
     "\n"
-    "Exits 1 where the session differs, or where not all recorded steps could be compared.\n"
+    "Exits 1 if the session differs, or if not all recorded steps could be compared.\n"
     "\n"
-    "The same hands under other settings, instead of a comparison of every field:\n"
+    "Other settings run the same hands again, without a comparison of every field:\n"
     "\n"
     "  --case DIR       another case\n"
     "  --field KIND     gaussian, inverse-distance or smooth\n"
     "  --avatar MODE    tip, points or rigid\n"
     "  --strength X     of the warp, 0 to 1\n"
     "\n"
-    "Prints how far from where it was each instrument is shown, and what was shown, felt and cut\n"
-    "before and now. A cut lands when the recorded one did, or half a second after it was asked "
-    "for.\n"
-    "Exits 1 where the trace could not be read to its end.\n";
+    "This prints how far the shown instruments move, and how much is shown, touched and cut, each\n"
+    "as recorded and with the other settings. A cut lands when the recorded one did, or half a\n"
+    "second after the session asked for it. Exits 1 if the trace could not be read to its end.\n";
 
 struct replay_request {
     const char *file, *case_dir, *field, *avatar, *strength;
@@ -226,7 +223,7 @@ int command_replay(int argc, char **argv) {
         if (c == 'h')
             return fputs(help, stdout) < 0;
         if (!take_option(c, &request))
-            return usage_error(argv[0], "unknown option, or a time that is none");
+            return usage_error(argv[0], "unknown option, or a value that is no number of seconds");
     }
     if (take_file(argc, argv, &request.file) != EXIT_GOOD)
         return EXIT_USAGE;

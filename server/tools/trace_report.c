@@ -11,18 +11,21 @@ static const char help[] =
     "Usage: arthron-trace report FILE --out REPORT.html [--case DIR]\n"
     "                            [--records FILE [--course NAME]]\n"
     "\n"
-    "Writes a page that stands alone: whose session it is, the paths of the instruments' tips as\n"
-    "measured and as seen, the warp and what may have been noticed of it, the joint, the "
-    "resection\n"
-    "and the figures of score.\n"
+    "Writes a page about a session: its origin, the paths of the instruments' tips as measured "
+    "and\n"
+    "as seen, the warp and how noticeable it was, the joint, the resection, and the metrics of "
+    "the\n"
+    "command score. The page needs no other files.\n"
     "\n"
-    "  --out FILE   the page; one that is there is replaced\n"
-    "  --case DIR   the case, for the names of its groups; else that of the trace, else numbers\n"
-    "  --records FILE  draws each figure beside those that the server's records have of sessions\n"
-    "               on the same case\n"
+    "  --out FILE      write the page here; it replaces an existing file\n"
+    "  --case DIR      the case, for the names of its groups (default: the trace's case; without "
+    "it\n"
+    "                  groups have numbers)\n"
+    "  --records FILE  draw each figure beside those of the sessions on the same case in the\n"
+    "                  server's records\n"
     "  --course NAME   only of the trainees of this course\n"
     "\n"
-    "Exits 1 where the trace is not whole or steps are missing (what can be read is reported).\n";
+    "Exits 1 if the trace is not whole or steps are missing. All readable steps are reported.\n";
 
 struct report_request {
     const char *out, *records;

@@ -12,19 +12,23 @@
 static const char help[] =
     "Usage: arthron-trace score FILE [--json] [--case DIR] [--optic DEG] [--field DEG]\n"
     "\n"
-    "Prints what the session is worth in figures, computed from its steps: time, paths of the\n"
-    "instruments in the hand's space and as seen, economy, smoothness, contacts by tissue and "
-    "depth,\n"
-    "view and triangulation, both hands together, resection, what may have been noticed of the\n"
-    "warp. docs/METRICS.md defines each. Every figure comes with its unit and version; one in\n"
-    "brackets (below_floor) is so small that noise may have made a tenth of it.\n"
+    "Computes the metrics of a session from its steps: time, paths of the instruments in the "
+    "hand's\n"
+    "space and as seen, economy, smoothness, contacts by tissue and depth, view and "
+    "triangulation,\n"
+    "both hands together, resection, and how noticeable the warp was. docs/METRICS.md defines "
+    "each\n"
+    "metric. Every figure has a unit and a version. A figure in brackets (below_floor) is too "
+    "small\n"
+    "to be trusted.\n"
     "\n"
-    "  --case DIR    the case, for the names of its groups; else that of the trace, else numbers\n"
-    "  --optic DEG   how the scope's optic is tilted, 0 to 90, instead of what the trace says\n"
-    "  --field DEG   the whole angle that it sees, 1 to 179, instead of what the trace says\n"
-    "  --json        one object of JSON\n"
+    "  --case DIR    the case, for the names of its groups (default: the trace's case; without it\n"
+    "                groups have numbers)\n"
+    "  --optic DEG   tilt of the scope's optic, 0 to 90 (default: the trace's)\n"
+    "  --field DEG   the optic's full angle of view, 1 to 179 (default: the trace's)\n"
+    "  --json        print one JSON object\n"
     "\n"
-    "Exits 1 where the trace is not whole or steps are missing (what can be read is scored).\n";
+    "Exits 1 if the trace is not whole or steps are missing. All readable steps are scored.\n";
 
 struct score_request {
     const char *file, *case_dir;

@@ -9,15 +9,15 @@
 static const char help[] =
     "Usage: arthron-trace verify FILE [--authority PEM] [--json]\n"
     "\n"
-    "Reads every record and tells whether the file is whole, which records were changed, and who\n"
-    "signed it. A session that still runs, or whose server was killed, has no end record and no\n"
-    "signature: all before that can be used.\n"
+    "Reads every record. Reports whether the file is whole, which records were changed, and which\n"
+    "server signed it. A session that still runs, or whose server was killed, has no end record "
+    "and\n"
+    "no signature. All records before that can be used.\n"
     "\n"
-    "  --authority PEM   the certificate of the authority whose servers are trusted "
-    "(authority.pem\n"
-    "                    in a server's folder of keys): what none of them signed is a fault\n"
+    "  --authority PEM   the certificate of the trusted authority: authority.pem in a server's\n"
+    "                    folder of keys. A missing or other signature is then a fault\n"
     "\n"
-    "Exits 1 where anything is damaged, cut off or missing, or the signature is wrong.\n";
+    "Exits 1 if records are damaged, cut off or missing, or the signature is wrong.\n";
 
 #define DAMAGES_MAX 16
 
@@ -106,12 +106,11 @@ static void print_json(const struct verdict *v) {
 static void print_seal(const struct verdict *v, bool asked) {
     if (v->seal == SEAL_NONE)
         printf("not signed%s\n",
-               v->survey.end == RESULT_CLOSED ? "" : ": it was not closed, or has lost its end");
+               v->survey.end == RESULT_CLOSED ? "" : ": it was not closed, or its end is lost");
     else if (v->seal == SEAL_BAD)
         printf("signature wrong: %s\n", v->seal_why.text);
     else
-        printf("signed by %s%s\n", v->signed_by,
-               asked ? "" : " (--authority tells whether to believe that)");
+        printf("signed by %s%s\n", v->signed_by, asked ? "" : " (--authority checks the signer)");
 }
 
 static void print_text(const struct verdict *v, bool asked) {
@@ -124,10 +123,10 @@ static void print_text(const struct verdict *v, bool asked) {
     for (int i = 0; i < v->damage_count && i < DAMAGES_MAX; i++)
         printf("damaged after step %" PRIu64 ": %s\n", v->damages[i].step, v->damages[i].why.text);
     if (v->steps_behind)
-        printf("%" PRIu64 " steps behind that are as they were written\n", v->steps_behind);
+        printf("%" PRIu64 " steps after that are unchanged\n", v->steps_behind);
     print_seal(v, asked);
     if (s->faults)
-        printf("the disk failed %" PRIu64 " times; what it may have lost was written again\n",
+        printf("the disk failed %" PRIu64 " times; the bytes in doubt were written again\n",
                s->faults);
     printf("%" PRIu64 " steps, %" PRIu64 " missing in %" PRIu64 " gaps; in %" PRIu64
            " samples the station told that a device was silent\n",

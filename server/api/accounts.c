@@ -49,7 +49,7 @@ void post_tokens(struct api_call *call) {
     struct error err = {""};
     if (!call->principal.by_account) { // it would outlive the code by far
         call_refuse(call, 403, "not_allowed", NULL,
-                    "Somebody who signed in with a code cannot make tokens.");
+                    "After a sign-in with a code you cannot make tokens.");
         return;
     }
     if (!call_take_body(call, fields) || !call_need_name(call, "name", &name))

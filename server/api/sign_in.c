@@ -244,7 +244,7 @@ void patch_me(struct api_call *call) {
         return;
     if (!call->principal.by_account) {
         call_refuse(call, 403, "not_allowed", NULL,
-                    "Somebody who signed in with a code has no password.");
+                    "After a sign-in with a code there is no password to change.");
         return;
     }
     if (!find_account(call, name, &there) || !try_begin(call, name, &try))

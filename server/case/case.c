@@ -269,7 +269,7 @@ static enum result check_region(const struct case_group *group, const char *name
     mesh_fini(&mesh);
     for (int i = 0; i < region->part_count; i++)
         if (!boxes_meet(region->parts[i].box, box))
-            return fail(err, RESULT_INVALID, "group %s: lesion.%s[%d] lies beside the mesh",
+            return fail(err, RESULT_INVALID, "group %s: lesion.%s[%d] lies outside the mesh",
                         group->name, name, i);
     return RESULT_OK;
 }

@@ -40,7 +40,7 @@ size_t element_size(const tinygltf::Accessor &accessor) {
 void check_view(const tinygltf::Model &model, const tinygltf::BufferView &view,
                 const std::string &what) {
     if (view.buffer != 0 || model.buffers.size() != 1)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view is in a buffer that is not there"};
+        throw gltf_refusal{RESULT_FORMAT, what + ": its view is in a missing buffer"};
     const std::vector<unsigned char> &data = model.buffers[0].data;
     if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset)
         throw gltf_refusal{RESULT_FORMAT, what + ": its view ends after the buffer"};

@@ -192,7 +192,7 @@ static void find_left_out(struct case_check *check) {
     const struct field_figures *f = check->field;
     if (all)
         inspection_note(&check->findings, FINDING_NOTE, "space",
-                        "%g mm grid near what is displaced, %d poses, %llu places: %llu warped, "
+                        "%g mm grid near displaced surfaces, %d poses, %llu places: %llu warped, "
                         "%llu not; left out %llu in solids, %llu outside, %llu in pockets, %llu "
                         "within %.1f mm of a second group",
                         check->settings.spacing_mm, check->pose_count, (unsigned long long)all,

@@ -92,7 +92,7 @@ enum result grade_read(const char *dir, struct case_grade *out, struct error *er
     *out = (struct case_grade){0};
     snprintf(path, sizeof path, "%s/%s", dir, GRADE_FILE);
     if (access(path, F_OK) && errno == ENOENT)
-        return fail(err, RESULT_MISSING, "%s: there is none", path);
+        return fail(err, RESULT_MISSING, "%s: no such file", path);
     enum result result = files_read(path, FILE_BYTES_MAX, &bytes, &size, err);
     if (result != RESULT_OK)
         return result;

@@ -146,7 +146,7 @@ static void inspect_budget(const struct case_group *group, const struct maxcut_r
                     report->whole_mm3, report->plan_mm3, report->plan_mm3 - beyond);
     if (beyond > PLAN_BEYOND_MAX * report->plan_mm3)
         inspection_note(out, FINDING_WARNING, where,
-                        "%.0f mm3 of the plan lie within what must stay", beyond);
+                        "%.0f mm3 of the plan lie within tissue that must stay", beyond);
 }
 
 static void inspect_maxcut(const struct case_group *group, struct inspection *out) {
@@ -260,7 +260,7 @@ static void inspect_portals(struct knee_case *knee, struct inspection *out) {
     }
     if (knee->portal_count == 0)
         inspection_note(out, FINDING_WARNING, "portals",
-                        "there are none: no instrument can be planned");
+                        "the case has none, so no motion can be planned");
 }
 
 void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {

@@ -72,7 +72,7 @@ enum result records_read_password(const char *path, char out_encoded[STORE_TEXT_
                                   struct error *err) {
     char line[LINE_MAX_LENGTH];
     if (!path && !isatty(STDIN_FILENO))
-        return fail(err, RESULT_REFUSED, "nobody is there to type a password: use --password");
+        return fail(err, RESULT_REFUSED, "there is no terminal to type a password: use --password");
     enum result result = path ? read_file(path, line, err) : ask_twice(line, err);
     if (result == RESULT_OK)
         result = encode(line, out_encoded, err);

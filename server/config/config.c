@@ -261,8 +261,8 @@ static const struct setting_section sections[] = {
 
 // ---- file ---------------------------------------------------------------------------------------
 
-static enum result refuse_case(const struct sessions_config *c, const struct session_station *station,
-                               struct error *err) {
+static enum result refuse_case(const struct sessions_config *c,
+                               const struct session_station *station, struct error *err) {
     const char *names[SESSIONS_CASES_MAX + 1] = {NULL};
     for (int i = 0; i < c->case_count; i++)
         names[i] = c->cases[i].name;
@@ -303,7 +303,7 @@ static enum result complete_web(const struct sessions_config *c, struct web_sett
     if (!w->port)
         return RESULT_OK;
     if (!c->records[0])
-        return fail(err, RESULT_MISSING, "[web] needs [server] records: who may sign in is there");
+        return fail(err, RESULT_MISSING, "[web] needs [server] records, which has the accounts");
     if (!w->certificate[0] != !w->key[0])
         return fail(err, RESULT_MISSING, "[web] needs both certificate and key, or neither");
     if (!w->address[0])

@@ -161,8 +161,7 @@ static enum result check_ply_rows(struct line_reader *r, const char *path, struc
         while (lines == end && next < ply->element_count)
             end += ply->elements[next++].count;
         if (lines++ < end && !is_ply_row(r->line, &ply->elements[next - 1]))
-            return fail(err, RESULT_FORMAT, "%s: line %u: not what the header says", path,
-                        r->number);
+            return fail(err, RESULT_FORMAT, "%s: line %u contradicts the header", path, r->number);
     }
     if (lines != said)
         return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,

@@ -174,7 +174,7 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
         collector mesh(triangles_max);
         IO::Options options;
         if (!IO::IOManager().read(path, mesh, options))
-            return fail(err, RESULT_FORMAT, "%s: not readable as what its name says", path);
+            return fail(err, RESULT_FORMAT, "%s: not readable as a file of this extension", path);
         if (!mesh.too_many)
             result = compare(path, mesh, claim, err);
         return result == RESULT_OK ? hand_over(path, mesh, *out_arrays, err) : result;

@@ -63,7 +63,7 @@ static enum result find_trace(const struct sessions *sessions, const char *sessi
             RESULT_OK ||
         find_in_records(config->records, session, out_path))
         return RESULT_OK;
-    return fail(err, RESULT_MISSING, "the trace of session %s is not there", session);
+    return fail(err, RESULT_MISSING, "the trace of session %s is missing", session);
 }
 
 static enum result find_case(struct replay_stream *f, struct error *err) {

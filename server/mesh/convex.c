@@ -290,8 +290,8 @@ enum result convex_create(const struct plane *planes, int count, struct convex *
         bool outside, inside;
         take_sides(&work, &unit[i], &outside, &inside);
         if (!inside)
-            return fail(err, RESULT_INVALID, "plane %d leaves nothing of what the others enclose",
-                        i);
+            return fail(err, RESULT_INVALID,
+                        "plane %d cuts away everything that the others enclose", i);
         if (outside && !cut_with(&work, i))
             return fail(err, RESULT_INVALID, "plane %d is too near to others to be told apart", i);
     }

@@ -90,7 +90,7 @@ void runtime_leave(struct runtime *r, int station) {
     told->connected = told->clock_known = false;
     tell_connection(r, station);
     if (!cut_worker_message(station_worker(r, station)->cut_worker, station, told->peer, NULL))
-        log_warning("runtime", "station %s: its cut worker could not be told that it has gone",
+        log_warning("runtime", "station %s: its cut worker is too busy to learn that it left",
                     r->config.stations[station].name);
 }
 

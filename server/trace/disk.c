@@ -85,7 +85,7 @@ static void put_on_disk(struct trace_writer *w) {
     buffer_release(&w->buffer, written);
     pthread_mutex_unlock(&w->writing);
     if (written == buffer_head(&w->buffer) && atomic_exchange(&w->failing, false))
-        log_warning("trace", "%s: the disk takes records again", w->path);
+        log_warning("trace", "%s: the disk can be written again", w->path);
 }
 
 static uint64_t not_on_disk(const struct trace_writer *w) {
@@ -104,8 +104,8 @@ static void finish(struct trace_writer *w) {
         put_on_disk(w);
     }
     if (not_on_disk(w))
-        log_error("trace", "%s: its last %llu bytes are lost, the disk does not take them", w->path,
-                  (unsigned long long)not_on_disk(w));
+        log_error("trace", "%s: its last %llu bytes are lost because the disk is full or fails",
+                  w->path, (unsigned long long)not_on_disk(w));
 }
 
 static void sync_or_finish(struct trace_writer *w, bool ends) {

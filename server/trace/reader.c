@@ -117,7 +117,7 @@ static enum result check_indexes(const struct trace_reader *r, const struct sess
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         good = good && o->instruments[i].warp.nearest < r->groups;
     return good ? RESULT_OK
-                : fail(err, RESULT_FORMAT, "step %llu names what its case does not have",
+                : fail(err, RESULT_FORMAT, "step %llu names a part that its case does not have",
                        (unsigned long long)o->step);
 }
 

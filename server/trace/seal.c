@@ -57,7 +57,8 @@ static enum result ask_authority(X509 *certificate, const char *path, int64_t ut
     X509_free(authority);
     return good ? RESULT_OK
                 : fail(err, RESULT_REFUSED,
-                       "the certificate in its end is none that %s gave, or was not good then",
+                       "the certificate in its end record was not issued by %s, or was not valid "
+                       "at the session's start",
                        path);
 }
 
@@ -88,12 +89,12 @@ enum result trace_seal_check(const struct trace_seal *seal, const char *authorit
     const uint8_t *der = seal->certificate;
     X509 *certificate = d2i_X509(NULL, &der, (long)seal->certificate_size);
     if (!certificate)
-        return fail(err, RESULT_FORMAT, "the certificate in its end is none");
+        return fail(err, RESULT_FORMAT, "the certificate in its end record cannot be read");
     name_of(certificate, out_signed_by);
     enum result result = RESULT_OK;
     if (!signature_is_good(certificate, seal))
         result = fail(err, RESULT_REFUSED,
-                      "its signature is wrong: it was changed after it had been closed");
+                      "its signature is wrong: the trace was changed after it was closed");
     if (result == RESULT_OK && authority)
         result = ask_authority(certificate, authority, utc_ns, err);
     X509_free(certificate);

@@ -139,7 +139,7 @@ void writer_put_end(struct trace_writer *w) {
         sign(w, &end);
     size += record_encode_end(&end, &w->chain, data + size);
     if (!buffer_put(&w->buffer, data, size))
-        log_error("trace", "%s: its end is lost, the disk does not take it", w->path);
+        log_error("trace", "%s: its end is lost because the disk is full or fails", w->path);
 }
 
 // ---- opening and closing

@@ -63,7 +63,7 @@ static enum result vertices_check(const struct mesh_delta *delta, struct error *
         const struct delta_vertex *vertex = &delta->vertices[i];
         result = id_check(vertex->id, &next, err);
         if (result == RESULT_OK && !is_within_reach(vertex->position, 3))
-            result = fail(err, RESULT_FORMAT, "a coordinate of %u is none", vertex->id);
+            result = fail(err, RESULT_FORMAT, "a coordinate of %u is out of range", vertex->id);
     }
     return result == RESULT_OK ? result : fail_in(err, result, "new vertices: ");
 }
@@ -88,7 +88,7 @@ static enum result piece_check(const struct delta_piece *piece, struct error *er
     enum result result = RESULT_OK;
     if (!isfinite(piece->volume_mm3) || !is_within_reach(piece->centroid, 3) ||
         !is_within_reach(piece->positions, 3 * (size_t)piece->vertex_count))
-        return fail(err, RESULT_FORMAT, "its volume or a coordinate is none");
+        return fail(err, RESULT_FORMAT, "its volume or a coordinate is out of range");
     for (uint32_t i = 0; i < piece->triangle_count && result == RESULT_OK; i++)
         result = corners_check(piece->triangles + 3 * (size_t)i, piece->vertex_count, err);
     return result;

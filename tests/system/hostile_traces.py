@@ -167,7 +167,7 @@ class Hostile(unittest.TestCase):
         done = subprocess.run([program("arthron-trace"), "replay", trace, "--case", self.case], capture_output=True,
                               text=True, timeout=60)
         self.assertEqual(done.returncode, 1)
-        self.assertIn("names what its case does not have", done.stdout + done.stderr)
+        self.assertIn("names a part that its case does not have", done.stdout + done.stderr)
 
 
 if __name__ == "__main__":

@@ -418,7 +418,7 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         {infinite_warp, RESULT_INVALID, "group tibia: warp of vertex 1"},
         {empty_group, RESULT_MISSING, "group acl"},
         {lesion_of_bone, RESULT_INVALID, "group femur has lesion.damage but is not cuttable"},
-        {lesion_beside, RESULT_INVALID, "meniscus_medial: lesion.tear[0] lies beside the mesh"},
+        {lesion_beside, RESULT_INVALID, "meniscus_medial: lesion.tear[0] lies outside the mesh"},
         {long_direction, RESULT_INVALID, "portal anteromedial: direction"},
         {falling_keys, RESULT_INVALID, "patella[1]: flexion_deg"},
         {bent_joint, RESULT_INVALID, "joint.T_tibia_joint"},

@@ -1,5 +1,5 @@
-#include "import/import.h"
 #include "case_knee.h"
+#include "import/import.h"
 #include "mesh/topology.h"
 #include "random.h"
 #include "test.h"
@@ -332,7 +332,7 @@ static void what_the_reader_misreads_is_refused_by_name(void **state) {
          "4 lines of data, where its header says 5"},
         {"more.ply", PLY_HEADER("1") CORNERS "3 0 1 2\n3 0 2 1\n", "5 lines of data"},
         {"comment.ply", PLY_HEADER("2") CORNERS "3 0 1 2\n# here\n3 0 2 1\n",
-         "not what the header says"},
+         "contradicts the header"},
         {"huge.ply", PLY_HEADER("1") "0 0 0\n1.0e+100 0 0\n0 1 0\n3 0 1 2\n", "huge.ply"},
         {"huge.obj", "v 0 0 0\nv 1.0e+100 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 4\n",
          "3 vertices arrived of 4"},

@@ -138,9 +138,9 @@ static void what_is_no_polyhedron_is_refused(void **state) {
         struct plane with;
         const char *says;
     } rows[] = {
-        {0, {{1, 0, 0}, -2}, "nothing"},           {3, {{0, -1, 0}, NAN}, "not finite"},
+        {0, {{1, 0, 0}, -2}, "cuts away"},         {3, {{0, -1, 0}, NAN}, "not finite"},
         {3, {{0, -INFINITY, 0}, 1}, "not finite"}, {5, {{0, 0, 0}, 1}, "without length"},
-        {5, {{0, 0, 1}, 1}, "within 1000"},        {1, {{-1, 0, 0}, -1 + 1e-8}, "nothing"},
+        {5, {{0, 0, 1}, 1}, "within 1000"},        {1, {{-1, 0, 0}, -1 + 1e-8}, "cuts away"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct plane planes[6];

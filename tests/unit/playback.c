@@ -267,7 +267,7 @@ static void a_tissue_that_the_case_does_not_have_ends_it_and_is_told(void **stat
     watch(&page, live, "");
     draw_to_the_end(&page);
     assert_int_equal(page.troubles, 1);
-    assert_non_null(strstr(page.trouble, "names what its case does not have"));
+    assert_non_null(strstr(page.trouble, "names a part that its case does not have"));
     assert_int_equal(page.last_step, 1999);
     live_server_leave(live, page.viewer);
     live_server_destroy(&live);

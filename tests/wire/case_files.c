@@ -155,7 +155,7 @@ static void a_glb_that_lies_is_refused_with_node_and_accessor(void **state) {
         {VIEW "/byteStride", "4", "stride of 4"},
         {VIEW "/byteStride", "253", "anatomy.glb"},
         {VIEW "/byteStride", "16", "do not fit"},
-        {VIEW "/buffer", "1", "a buffer that is not there"},
+        {VIEW "/buffer", "1", "a missing buffer"},
         {VIEW "/buffer", "-1", "bufferViews[0].buffer"},
         {PRIMITIVE "/indices", "99", "anatomy.glb"},
         {PRIMITIVE "/indices", NULL, "no indices"},

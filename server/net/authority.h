@@ -19,33 +19,33 @@ bool authority_name_is_valid(const char *station);
 
 // Makes the folder (its parent must be there), authority and server keys (EC P-256), and
 // certificates: 10 years for the authority, 2 for the server of these host names and addresses.
-// RESULT_REFUSED where an authority is there already.
+// RESULT_REFUSED: the folder has an authority already.
 enum result authority_init(const char *dir, const char *const *hosts, int host_count,
                            struct error *err);
 
 #define AUTHORITY_HOSTS_MAX 16
 #define AUTHORITY_HOST_SIZE 256
 
-// What the server's certificate says.
+// The content of the server's certificate.
 struct authority_server {
     int64_t until_utc_s;
     int host_count;
     char hosts[AUTHORITY_HOSTS_MAX][AUTHORITY_HOST_SIZE]; // names and addresses
 };
 
-// RESULT_MISSING where there is none that can be read.
+// RESULT_MISSING: there is no readable certificate.
 enum result authority_server(const char *dir, struct authority_server *out_server,
                              struct error *err);
 
-// A new certificate for the server, of the same authority and for the same key, good for 2 years:
-// for these host names and addresses, or, where host_count is 0, for those of the present one. A
-// server that runs takes it within a second.
+// Makes a new certificate for the server, from the same authority, for the same key and 2 years. It
+// is for these host names and addresses, or for the present ones if host_count is 0. A running
+// server takes it within a second.
 enum result authority_renew_server(const char *dir, const char *const *hosts, int host_count,
                                    struct authority_server *out_server, struct error *err);
 
 // A one-time code for a station of this name, good for 15 minutes. It holds a secret and the
 // authority's fingerprint (wire/code.h), so that the station can trust the server before it has any
-// certificate. On disk is only a hash of the secret. An earlier code for that name is void.
+// certificate. The disk holds only a hash of the secret. Earlier codes for the name become void.
 enum result authority_issue_code(const char *dir, const char *station,
                                  char out_code[AUTHORITY_CODE_MAX], struct error *err);
 
@@ -64,32 +64,32 @@ struct authority_answer {
     uint8_t certificate_der[AUTHORITY_CERTIFICATE_MAX], authority_der[AUTHORITY_CERTIFICATE_MAX];
 };
 
-// Turns a code and a request into a certificate for the station that the code was made for. Uses
-// the code up: of two who come with it at once, one gets a certificate. RESULT_REFUSED: no such
-// code, it is too old, or made for another station than the request names. RESULT_FORMAT: mistyped,
-// or no such request. RESULT_TIMEOUT: another process is at work on the folder; nothing has
-// changed, try again. With any other result the fault lies in the folder, and the text names it:
-// not for strangers.
+// Makes a certificate for the code's station, from a code and a request. A code can be used once:
+// if two applicants send it at the same time, one gets a certificate. RESULT_REFUSED: the code is
+// unknown or too old, or the request names another station. RESULT_FORMAT: the code is mistyped, or
+// the request is malformed. RESULT_TIMEOUT: another process uses the folder; nothing has changed,
+// try again. Other results are faults of the folder. Their texts name files, so do not send them to
+// the applicant.
 enum result authority_enrol(const char *dir, const char *code,
                             const struct authority_request *request,
                             struct authority_answer *out_answer, struct error *err);
 
-// The same for a station that has proved that it holds the certificate of this serial number, which
-// stays good until the new one is used. RESULT_REFUSED: that one is revoked, or the station has too
-// many.
+// The same for a station that has proved its certificate with this serial number. That certificate
+// stays valid until the new one is used. RESULT_REFUSED: it is revoked, or the station has too many
+// certificates.
 enum result authority_renew(const char *dir, const char *station, const char *serial_hex,
                             const struct authority_request *request,
                             struct authority_answer *out_answer, struct error *err);
 
-// The station has come with its certificate of this serial number: those issued to it before are
-// revoked. RESULT_TIMEOUT as authority_enrol.
+// The station has connected with the certificate of this serial number: revokes those issued to it
+// before. RESULT_TIMEOUT as authority_enrol.
 enum result authority_used(const char *dir, const char *station, const char *serial_hex,
                            int *out_revoked, struct error *err);
 
-// From now on no certificate or code issued so far to this station is accepted. RESULT_MISSING: no
-// certificate was ever issued to that name.
+// Revokes all certificates and voids all codes of this station. RESULT_MISSING: no certificate was
+// ever issued to this name.
 enum result authority_revoke(const char *dir, const char *station, struct error *err);
 
-// Until when a station of this name has a certificate that is accepted; 0: it has none.
+// The end of the station's last valid certificate; 0: it has none.
 enum result authority_station_until(const char *dir, const char *station, int64_t *out_utc_s,
                                     struct error *err);

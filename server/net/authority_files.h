@@ -1,5 +1,5 @@
-// What the authority keeps on disk: whole files, replaced atomically, mode 0600; records as lines
-// "key utc_seconds station" of text.
+// The files of the authority: replaced atomically as a whole, mode 0600. Records are lines of text,
+// "key utc_seconds station".
 #pragma once
 
 #include "base/result.h"
@@ -25,15 +25,15 @@ struct records {
 };
 
 // Takes the folder's lock, which keeps out other processes and threads; close the descriptor to
-// release it. Where another holds it: waits, or, unless `waits`, RESULT_TIMEOUT.
+// release it. If another one holds the lock, waits, or without `waits` returns RESULT_TIMEOUT.
 enum result authority_lock(const char *dir, bool waits, int *out_fd, struct error *err);
 
-// Writes beside, syncs, renames: a reader finds the old file or the new one.
+// Writes a new file, syncs and renames it: a reader finds the old file or the new one.
 enum result authority_write(const char *dir, const char *name, const void *data, size_t size,
                             struct error *err);
 
-// A file that is not there has no records, one with other lines is RESULT_CORRUPT. Release with
-// records_release, after an error too.
+// A missing file has no records. RESULT_CORRUPT: a line is no record. Release with records_release,
+// after an error too.
 enum result records_read(const char *dir, const char *name, struct records *out_records,
                          struct error *err);
 enum result records_write(const char *dir, const char *name, const struct records *records,

@@ -1,4 +1,4 @@
-// What the two ends of the local socket share.
+// The common part of both ends of the local socket.
 #pragma once
 
 #include "wire/wire.h"
@@ -19,13 +19,13 @@ struct exchange {
 bool console_collect(struct exchange *exchange, struct lws *socket, const void *bytes, size_t size,
                      bool *out_whole);
 
-// What libwebsockets wants: -1 closes the connection.
+// Returns -1, for libwebsockets, to close the connection.
 int console_write(struct exchange *exchange, struct lws *socket);
 
 enum result console_check_length(const char *path, struct error *err);
 
-// Says whose socket it is.
+// The error names the owner of the socket.
 enum result console_refuse_user(const char *path, struct error *err);
 
-// Of what runs a session's cuts or all of it again.
+// Whether the command may run cuts or a whole session again.
 bool console_is_long(arthron_Command_Kind kind);

@@ -13,21 +13,21 @@ struct control;
 // One connected station, from on_hello to on_gone. Small and copyable: index < CONTROL_PEERS_MAX.
 struct control_peer {
     int index;
-    uint32_t generation; // tells one user of an index from the next
+    uint32_t generation; // tells this station from others that used the index before
 };
 
-// Calls out of the control thread; none may block.
+// The control thread calls these; none may block.
 struct control_handler {
     void *user;
-    // A station whose certificate and version are good. Fill *out_welcome's session and case, or
-    // return another result with a reason in *out_refusal: the peer is told and closed.
+    // A station with a valid certificate and version. Fill in session and case of *out_welcome and
+    // return RESULT_OK. With any other result the peer gets *out_refusal and is closed.
     enum result (*on_hello)(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *out_welcome, arthron_Refusal *out_refusal);
     // With each answer to a ping: server = station + offset_ns, within ± uncertainty_ns; rtt_ns is
     // the median of the newest pings.
     void (*on_clock)(void *user, struct control_peer peer, int64_t offset_ns,
                      int64_t uncertainty_ns, int64_t rtt_ns);
-    // A frame that came in the control connection; message is the caller's.
+    // A frame that came over the control connection. The caller owns the message.
     void (*on_frame)(void *user, struct control_peer peer, const arthron_Frame *message,
                      int64_t received_ns);
     // Any other known message of a station: its answer to UdpPath, MeshAsk, mesh_ack.
@@ -43,8 +43,8 @@ struct control_config {
     int64_t hello_timeout_ns; // how long a peer may stay silent before Hello; 5 s
 };
 
-// Listens and starts the thread; *out_control is set before any upcall. RESULT_MISSING names a file
-// of the authority that is not there, RESULT_IO address and port.
+// Listens and starts the thread; *out_control is set before the handler is called. RESULT_MISSING
+// names a missing file of the authority, RESULT_IO address and port.
 enum result control_create(const struct control_config *config,
                            const struct control_handler *handler, struct control **out_control,
                            struct error *err);
@@ -54,27 +54,26 @@ int control_port(const struct control *control);
 // Tells every station SHUTDOWN, closes, joins the thread. *control becomes NULL.
 void control_destroy(struct control **control);
 
-// From any thread, never waits: queues a message for a peer. False where the peer is gone or its
-// queue is full (then a Reply is dropped and counted; what does not come again closes the peer). A
-// Resection takes the place of the one of its group that still waits.
-// What is sent out of on_hello or soon after goes out behind Welcome.
+// From any thread, never waits: queues a message for a peer. False if the peer is gone or its queue
+// is full. If the queue is full, a Reply is dropped and counted; for a message that will not come
+// again, the peer is closed. A Resection replaces the one of its group that still waits. Messages
+// that on_hello sends, or others at the same time, go out after Welcome.
 bool control_send(struct control *control, struct control_peer peer,
                   const arthron_Control *message);
 
 // From any thread, never waits: sends a mesh's payload in chunks, each one only while no message
-// waits for that peer. Takes a reference of its own, until the last chunk has gone or the peer has.
-// It takes the place of a payload of the same group that is still on its way. False where the peer
-// is gone, did not name the capability "meshes", or has WIRE_MESH_GROUPS_MAX others on their way.
+// waits for that peer. Holds a reference of its own until the last chunk is sent or the peer is
+// gone. It replaces a payload of the same group that is still on its way. False if the peer is
+// gone, did not name the capability "meshes", or has WIRE_MESH_GROUPS_MAX others on their way.
 bool control_send_mesh(struct control *control, struct control_peer peer,
                        struct mesh_payload *payload);
 
-// From any thread: when the certificate ends that the peer has shown, seconds since 1970; 0 where
-// the peer is gone.
+// From any thread: the end of the peer's certificate, in seconds since 1970; 0: the peer is gone.
 int64_t control_certificate_end(struct control *control, struct control_peer peer);
 
 struct control_counts {
     uint64_t unknown_messages;   // of a kind that this version does not know: skipped
-    uint64_t malformed_messages; // the peer was told and closed
+    uint64_t malformed_messages; // after each the peer was refused and closed
     uint64_t refused_certificates;
     uint64_t replies_dropped;
 };

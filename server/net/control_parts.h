@@ -1,5 +1,5 @@
-// The inside of the control room: what control.c (threads, sockets, queues) and peer.c (what one
-// peer may say when) share. Everything belongs to the control thread except what is marked.
+// The members of struct control, for control.c (threads, sockets, queues), control_mesh.c (meshes)
+// and peer.c (the protocol). They belong to the control thread unless a comment says otherwise.
 #pragma once
 
 #include "base/clock.h"
@@ -27,8 +27,8 @@ struct peer {
     bool enrols;  // speaks the subprotocol of enrolment
     bool applies; // and waits for the registrar's answer
     bool agreed;  // Hello was good: it has a slot
-    bool closing; // says one last thing, and hears nothing any more
-    bool done;    // has said it
+    bool closing; // sends its last message, and receives nothing any more
+    bool done;    // has sent it
     struct control_peer handle;
     struct clock_offset clock;
     int pings;
@@ -45,17 +45,17 @@ struct delivery {
     uint32_t next;                // chunk
 };
 
-// One agreed peer as other threads know it; all of it under the lock.
+// One agreed peer, for other threads; all of it under the lock.
 struct peer_slot {
     uint32_t generation;
     struct peer *peer; // NULL: free
     struct outbox *outbox;
-    bool meshes;     // it takes them
-    int64_t until_s; // its certificate
+    bool meshes;     // it takes meshes
+    int64_t until_s; // end of its certificate
     struct delivery deliveries[WIRE_MESH_GROUPS_MAX];
     int turn;       // of deliveries
     bool wakes;     // the control thread has something to do for it:
-    bool overflown; // it did not read what it must not miss
+    bool overflown; // a message that it must not miss had no room
 };
 
 struct control {
@@ -79,22 +79,22 @@ struct control {
 
 // ---- control.c: queues --------------------------------------------------------------------------
 
-// Gives the peer a slot, a handle and an outbox. False where all are taken.
+// Gives the peer a slot, a handle and an outbox. False: all are taken.
 bool control_take_slot(struct peer *peer);
 void control_free_slot(struct peer *peer);
 
-// Says `message` next, before anything queued; with `last` the connection closes behind it.
+// Sends `message` before all queued ones; with `last` the connection closes after it.
 void control_send_urgent(struct peer *peer, const arthron_Control *message, bool last);
 
-// The slot of a handle, NULL where the peer is gone. Under the lock.
+// The slot of a handle; NULL: the peer is gone. Under the lock.
 struct peer_slot *control_find_slot(struct control *control, struct control_peer handle);
 
 // ---- control_mesh.c: meshes ---------------------------------------------------------------------
 
-// Encodes the next chunk of what is on its way to the peer into control->chunk_bytes; its size, 0
-// where there is nothing.
+// Encodes the next chunk of the peer's payloads into control->chunk_bytes. Returns its size; 0: no
+// chunk is left.
 size_t control_next_chunk(struct peer *peer);
-void control_drop_meshes(struct peer_slot *slot); // that nobody can find any more
+void control_drop_meshes(struct peer_slot *slot); // of a slot that is already free
 
 // ---- peer.c: the protocol -----------------------------------------------------------------------
 
@@ -110,5 +110,5 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us);
 void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-// The same for what is not as the schema says; counted.
+// The same for a message that contradicts the schema; counted.
 void peer_malformed(struct peer *peer, const char *text);

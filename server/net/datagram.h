@@ -1,9 +1,10 @@
 // One worker's socket for sealed pose datagrams (UDP). Everything here belongs to one thread.
 //
-// Unknown connection, bad tag, replay, foreign bytes: silence, and a count. A reply answers a
-// frame, once, and is never longer than the datagram that brought it. A new source address counts
-// only for the newest datagram of a connection; until the station has confirmed it over the control
-// connection (UdpPath) it gets no more than DATAGRAM_UNCONFIRMED_REPLIES.
+// Datagrams with an unknown connection, a bad tag, a replayed sequence or foreign bytes are counted
+// and get no answer. A reply answers one frame, once, and is never longer than the frame's
+// datagram. Only the newest datagram of a connection can change its address. Until the station has
+// confirmed a new address over the control connection (UdpPath), at most
+// DATAGRAM_UNCONFIRMED_REPLIES go there.
 #pragma once
 
 #include "wire/seal.h"
@@ -22,9 +23,9 @@ void datagram_destroy(struct datagram_endpoint **endpoint);
 int datagram_fd(const struct datagram_endpoint *endpoint);   // to poll for reading
 int datagram_port(const struct datagram_endpoint *endpoint); // the bound one
 
-// Makes a connection, or its next epoch: random keys, which `out_keys` carries to the station. The
-// epoch before stays good for 5 s. Replies go out in the epoch that the station last used. `user`
-// comes back with each frame. At most DATAGRAM_CONNECTIONS_MAX connections at a time.
+// Makes a connection, or its next epoch, with random keys for the station in *out_keys. The epoch
+// before stays valid for 5 s. Replies use the station's last epoch. Each frame carries `user`. At
+// most DATAGRAM_CONNECTIONS_MAX connections at a time.
 void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection, void *user,
                         int64_t now_ns, arthron_UdpKeys *out_keys);
 
@@ -46,19 +47,21 @@ struct datagram_in {
     arthron_Frame message;
 };
 
-// Receives what is there, at most DATAGRAM_BATCH, without waiting. Returns how many frames.
+// Receives the waiting datagrams, at most DATAGRAM_BATCH, without waiting. Returns the number of
+// frames.
 int datagram_receive(struct datagram_endpoint *endpoint, struct datagram_in *out_frames);
 
 // Queues the reply to one of the frames (reply->frame_number) of the last datagram_receive, for the
-// connection's present address; datagram_flush sends all that is queued. False where nothing is
-// queued: no such frame, answered already, too long, or too much to an unconfirmed address.
+// connection's present address; datagram_flush sends all queued replies. False if it is not queued:
+// there is no such frame, it is answered already, the reply is too long, or an unconfirmed address
+// has had too many.
 bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
                     const arthron_Reply *reply);
 void datagram_flush(struct datagram_endpoint *endpoint);
 
 struct datagram_counts {
     uint64_t received, opened, sent;
-    uint64_t strangers; // unknown connection or epoch, or not ours at all
+    uint64_t strangers; // unknown connection or epoch, or foreign bytes
     uint64_t forged;    // bad tag
     uint64_t replayed;  // seen before or too old
     uint64_t malformed; // sealed well, but not a frame

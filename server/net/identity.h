@@ -1,4 +1,4 @@
-// Who is at the other end of a TLS connection, as its certificate says.
+// The identity of a TLS connection's peer, from its certificate.
 #pragma once
 
 #include <stdatomic.h>
@@ -15,10 +15,9 @@ struct identity {
     int64_t until_s; // when it ends, seconds since 1970
 };
 
-// After the handshake. A certificate whose name or serial number does not fit counts as none.
+// Call it after the handshake. A certificate with a too long name or serial number does not count.
 void identity_of(const struct ssl_st *connection, struct identity *out_identity);
 
-// TLS 1.3 only; client certificates are asked for and checked against the trusted ones of
-// `context`, but a client may come without. `refused` counts those that are not good; it outlives
-// the context.
+// Allows TLS 1.3 only. Requests client certificates and checks them against the trusted ones of
+// `context`; a client may have none. *refused counts invalid ones; it must outlive the context.
 void identity_ask(struct ssl_ctx_st *context, atomic_uint_fast64_t *refused);

@@ -1,5 +1,5 @@
-// Encoded changes of a mesh on their way to stations: made once, never changed, shared by all that
-// still send it. Thread-safe.
+// Encoded changes of a mesh on their way to stations. A payload is made once and never changes. All
+// connections that send it share it. Thread-safe.
 #pragma once
 
 #include <stdatomic.h>
@@ -17,8 +17,8 @@ struct mesh_payload {
     uint8_t bytes[];
 };
 
-// Of `size` bytes, undefined, with one reference: the caller's. mesh_payload_seal when they are
-// there.
+// A payload with `size` undefined bytes and one reference, the caller's. Fill in the bytes, then
+// call mesh_payload_seal.
 struct mesh_payload *mesh_payload_create(const char *group, uint32_t base, uint32_t number,
                                          size_t size);
 void mesh_payload_seal(struct mesh_payload *payload); // sets the hash

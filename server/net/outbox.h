@@ -1,6 +1,5 @@
-// What waits to be said to one peer: a bounded queue of messages, and beside it the newest
-// Resection of each group. One takes; the others put, and every put is under one lock of the
-// owner's.
+// The messages that wait for one peer: a bounded queue, and beside it the newest Resection of each
+// group. One thread takes messages. Others put them, always under one lock of the owner.
 #pragma once
 
 #include "base/ring.h"
@@ -25,15 +24,15 @@ void outbox_destroy(struct outbox **outbox); // NULL inside is fine
 
 enum outbox_put {
     OUTBOX_QUEUED,
-    OUTBOX_DROPPED,  // full, and it comes again anyway: a Reply, Ping or Pong
-    OUTBOX_OVERFLOWN // full, and the peer must not miss it
+    OUTBOX_DROPPED,  // full; a Reply, Ping or Pong, of which a newer one will come
+    OUTBOX_OVERFLOWN // full, and the peer must not miss the message
 };
 
-// encoded: the message. Replies, pings and pongs leave room for what must not be missed. A
-// Resection takes the place of the one of its group that still waits: it goes behind all messages,
+// encoded: the same message. Replies, pings and pongs leave room for messages that the peer must
+// not miss. A Resection replaces the one of its group that still waits. It goes after all messages,
 // but before a SessionChange that comes after it.
 enum outbox_put outbox_put(struct outbox *outbox, const arthron_Control *message,
                            const struct outgoing *encoded);
 
-// The next message; false where there is none. lock: that of the puts, not held.
+// The next message; false: none waits. lock: the lock of the puts, which the caller does not hold.
 bool outbox_take(struct outbox *outbox, pthread_mutex_t *lock, struct outgoing *out);

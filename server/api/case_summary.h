@@ -1,6 +1,5 @@
-// What a page is told of the config's cases. Their files may change while the server runs: each is
-// read again when it did, and kept otherwise. From any threads; a case that is read keeps the
-// others waiting.
+// Summaries of the config's cases for pages. The files may change while the server runs: a case is
+// read again after a change. Any thread may call; while one reads a case, the others wait.
 #pragma once
 
 #include "api/api.h"
@@ -12,5 +11,5 @@ struct case_summaries;
 struct case_summaries *case_summaries_create(const struct api_case *cases, int count);
 void case_summaries_destroy(struct case_summaries **summaries); // NULL inside is fine
 
-// A new object, as CASE in docs/API.md. out_hash: empty where the case cannot be read.
+// A new object, as CASE in docs/API.md. out_hash: empty if the case cannot be read.
 json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[17]);

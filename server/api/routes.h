@@ -1,15 +1,15 @@
-// Who may ask what: the one table of all that /api/v1 answers.
+// The one table of the requests of /api/v1, with the roles that may send them.
 #pragma once
 
 #include "api/call.h"
 
 #define API_PREFIX "/api/v1"
 
-// Roles as bits. NOBODY: without having signed in, too.
+// Roles as bits. NOBODY: also without a sign-in.
 enum {
     TECHNICIAN = 1 << ROLE_TECHNICIAN,
     INSTRUCTOR = 1 << ROLE_INSTRUCTOR,
-    TRAINEE = 1 << ROLE_TRAINEE, // only about what is their own: the answer's matter
+    TRAINEE = 1 << ROLE_TRAINEE, // the answer must contain only the trainee's own data
     NOBODY = 1 << ROLE_COUNT,
     SIGNED_IN = TECHNICIAN | INSTRUCTOR | TRAINEE,
     ANYONE = SIGNED_IN | NOBODY
@@ -25,13 +25,12 @@ struct route {
 extern const struct route routes[];
 extern const int route_count;
 
-// The route of a request, its parts into `args`. NULL: there is none; *out_there: of this path, but
-// of other methods.
+// The route of a request; out_args gets the parts of its path. NULL: there is none. *out_there: the
+// path exists for other methods.
 const struct route *routes_find(const char *method, const char *path,
                                 char out_args[2][STORE_NAME_MAX], bool *out_there);
 
-// ---- what they answer: sign_in.c, accounts.c, people.c, stations.c, cases.c, sessions.c
-// ----------------------
+// ---- answers: sign_in.c, accounts.c, people.c, stations.c, cases.c, sessions.c ----
 
 void post_sign_in(struct api_call *call);
 void post_first(struct api_call *call);

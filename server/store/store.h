@@ -1,6 +1,6 @@
-// The records: who trained where, on which case, and with which results, in an SQLite database
-// (WAL). The truth about a session stays in its trace. docs/RECORDS.md describes the tables and
-// names the personal data.
+// The records: trainees, stations, cases, sessions and their results, in an SQLite database (WAL).
+// The full record of a session is its trace. docs/RECORDS.md describes the tables and names the
+// personal data.
 //
 // A store belongs to the thread that opened it. Open it for a moment only: store_restore waits
 // until nobody has the file open. Any number of programs may open the same file.
@@ -106,8 +106,7 @@ enum result store_erase_trainee(struct store *store, const char *name,
 
 enum store_token_kind {
     // Of a browser: ends 12 h after its last use, and a week after the sign-in. After a sign-in
-    // with
-    // a code it also ends with that code, or when the trainee gets a new code.
+    // with a code it also ends with that code, or when the trainee gets a new code.
     TOKEN_COOKIE,
     TOKEN_BEARER, // of a program: ends after a year
     TOKEN_CODE,   // signs a trainee in, any number of times, for 12 h

@@ -1,8 +1,9 @@
-// What is wrong with the arguments of a program. Each prints one line to stderr and where to find
-// help, and returns 2, the exit code for wrong usage. `program` is "arthron-server records".
+// Errors about the arguments of a program. Each function prints a line about the error and one
+// about help to stderr. It returns 2, the exit code for wrong usage. `program` is "arthron-server
+// records".
 #pragma once
 
-// For what getopt has named already.
+// After an error that getopt has printed.
 int argument_help(const char *program);
 
 int argument_wrong(const char *program, const char *format, ...)

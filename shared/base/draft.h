@@ -1,5 +1,5 @@
-// A file that takes its place once it is whole: until then it lies beside it under another name,
-// and what was there before stays.
+// Writes a file under another name beside its place. Once it is whole, it takes its place. Until
+// then the file that was there before stays.
 #pragma once
 
 #include "base/result.h"
@@ -17,7 +17,7 @@ struct draft {
 // RESULT_MISSING where its folder is not there, RESULT_IO where it cannot be made.
 enum result draft_open(const char *path, struct draft *out_draft, struct error *err);
 
-// Remembers what went wrong, right after a write: errno holds until then. True where nothing did.
+// Call it right after a write: remembers errno if the write failed. True if it did not.
 bool draft_is_good(struct draft *draft);
 
 // Puts it in place, complete and on disk. Else the draft is removed, and the error says why.

@@ -9,7 +9,7 @@ enum log_level { LOG_ERROR, LOG_WARNING, LOG_INFO, LOG_DEBUG };
 // The lowest level that is printed; LOG_INFO at the start. Call it before other threads run.
 void log_set_level(enum log_level level);
 
-// room: who speaks ("sessions", "modbus"). The text needs no newline.
+// room: the source of the message ("sessions", "modbus"). The text needs no newline.
 void log_write(enum log_level level, const char *room, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

@@ -22,7 +22,7 @@ enum result {
 // A sentence for each value, without a full stop. Never NULL.
 const char *result_sentence(enum result result);
 
-// What went wrong and where, in words. The caller owns it; it needs no release.
+// A fault and its place, in words. The caller owns it; it needs no release.
 struct error {
     char text[384];
 };
@@ -36,5 +36,5 @@ enum result fail(struct error *err, enum result code, const char *format, ...)
 enum result fail_in(struct error *err, enum result code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-// An error's text, of a path that it begins with the file's name alone: for who has no files here.
+// An error's text. If it begins with a path, only the file's name of it: for remote users.
 const char *error_without_folder(const char *text);

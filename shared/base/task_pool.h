@@ -32,8 +32,8 @@ struct task {
 
 struct task_pool_settings {
     int threads;    // at least 1
-    int tasks_max;  // at a time, from being added until finished, that are not urgent
-    int urgent_max; // the same of those that are
+    int tasks_max;  // tasks at a time, from being added until finished; without urgent ones
+    int urgent_max; // the same for urgent ones
     int nice;       // of the threads, as in setpriority: 0 as the process, 19 the lowest priority
 };
 

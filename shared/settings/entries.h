@@ -1,5 +1,5 @@
-// The entries of an INI file, one by one: what inih reads, and what it would take without a word
-// (sections and keys given twice, lines that are cut, values that go on in the next line).
+// Reads the entries of an INI file, one by one, with inih. Refuses entries that inih would accept
+// silently: sections and keys given twice, lines that are cut, values that go on in the next line.
 #pragma once
 
 #include "base/result.h"

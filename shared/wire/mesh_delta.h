@@ -5,8 +5,9 @@
 // is of the mesh `base`; base 0 is nothing, and the change then a whole mesh of any number. Ids are
 // ascending in every list, each once, below MESH_DELTA_IDS_MAX.
 //
-// A vertex lives as long as a living triangle has it: that it is gone is not said. It is never
-// moved; its id may be given to another once it is gone, in the same change too.
+// A vertex lives as long as a living triangle uses it; a change does not list vertices that are
+// gone. A vertex never moves. A new vertex may get the id of one that is gone, in the same change
+// too.
 #pragma once
 
 #include "base/result.h"
@@ -30,7 +31,7 @@ struct delta_triangle {
     uint32_t label;      // number of the cut that made its surface; 0: the original one
 };
 
-// A part that came off, for the eye alone: it is not in the mesh.
+// A part that came off, for display only: it is not in the mesh.
 struct delta_piece {
     float volume_mm3;
     float centroid[3];
@@ -56,17 +57,17 @@ struct mesh_delta {
 
 void mesh_delta_fini(struct mesh_delta *delta); // frees all arrays; a zeroed delta is fine
 
-// RESULT_FORMAT or RESULT_LIMIT, with which, where a number is not above its base, ids are not
-// ascending or too high, corners not distinct, coordinates not finite or out of reach, indices of a
-// piece out of its vertices, or pieces too many.
+// RESULT_FORMAT or RESULT_LIMIT if the number is not above its base, ids are too high or not
+// ascending, corners are not distinct, coordinates are not finite or out of reach, a piece's index
+// is not below its number of vertices, or there are too many pieces. The error names the place.
 enum result mesh_delta_validate(const struct mesh_delta *delta, struct error *err);
 
 // Encodes a valid change into `data`; the bytes used are at most mesh_delta_bound.
 size_t mesh_delta_bound(const struct mesh_delta *delta);
 size_t mesh_delta_encode(const struct mesh_delta *delta, uint8_t *data, size_t size);
 
-// Decodes the change at the start of `data`; *out_used bytes, others may follow. A refusal is that
-// of mesh_delta_validate, or RESULT_FORMAT where the bytes are no change; *out_delta is then
-// zeroed. Takes memory in proportion to `size`. The caller releases the delta.
+// Decodes the change at the start of `data`, which takes *out_used bytes; others may follow. Errors
+// are those of mesh_delta_validate, and RESULT_FORMAT if the bytes are no change; *out_delta is
+// then zeroed. Takes memory in proportion to `size`. The caller releases the delta.
 enum result mesh_delta_decode(const uint8_t *data, size_t size, size_t *out_used,
                               struct mesh_delta *out_delta, struct error *err);

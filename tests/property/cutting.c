@@ -284,7 +284,7 @@ static void a_bite_is_cut_where_the_jaw_closed(void **state) {
 }
 
 // A bite is of one place, so bites do not become one; those without room are told of.
-static void what_finds_no_room_is_told(void **state) {
+static void bites_without_room_are_reported(void **state) {
     (void)state;
     struct blade_move moves[2 * CUTTING_WAITING_MAX];
     struct hand h = hand_start();
@@ -472,7 +472,7 @@ int main(void) {
         cmocka_unit_test(a_way_that_waits_for_long_is_not_lost),
         cmocka_unit_test(a_burr_is_cut_along_the_way_that_it_went),
         cmocka_unit_test(a_bite_is_cut_where_the_jaw_closed),
-        cmocka_unit_test(what_finds_no_room_is_told),
+        cmocka_unit_test(bites_without_room_are_reported),
         cmocka_unit_test(under_the_older_rules_a_move_that_waits_grows),
         cmocka_unit_test(a_session_that_is_paused_shows_its_instruments),
         cmocka_unit_test(instruments_take_turns),

@@ -132,7 +132,7 @@ static void without_a_smooth_field_there_is_no_mean_to_keep_up(void **state) {
 }
 
 // The last test: the meniscus stays so.
-static void what_bridges_two_bones_has_no_mean(void **state) {
+static void a_group_that_bridges_two_bones_has_no_mean(void **state) {
     (void)state;
     case_group_bridge(&scene->knee->groups[scene->tissues[0].group], BODY_FEMUR);
     struct easing *easing = start(FIELD_SMOOTH);
@@ -145,7 +145,7 @@ int main(void) {
         cmocka_unit_test(the_mean_is_kept_up_with_easing_and_restoring),
         cmocka_unit_test(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told),
         cmocka_unit_test(without_a_smooth_field_there_is_no_mean_to_keep_up),
-        cmocka_unit_test(what_bridges_two_bones_has_no_mean),
+        cmocka_unit_test(a_group_that_bridges_two_bones_has_no_mean),
     };
     return cmocka_run_group_tests_name("easing", tests, make_scene, drop_scene);
 }

@@ -226,7 +226,7 @@ static void undoing_leads_back_to_the_state_before_each_stroke(void **state) {
     free(past);
 }
 
-static void what_was_restored_is_not_undone(void **state) {
+static void strokes_before_a_restore_are_not_undone(void **state) {
     (void)state;
     struct random r = {8};
     struct past *past = calloc(1, sizeof *past);
@@ -540,7 +540,7 @@ static void the_touch_comes_back_without_a_jump(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(undoing_leads_back_to_the_state_before_each_stroke),
-        cmocka_unit_test(what_was_restored_is_not_undone),
+        cmocka_unit_test(strokes_before_a_restore_are_not_undone),
         cmocka_unit_test(a_session_takes_back_one_bite_after_the_other),
         cmocka_unit_test(a_jaw_that_opens_a_little_goes_on_biting),
         cmocka_unit_test(a_cut_that_is_on_its_way_is_the_last),

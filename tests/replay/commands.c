@@ -328,7 +328,7 @@ static void wrong_use_exits_2_and_says_why(void **state) {
         assert_int_equal(run(helps[i]), 0);
 }
 
-static void what_is_no_trace_is_refused_by_name(void **state) {
+static void a_file_that_is_no_trace_is_refused_by_name(void **state) {
     (void)state;
     static const char *const rows[] = {"info /dev/null", "verify /nowhere.trace",
                                        "replay " TRACE_PROGRAM, "export / --csv -"};
@@ -352,7 +352,7 @@ int main(void) {
         cmocka_unit_test(export_writes_a_row_for_each_step),
         cmocka_unit_test(picture_draws_what_was_cut),
         cmocka_unit_test(wrong_use_exits_2_and_says_why),
-        cmocka_unit_test(what_is_no_trace_is_refused_by_name),
+        cmocka_unit_test(a_file_that_is_no_trace_is_refused_by_name),
     };
     return cmocka_run_group_tests_name("trace_commands", tests, make_session, remove_session);
 }

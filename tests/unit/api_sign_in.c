@@ -94,7 +94,7 @@ static void a_password_has_ten_characters_at_least(void **state) {
     assert_int_equal(password_check("äöüäöüäöüä", &err), RESULT_OK);
 }
 
-static void who_has_the_password_comes_in(void **state) {
+static void the_right_password_signs_in(void **state) {
     (void)state;
     struct web_account account;
     give_password("ada.l");
@@ -133,7 +133,7 @@ static void a_wrong_name_is_answered_as_a_wrong_password_is(void **state) {
     assert_string_equal(answer.cookie, "");
 }
 
-static void who_is_wrong_too_often_waits(void **state) {
+static void too_many_wrong_passwords_must_wait(void **state) {
     (void)state;
     static const char right[] = "{\"name\":\"tom\",\"password\":\"" PASSWORD "\"}";
     give_password("tom");
@@ -166,7 +166,7 @@ static void only_from_many_addresses_is_the_owner_of_a_name_kept_out(void **stat
                      401);
 }
 
-static void who_is_right_never_waits(void **state) {
+static void right_passwords_never_wait(void **state) {
     (void)state;
     give_password("tom");
     for (int i = 0; i < 7; i++)
@@ -245,7 +245,7 @@ static void a_program_has_a_token_until_it_is_taken_away(void **state) {
     assert_true(is_in(grace));
 }
 
-static void what_has_ended_is_nobodys(void **state) {
+static void ended_tokens_belong_to_nobody(void **state) {
     (void)state;
     const char *token = token_of("grace");
     assert_true(is_in(token));
@@ -441,15 +441,15 @@ int main(void) {
 #define TEST_NEW(f) cmocka_unit_test_setup_teardown(f, api_begin_new, api_end)
         cmocka_unit_test(a_password_counts_to_its_last_byte_and_has_a_salt),
         cmocka_unit_test(a_password_has_ten_characters_at_least),
-        TEST(who_has_the_password_comes_in),
+        TEST(the_right_password_signs_in),
         TEST(a_wrong_name_is_answered_as_a_wrong_password_is),
-        TEST(who_is_wrong_too_often_waits),
+        TEST(too_many_wrong_passwords_must_wait),
         TEST(only_from_many_addresses_is_the_owner_of_a_name_kept_out),
-        TEST(who_is_right_never_waits),
+        TEST(right_passwords_never_wait),
         TEST(at_once_no_more_are_wrong_than_one_after_the_other),
         TEST(a_code_signs_its_trainee_in_until_it_ends),
         TEST(a_program_has_a_token_until_it_is_taken_away),
-        TEST(what_has_ended_is_nobodys),
+        TEST(ended_tokens_belong_to_nobody),
         TEST(an_erased_trainee_is_out),
         TEST(a_new_password_ends_what_came_in_by_the_old_one),
         TEST(no_cookie_of_an_old_password_outlives_its_change),

@@ -120,7 +120,7 @@ static void an_open_surface_has_its_inside_nearly_everywhere(void **state) {
     bodies_fini(&bodies);
 }
 
-static void what_solids_shut_in_is_a_pocket(void **state) {
+static void space_enclosed_by_solids_is_a_pocket(void **state) {
     (void)state;
     struct bodies bodies = {0};
     struct mesh shell, hollow;
@@ -167,7 +167,7 @@ int main(void) {
         cmocka_unit_test(solids_skin_and_outside_agree_with_solid_angles),
         cmocka_unit_test(a_solid_of_many_shells_is_solid),
         cmocka_unit_test(an_open_surface_has_its_inside_nearly_everywhere),
-        cmocka_unit_test(what_solids_shut_in_is_a_pocket),
+        cmocka_unit_test(space_enclosed_by_solids_is_a_pocket),
         cmocka_unit_test(planes_end_the_space_and_too_many_nodes_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

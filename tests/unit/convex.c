@@ -131,7 +131,7 @@ static void supports_hold_all_points(void **state) {
     }
 }
 
-static void what_is_no_polyhedron_is_refused(void **state) {
+static void planes_without_a_polyhedron_are_refused(void **state) {
     (void)state;
     static const struct {
         int plane;
@@ -185,7 +185,7 @@ int main(void) {
         cmocka_unit_test(planes_that_touch_only_leave_the_cube),
         cmocka_unit_test(a_cuboctahedron_has_corners_of_four_faces),
         cmocka_unit_test(supports_hold_all_points),
-        cmocka_unit_test(what_is_no_polyhedron_is_refused),
+        cmocka_unit_test(planes_without_a_polyhedron_are_refused),
         cmocka_unit_test(its_own_planes_make_it_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -251,7 +251,7 @@ static void a_server_that_ends_waits_for_no_copy(void **state) {
     sessions_destroy(&sessions);
 }
 
-static void what_was_cut_is_not_told_of_another_case(void **state) {
+static void cuts_are_not_reported_for_another_case(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     hall_join(sessions);
@@ -267,7 +267,7 @@ static void what_was_cut_is_not_told_of_another_case(void **state) {
 }
 
 // By its worker, or by the one who was faster.
-static void who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on(void **state) {
+static void stopping_a_session_that_just_ended_does_not_say_that_it_goes_on(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     hall_join(sessions);
@@ -301,9 +301,9 @@ int main(void) {
         cmocka_unit_test(a_reset_answers_the_undo_that_it_makes_void),
         cmocka_unit_test(where_nothing_can_be_cut_an_undo_is_refused_each_time),
         cmocka_unit_test(a_server_that_ends_waits_for_no_copy),
-        cmocka_unit_test(who_stops_a_session_that_just_ended_is_not_told_that_it_goes_on),
+        cmocka_unit_test(stopping_a_session_that_just_ended_does_not_say_that_it_goes_on),
         cmocka_unit_test(a_case_is_changed_whoever_opens_the_session),
-        cmocka_unit_test(what_was_cut_is_not_told_of_another_case),
+        cmocka_unit_test(cuts_are_not_reported_for_another_case),
     };
     return cmocka_run_group_tests_name("cut_worker", tests, hall_make, hall_remove);
 }

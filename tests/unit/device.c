@@ -137,7 +137,7 @@ static void a_silent_channel_is_held_then_lost_then_back(void **state) {
     assert_int_equal(3, slot.newest.device);
 }
 
-static void what_the_source_calls_lost_is_held_first(void **state) {
+static void a_sample_that_its_source_calls_lost_is_held_first(void **state) {
     (void)state;
     struct slot slot = probe_slot(100);
     for (int64_t ms = 1000; ms <= 1100; ms += 10) {
@@ -551,7 +551,7 @@ int main(void) {
         cmocka_unit_test(
             a_jump_that_lasts_too_short_to_be_true_is_never_taken_though_the_channel_is_lost),
         cmocka_unit_test(a_silent_channel_is_held_then_lost_then_back),
-        cmocka_unit_test(what_the_source_calls_lost_is_held_first),
+        cmocka_unit_test(a_sample_that_its_source_calls_lost_is_held_first),
         cmocka_unit_test(values_that_no_frame_may_have_are_malformed),
         cmocka_unit_test(a_slow_source_is_not_called_silent_between_its_samples),
         cmocka_unit_test(recordings_that_are_wrong_are_refused_with_their_place),

@@ -28,7 +28,7 @@ static double share_refused(double sigma, int64_t period_ms, double amplitude, d
     return refused / (double)count;
 }
 
-static void what_shakes_more_than_a_hand_is_refused_and_a_hand_is_not(void **state) {
+static void noise_beyond_a_hands_motion_is_refused_and_a_hand_is_not(void **state) {
     (void)state;
     static const int64_t periods_ms[] = {5, 10, 20, 50};
     for (int i = 0; i < 4; i++) {
@@ -108,7 +108,7 @@ static void a_clock_that_drifts_a_little_is_no_trouble(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_shakes_more_than_a_hand_is_refused_and_a_hand_is_not),
+        cmocka_unit_test(noise_beyond_a_hands_motion_is_refused_and_a_hand_is_not),
         cmocka_unit_test(late_messages_are_told_from_good_ones),
         cmocka_unit_test(a_clock_that_steps_is_noticed_and_lived_with),
         cmocka_unit_test(a_clock_that_drifts_a_little_is_no_trouble),

@@ -32,7 +32,7 @@ static bool has(struct gzip_cache *cache, const char *name) {
     return there;
 }
 
-static void what_was_asked_for_least_lately_makes_room(void **state) {
+static void the_least_recently_used_file_makes_room(void **state) {
     (void)state;
     struct gzip_cache *cache = gzip_cache_create(100);
     put_away(cache, "a", 40);
@@ -94,7 +94,7 @@ static void many_may_ask_at_once(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_was_asked_for_least_lately_makes_room),
+        cmocka_unit_test(the_least_recently_used_file_makes_room),
         cmocka_unit_test(of_a_name_there_is_one),
         cmocka_unit_test(many_may_ask_at_once),
     };

@@ -449,7 +449,7 @@ static void commands_are_answered_in_order_by_role(void **state) {
     sessions_destroy(&sessions);
 }
 
-static void who_looks_again_is_told_of_all_remarks_again(void **state) {
+static void a_page_that_looks_again_gets_all_remarks_again(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions);
@@ -498,7 +498,7 @@ static void a_command_that_waits_holds_up_no_other_page(void **state) {
 }
 
 // While its command is under way the place goes from page to page.
-static void who_comes_after_a_page_gets_none_of_its_answers(void **state) {
+static void a_page_gets_no_answers_of_the_page_before_it(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions);
@@ -704,9 +704,9 @@ int main(void) {
         cmocka_unit_test(pages_have_the_mesh_that_was_cut),
         cmocka_unit_test(a_new_session_has_a_new_mesh),
         cmocka_unit_test(commands_are_answered_in_order_by_role),
-        cmocka_unit_test(who_looks_again_is_told_of_all_remarks_again),
+        cmocka_unit_test(a_page_that_looks_again_gets_all_remarks_again),
         cmocka_unit_test(a_command_that_waits_holds_up_no_other_page),
-        cmocka_unit_test(who_comes_after_a_page_gets_none_of_its_answers),
+        cmocka_unit_test(a_page_gets_no_answers_of_the_page_before_it),
         cmocka_unit_test(a_command_behind_too_many_others_is_refused),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),

@@ -166,7 +166,7 @@ static void a_wider_rim_lets_less_go(void **state) {
     assert_int_equal(maxcut_make(group, pose_identity(), 3.5, &err), RESULT_OK);
 }
 
-static void what_is_no_meniscus_is_refused(void **state) {
+static void a_group_that_is_no_meniscus_is_refused(void **state) {
     (void)state;
     struct error err;
     struct case_group *group = case_group(knee, "meniscus_medial");
@@ -363,7 +363,7 @@ int main(void) {
         cmocka_unit_test(roots_and_capsule_stay_where_they_are),
         cmocka_unit_test(a_left_knee_keeps_the_mirrored_rim),
         cmocka_unit_test(a_wider_rim_lets_less_go),
-        cmocka_unit_test(what_is_no_meniscus_is_refused),
+        cmocka_unit_test(a_group_that_is_no_meniscus_is_refused),
         cmocka_unit_test(a_vertex_that_sticks_out_is_counted_with_its_depth),
         cmocka_unit_test(a_vertex_pulled_through_the_other_side_folds),
         cmocka_unit_test(a_plan_is_measured_against_what_may_go),

@@ -142,7 +142,7 @@ static void a_reset_begins_anew(void **state) {
 
 // ---- shares of time -----------------------------------------------------------------------------
 
-static void what_stands_counts_until_the_next_step_whatever_the_rate(void **state) {
+static void values_count_until_the_next_step_at_any_rate(void **state) {
     (void)state;
     for (int period_ms = 1; period_ms <= 50; period_ms *= 5) {
         static struct metrics m;
@@ -290,7 +290,7 @@ static void a_pause_is_never_bridged(void **state) {
     assert_near(figure(&m, about(METRIC_PATH_HAND, PROBE)), 400 - 40 * lost_s, 2);
 }
 
-static void what_was_while_the_server_was_down_counts_for_nothing(void **state) {
+static void time_while_the_server_was_down_does_not_count(void **state) {
     (void)state;
     static struct metrics m;
     static struct moment at;
@@ -524,14 +524,14 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(time_runs_while_the_session_does),
         cmocka_unit_test(a_reset_begins_anew),
-        cmocka_unit_test(what_stands_counts_until_the_next_step_whatever_the_rate),
+        cmocka_unit_test(values_count_until_the_next_step_at_any_rate),
         cmocka_unit_test(trembling_at_a_threshold_counts_by_where_it_mostly_is),
         cmocka_unit_test(an_old_trace_tells_nothing_of_the_warp),
         cmocka_unit_test(a_hole_in_the_steps_counts_for_little),
         cmocka_unit_test(without_another_nothing_is_said_of_the_view),
         cmocka_unit_test(motion_is_timed_by_its_samples_and_not_by_steps),
         cmocka_unit_test(a_pause_is_never_bridged),
-        cmocka_unit_test(what_was_while_the_server_was_down_counts_for_nothing),
+        cmocka_unit_test(time_while_the_server_was_down_does_not_count),
         cmocka_unit_test(slow_and_short_motion_is_below_its_floor),
         cmocka_unit_test(jerk_counts_where_it_is_over_the_noise),
         cmocka_unit_test(a_lost_or_foreign_sample_moves_nothing),

@@ -346,7 +346,7 @@ static void noise_leaves_the_jerk_that_is_stated(void **state) {
     }
 }
 
-static void what_never_moved_has_no_smoothness(void **state) {
+static void an_instrument_that_never_moved_has_no_smoothness(void **state) {
     (void)state;
     struct meter m = fresh();
     assert_true(isnan(travel_ldlj(&m.travel)) && isnan(travel_economy(&m.travel)));
@@ -404,7 +404,7 @@ int main(void) {
         cmocka_unit_test(jerk_is_that_of_the_filtered_motion_at_any_rate),
         cmocka_unit_test(smoothness_stands_the_noise_of_a_tracker),
         cmocka_unit_test(noise_leaves_the_jerk_that_is_stated),
-        cmocka_unit_test(what_never_moved_has_no_smoothness),
+        cmocka_unit_test(an_instrument_that_never_moved_has_no_smoothness),
         cmocka_unit_test(hands_count_as_a_table_would),
     };
     return cmocka_run_group_tests_name("metrics_travel", tests, NULL, NULL);

@@ -14,7 +14,7 @@ struct item {
     uint64_t words[WORDS]; // all the same
 };
 
-static void what_was_put_last_is_taken_once(void **state) {
+static void the_newest_value_is_taken_once(void **state) {
     (void)state;
     struct newest *newest = newest_create(sizeof(int));
     int item = 0;
@@ -63,7 +63,7 @@ static void another_thread_gets_whole_items_in_order_and_the_last(void **state) 
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_was_put_last_is_taken_once),
+        cmocka_unit_test(the_newest_value_is_taken_once),
         cmocka_unit_test(another_thread_gets_whole_items_in_order_and_the_last),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

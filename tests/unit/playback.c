@@ -177,7 +177,7 @@ static int settled(void) {
     return last;
 }
 
-static void what_waits_for_a_page_is_bounded_and_nothing_of_it_is_lost(void **state) {
+static void messages_that_wait_for_a_page_are_bounded_and_not_lost(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
     struct live_server *live = open_live(sessions, 0);
@@ -276,7 +276,7 @@ static void a_tissue_that_the_case_does_not_have_ends_it_and_is_told(void **stat
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_waits_for_a_page_is_bounded_and_nothing_of_it_is_lost),
+        cmocka_unit_test(messages_that_wait_for_a_page_are_bounded_and_not_lost),
         cmocka_unit_test(a_page_that_takes_nothing_makes_room_for_others),
         cmocka_unit_test(behind_missing_steps_moments_go_on_and_meshes_do_not),
         cmocka_unit_test(on_another_case_it_ends_at_missing_steps),

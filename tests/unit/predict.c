@@ -194,7 +194,7 @@ static void where_nothing_moved_the_avatar_is_where_the_server_put_it(void **sta
     }
 }
 
-static void what_rides_on_a_bone_stays_on_it(void **state) {
+static void poses_in_the_frame_of_a_bone_stay_on_it(void **state) {
     (void)state;
     struct random random = {3};
     struct moment sent = some_moment(&random), now = moved(&sent, &random, 1);
@@ -519,7 +519,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         WITH_A_KNEE(a_motion_that_is_linear_is_met_while_hand_and_bones_move),
         WITH_A_KNEE(where_nothing_moved_the_avatar_is_where_the_server_put_it),
-        WITH_A_KNEE(what_rides_on_a_bone_stays_on_it),
+        WITH_A_KNEE(poses_in_the_frame_of_a_bone_stay_on_it),
         WITH_A_KNEE(past_the_trust_radius_the_way_is_cut),
         WITH_A_KNEE(an_answer_grows_old_then_is_lost),
         WITH_A_KNEE(answers_to_forgotten_unsent_or_older_frames_are_dropped),

@@ -92,7 +92,7 @@ static void a_target_without_its_pose_is_refused_and_nothing_changes(void **stat
     assert_int_equal(knee->key_count, 0);
 }
 
-static void what_is_recorded_again_replaces_what_was_there(void **state) {
+static void a_new_recording_replaces_the_old_one(void **state) {
     (void)state;
     physical("mcl", 30, 5);
     physical("mcl", 30.6, 6); // the same place
@@ -185,7 +185,7 @@ static bool file_is_there(void) {
     return access(path, F_OK) == 0;
 }
 
-static void what_waits_comes_back_and_its_file_goes_with_the_last(void **state) {
+static void waiting_poses_come_back_and_the_last_removes_their_file(void **state) {
     (void)state;
     struct recorded_keys again;
     assert_ok(recorded_keys_load(folder, &again, &err));
@@ -240,11 +240,11 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         row(targets_find_the_poses_that_wait_for_them),
         row(a_target_without_its_pose_is_refused_and_nothing_changes),
-        row(what_is_recorded_again_replaces_what_was_there),
+        row(a_new_recording_replaces_the_old_one),
         row(the_rest_path_rises_in_flexion),
         row(what_is_recorded_between_two_replaces_both),
         row(more_than_a_case_holds_is_refused),
-        row(what_waits_comes_back_and_its_file_goes_with_the_last),
+        row(waiting_poses_come_back_and_the_last_removes_their_file),
         row(a_file_at_fault_is_refused_by_name_and_key),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -298,7 +298,7 @@ static int count_of(const char *rows, const char *text) {
 }
 
 // Twice, since what was left once may be left again.
-static void what_was_done_while_the_records_were_locked_is_in_them_at_last(void **state) {
+static void actions_while_the_records_were_locked_are_recorded_later(void **state) {
     (void)state;
     char arrears[sizeof store_path + 16];
     struct stat status;
@@ -344,8 +344,8 @@ int main(void) {
                                         end),
         cmocka_unit_test_setup_teardown(a_session_whose_trace_is_being_written_is_not_removed,
                                         begin, end),
-        cmocka_unit_test_setup_teardown(
-            what_was_done_while_the_records_were_locked_is_in_them_at_last, begin, end),
+        cmocka_unit_test_setup_teardown(actions_while_the_records_were_locked_are_recorded_later,
+                                        begin, end),
         cmocka_unit_test_setup_teardown(only_a_trace_that_this_server_signed_has_results, begin,
                                         end),
         cmocka_unit_test_setup_teardown(records_that_are_replaced_under_the_same_number_are_noticed,

@@ -79,7 +79,7 @@ static void each_session_has_an_id_of_its_own(void **state) {
     assert_memory_not_equal(now().session_id, first, sizeof first);
 }
 
-static void what_is_said_of_another_session_changes_nothing(void **state) {
+static void messages_about_another_session_change_nothing(void **state) {
     (void)state;
     assert_true(station_slot_claim(&slot, NULL));
     station_slot_set_state(&slot, 0, SESSION_CLOSED);
@@ -150,7 +150,7 @@ static void *wait_for_session(void *user) {
 }
 
 // Else what the one who waited asks of the session would be there before the session.
-static void who_waits_for_a_session_goes_on_when_its_worker_has_it(void **state) {
+static void waiting_for_a_session_ends_when_its_worker_has_it(void **state) {
     (void)state;
     pthread_t thread;
     bool had_it = false;
@@ -229,12 +229,12 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         SLOT_TEST(a_station_that_comes_again_while_its_session_is_opened_gets_that_session),
         SLOT_TEST(each_session_has_an_id_of_its_own),
-        SLOT_TEST(what_is_said_of_another_session_changes_nothing),
+        SLOT_TEST(messages_about_another_session_change_nothing),
         SLOT_TEST(a_session_that_its_worker_did_not_stop_goes_on),
         SLOT_TEST(an_opening_that_failed_is_tried_again_later),
         SLOT_TEST(a_link_that_blips_does_not_begin_what_was_stopped),
         SLOT_TEST(a_station_is_connected_from_one_place),
-        SLOT_TEST(who_waits_for_a_session_goes_on_when_its_worker_has_it),
+        SLOT_TEST(waiting_for_a_session_ends_when_its_worker_has_it),
         SLOT_TEST(a_wait_ends_by_its_time_by_its_answer_or_by_a_break_off),
         SLOT_TEST(an_undo_is_answered_by_all_of_its_jobs),
         SLOT_TEST(an_answer_to_an_undo_that_was_given_up_is_no_other_ones),

@@ -1,7 +1,8 @@
 // What a page is shown of a step, and how devices are counted.
+#include "runtime/step_snapshot.h"
+
 #include "base/clock.h"
 #include "runtime/devices.h"
-#include "runtime/step_snapshot.h"
 #include "test.h"
 
 #include <math.h>
@@ -105,7 +106,7 @@ static void speed_is_that_of_the_hand_and_not_of_noise(void **state) {
     assert_true(least > 85 && most < 115);
 }
 
-static void who_comes_back_elsewhere_was_not_fast(void **state) {
+static void an_instrument_that_reappears_elsewhere_was_not_fast(void **state) {
     (void)state;
     struct snapshot_maker moments;
     snapshot_begin(&moments, 1, START_NS);
@@ -164,7 +165,7 @@ int main(void) {
         cmocka_unit_test(a_moment_tells_what_the_step_had),
         cmocka_unit_test(events_are_counted),
         cmocka_unit_test(speed_is_that_of_the_hand_and_not_of_noise),
-        cmocka_unit_test(who_comes_back_elsewhere_was_not_fast),
+        cmocka_unit_test(an_instrument_that_reappears_elsewhere_was_not_fast),
         cmocka_unit_test(devices_are_counted_by_what_they_measured),
     };
     return cmocka_run_group_tests_name("onlooking", tests, NULL, NULL);

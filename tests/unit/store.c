@@ -253,7 +253,7 @@ static void several_writers_lose_nothing_and_a_backup_among_them_is_whole(void *
 
 // ---- copies -------------------------------------------------------------------------------------
 
-static void what_was_backed_up_comes_back_and_what_was_there_is_kept(void **state) {
+static void a_restore_brings_the_backup_back_and_keeps_the_replaced_file(void **state) {
     (void)state;
     char aside[STORE_TEXT_MAX];
     struct stat status;
@@ -278,7 +278,7 @@ static void what_was_backed_up_comes_back_and_what_was_there_is_kept(void **stat
     store_close(&store);
 }
 
-static void what_root_puts_back_belongs_to_whom_it_belonged(void **state) {
+static void a_restore_by_root_keeps_the_owner(void **state) {
     (void)state;
     const uid_t server = geteuid() == 0 ? 65534 : geteuid();
     char aside[STORE_TEXT_MAX];
@@ -355,8 +355,8 @@ int main(void) {
         TEST(the_audit_log_only_grows),
         TEST(an_erased_trainee_leaves_results_and_no_trace_in_the_files),
         TEST(several_writers_lose_nothing_and_a_backup_among_them_is_whole),
-        TEST(what_was_backed_up_comes_back_and_what_was_there_is_kept),
-        TEST(what_root_puts_back_belongs_to_whom_it_belonged),
+        TEST(a_restore_brings_the_backup_back_and_keeps_the_replaced_file),
+        TEST(a_restore_by_root_keeps_the_owner),
         TEST(a_restore_waits_for_those_who_have_the_records_open),
         TEST(damaged_records_are_put_aside_as_they_are),
         TEST(the_log_of_damaged_records_goes_aside_with_them),

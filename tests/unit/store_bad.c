@@ -44,7 +44,7 @@ static const struct {
      "newer"},
 };
 
-static void what_is_no_file_of_records_is_named_and_left_alone(void **state) {
+static void a_file_without_records_is_named_and_left_alone(void **state) {
     (void)state;
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         struct store *store;
@@ -275,7 +275,7 @@ static void flipped_bits_never_harm_the_program(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, store_folder_begin, store_folder_end)
-        TEST(what_is_no_file_of_records_is_named_and_left_alone),
+        TEST(a_file_without_records_is_named_and_left_alone),
         TEST(records_that_are_not_there_are_made_only_where_asked),
         TEST(records_that_are_locked_can_be_read_and_tried_again),
         TEST(a_full_disk_is_told_and_takes_no_part_of_a_row),

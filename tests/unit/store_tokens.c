@@ -183,7 +183,7 @@ static void a_new_code_ends_the_cookies_of_the_old_one_and_no_others(void **stat
         RESULT_MISSING);
 }
 
-static void who_has_another_password_by_now_gets_no_token(void **state) {
+static void no_token_after_the_password_has_changed(void **state) {
     (void)state;
     struct store_principal before, in;
     int64_t id, until_ns;
@@ -206,7 +206,7 @@ static void who_has_another_password_by_now_gets_no_token(void **state) {
     assert_ok(store_change_password(store, &before, ARGON "2", &err));
 }
 
-static void who_is_signed_out_everywhere_is_in_nowhere(void **state) {
+static void signing_out_everywhere_ends_the_accounts_cookies_and_tokens(void **state) {
     (void)state;
     struct store_principal in;
     int64_t id, until_ns;
@@ -257,7 +257,7 @@ static void tokens_and_codes_end_however_much_they_are_used(void **state) {
     assert_int_equal(row_count(store, LIST_TOKENS), 1); // what has ended is thrown away
 }
 
-static void who_is_known_comes_in_while_another_program_writes(void **state) {
+static void sign_in_works_while_another_program_writes(void **state) {
     (void)state;
     sqlite3 *other;
     add(TOKEN_COOKIE, "grace", 1);
@@ -494,10 +494,10 @@ int main(void) {
         TEST(a_cookie_that_was_made_before_the_rule_ends_too),
         TEST(a_cookie_of_a_code_ends_with_the_code),
         TEST(a_new_code_ends_the_cookies_of_the_old_one_and_no_others),
-        TEST(who_has_another_password_by_now_gets_no_token),
-        TEST(who_is_signed_out_everywhere_is_in_nowhere),
+        TEST(no_token_after_the_password_has_changed),
+        TEST(signing_out_everywhere_ends_the_accounts_cookies_and_tokens),
         TEST(tokens_and_codes_end_however_much_they_are_used),
-        TEST(who_is_known_comes_in_while_another_program_writes),
+        TEST(sign_in_works_while_another_program_writes),
         TEST(nobody_fills_the_records_with_tokens),
         TEST(only_its_owner_ends_a_token),
         TEST(a_change_of_an_account_ends_what_it_is_signed_in_by),

@@ -69,7 +69,7 @@ static void no_rate_gets_more_than_five_through_in_any_minute(void **state) {
     }
 }
 
-static void what_was_right_does_not_count_and_what_was_wrong_stays(void **state) {
+static void tries_taken_back_do_not_count_and_others_stay(void **state) {
     (void)state;
     for (int i = 0; i < 100; i++) {
         assert_true(tries("ada", 1 + i * 0.1));
@@ -163,7 +163,7 @@ int main(void) {
         TEST(five_wrong_in_a_minute_are_enough),
         TEST(of_a_name_thirty_are_enough),
         TEST(no_rate_gets_more_than_five_through_in_any_minute),
-        TEST(what_was_right_does_not_count_and_what_was_wrong_stays),
+        TEST(tries_taken_back_do_not_count_and_others_stay),
         TEST(it_knows_a_few_thousand_at_a_time),
         TEST(an_address_of_ipv6_counts_with_its_network),
         TEST(secrets_differ_and_only_their_hash_is_theirs),

@@ -208,7 +208,7 @@ static uint64_t faults_told(void) {
     return faults;
 }
 
-static void what_a_failed_sync_lost_is_written_again_and_told(void **state) {
+static void bytes_lost_by_a_failed_sync_are_rewritten_and_reported(void **state) {
     (void)state;
     atomic_store(&syncs_failed, 0);
     struct trace_writer *writer = start_writing();
@@ -302,7 +302,7 @@ int main(void) {
         cmocka_unit_test(steps_missing_at_the_very_end_are_told),
         cmocka_unit_test(a_disk_that_stays_full_loses_only_what_it_did_not_take),
         cmocka_unit_test(appending_writing_and_watching_go_on_at_once),
-        cmocka_unit_test(what_a_failed_sync_lost_is_written_again_and_told),
+        cmocka_unit_test(bytes_lost_by_a_failed_sync_are_rewritten_and_reported),
         cmocka_unit_test(a_sync_that_fails_at_the_end_is_tried_again),
         cmocka_unit_test(many_writers_share_two_threads_and_touch_little_memory),
     };

@@ -84,7 +84,7 @@ static void a_piece_keeps_its_remarks(void **state) {
     unlink(copy_path);
 }
 
-static void what_is_no_remark_is_refused(void **state) {
+static void invalid_remarks_are_refused(void **state) {
     (void)state;
     const struct remark good = some_remark(1);
     struct remark bad[] = {good, good, good, good, good, good};
@@ -147,7 +147,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(remarks_come_back_where_they_were_made),
         cmocka_unit_test(a_piece_keeps_its_remarks),
-        cmocka_unit_test(what_is_no_remark_is_refused),
+        cmocka_unit_test(invalid_remarks_are_refused),
         cmocka_unit_test(an_older_trace_has_no_remarks),
         cmocka_unit_test(a_remark_that_is_cut_short_is_refused),
     };

@@ -122,7 +122,7 @@ static void the_most_metrics_arrive_whole(void **state) {
     console_destroy(&console);
 }
 
-static void who_asks_is_known(void **state) {
+static void the_actor_of_a_command_is_known(void **state) {
     (void)state;
     static arthron_CommandReply reply;
     struct console *console = open_console();
@@ -314,7 +314,7 @@ int main(void) {
         cmocka_unit_test(a_command_is_answered),
         cmocka_unit_test(the_longest_reply_arrives_whole),
         cmocka_unit_test(the_most_metrics_arrive_whole),
-        cmocka_unit_test(who_asks_is_known),
+        cmocka_unit_test(the_actor_of_a_command_is_known),
         cmocka_unit_test(callers_at_the_same_time_are_all_answered),
         cmocka_unit_test(others_are_answered_while_a_copy_is_made),
         cmocka_unit_test(a_copy_outlives_its_caller_and_not_the_console),

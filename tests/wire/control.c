@@ -190,7 +190,7 @@ static void a_silent_peer_is_refused_in_time(void **state) {
     expect_refusal(stranger, arthron_Refusal_Reason_MALFORMED);
 }
 
-static void what_becomes_no_websocket_is_hung_up_on(void **state) {
+static void a_connection_that_does_not_become_a_websocket_is_closed(void **state) {
     (void)state;
     static const char *const requests[] = {
         "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
@@ -325,7 +325,7 @@ static void revoking_works_while_an_enrolment_waits(void **state) {
     expect_enrolled(stranger);
 }
 
-static void who_leaves_while_it_waits_keeps_its_code(void **state) {
+static void an_applicant_that_goes_while_it_waits_keeps_its_code(void **state) {
     (void)state;
     arthron_Control enrol = good_enrol("bert");
     hold_the_keys();
@@ -649,7 +649,7 @@ int main(void) {
         WITH_SERVER(a_name_that_is_not_the_certificates_is_refused),
         WITH_SERVER(what_the_handler_refuses_is_refused_with_its_reason),
         WITH_SERVER(a_silent_peer_is_refused_in_time),
-        WITH_SERVER(what_becomes_no_websocket_is_hung_up_on),
+        WITH_SERVER(a_connection_that_does_not_become_a_websocket_is_closed),
         WITH_SERVER(nothing_is_heard_before_hello),
         WITH_SERVER(without_a_certificate_there_is_only_enrolment),
         WITH_SERVER(a_certificate_of_another_authority_ends_the_handshake),
@@ -665,7 +665,7 @@ int main(void) {
         WITH_SERVER(a_stopping_server_says_so),
         WITH_SERVER(while_another_process_holds_the_keys_frames_are_answered),
         WITH_SERVER(revoking_works_while_an_enrolment_waits),
-        WITH_SERVER(who_leaves_while_it_waits_keeps_its_code),
+        WITH_SERVER(an_applicant_that_goes_while_it_waits_keeps_its_code),
         WITH_SERVER(no_more_than_ten_wait_to_be_enrolled),
         WITH_SERVER(a_server_can_stop_while_an_enrolment_waits),
         WITH_SERVER(a_stranger_learns_nothing_of_the_servers_files),

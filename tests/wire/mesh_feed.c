@@ -81,7 +81,7 @@ static void a_station_that_asks_gets_the_whole_mesh_and_then_each_change(void **
     mesh_feed_destroy(&source.feed);
 }
 
-static void what_changes_while_one_is_on_its_way_goes_together_in_the_next(void **state) {
+static void changes_while_a_payload_is_on_its_way_share_the_next_one(void **state) {
     (void)state;
     struct source source;
     struct tissue tissue = {0};
@@ -222,7 +222,7 @@ static void a_payload_outlives_its_feed(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_station_that_asks_gets_the_whole_mesh_and_then_each_change),
-        cmocka_unit_test(what_changes_while_one_is_on_its_way_goes_together_in_the_next),
+        cmocka_unit_test(changes_while_a_payload_is_on_its_way_share_the_next_one),
         cmocka_unit_test(a_station_that_comes_back_gets_what_it_lacks),
         cmocka_unit_test(a_station_with_another_mesh_gets_the_whole),
         cmocka_unit_test(only_the_awaited_acknowledgement_counts),

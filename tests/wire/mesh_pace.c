@@ -116,7 +116,7 @@ static void a_reply_overtakes_a_mesh(void **state) {
     websocket_close(socket);
 }
 
-static void what_is_said_before_a_mesh_leaves_is_heard_before_it(void **state) {
+static void messages_sent_before_a_mesh_arrive_before_it(void **state) {
     (void)state;
     struct websocket *socket = greet("meshes");
     struct mesh_payload *payload = payload_of("meniscus", 100);
@@ -254,7 +254,7 @@ static void a_chunk_is_not_a_stations_to_say(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         WITH_SERVER(a_reply_overtakes_a_mesh),
-        WITH_SERVER(what_is_said_before_a_mesh_leaves_is_heard_before_it),
+        WITH_SERVER(messages_sent_before_a_mesh_arrive_before_it),
         WITH_SERVER(a_small_payload_does_not_wait_for_a_large_one_of_another_group),
         WITH_SERVER(a_newer_payload_of_the_group_takes_the_place_of_the_older),
         WITH_SERVER(payloads_go_with_their_peer),

@@ -124,7 +124,7 @@ static void a_viewer_gets_what_is_shown(void **state) {
     wait_for_viewers(false);
 }
 
-static void who_may_not_look_is_told_so(void **state) {
+static void a_viewer_without_permission_is_told_so(void **state) {
     (void)state;
     static const char zeros[] = "0000000000000000000000000000000000000000000000000000000000000000";
     char longer[TOKEN_LENGTH + 2], huge[1200];
@@ -158,7 +158,7 @@ static void who_may_not_look_is_told_so(void **state) {
     assert_false(view_is_watched(view));
 }
 
-static void who_may_look_is_let_in(void **state) {
+static void a_viewer_with_the_token_is_let_in(void **state) {
     (void)state;
     const struct question questions[] = {
         {"a program", 101},
@@ -321,8 +321,8 @@ static void viewers_are_sent_away_when_the_station_ends(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_viewer_gets_what_is_shown, begin, end),
-        cmocka_unit_test_setup_teardown(who_may_not_look_is_told_so, begin, end),
-        cmocka_unit_test_setup_teardown(who_may_look_is_let_in, begin, end),
+        cmocka_unit_test_setup_teardown(a_viewer_without_permission_is_told_so, begin, end),
+        cmocka_unit_test_setup_teardown(a_viewer_with_the_token_is_let_in, begin, end),
         cmocka_unit_test_setup_teardown(what_is_no_websocket_is_not_found, begin, end),
         cmocka_unit_test_setup_teardown(the_ninth_viewer_is_refused_until_another_goes, begin, end),
         cmocka_unit_test_setup_teardown(a_slow_viewer_skips_and_holds_up_nobody, begin, end),

@@ -79,7 +79,7 @@ static void only_signed_in_pages_of_this_server_and_programs_are_let_in(void **s
     }
 }
 
-static void who_is_unknown_hears_nothing_and_is_closed(void **state) {
+static void an_unknown_viewer_gets_nothing_and_is_closed(void **state) {
     (void)state;
     atomic_store(&reception.batch_size, 10);
     struct websocket *socket = look("stranger");
@@ -108,7 +108,7 @@ static void draw(struct websocket *socket, uint64_t batches) {
 }
 
 // What a page says before it is known is heard when it is.
-static void who_it_is_may_take_time(void **state) {
+static void a_page_may_send_before_it_is_known(void **state) {
     (void)state;
     struct websocket *socket = look("slow");
     watch(socket);
@@ -135,7 +135,7 @@ static void a_page_ends_with_its_sign_in(void **state) {
     }
 }
 
-static void who_is_in_stays_while_nobody_can_be_looked_up(void **state) {
+static void open_pages_stay_signed_in_while_accounts_cannot_be_looked_up(void **state) {
     (void)state;
     struct websocket *socket = look("good");
     watch(socket);
@@ -268,7 +268,7 @@ static void what_is_odd_but_good_is_taken(void **state) {
     websocket_close(socket);
 }
 
-static void who_says_too_much_is_closed(void **state) {
+static void a_peer_that_sends_too_much_is_closed(void **state) {
     (void)state;
     struct websocket *socket = look("good");
     int status = 0;
@@ -284,7 +284,7 @@ static void who_says_too_much_is_closed(void **state) {
 
 // ---- slow, many, late ---------------------------------------------------------------------------
 
-static void who_never_reads_is_hung_up_on_and_holds_up_nobody(void **state) {
+static void a_peer_that_never_reads_is_closed_and_delays_no_other(void **state) {
     (void)state;
     atomic_store(&reception.batch_size, 65535);
     struct websocket *slow = look("good"), *quick = look("good");
@@ -342,13 +342,15 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(only_signed_in_pages_of_this_server_and_programs_are_let_in,
                                         reception_begin, reception_end),
-        cmocka_unit_test_setup_teardown(who_is_unknown_hears_nothing_and_is_closed, reception_begin,
+        cmocka_unit_test_setup_teardown(an_unknown_viewer_gets_nothing_and_is_closed,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_page_may_send_before_it_is_known, reception_begin,
                                         reception_end),
-        cmocka_unit_test_setup_teardown(who_it_is_may_take_time, reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_page_ends_with_its_sign_in, reception_begin,
                                         reception_end),
-        cmocka_unit_test_setup_teardown(who_is_in_stays_while_nobody_can_be_looked_up,
-                                        reception_begin_patiently, reception_end),
+        cmocka_unit_test_setup_teardown(
+            open_pages_stay_signed_in_while_accounts_cannot_be_looked_up, reception_begin_patiently,
+            reception_end),
         cmocka_unit_test_setup_teardown(two_batches_are_on_their_way_and_no_more, reception_begin,
                                         reception_end),
         cmocka_unit_test_setup_teardown(a_batch_comes_when_it_is_due_or_asked_for, reception_begin,
@@ -357,9 +359,9 @@ int main(void) {
                                         reception_end),
         cmocka_unit_test_setup_teardown(what_is_odd_but_good_is_taken, reception_begin,
                                         reception_end),
-        cmocka_unit_test_setup_teardown(who_says_too_much_is_closed, reception_begin,
+        cmocka_unit_test_setup_teardown(a_peer_that_sends_too_much_is_closed, reception_begin,
                                         reception_end),
-        cmocka_unit_test_setup_teardown(who_never_reads_is_hung_up_on_and_holds_up_nobody,
+        cmocka_unit_test_setup_teardown(a_peer_that_never_reads_is_closed_and_delays_no_other,
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(there_is_room_for_64, reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_server_that_stops_says_so, reception_begin,

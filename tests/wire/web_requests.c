@@ -114,7 +114,7 @@ static void requests_on_one_connection_are_answered_in_order(void **state) {
 }
 
 // libwebsockets cannot take what follows a body before its answer: it must end there, no more.
-static void who_goes_on_behind_a_body_ends_only_itself(void **state) {
+static void pipelining_after_a_body_closes_only_its_own_connection(void **state) {
     (void)state;
     static const char *const texts[] = {
         "POST /api/v1/1 HTTP/1.1\r\n" TO_US "Content-Length: 2\r\n\r\nhiGET / HTTP/1.1\r\n\r\n",
@@ -282,7 +282,7 @@ static int count_open_files(void) {
     return count;
 }
 
-static void who_stops_in_the_middle_is_hung_up_on(void **state) {
+static void a_request_that_stops_in_the_middle_is_closed(void **state) {
     (void)state;
     enum { COUNT = 5 };
     static const char *const texts[COUNT] = {
@@ -313,7 +313,7 @@ static double processor_seconds(void) {
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-static void who_speaks_on_and_does_not_read_gets_no_processor(void **state) {
+static void a_peer_that_sends_and_never_reads_gets_no_processor(void **state) {
     (void)state;
     struct browser *rude = call();
     int small = 4096;
@@ -380,8 +380,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_body_has_its_limit, reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(requests_on_one_connection_are_answered_in_order,
                                         reception_begin, reception_end),
-        cmocka_unit_test_setup_teardown(who_goes_on_behind_a_body_ends_only_itself, reception_begin,
-                                        reception_end),
+        cmocka_unit_test_setup_teardown(pipelining_after_a_body_closes_only_its_own_connection,
+                                        reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_slow_answer_holds_up_no_page_and_may_find_nobody,
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(a_file_comes_whole_or_in_part, reception_begin,
@@ -390,9 +390,9 @@ int main(void) {
                                         reception_end),
         cmocka_unit_test_setup_teardown(a_file_is_packed_where_the_handler_wants_it,
                                         reception_begin, reception_end),
-        cmocka_unit_test_setup_teardown(who_stops_in_the_middle_is_hung_up_on, reception_begin,
-                                        reception_end),
-        cmocka_unit_test_setup_teardown(who_speaks_on_and_does_not_read_gets_no_processor,
+        cmocka_unit_test_setup_teardown(a_request_that_stops_in_the_middle_is_closed,
+                                        reception_begin, reception_end),
+        cmocka_unit_test_setup_teardown(a_peer_that_sends_and_never_reads_gets_no_processor,
                                         reception_begin, reception_end),
         cmocka_unit_test_setup_teardown(one_address_has_only_so_many_connections,
                                         reception_begin_patiently, reception_end),

@@ -37,8 +37,8 @@ enum result encoder_calibrate(const double *readings, const double *values, int 
     }
     if (!(high - low >= ENCODER_COUNTS_MIN) || !isfinite(both))
         return fail(err, RESULT_INVALID,
-                    "the encoder's readings lie between %g and %g, at least %.0f counts apart are "
-                    "needed: is it the right register, and does it turn?",
+                    "the encoder's readings lie between %g and %g, less than %.0f counts apart. "
+                    "Check register and encoder",
                     low, high, ENCODER_COUNTS_MIN);
     struct encoder_fit fit = {.scale = both / spread};
     fit.offset = mean_value - fit.scale * mean_reading;

@@ -56,9 +56,10 @@ enum result landmarks_register(const vec3 *in_a, const vec3 *in_b, int count,
                     LANDMARKS_MIN);
     double spread = fmin(distance_from_line(in_a, count), distance_from_line(in_b, count));
     if (spread < LANDMARKS_SPREAD_MM)
-        return fail(err, RESULT_INVALID,
-                    "the landmarks lie within %.1f mm of a line, at least %.0f are needed", spread,
-                    LANDMARKS_SPREAD_MM);
+        return fail(
+            err, RESULT_INVALID,
+            "the landmarks lie within %.1f mm of a straight line, less than %.0f. Choose others",
+            spread, LANDMARKS_SPREAD_MM);
     quat rotation = best_rotation(in_a, in_b, count);
     vec3 turned = quat_rotate(rotation, mean_of(in_b, count));
     out->T_a_b = (pose){rotation, vec3_sub(mean_of(in_a, count), turned)};

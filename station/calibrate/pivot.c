@@ -69,8 +69,8 @@ enum result pivot_calibrate(const pose *poses, int count, struct pivot *out, str
     double turn_deg = DEG_PER_RAD * sqrt(fmax(0, eigen.values[2]) / count);
     if (turn_deg < PIVOT_TURN_DEG)
         return fail(err, RESULT_INVALID,
-                    "the tool turns by %.1f degrees about its second axis, at least %.0f are "
-                    "needed: swing it wide, forward and back and from side to side",
+                    "the tool turned only %.1f degrees about its second axis, less than %.0f. "
+                    "Swing it wide, forward, back and sideways",
                     turn_deg, PIVOT_TURN_DEG);
     out->turn_deg = turn_deg;
     out->tip_mm = solve(&eigen, b);

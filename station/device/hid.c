@@ -113,7 +113,9 @@ static enum result read_layout(const struct device_config *config, struct hid_la
         unnumbered |= lacks_number(&handle->opening.field) || lacks_number(&handle->buttons);
     }
     if (!outputs->count)
-        return fail(err, RESULT_MISSING, "[device %s]: no value is named", config->name);
+        return fail(err, RESULT_MISSING,
+                    "[device %s]: the section needs a CHANNEL.opening or CHANNEL.buttons",
+                    config->name);
     if (unnumbered && hid_layout_is_numbered(layout))
         return fail(err, RESULT_INVALID, "[device %s]: only some values name their report",
                     config->name);

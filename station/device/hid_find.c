@@ -80,15 +80,14 @@ static enum result find_path(const struct hid_identity *identity, char out_path[
     }
     hid_free_enumeration(all);
     if (!out_path[0])
-        return fail(err, RESULT_MISSING, "no HID device %04x:%04x%s%s%s%s is there%s",
-                    identity->vid, identity->pid, identity->serial[0] ? " " : "", identity->serial,
+        return fail(err, RESULT_MISSING, "found no HID device %04x:%04x%s%s%s%s%s", identity->vid,
+                    identity->pid, identity->serial[0] ? " " : "", identity->serial,
                     identity->port[0] ? " in port " : "", identity->port,
                     identity->usage_page ? " with this usage" : "");
     if (several)
-        return fail(
-            err, RESULT_INVALID,
-            "several HID devices %04x:%04x are there: serial, port or usage must tell which",
-            identity->vid, identity->pid);
+        return fail(err, RESULT_INVALID,
+                    "found several HID devices %04x:%04x: add serial, port or usage to the config",
+                    identity->vid, identity->pid);
     return RESULT_OK;
 }
 

@@ -141,7 +141,7 @@ static enum result find_block(struct modbus_device *d, const struct device_confi
     d->count = high - low + 1;
     if (d->count > MODBUS_MAX_READ_REGISTERS)
         return fail(err, RESULT_LIMIT,
-                    "[device %s]: registers %d to %d are more than %d, which one reading may have",
+                    "[device %s]: registers %d to %d are too many: one reading has at most %d",
                     config->name, low, high, MODBUS_MAX_READ_REGISTERS);
     return RESULT_OK;
 }
@@ -156,7 +156,9 @@ static enum result configure_values(struct modbus_device *d, const struct device
     if (result != RESULT_OK)
         return result;
     if (!d->value_count)
-        return fail(err, RESULT_MISSING, "[device %s]: no value is named", config->name);
+        return fail(err, RESULT_MISSING,
+                    "[device %s]: the section names no register, as flexion = 1 does",
+                    config->name);
     for (int i = 0; i < d->value_count; i++)
         outputs_add(outputs, d->values[i].channel,
                     d->values[i].channel == CHANNEL_JOINT ? SAMPLE_JOINT : SAMPLE_HANDLE);
@@ -421,7 +423,7 @@ static enum result modbus_poll(void *device, struct device_reading *reading, str
         return fail(err, RESULT_CLOSED, "%s: the line was closed", modbus_line_name(d->line));
     int code = ask(d, modbus, registers, reading, &time_ns);
     if (code < 0)
-        return fail(err, RESULT_FORMAT, "%s: bytes that nobody asked for",
+        return fail(err, RESULT_FORMAT, "%s: the slave sent bytes without a request",
                     modbus_line_name(d->line));
     if (code)
         return explain(d, code, reading, err);

@@ -197,9 +197,10 @@ static enum result connect_line(struct modbus_line *line, struct error *err) {
     line->modbus = modbus;
     if (line->is_serial && flock(modbus_get_socket(modbus), LOCK_EX | LOCK_NB)) {
         disconnect(line);
-        return fail(err, RESULT_REFUSED,
-                    "%s: another program has it open, or another device under another name",
-                    line->name);
+        return fail(
+            err, RESULT_REFUSED,
+            "%s: another program uses it, or another device of the config under another name",
+            line->name);
     }
     modbus_set_byte_timeout(modbus, 0, (uint32_t)byte_timeout_ms * 1000);
     modbus_flush(modbus);

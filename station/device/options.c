@@ -155,7 +155,7 @@ enum result option_channel(const struct device_config *config, const char *key,
     char what[64];
     for (int i = 0; i < CHANNEL_COUNT; i++)
         names[i] = channel_name((enum channel)i);
-    snprintf(what, sizeof what, "\"%.32s\" is no channel", text);
+    snprintf(what, sizeof what, "\"%.32s\" is not a channel", text);
     return option_fail_name(config, key, err, what, text, names);
 }
 
@@ -165,7 +165,8 @@ enum result option_pose(const struct device_config *config, const char *key, pos
     *out_pose = pose_identity();
     if (text && !number_pose(text, out_pose))
         return option_fail(config, key, err, RESULT_INVALID,
-                           "\"%s\" is no pose: x y z (mm) and a unit quaternion qw qx qy qz", text);
+                           "\"%s\" is not a pose: x y z (mm) and a unit quaternion qw qx qy qz",
+                           text);
     return RESULT_OK;
 }
 

@@ -33,7 +33,7 @@ static enum result configure(struct recorded *d, const struct device_config *con
     if (result == RESULT_OK)
         result = option_channel(config, "channel", CHANNEL_COUNT, &channel, err);
     if (result == RESULT_OK && channel == CHANNEL_JOINT)
-        result = option_fail(config, "channel", err, RESULT_INVALID, "the joint is no tool");
+        result = option_fail(config, "channel", err, RESULT_INVALID, "the joint is not a tool");
     if (result == RESULT_OK)
         result = option_switch(config, "loop", true, &d->loop, err);
     if (result == RESULT_OK)

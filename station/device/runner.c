@@ -117,7 +117,7 @@ static bool take_sample(struct device *d, const struct sample *sample) {
         complain(d, sample, "shakes more than a hand can");
         return false;
     case SLOT_SILENT:
-        complain(d, sample, "the source has no value");
+        complain(d, sample, "the device reports no value");
         return false;
     default:
         return true;
@@ -136,7 +136,7 @@ static void log_changes(struct device *d) {
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < d->slot_count; i++)
         lost[i] = d->slots[i].validity == VALIDITY_LOST;
-    strcpy(why, d->status.problem[0] ? d->status.problem : "nothing new comes");
+    strcpy(why, d->status.problem[0] ? d->status.problem : "the device sends nothing new");
     pthread_mutex_unlock(&d->lock);
     for (int i = 0; i < d->slot_count; i++) {
         const char *channel = channel_name(d->slots[i].newest.channel);
@@ -146,7 +146,7 @@ static void log_changes(struct device *d) {
         if (lost[i])
             log_warning("device", "%s: %s lost: %s", d->status.name, channel, why);
         else
-            log_info("device", "%s: %s there", d->status.name, channel);
+            log_info("device", "%s: %s has values", d->status.name, channel);
     }
 }
 
@@ -353,7 +353,8 @@ static enum result configure_all(struct runner *r, const struct device_config *c
                                  struct error *err) {
     int channels = 0;
     if (count > RUNNER_DEVICES_MAX)
-        return fail(err, RESULT_LIMIT, "%d devices, more than %d", count, RUNNER_DEVICES_MAX);
+        return fail(err, RESULT_LIMIT, "the config has %d devices, more than %d", count,
+                    RUNNER_DEVICES_MAX);
     for (; r->count < count; r->count++) {
         struct device *d = &r->devices[r->count];
         enum result result = configure(d, &configs[r->count], r->count, err);

@@ -63,7 +63,7 @@ static enum result configure_tools(struct tracker *d, const struct device_config
         if (!name)
             continue;
         if (i == CHANNEL_JOINT)
-            return option_fail(config, key, err, RESULT_INVALID, "the joint is no tool");
+            return option_fail(config, key, err, RESULT_INVALID, "the joint is not a tool");
         if (!*name || strlen(name) >= IGTL_NAME_SIZE)
             return option_fail(config, key, err, RESULT_INVALID, "a name has 1 to %d bytes",
                                IGTL_NAME_SIZE - 1);
@@ -85,7 +85,7 @@ static enum result configure_request(struct igtl_request *request,
     while (kind && at < IGTL_REQUEST_KIND_COUNT && strcmp(kind, names[at]))
         at++;
     if (at == IGTL_REQUEST_KIND_COUNT)
-        return option_fail_name(config, "request", err, "is none of its choices", kind, names);
+        return option_fail_name(config, "request", err, "unknown kind of request", kind, names);
     request->kind = (enum igtl_request_kind)at;
     if (coordinates && strlen(coordinates) >= sizeof request->coordinates)
         return option_fail(config, "coordinates", err, RESULT_LIMIT, "a name has at most %zu bytes",
@@ -265,9 +265,10 @@ static void send_request(struct tracker *d) {
 
 static enum result tell_silence(const struct tracker *d, struct error *err) {
     if (!d->request.count)
-        return fail(err, RESULT_TIMEOUT, "%s: silent", d->address);
-    return fail(err, RESULT_TIMEOUT, "%s: silent; it was asked for %s%s", d->address,
-                igtl_request_name(d->request.asked), d->denied ? " and refused" : "");
+        return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing", d->address);
+    return fail(err, RESULT_TIMEOUT, "%s: the tracker sends nothing; it %s %s", d->address,
+                d->denied ? "refused a request for" : "was asked for",
+                igtl_request_name(d->request.asked));
 }
 
 static enum result tracker_poll(void *device, struct device_reading *reading, struct error *err) {

@@ -282,7 +282,7 @@ static int hear(struct link *link, const void *bytes, size_t size) {
     if (control->meshes && wire_is_chunk(control->incoming, whole))
         return hear_chunk(link, whole);
     if (wire_decode_control(control->incoming, whole, &control->message, &err) != RESULT_OK) {
-        log_warning("link", "a malformed message of the server: %s", err.text);
+        log_warning("link", "the server sent a malformed message: %s", err.text);
         return -1;
     }
     return hear_message(link, &control->message, now_ns);
@@ -388,7 +388,7 @@ static void disconnected(struct link *link) {
     pthread_mutex_unlock(&link->lock);
     if (welcomed && !atomic_load(&link->stopping) && !atomic_load(&link->keys_changed))
         log_trouble(link,
-                    "the connection was lost. It is made again as soon as the server answers");
+                    "the connection was lost. The station connects again when the server answers");
     try_again(link);
 }
 
@@ -451,7 +451,8 @@ enum result control_init(struct link *link, struct error *err) {
     link->control.queue = ring_create(QUEUE_LENGTH, sizeof(struct control_message));
     link->control.context = lws_create_context(&info);
     if (!link->control.context)
-        return fail(err, RESULT_IO, "the link to %s cannot be set up", link->config.host);
+        return fail(err, RESULT_IO, "the station cannot set up a connection to %s",
+                    link->config.host);
     return RESULT_OK;
 }
 

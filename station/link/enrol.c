@@ -64,7 +64,7 @@ static void read_answer(struct enrol_client *e) {
                       refusal->reason == arthron_Refusal_Reason_SHUTDOWN;
         finish(e, passes ? RESULT_CLOSED : RESULT_REFUSED, refusal->text);
     } else {
-        finish(e, RESULT_FORMAT, "the server's answer is no certificate");
+        finish(e, RESULT_FORMAT, "the server answered without a certificate");
     }
 }
 

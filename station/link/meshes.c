@@ -171,7 +171,7 @@ static enum result change_tissue(struct meshes *meshes, struct followed *followe
     enum result result = tissue_apply(tissue, followed->payload, followed->size, err);
     if (result == RESULT_OK && tissue->number != followed->number) {
         tissue_fini(tissue);
-        result = fail(err, RESULT_CORRUPT, "its changes do not lead to its number");
+        result = fail(err, RESULT_CORRUPT, "its changes lead to another number");
     }
     pthread_mutex_unlock(&meshes->lock);
     return result;
@@ -181,7 +181,8 @@ static bool take_payload(struct meshes *meshes, struct followed *followed, arthr
     struct error err;
     uint32_t here = followed->tissue.number;
     if (tissue_payload_hash(followed->payload, followed->size) != followed->hash)
-        return ask_again(meshes, followed, "its bytes are not those that were sent", out);
+        return ask_again(meshes, followed, "its bytes do not have the hash that the server sent",
+                         out);
     bool passed = followed->base && followed->base != here && followed->number <= here;
     if (!passed && change_tissue(meshes, followed, &err) != RESULT_OK)
         return ask_again(meshes, followed, err.text, out);
@@ -196,7 +197,8 @@ bool meshes_hear(struct meshes *meshes, const arthron_MeshChunk *chunk, arthron_
         followed = add(meshes, chunk->group);
     if (!followed) {
         if (chunk->index == 0)
-            log_warning("link", "mesh %s: one more than can be followed", chunk->group);
+            log_warning("link", "mesh %s: ignored, because the station follows no more meshes",
+                        chunk->group);
         return false;
     }
     if (!collect(meshes, followed, chunk))

@@ -46,7 +46,7 @@ static void warn_once_a_day(struct renewal *r, int64_t left_s, const char *why) 
     if (left_s >= RENEWAL_WARNING_DAYS * DAY_S || now_s - r->warned_s < DAY_S)
         return;
     r->warned_s = now_s;
-    log_warning("link", "the station's certificate ends in %d days and is not renewed: %s",
+    log_warning("link", "the station's certificate ends in %d days and could not be renewed: %s",
                 (int)(left_s / DAY_S), why);
 }
 

@@ -8,28 +8,26 @@ const char *trouble_sentence(const char *reason) {
         const char *part, *sentence; // the part is libwebsockets'
     } rows[] = {
         {"Unable to connect",
-         "nobody answers there. Is the server running, and are host, port and network right?"},
-        {"conn fail",
-         "nobody answers there. Is the server running, and are host, port and network right?"},
-        {"Timed out",
-         "the connection is accepted, but nothing is answered. Does the server hang, or is this "
-         "another program's port?"},
-        {"SYSCALL", "the connection is closed at once. Is this the server's port for stations?"},
-        {"connect SSL", "what answers there does not speak TLS as the server does. Is this the "
-                        "server's port for stations?"},
-        {"not 101", "what answers there is no server for stations. Is the port right? It is not "
-                    "the one of the pages"},
-        {"HS:", "what answers there is no server for stations. Is the port right? It is not the "
-                "one of the pages"},
-        {"read failed",
-         "the server closed the connection before it said Welcome. Its log may tell why"},
+         "no server answers. Check that it runs, and check host, port and network"},
+        {"conn fail", "no server answers. Check that it runs, and check host, port and network"},
+        {"Timed out", "the server accepted the connection but does not answer. Check the port, and "
+                      "the server's log"},
+        {"SYSCALL",
+         "the connection was closed at once. Check that this is the server's port for stations"},
+        {"connect SSL", "the program at this port does not speak TLS. Check that this is the "
+                        "server's port for stations"},
+        {"not 101", "the program at this port does not serve stations. Use the port for stations, "
+                    "not that of the pages"},
+        {"HS:", "the program at this port does not serve stations. Use the port for stations, not "
+                "that of the pages"},
+        {"read failed", "the server closed the connection before its Welcome. Its log may say why"},
         {"Closed before conn",
-         "the server closed the connection before it said Welcome. Its log may tell why"},
+         "the server closed the connection before its Welcome. Its log may say why"},
     };
     if (!reason)
-        return "the name leads to no address. Is it spelt right, and does the name server answer?";
+        return "the host name has no address. Check its spelling and the name server";
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
         if (strstr(reason, rows[i].part))
             return rows[i].sentence;
-    return "there is no connection. Is the server running, and are host, port and network right?";
+    return "the connection failed. Check that the server runs, and check host, port and network";
 }

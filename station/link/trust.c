@@ -59,12 +59,13 @@ static void explain_time(struct trust *trust, const X509 *certificate, bool ende
     write_date(limit_s, limit);
     write_date(time(NULL), now);
     trust->clock_is_wrong = true;
-    snprintf(trust->problem, sizeof trust->problem,
-             ended ? "the server's certificate ended at %s, and this machine's clock says %s. Set "
-                     "the clock if it is wrong, else renew the certificate"
-                   : "the server's certificate begins at %s, and this machine's clock says %s. Set "
-                     "the clock",
-             limit, now);
+    snprintf(
+        trust->problem, sizeof trust->problem,
+        ended
+            ? "the server's certificate ended at %s; this machine's clock says %s. Set the clock "
+              "if it is wrong, else renew the certificate"
+            : "the server's certificate begins at %s; this machine's clock says %s. Set the clock",
+        limit, now);
 }
 
 static void explain(struct trust *trust, X509_STORE_CTX *chain) {
@@ -78,14 +79,14 @@ static void explain(struct trust *trust, X509_STORE_CTX *chain) {
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
         snprintf(trust->problem, sizeof trust->problem,
-                 "the server's certificate is not for %.100s. Call the server by another of its "
-                 "names, or give it this one",
+                 "the server's certificate is not for %.100s. Use another name of the server, or "
+                 "add this one to its certificate",
                  trust->host);
         break;
     default:
         snprintf(trust->problem, sizeof trust->problem,
-                 "the server's certificate is not trusted: %s. Is it another server, or has it a "
-                 "new authority? Then enrol the station again",
+                 "the server's certificate is not trusted: %s. Enrol the station again if server "
+                 "or authority is new",
                  X509_verify_cert_error_string(code));
     }
 }
@@ -120,7 +121,7 @@ static enum result expect_host(SSL_CTX *context, const char *host, struct error 
     if (host[0] && (X509_VERIFY_PARAM_set1_ip_asc(expected, host) == 1 ||
                     X509_VERIFY_PARAM_set1_host(expected, host, 0) == 1))
         return RESULT_OK;
-    return fail(err, RESULT_INVALID, "'%s' is no host name or address", host);
+    return fail(err, RESULT_INVALID, "'%s' is neither a host name nor an address", host);
 }
 
 static enum result begin(struct trust *trust, const char *host, struct error *err) {

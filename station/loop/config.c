@@ -159,7 +159,7 @@ static enum result complete(struct station_config *c, struct error *err) {
     if (!c->name[0] || !c->host[0] || !c->keys_dir[0])
         return fail(err, RESULT_MISSING, "[station] needs name, server and keys");
     if (!c->device_count)
-        return fail(err, RESULT_MISSING, "there is no [device NAME]");
+        return fail(err, RESULT_MISSING, "the config has no [device NAME]");
     if (!c->view.token_path[0] &&
         !setting_path(c->keys_dir, "view.token", c->view.token_path, sizeof c->view.token_path))
         return fail(err, RESULT_LIMIT, "[station] keys is too long");
@@ -172,7 +172,7 @@ static enum result read_calibration(struct station_config *config, struct error 
         return RESULT_OK;
     if (!access(path, F_OK))
         return calibration_read(path, &config->calibration, err);
-    log_warning("station", "%s: not there yet; `arthron-station calibrate` makes it", path);
+    log_warning("station", "%s: does not exist yet. `arthron-station calibrate` makes it", path);
     return RESULT_OK;
 }
 

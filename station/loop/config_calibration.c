@@ -48,7 +48,7 @@ enum result station_config_scale(struct station_config *config, const char *devi
         return fail(err, RESULT_INVALID, "[device %s] %s: the config has no such key", device_name,
                     key);
     if (sscanf(old, "%15s", register_text) != 1)
-        return fail(err, RESULT_INVALID, "[device %s] %s: no register", device_name, key);
+        return fail(err, RESULT_INVALID, "[device %s] %s: names no register", device_name, key);
     const char *sign = strstr(old, "unsigned") ? " unsigned"
                        : strstr(old, "signed") ? " signed"
                                                : "";

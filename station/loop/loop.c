@@ -137,10 +137,11 @@ static void log_holds(struct loop *loop) {
         struct device_status device;
         runner_status(loop->runner, i, &device);
         if (device.hold_ms > link.hold_ms)
-            log_warning("station",
-                        "[device %s] hold_ms = %g has no effect beyond %d: the server's [warp] "
-                        "hold_ms = %d calls the channel lost before. Raise the server's",
-                        device.name, device.hold_ms, link.hold_ms, link.hold_ms);
+            log_warning(
+                "station",
+                "[device %s] hold_ms = %g: the server calls a value lost after %d ms. Raise "
+                "hold_ms in its [warp]",
+                device.name, device.hold_ms, link.hold_ms);
     }
 }
 
@@ -258,8 +259,8 @@ static enum result open_view(struct loop *loop, struct error *err) {
         log_warning("view", "%s", careless.text);
     enum result result = view_create(config, &loop->view, err);
     if (result == RESULT_OK)
-        log_info("view", "ws://127.0.0.1:%d/view?token=..., with what is in %s", config->port,
-                 config->token_path);
+        log_info("view", "serving ws://127.0.0.1:%d/view?token=TOKEN; the token is in %s",
+                 config->port, config->token_path);
     return result;
 }
 

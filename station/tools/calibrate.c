@@ -18,8 +18,8 @@ static const char help[] =
     "       arthron-station calibrate encoder --config FILE --device NAME --key KEY\n"
     "                                 --at VALUE,VALUE,... [--json]\n"
     "\n"
-    "Writes what it finds, with date and residual, into the file that the config names\n"
-    "(calibration = FILE in [station]); what is not good enough is refused, and nothing written.\n"
+    "Writes the result, with date and residual, into the file that the config names\n"
+    "(calibration = FILE in [station]). It refuses a poor result, and then writes nothing.\n"
     "\n"
     "tip        where a tool's tip is: turn the tool about its tip\n"
     "landmarks  where the tracker stands: touch known points of the mock-up, one after the other\n"
@@ -135,7 +135,8 @@ static enum result keep(struct station_config *config, struct calibration_entry 
                         struct error *err) {
     entry->utc_s = clock_utc_ns() / NS_PER_S;
     if (!calibration_put(&config->calibration, entry))
-        return fail(err, RESULT_LIMIT, "%s: too many sections", config->calibration_path);
+        return fail(err, RESULT_LIMIT, "%s: the file has no room for another part",
+                    config->calibration_path);
     return calibration_write(config->calibration_path, &config->calibration, err);
 }
 
@@ -143,10 +144,11 @@ static enum result calibrate(struct station_config *config, int part,
                              const struct calibrate_arguments *arguments, struct error *err) {
     struct calibration_entry entry = {.kind = parts[part].kind};
     if (!config->calibration_path[0])
-        return fail(err, RESULT_MISSING, "%s: [station] calibration = FILE says where it goes",
+        return fail(err, RESULT_MISSING,
+                    "%s: [station] names no file for the result. Add calibration = FILE",
                     arguments->config);
     if (!setting_text(arguments->device, entry.device, sizeof entry.device))
-        return fail(err, RESULT_INVALID, "%s: no device can have this name", arguments->device);
+        return fail(err, RESULT_INVALID, "%s: a device cannot have this name", arguments->device);
     json_t *report = json_object();
     enum result result = parts[part].run(config, arguments, &entry, report, err);
     if (result == RESULT_OK)

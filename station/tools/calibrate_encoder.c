@@ -60,7 +60,8 @@ static enum result judge(const struct encoder_fit *fit, int count, struct calibr
     json_object_set_new(report, "offset", json_real(fit->offset));
     if (fit->rms > RMS_MAX)
         return fail(err, RESULT_INVALID,
-                    "the values do not lie on a line (%.1f %s root mean square): once more",
+                    "the readings lie %.1f %s (root mean square) off a straight line. Repeat the "
+                    "calibration",
                     fit->rms, unit);
     return RESULT_OK;
 }
@@ -73,7 +74,7 @@ enum result calibrate_encoder(struct station_config *config,
     struct gather *gather = NULL;
     struct encoder_fit fit;
     if (!value_of(&none, arguments->key, &value))
-        return fail(err, RESULT_INVALID, "%s is no value of the joint", arguments->key);
+        return fail(err, RESULT_INVALID, "--key %s: the joint has no such value", arguments->key);
     snprintf(out->of, sizeof out->of, "%s", arguments->key);
     enum result result =
         station_config_scale(config, arguments->device, arguments->key, COUNT_SCALE, 0, err);

@@ -69,7 +69,7 @@ static enum result touch(struct gather *gather, enum channel channel, const char
             return result;
         *out_point = mean_of(samples, count, &moved_mm);
         if (moved_mm > MOVED_MAX_MM)
-            fprintf(stderr, "It moved by %.1f mm: once more.\n", moved_mm);
+            fprintf(stderr, "The tip moved by %.1f mm. Hold it still and repeat.\n", moved_mm);
     } while (moved_mm > MOVED_MAX_MM);
     return RESULT_OK;
 }
@@ -106,8 +106,8 @@ static enum result judge(const struct points *points, const struct registration 
              points->count, found->max_mm, points->names[worst]);
     if (found->max_mm > RESIDUAL_MAX_MM)
         return fail(err, RESULT_INVALID,
-                    "%s is %.1f mm off: was another point touched, is the tip calibrated, do the "
-                    "points belong to this mock-up?",
+                    "%s is %.1f mm off. Check the point that you touched, the tip's calibration "
+                    "and the points file",
                     points->names[worst], found->max_mm);
     return RESULT_OK;
 }

@@ -15,11 +15,10 @@ static enum result take_poses(struct station_config *config,
     struct sample *samples = alloc(POSES_MAX, sizeof *samples);
     enum result result = gather_create(config, arguments->device, &gather, err);
     if (result == RESULT_OK) {
-        fprintf(
-            stderr,
-            "For %.0f s: leave the tip of the %s in a dimple and swing the handle wide, forward "
-            "and back and from side to side.\n",
-            arguments->seconds, channel_name(arguments->channel));
+        fprintf(stderr,
+                "For %.0f s, keep the tip of the %s in a dimple. Swing the handle wide, forward, "
+                "back and sideways.\n",
+                arguments->seconds, channel_name(arguments->channel));
         result = gather_take(gather, arguments->channel, SAMPLE_POSE, arguments->seconds, samples,
                              POSES_MAX, out_count, err);
     }
@@ -41,10 +40,10 @@ static enum result judge(const struct pivot *pivot, int count, struct calibratio
     json_object_set_new(report, "max_mm", json_real(pivot->max_mm));
     json_object_set_new(report, "turn_deg", json_real(pivot->turn_deg));
     if (pivot->rms_mm > RMS_MAX_MM)
-        return fail(err, RESULT_INVALID,
-                    "the tip did not stay in its place (%.1f mm root mean square): once more, and "
-                    "press it into the dimple",
-                    pivot->rms_mm);
+        return fail(
+            err, RESULT_INVALID,
+            "the tip moved by %.1f mm (root mean square). Press it into the dimple and repeat",
+            pivot->rms_mm);
     return RESULT_OK;
 }
 

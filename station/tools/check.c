@@ -30,12 +30,12 @@ static const char help[] =
     "\n"
     "Checks the devices, the calibration, the certificate, the server and the clocks before "
     "class.\n"
-    "Prints one line for each, with what to do where it is not ready. Exits 0 where all are "
-    "ready,\n"
-    "else 1. Some devices serve one program only: end `run` before. The server opens no session.\n"
+    "Prints one line for each, and says what to do if it is not ready. Exits with 0 if all are\n"
+    "ready, else with 1. Stop `arthron-station run` first if a device serves one program only.\n"
+    "The server opens no session.\n"
     "\n"
     "  -c, --config FILE  the station's config\n"
-    "  -t, --seconds N    how long to look; 3\n"
+    "  -t, --seconds N    how long to read the devices; 3\n"
     "  -j, --json         print JSON\n"
     "      --help         show this\n";
 
@@ -97,17 +97,18 @@ static void judge_device(struct check *check, int index) {
     struct findings *f = &check->findings;
     double noise_mm = noise_of_device(check, index);
     if (!s.connected) {
-        findings_add(f, false, s.name, "is it switched on and plugged in, is its address right?",
+        findings_add(f, false, s.name, "check its power, its cable and its address in the config",
                      "%s", s.problem[0] ? s.problem : "not connected");
         return;
     }
-    const char *advice = !s.readings ? "it gives nothing of what the config names: restart it, or "
-                                       "look at names and registers"
-                         : s.malformed * 100 > s.readings ? "look at its cable and its settings"
-                         : s.jumps
-                             ? "remove metal, mirrors and second markers from around the tracker"
-                         : noise_mm > NOISE_MAX_MM ? "clean the markers, look at distance and cable"
-                                                   : NULL;
+    const char *advice =
+        !s.readings
+            ? "it sends nothing that the config names: restart it, or correct names and registers"
+        : s.malformed * 100 > s.readings ? "check its cable and its settings"
+        : s.jumps ? "remove metal, mirrors and other markers near the tracker"
+        : noise_mm > NOISE_MAX_MM
+            ? "clean the markers, and check their distance and the tracker's cable"
+            : NULL;
     findings_add(f, !advice, s.name, advice,
                  "%s: %.0f readings/s, %" PRIu64 " malformed, %" PRIu64 " jumps, noise %.2f mm%s%s",
                  s.driver, s.rate_hz, s.malformed, s.jumps, noise_mm, s.problem[0] ? "; " : "",
@@ -121,23 +122,24 @@ static void judge_channels(struct check *check) {
         runner_status(check->runner, sample->device, &s);
         if (s.connected && sample->validity == VALIDITY_LOST)
             findings_add(&check->findings, false, channel_name(sample->channel),
-                         "bring it into view, or look at the name that the device gives it",
-                         "%s gives no value of it", s.name);
+                         "bring it into view, or correct its name or register in the config",
+                         "[device %s] sends no value for it", s.name);
     }
 }
 
 // ---- calibration --------------------------------------------------------------------------------
 
 static void judge_calibration(struct check *check) {
-    static const char what[] = "calibration", advice[] = "arthron-station calibrate";
+    static const char what[] = "calibration", advice[] = "run arthron-station calibrate";
     const struct calibration *c = &check->config->calibration;
     struct findings *f = &check->findings;
     if (!c->count) {
         bool named = check->config->calibration_path[0];
-        findings_add(f, false, what,
-                     named ? advice
-                           : "add calibration = FILE to [station], then arthron-station calibrate",
-                     "%s", named ? "there is none yet" : "the config names no file for one");
+        findings_add(
+            f, false, what,
+            named ? advice
+                  : "add calibration = FILE to [station], then run arthron-station calibrate",
+            "%s", named ? "the station has none yet" : "the config names no calibration file");
         return;
     }
     struct calibration_summary s = calibration_summarise(c);
@@ -145,14 +147,14 @@ static void judge_calibration(struct check *check) {
     bool good = age_s >= -DAY_S && age_s <= CALIBRATION_DAYS * DAY_S &&
                 s.residual_mm <= CALIBRATION_MAX && s.residual_deg <= CALIBRATION_MAX;
     findings_add(f, good, what, advice,
-                 "%d parts, the oldest %" PRId64 " days, residuals %.2f mm, %.2f degrees", c->count,
-                 age_s / DAY_S, s.residual_mm, s.residual_deg);
+                 "%d parts, the oldest is %" PRId64 " days old, residuals %.2f mm, %.2f degrees",
+                 c->count, age_s / DAY_S, s.residual_mm, s.residual_deg);
 }
 
 // ---- server -------------------------------------------------------------------------------------
 
-static const char enrol_advice[] = "enrol the station again: `arthron-server keys enrol` on the "
-                                   "server, then `arthron-station enrol`";
+static const char enrol_advice[] = "enrol the station again: run `arthron-server keys enrol` on "
+                                   "the server, then `arthron-station enrol` here";
 static const char clock_advice[] = "set this machine's clock, and let it follow a time server";
 static const char ended_advice[] =
     "set this machine's clock if it is wrong; else enrol the station again";
@@ -167,7 +169,7 @@ static void write_date(int64_t utc_s, char out[32]) {
 static void judge_certificate(struct check *check) {
     static const char what[] = "certificate";
     static const char advice[] =
-        "let the station run and renew it, or enrol it again (docs/INSTALL.md)";
+        "run the station, which renews it, or enrol the station again (docs/INSTALL.md)";
     int64_t begin_s, end_s, now_s = clock_utc_ns() / NS_PER_S;
     struct error err;
     if (link_certificate_times(check->config->keys_dir, &begin_s, &end_s, &err) != RESULT_OK) {
@@ -179,8 +181,8 @@ static void judge_certificate(struct check *check) {
         write_date(now_s < begin_s ? begin_s : end_s, limit);
         write_date(now_s, now);
         findings_add(&check->findings, false, what, now_s < begin_s ? clock_advice : ended_advice,
-                     "%s at %s, and this machine's clock says %s",
-                     now_s < begin_s ? "begins" : "ended", limit, now);
+                     "%s at %s; this machine's clock says %s",
+                     now_s < begin_s ? "it begins" : "it ended", limit, now);
         return;
     }
     int64_t days = (end_s - now_s) / DAY_S;
@@ -191,8 +193,7 @@ static void judge_certificate(struct check *check) {
 static const char *advice_for(const struct link_status *s) {
     if (!s->refusal[0])
         return s->clock_is_wrong ? clock_advice
-                                 : "see that the server runs, and that host, port and network are "
-                                   "right";
+                                 : "check that the server runs, and check host, port and network";
     switch (s->refusal_reason) {
     case arthron_Refusal_Reason_IDENTITY:
         return enrol_advice;
@@ -203,7 +204,7 @@ static const char *advice_for(const struct link_status *s) {
     case arthron_Refusal_Reason_VERSION:
         return "install the same version on the station and on the server";
     default:
-        return "look into the server's log";
+        return "read the server's log";
     }
 }
 
@@ -214,12 +215,13 @@ static void judge_time(struct check *check, const struct link_status *s) {
         return;
     write_date(clock_utc_ns() / NS_PER_S, ours);
     if (off_s <= TIME_OFF_MAX_S)
-        findings_add(&check->findings, true, "time of day", NULL, "%s, as the server's", ours);
+        findings_add(&check->findings, true, "time of day", NULL, "%s, the same as the server's",
+                     ours);
     else
         findings_add(&check->findings, false, "time of day",
                      "set the clock that is wrong, and let both follow a time server",
-                     "%s; the server's clock is %.1f days %s of this one", ours,
-                     (double)off_s / DAY_S, s->utc_ahead_s > 0 ? "ahead" : "behind");
+                     "%s; the server's clock is %.1f days %s this one", ours, (double)off_s / DAY_S,
+                     s->utc_ahead_s > 0 ? "ahead of" : "behind");
 }
 
 static void judge_server(struct check *check) {
@@ -230,24 +232,25 @@ static void judge_server(struct check *check) {
         link_get_status(check->link, &s);
     if (!s.welcomed || !s.clock_known) {
         findings_add(f, false, "server", advice_for(&s), "%s, port %d: %s", c->host, c->port,
-                     s.refusal[0]   ? s.refusal
-                     : s.problem[0] ? s.problem
-                                    : "no answer yet: give it more time with --seconds");
+                     s.refusal[0] ? s.refusal
+                     : s.problem[0]
+                         ? s.problem
+                         : "the server has not answered yet: allow more time with --seconds");
         return;
     }
     judge_time(check, &s);
     double uncertainty_ms = (double)s.clock_uncertainty_ns / 1e6;
     double round_trip_ms = (double)s.round_trip_ns / 1e6;
-    findings_add(f, true, "server", NULL, "%s, port %d: welcome, case %s", c->host, c->port,
+    findings_add(f, true, "server", NULL, "%s, port %d: connected, case %s", c->host, c->port,
                  s.session_case);
     int64_t days = (s.server_until_utc_s - clock_utc_ns() / NS_PER_S) / DAY_S;
     findings_add(f, days >= CERTIFICATE_DAYS, "server's certificate",
-                 "arthron-server keys renew on the server", "good for %" PRId64 " days", days);
+                 "run arthron-server keys renew on the server", "good for %" PRId64 " days", days);
     findings_add(f, uncertainty_ms <= UNCERTAINTY_MAX_MS, "clock",
-                 "the network is too slow or too busy: use a cable", "known within %.2f ms",
-                 uncertainty_ms);
+                 "use a network cable, or a network with less traffic",
+                 "offset to the server's clock known within %.2f ms", uncertainty_ms);
     findings_add(f, round_trip_ms <= ROUND_TRIP_MAX_MS, "round trip",
-                 "the network is too slow or too busy: use a cable", "%.2f ms", round_trip_ms);
+                 "use a network cable, or a network with less traffic", "%.2f ms", round_trip_ms);
 }
 
 // ---- view ---------------------------------------------------------------------------------------
@@ -259,14 +262,14 @@ static void judge_view(struct check *check) {
         return;
     static const char *const uses[] = {
         [VIEW_PORT_FREE] = "is free",
-        [VIEW_PORT_VIEW] = "has the view of a station that runs",
-        [VIEW_PORT_TAKEN] = "is taken",
+        [VIEW_PORT_VIEW] = "serves the view of a running station",
+        [VIEW_PORT_TAKEN] = "is used by another program",
     };
     enum view_port_use use = view_look_at_port(view->port);
     bool taken = use == VIEW_PORT_TAKEN, secret = token_check(view->token_path, &err) == RESULT_OK;
     findings_add(&check->findings, !taken && secret, "view",
-                 taken ? "end the program that has it, or choose another port"
-                       : "chmod 600 the file, or delete it: a new one is made",
+                 taken ? "stop that program, or choose another port in [view]"
+                       : "run chmod 600 on the file, or delete it: the station makes a new one",
                  "port %d %s%s%s", view->port, uses[use], secret ? "" : "; ",
                  secret ? "" : err.text);
 }
@@ -286,7 +289,7 @@ static enum result start(struct check *check, struct error *err) {
     struct link_config link = loop_link_config(config);
     link.visit = true;
     if (link_create(&link, &check->link, err) != RESULT_OK) {
-        findings_add(&check->findings, false, "keys", "arthron-station enrol", "%s", err->text);
+        findings_add(&check->findings, false, "keys", "run arthron-station enrol", "%s", err->text);
         check->link = NULL;
     }
     return RESULT_OK;
@@ -308,7 +311,7 @@ static void examine(struct check *check, const char *path, double seconds) {
     if (result == RESULT_OK)
         result = start(check, &err);
     if (result != RESULT_OK) {
-        findings_add(&check->findings, false, "config", "mend the file (docs/CONFIG.md)", "%s",
+        findings_add(&check->findings, false, "config", "correct the file (docs/CONFIG.md)", "%s",
                      err.text);
         return;
     }

@@ -6,22 +6,22 @@
 #include <getopt.h>
 #include <stdio.h>
 
-static const char help[] = "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
-                           "\n"
-                           "Gets a certificate with a one-time code of `arthron-server keys "
-                           "enrol`. Exits 3 where another\n"
-                           "code is needed, 1 where the same one may do later.\n"
-                           "\n"
-                           "  -n, --name STATION  the station's name, as the code was made for\n"
-                           "  -k, --keys DIR      where key and certificate go\n"
-                           "      --help          show this\n";
+static const char help[] =
+    "Usage: arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
+    "\n"
+    "Gets a certificate with a one-time code of `arthron-server keys enrol`. Exits with 3\n"
+    "if it needs another code, and with 1 if the same code may work later.\n"
+    "\n"
+    "  -n, --name STATION  the station's name, for which the code was made\n"
+    "  -k, --keys DIR      the folder for the key and the certificate\n"
+    "      --help          show this\n";
 
 static int enrol(const char *server, const char *code, const char *name, const char *keys) {
     char host[256];
     int port;
     struct error err;
     if (!station_parse_server(server, host, sizeof host, &port)) {
-        log_error("station", "%s is not HOST:PORT", server);
+        log_error("station", "the server's address must be HOST:PORT, not %s", server);
         return 2;
     }
     enum result result = link_enrol(host, port, code, name, keys, &err);

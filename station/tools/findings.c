@@ -31,7 +31,7 @@ void findings_print(const struct findings *findings, const char *station) {
             printf("      %-20s -> %s\n", "", finding->advice);
     }
     if (findings->faults)
-        printf("%s: NOT READY, %d to be mended\n", station, findings->faults);
+        printf("%s: NOT READY, faults: %d\n", station, findings->faults);
     else
         printf("%s: ready\n", station);
 }

@@ -53,8 +53,9 @@ static enum result explain(struct gather *gather, enum channel channel, struct e
     runner_status(gather->runner, 0, &status);
     if (status.problem[0])
         return fail(err, RESULT_TIMEOUT, "[device %s] %s", status.name, status.problem);
-    return fail(err, RESULT_TIMEOUT, "[device %s] gives nothing of %s: is it seen?", status.name,
-                channel_name(channel));
+    return fail(err, RESULT_TIMEOUT,
+                "[device %s] sends no value for %s. Bring it into view, or correct its name",
+                status.name, channel_name(channel));
 }
 
 enum result gather_take(struct gather *gather, enum channel channel, enum sample_kind kind,
@@ -86,5 +87,5 @@ enum result gather_prompt(const char *text, struct error *err) {
     log_answered();
     if (answered)
         return RESULT_OK;
-    return fail(err, RESULT_CLOSED, "the input has ended before all was done");
+    return fail(err, RESULT_CLOSED, "the input ended before the calibration was complete");
 }

@@ -73,7 +73,7 @@ void probe_hid_plugged(const struct hid_plugged *plugged, int count,
             (enum channel)(CHANNEL_PUNCH + number % (CHANNEL_COUNT - CHANNEL_PUNCH));
         fprintf(config, "\n; %s: %s; which instrument is it?%s\n", p->path, p->product,
                 is_alike(plugged, count, i, false)
-                    ? " Another is like it: unplug one to see which is left"
+                    ? " Another one is alike: unplug one to tell them apart"
                     : "");
         describe(p, channel, read_descriptor, config, lines);
         if (lines[0])

@@ -98,10 +98,11 @@ static void propose_values(const struct block *block, int sequence, FILE *config
     if (sequence >= 0)
         fprintf(config, "sequence = %d\n", sequence);
     if (ours)
-        fputs("; these registers are a guess, the map of arthron-mockup: compare with the joint\n",
-              config);
+        fputs(
+            "; a guess, from the registers of arthron-mockup: compare the values with the joint\n",
+            config);
     else
-        fputs("; which register is what: KEY = REGISTER SCALE [OFFSET]\n", config);
+        fputs("; name the registers: KEY = REGISTER SCALE [OFFSET]\n", config);
     for (int i = 0; i < 6; i++)
         if (ours)
             fprintf(config, "%s = %d 0.01\n", keys[i], i + 1);
@@ -146,6 +147,7 @@ enum result probe_modbus(const char *line, int slaves, FILE *config, json_t *out
     modbus_close(modbus);
     modbus_free(modbus);
     return found ? RESULT_OK
-                 : fail(err, RESULT_TIMEOUT, "%s: no slave from 1 to %d gives register 0", line,
-                        slaves);
+                 : fail(err, RESULT_TIMEOUT,
+                        "%s: no slave from 1 to %d answers. Check its cable, baud rate and number",
+                        line, slaves);
 }

@@ -139,7 +139,9 @@ enum result probe_tracker(const char *address, double seconds, FILE *config, jso
     close(fd);
     report(address, &l->seen, config, out);
     if (!l->seen.count)
-        result = fail(err, RESULT_TIMEOUT, "%s: no pose in %.0f s", address, seconds);
+        result = fail(err, RESULT_TIMEOUT,
+                      "%s: the tracker sent no pose within %.0f s. Bring a tool into its view",
+                      address, seconds);
     free(l);
     return result;
 }

@@ -43,10 +43,10 @@ enum result token_get(const char *path, char out[TOKEN_LENGTH + 1], struct error
     bool good = used >= TOKEN_LENGTH && (!text[TOKEN_LENGTH] || text[TOKEN_LENGTH] == '\n');
     text[TOKEN_LENGTH] = '\0';
     if (!good || strspn(text, "0123456789abcdef") != TOKEN_LENGTH)
-        return fail(err, RESULT_FORMAT,
-                    "%s: not a token of %d digits; without the file a new one is "
-                    "made",
-                    path, TOKEN_LENGTH);
+        return fail(
+            err, RESULT_FORMAT,
+            "%s: not a token of %d digits. Delete the file, and the station makes a new one", path,
+            TOKEN_LENGTH);
     memcpy(out, text, TOKEN_LENGTH + 1);
     return RESULT_OK;
 }
@@ -55,6 +55,6 @@ enum result token_check(const char *path, struct error *err) {
     struct stat status;
     if (stat(path, &status) || !(status.st_mode & 077))
         return RESULT_OK;
-    return fail(err, RESULT_INVALID, "%s: others than its owner may use it (mode %03o)", path,
+    return fail(err, RESULT_INVALID, "%s: other users have access to it (mode %03o)", path,
                 status.st_mode & 0777);
 }

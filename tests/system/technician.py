@@ -258,7 +258,7 @@ class Technician(SystemTest):
         nowhere = f"127.0.0.1:{free_port()}"
         for change, what, words in (
             (("", ""), "calibration", "days"),
-            ((f"server = 127.0.0.1:{self.port}", f"server = {nowhere}"), "server", "nobody answers there"),
+            ((f"server = 127.0.0.1:{self.port}", f"server = {nowhere}"), "server", "no server answers"),
             ((self.modbus, nowhere), "encoders", "refused"),
             (("tool.probe = probe", "tool.probe = pointer"), "probe", "no value"),
             (("keys = keys-room-1", "keys = nowhere"), "certificate", "authority.pem"),

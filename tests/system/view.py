@@ -206,7 +206,7 @@ class View(SystemTest):
         station = self.start("station", "arthron-station", "run", "--config", path)
         station.wait_for_log("/view?token=")
         self.assertTrue(finding()["good"])
-        self.assertIn("a station that runs", finding()["text"])
+        self.assertIn("a running station", finding()["text"])
         station.end()
         os.chmod(self.path("keys-room-1/view.token"), 0o644)
         self.assertFalse(finding()["good"])

@@ -367,7 +367,7 @@ static void configs_that_are_wrong_are_refused_with_device_and_key(void **state)
         {{{"a", {SIMULATED}}, {"b", {TRACKER, {"tool.probe", "x"}}}},
          "both give the pose of channel probe"},
         {{{"a", {{"driver", "modbus"}}}}, "[device a] address: one of address and serial"},
-        {{{"a", {MODBUS}}}, "[device a]: no value is named"},
+        {{{"a", {MODBUS}}}, "[device a]: the section names no register, as flexion = 1 does"},
         {{{"a", {MODBUS, {"serial", "/dev/x"}}}}, "[device a] address: one of address and serial"},
         {{{"a", {MODBUS, {"baud", "9600"}}}}, "[device a] baud: only a serial line"},
         {{{"a", {MODBUS, {"flexion", "70000"}}}}, "[device a] flexion: \"70000\" is not REGISTER"},
@@ -390,7 +390,7 @@ static void configs_that_are_wrong_are_refused_with_device_and_key(void **state)
         {{{"a", {TRACKER}}}, "[device a] tool.CHANNEL: is required"},
         {{{"a", {{"driver", "tracker"}, {"tool.probe", "x"}}}}, "[device a] address: is required"},
         {{{"a", {TRACKER, {"tool.hammer", "x"}}}}, "[device a] tool.hammer: unknown key"},
-        {{{"a", {TRACKER, {"tool.joint", "x"}}}}, "[device a] tool.joint: the joint is no tool"},
+        {{{"a", {TRACKER, {"tool.joint", "x"}}}}, "[device a] tool.joint: the joint is not a tool"},
         {{{"a", {TRACKER, {"tool.probe", "a name of 21 bytes!!!"}}}}, "[device a] tool.probe"},
         {{{"a", {TRACKER, {"tool.probe", "x"}, {"tip.probe", "1 2"}}}}, "[device a] tip.probe"},
         {{{"a", {TRACKER, {"tool.probe", "x"}, {"T_mockup_tracker", "0 0 0 2 0 0 0"}}}},
@@ -399,7 +399,7 @@ static void configs_that_are_wrong_are_refused_with_device_and_key(void **state)
         {{{"a", {{"driver", "recorded"}, {"file", "/nowhere.csv"}, {"channel", "probe"}}}},
          "[device a] file: /nowhere.csv: "},
         {{{"a", {{"driver", "recorded"}, {"file", "x"}, {"channel", "hammer"}}}},
-         "[device a] channel: \"hammer\" is no channel; there are joint, "},
+         "[device a] channel: \"hammer\" is not a channel; there are joint, "},
         {{{"a", {{"driver", "recorded"}, {"file", "x"}, {"loop", "maybe"}}}}, "[device a] loop"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {

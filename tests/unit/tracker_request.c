@@ -121,7 +121,7 @@ static void a_server_that_refuses_is_said_to(void **state) {
     (void)state;
     struct outcome o = outcome_of(REFUSES, "TDATA", 1);
     assert_int_equal(o.readings, 0);
-    assert_non_null(strstr(o.err.text, "silent; it was asked for TDATA and refused"));
+    assert_non_null(strstr(o.err.text, "the tracker sends nothing; it refused a request for TDATA"));
 }
 
 int main(void) {

@@ -309,11 +309,11 @@ static enum result find_unrecorded(struct recorder *r, struct trace_paths *paths
 }
 
 // Its header alone is read here, the rest when it is written.
-static bool take_over_trace(struct recorder *r, const char *path) {
+bool recorder_put_trace(struct recorder *r, const char *path) {
     struct trace_reader *reader;
     struct store_session session;
     struct error err;
-    if (trace_is_written(path)) // its session is running
+    if (!r || trace_is_written(path)) // its session is running
         return false;
     if (trace_reader_create(path, &reader, &err) != RESULT_OK) {
         log_warning("records", "not recorded: %s", err.text);
@@ -341,7 +341,7 @@ static bool take_over(struct recorder *r) {
     else
         tell_failure(r, &err);
     for (size_t i = 0; result == RESULT_OK && i < paths.count && !should_stop(r); i++)
-        taken += take_over_trace(r, paths.at[i]);
+        taken += recorder_put_trace(r, paths.at[i]);
     if (taken)
         log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
     free(paths.at);

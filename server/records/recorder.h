@@ -29,6 +29,10 @@ struct recorder *recorder_start(const struct recorder_config *config);
 // be closed. recorder NULL: the server keeps no records.
 void recorder_put(struct recorder *recorder, const struct store_session *session);
 
+// The same for the session of a trace that is no longer written, whose header is read at once.
+// False if the trace is written, is a piece or cannot be read.
+bool recorder_put_trace(struct recorder *recorder, const char *trace);
+
 // The same for an entry of the audit log with the current time. An empty actor is the server
 // itself. Texts that are too long are cut.
 void recorder_note(struct recorder *recorder, const char *actor, const char *action,

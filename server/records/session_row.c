@@ -90,11 +90,17 @@ struct row_reader {
     int64_t last_ns;
     int64_t begin_ns, begin_utc_ns; // from here on the session's clock and the time of day went
                                     // together
+    int64_t resumed_utc_ns;         // without a step since; else 0
 };
 
 static bool on_step(void *user, const struct trace_record *record) {
     struct row_reader *r = user;
     metrics_step(r->metrics, &record->input, &record->output);
+    if (r->resumed_utc_ns) {
+        r->begin_ns = r->last_ns;
+        r->begin_utc_ns = r->resumed_utc_ns;
+        r->resumed_utc_ns = 0;
+    }
     r->last_ns = record->input.time_ns;
     r->session->steps++;
     return true;
@@ -103,8 +109,7 @@ static bool on_step(void *user, const struct trace_record *record) {
 static bool on_resume(void *user, int64_t utc_ns) {
     struct row_reader *r = user;
     metrics_interrupt(r->metrics);
-    r->begin_ns = r->last_ns;
-    r->begin_utc_ns = utc_ns;
+    r->resumed_utc_ns = utc_ns;
     return true;
 }
 
@@ -122,10 +127,11 @@ static bool on_end(void *user, uint64_t records, uint64_t missing) {
     return true;
 }
 
-static void read_steps(struct trace_reader *reader, struct metrics *metrics,
-                       struct store_session *s) {
+// Returns when the trace was closed: long after its last step, if a killed server left it open.
+static int64_t read_steps(struct trace_reader *reader, struct metrics *metrics,
+                          struct store_session *s) {
     int64_t start_ns = trace_reader_header(reader)->start_ns;
-    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns};
+    struct row_reader r = {metrics, s, start_ns, start_ns, s->start_utc_ns, 0};
     struct trace_player player = {
         .user = &r, .step = on_step, .resume = on_resume, .gap = on_gap, .end = on_end};
     s->state = STATE_INTERRUPTED;
@@ -134,16 +140,17 @@ static void read_steps(struct trace_reader *reader, struct metrics *metrics,
     struct trace_place place = trace_reader_place(reader);
     for (int i = 0; i < TRACE_HASH_SIZE; i++)
         snprintf(s->trace_hash + 2 * i, 3, "%02x", place.hash[i]);
+    return r.resumed_utc_ns > s->end_utc_ns ? r.resumed_utc_ns : s->end_utc_ns;
 }
 
 // Whether the trace, read to its end, has a signature of the authority.
 static bool is_signed(const struct trace_reader *reader, const char *authority,
-                      const struct store_session *s) {
+                      int64_t closed_utc_ns, const struct store_session *s) {
     char signed_by[TRACE_SIGNED_BY_MAX];
     struct trace_seal seal;
     struct error err = {"it ends without a signature"};
     if (trace_reader_seal(reader, &seal) &&
-        trace_seal_check(&seal, authority, s->end_utc_ns, signed_by, &err) == RESULT_OK)
+        trace_seal_check(&seal, authority, closed_utc_ns, signed_by, &err) == RESULT_OK)
         return true;
     log_warning("records", "%s: %s; the session is recorded without results", s->trace, err.text);
     return false;
@@ -164,8 +171,8 @@ enum result session_score_trace(const char *trace, const char *authority, scene_
     struct metrics *metrics = alloc(1, sizeof *metrics);
     metrics_init(metrics, header->optic);
     session_row_begin(header, trace, &out->session);
-    read_steps(reader, metrics, &out->session);
-    if (is_signed(reader, authority, &out->session))
+    int64_t closed_utc_ns = read_steps(reader, metrics, &out->session);
+    if (is_signed(reader, authority, closed_utc_ns, &out->session))
         metrics_each(metrics, take_value, &builder);
     free(metrics);
     trace_reader_destroy(&reader);

@@ -29,7 +29,8 @@ struct sessions {
     struct claim *claim;              // of the records and the traces
     struct recorder *recorder;        // NULL: no records
     struct manager *manager;
-    struct resumed *resumed; // while the server starts
+    struct task_pool *closing; // of traces that no session goes on with
+    struct resumed *resumed;   // while the server starts
     atomic_uint_fast64_t serials;
 };
 

@@ -4,10 +4,10 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/task_pool.h"
+#include "sessions/closing.h"
 #include "sessions/opening.h"
 #include "sessions/restore.h"
 #include "trace/catalogue.h"
-#include "trace/player.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -52,17 +52,21 @@ static bool take_newest(void *user, const struct trace_entry *entry) {
     return true;
 }
 
-// Whether it was written to within the time that a session waits for its station.
-static bool is_recent(const struct sessions *s, const char *path) {
+void resume_newest(const struct sessions *s, const char *station,
+                   char out_path[SESSIONS_PATH_MAX]) {
+    struct newest_trace search = {.station = station};
+    catalogue_each(s->config.traces_dir, take_newest, &search, NULL);
+    snprintf(out_path, SESSIONS_PATH_MAX, "%s", search.path);
+}
+
+bool resume_is_recent(const struct sessions *s, const char *path) {
     struct stat status;
     return stat(path, &status) == 0 && time(NULL) - status.st_mtime <= s->config.wait_s;
 }
 
 static bool find_trace(struct resumed *r) {
-    struct newest_trace search = {.station = station_name(r->sessions, r->station)};
-    catalogue_each(r->sessions->config.traces_dir, take_newest, &search, NULL);
-    snprintf(r->path, sizeof r->path, "%s", search.path);
-    return r->path[0] && is_recent(r->sessions, r->path);
+    resume_newest(r->sessions, station_name(r->sessions, r->station), r->path);
+    return r->path[0] && resume_is_recent(r->sessions, r->path);
 }
 
 // ---- a trace whose replay ends the program ------------------------------------------------------
@@ -70,8 +74,8 @@ static bool find_trace(struct resumed *r) {
 // While a trace is run again, a marker stands beside it. A marker of an earlier start means that
 // the program did not survive this replay: the session is not tried again, so that one trace does
 // not keep all stations out.
-static bool marker_path(const struct resumed *r, char out_path[SESSIONS_PATH_MAX + 16]) {
-    return snprintf(out_path, SESSIONS_PATH_MAX + 16, "%s.resuming", r->path) > 0;
+void resume_marker(const char *trace, char out_path[SESSIONS_PATH_MAX + 16]) {
+    snprintf(out_path, SESSIONS_PATH_MAX + 16, "%.*s.resuming", SESSIONS_PATH_MAX - 1, trace);
 }
 
 static void sync_folder(const char *dir) {
@@ -84,7 +88,7 @@ static void sync_folder(const char *dir) {
 
 static bool set_marker(const struct resumed *r) {
     char path[SESSIONS_PATH_MAX + 16];
-    marker_path(r, path);
+    resume_marker(r->path, path);
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (fd < 0 && errno == EEXIST) {
         log_error("sessions",
@@ -101,7 +105,7 @@ static bool set_marker(const struct resumed *r) {
 
 static void clear_marker(const struct resumed *r) {
     char path[SESSIONS_PATH_MAX + 16];
-    marker_path(r, path);
+    resume_marker(r->path, path);
     unlink(path);
 }
 
@@ -210,77 +214,12 @@ static bool open_trace(struct resumed *r) {
     return result == RESULT_OK && !was_closed;
 }
 
-// ---- those that do not go on --------------------------------------------------------------------
-
-static bool count_remark(void *user, const struct remark *remark) {
-    uint32_t *last = user;
-    *last = remark->number > *last ? remark->number : *last;
-    return true;
-}
-
-static bool is_open(const char *path, struct trace_place *out_place, uint32_t *out_remarks) {
-    struct trace_reader *reader;
-    struct trace_player player = {.user = out_remarks, .remark = count_remark};
-    *out_remarks = 0;
-    if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
-        return false;
-    enum result result = trace_play(reader, &player, NULL);
-    *out_place = trace_reader_place(reader);
-    bool open = result == RESULT_MISSING && out_place->version >= TRACE_OLDEST_RESUMED;
-    trace_reader_destroy(&reader);
-    return open;
-}
-
-// A remark at its end, for whoever reads the trace later.
-static void say_why(struct trace_writer *writer, const struct trace_place *place, uint32_t remarks,
-                    const struct error *why) {
-    struct remark remark = {
-        .number = remarks + 1, .time_ns = place->time_ns, .author = "arthron-server"};
-    snprintf(remark.text, sizeof remark.text, "The session could not go on: %.200s",
-             error_without_folder(why->text));
-    if (remarks < REMARKS_MAX)
-        trace_append_remark(writer, &remark);
-}
-
-// why: NULL where it had ended before.
-static void close_trace(const struct resumed *r, const char *path, const struct error *why) {
-    struct trace_place place;
-    struct trace_writer *writer;
-    struct error err;
-    uint32_t remarks;
-    const char *station = station_name(r->sessions, r->station);
-    if (!is_open(path, &place, &remarks))
-        return;
-    if (trace_writer_resume(path, &place, clock_utc_ns(), &r->sessions->trace_signer, &writer,
-                            &err) != RESULT_OK) {
-        log_error("sessions", "station %s: a trace could not be closed: %s", station, err.text);
-        return;
-    }
-    if (why)
-        say_why(writer, &place, remarks, why);
-    trace_writer_destroy(&writer);
-    log_warning("sessions", "station %s: closed %s, whose end was missing", station, path);
-}
-
-static bool close_other(void *user, const struct trace_entry *entry) {
-    const struct resumed *r = user;
-    if (!strcmp(entry->station, station_name(r->sessions, r->station)) &&
-        strcmp(entry->path, r->path) != 0 && is_recent(r->sessions, entry->path))
-        close_trace(r, entry->path, NULL);
-    return true;
-}
-
-static void close_others(struct resumed *r) {
-    catalogue_each(r->sessions->config.traces_dir, close_other, r, NULL);
-}
-
 void resume_open_traces(struct sessions *s) {
     for (int i = 0; i < s->config.station_count; i++) {
         if (s->resumed[i].restored.session)
             open_trace(&s->resumed[i]);
         else if (s->resumed[i].refused.text[0])
-            close_trace(&s->resumed[i], s->resumed[i].path, &s->resumed[i].refused);
-        close_others(&s->resumed[i]);
+            closing_close(s, s->resumed[i].path, s->resumed[i].refused.text);
     }
 }
 

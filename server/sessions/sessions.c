@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "runtime/reply.h"
+#include "sessions/closing.h"
 #include "sessions/commands.h"
 #include "sessions/fork.h"
 #include "sessions/manager.h"
@@ -149,6 +150,7 @@ static void begin(struct sessions *s) {
     if (s->config.records[0])
         start_recorder(s);
     resume_attach(s);
+    closing_start(s);
     manager_start(s);
 }
 
@@ -216,6 +218,7 @@ static void release(struct sessions *s) {
 static void end(struct sessions **sessions, bool hand_over) {
     struct sessions *s = *sessions;
     sessions_break_off(s);
+    closing_stop(s);
     if (s->console)
         console_destroy(&s->console);
     manager_stop(s);

@@ -257,18 +257,23 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
 
 #define TAIL_SIZE ((uint64_t)1 << 16) // some records, the longest too
 
+// Goes on shortly before the end.
+static enum result skip_to_tail(struct trace_reader *r, struct error *err) {
+    uint64_t skipped;
+    if (r->size <= r->place.offset + TAIL_SIZE)
+        return RESULT_OK;
+    r->place.offset = r->size - TAIL_SIZE;
+    return trace_skip_damage(r, &skipped, err);
+}
+
 enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err) {
     struct trace_reader *r;
     static _Thread_local struct trace_record record;
-    uint64_t skipped;
     enum result result = trace_reader_create(path, &r, err);
     if (result != RESULT_OK)
         return result;
     bool found = false;
-    if (r->size > r->place.offset + TAIL_SIZE) {
-        r->place.offset = r->size - TAIL_SIZE;
-        result = trace_skip_damage(r, &skipped, err);
-    }
+    result = skip_to_tail(r, err);
     while (result == RESULT_OK && trace_read(r, &record, NULL) == RESULT_OK)
         if (record.type == TRACE_STEP || record.type == TRACE_PAST) {
             *out_time_ns = record.input.time_ns;
@@ -278,6 +283,19 @@ enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error
     if (result == RESULT_OK && !found)
         return fail(err, RESULT_MISSING, "%s: it has no step near its end", path);
     return result;
+}
+
+bool trace_is_open(const char *path) {
+    struct trace_reader *r;
+    static _Thread_local struct trace_record record;
+    if (trace_reader_create(path, &r, NULL) != RESULT_OK)
+        return false;
+    bool open = r->header.version >= TRACE_OLDEST_RESUMED;
+    enum result result = open ? skip_to_tail(r, NULL) : RESULT_CLOSED;
+    while (result == RESULT_OK)
+        result = trace_read(r, &record, NULL);
+    trace_reader_destroy(&r);
+    return open && result != RESULT_CLOSED;
 }
 
 // ---- the seal

@@ -188,6 +188,10 @@ enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, 
 // RESULT_FORMAT. The scene must be of the case on which the trace was recorded.
 void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);
 
+// Whether a trace lacks its end record and is of a version that a server could still give one.
+// Reads the header and the last 64 KB.
+bool trace_is_open(const char *path);
+
 // The time of the last step, searched for from the end of the file. RESULT_MISSING: there is no
 // step near the end, or the version is 2, which does not allow the search.
 enum result trace_last_time(const char *path, int64_t *out_time_ns, struct error *err);

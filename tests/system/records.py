@@ -5,6 +5,7 @@ import os
 import pwd
 import signal
 import sqlite3
+import time
 import unittest
 
 from arthron import SystemTest, call, call_json, wait_until
@@ -108,23 +109,28 @@ class Records(SystemTest):
         for row in self.in_state("closed", 3):
             self.assert_is_of_trace(row)
 
-        # Killed, and for longer than a session waits: the next server takes it from its trace.
+        # Killed, and for longer than a session waits: the next server closes its trace and signs it.
         self.session_command("start", "room-1")
         self.in_state("open")
         self.wait_for_steps(20)
         server.end(signal.SIGKILL)
         self.sane()
-        os.utime(self.in_state("open")[0]["trace"], (0, 0))
+        killed_ns = time.time_ns()
+        killed = self.in_state("open")[0]
+        os.utime(killed["trace"], (0, 0))
         # A piece of a trace is no session.
         half = call_json("arthron-trace", "info", closed["trace"])["seconds"] / 2
         call("arthron-trace", "cut", closed["trace"], "--from", str(half), "--out", os.path.join(self.traces, "piece.trace"))
         server = self.start_room()
-        lost = self.in_state("interrupted")[0]
+        lost = next(s for s in self.in_state("closed", 4) if s["id"] == killed["id"])
         self.assert_is_of_trace(lost)
         self.assertGreater(lost["end_utc_ns"], lost["start_utc_ns"])
+        self.assertLess(lost["end_utc_ns"], killed_ns)
+        self.assertIn("The session could not go on: no server resumed it within 2 s",
+                      call("arthron-trace", "info", lost["trace"]).stdout)
         self.assertIn(closed, self.rows("sessions"))
         self.assertEqual(server.end(), 0)
-        self.assertEqual(sorted(s["state"] for s in self.rows("sessions")), 4 * ["closed"] + ["interrupted"])
+        self.assertEqual([s["state"] for s in self.rows("sessions")], 5 * ["closed"])
         self.sane()
 
     def test_records_that_are_locked_damaged_or_lost_stop_no_session_and_get_all_of_it(self):

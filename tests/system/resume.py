@@ -3,6 +3,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import time
 import unittest
@@ -118,7 +119,12 @@ class Resume(Bites):
         self.assertEqual(self.verify(trace)["signature"], "good")
         self.assertEqual(call_json("arthron-trace", "replay", trace)["verdict"], "identical")
 
-    def test_a_session_that_was_closed_or_is_of_long_ago_stays_as_it_is(self):
+    def assert_is_closed(self, trace, why):
+        wait_until("its end", lambda: call_json("arthron-trace", "info", trace)["whole"])
+        self.assertEqual(self.verify(trace)["signature"], "good")
+        self.assertIn("The session could not go on: " + why, call("arthron-trace", "info", trace).stdout)
+
+    def test_a_session_that_was_closed_stays_as_it_is_and_one_of_long_ago_is_closed(self):
         self.start_station()
         self.wait_for_steps()
         first = self.session()
@@ -134,6 +140,35 @@ class Resume(Bites):
         self.restart()
         wait_until("a session", lambda: self.session()["steps"] > 0, 30)
         self.assertNotIn(self.session()["id"], (first["id"], second["id"]))
+        self.assertEqual(os.path.getsize(first["trace"]), size)
+        self.assert_is_closed(second["trace"], "no server resumed it within 300 s")
+
+    def test_sessions_that_are_not_resumed_are_closed_with_the_reason(self):
+        self.start_station()
+        self.wait_for_steps()
+        session = self.session()
+        self.kill()
+        # As a station that is no more left it, and as a kill left an older session of this station.
+        gone = os.path.join(self.traces, "room-9-20260102T030405Z-01234567.trace")
+        older = os.path.join(self.traces, "room-1-20260102T030405Z-01234567.trace")
+        damaged = os.path.join(self.traces, "room-1-20260102T030406Z-01234567.trace")
+        for path in (gone, older, damaged):
+            shutil.copy(session["trace"], path)
+        size = os.path.getsize(damaged)
+        with open(damaged, "r+b") as f:
+            f.seek(size // 2)
+            byte = f.read(1)[0]
+            f.seek(-1, os.SEEK_CUR)
+            f.write(bytes([byte ^ 1]))
+        self.restart()
+        self.assertEqual(self.session()["id"], session["id"])
+        self.assert_is_closed(gone, "the server's config has no station room-9")
+        self.assert_is_closed(older, "its station has a newer session")
+        self.session_command("stop", "room-1")
+        self.server.end()
+        self.assertEqual(os.path.getsize(damaged), size)
+        self.assertNotIn("could not go on", call("arthron-trace", "info", session["trace"]).stdout)
+        self.assertEqual(call_json("arthron-trace", "replay", gone)["verdict"], "identical")
 
     def test_of_two_sessions_of_one_second_the_one_that_was_open_goes_on(self):
         self.start_station()
@@ -176,7 +211,7 @@ class Resume(Bites):
         self.write(os.path.join(self.traces, "room-1-20260102T030405Z-01234567.trace.draft"), "of a copy")
         self.restart()
         self.assertEqual(self.session()["id"], second["id"])
-        self.assertEqual(self.verify(first["trace"])["signature"], "good")
+        self.assert_is_closed(first["trace"], "its station has a newer session")
         self.assertEqual(call_json("arthron-trace", "replay", first["trace"])["verdict"], "identical")
         self.assertEqual(sorted(os.listdir(self.traces)), sorted(os.path.basename(s["trace"]) for s in (first, second)))
         self.assertIn("trace.draft: removed", self.server.log())

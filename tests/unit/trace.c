@@ -86,6 +86,21 @@ static void the_last_time_is_found_from_the_end(void **state) {
     assert_int_equal(trace_last_time(path, &time_ns, NULL), RESULT_MISSING);
 }
 
+static void a_trace_without_an_end_is_open(void **state) {
+    (void)state;
+    static const uint64_t counts[] = {0, 3, 1500};
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        uint8_t *data;
+        write_trace(counts[i]);
+        assert_false(trace_is_open(path));
+        size_t size = slurp(&data);
+        write_copy(data, size - 1); // killed
+        assert_true(trace_is_open(copy_path));
+        free(data);
+    }
+    assert_false(trace_is_open("nowhere"));
+}
+
 static void an_existing_file_is_never_overwritten(void **state) {
     (void)state;
     write_trace(1);
@@ -359,6 +374,7 @@ int main(void) {
         cmocka_unit_test(steps_come_back_bit_for_bit),
         cmocka_unit_test(the_end_record_counts_the_steps),
         cmocka_unit_test(the_last_time_is_found_from_the_end),
+        cmocka_unit_test(a_trace_without_an_end_is_open),
         cmocka_unit_test(an_existing_file_is_never_overwritten),
         cmocka_unit_test(the_machine_is_named),
         cmocka_unit_test(every_truncation_reads_to_the_last_whole_record),

@@ -102,19 +102,34 @@ static void log_refusal(const struct cut_worker *c, int station, const struct jo
 }
 
 // The worker only reads the result, and gives it back.
-static void run(struct cut_worker *c, const struct cut_task *task) {
-    struct session_runtime *session = c->sessions[task->station];
-    CHECK(session && session->serial == task->serial);
-    struct job_result *result = operation_run(session->operation, &task->job);
+static void hand_over_result(struct cut_worker *c, const struct cut_task *task,
+                             struct job_result *result) {
     struct job_done done = {task->station, task->serial, result};
     bool pushed = ring_push(c->done, &done);
     CHECK(pushed);
     wake_fd(c->worker->wake_fd);
-    log_refusal(c, task->station, result);
+}
+
+static void show_result(struct cut_worker *c, int station, const struct job_result *result) {
+    log_refusal(c, station, result);
     if (result->outcome == JOB_NOTHING)
         return;
-    mesh_sender_push(&c->senders[task->station], result);
-    publish_tissues(c, task->station);
+    mesh_sender_push(&c->senders[station], result);
+    publish_tissues(c, station);
+}
+
+// A cut lands at once. Who asked for an undo is answered as it lands, and then sees the tissue that
+// it left: so that is shown first.
+static void run(struct cut_worker *c, const struct cut_task *task) {
+    struct session_runtime *session = c->sessions[task->station];
+    CHECK(session && session->serial == task->serial);
+    struct job_result *result = operation_run(session->operation, &task->job);
+    bool is_undo = result->kind == JOB_UNDO;
+    if (!is_undo)
+        hand_over_result(c, task, result);
+    show_result(c, task->station, result);
+    if (is_undo)
+        hand_over_result(c, task, result);
 }
 
 static void close_session(struct cut_worker *c, const struct cut_task *task) {

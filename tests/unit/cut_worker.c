@@ -155,6 +155,27 @@ static void of_undos_at_once_each_has_its_own_answer(void **state) {
     sessions_destroy(&sessions);
 }
 
+static void after_an_undo_is_answered_the_tissue_that_it_left_is_shown(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    hall_join(sessions);
+    for (int i = 0; i < 8; i++) {
+        hall_shave_part(sessions, i / 8.0, (i + 1) / 8.0);
+        hall_command(sessions, arthron_Command_Kind_PAUSE); // ends the stroke
+        hall_command(sessions, arthron_Command_Kind_START);
+    }
+    struct tissue_report before = hall_last_tissues(sessions);
+    while (before.figures[0].cuts) {
+        const arthron_CommandReply *reply = hall_try(sessions, arthron_Command_Kind_UNDO);
+        struct tissue_report now = hall_tissues(sessions);
+        assert_true(reply->ok && reply->undone.cuts > 0);
+        assert_int_equal(now.figures[0].cuts, before.figures[0].cuts - reply->undone.cuts);
+        assert_int_equal(now.figures[0].mesh_number, before.figures[0].mesh_number + 1);
+        before = now;
+    }
+    sessions_destroy(&sessions);
+}
+
 // What the reset made void is no answer to whoever asks next.
 static void an_undo_behind_a_reset_has_nothing_to_undo(void **state) {
     (void)state;
@@ -296,6 +317,7 @@ int main(void) {
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
         cmocka_unit_test(a_reset_is_answered_when_it_is_done),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
+        cmocka_unit_test(after_an_undo_is_answered_the_tissue_that_it_left_is_shown),
         cmocka_unit_test(an_undo_behind_a_reset_has_nothing_to_undo),
         cmocka_unit_test(an_undo_that_was_given_up_answers_no_other),
         cmocka_unit_test(a_reset_answers_the_undo_that_it_makes_void),

@@ -37,7 +37,7 @@ struct case_region {
     struct convex *parts;
 };
 
-// What is wrong with a cuttable group, and what is to be done about it. All may be empty.
+// The damage of a cuttable group, and the planned treatment. All members may be empty.
 struct case_lesion {
     struct case_region tear;   // the cleft: missing from the virtual mesh from the start
     struct case_region damage; // the damaged tissue around it
@@ -51,7 +51,7 @@ struct case_group {
     bool bridges; // from its body to other_body, as a ligament does
     enum body other_body;
     float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
-                        // (case/bridge.h); else NULL
+                        // (generate/bridge.h); else NULL
     bool cuttable;      // must be one closed, manifold, oriented part that bridges nothing
     struct mesh mesh;   // all parts, joined
     float *warp;        // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
@@ -70,7 +70,7 @@ struct case_portal {
 // A key pose of a torn ligament: the tibia of the mock-up is here, with that ligament held against
 // its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both. Whether the
 // keys of a case go together so that each is met, only the warp can tell: scene_create
-// (session/scene.h) refuses a case where one is not.
+// (step/scene.h) refuses a case where one is not.
 struct case_key {
     int ligament; // index into the case's torn ligaments
     pose physical, target;
@@ -96,7 +96,7 @@ struct knee_case {
     struct case_key keys[CASE_KEYS_MAX];
 };
 
-// What a file may cost before it is refused.
+// Limits of a case's files. Larger ones are refused.
 struct case_limits {
     size_t file_bytes;        // of each file
     uint32_t group_triangles; // of each group
@@ -104,9 +104,9 @@ struct case_limits {
 
 struct case_limits case_limits_default(void); // 512 MiB, 2 000 000 triangles
 
-// Reads, bounds-checks and validates a case folder. Refused: what case_validate refuses, any
-// accessor out of bounds, unknown keys in the manifest, an anatomy that is not the manifest's.
-// The error names file, group and accessor. On success the caller destroys *out_case.
+// Reads, bounds-checks and validates a case folder. Refuses everything that case_validate refuses,
+// accessors out of bounds, unknown keys in the manifest, and an anatomy with another hash than the
+// manifest's. The error names file, group and accessor. On success the caller destroys *out_case.
 // limits: NULL for the default ones.
 enum result case_load(const char *dir, const struct case_limits *limits,
                       struct knee_case **out_case, struct error *err);

@@ -31,7 +31,7 @@ struct gltf_node {
 
 struct gltf;
 
-// What a file may hold before anything of that size is allocated.
+// Limits of a file, checked before anything of its size is allocated.
 struct gltf_limits {
     uint32_t nodes;     // with a mesh
     uint32_t triangles; // of each; a mesh may have three vertices for each
@@ -49,11 +49,11 @@ const struct gltf_node *gltf_at(const struct gltf *gltf, uint32_t index); // liv
 enum result gltf_encode(const struct gltf_node *nodes, uint32_t count, uint8_t **out_bytes,
                         size_t *out_size, struct error *err);
 
-// What must hold before tinygltf may see a file: version 2, chunks within their bounds and one of
-// each type, JSON that is not nested deeply, lists that are lists, exactly one buffer inside the
-// file, no images, no required extension. Its own checks leave gaps there: a BIN chunk read 8 bytes
-// past its end, a copy of it for each buffer listed, images taken from unchecked views, unbounded
-// recursion, 0 for a negative offset.
+// Checks a file before tinygltf reads it: version 2, chunks within their bounds and one of each
+// type, JSON that is not nested deeply, lists that are lists, exactly one buffer inside the file,
+// no images, no required extension. tinygltf's own checks have gaps: it reads a BIN chunk 8 bytes
+// past its end, copies it for each listed buffer, takes images from unchecked views, recurses
+// without bound, and takes a negative offset as 0.
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err);
 
 #ifdef __cplusplus

@@ -17,7 +17,7 @@
 // Millimetres and unit quaternions. A region of a lesion is a list of convex parts (up to 32), a
 // part a list of planes (up to 64): inside where n · p <= offset, in the frame of the group's
 // virtual mesh (S'). title, bridges, cuttable, lesion and its regions, portals, rest, torn, patella
-// and anatomy_xxh3 may be absent; who has edited anatomy.glb on purpose takes anatomy_xxh3 out.
+// and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited anatomy.glb on purpose.
 // Other keys are refused.
 #pragma once
 

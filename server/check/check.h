@@ -1,21 +1,21 @@
 // The check of a case before a trainee uses it.
 //
-// Beside what case/inspect.h sees, the reachable space of the joint is walked over flexion, and in
-// the key poses of torn ligaments: folds, gain, jumps, touch, facing surfaces (check/field.h,
-// check/facing.h). A case is unfit where there is a fault, fit with warnings where there is a
-// warning.
+// After the inspection (check/inspect.h), the check walks the reachable space of the joint over
+// flexion, and in the key poses of torn ligaments. It looks for folds, gain, jumps, touch errors
+// and facing surfaces (check/field.h, check/facing.h). A case with a fault is unfit. A case with
+// only warnings is fit with warnings.
 //
-// Faults: what inspect.h calls so; a torn ligament whose key is not met; a rest pose that ligaments
+// Faults: those of inspect.h; a torn ligament whose key is not met; a rest pose that ligaments
 // move; a touch error above 1e-4 mm; in a rest pose, displacements that fill the gap between
-// surfaces that face each other within 1 mm, or make the field fold in a wider one; folds in more
+// surfaces that face each other within 1 mm, or that fold the field in a wider gap; folds in more
 // than FOLDS_MAX of the warped space; a virtual tibia that sinks more than SUNK_MAX_MM deeper into
 // the femur than the mock-up's.
 //
 // Warnings: fewer folds; jumps; facing surfaces whose displacements differ by more than their gap;
-// a tibia that sinks in by less. Also filled gaps in key poses: two bones that slide past each
-// other are not displaced alike, and what lies between them is pressed; it is told how much, and
-// counts among the folds. The skin gives way: it faces nothing, and folds against it are told
-// apart.
+// a tibia that sinks in by less; filled gaps in key poses. There, two bones that slide past each
+// other have different displacements and press the tissue between them. The check reports by how
+// much, and counts this among the folds. The skin gives way, so it faces no surface, and folds
+// against it are counted apart.
 #pragma once
 
 #include "check/facing.h"
@@ -63,7 +63,7 @@ struct case_check {
     uint64_t hash;
     struct inspection findings;
     enum grade grade;
-    double rest_mm; // of torn ligaments: what the rest pose is warped by
+    double rest_mm; // the largest displacement of the rest pose by torn ligaments
     int pose_count;
     struct check_pose poses[CHECK_POSES_MAX];
     struct field_figures *field; // of all poses together

@@ -5,10 +5,9 @@
 //                                  where they belong without folding
 //     |Δ_b − Δ_a| > g              the field has to change by more than a hand moves across it
 //
-// Surfaces that touch or overlap have the gap 0, however deep. What differs by less than
-// FACING_SLACK_MM counts as equal: surfaces of a scan touch and overlap by as much, and what moves
-// all of them alike moves the overlapping ones a little differently. Millimetres, the scene's
-// world.
+// Surfaces that touch or overlap have the gap 0 at any depth. Displacements that differ by less
+// than FACING_SLACK_MM count as equal. Surfaces of a scan overlap by as much, so a map that moves
+// all of them alike moves overlapping points a little differently. Millimetres, the scene's world.
 #pragma once
 
 #include "warp/warp.h"
@@ -42,8 +41,8 @@ struct facing_figures {
 void facing_compare(const struct warp_scene *scene, uint32_t skipped,
                     struct facing_figures *out_figures);
 
-// The same of one point of a surface, given by barycentric weights in a triangle: what it differs
-// most from. False where nothing faces it.
+// The same for one point of a surface, given by barycentric weights in a triangle: the spots with
+// the largest differences. False: no surface faces the point.
 bool facing_at(const struct warp_scene *scene, uint32_t skipped, int surface, uint32_t triangle,
                const double weights[3], struct facing_spot *out_filling,
                struct facing_spot *out_strain);

@@ -1,4 +1,4 @@
-// What can be seen of a case without a session: structure, units, places.
+// Inspects a case without a session: structure, units, places.
 #pragma once
 
 #include "case/case.h"

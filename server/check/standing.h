@@ -1,4 +1,4 @@
-// What the check of a case says now: check.json, read again where the file has changed.
+// The present grade of a case: check.json, read again when the file has changed.
 #pragma once
 
 #include "check/grade.h"
@@ -21,9 +21,9 @@ struct case_standing {
     struct stat file;
 };
 
-// Zeroed before the first call. One stat, and a reading only where the file was made, replaced,
-// changed or removed since the last call. True where it was read and at the first call. dir and
-// hash are the case's, the same in each call.
+// *standing must be zero before the first call. Each call does one stat. It reads the file only if
+// it was made, replaced, changed or removed since the last call. True if it was read, and at the
+// first call. dir and hash: of the case, the same in each call.
 bool standing_refresh(struct case_standing *standing, const char *dir, uint64_t hash);
 
 // "fit", "fit with warnings", "unfit" or "not checked".

@@ -1,4 +1,4 @@
-// What of a record is exported, and going through it.
+// Selects the part of a trace to export, and passes over it.
 #pragma once
 
 #include "export/export.h"

@@ -1,4 +1,4 @@
-// What an image says of the session in words and single numbers (EXR.md).
+// The attributes of an image: words and single numbers about the session (EXR.md).
 #pragma once
 
 #include "export/contents.h"

@@ -1,4 +1,4 @@
-// What others can read, made from the record of a session: a table (CSV), an image (EXR.md) and an
+// Exports of a trace for other programs: a table (CSV), an image (EXR.md) and an
 // animated scene (glTF). The record stays the truth.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 struct export_request {
     const char *trace;
-    double from_s, to_s; // of the session; what lies outside is left out
+    double from_s, to_s; // of the session; steps outside are left out
     const char *columns; // of a table: names or patterns with *, commas between; NULL: the usual
     const struct scene *scene; // of the case that it was recorded with; NULL where the kind of
                                // export says so
@@ -28,7 +28,7 @@ enum result export_csv(const struct export_request *request, FILE *out, struct e
 // image has pixels.
 enum result export_exr(const struct export_request *request, const char *path, struct error *err);
 
-// What was seen and, beside it, the mock-up as an animated scene (GLTF.md). Needs the scene.
+// The seen world, and the mock-up beside it, as an animated scene (GLTF.md). Needs the scene.
 // RESULT_REFUSED where that is of another case, RESULT_LIMIT where the file would be too large,
 // RESULT_MISSING also where there is no step in the time asked for.
 enum result export_gltf(const struct export_request *request, const char *path, struct error *err);

@@ -1,4 +1,4 @@
-// What cuts did to the touch, as images over the surfaces' atlas (EXR.md).
+// The changes of touch by cuts, as images over the surfaces' atlas (EXR.md).
 #pragma once
 
 #include "export/contents.h"

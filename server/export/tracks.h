@@ -1,4 +1,4 @@
-// What moves in a session, thinned out to what an animation needs.
+// The moving parts of a session, thinned out for an animation.
 #pragma once
 
 #include "export/contents.h"

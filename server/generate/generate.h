@@ -1,6 +1,6 @@
 // A parametric knee, made from a recipe: no scan, no patient.
 //
-// The geometry is that of generate_shape.h, scaled by `size` and mirrored for a left knee. The same
+// The geometry is that of generate/shape.h, scaled by `size` and mirrored for a left knee. The same
 // recipe gives the same bytes.
 #pragma once
 
@@ -36,7 +36,7 @@ struct recipe_series {
 struct recipe_ligament {
     char name[CASE_NAME_MAX];
     struct recipe_series flexion_deg;
-    struct recipe_series valgus_deg, internal_deg, drawer_mm; // as case/motion_joint.h
+    struct recipe_series valgus_deg, internal_deg, drawer_mm; // as motion/joint.h
     struct recipe_series extra_valgus_deg, extra_internal_deg, extra_drawer_mm;
 };
 

@@ -1,4 +1,4 @@
-// Menisci and ligaments of the knee that generate_shape.h describes: closed tubes swept along a
+// Menisci and ligaments of the knee that generate/shape.h describes: closed tubes swept along a
 // curve, rounded off to a point at both ends.
 #pragma once
 

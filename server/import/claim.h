@@ -1,5 +1,5 @@
-// What a surface file says that it holds: what arrives from a reader is held against it. Lines and
-// headers are counted, and the form of what they hold is looked at.
+// The content that a surface file declares, for comparison with the result of a reader. Counts
+// lines and headers, and checks their form.
 #pragma once
 
 #include <stdint.h>

@@ -19,10 +19,10 @@ struct import_source {
 // Of a mesh's area: components with less are taken for islands of a segmentation.
 #define IMPORT_ISLAND_SHARE 0.02
 
-// Reads a PLY, OBJ, STL or OFF file into the case's frame and repairs it (case/repair.h). The
-// caller releases *out_mesh with mesh_fini. Refused, naming the path: a file over the limits, what
-// its reader does not understand or misreads, what mesh_validate refuses, a mesh of which repair
-// leaves nothing.
+// Reads a PLY, OBJ, STL or OFF file into the case's frame and repairs it (import/repair.h). The
+// caller releases *out_mesh with mesh_fini. The error names the path. Refuses a file over the
+// limits, a file that its reader does not understand or misreads, a mesh that mesh_validate
+// refuses, and a mesh of which repair leaves nothing.
 enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
                         struct mesh *out_mesh, struct repair_report *out_report, struct error *err);
 
@@ -31,11 +31,11 @@ enum result import_mesh(const struct import_source *source, const struct case_li
 // "RAS" is the case's own frame. False for anything else, and for left-handed ones.
 bool import_axes(const char *letters, pose *out_T_case_common);
 
-// The body that a group of this name belongs to where nobody says otherwise: patella*: patella;
+// The default body of a group of this name: patella*: patella;
 // tibia*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.
 enum body import_default_body(const char *group);
 
-// The other bone of a ligament, where nobody says otherwise: acl, pcl, mcl, lcl: femur, or tibia
+// The default other bone of a ligament: acl, pcl, mcl, lcl: femur, or tibia
 // where they are of the femur's body; patellar_ligament, patellar_tendon, and the skin: tibia.
 // BODY_COUNT: of no other.
 enum body import_default_bridge(const char *group, enum body body);

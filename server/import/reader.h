@@ -20,7 +20,7 @@ struct import_arrays {
 // equal coordinates become one vertex, other formats keep their vertices. Both arrays are released
 // with free(). Refused, with the path: other endings, a file that the reader does not understand
 // or that holds no triangle, an index out of range, more than triangles_max, and a misreading: what
-// arrives is not what the file says (import_claim.h). The readers trust counts inside of the file:
+// arrives is not what the file says (import/claim.h). The readers trust counts inside of the file:
 // cap its size first.
 enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err);

@@ -1,4 +1,4 @@
-// Makes a surface from outside what a case can use, where that is safe, and says what it left.
+// Repairs a surface from outside for use in a case, as far as that is safe, and reports the rest.
 //
 // Nothing is moved but the corners of a triangle soup that are welded. In this order:
 //   1. Vertices of open edges that lie in one place become one. Closed surfaces that touch stay

@@ -1,4 +1,4 @@
-// What a report draws of a trace.
+// The lines of a report, drawn from a trace.
 #pragma once
 
 #include "metrics/metrics.h"

@@ -1,4 +1,4 @@
-// What is said of a session afterwards: a page that stands alone (docs/METRICS.md has its figures).
+// Writes the report of a session: a page without other files (docs/METRICS.md has its figures).
 #pragma once
 
 #include "review/survey.h"

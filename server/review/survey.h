@@ -1,4 +1,4 @@
-// What one pass over a trace finds.
+// A summary of a trace, from one pass over it.
 #pragma once
 
 #include "trace/trace.h"
@@ -14,7 +14,7 @@ struct survey {
     struct tissue_figures tissues[TISSUES_MAX]; // as the last job of each left them
     uint64_t present[INSTRUMENT_COUNT];
     struct noticing {
-        uint64_t turn, tilt, gain, any; // steps past the threshold of session/discrepancy.h
+        uint64_t turn, tilt, gain, any; // steps past the threshold of step/discrepancy.h
         struct discrepancy worst;       // of each figure; gain_least: the least
         double penetration_mm;          // the largest
     } noticing[INSTRUMENT_COUNT];
@@ -31,7 +31,7 @@ struct survey {
     struct error why; // where it is not
 };
 
-// Is told the bytes read and the bytes in all, now and then.
+// Called now and then with the bytes read so far and the size of the file.
 typedef void (*survey_progress)(uint64_t done, uint64_t all);
 
 // Reads all that can be read. progress: or NULL.

@@ -24,7 +24,7 @@ void thin_init(struct thin *thin);
 
 // `order` rises from call to call, and lies from 0 to 1.
 void thin_add(struct thin *thin, double order, double x, double y);
-void thin_break(struct thin *thin, double order); // what comes next is not joined
+void thin_break(struct thin *thin, double order); // the next point is not joined to the last
 
 // In order, NaN where the line breaks; how many.
 size_t thin_points(const struct thin *thin, double out_x[THIN_POINTS], double out_y[THIN_POINTS]);

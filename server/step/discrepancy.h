@@ -22,4 +22,4 @@ struct discrepancy {
 struct discrepancy discrepancy_of(const struct avatar_extrapolation *extrapolation, pose tip,
                                   pose shown);
 
-bool discrepancy_is_noticed(const struct discrepancy *d); // past one of the thresholds
+bool discrepancy_is_noticed(const struct discrepancy *discrepancy); // past one of the thresholds

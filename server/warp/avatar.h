@@ -15,9 +15,9 @@
 // over the surfaces k within R of p_i: n, Δ, W of warp.h, g the gap from the surface to the body,
 // R and the gap less by the point's radius. c < 0: the body would be nearer than m to the virtual
 // surface, and nearer than to the physical one; on which side does not matter. h_i and H go from 0
-// to 1 while p_i, and the tip, are from 5 to 15 mm past the portal: what is outside or in the skin
-// is not heard, and an instrument that only begins to come in is not moved. τ = 0.5, ε = 0.05 mm,
-// μ = 100/mm, m = 0.02 mm.
+// to 1 while p_i, and the tip, are from 5 to 15 mm past the portal. So points outside or in the
+// skin do not count, and an instrument that only begins to enter is not moved. τ = 0.5, ε = 0.05
+// mm, μ = 100/mm, m = 0.02 mm.
 //
 // Millimetres; the world is the mock-up. Deterministic: the same arguments give the same bits.
 // Allocates nothing.

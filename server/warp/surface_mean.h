@@ -17,9 +17,9 @@ struct surface_mean *surface_mean_create(const struct surface_tree *tree,
                                          const float *displacement);
 void surface_mean_destroy(struct surface_mean **mean); // NULL inside is fine
 
-// To be called when the displacements of these vertices have changed (a vertex may come twice).
-// Whatever the order, and in however many calls: the same bits as from a new one. Costs the moments
-// around these vertices and above them; allocates nothing.
+// Call it when the displacements of these vertices have changed (a vertex may come twice). Any
+// order and any number of calls give the same bits as a new mean. Computes only the moments around
+// these vertices and above them; allocates nothing.
 void surface_mean_update(struct surface_mean *mean, const uint32_t *vertices, uint32_t count);
 
 struct surface_value {

@@ -14,7 +14,7 @@
 //
 // With a contact skin s, weights take d for φ(d): 0 up to s, (d − s)²/(2s) up to 2s, then d − 1.5
 // s. Touch stays touch under a tracker's noise of s. Where the two nearest surfaces leave a gap g =
-// d1 + d2 below 52 s, the skin is thinner, under g/26: what it takes of a gap, the field gets
+// d1 + d2 below 52 s, the skin is thinner, under g/26, because a skin makes the field in a gap
 // steeper.
 #pragma once
 

@@ -10,7 +10,7 @@
 #define ANSWER_HEAD_MAX 2048
 #define ANSWER_PIECE 262144 // of a file, read at once
 
-// What the headers of a request ask for. The text of a missing header is empty.
+// The headers of a request that matter for its answer. The text of a missing header is empty.
 struct answer_options {
     bool head_only;
     bool takes_gzip;

@@ -1,4 +1,4 @@
-// What may take time, on threads of a pool: the handler's answers, and pieces of files. Tasks are
+// Runs slow work on threads of a pool: the handler's answers, and pieces of files. Tasks are
 // handed in and taken back done; the web thread waits for neither.
 #pragma once
 

@@ -132,17 +132,18 @@ void cache_place(struct live_server *live, int station, int64_t now_ns) {
 
 // ---- metrics ------------------------------------------------------------------------------------
 
+// The session may have changed since the moment was taken: then what is cached stays.
 void cache_metrics(struct live_server *live, int station, int64_t now_ns) {
     struct station_cache *s = &live->cache[station];
-    if (s->metrics_ns && now_ns - s->metrics_ns < METRICS_NS)
+    if (s->metrics_of == s->about.serial && now_ns - s->metrics_ns < METRICS_NS)
+        return;
+    live->item = (arthron_Live){.which_message = arthron_Live_metrics_tag};
+    if (!sessions_metrics_of(live->sessions, station, s->about.serial, &live->item.message.metrics))
         return;
     if (!s->metrics)
         s->metrics = alloc(1, LIVE_ITEM_MAX);
-    live->item = (arthron_Live){.which_message = arthron_Live_metrics_tag};
-    s->metrics_of = s->about.serial;
-    sessions_metrics(live->sessions, sessions_config(live->sessions)->stations[station].name,
-                     &live->item.message.metrics);
     enum result result = live_encode(&live->item, s->metrics, LIVE_ITEM_MAX, &s->metrics_size);
     CHECK(result == RESULT_OK);
+    s->metrics_of = s->about.serial;
     s->metrics_ns = now_ns;
 }

@@ -246,18 +246,25 @@ void sessions_command(void *sessions, const char *actor, const arthron_Command *
     commands_run(sessions, actor, command, out_reply);
 }
 
+bool sessions_metrics_of(struct sessions *s, int station, uint64_t session,
+                         arthron_Metrics *out_metrics) {
+    struct live_metrics *metrics = alloc(1, sizeof *metrics);
+    runtime_metrics(s->runtime, station, metrics);
+    bool is_of_it = metrics->session && metrics->session == session;
+    if (is_of_it)
+        reply_metrics(&metrics->metrics, scene_case(metrics->scene), out_metrics);
+    free(metrics);
+    return is_of_it;
+}
+
 bool sessions_metrics(void *sessions, const char *station, arthron_Metrics *out_metrics) {
     struct sessions *s = sessions;
     int index = sessions_find_station(&s->config, station);
     if (index < 0)
         return false;
     struct station_status status;
-    struct live_metrics *metrics = alloc(1, sizeof *metrics);
     station_slot_status(&s->slots[index], &status);
-    runtime_metrics(s->runtime, index, metrics);
-    if (metrics->session && metrics->session == status.about.serial)
-        reply_metrics(&metrics->metrics, scene_case(metrics->scene), out_metrics);
-    free(metrics);
+    sessions_metrics_of(s, index, status.about.serial, out_metrics);
     return true;
 }
 

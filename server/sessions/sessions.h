@@ -31,6 +31,9 @@ void sessions_hand_over(struct sessions **sessions);
 
 void sessions_command(void *sessions, const char *actor, const arthron_Command *command,
                       arthron_CommandReply *out_reply);
+// False if that is not the session that the station has, or had last. session: its serial.
+bool sessions_metrics_of(struct sessions *sessions, int station, uint64_t session,
+                         arthron_Metrics *out_metrics);
 // Of the station's present or last session. False: there is no such station.
 bool sessions_metrics(void *sessions, const char *station, arthron_Metrics *out_metrics);
 

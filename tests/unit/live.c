@@ -36,6 +36,7 @@ struct page {
     arthron_Remark remark;       // the last
     arthron_CommandReply reply;  // the last
     char trouble[256];           // the last
+    double time_s;               // that the session ran, by the last metrics
     struct tissue tissue;
     uint8_t *payload;
     size_t payload_size;
@@ -125,6 +126,14 @@ static void take_session(struct page *page, const arthron_LiveSession *session) 
         ask_for_meshes(page);
 }
 
+static double value_of(const arthron_Metrics *metrics, const char *name) {
+    for (int i = 0; i < metrics->metrics_count; i++)
+        if (!strcmp(metrics->metrics[i].name, name))
+            return metrics->metrics[i].value;
+    fail_msg("there is no %s", name);
+    return 0;
+}
+
 static void take_item(struct page *page, const arthron_Live *item) {
     switch (item->which_message) {
     case arthron_Live_place_tag:
@@ -147,6 +156,7 @@ static void take_item(struct page *page, const arthron_Live *item) {
         break;
     case arthron_Live_metrics_tag:
         page->metrics++;
+        page->time_s = value_of(&item->message.metrics, "time");
         break;
     case arthron_Live_command_reply_tag:
         page->replies++;
@@ -194,9 +204,9 @@ static void read_batch(struct page *page, const uint8_t *bytes, size_t size) {
 }
 
 // One batch, where there is one now; what it was asked to wait for else.
-static int64_t draw(struct page *page) {
+static int64_t draw_at(struct page *page, int64_t now_ns) {
     static uint8_t bytes[LIVE_BATCH_MAX];
-    int64_t now_ns = clock_now_ns(), next_ns = now_ns;
+    int64_t next_ns = now_ns;
     size_t size =
         live_server_batch(page->live, page->viewer, now_ns, bytes, sizeof bytes, &next_ns);
     assert_true(size <= sizeof bytes);
@@ -205,6 +215,10 @@ static int64_t draw(struct page *page) {
     if (size == 0)
         page->batches--;
     return next_ns;
+}
+
+static int64_t draw(struct page *page) {
+    return draw_at(page, clock_now_ns());
 }
 
 // Draws whatever there is for so long.
@@ -549,6 +563,39 @@ static void a_command_behind_too_many_others_is_refused(void **state) {
     sessions_destroy(&sessions);
 }
 
+// What is cached of a station may be older than its session.
+static void metrics_are_of_the_session_that_is_shown(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    struct page early, late;
+    int64_t second_ns = (clock_now_ns() / NS_PER_S + 1) * NS_PER_S;
+    hall_join(sessions);
+    hall_wait_ms(300); // until its metrics have a time
+    open_page(&early, live, &instructor);
+    open_page(&late, live, &instructor);
+    watch(&early, arthron_Watch_What_STATION, "room-1", 1);
+    draw_at(&early, second_ns + 3 * NS_PER_S / 10);
+    draw_at(&early, second_ns + NS_PER_S);
+    draw_at(&early, second_ns + 2 * NS_PER_S);
+    assert_int_equal(early.metrics, 1);
+    double first_s = early.time_s;
+    hall_command(sessions, arthron_Command_Kind_STOP);
+    hall_command(sessions, arthron_Command_Kind_START);
+    watch(&late, arthron_Watch_What_STATION, "room-1", 1);
+    draw_at(&late, second_ns + 24 * NS_PER_S / 10); // it is shown the session as it was at 2 s
+    assert_memory_equal(late.session.id, early.session.id, sizeof late.session.id);
+    assert_float_equal(late.time_s, first_s, 0);
+    draw_at(&early, second_ns + 3 * NS_PER_S);
+    assert_int_equal(early.sessions, 2);
+    assert_int_equal(early.metrics, 2);
+    assert_true(early.time_s != first_s);
+    close_page(&early);
+    close_page(&late);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
 static void trainees_see_their_own_sessions_only(void **state) {
     (void)state;
     struct sessions *sessions = hall_open();
@@ -708,6 +755,7 @@ int main(void) {
         cmocka_unit_test(a_command_that_waits_holds_up_no_other_page),
         cmocka_unit_test(a_page_gets_no_answers_of_the_page_before_it),
         cmocka_unit_test(a_command_behind_too_many_others_is_refused),
+        cmocka_unit_test(metrics_are_of_the_session_that_is_shown),
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),
         cmocka_unit_test(a_recorded_session_waits_for_its_page_and_not_for_others),

@@ -97,7 +97,8 @@ static bool take_option(int option, struct calibrate_arguments *out) {
         return true;
     case 'a':
         return take_values(optarg, out) ||
-               !argument_wrong(program, "--at: must be numbers from -1000 to 1000, with commas");
+               !argument_wrong(program,
+                               "--at: must be numbers from -1000 to 1000, separated by commas");
     case 'j':
         out->json = true;
         return true;

@@ -1,5 +1,6 @@
 #include "base/check.h"
 
+#include "base/argument.h"
 #include "base/clock.h"
 #include "base/number.h"
 #include "calibrate/noise.h"
@@ -345,21 +346,25 @@ int tool_check(int argc, char **argv) {
         {"help", no_argument, NULL, 'h'},
         {0},
     };
+    static const char program[] = "arthron-station check";
     const char *path = NULL;
     double seconds = 3;
-    bool json = false, good = true;
-    for (int o; good && (o = getopt_long(argc, argv, "c:t:j", options, NULL)) != -1;) {
+    bool json = false;
+    for (int o; (o = getopt_long(argc, argv, "c:t:j", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
             return 0;
         }
+        if (o == '?')
+            return argument_help(program);
+        if (o == 't' && !number_double(optarg, 1.2, 600, &seconds))
+            return argument_wrong(program, "--seconds %s: must be from 1.2 to 600", optarg);
         path = o == 'c' ? optarg : path;
         json |= o == 'j';
-        good = o != '?' && (o != 't' || number_double(optarg, 1.2, 600, &seconds));
     }
-    if (!good || !path || optind != argc) {
-        fputs(help, stderr);
-        return 2;
-    }
+    if (optind != argc)
+        return argument_wrong(program, "takes no %s", argv[optind]);
+    if (!path)
+        return argument_wrong(program, "--config is required");
     return run(path, seconds, json);
 }

@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "base/log.h"
 #include "link/link.h"
 #include "loop/config.h"
@@ -15,6 +16,8 @@ static const char help[] =
     "  -n, --name STATION  the station's name, for which the code was made\n"
     "  -k, --keys DIR      the folder for the key and the certificate\n"
     "      --help          show this\n";
+
+static const char program[] = "arthron-station enrol";
 
 static int enrol(const char *server, const char *code, const char *name, const char *keys) {
     char host[256];
@@ -52,13 +55,12 @@ int tool_enrol(int argc, char **argv) {
         } else if (o == 'k') {
             keys = optarg;
         } else {
-            fputs(help, stderr);
-            return 2;
+            return argument_help(program);
         }
     }
-    if (!name || !keys || argc - optind != 2) {
-        fputs(help, stderr);
-        return 2;
-    }
+    if (argc - optind != 2)
+        return argument_wrong(program, "HOST:PORT and CODE are required");
+    if (!name || !keys)
+        return argument_wrong(program, "--name and --keys are required");
     return enrol(argv[optind], argv[optind + 1], name, keys);
 }

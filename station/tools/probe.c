@@ -1,5 +1,6 @@
 #include "tools/probe.h"
 
+#include "base/argument.h"
 #include "base/check.h"
 #include "base/log.h"
 #include "base/number.h"
@@ -22,6 +23,8 @@ static const char help[] =
     "  -t, --tracker HOST:PORT  an OpenIGTLink server; listens to it for two seconds\n"
     "  -j, --json               print JSON: values, and the config as a text\n"
     "      --help               show this\n";
+
+static const char program[] = "arthron-station probe";
 
 struct probe_arguments {
     int modbus_count, tracker_count, slaves; // slaves 0: as suits the line
@@ -78,29 +81,30 @@ static int run(const struct probe_arguments *arguments) {
     return found.failures ? 1 : 0;
 }
 
+// False: refused, and said why.
 static bool take_option(int option, struct probe_arguments *out) {
     int64_t slaves;
     switch (option) {
     case 'm':
         if (out->modbus_count == LINES_MAX)
-            return false;
+            return !argument_wrong(program, "--modbus: at most %d lines", LINES_MAX);
         out->modbus[out->modbus_count++] = optarg;
         return true;
     case 't':
         if (out->tracker_count == LINES_MAX)
-            return false;
+            return !argument_wrong(program, "--tracker: at most %d trackers", LINES_MAX);
         out->trackers[out->tracker_count++] = optarg;
         return true;
     case 'n':
         if (!number_int(optarg, 1, 247, &slaves))
-            return false;
+            return !argument_wrong(program, "--slaves %s: must be from 1 to 247", optarg);
         out->slaves = (int)slaves;
         return true;
     case 'j':
         out->json = true;
         return true;
     default:
-        return false;
+        return !argument_help(program);
     }
 }
 
@@ -119,8 +123,9 @@ int tool_probe(int argc, char **argv) {
         }
         good = take_option(o, &arguments);
     }
-    if (good && optind == argc)
-        return run(&arguments);
-    fputs(help, stderr);
-    return 2;
+    if (!good)
+        return 2;
+    if (optind != argc)
+        return argument_wrong(program, "takes no %s", argv[optind]);
+    return run(&arguments);
 }

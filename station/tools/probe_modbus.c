@@ -42,7 +42,7 @@ static enum result open_line(const char *line, modbus_t **out_modbus, struct err
     CHECK(modbus);
     modbus_set_response_timeout(modbus, 1, 0); // of connecting
     if (modbus_connect(modbus)) {
-        fail(err, RESULT_CLOSED, "%s: %s", line, modbus_strerror(errno));
+        fail(err, RESULT_CLOSED, "cannot connect to %s: %s", line, modbus_strerror(errno));
         modbus_free(modbus);
         return RESULT_CLOSED;
     }

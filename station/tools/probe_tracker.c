@@ -133,7 +133,7 @@ enum result probe_tracker(const char *address, double seconds, FILE *config, jso
     int fd;
     enum result result = socket_connect(address, CONNECT_MS, &fd, err);
     if (result != RESULT_OK)
-        return result;
+        return fail_in(err, result, "cannot connect to ");
     struct listening *l = alloc(1, sizeof *l);
     listen_to(fd, seconds, l);
     close(fd);

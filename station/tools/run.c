@@ -1,3 +1,4 @@
+#include "base/argument.h"
 #include "base/log.h"
 #include "base/number.h"
 #include "loop/loop.h"
@@ -30,6 +31,8 @@ struct run_arguments {
     struct loop_options loop;
 };
 
+static const char program[] = "arthron-station run";
+
 static volatile sig_atomic_t stop;
 
 static void on_signal(int signal_number) {
@@ -37,16 +40,20 @@ static void on_signal(int signal_number) {
     stop = 1;
 }
 
+// False: refused, and said why.
 static bool take_option(struct run_arguments *out, int option) {
     switch (option) {
     case 'c':
         out->config = optarg;
         return true;
     case 's':
-        return out->override_count < OVERRIDES_MAX &&
-               setting_split(optarg, &out->overrides[out->override_count++]);
+        if (out->override_count == OVERRIDES_MAX)
+            return !argument_wrong(program, "--set: at most %d values", OVERRIDES_MAX);
+        return setting_split(optarg, &out->overrides[out->override_count++]) ||
+               !argument_wrong(program, "--set %s: must be SECTION.KEY=VALUE", optarg);
     case 't':
-        return number_double(optarg, 0.001, 1e9, &out->loop.seconds);
+        return number_double(optarg, 0.001, 1e9, &out->loop.seconds) ||
+               !argument_wrong(program, "--seconds %s: must be from 0.001 to 1e9", optarg);
     case 'l':
         out->loop.live = true;
         return true;
@@ -57,7 +64,7 @@ static bool take_option(struct run_arguments *out, int option) {
         log_set_level(LOG_DEBUG);
         return true;
     default:
-        return false;
+        return !argument_help(program);
     }
 }
 
@@ -105,14 +112,12 @@ int tool_run(int argc, char **argv) {
             fputs(help, stdout);
             return 0;
         }
-        if (!take_option(&arguments, o)) {
-            fputs(help, stderr);
+        if (!take_option(&arguments, o))
             return 2;
-        }
     }
-    if (!arguments.config || optind != argc) {
-        fputs(help, stderr);
-        return 2;
-    }
+    if (optind != argc)
+        return argument_wrong(program, "takes no %s", argv[optind]);
+    if (!arguments.config)
+        return argument_wrong(program, "--config is required");
     return run(&arguments);
 }

@@ -41,8 +41,9 @@ bool runtime_mesh_message(struct runtime *runtime, int station, struct control_p
 
 // The station must have no session. The runtime owns it until NOTICE_ENDED.
 void runtime_attach(struct runtime *runtime, int station, struct session_runtime *session);
-// NOTICE_TAKEN with the ticket answers these two, and NOTICE_UNDONE with the same an INPUT_UNDO that
-// was taken. None is taken while another is on its way. False if the worker has too much to do.
+// NOTICE_TAKEN with the ticket answers these two, and NOTICE_UNDONE with the same an INPUT_UNDO
+// that was taken. None is taken while another is on its way. False if the worker has too much to
+// do.
 bool runtime_input(struct runtime *runtime, int station, enum input_kind kind, uint64_t ticket);
 // session: serial of the session.
 bool runtime_remark(struct runtime *runtime, int station, uint64_t session,

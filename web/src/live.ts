@@ -28,7 +28,7 @@ export type Link =
 
 /** What is known of a station, or of the recorded session, that Place.seat and Moment.seat name. */
 export interface StationState {
-  readonly seat: number;
+  readonly number: number;
   place?: Place;
   placeAt: number; // Environment.now of its arrival
   moment?: Moment;
@@ -59,7 +59,7 @@ export class NoAnswer extends Error {
 }
 
 export class Feed {
-  /** By seat; kept while the connection is broken, so that a view can show what was last known. */
+  /** By number; kept while the connection is broken, so that a view can show what was last known. */
   readonly stations = new Map<number, StationState>();
   link: Link = { state: "idle" };
   batches = 0; // on this connection
@@ -182,7 +182,7 @@ export class Feed {
   private forgetGone(socket: WebSocket, since: number): void {
     this.environment.later(QUIET_MS, () => {
       if (socket !== this.socket || !this.batches) return;
-      for (const seat of this.stations.values()) if (Math.max(seat.placeAt, seat.momentAt) < since) this.stations.delete(seat.seat);
+      for (const one of this.stations.values()) if (Math.max(one.placeAt, one.momentAt) < since) this.stations.delete(one.number);
     });
   }
 
@@ -230,9 +230,9 @@ export class Feed {
     this.tell(message.case, message.value);
   }
 
-  private seat(seat: number): StationState {
-    let found = this.stations.get(seat);
-    if (!found) this.stations.set(seat, (found = { seat, placeAt: 0, momentAt: 0 }));
+  private station(number: number): StationState {
+    let found = this.stations.get(number);
+    if (!found) this.stations.set(number, (found = { number, placeAt: 0, momentAt: 0 }));
     return found;
   }
 
@@ -241,15 +241,15 @@ export class Feed {
       this.stations.delete(place.seat);
       return;
     }
-    const seat = this.seat(place.seat);
-    seat.place = place;
-    seat.placeAt = this.environment.now();
+    const station = this.station(place.seat);
+    station.place = place;
+    station.placeAt = this.environment.now();
   }
 
   private keepMoment(moment: Moment): void {
-    const seat = this.seat(moment.seat);
-    seat.moment = moment;
-    seat.momentAt = this.environment.now();
+    const station = this.station(moment.seat);
+    station.moment = moment;
+    station.momentAt = this.environment.now();
   }
 
   private answer(reply: CommandReply): void {

@@ -123,7 +123,7 @@ test("a batch that was not drawn before the connection broke does not count on t
   assert.deepEqual(environment.socket.drawn(), [1]);
 });
 
-test("seats keep their newest place, and go when the server says so", () => {
+test("stations keep their newest place, and go when the server says so", () => {
   const { environment, feed } = opened();
   environment.socket.batch([place(1), place(2), { message: { case: "moment", value: { seat: 2, step: 7n } } }]);
   assert.equal(feed.stations.get(2)?.moment?.step, 7n);
@@ -228,7 +228,7 @@ test("a broken connection is tried again, later each time, and asks for the same
   assert.equal(feed.link.state === "broken" && feed.link.retryAt - environment.at, 500);
 });
 
-test("seats that a server does not know any more go after a reconnect", async () => {
+test("stations that a server does not know any more go after a reconnect", async () => {
   const { environment, feed } = opened();
   environment.socket.batch([place(1), place(2)]);
   environment.socket.onclose();

@@ -10,8 +10,8 @@ import { CaseCache } from "../src/views/wall_cases";
 import { kneeParts, thin } from "../src/views/wall_knee";
 import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
 
-function seat(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): StationState {
-  return { seat: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
+function state(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): StationState {
+  return { number: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
 }
 
 test("a station stands where its connection and its session say", () => {
@@ -34,23 +34,23 @@ test("the server's certificate is warned of from 30 days before its end", () => 
 });
 
 test("a station that nothing is heard of is warned of, whatever the server last said", () => {
-  const one = seat({ info: { station: "bay-1" }, urgency: 1, warning: "calibration" });
+  const one = state({ info: { station: "bay-1" }, urgency: 1, warning: "calibration" });
   assert.equal(warningOf(one, 12_999, false)?.words, "Calibration");
   assert.equal(quietFor(one, 12_999), undefined);
   assert.equal(quietFor(one, 13_000), 3000);
   assert.equal(warningOf(one, 13_000, false)?.urgency, 2);
   assert.equal(warningOf(one, 13_000, true)?.words, "Calibration"); // the server as a whole is said to be quiet
-  assert.equal(warningOf(seat({}), 10_000, false), undefined);
+  assert.equal(warningOf(state({}), 10_000, false), undefined);
 });
 
 test("warnings are sorted by urgency, then by station as people count", () => {
-  const warn = (station: string, urgency: number) => warningOf(seat({ info: { station }, urgency, warning: "w" }), 10_000, false)!;
+  const warn = (station: string, urgency: number) => warningOf(state({ info: { station }, urgency, warning: "w" }), 10_000, false)!;
   const sorted = byUrgency([warn("bay-10", 1), warn("bay-2", 1), warn("bay-3", 3), warn("bay-1", 7)]);
   assert.deepEqual(sorted.map((warning) => `${warning.station} ${warning.urgency}`), ["bay-1 3", "bay-3 3", "bay-2 1", "bay-10 1"]);
 });
 
 test("what is wrong with many stations is said once", () => {
-  const warn = (station: string, urgency: number, warning: string) => warningOf(seat({ info: { station }, urgency, warning }), 10_000, false)!;
+  const warn = (station: string, urgency: number, warning: string) => warningOf(state({ info: { station }, urgency, warning }), 10_000, false)!;
   const alarms = grouped(byUrgency([warn("a", 1, "case healthy is not checked"), warn("b", 3, "device all is lost"), warn("c", 1, "case healthy is not checked"), warn("d", 2, "device all is lost")]));
   assert.deepEqual(alarms.map(({ urgency, words, stations }) => [urgency, words, stations.join()]),
     [[3, "Device all is lost", "b"], [2, "Device all is lost", "d"], [1, "Case healthy is not checked", "a,c"]]);
@@ -62,8 +62,8 @@ test("large figures take no more room", () => {
 });
 
 test("the server's words begin as a sentence does, a file's name stays", () => {
-  assert.deepEqual(["device all is lost", "room-1-2026.trace: it ends too early", "seat-1 is away", "lost"].map(sentence),
-    ["Device all is lost", "room-1-2026.trace: it ends too early", "seat-1 is away", "Lost"]);
+  assert.deepEqual(["device all is lost", "room-1-2026.trace: it ends too early", "room-1 is away", "lost"].map(sentence),
+    ["Device all is lost", "room-1-2026.trace: it ends too early", "room-1 is away", "Lost"]);
 });
 
 test("a device that is lost has no rate, and its dropouts still count", () => {
@@ -73,9 +73,9 @@ test("a device that is lost has no rate, and its dropouts still count", () => {
 });
 
 test("the time running is the session's own where it is known", () => {
-  const one = seat({ info: { startUtcNs: 1_000_000_000_000n } });
+  const one = state({ info: { startUtcNs: 1_000_000_000_000n } });
   assert.equal(runningSeconds(one, 1_060_000), 60);
-  assert.equal(runningSeconds(seat({ info: {} }), 1_060_000), undefined);
+  assert.equal(runningSeconds(state({ info: {} }), 1_060_000), undefined);
 });
 
 test("all cards fit on the screen where any size of them does", () => {

@@ -59,7 +59,7 @@ export const sessionTitle = ({ trainee, start_utc_s: start }: SessionRow): strin
 export const debrief: View = (root, route, app) => {
   const id = route.args[0] ?? "";
   app.title(text.debrief.sessions);
-  let end = (): void => {};
+  let replay: Replay | undefined;
   let ended = false;
   root.append(loading(text.debrief.waiting));
   const begin = (): void => {
@@ -67,7 +67,7 @@ export const debrief: View = (root, route, app) => {
       (record) => {
         if (ended) return;
         root.replaceChildren();
-        end = replay(root, record, route.query, app);
+        replay = new Replay(root, record, route.query, app);
       },
       (error: unknown) => {
         if (ended) return;
@@ -79,58 +79,75 @@ export const debrief: View = (root, route, app) => {
   begin();
   return () => {
     ended = true;
-    end();
+    replay?.close();
   };
 };
 
-function replay(root: HTMLElement, record: Record, query: URLSearchParams, app: App): () => void {
-  const { session } = record;
-  app.title(sessionTitle(session));
-  const source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
-  const metrics = new Metrics(app, record);
-  const dashboard = new Dashboard(source, { onTime: (time) => transport.seek(time ?? 0), metrics: (replayed) => metrics.draw(replayed) });
-  const transport = new Transport(source);
-  const cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
-  const notices = h("div", { class: "notices", role: "status" });
-  const comparison = new Comparison(app, session, source, dashboard);
+class Replay {
+  private readonly source: FeedSource;
+  private readonly metrics: Metrics;
+  private readonly dashboard: Dashboard;
+  private readonly transport: Transport;
+  private readonly comparison: Comparison;
+  private readonly cover = h("div", { class: "station-waiting" }, loading(text.debrief.waiting));
+  private readonly notices = h("div", { class: "notices", role: "status" });
+  private noticed = "";
+  private readonly ends: (() => void)[];
 
-  transport.onTime = (time) => {
-    dashboard.setTime(time);
-    comparison.setTime(time);
-  };
-  comparison.onOther = (other, ahead, values) => {
-    transport.setOther(other, ahead);
-    metrics.setOther(values);
-  };
-  root.append(head(session, metrics, comparison), notices, comparison.element, transport.element, h("div", { class: "station-main" }, dashboard.element, cover));
-  const other = query.get("with");
-  if (other) void comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
-  transport.seek(0);
+  constructor(private readonly root: HTMLElement, private readonly record: Record, query: URLSearchParams, private readonly app: App) {
+    const { session } = record;
+    app.title(sessionTitle(session));
+    this.source = FeedSource.recorded(app.feed, session.id, RATE_HZ);
+    this.metrics = new Metrics(app, record);
+    this.dashboard = new Dashboard(this.source, { onTime: (time) => this.transport.seek(time ?? 0), metrics: (replayed) => this.metrics.draw(replayed) });
+    this.transport = new Transport(this.source);
+    this.comparison = new Comparison(app, session, this.source, this.dashboard);
+    root.append(head(session, this.metrics, this.comparison), this.notices, this.comparison.element, this.transport.element,
+      h("div", { class: "station-main" }, this.dashboard.element, this.cover));
+    this.ends = this.listen();
+    const other = query.get("with");
+    if (other) void this.comparison.begin(other, query.get("as") === "ghost" ? "ghost" : "side");
+    this.transport.seek(0);
+    this.show();
+  }
 
-  let noticed = "";
-  const show = (): void => {
+  close(): void {
+    for (const end of this.ends) end();
+    for (const open of [this.comparison, this.transport, this.dashboard, this.source]) open.close();
+  }
+
+  private listen(): (() => void)[] {
+    const { source, transport, comparison } = this;
+    transport.onTime = (time) => {
+      this.dashboard.setTime(time);
+      comparison.setTime(time);
+    };
+    comparison.onOther = (other, ahead, values) => {
+      transport.setOther(other, ahead);
+      this.metrics.setOther(values);
+    };
+    const show = (): void => this.show();
+    return [
+      source.onChange((change) => {
+        if (change === "moment" && !this.cover.hidden) show();
+        if (change === "progress" && source.progress === 1) transport.say(checked(source));
+        if (change !== "moment") show();
+      }),
+      this.app.feed.onLink(show),
+    ];
+  }
+
+  private show(): void {
+    const { cover, source } = this;
     cover.hidden = source.history.count > 0;
-    dashboard.element.inert = !cover.hidden;
-    if (!cover.hidden) showCover(cover, source, app.feed, metrics);
-    setClass(root, "nothing", !cover.hidden && source.progress === 1);
-    const found = noticesOf(session, source);
-    if (found.join("\n") === noticed) return;
-    noticed = found.join("\n");
-    fill(notices, ...found.map((words) => h("p", { class: "notice" }, icon("act"), words)));
-  };
-  const ends = [
-    source.onChange((change) => {
-      if (change === "moment" && !cover.hidden) show();
-      if (change === "progress" && source.progress === 1) transport.say(checked(source));
-      if (change !== "moment") show();
-    }),
-    app.feed.onLink(show),
-    () => comparison.close(), () => transport.close(), () => dashboard.close(), () => source.close(),
-  ];
-  show();
-  return () => {
-    for (const end of ends) end();
-  };
+    this.dashboard.element.inert = !cover.hidden;
+    if (!cover.hidden) showCover(cover, source, this.app.feed, this.metrics);
+    setClass(this.root, "nothing", !cover.hidden && source.progress === 1);
+    const found = noticesOf(this.record.session, source);
+    if (found.join("\n") === this.noticed) return;
+    this.noticed = found.join("\n");
+    fill(this.notices, ...found.map((words) => h("p", { class: "notice" }, icon("act"), words)));
+  }
 }
 
 function head(session: SessionRow, metrics: Metrics, comparison: Comparison): HTMLElement {

@@ -1,8 +1,8 @@
 // #/sessions?trainee=&course=&case=&before=: what was trained, newest first.
 import { part } from "../api";
 import type { App, View } from "../app";
-import { listing } from "../listing";
-import { routeTo } from "../router";
+import { listing, type Listing } from "../listing";
+import { routeTo, type Route } from "../router";
 import { format, text } from "../text";
 import { button, confirm, empty, explain, h, select, setText, toast, type Props } from "../ui";
 
@@ -23,63 +23,87 @@ const FILTERS = ["trainee", "course", "case"] as const;
 type Filter = (typeof FILTERS)[number];
 
 export const sessions: View = (root, route, app) => {
-  const t = text.sessions;
-  app.title(text.views.sessions);
-  const asked: Record<string, string> = Object.fromEntries([...FILTERS, "before"].map((name) => [name, route.query.get(name) ?? ""]));
-  const chosen = new Set<string>();
-  let next: string | null = null;
-
-  const load = async (): Promise<Session[]> => {
-    const answer = await app.api.get<{ sessions: Session[]; next: string | number | null }>("/sessions", { ...asked, limit: LIMIT });
-    next = answer.next === null ? null : String(answer.next);
-    chosen.clear();
-    showPaging();
-    return answer.sessions;
-  };
-  const filtered = (): boolean => FILTERS.some((name) => asked[name] !== "");
-  const none = (): HTMLElement => (filtered() ? empty(t.noneFound, t.noneFoundHint, button(t.clear, () => go({ trainee: "", course: "", case: "", before: "" })))
-    : empty(t.none, t.noneHint));
-
-  const compare = button(t.compare, () => {
-    const [one, other] = [...chosen];
-    location.hash = routeTo("session", [one!], { with: other! });
-  }, { disabled: true });
-  const older = button(t.older, () => go({ before: next ?? "" }));
-  const newest = button(t.newest, () => go({ before: "" }));
-  const hint = h("p", { class: "hint", role: "status" });
-  const showPaging = (): void => {
-    older.disabled = next === null;
-    newest.disabled = asked.before === "";
-    compare.disabled = chosen.size !== 2;
-    setText(hint, chosen.size === 1 ? t.chooseOther : chosen.size > 2 ? t.chooseTwo : "");
-  };
-  const choose = (id: string, on: boolean): void => {
-    if (on) chosen.add(id);
-    else chosen.delete(id);
-    showPaging();
-  };
-
-  const list = listing<Session>(text.views.sessions, columns(app, choose, () => list.reload()), load, none);
-  const go = (change: Record<string, string>): void => {
-    Object.assign(asked, change);
-    history.pushState(null, "", routeTo("sessions", [], asked));
-    for (const name of FILTERS) filters[name].value = asked[name]!;
-    list.reload();
-  };
-  const filters = Object.fromEntries(FILTERS.map((name) => {
-    const input = select([["", t.all[name]]], "", { "aria-label": t.filters[name], on: { change: () => go({ [name]: input.value, before: "" }) } });
-    return [name, input];
-  })) as Record<Filter, HTMLSelectElement>;
-  void fillFilters(app, filters, asked).catch((error) => toast(explain(error), "fault"));
-
-  root.append(h("div", { class: "page" },
-    h("div", { class: "page-head" }, h("h1", {}, text.views.sessions),
-      h("div", { class: "filters" }, app.account!.role === "trainee" ? null : filters.trainee, filters.course, filters.case)),
-    list.element,
-    h("div", { class: "paging" }, hint, compare, newest, older)));
-  showPaging();
-  return () => list.end();
+  const page = new Sessions(root, route, app);
+  return () => page.close();
 };
+
+class Sessions {
+  private readonly asked: Record<string, string>;
+  private readonly chosen = new Set<string>(); // ids of sessions
+  private next: string | null = null; // where the next page begins
+  private readonly filters: Record<Filter, HTMLSelectElement>;
+  private readonly compare = button(text.sessions.compare, () => this.openBoth(), { disabled: true });
+  private readonly older = button(text.sessions.older, () => this.go({ before: this.next ?? "" }));
+  private readonly newest = button(text.sessions.newest, () => this.go({ before: "" }));
+  private readonly hint = h("p", { class: "hint", role: "status" });
+  private readonly list: Listing;
+
+  constructor(root: HTMLElement, route: Route, private readonly app: App) {
+    app.title(text.views.sessions);
+    this.asked = Object.fromEntries([...FILTERS, "before"].map((name) => [name, route.query.get(name) ?? ""]));
+    this.filters = Object.fromEntries(FILTERS.map((name) => [name, this.filter(name)])) as Record<Filter, HTMLSelectElement>;
+    this.list = listing<Session>(text.views.sessions, columns(app, (id, on) => this.choose(id, on), () => this.list.reload()), () => this.load(), () => this.none());
+    void fillFilters(app, this.filters, this.asked).catch((error) => toast(explain(error), "fault"));
+    const { filters } = this;
+    root.append(h("div", { class: "page" },
+      h("div", { class: "page-head" }, h("h1", {}, text.views.sessions),
+        h("div", { class: "filters" }, app.account!.role === "trainee" ? null : filters.trainee, filters.course, filters.case)),
+      this.list.element,
+      h("div", { class: "paging" }, this.hint, this.compare, this.newest, this.older)));
+    this.showPaging();
+  }
+
+  close(): void {
+    this.list.end();
+  }
+
+  private filter(name: Filter): HTMLSelectElement {
+    const t = text.sessions;
+    const input = select([["", t.all[name]]], "", { "aria-label": t.filters[name], on: { change: () => this.go({ [name]: input.value, before: "" }) } });
+    return input;
+  }
+
+  private async load(): Promise<Session[]> {
+    const answer = await this.app.api.get<{ sessions: Session[]; next: string | number | null }>("/sessions", { ...this.asked, limit: LIMIT });
+    this.next = answer.next === null ? null : String(answer.next);
+    this.chosen.clear();
+    this.showPaging();
+    return answer.sessions;
+  }
+
+  private none(): HTMLElement {
+    const t = text.sessions;
+    if (FILTERS.every((name) => this.asked[name] === "")) return empty(t.none, t.noneHint);
+    return empty(t.noneFound, t.noneFoundHint, button(t.clear, () => this.go({ trainee: "", course: "", case: "", before: "" })));
+  }
+
+  private go(change: Record<string, string>): void {
+    Object.assign(this.asked, change);
+    history.pushState(null, "", routeTo("sessions", [], this.asked));
+    for (const name of FILTERS) this.filters[name].value = this.asked[name]!;
+    this.list.reload();
+  }
+
+  private choose(id: string, on: boolean): void {
+    if (on) this.chosen.add(id);
+    else this.chosen.delete(id);
+    this.showPaging();
+  }
+
+  private openBoth(): void {
+    const [one, other] = [...this.chosen];
+    location.hash = routeTo("session", [one!], { with: other! });
+  }
+
+  private showPaging(): void {
+    const t = text.sessions;
+    const { size } = this.chosen;
+    this.older.disabled = this.next === null;
+    this.newest.disabled = this.asked.before === "";
+    this.compare.disabled = size !== 2;
+    setText(this.hint, size === 1 ? t.chooseOther : size > 2 ? t.chooseTwo : "");
+  }
+}
 
 async function fillFilters(app: App, filters: Record<Filter, HTMLSelectElement>, asked: Record<string, string>): Promise<void> {
   const own = app.account!.role === "trainee";

@@ -104,6 +104,6 @@ function submitting(label: string, parts: HTMLElement[], send: () => false | Pro
 }
 
 function card(title: string, ...content: HTMLElement[]): HTMLElement {
-  return h("div", { class: "door" }, h("div", { class: "door-card" },
+  return h("div", { class: "sign-in-page" }, h("div", { class: "sign-in-card" },
     h("div", { class: "brand large" }, mark(), h("span", {}, text.product)), h("h1", {}, title), ...content));
 }

@@ -1,6 +1,6 @@
 // #/station/NAME: one station's session, as it happens.
 import { SessionState } from "wire";
-import type { View } from "../app";
+import type { App, View } from "../app";
 import { Dashboard } from "../dashboard";
 import { STATE } from "../history";
 import { QUIET_MS } from "../live";
@@ -21,113 +21,161 @@ const STATES: Record<SessionState, [icon: IconName, words: keyof typeof text.wal
 const STALE: [icon: IconName, words: string] = ["gone", text.station.unknown];
 
 export const station: View = (root, route, app) => {
-  const name = route.args[0] ?? "";
-  app.title(text.station.title(name));
-  const { feed } = app;
-  const source = FeedSource.live(feed, name, RATE_HZ);
-  const began = feed.now();
-  let heard = 0; // when the last moment came
-  const state = (): SessionState | undefined =>
-    source.history.count ? source.history.value(source.history.count - 1, STATE) : undefined;
+  const page = new StationPage(root, route.args[0] ?? "", app);
+  return () => page.close();
+};
 
-  const badge = h("span", { class: "badge state-badge" });
-  const clock = h("span", { class: "session-clock number" });
-  const about = h("p", { class: "about quiet-text" });
-  const tell = announcer();
-  const stale = h("p", { class: "stale badge now" });
-  const note = h("p", { class: "badge act", role: "status" });
-  const dashboard = new Dashboard(source, { onMarker: (marker) => controls?.placeMarker(marker) });
-  const controls = app.account?.role === "instructor" ? new SessionControls(app, {
-    station: name,
-    case: () => source.session?.caseName ?? "",
-    strength: () => source.session?.strength ?? 1,
-    trainee: () => source.session?.trainee ?? "",
-  }) : undefined;
-  if (controls) {
-    controls.onPicking = (on) => {
-      dashboard.viewport.picking = on;
-      setClass(root, "picking", on);
-    };
+class StationPage {
+  private readonly source: FeedSource;
+  private readonly dashboard: Dashboard;
+  private readonly controls: SessionControls | undefined; // of an instructor
+  private readonly trainee: boolean;
+  private readonly began: number;
+  private heard = 0; // when the last moment came
+  private readonly badge = h("span", { class: "badge state-badge" });
+  private readonly clock = h("span", { class: "session-clock number" });
+  private readonly about = h("p", { class: "about quiet-text" });
+  private readonly stale = h("p", { class: "stale badge now" });
+  private readonly note = h("p", { class: "badge act", role: "status" });
+  private readonly waiting: HTMLElement;
+  private readonly tell = announcer();
+  private readonly ends: (() => void)[];
+
+  constructor(private readonly root: HTMLElement, private readonly name: string, private readonly app: App) {
+    app.title(text.station.title(name));
+    this.trainee = app.account?.role === "trainee";
+    this.began = app.feed.now();
+    this.source = FeedSource.live(app.feed, name, RATE_HZ);
+    this.dashboard = new Dashboard(this.source, { onMarker: (marker) => this.controls?.placeMarker(marker) });
+    this.controls = app.account?.role === "instructor" ? this.makeControls() : undefined;
+    this.waiting = h("div", { class: "station-waiting" }, loading(text.station.waiting(name)));
+    root.append(this.head(), ...(this.controls ? [this.controls.element] : []), h("div", { class: "station-main" }, this.dashboard.element, this.waiting));
+    this.ends = this.listen();
   }
-  const trainee = app.account?.role === "trainee";
-  const [home, homeName] = trainee ? ["#/sessions", text.views.sessions] : ["#/wall", text.station.wall];
-  const waiting = h("div", { class: "station-waiting" }, loading(text.station.waiting(name)));
-  root.append(h("header", { class: "station-head" },
-    h("div", { class: "station-name" }, h("a", { href: home, class: "button quiet back" }, icon("back"), homeName), h("h1", {}, name), badge, clock, stale, note),
-    about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope)),
-    ...(controls ? [controls.element] : []), h("div", { class: "station-main" }, dashboard.element, waiting));
 
-  // For how long nothing is heard, and in which words; undefined: what is shown is how it is.
-  const staleness = (): string | undefined => {
+  close(): void {
+    for (const end of this.ends) end();
+    this.dashboard.close();
+    this.source.close();
+  }
+
+  private makeControls(): SessionControls {
+    const { source } = this;
+    const controls = new SessionControls(this.app, {
+      station: this.name,
+      case: () => source.session?.caseName ?? "",
+      strength: () => source.session?.strength ?? 1,
+      trainee: () => source.session?.trainee ?? "",
+    });
+    controls.onPicking = (on) => {
+      this.dashboard.viewport.picking = on;
+      setClass(this.root, "picking", on);
+    };
+    return controls;
+  }
+
+  private head(): HTMLElement {
+    const { name } = this;
+    return h("header", { class: "station-head" },
+      h("div", { class: "station-name" }, this.back("button quiet back", icon("back")), h("h1", {}, name), this.badge, this.clock, this.stale, this.note),
+      this.about, h("a", { class: "button", href: routeTo("scope", [name]) }, text.station.scope));
+  }
+
+  private back(kind: string, ...sign: Element[]): HTMLElement {
+    const [href, words] = this.trainee ? ["#/sessions", text.views.sessions] : ["#/wall", text.station.wall];
+    return h("a", { href, class: kind }, ...sign, words);
+  }
+
+  private listen(): (() => void)[] {
+    const { feed } = this.app;
+    const show = (): void => this.show();
+    const key = (event: KeyboardEvent): void => this.key(event);
+    document.addEventListener("keydown", key);
+    return [
+      this.source.onChange((change) => {
+        if (change === "moment") this.heard = feed.now();
+        else show();
+      }),
+      everySecond(show),
+      feed.onLink(show),
+      () => document.removeEventListener("keydown", key),
+    ];
+  }
+
+  private get state(): SessionState | undefined {
+    const { history } = this.source;
+    return history.count ? history.value(history.count - 1, STATE) : undefined;
+  }
+
+  /** For how long nothing is heard, and in which words; undefined: what is shown is how it is. */
+  private staleness(): string | undefined {
+    const { feed } = this.app;
     const lost = feed.lostMs();
     if (lost !== undefined) return text.station.lost(lost);
-    const age = heard && source.history.count ? feed.now() - heard : 0;
-    return age >= QUIET_MS && state() !== SessionState.CLOSED ? text.station.stale(age) : undefined;
-  };
+    const age = this.heard && this.source.history.count ? feed.now() - this.heard : 0;
+    return age >= QUIET_MS && this.state !== SessionState.CLOSED ? text.station.stale(age) : undefined;
+  }
 
-  const showBadge = (old: boolean): void => {
-    const now = state();
-    const key = old ? "old" : String(now);
+  private show(): void {
+    const { source, controls } = this;
+    const { session } = source;
+    const old = this.staleness();
+    const reachable = this.app.feed.lostMs() === undefined;
+    this.showBadge(old !== undefined);
+    setText(this.clock, source.history.count ? format.clock(source.history.end) : "");
+    setText(this.about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.strength(format.percent(session.strength, 0))].join(" · ") : "");
+    setText(this.stale, old ?? "");
+    setText(this.note, source.note);
+    this.note.hidden = !source.note;
+    this.tell(old !== undefined && reachable ? "quiet" : "", old ?? text.link.open); // the frame announces a silent server
+    setClass(this.root, "old", old !== undefined);
+    controls?.setReachable(reachable);
+    controls?.setState(this.state);
+    controls?.setMarker(markerAt(source, Infinity));
+    this.showInstead();
+  }
+
+  private showBadge(old: boolean): void {
+    const { badge, state } = this;
+    const key = old ? "old" : String(state);
     if (badge.dataset.state === key) return;
     badge.dataset.state = key;
-    const [sign, words] = STATES[now ?? SessionState.WAITING];
+    const [sign, words] = STATES[state ?? SessionState.WAITING];
     fill(badge, ...(old ? [icon(STALE[0]), STALE[1]] : [icon(sign), text.wall.statuses[words]]));
-  };
+  }
 
-  const showInstead = (): void => {
+  private showInstead(): void {
+    const { source, waiting } = this;
     waiting.hidden = source.session !== undefined || source.history.count > 0;
-    dashboard.element.inert = !waiting.hidden;
-    badge.hidden = source.refused;
+    this.dashboard.element.inert = !waiting.hidden;
+    this.badge.hidden = source.refused;
     if (waiting.hidden) return;
+    const kind = this.missing();
+    if (waiting.dataset.kind === kind) return;
+    waiting.dataset.kind = kind;
     const words = text.station;
-    const late = feed.link.state === "open" && feed.now() - began > QUIET_MS;
-    const key = source.refused ? "refused" : feed.lostMs() !== undefined ? "lost" : source.trouble || late ? "none" : "waiting";
-    if (waiting.dataset.kind === key) return;
-    waiting.dataset.kind = key;
-    const back = h("a", { class: "button", href: home }, homeName);
-    if (key === "refused") fill(waiting, trainee ? empty(words.notYours, words.notYoursHint, back) : empty(words.notThere, source.trouble, back));
-    else if (key === "lost") fill(waiting, empty(text.wall.unreachable, words.comesBack));
-    else if (key === "none") fill(waiting, empty(words.noSession, source.trouble || words.noSessionHint));
-    else fill(waiting, loading(words.waiting(name)));
-  };
+    const back = this.back("button");
+    if (kind === "refused") fill(waiting, this.trainee ? empty(words.notYours, words.notYoursHint, back) : empty(words.notThere, source.trouble, back));
+    else if (kind === "lost") fill(waiting, empty(text.wall.unreachable, words.comesBack));
+    else if (kind === "none") fill(waiting, empty(words.noSession, source.trouble || words.noSessionHint));
+    else fill(waiting, loading(words.waiting(this.name)));
+  }
 
-  const showHead = (): void => {
-    const now = state();
-    const { session } = source;
-    const old = staleness();
-    showBadge(old !== undefined);
-    setText(clock, source.history.count ? format.clock(source.history.end) : "");
-    setText(about, session ? [session.trainee || text.station.nobody, session.caseName, text.station.strength(format.percent(session.strength, 0))].join(" · ") : "");
-    setText(stale, old ?? "");
-    setText(note, source.note);
-    note.hidden = !source.note;
-    tell(old !== undefined && feed.lostMs() === undefined ? "quiet" : "", old ?? text.link.open); // the frame announces a silent server
-    setClass(root, "old", old !== undefined);
-    controls?.setReachable(feed.lostMs() === undefined);
-    controls?.setState(now);
-    controls?.setMarker(markerAt(source, Infinity));
-    showInstead();
-  };
+  /** Why there is nothing to show. */
+  private missing(): "refused" | "lost" | "none" | "waiting" {
+    const { feed } = this.app;
+    if (this.source.refused) return "refused";
+    if (feed.lostMs() !== undefined) return "lost";
+    const late = feed.link.state === "open" && feed.now() - this.began > QUIET_MS;
+    return this.source.trouble || late ? "none" : "waiting";
+  }
 
-  const key = (event: KeyboardEvent): void => {
+  private key(event: KeyboardEvent): void {
+    const { controls } = this;
+    const { viewport } = this.dashboard;
     if (!controls || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
     if ((event.target as HTMLElement).matches("input, select, textarea")) return;
-    if (event.key === "t" && dashboard.viewport.picking) controls.placeMarker(dashboard.viewport.markerAtTip());
-    else if (event.key === "Escape" && dashboard.viewport.picking) controls.setPicking(false);
-  };
-  document.addEventListener("keydown", key);
-  const ends = [
-    source.onChange((change) => {
-      if (change === "moment") heard = feed.now();
-      else showHead();
-    }),
-    everySecond(showHead),
-    feed.onLink(showHead),
-    () => document.removeEventListener("keydown", key),
-    () => dashboard.close(),
-    () => source.close(),
-  ];
-  return () => {
-    for (const end of ends) end();
-  };
-};
+    if (event.key === "t" && viewport.picking) controls.placeMarker(viewport.markerAtTip());
+    else if (event.key === "Escape" && viewport.picking) controls.setPicking(false);
+  }
+}

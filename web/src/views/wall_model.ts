@@ -16,12 +16,12 @@ export function statusOf(place: Place | undefined): Status {
   return info.state === SessionState.CLOSED ? "closed" : "waiting";
 }
 
-export const stationOf = (seat: StationState): string => seat.place?.info?.station ?? "";
+export const nameOf = (station: StationState): string => station.place?.info?.station ?? "";
 
 /** How long its session has run, in seconds; undefined without a session. */
-export function runningSeconds(seat: StationState, utcMs: number): number | undefined {
-  if (seat.moment) return Number(seat.moment.timeNs) / 1e9;
-  const start = seat.place?.info?.startUtcNs ?? 0n;
+export function runningSeconds(station: StationState, utcMs: number): number | undefined {
+  if (station.moment) return Number(station.moment.timeNs) / 1e9;
+  const start = station.place?.info?.startUtcNs ?? 0n;
   return start > 0n ? Math.max(0, utcMs / 1000 - Number(start) / 1e9) : undefined;
 }
 
@@ -44,36 +44,35 @@ export function sumOfDevices(devices: DeviceRate[]): Devices {
 
 /** A warning of a station: the server's, or that nothing is heard of it any more. */
 export interface Warning {
-  seat: number; // 0 and no station: of the server itself
-  station: string;
+  station: string; // its name; "": of the server itself
   urgency: Urgency;
   words: string;
 }
 
 /** How long nothing has come about a station, in ms; undefined while its data is fresh. */
-export function quietFor(seat: StationState, now: number): number | undefined {
-  const age = now - Math.max(seat.placeAt, seat.momentAt);
+export function quietFor(station: StationState, now: number): number | undefined {
+  const age = now - Math.max(station.placeAt, station.momentAt);
   return age >= QUIET_MS ? age : undefined;
 }
 
 /** `serverQuiet`: no station has data. One warning for the server replaces those of the stations. */
-export function warningOf(seat: StationState, now: number, serverQuiet: boolean): Warning | undefined {
-  const station = stationOf(seat);
-  if (!serverQuiet && quietFor(seat, now) !== undefined) return { seat: seat.seat, station, urgency: 2, words: text.wall.noData };
-  const place = seat.place;
+export function warningOf(state: StationState, now: number, serverQuiet: boolean): Warning | undefined {
+  const station = nameOf(state);
+  if (!serverQuiet && quietFor(state, now) !== undefined) return { station, urgency: 2, words: text.wall.noData };
+  const { place } = state;
   if (!place || !place.urgency) return undefined;
-  return { seat: seat.seat, station, urgency: Math.min(3, place.urgency) as Urgency, words: sentence(place.warning) };
+  return { station, urgency: Math.min(3, place.urgency) as Urgency, words: sentence(place.warning) };
 }
 
 /** That nothing has come for so many ms. */
-export const serverQuiet = (ms: number): Warning => ({ seat: 0, station: "", urgency: 3, words: text.wall.serverQuiet(ms) });
+export const serverQuiet = (ms: number): Warning => ({ station: "", urgency: 3, words: text.wall.serverQuiet(ms) });
 
 const CERTIFICATE_WARNING_DAYS = 30;
 
 /** That the server's certificate ends soon; `until`: seconds since 1970, null where nobody knows. */
 export function certificateWarning(until: number | null, nowMs: number): Warning | undefined {
   const days = until === null ? Infinity : Math.floor((until - nowMs / 1000) / 86400);
-  return days < CERTIFICATE_WARNING_DAYS ? { seat: 0, station: "", urgency: 1, words: text.wall.certificate(days) } : undefined;
+  return days < CERTIFICATE_WARNING_DAYS ? { station: "", urgency: 1, words: text.wall.certificate(days) } : undefined;
 }
 
 /** The most urgent first; of equal ones by the station's name, so that nothing jumps about. */

@@ -44,7 +44,7 @@ const FINE_FROM_PX = 110;
 const MANY = 8;
 
 interface Slot {
-  seat: StationState | undefined;
+  station: StationState | undefined;
   slot: HTMLElement;
 }
 
@@ -121,8 +121,8 @@ export class MiniScene {
     const gl = this.gl;
     const area = this.canvas.getBoundingClientRect();
     if (!gl || area.width < 1) return;
-    const boxes = slots.map(({ seat, slot }) => ({ seat, box: slot.getBoundingClientRect() }));
-    const key = boxes.map(({ seat, box }) => `${seat?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
+    const boxes = slots.map(({ station, slot }) => ({ station, box: slot.getBoundingClientRect() }));
+    const key = boxes.map(({ station, box }) => `${station?.momentAt ?? 0} ${box.left} ${box.top} ${box.width}`).join() + [area.left, area.top, area.width, area.height, this.knees.size, devicePixelRatio].join();
     if (key === this.drawn) return;
     this.drawn = key;
     this.many = slots.length > MANY;
@@ -133,18 +133,18 @@ export class MiniScene {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.SCISSOR_TEST);
     gl.useProgram(this.program!);
-    for (const { seat, box } of boxes) {
-      if (!seat?.place || box.bottom < area.top || box.top > area.bottom || box.height < 1) continue;
+    for (const { station, box } of boxes) {
+      if (!station?.place || box.bottom < area.top || box.top > area.bottom || box.height < 1) continue;
       const rectangle = [(box.left - area.left) * scale, (area.bottom - box.bottom) * scale, box.width * scale, box.height * scale].map(Math.round);
       gl.viewport(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
       gl.scissor(rectangle[0]!, rectangle[1]!, rectangle[2]!, rectangle[3]!);
-      this.drawSeat(gl, seat, box);
+      this.drawStation(gl, station, box);
     }
   }
 
-  private drawSeat(gl: WebGL2RenderingContext, seat: StationState, box: DOMRect): void {
-    const moment = seat.moment;
-    const knee = this.knee(seat, box.height < FINE_FROM_PX || (this.bySoftware && this.many) ? COARSE_MM : FINE_MM);
+  private drawStation(gl: WebGL2RenderingContext, station: StationState, box: DOMRect): void {
+    const moment = station.moment;
+    const knee = this.knee(station, box.height < FINE_FROM_PX || (this.bySoftware && this.many) ? COARSE_MM : FINE_MM);
     if (!moment || !knee) return;
     gl.uniformMatrix4fv(this.where("projection"), false, projection(box.width / box.height));
     for (const one of knee) {
@@ -175,8 +175,8 @@ export class MiniScene {
     this.drawn = "";
   }
 
-  private knee(seat: StationState, cell: number): Drawn[] | undefined {
-    const name = seat.place?.info?.caseName;
+  private knee(station: StationState, cell: number): Drawn[] | undefined {
+    const name = station.place?.info?.caseName;
     const found = name ? this.cases.get(name) : undefined;
     if (!found) return undefined;
     const key = `${name} ${cell}`;

@@ -59,3 +59,8 @@ export function stand({ header, rows }) {
   const touching = rows.filter((row) => row.at(-1) === "tibia");
   return { header, rows: Array(200).fill(touching[Math.floor(touching.length / 6)]) };
 }
+
+/** Its first moment: the hands are outside. */
+export function rest({ header, rows }) {
+  return { header, rows: Array(200).fill(rows[0]) };
+}

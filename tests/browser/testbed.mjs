@@ -3,7 +3,7 @@ import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSyn
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, callJson, freePort, Program, sleep, until } from "./programs.mjs";
-import { BITES, motion, palpation, scopeAt, stand, stroke, write } from "./motion.mjs";
+import { BITES, motion, palpation, rest, scopeAt, stand, stroke, write } from "./motion.mjs";
 
 export const STATION_COUNT = 32;
 export const SIMULATED_HZ = 25; // frames of a simulated station
@@ -72,7 +72,9 @@ export class Testbed {
     const palpated = await motion(this.folder, "palpation", palpation(this.source, 25), this.path("cases/arthrosis"));
     write(this.path("stroke.csv"), stroke(palpated), scopeAt([0, 25, -10], portal), 200); // near the femur
     write(this.path("stand.csv"), stand(palpated), scope, 200);
-    write(this.path("bites.csv"), await motion(this.folder, "resection", BITES, this.path("cases/tear-radial")), scope, 100);
+    const bites = await motion(this.folder, "resection", BITES, this.path("cases/tear-radial"));
+    write(this.path("bites.csv"), bites, scope, 100);
+    write(this.path("rest.csv"), rest(bites), scope, 100);
   }
 
   // ---- the server ---------------------------------------------------------------------------------
@@ -160,10 +162,10 @@ ${cases.join("")}${equipped.join("")}${simulated.join("")}`);
     for (const name of this.simulated) await this.enrol(name);
   }
 
-  /** `faults`: [what, at_s, for_s] of the tracker, in s after the mock-up's start. */
-  async startMockup(name, faults = []) {
+  /** `faults`: [what, at_s, for_s] of the tracker, in s after the mock-up's start. `motion`: another than the station's. */
+  async startMockup(name, { faults = [], motion = STATIONS[name].motion } = {}) {
     const before = this.mockups[name];
-    const args = ["--motion", this.path(`${STATIONS[name].motion}.csv`), "--modbus-tcp", `127.0.0.1:${before?.modbus ?? 0}`, "--tracker", `127.0.0.1:${before?.tracker ?? 0}`];
+    const args = ["--motion", this.path(`${motion}.csv`), "--modbus-tcp", `127.0.0.1:${before?.modbus ?? 0}`, "--tracker", `127.0.0.1:${before?.tracker ?? 0}`];
     if (faults.length) {
       const text = faults.map(([what, at, length], i) => `[fault ${i}]\nwho = tracker\nwhat = ${what}\nat_s = ${at}\nfor_s = ${length}\n`);
       writeFileSync(this.path(`${name}-faults.ini`), text.join(""));
@@ -174,6 +176,12 @@ ${cases.join("")}${equipped.join("")}${simulated.join("")}`);
     const ports = Object.fromEntries(program.out.trimEnd().split("\n").map((line) => line.split(" ")));
     this.mockups[name] = { program, modbus: ports["modbus-tcp"].split(":")[1], tracker: ports.tracker.split(":")[1] };
     return program;
+  }
+
+  /** The mock-up's hands go on with another motion, on the same ports. */
+  async moveHands(name, motion) {
+    await this.mockups[name].program.end();
+    await this.startMockup(name, { motion });
   }
 
   async #stationConfig(name) {
@@ -249,8 +257,11 @@ tool.scope = scope
 
   /** A session of room-1 in which some tissue was cut and that has ended. */
   async recorded() {
-    this.past ??= await this.record("room-1", () => until("cuts", async () => (await this.resection("room-1")).cuts >= 3));
-    return this.past;
+    this.past ??= this.record("room-1", () => until("cuts", async () => (await this.resection("room-1")).cuts >= 3));
+    return this.past.catch((error) => {
+      delete this.past;
+      throw error;
+    });
   }
 
   async endStation(name) {

@@ -1,6 +1,7 @@
 // A session as the instructor sees and controls it. What the page shows is held against what the server says
 // by another way, its local socket.
 import assert from "node:assert/strict";
+import { ALIKE, difference, still } from "../browser.mjs";
 import { call, sleep, until } from "../programs.mjs";
 
 const open = async ({ testbed, browser, users }, name) => {
@@ -24,6 +25,18 @@ async function sameMesh({ testbed, browser }, page, name) {
     const here = browser.heard(page).acks.meniscus_medial;
     return here?.number === there.mesh_number && here.hash === there.mesh_hash;
   });
+}
+
+const scene = (page) => still(page.locator("canvas.scene-canvas"));
+
+// From above and near, without what lies over them.
+async function showMenisci(page) {
+  await page.locator("summary", { hasText: "Show" }).click();
+  for (const name of ["Femur", "Patella", "Measured instruments", "Tip trails"]) await page.getByLabel(name, { exact: true }).uncheck();
+  await page.keyboard.press("Escape");
+  await page.getByRole("button", { name: "Superior" }).click();
+  await scene(page);
+  for (let i = 0; i < 6; i++) await page.locator("canvas.scene-canvas").press("+");
 }
 
 // Stroke by stroke, until the server has none.
@@ -55,6 +68,34 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   await until("the plot has that nothing is removed", async () => (await plotted(page, "Removed")) === 0);
   await press(page, "Resume");
   await said(page, "done");
+}
+
+// The hands rest in all three pictures, so that nothing but the tissue can differ.
+async function a_cut_is_seen_in_the_picture_until_it_is_undone(world) {
+  const { testbed } = world;
+  const page = await open(world, "room-1");
+  try {
+    await testbed.moveHands("room-1", "rest");
+    await testbed.session("stop", "room-1");
+    await testbed.session("start", "room-1");
+    await page.locator(".state-badge", { hasText: "Running" }).waitFor();
+    await showMenisci(page);
+    const whole = await scene(page);
+    await testbed.moveHands("room-1", "bites");
+    await until("cuts", async () => (await testbed.resection("room-1")).cuts >= 6);
+    await testbed.session("pause", "room-1");
+    await testbed.moveHands("room-1", "rest");
+    await sameMesh(world, page, "room-1");
+    const cut = difference(whole, await scene(page));
+    await undoAll(testbed);
+    await sameMesh(world, page, "room-1");
+    const undone = difference(whole, await scene(page));
+    assert.ok(cut > 2 * ALIKE, `${cut} of the picture is another after the cuts`);
+    assert.ok(undone < ALIKE, `${undone} of it is another after their undo`);
+  } finally {
+    await testbed.moveHands("room-1", "bites");
+    await testbed.session("start", "room-1");
+  }
 }
 
 async function a_refusal_is_shown_in_the_servers_words(world) {
@@ -216,7 +257,7 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
 }
 
 export const tests = [
-  a_cut_changes_mesh_and_figures_and_is_set_back, a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
+  a_cut_changes_mesh_and_figures_and_is_set_back, a_cut_is_seen_in_the_picture_until_it_is_undone, a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
   a_session_is_started_stopped_and_given_another_case, a_reset_makes_the_tissue_whole,
   a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not,
 ];

@@ -12,7 +12,7 @@ async function a_station_comes_degrades_goes_and_comes_back({ testbed, browser, 
   assert.equal(await page.locator("article.card").count(), 32);
   await standing(page, "room-2", "gone");
   await testbed.enrol("room-2"); // the tracker's time runs from the mock-up's start
-  await testbed.startMockup("room-2", [["dropout", 4, 3]]);
+  await testbed.startMockup("room-2", { faults: [["dropout", 4, 3]] });
   const station = await testbed.startStation("room-2");
   await standing(page, "room-2", "running");
   await card(page, "room-2").getByText("bert").waitFor();

@@ -16,31 +16,54 @@ export const SIZES = { wide: { width: 1440, height: 900 }, tablet: { width: 820,
 export const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 
 export class Browser {
-  errors = []; // on any console that no test has asked for
-  violations = []; // of axe-core's rules
-  checked = 0; // how often those were looked for
+  #shared; // by all tests: {chromium, url, out, errors, violations, checked}
   #contexts = new Set();
   #pages = new Map(); // page: what it said and heard
 
+  constructor(shared) {
+    this.#shared = shared;
+  }
+
   static async open(url, out) {
-    const made = new Browser();
-    made.url = url;
-    made.out = out;
     mkdirSync(out, { recursive: true });
-    made.chromium = await chromium.launch({
+    const process = await chromium.launch({
       executablePath: CHROMIUM,
       args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
     });
-    return made;
+    return new Browser({ chromium: process, url, out, errors: [], violations: [], checked: 0 });
+  }
+
+  /** The same browser for one test: it sees and closes only the pages that it opens. */
+  apart() {
+    return new Browser(this.#shared);
+  }
+
+  get url() {
+    return this.#shared.url;
+  }
+
+  /** On any console that no test has asked for. */
+  get errors() {
+    return this.#shared.errors;
+  }
+
+  /** Of axe-core's rules. */
+  get violations() {
+    return this.#shared.violations;
+  }
+
+  /** How often those were looked for. */
+  get checked() {
+    return this.#shared.checked;
   }
 
   async close() {
-    await this.chromium.close();
+    await this.#shared.chromium.close();
   }
 
   /** A browser of its own, signed in as whoever made `state`. */
   async context(state, size = SIZES.wide) {
-    const context = await this.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
+    const context = await this.#shared.chromium.newContext({ ignoreHTTPSErrors: true, viewport: size, storageState: state, reducedMotion: "reduce" });
     context.setDefaultTimeout(PATIENCE_MS);
     this.#contexts.add(context);
     return context;
@@ -100,7 +123,7 @@ export class Browser {
 
   /** Notes what axe-core has against the page as it is. */
   async check(page, name) {
-    this.checked++;
+    this.#shared.checked++;
     await page.evaluate(AXE);
     const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] }));
     for (const { id, help, nodes } of violations)
@@ -108,7 +131,7 @@ export class Browser {
   }
 
   picturePath(name) {
-    return join(this.out, `${name}.png`);
+    return join(this.#shared.out, `${name}.png`);
   }
 
   async picture(page, name) {

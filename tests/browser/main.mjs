@@ -1,4 +1,4 @@
-// Runs the tests one after the other, on one test bed and in one browser, and reports.
+// Runs the tests on one test bed and in one browser, and reports.
 import { existsSync, readdirSync, rmSync } from "node:fs";
 import { resolve } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -21,13 +21,18 @@ import { tests as people } from "./tests/people.mjs";
 import { tests as restart } from "./tests/restart.mjs";
 import { tests as throttle } from "./tests/throttle.mjs";
 
-// In this order: the tests that sign in come first, those that stop the server last.
-const SUITES = { runner: runs, "sign-in": signIn, wall, station, scope, debrief, views, keyboard, load, memory, people, restart, throttle };
+// Each line's suites run side by side, so they use different stations. The tests that sign in come first, those of
+// views without a session before all stations run, and those that stop the server last.
+const STAGES = [
+  { runner: runs }, { "sign-in": signIn }, { wall, station }, { scope }, { debrief }, { memory, views }, { keyboard }, { load }, { people },
+  { restart }, { throttle },
+];
 
 const { values: options } = parseArgs({ options: {
   json: { type: "boolean", default: false }, quick: { type: "boolean", default: false },
   only: { type: "string", default: "" }, minutes: { type: "string", default: "1" },
 } });
+const minutes = (seconds) => `${Math.floor(seconds / 60)} min ${String(Math.floor(seconds % 60)).padStart(2, "0")} s`;
 const say = (words) => console.error(`browser: ${words}`);
 
 if (!existsSync(CHROMIUM)) {
@@ -35,33 +40,34 @@ if (!existsSync(CHROMIUM)) {
   process.exit(77);
 }
 
-if (!chosen().some(({ name }) => name.includes(options.only))) {
+const chosen = STAGES.map((suites) => Object.entries(suites).map(([suite, tests]) => tests
+  .map((run) => ({ name: `${suite}: ${run.name.replaceAll("_", " ")}`, run }))
+  .filter(({ name, run }) => run.always || name.includes(options.only))));
+
+if (!chosen.flat(2).some(({ name }) => name.includes(options.only))) {
   say(`no test has ${JSON.stringify(options.only)} in its name`);
   process.exit(2);
 }
 
-function chosen() {
-  const all = Object.entries(SUITES).flatMap(([suite, tests]) => tests.map((run) => ({ name: `${suite}: ${run.name.replaceAll("_", " ")}`, run })));
-  return all.filter(({ name, run }) => run.always || name.includes(options.only));
-}
-
 async function attempt({ name, run }, world) {
   const begun = performance.now();
+  const browser = world.browser.apart();
   let fault;
   try {
-    await run(world);
+    await run({ ...world, browser });
   } catch (error) {
     fault = error;
-    world.testbed.keepLogs(world.browser.picturePath("failed").replace(/png$/, "log"));
-    await world.browser.keepAll();
+    world.testbed.keepLogs(browser.picturePath("failed").replace(/png$/, "log"));
+    await browser.keepAll();
   }
-  await world.browser.closeAll();
+  await browser.closeAll();
   const seconds = Number(((performance.now() - begun) / 1000).toFixed(1));
   say(`${fault ? "FAILED" : "passed"} ${seconds.toFixed(1).padStart(5)} s  ${name}${fault ? `\n${fault.stack}` : ""}`);
   return { name, seconds, passed: !fault };
 }
 
 async function main() {
+  const begun = performance.now();
   const source = resolve(fileURLToPath(import.meta.url), "../../..");
   const out = resolve(source, "build/browser");
   if (existsSync(out)) for (const name of readdirSync(out)) if (name.startsWith("failed")) rmSync(resolve(out, name));
@@ -73,7 +79,7 @@ async function main() {
     browser = await Browser.open(testbed.url, out);
     const world = { testbed, browser, report, quick: options.quick, minutes: Number(options.minutes), users: {} };
     runner = new Runner(report, (test) => attempt(test, world));
-    await runner.run(chosen());
+    await runner.run(chosen);
     for (const words of [...browser.errors, ...browser.violations]) say(words);
     report.mark("console_errors", browser.errors.length, "errors", 0);
     report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
@@ -83,7 +89,8 @@ async function main() {
   }
   report.retried = runner.retried;
   report.print(options.json);
-  say(runner.summary);
+  for (const words of runner.summary) say(words);
+  say(`built in ${minutes(Number(process.env.BUILT_S ?? 0))}, tested in ${minutes((performance.now() - begun) / 1000)}`);
   return report.holds(options.json) ? 0 : 1;
 }
 

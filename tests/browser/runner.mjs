@@ -1,6 +1,8 @@
-// Runs tests one after the other. A test that fails is tried once more while the run's budget for that lasts.
+// Runs stages of tests one after the other; the lanes of a stage side by side, and the tests of a lane one after the
+// other. A test that fails is tried once more while the run's budget for that lasts.
 
 export const RETRIES_MOST = 2; // as in ./check
+const LONGEST = 5; // tests that the summary names
 
 export class Runner {
   retried = []; // names
@@ -11,13 +13,20 @@ export class Runner {
     this.attempt = attempt;
   }
 
-  async run(tests) {
+  /** `stages`: lists of lanes, which are lists of tests. */
+  async run(stages) {
+    for (const lanes of stages) await Promise.all(lanes.map((tests) => this.#lane(tests)));
+  }
+
+  async #lane(tests) {
     for (const test of tests) if (!(await this.#once(test, 1)) && this.#mayRetry(test)) await this.#once(test, 2);
   }
 
-  /** The last line of a run. */
+  /** What is said at the end of a run. */
   get summary() {
-    return `retried: ${this.retried.length}${this.retried.length ? ` (${this.retried.join(", ")})` : ""}`;
+    const longest = [...this.report.tests].sort((a, b) => b.seconds - a.seconds).slice(0, LONGEST);
+    return [`longest: ${longest.map(({ name, seconds }) => `${name} ${seconds.toFixed(1)} s`).join(", ")}`,
+      `retried: ${this.retried.length}${this.retried.length ? ` (${this.retried.join(", ")})` : ""}`];
   }
 
   // Every attempt stays in the report; the last one of a test counts.

@@ -61,6 +61,7 @@ function check(station, minutes, before, after) {
 
 async function pages_that_stay_do_not_grow_without_end(world) {
   const { testbed, browser, users, report, minutes } = world;
+  await testbed.recorded(); // which ends a session: a test beside this one may ask for it
   const open = async (station) => {
     await testbed.runStation(station);
     const page = await browser.page(await browser.context(users.instructor), `#/station/${station}`);

@@ -8,7 +8,7 @@ async function ran(outcomes) {
   const report = new Report();
   const left = structuredClone(outcomes);
   const runner = new Runner(report, ({ name }) => ({ name, seconds: 0, passed: left[name].shift() }));
-  await runner.run(Object.keys(outcomes).map((name) => ({ name })));
+  await runner.run([[Object.keys(outcomes).map((name) => ({ name }))]]);
   return { report, runner };
 }
 
@@ -17,8 +17,8 @@ async function a_retried_test_stays_in_the_report_with_its_failure() {
   assert.deepEqual(report.tests.map(({ name, attempt, passed }) => [name, attempt, passed]),
     [["one", 1, true], ["two", 1, false], ["two", 2, true], ["three", 1, true]]);
   assert.ok(report.holds(false));
-  assert.equal(runner.summary, "retried: 1 (two)");
-  assert.equal((await ran({ one: [true] })).runner.summary, "retried: 0");
+  assert.equal(runner.summary.at(-1), "retried: 1 (two)");
+  assert.equal((await ran({ one: [true] })).runner.summary.at(-1), "retried: 0");
   assert.ok(!(await ran({ one: [false, false] })).report.holds(false));
 }
 
@@ -30,4 +30,23 @@ async function a_run_that_needs_more_retries_than_its_budget_fails() {
   assert.deepEqual(report.tests.at(-1), { name: names.at(-1), seconds: 0, passed: false, attempt: 1 });
 }
 
-export const tests = [a_retried_test_stays_in_the_report_with_its_failure, a_run_that_needs_more_retries_than_its_budget_fails];
+// `length`: of a test, in turns of the event loop.
+async function lanes_run_side_by_side_and_stages_one_after_the_other() {
+  const lengths = { long: 3, short: 1, next: 1, last: 1 };
+  const said = [];
+  const report = new Report();
+  const runner = new Runner(report, async ({ name }) => {
+    said.push(name);
+    for (let i = 0; i < lengths[name]; i++) await new Promise(setImmediate);
+    said.push(`${name} ends`);
+    return { name, seconds: lengths[name], passed: true };
+  });
+  const lane = (...names) => names.map((name) => ({ name }));
+  await runner.run([[lane("long"), lane("short", "next")], [lane("last")]]);
+  assert.deepEqual(said.slice(0, 3), ["long", "short", "short ends"]);
+  assert.deepEqual(said.slice(-2), ["last", "last ends"]);
+  assert.equal(said.length, 8);
+  assert.match(runner.summary[0], /^longest: long 3.0 s, /);
+}
+
+export const tests = [lanes_run_side_by_side_and_stages_one_after_the_other, a_retried_test_stays_in_the_report_with_its_failure, a_run_that_needs_more_retries_than_its_budget_fails];

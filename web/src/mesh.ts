@@ -223,12 +223,13 @@ export class Tissue {
     this.pieces = [];
   }
 
+  /** Without the room to grow that this one may have. */
   clone(): Tissue {
     const copy = Object.assign(new Tissue(), this);
-    copy.positions = this.positions.slice();
-    copy.corners = this.corners.slice();
-    copy.labels = this.labels.slice();
-    copy.uses = this.uses.slice();
+    copy.positions = this.positions.slice(0, 3 * this.vertexBound);
+    copy.corners = this.corners.slice(0, 3 * this.triangleBound);
+    copy.labels = this.labels.slice(0, this.triangleBound);
+    copy.uses = this.uses.slice(0, this.vertexBound);
     return copy;
   }
 

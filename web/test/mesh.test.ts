@@ -40,6 +40,19 @@ test("a change of another mesh is missing its base and changes nothing", () => {
   check(tissue, second!);
 });
 
+test("a copy has no room to spare, and can be changed as the original can", () => {
+  const tissue = new Tissue();
+  let copy = tissue;
+  for (const step of steps()) {
+    copy = copy.clone();
+    copy.apply(step.payload);
+    check(copy, step);
+    tissue.apply(step.payload);
+    const { vertexBound, triangleBound } = tissue;
+    assert.equal(tissue.clone().bytes, 4 * (3 * vertexBound + vertexBound + 3 * triangleBound + triangleBound));
+  }
+});
+
 test("no byte can be wrong, and none left out, without a word", () => {
   const [first, second] = steps();
   const before = new Tissue();

@@ -1,7 +1,7 @@
 // 32 stations and 8 browsers: what they cost the server, and what comes to each.
 import assert from "node:assert/strict";
 import { SIMULATED_HZ } from "../testbed.mjs";
-import { sleep } from "../programs.mjs";
+import { sleep, until } from "../programs.mjs";
 import { quantile } from "../report.mjs";
 
 const BROWSERS = 8;
@@ -41,7 +41,7 @@ const taken = async (pages) => (await Promise.all(pages.map((page) => page.evalu
   .reduce((sum, one) => ({ messages: sum.messages + one.messages, bytes: sum.bytes + one.bytes }));
 
 async function thirty_two_stations_and_eight_browsers_leave_the_server_its_time({ testbed, browser, users, report, quick }) {
-  const seconds = quick ? 6 : 30;
+  const seconds = quick ? 4 : 30;
   await testbed.runAll();
   await sleep(2000);
   const alone = await during(testbed, seconds);
@@ -67,7 +67,7 @@ async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, re
   await testbed.runAll();
   const page = await browser.page(await browser.context(users.instructor), "#/wall", [], frames);
   await page.locator("article.card[data-status=running]").nth(31).waitFor();
-  await sleep(5000);
+  await page.waitForFunction(() => window.frames_ms.length >= 120); // the newest half is of a wall that stands
   report.figure("wall_of_32_frame_p50", quantile(await page.evaluate(() => window.frames_ms.slice(-60)), 0.5), "ms");
   await browser.picture(page, "wall-of-32");
   const fits = await page.locator("article.card").last().evaluate((card) => card.getBoundingClientRect().bottom <= innerHeight);
@@ -75,12 +75,13 @@ async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, re
 }
 
 async function messages_and_bytes_of_each_view({ testbed, browser, users, report, quick }) {
-  const seconds = quick ? 3 : 10;
+  const seconds = quick ? 2 : 10;
   await testbed.runStation("room-1");
   for (const [name, hash] of [["wall", "#/wall"], ["station", "#/station/room-1"], ["scope", "#/scope/room-1"]]) {
     const page = await browser.page(await browser.context(users.instructor), hash);
     await page.locator("canvas").first().waitFor();
-    await sleep(2000);
+    await until("moments come", () => browser.heard(page).kinds.moment);
+    await sleep(1000);
     const heard = browser.heard(page);
     const before = { ...heard };
     await sleep(seconds * 1000);

@@ -12,6 +12,7 @@ const SIDE = 900;
 const OFF_PX = 3;
 const SETTLED_MS = 5000;
 const STEP_DEG = 15; // of a key
+const DRAWN_LEAST = 40;
 // As the server's config has it, or the usual one: as long as nobody has chosen another.
 const opticOf = (name) => ({ tiltDeg: 30, fieldDeg: 90, postDeg: 0, ...STATIONS[name].optic });
 const WHITE = 250; // of 255
@@ -85,6 +86,11 @@ function lastSeen(views) {
   return assert.fail("the station shows no probe");
 }
 
+// Turns the light post, as that many presses of the key do.
+const turn = (page, times) => page.evaluate((count) => {
+  for (let i = 0; i < count; i++) document.body.dispatchEvent(new KeyboardEvent("keydown", { key: ".", bubbles: true }));
+}, times);
+
 // How far the marker is from there, in px of the page, once it stands: a picture takes its time.
 async function off(page, wanted) {
   let px = Infinity;
@@ -114,14 +120,14 @@ async function near_bone_and_far_from_it_the_picture_is_neither_white_nor_black(
   for (const name of ["room-2", "room-3"]) {
     await world.testbed.runStation(name);
     const page = await open(world, name);
-    for (let turn = 0; turn < 360 / STEP_DEG; turn++) {
-      if (turn % (world.quick ? 12 : 4) === 0)
-        for (let tilt = 0; tilt < 2; tilt++) {
-          await page.keyboard.press("o");
-          const { white } = await exposed(page, `${name}, turned by ${turn * STEP_DEG}°`);
-          most = Math.max(most, white);
-        }
-      await page.keyboard.press(".");
+    const steps = world.quick ? 12 : 4;
+    for (let turned = 0; turned < 360 / STEP_DEG; turned += steps) {
+      for (let tilt = 0; tilt < 2; tilt++) {
+        await page.keyboard.press("o");
+        const { white } = await exposed(page, `${name}, turned by ${turned * STEP_DEG}°`);
+        most = Math.max(most, white);
+      }
+      await turn(page, steps);
     }
     await page.close();
   }
@@ -182,6 +188,15 @@ function watchDrawn() {
   requestAnimationFrame(look);
 }
 
+// What the page draws from now on: for so many ms, and in pictures enough to judge by.
+async function drawnFor({ browser }, page, ms) {
+  await page.evaluate(() => (window.drawn = []));
+  browser.heard(page).views.length = 0;
+  await sleep(ms);
+  await page.waitForFunction((least) => window.drawn.length >= least, DRAWN_LEAST);
+  return page.evaluate(() => window.drawn);
+}
+
 // How far what was drawn is from where a tip there would be seen.
 function drawnOff({ places }, seen, tip) {
   const [right, up, depth] = seenFrom(tip, instrument(seen, SCOPE).warped, opticOf("room-3"));
@@ -192,10 +207,7 @@ async function a_far_server_does_not_make_the_tip_late(world) {
   const { testbed, browser, report, quick } = world;
   await testbed.runStation("room-3");
   const page = await open(world, "room-3", watchDrawn);
-  await page.evaluate(() => (window.drawn = []));
-  browser.heard(page).views.length = 0;
-  await sleep(quick ? 8000 : 30_000);
-  const drawn = await page.evaluate(() => window.drawn);
+  const drawn = await drawnFor(world, page, quick ? 4000 : 30_000);
   const views = new Map(browser.heard(page).views.map(view).map((seen) => [seen.number, seen]));
   await sleep(1000);
   const key = ([x, y, z]) => `${x} ${y} ${z}`;
@@ -247,10 +259,7 @@ async function a_pause_leaves_the_trainee_the_picture(world) {
   const page = await open(world, "room-3", watchDrawn);
   await testbed.session("pause", "room-3");
   await page.locator(".scope-sign.state", { hasText: "Paused" }).waitFor();
-  await page.evaluate(() => (window.drawn = []));
-  browser.heard(page).views.length = 0;
-  await sleep(8000);
-  const drawn = await page.evaluate(() => window.drawn);
+  const drawn = await drawnFor(world, page, 4000);
   const views = new Map(browser.heard(page).views.map(view).map((seen) => [seen.number, seen]));
   await testbed.session("start", "room-3");
   const shown = drawn.flatMap((frame) => {

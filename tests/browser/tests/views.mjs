@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { SIZES } from "../browser.mjs";
-import { BIN, sleep } from "../programs.mjs";
+import { BIN } from "../programs.mjs";
 
 const ADMIN = ["stations", "cases", "trainees", "courses", "accounts", "tokens", "audit"];
 
@@ -19,9 +19,12 @@ export const viewsOf = async (testbed) => [
   ["nowhere", "#/nowhere", ".state"],
 ];
 
+// Its fonts are there, it has another size or other colours, and two pictures were drawn since.
 async function settled(page) {
-  await page.evaluate(() => document.fonts.ready);
-  await sleep(200);
+  await page.evaluate(async () => {
+    await document.fonts.ready;
+    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+  });
 }
 
 async function pictures({ browser, quick }, page, name) {
@@ -51,7 +54,6 @@ async function every_view_is_kept_as_a_picture_and_has_no_fault_that_axe_finds(w
     const page = await browser.page(await browser.context(users.instructor), hash);
     await page.locator(there).first().waitFor();
     if (name === "scope") for (let turn = 0; turn < 9; turn++) await page.keyboard.press(".");
-    await sleep(300);
     await pictures(world, page, name).catch((error) => faults.push(error.message));
     await browser.closeAll();
   }

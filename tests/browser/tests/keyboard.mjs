@@ -56,11 +56,12 @@ async function walk(page, name) {
 async function tab_comes_to_all_that_can_be_used_in_every_view({ testbed, browser, users }) {
   const views = await viewsOf(testbed);
   await testbed.runStation("room-1");
+  const context = await browser.context(users.instructor);
   for (const [name, hash, there] of views) {
-    const page = await browser.page(await browser.context(users.instructor), hash);
+    const page = await browser.page(context, hash);
     await page.locator(there).first().waitFor();
     await walk(page, name);
-    await browser.closeAll();
+    await page.close();
   }
 }
 

@@ -5,6 +5,7 @@ import { sleep, until } from "../programs.mjs";
 import { quantile } from "../report.mjs";
 
 const BROWSERS = 8;
+const FRAMES = 60;
 
 async function during(testbed, seconds) {
   const [cpu, begun] = [testbed.server.cpuS, performance.now()];
@@ -67,8 +68,9 @@ async function thirty_two_stations_are_on_one_wall({ testbed, browser, users, re
   await testbed.runAll();
   const page = await browser.page(await browser.context(users.instructor), "#/wall", [], frames);
   await page.locator("article.card[data-status=running]").nth(31).waitFor();
-  await page.waitForFunction(() => window.frames_ms.length >= 120); // the newest half is of a wall that stands
-  report.figure("wall_of_32_frame_p50", quantile(await page.evaluate(() => window.frames_ms.slice(-60)), 0.5), "ms");
+  await page.evaluate(() => (window.frames_ms = []));
+  await page.waitForFunction((least) => window.frames_ms.length >= least, FRAMES);
+  report.figure("wall_of_32_frame_p50", quantile(await page.evaluate(() => window.frames_ms), 0.5), "ms");
   await browser.picture(page, "wall-of-32");
   const fits = await page.locator("article.card").last().evaluate((card) => card.getBoundingClientRect().bottom <= innerHeight);
   assert.ok(fits, "all 32 are on the screen");

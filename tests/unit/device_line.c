@@ -130,7 +130,7 @@ struct user {
     int slave, readings, wrong, closings, malformed;
 };
 
-// A busy machine may make a reply late: only what is wrong counts.
+// A busy machine may make a reply late, and its request be given up.
 static void *use(void *argument) {
     struct user *user = argument;
     int64_t end_ns = clock_now_ns() + 30 * NS_PER_S;
@@ -160,6 +160,7 @@ static void two_slaves_of_one_line_are_read_by_turns(void **state) {
     (void)state;
     struct bus bus;
     struct user users[2];
+    int given_up = 0;
     bus_start(&bus);
     for (int i = 0; i < 2; i++)
         start(&users[i], &bus, i + 1);
@@ -168,8 +169,9 @@ static void two_slaves_of_one_line_are_read_by_turns(void **state) {
         assert_int_equal(users[i].readings, READINGS);
         assert_int_equal(users[i].wrong, 0);
         assert_int_equal(users[i].closings, 0);
+        given_up += atomic_load(&bus.asked[i + 1]) - READINGS;
     }
-    assert_int_equal(atomic_load(&bus.collisions), 0);
+    assert_true(atomic_load(&bus.collisions) <= given_up);
     for (int i = 0; i < 2; i++)
         closed(users[i].device);
     bus_stop(&bus);

@@ -30,14 +30,6 @@ struct cut_task {
     struct job_result *result;       // TASK_RELEASE
 };
 
-// From the control thread.
-struct station_message {
-    int station;
-    struct control_peer peer;
-    bool gone;
-    arthron_Control message; // MeshAsk or mesh_ack
-};
-
 struct job_done {
     int station;
     uint64_t session;
@@ -50,12 +42,13 @@ struct cut_worker {
     atomic_bool stop;
     int wake_fd;
     struct ring *tasks;         // of struct cut_task
-    struct ring *messages;      // of struct station_message
     struct ring *mesh_requests; // of struct mesh_request
     struct ring *done;          // of struct job_done, to the worker
     struct ring *notices;       // of struct runtime_notice, to the owner of the sessions
     struct session_runtime *sessions[STATIONS_MAX];
     struct mesh_sender senders[STATIONS_MAX];
+    struct mesh_inbox inboxes[STATIONS_MAX]; // from the control thread
+    struct mesh_words words[STATIONS_MAX];   // of this round
 };
 
 static struct station_runtime *station_of(const struct cut_worker *c, int station) {
@@ -162,19 +155,20 @@ static void take_task(struct cut_worker *c, struct cut_task *task) {
 // ---- the thread ---------------------------------------------------------------------------------
 
 // Takes what is there now and leaves the rest to the next round, since tasks may come for ever. A
-// station asks for meshes when it hears of its session, whose task was given before: so messages
-// are counted first and taken last. The same holds for pages.
+// station asks for meshes when it hears of its session, whose task was given before: so words are
+// taken first and answered last. The same holds for pages.
 static void take_round(struct cut_worker *c) {
-    size_t messages = ring_count(c->messages), requests = ring_count(c->mesh_requests);
-    size_t tasks = ring_count(c->tasks);
+    bool said[STATIONS_MAX];
+    for (int i = 0; i < STATIONS_MAX; i++)
+        said[i] = mesh_inbox_take(&c->inboxes[i], &c->words[i]);
+    size_t requests = ring_count(c->mesh_requests), tasks = ring_count(c->tasks);
     struct cut_task task;
-    struct station_message message;
     struct mesh_request request;
     for (; tasks && ring_pop(c->tasks, &task); tasks--)
         take_task(c, &task);
-    for (; messages && ring_pop(c->messages, &message); messages--)
-        mesh_sender_message(&c->senders[message.station], message.peer,
-                            message.gone ? NULL : &message.message);
+    for (int i = 0; i < STATIONS_MAX; i++)
+        if (said[i])
+            mesh_sender_take(&c->senders[i], &c->words[i]);
     for (; requests && ring_pop(c->mesh_requests, &request); requests--) {
         mesh_sender_request(&c->senders[request.station], &request);
         mailbox_release(&request.mailbox);
@@ -211,10 +205,11 @@ struct cut_worker *cut_worker_create(struct worker *worker) {
     c->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     CHECK(c->wake_fd >= 0);
     c->tasks = ring_create(TASKS_MAX, sizeof(struct cut_task));
-    c->messages = ring_create(TASKS_MAX, sizeof(struct station_message));
     c->mesh_requests = ring_create(TASKS_MAX, sizeof(struct mesh_request));
     c->done = ring_create(TASKS_MAX, sizeof(struct job_done));
     c->notices = ring_create(TASKS_MAX, sizeof(struct runtime_notice));
+    for (int i = 0; i < STATIONS_MAX; i++)
+        mesh_inbox_init(&c->inboxes[i]);
     int failed = pthread_create(&c->thread, NULL, work, c);
     CHECK(!failed);
     return c;
@@ -236,10 +231,11 @@ void cut_worker_destroy(struct cut_worker **cut_worker) {
         job_result_destroy(&done.result);
     while (ring_pop(c->mesh_requests, &request))
         mailbox_release(&request.mailbox);
-    for (int i = 0; i < STATIONS_MAX; i++)
+    for (int i = 0; i < STATIONS_MAX; i++) {
         mesh_sender_fini(&c->senders[i]);
+        mesh_inbox_fini(&c->inboxes[i]);
+    }
     ring_destroy(&c->tasks);
-    ring_destroy(&c->messages);
     ring_destroy(&c->mesh_requests);
     ring_destroy(&c->done);
     ring_destroy(&c->notices);
@@ -289,15 +285,15 @@ void cut_worker_release_result(struct cut_worker *c, struct job_result *result) 
     CHECK(pushed);
 }
 
-bool cut_worker_message(struct cut_worker *c, int station, struct control_peer peer,
+void cut_worker_message(struct cut_worker *c, int station, struct control_peer peer,
                         const arthron_Control *message) {
-    struct station_message m = {.station = station, .peer = peer, .gone = !message};
-    if (message)
-        m.message = *message;
-    if (!ring_push(c->messages, &m))
-        return false;
+    mesh_inbox_put(&c->inboxes[station], peer, message);
     wake_fd(c->wake_fd);
-    return true;
+}
+
+void cut_worker_leave(struct cut_worker *c, int station) {
+    mesh_inbox_leave(&c->inboxes[station]);
+    wake_fd(c->wake_fd);
 }
 
 bool cut_worker_mesh_request(struct cut_worker *c, const struct mesh_request *request) {

@@ -27,10 +27,10 @@ void cut_worker_release_result(struct cut_worker *cut_worker, struct job_result 
 
 // ---- others ----
 
-// The control thread: a station's MeshAsk or mesh_ack, or NULL where it has gone. False where there
-// is no room.
-bool cut_worker_message(struct cut_worker *cut_worker, int station, struct control_peer peer,
+// The control thread: a station's MeshAsk or mesh_ack, and that it has gone. There is always room.
+void cut_worker_message(struct cut_worker *cut_worker, int station, struct control_peer peer,
                         const arthron_Control *message);
+void cut_worker_leave(struct cut_worker *cut_worker, int station);
 // The thread of the pages. The request's mailbox is the cut worker's from then on; false: no room,
 // and the mailbox is still the caller's.
 bool cut_worker_mesh_request(struct cut_worker *cut_worker, const struct mesh_request *request);

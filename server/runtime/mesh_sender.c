@@ -115,19 +115,18 @@ static void take_ask(struct mesh_sender *s, const arthron_MeshAsk *ask) {
     }
 }
 
-void mesh_sender_message(struct mesh_sender *s, struct control_peer peer,
-                         const arthron_Control *message) {
-    if (!message) {
+void mesh_sender_take(struct mesh_sender *s, const struct mesh_words *words) {
+    if (words->left)
         memset(s->cursors, 0, sizeof s->cursors);
+    if (!words->asks && !words->ack_count)
         return;
-    }
-    s->peer = peer;
+    s->peer = words->peer;
     if (!s->session)
         return;
-    if (message->which_message == arthron_Control_mesh_ask_tag)
-        take_ask(s, &message->message.mesh_ask);
-    else
-        take_ack(s, &message->message.mesh_ack);
+    if (words->asks)
+        take_ask(s, &words->ask);
+    for (int i = 0; i < words->ack_count; i++)
+        take_ack(s, &words->acks[i]);
     send_meshes(s);
 }
 

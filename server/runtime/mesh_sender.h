@@ -3,6 +3,7 @@
 #pragma once
 
 #include "net/control.h"
+#include "runtime/mesh_inbox.h"
 #include "runtime/mesh_subscribers.h"
 #include "runtime/types.h"
 
@@ -24,9 +25,7 @@ void mesh_sender_fini(struct mesh_sender *sender);
 // left it.
 void mesh_sender_push(struct mesh_sender *sender, const struct job_result *result);
 
-// A station's MeshAsk or mesh_ack; NULL where it has gone.
-void mesh_sender_message(struct mesh_sender *sender, struct control_peer peer,
-                         const arthron_Control *message);
+void mesh_sender_take(struct mesh_sender *sender, const struct mesh_words *words);
 void mesh_sender_request(struct mesh_sender *sender, const struct mesh_request *request);
 
 // Of the mesh as stations follow it; 0 where it cannot be sent.

@@ -89,9 +89,7 @@ void runtime_leave(struct runtime *r, int station) {
     struct station_connection *told = &r->stations[station].told;
     told->connected = told->clock_known = false;
     tell_connection(r, station);
-    if (!cut_worker_message(station_worker(r, station)->cut_worker, station, told->peer, NULL))
-        log_warning("runtime", "station %s: its cut worker is too busy to learn that it left",
-                    r->config.stations[station].name);
+    cut_worker_leave(station_worker(r, station)->cut_worker, station);
 }
 
 void runtime_set_clock(struct runtime *r, int station, int64_t offset_ns) {
@@ -115,9 +113,9 @@ void runtime_frame(struct runtime *r, int station, const struct frame *frame, in
         atomic_fetch_add_explicit(&s->counts.frames_excess, 1, memory_order_relaxed);
 }
 
-bool runtime_mesh_message(struct runtime *r, int station, struct control_peer peer,
+void runtime_mesh_message(struct runtime *r, int station, struct control_peer peer,
                           const arthron_Control *message) {
-    return cut_worker_message(station_worker(r, station)->cut_worker, station, peer, message);
+    cut_worker_message(station_worker(r, station)->cut_worker, station, peer, message);
 }
 
 // ---- sessions -----------------------------------------------------------------------------------

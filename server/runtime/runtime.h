@@ -33,8 +33,8 @@ void runtime_confirm_path(struct runtime *runtime, int station, uint64_t challen
 #define RUNTIME_FRAMES_MAX 16
 void runtime_frame(struct runtime *runtime, int station, const struct frame *frame,
                    int64_t received_ns);
-// A MeshAsk or mesh_ack. False if the cut worker has too much to do.
-bool runtime_mesh_message(struct runtime *runtime, int station, struct control_peer peer,
+// A MeshAsk or mesh_ack.
+void runtime_mesh_message(struct runtime *runtime, int station, struct control_peer peer,
                           const arthron_Control *message);
 
 // ---- its session: any thread but a worker's ----

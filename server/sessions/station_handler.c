@@ -138,11 +138,9 @@ static void on_message(void *user, struct control_peer peer, const arthron_Contr
         return;
     if (message->which_message == arthron_Control_udp_path_tag)
         runtime_confirm_path(s->runtime, station, message->message.udp_path.challenge);
-    else if ((message->which_message == arthron_Control_mesh_ask_tag ||
-              message->which_message == arthron_Control_mesh_ack_tag) &&
-             !runtime_mesh_message(s->runtime, station, peer, message))
-        log_warning("sessions", "station %s: a message about meshes was lost",
-                    station_name(s, station));
+    else if (message->which_message == arthron_Control_mesh_ask_tag ||
+             message->which_message == arthron_Control_mesh_ack_tag)
+        runtime_mesh_message(s->runtime, station, peer, message);
 }
 
 static void on_gone(void *user, struct control_peer peer) {

@@ -11,7 +11,7 @@
 #define ON_THEIR_WAY 200
 #define JOBS_MAX 4000
 
-static atomic_int figures_sent;
+static atomic_int figures_sent, meshes_sent;
 
 // ---- in place of the control connection ---------------------------------------------------------
 
@@ -26,6 +26,7 @@ bool control_send(struct control *control, struct control_peer peer,
 bool control_send_mesh(struct control *control, struct control_peer peer,
                        struct mesh_payload *payload) {
     (void)control, (void)peer, (void)payload;
+    atomic_fetch_add(&meshes_sent, 1);
     return true;
 }
 
@@ -101,6 +102,40 @@ static void a_station_is_heard_while_there_is_always_something_to_cut(void **sta
     close_worker(&worker, &session);
 }
 
+static void wait_for(const atomic_int *count, int least) {
+    while (atomic_load(count) < least)
+        nanosleep(&(struct timespec){.tv_nsec = NS_PER_MS}, NULL);
+}
+
+static void keep_busy(struct worker *worker, uint64_t session, uint64_t *jobs) {
+    for (int i = 0; i < ON_THEIR_WAY; i++) {
+        struct job job = {.id = ++*jobs, .kind = JOB_RESTORE};
+        cut_worker_run(worker->cut_worker, 0, session, &job);
+    }
+}
+
+// A station that says more than the cut worker takes meanwhile, and one that is gone behind it.
+static void a_station_that_comes_again_gets_its_meshes_whatever_was_said_before(void **state) {
+    (void)state;
+    struct worker worker;
+    struct session_runtime session;
+    struct control_peer first = {0, 1}, again = {0, 2};
+    arthron_Control ask = {.which_message = arthron_Control_mesh_ask_tag};
+    uint64_t jobs = 0;
+    open_worker(&worker, &session);
+    atomic_store(&meshes_sent, 0);
+    cut_worker_message(worker.cut_worker, 0, first, &ask);
+    wait_for(&meshes_sent, 1);
+    keep_busy(&worker, session.serial, &jobs);
+    for (int i = 0; i < 5000; i++)
+        cut_worker_message(worker.cut_worker, 1, first, &ask);
+    cut_worker_leave(worker.cut_worker, 0);
+    cut_worker_message(worker.cut_worker, 0, again, &ask);
+    wait_for(&meshes_sent, 2);
+    cut_worker_leave(worker.cut_worker, 0);
+    close_worker(&worker, &session);
+}
+
 // ---- pages --------------------------------------------------------------------------------------
 
 static atomic_int notices;
@@ -138,6 +173,7 @@ static void nobody_is_notified_of_a_mailbox_that_was_left(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_station_is_heard_while_there_is_always_something_to_cut),
+        cmocka_unit_test(a_station_that_comes_again_gets_its_meshes_whatever_was_said_before),
         cmocka_unit_test(nobody_is_notified_of_a_mailbox_that_was_left),
     };
     return cmocka_run_group_tests_name("cut_worker_messages", tests, NULL, NULL);

@@ -1,0 +1,36 @@
+// What a station said about its meshes, from the control thread to the cut worker. It keeps only
+// what still counts, so there is always room: an ask replaces all before it, and an acknowledgement
+// that of the same group.
+#pragma once
+
+#include "net/control.h"
+#include "step/job.h"
+
+#include <pthread.h>
+
+// In this order.
+struct mesh_words {
+    bool left; // the connection before this one has ended
+    struct control_peer peer;
+    bool asks;
+    arthron_MeshAsk ask;
+    int ack_count;
+    arthron_MeshState acks[TISSUES_MAX];
+};
+
+struct mesh_inbox {
+    pthread_mutex_t lock; // held for copies only
+    bool filled;
+    struct mesh_words words;
+};
+
+void mesh_inbox_init(struct mesh_inbox *inbox);
+void mesh_inbox_fini(struct mesh_inbox *inbox);
+
+// message: a MeshAsk or mesh_ack. Of more groups than a case has tissues, the oldest is dropped.
+void mesh_inbox_put(struct mesh_inbox *inbox, struct control_peer peer,
+                    const arthron_Control *message);
+void mesh_inbox_leave(struct mesh_inbox *inbox); // the station has gone
+
+// False if there is nothing new.
+bool mesh_inbox_take(struct mesh_inbox *inbox, struct mesh_words *out_words);

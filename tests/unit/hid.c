@@ -206,7 +206,7 @@ static void configs_that_cannot_work_are_refused_by_key(void **state) {
     } rows[] = {
         {{{"pid", "1"}, {"punch.buttons", "0 1"}}, RESULT_MISSING, "vid"},
         {{{"vid", "1"}, {"punch.buttons", "0 1"}}, RESULT_MISSING, "pid"},
-        {{IDENTITY}, RESULT_MISSING, "no value"},
+        {{IDENTITY}, RESULT_MISSING, "CHANNEL.opening"},
         {{IDENTITY, {"punch.opening", ""}}, RESULT_INVALID, "punch.opening"},
         {{IDENTITY, {"punch.opening", "0 8 0"}}, RESULT_INVALID, "punch.opening"},
         {{IDENTITY, {"punch.opening", "0 8 0 256"}}, RESULT_INVALID, "punch.opening"},

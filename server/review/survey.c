@@ -29,7 +29,8 @@ static void notice(const struct instrument_output *o, struct noticing *n) {
 
 static void count_output(const struct session_output *output, struct survey *s) {
     if (s->steps++ == 0)
-        s->first_ns = output->time_ns;
+        s->first_ns = s->last_ns = output->time_ns;
+    s->written_utc_ns += output->time_ns - s->last_ns;
     s->last_ns = output->time_ns;
     s->state = output->state;
     s->jobs += output->job.id != 0;
@@ -81,7 +82,7 @@ static bool on_gap(void *user, uint64_t missing) {
 
 static bool on_resume(void *user, int64_t utc_ns) {
     struct survey *s = user;
-    (void)utc_ns;
+    s->written_utc_ns = utc_ns;
     s->resumes++;
     return true;
 }
@@ -109,6 +110,7 @@ void survey_read(struct trace_reader *reader, survey_progress progress, struct s
                                   .progress = progress};
     memset(s, 0, sizeof *s);
     s->file_bytes = trace_reader_size(reader);
+    s->written_utc_ns = trace_reader_header(reader)->start_utc_ns;
     for (int i = 0; i < INSTRUMENT_COUNT; i++)
         s->noticing[i].worst.gain = s->noticing[i].worst.gain_least = 1;
     s->end = trace_play(reader, &player, &s->why);

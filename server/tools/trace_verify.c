@@ -70,8 +70,8 @@ static void ask_seal(const struct trace_reader *reader, const char *authority, s
     struct trace_seal seal;
     if (!trace_reader_seal(reader, &seal))
         return;
-    int64_t utc_ns = trace_reader_header(reader)->start_utc_ns;
-    enum result result = trace_seal_check(&seal, authority, utc_ns, v->signed_by, &v->seal_why);
+    enum result result =
+        trace_seal_check(&seal, authority, v->survey.written_utc_ns, v->signed_by, &v->seal_why);
     v->seal = result == RESULT_OK ? SEAL_GOOD : SEAL_BAD;
 }
 

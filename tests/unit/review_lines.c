@@ -1,4 +1,4 @@
-// What a report draws of a trace whose server was killed in the middle.
+// What a review reads and draws of a trace whose server was killed in the middle.
 #include "review/lines.h"
 #include "test.h"
 #include "unit/trace_files.h"
@@ -7,6 +7,8 @@
 #include <stdlib.h>
 
 #define HALF 5
+#define RESUMED_UTC_NS 1790500000000000000
+#define NS_A_STEP 1000000
 
 static void append(struct trace_writer *writer, uint64_t first) {
     struct session_input input;
@@ -37,7 +39,8 @@ static void write_resumed(void) {
     append(writer, 1);
     trace_writer_destroy(&writer);
     struct trace_place place = end_of_first_half();
-    assert_int_equal(trace_writer_resume(path, &place, 0, NULL, &writer, NULL), RESULT_OK);
+    assert_int_equal(trace_writer_resume(path, &place, RESUMED_UTC_NS, NULL, &writer, NULL),
+                     RESULT_OK);
     append(writer, HALF + 1);
     trace_writer_destroy(&writer);
 }
@@ -77,9 +80,27 @@ static void no_line_is_drawn_over_the_time_without_a_server(void **state) {
     free(lines);
 }
 
+// A certificate that was renewed meanwhile signed it.
+static void the_end_was_written_after_the_server_came_back(void **state) {
+    (void)state;
+    static struct survey survey;
+    write_resumed();
+    struct trace_reader *reader = open_trace(path);
+    survey_read(reader, NULL, &survey);
+    trace_reader_destroy(&reader);
+    assert_int_equal(survey.written_utc_ns, RESUMED_UTC_NS + HALF * NS_A_STEP);
+    write_trace(HALF);
+    reader = open_trace(path);
+    int64_t start_utc_ns = trace_reader_header(reader)->start_utc_ns;
+    survey_read(reader, NULL, &survey);
+    trace_reader_destroy(&reader);
+    assert_int_equal(survey.written_utc_ns, start_utc_ns + (HALF - 1) * NS_A_STEP);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(no_line_is_drawn_over_the_time_without_a_server),
+        cmocka_unit_test(the_end_was_written_after_the_server_came_back),
     };
     return cmocka_run_group_tests_name("review_lines", tests, make_folder, remove_folder);
 }

@@ -48,12 +48,17 @@ static void add_both(struct blade_hull *body, vec3 direction) {
     add_normal(body, vec3_scale(-1, direction));
 }
 
-static int finish(const struct blade_hull *body, double thickness, struct convex *out_part) {
+static bool finish(const struct blade_hull *body, double thickness, struct convex *out_part,
+                   struct error *err) {
     struct plane planes[CONVEX_PLANES_MAX];
     convex_supports(body->points, body->point_count, body->normals, body->normal_count, planes);
     for (int i = 0; i < body->normal_count; i++)
         planes[i].offset += thickness;
-    return convex_create(planes, body->normal_count, out_part, NULL) == RESULT_OK;
+    return convex_create(planes, body->normal_count, out_part, err) == RESULT_OK;
+}
+
+static int one_part(bool made) {
+    return made ? 1 : -1;
 }
 
 // ---- the three blades ---------------------------------------------------------------------------
@@ -64,7 +69,7 @@ static vec3 jaw_direction(double opening) {
 }
 
 // A wedge about the hinge, from the opening before to that after.
-static int punch_parts(const struct blade_move *move, struct convex *out_parts) {
+static int punch_parts(const struct blade_move *move, struct convex *out_parts, struct error *err) {
     double high = move->opening[0], low = move->opening[1];
     if (high - low < 1e-3)
         return 0;
@@ -88,7 +93,7 @@ static int punch_parts(const struct blade_move *move, struct convex *out_parts) 
     add_normal(&body, quat_rotate(at.rotation, vec3_scale(-1, directions[1])));
     add_normal(&body, quat_rotate(at.rotation, vec3_add(directions[0], directions[1])));
     add_normal(&body, quat_rotate(at.rotation, vec3_add(directions[1], directions[2])));
-    return finish(&body, 0, out_parts);
+    return one_part(finish(&body, 0, out_parts, err));
 }
 
 // Directions of a ball whose rings stand across `axis`, so that sweeping it along the axis makes a
@@ -111,18 +116,19 @@ static void add_ball(struct blade_hull *body, vec3 axis) {
     add_both(body, axis);
 }
 
-static int shaver_parts(const struct blade_move *move, struct convex *out_parts) {
+static int shaver_parts(const struct blade_move *move, struct convex *out_parts,
+                        struct error *err) {
     struct blade_hull body = {.point_count = 2};
     vec3 shaft = quat_rotate(move->T_mesh_tip[1].rotation, (vec3){0, 0, 1});
     for (int i = 0; i < 2; i++)
         body.points[i] = pose_apply(move->T_mesh_tip[i], (vec3){0, 0, -burr_radius});
     vec3 way = vec3_sub(body.points[1], body.points[0]);
     add_ball(&body, vec3_length(way) < 0.02 ? shaft : vec3_unit_or(way, shaft));
-    return finish(&body, burr_radius, out_parts);
+    return one_part(finish(&body, burr_radius, out_parts, err));
 }
 
 // Exact for a straight move; for one that turns an outer bound.
-static int sweep_knife(pose from, pose to, struct convex *out_part) {
+static bool sweep_knife(pose from, pose to, struct convex *out_part, struct error *err) {
     struct blade_hull body = {0};
     for (int end = 0; end < 2; end++)
         for (int i = 0; i < 8; i++) {
@@ -137,30 +143,31 @@ static int sweep_knife(pose from, pose to, struct convex *out_part) {
     vec3 way = vec3_sub(to.translation, from.translation);
     for (int i = 0; i < 3 && vec3_length(way) > 1e-3; i++)
         add_both(&body, vec3_cross(quat_rotate(middle.rotation, axes[i]), way));
-    return finish(&body, 0, out_part);
+    return finish(&body, 0, out_part, err);
 }
 
-static int knife_parts(const struct blade_move *move, struct convex *out_parts) {
+static int knife_parts(const struct blade_move *move, struct convex *out_parts, struct error *err) {
     const pose *at = move->T_mesh_tip;
     double turn_deg = quat_angle(at[0].rotation, at[1].rotation) * DEG_PER_RAD;
-    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / knife_part_deg), count = 0;
+    int steps = (int)fmin(CUT_PARTS_MAX, 1 + turn_deg / knife_part_deg);
     for (int i = 0; i < steps; i++)
-        count += sweep_knife(pose_interpolate(at[0], at[1], (double)i / steps),
-                             pose_interpolate(at[0], at[1], (i + 1.0) / steps), &out_parts[count]);
-    return count;
+        if (!sweep_knife(pose_interpolate(at[0], at[1], (double)i / steps),
+                         pose_interpolate(at[0], at[1], (i + 1.0) / steps), &out_parts[i], err))
+            return -1;
+    return steps;
 }
 
-int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]) {
+int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX],
+                struct error *err) {
     CHECK(pose_is_valid(move->T_mesh_tip[0]) && pose_is_valid(move->T_mesh_tip[1]));
-    switch (move->kind) {
-    case BLADE_PUNCH:
-        return punch_parts(move, out_parts);
-    case BLADE_SHAVER:
-        return shaver_parts(move, out_parts);
-    case BLADE_KNIFE:
-        return knife_parts(move, out_parts);
-    default:
-        CHECK(false);
-        return 0;
-    }
+    static int (*const parts_of[BLADE_COUNT])(const struct blade_move *, struct convex *,
+                                              struct error *) = {
+        [BLADE_PUNCH] = punch_parts, [BLADE_SHAVER] = shaver_parts, [BLADE_KNIFE] = knife_parts};
+    CHECK((unsigned)move->kind < BLADE_COUNT);
+    int count = parts_of[move->kind](move, out_parts, err);
+    vec3 tip = move->T_mesh_tip[1].translation;
+    if (count < 0)
+        fail_in(err, RESULT_INVALID, "the %s at %.1f,%.1f,%.1f: ", blade_name(move->kind), tip.x,
+                tip.y, tip.z);
+    return count;
 }

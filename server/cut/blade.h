@@ -22,8 +22,10 @@ struct blade_move {
 //           it opens or stands still
 //   shaver  the burr, swept along the move; where it stands, the burr itself
 //   knife   the wedge behind the edge, swept along the move, as wide as its kerf
-// The number of parts, 0 where the move takes nothing.
-int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX]);
+// The number of parts, 0 where the move takes nothing. -1 where a part cannot be made: the error
+// says which, why and where.
+int blade_parts(const struct blade_move *move, struct convex out_parts[CUT_PARTS_MAX],
+                struct error *err);
 
 // No point of a part is farther than this from the straight line along which the tip's origin
 // moves.

@@ -242,9 +242,9 @@ static void take_out(struct operated_tissue *t, const struct blade_move *move,
         [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
     struct cut_change *change = &result->change;
-    int count = blade_parts(move, parts);
-    result->outcome = JOB_NOTHING;
-    if (count)
+    int count = blade_parts(move, parts, &result->why);
+    result->outcome = count < 0 ? JOB_REFUSED : JOB_NOTHING;
+    if (count > 0)
         result->outcome = outcomes[cut_apply(t->now.mesh, parts, count, change, &result->why)];
     if (result->outcome == JOB_DONE) {
         count_cut(t, change);

@@ -1,3 +1,4 @@
+#include "base/check.h"
 #include "cut.h"
 #include "cut/blade.h"
 #include "cutting/inside.h"
@@ -35,7 +36,9 @@ static void run(enum blade_kind kind, const struct mesh *mesh, int moves, struct
     for (int i = 0; i < moves; i++) {
         struct blade_move move;
         next_move(&random, &trial.now, kind, &move);
-        trial_cut(&trial, parts, blade_parts(&move, parts));
+        int count = blade_parts(&move, parts, NULL);
+        CHECK(count >= 0);
+        trial_cut(&trial, parts, count);
         cut_count(totals, &trial, blade_name(kind), i);
         if (trial.outcome != CUT_CHANGED)
             continue;

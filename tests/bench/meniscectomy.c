@@ -117,9 +117,10 @@ enum result meniscectomy_bite(struct meniscectomy *m, int index, struct bite_rep
                               struct error *err) {
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
     struct cut_change change = {0};
-    int count = blade_parts(&m->bites[index], parts);
+    int count = blade_parts(&m->bites[index], parts, err);
     int64_t begin_ns = clock_now_ns();
-    enum cut_outcome outcome = cut_apply(m->cut, parts, count, &change, err);
+    enum cut_outcome outcome =
+        count < 0 ? CUT_REFUSED : cut_apply(m->cut, parts, count, &change, err);
     *out_report = (struct bite_report){.ms[WORK_CUT] = ms_since(begin_ns)};
     free(parts);
     if (outcome == CUT_REFUSED)

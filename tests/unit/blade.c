@@ -3,6 +3,8 @@
 #include "random.h"
 #include "test.h"
 
+#include <string.h>
+
 static double distance_to_way(const struct blade_move *move, vec3 p) {
     vec3 a = move->T_mesh_tip[0].translation, b = move->T_mesh_tip[1].translation;
     vec3 way = vec3_sub(b, a);
@@ -31,7 +33,7 @@ static void every_part_is_within_reach(void **state) {
     struct convex parts[CUT_PARTS_MAX];
     for (int round = 0; round < 600; round++) {
         struct blade_move move = random_move(&r, (enum blade_kind)(round % BLADE_COUNT));
-        int count = blade_parts(&move, parts);
+        int count = blade_parts(&move, parts, NULL);
         assert_in_range(count, 1, CUT_PARTS_MAX);
         for (int i = 0; i < count; i++)
             for (int v = 0; v < parts[i].vertex_count; v++)
@@ -47,7 +49,7 @@ static void a_burr_takes_what_it_sweeps(void **state) {
     struct convex parts[CUT_PARTS_MAX];
     for (int round = 0; round < 200; round++) {
         struct blade_move move = random_move(&r, BLADE_SHAVER);
-        int count = blade_parts(&move, parts);
+        int count = blade_parts(&move, parts, NULL);
         vec3 centres[2];
         for (int i = 0; i < 2; i++)
             centres[i] = pose_apply(move.T_mesh_tip[i], (vec3){0, 0, -2});
@@ -67,7 +69,7 @@ static void a_punch_takes_what_its_jaw_closes_over(void **state) {
     struct convex parts[CUT_PARTS_MAX];
     for (int round = 0; round < 200; round++) {
         struct blade_move move = random_move(&r, BLADE_PUNCH);
-        int count = blade_parts(&move, parts);
+        int count = blade_parts(&move, parts, NULL);
         for (int i = 0; i < 30; i++) {
             double opening = random_between(&r, 0, 1.2), along = random_between(&r, 1.01, 5.9);
             double angle = opening * 35 * RAD_PER_DEG, beside = random_between(&r, -1.7, 1.7);
@@ -79,7 +81,7 @@ static void a_punch_takes_what_its_jaw_closes_over(void **state) {
         double opening = move.opening[0];
         move.opening[0] = move.opening[1];
         move.opening[1] = opening;
-        assert_int_equal(blade_parts(&move, parts), 0);
+        assert_int_equal(blade_parts(&move, parts, NULL), 0);
     }
 }
 
@@ -89,13 +91,26 @@ static void a_knife_takes_its_kerf_along_its_way(void **state) {
     pose start = pose_identity(), end = pose_identity();
     end.translation = (vec3){0, 4, -1};
     struct blade_move move = {BLADE_KNIFE, {start, end}, {0}};
-    assert_int_equal(blade_parts(&move, parts), 1);
+    assert_int_equal(blade_parts(&move, parts, NULL), 1);
     double plate = 2.5 * 3.5, swept = 4 * 3.5 + 1 * 2.5; // of its plan, as it moves within it
     assert_near(parts[0].volume, 0.2 * (plate + swept), 1e-9);
     move.T_mesh_tip[1] = (pose){quat_from_axis_angle((vec3){1, 0, 0}, 0.3), {0, 0, 0}};
-    assert_int_equal(blade_parts(&move, parts), CUT_PARTS_MAX);
+    assert_int_equal(blade_parts(&move, parts, NULL), CUT_PARTS_MAX);
     for (int i = 0; i < CUT_PARTS_MAX; i++)
         assert_near(parts[i].box.max.x - parts[i].box.min.x, 0.2, 1e-9);
+}
+
+static void a_blade_that_cannot_be_made_is_told_with_its_place(void **state) {
+    (void)state;
+    struct convex parts[CUT_PARTS_MAX];
+    for (int kind = 0; kind < BLADE_COUNT; kind++) {
+        struct error err = {0};
+        pose far = {quat_identity(), {0, 250e3, 0}};
+        struct blade_move move = {(enum blade_kind)kind, {far, far}, {1, 0}};
+        assert_int_equal(blade_parts(&move, parts, &err), -1);
+        assert_non_null(strstr(err.text, blade_name(move.kind)));
+        assert_non_null(strstr(err.text, "0.0,250000.0,0.0: "));
+    }
 }
 
 int main(void) {
@@ -104,6 +119,7 @@ int main(void) {
         cmocka_unit_test(a_burr_takes_what_it_sweeps),
         cmocka_unit_test(a_punch_takes_what_its_jaw_closes_over),
         cmocka_unit_test(a_knife_takes_its_kerf_along_its_way),
+        cmocka_unit_test(a_blade_that_cannot_be_made_is_told_with_its_place),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

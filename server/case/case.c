@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define DISPLACEMENT_MAX_MM 1e4f
+
 static const char *const body_names[BODY_COUNT] = {"femur", "tibia", "patella"};
 
 const char *body_name(enum body body) {
@@ -204,9 +206,10 @@ pose case_patella_pose(const struct knee_case *knee, double flexion_deg) {
 static enum result check_displacement(const struct case_group *group, const char *name,
                                       const float *values, struct error *err) {
     for (size_t i = 0; values && i < 3 * (size_t)group->mesh.vertex_count; i++)
-        if (!isfinite(values[i]))
-            return fail(err, RESULT_INVALID, "group %s: %s of vertex %zu is not finite",
-                        group->name, name, i / 3);
+        if (!(fabsf(values[i]) <= DISPLACEMENT_MAX_MM))
+            return fail(err, RESULT_INVALID,
+                        "group %s: %s of vertex %zu is not finite or beyond %g m", group->name,
+                        name, i / 3, (double)DISPLACEMENT_MAX_MM / 1000);
     return RESULT_OK;
 }
 

@@ -4,8 +4,9 @@
 
 #include <string.h>
 
-#define REACH_MM 1000.0
-#define ON_MM 1e-7 // so near to a plane a vertex is on it
+#define REACH_MM 1000.0 // of the box that is cut down to size
+#define FAR_MM 100000.0 // of the one that finds where polyhedra farther away are
+#define ON_MM 1e-7      // so near to a plane a vertex is on it
 #define LEAST_MM3 1e-6
 
 // Cutting a box of this reach down to size: its sides are faces CONVEX_PLANES_MAX and up, until
@@ -31,13 +32,14 @@ struct work {
     } crossings[2 * LOOP_MAX];
 };
 
-static void start_with_box(struct work *w) {
+static void start_with_box(struct work *w, double reach) {
     static const uint16_t sides[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
                                          {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+    memset(w->faces, 0, sizeof w->faces);
     w->vertex_count = 8;
     for (int i = 0; i < 8; i++)
-        w->vertices[i] = (vec3){i & 1 ? REACH_MM : -REACH_MM, i & 2 ? REACH_MM : -REACH_MM,
-                                i & 4 ? REACH_MM : -REACH_MM};
+        w->vertices[i] =
+            (vec3){i & 1 ? reach : -reach, i & 2 ? reach : -reach, i & 4 ? reach : -reach};
     for (int i = 0; i < 6; i++) {
         struct face_corners *face = &w->faces[CONVEX_PLANES_MAX + i];
         face->count = 4;
@@ -274,6 +276,73 @@ static enum result take_planes(const struct plane *planes, int count, struct pla
     return RESULT_OK;
 }
 
+// Cuts a box about the origin down to what the half-spaces have in common.
+static enum result enclose(const struct plane *unit, int count, double reach, struct work *w,
+                           struct error *err) {
+    start_with_box(w, reach);
+    for (int i = 0; i < count; i++) {
+        bool outside, inside;
+        take_sides(w, &unit[i], &outside, &inside);
+        if (!inside)
+            return fail(err, RESULT_INVALID,
+                        "plane %d cuts away everything that the others enclose", i);
+        if (outside && !cut_with(w, i))
+            return fail(err, RESULT_INVALID, "plane %d is too near to others to be told apart", i);
+    }
+    if (!is_bounded(w))
+        return fail(err, RESULT_INVALID, "the planes enclose nothing within %g m", reach / 1000);
+    return RESULT_OK;
+}
+
+static vec3 middle_of(const struct work *w, double *out_radius) {
+    vec3 sum = {0}, middle;
+    int count = 0;
+    for (int f = 0; f < FACES_MAX; f++)
+        for (int i = 0; i < w->faces[f].count; i++, count++)
+            sum = vec3_add(sum, w->vertices[w->faces[f].corners[i]]);
+    middle = vec3_scale(1.0 / count, sum);
+    *out_radius = 0;
+    for (int f = 0; f < FACES_MAX; f++)
+        for (int i = 0; i < w->faces[f].count; i++)
+            *out_radius =
+                fmax(*out_radius, vec3_distance(w->vertices[w->faces[f].corners[i]], middle));
+    return middle;
+}
+
+// From coordinates about `middle`; the planes are those that were given.
+static void move_back(const struct work *w, const struct plane *unit, vec3 middle,
+                      struct convex *c) {
+    for (int f = 0, kept = 0; f < CONVEX_PLANES_MAX; f++)
+        if (w->faces[f].count)
+            c->planes[kept++] = unit[f];
+    for (int i = 0; i < c->vertex_count; i++)
+        c->vertices[i] = vec3_add(c->vertices[i], middle);
+    c->box = (struct box){vec3_add(c->box.min, middle), vec3_add(c->box.max, middle)};
+}
+
+static const char too_near[] = "the planes are too near to each other to be told apart";
+
+// Where it is far from the origin, it is made about its own middle, as precisely as near it.
+static enum result create_far(const struct plane *unit, int count, struct work *w,
+                              struct convex *out_convex, struct error *err) {
+    enum result result = enclose(unit, count, FAR_MM, w, err);
+    if (result != RESULT_OK)
+        return result;
+    double radius;
+    vec3 middle = middle_of(w, &radius);
+    struct plane about[CONVEX_PLANES_MAX];
+    for (int i = 0; i < count; i++)
+        about[i] =
+            (struct plane){unit[i].normal, unit[i].offset - vec3_dot(unit[i].normal, middle)};
+    result = enclose(about, count, fmax(REACH_MM, 2 * radius), w, err);
+    if (result != RESULT_OK)
+        return result;
+    if (!gather(w, about, out_convex))
+        return fail(err, RESULT_INVALID, too_near);
+    move_back(w, unit, middle, out_convex);
+    return RESULT_OK;
+}
+
 enum result convex_create(const struct plane *planes, int count, struct convex *out_convex,
                           struct error *err) {
     if (count < 4 || count > CONVEX_PLANES_MAX)
@@ -284,24 +353,13 @@ enum result convex_create(const struct plane *planes, int count, struct convex *
     if (result != RESULT_OK)
         return result;
     struct work work;
-    memset(work.faces, 0, sizeof work.faces);
-    start_with_box(&work);
-    for (int i = 0; i < count; i++) {
-        bool outside, inside;
-        take_sides(&work, &unit[i], &outside, &inside);
-        if (!inside)
-            return fail(err, RESULT_INVALID,
-                        "plane %d cuts away everything that the others enclose", i);
-        if (outside && !cut_with(&work, i))
-            return fail(err, RESULT_INVALID, "plane %d is too near to others to be told apart", i);
-    }
-    if (!is_bounded(&work))
-        return fail(err, RESULT_INVALID, "the planes enclose nothing within %g mm", REACH_MM);
-    if (!gather(&work, unit, out_convex))
-        return fail(err, RESULT_INVALID, "the planes are too near to each other to be told apart");
-    if (out_convex->volume < LEAST_MM3)
-        return fail(err, RESULT_INVALID, "the planes enclose %g mm3 only", out_convex->volume);
-    return RESULT_OK;
+    if (enclose(unit, count, REACH_MM, &work, NULL) != RESULT_OK)
+        result = create_far(unit, count, &work, out_convex, err);
+    else if (!gather(&work, unit, out_convex))
+        result = fail(err, RESULT_INVALID, too_near);
+    if (result == RESULT_OK && out_convex->volume < LEAST_MM3)
+        result = fail(err, RESULT_INVALID, "the planes enclose %g mm3 only", out_convex->volume);
+    return result;
 }
 
 void convex_supports(const vec3 *points, int point_count, const vec3 *normals, int normal_count,

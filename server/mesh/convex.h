@@ -36,7 +36,7 @@ struct convex {
 // The polyhedron that the half-spaces have in common. Normals need not have unit length; planes
 // that do not bound it are left out, and those that are kept make an equal one. RESULT_INVALID, the
 // error saying which: too few or too many planes, a number that is not finite, a normal without
-// length, nothing in common (or less than 1e-6 mm³), no bound within 1 m (planes that look
+// length, nothing in common (or less than 1e-6 mm³), no bound within 100 m (planes that look
 // inwards).
 enum result convex_create(const struct plane *planes, int count, struct convex *out_convex,
                           struct error *err);

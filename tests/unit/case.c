@@ -326,6 +326,10 @@ static void infinite_warp(struct knee_case *knee) {
     case_group(knee, "tibia")->warp[4] = INFINITY;
 }
 
+static void warp_of_11_m(struct knee_case *knee) {
+    case_group(knee, "tibia")->warp[4] = 11e3f;
+}
+
 static void lesion_of_bone(struct knee_case *knee) {
     struct case_group *femur = case_group(knee, "femur");
     assert_ok(case_region_add(&femur->lesion.damage, slanted, 4, &err));
@@ -415,6 +419,8 @@ static void what_no_case_may_be_is_refused_by_name_and_not_saved(void **state) {
         {turned_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but inside out"},
         {twisted_meniscus, RESULT_INVALID, "meniscus_medial is cuttable but not oriented"},
         {meniscus_of_two_parts, RESULT_INVALID, "meniscus_medial is cuttable but has 2 parts"},
+        {warp_of_11_m, RESULT_INVALID,
+         "group tibia: warp of vertex 1 is not finite or beyond 10 m"},
         {infinite_warp, RESULT_INVALID, "group tibia: warp of vertex 1"},
         {empty_group, RESULT_MISSING, "group acl"},
         {lesion_of_bone, RESULT_INVALID, "group femur has lesion.damage but is not cuttable"},

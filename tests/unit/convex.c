@@ -140,7 +140,7 @@ static void planes_without_a_polyhedron_are_refused(void **state) {
     } rows[] = {
         {0, {{1, 0, 0}, -2}, "cuts away"},         {3, {{0, -1, 0}, NAN}, "not finite"},
         {3, {{0, -INFINITY, 0}, 1}, "not finite"}, {5, {{0, 0, 0}, 1}, "without length"},
-        {5, {{0, 0, 1}, 1}, "within 1000"},        {1, {{-1, 0, 0}, -1 + 1e-8}, "cuts away"},
+        {5, {{0, 0, 1}, 1}, "within 100 m"},        {1, {{-1, 0, 0}, -1 + 1e-8}, "cuts away"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct plane planes[6];

@@ -61,6 +61,10 @@ enum result store_failed(struct store *store, int code, struct error *err) {
 
 // ---- the lock beside the file -------------------------------------------------------------------
 
+static void wait_a_round(void) {
+    nanosleep(&(struct timespec){0, LOCK_ROUND_MS * NS_PER_MS}, NULL);
+}
+
 // SQLite's own locks are on the file, and a restore exchanges the file.
 enum result database_lock(const char *path, bool alone, int *out_fd, struct error *err) {
     char lock[PATH_MAX];
@@ -69,7 +73,6 @@ enum result database_lock(const char *path, bool alone, int *out_fd, struct erro
     int fd = open(lock, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", lock, strerror(errno));
-    const struct timespec round = {0, LOCK_ROUND_MS * NS_PER_MS};
     for (int waited = 0; flock(fd, (alone ? LOCK_EX : LOCK_SH) | LOCK_NB);
          waited += LOCK_ROUND_MS) {
         if (waited >= BUSY_MS) {
@@ -77,7 +80,7 @@ enum result database_lock(const char *path, bool alone, int *out_fd, struct erro
             return fail(err, RESULT_TIMEOUT, "%s: another arthron-server %s; try again later", path,
                         alone ? "has the records open" : "is restoring a backup");
         }
-        nanosleep(&round, NULL);
+        wait_a_round();
     }
     *out_fd = fd;
     return RESULT_OK;
@@ -132,15 +135,32 @@ static enum result read_owner(sqlite3 *db, const char *path, struct owner *out, 
     return result;
 }
 
-// An empty file becomes ours; any other must be.
+static bool is_empty(const struct owner *owner) {
+    return !owner->id && !owner->tables && !owner->version;
+}
+
+// A server that starts makes the file first, and its tables a moment later.
+static enum result await_owner(sqlite3 *db, const char *path, struct owner *out,
+                               struct error *err) {
+    enum result result = read_owner(db, path, out, err);
+    for (int waited = 0; result == RESULT_OK && is_empty(out) && waited < BUSY_MS;
+         waited += LOCK_ROUND_MS) {
+        wait_a_round();
+        result = read_owner(db, path, out, err);
+    }
+    return result;
+}
+
+// An empty file becomes ours where one may be made; any other must be.
 static enum result check_owner(sqlite3 *db, const char *path, bool make, struct error *err) {
     struct owner owner = {0};
-    enum result result = read_owner(db, path, &owner, err);
+    enum result result =
+        make ? read_owner(db, path, &owner, err) : await_owner(db, path, &owner, err);
     if (result != RESULT_OK)
         return result;
-    int64_t id = owner.id, tables = owner.tables;
+    int64_t id = owner.id;
     int version = owner.version;
-    if (id != STORE_APPLICATION_ID && (id || tables || version || !make))
+    if (id != STORE_APPLICATION_ID && !(make && is_empty(&owner)))
         return fail(err, RESULT_FORMAT,
                     "%s: this file does not hold records of arthron-server; name another file",
                     path);
@@ -237,11 +257,10 @@ static enum result migrate(struct store *store, struct error *err) {
 
 // SQLite does not wait for other connections when a file changes to WAL.
 static enum result use_wal(struct store *store, struct error *err) {
-    const struct timespec round = {0, LOCK_ROUND_MS * NS_PER_MS};
     int code = SQLITE_BUSY;
     for (int waited = 0; code == SQLITE_BUSY && waited <= BUSY_MS; waited += LOCK_ROUND_MS) {
         if (waited)
-            nanosleep(&round, NULL);
+            wait_a_round();
         code = sqlite3_exec(store->db, "PRAGMA journal_mode = WAL", NULL, NULL, NULL);
     }
     return code == SQLITE_OK ? RESULT_OK : store_failed(store, code, err);

@@ -2,6 +2,7 @@
 #include "test.h"
 #include "unit/store_files.h"
 
+#include <pthread.h>
 #include <signal.h>
 #include <sqlite3.h>
 #include <stdio.h>
@@ -73,6 +74,27 @@ static void a_file_without_records_is_named_and_left_alone(void **state) {
         free(before);
         free(after);
     }
+}
+
+static void *make_records_soon(void *unused) {
+    struct store *store;
+    usleep(200000);
+    assert_int_equal(store_open(store_path, STORE_MAKE, "server", &store, NULL), RESULT_OK);
+    store_close(&store);
+    return unused;
+}
+
+// As that of a server that has just been started.
+static void a_file_that_is_just_being_made_is_waited_for(void **state) {
+    (void)state;
+    struct store *store;
+    pthread_t server;
+    unlink(store_path);
+    put_file("records.db", "", 0);
+    assert_int_equal(pthread_create(&server, NULL, make_records_soon, NULL), 0);
+    assert_int_equal(store_open(store_path, STORE_THERE, "tester", &store, &err), RESULT_OK);
+    store_close(&store);
+    pthread_join(server, NULL);
 }
 
 static void records_that_are_not_there_are_made_only_where_asked(void **state) {
@@ -276,6 +298,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, store_folder_begin, store_folder_end)
         TEST(a_file_without_records_is_named_and_left_alone),
+        TEST(a_file_that_is_just_being_made_is_waited_for),
         TEST(records_that_are_not_there_are_made_only_where_asked),
         TEST(records_that_are_locked_can_be_read_and_tried_again),
         TEST(a_full_disk_is_told_and_takes_no_part_of_a_row),

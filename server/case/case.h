@@ -81,6 +81,9 @@ struct knee_case {
     char title[128];
     uint64_t hash; // XXH3 of both files' bytes, set by case_load and case_save
     struct joint_frame joint;
+    bool has_scan;      // an imported case: how the scan lay
+    bool scan_mirrored; // its x changes its sign first
+    pose T_case_scan;   // then takes mm of the scan to the femur's frame
     int group_count;
     struct case_group groups[CASE_GROUPS_MAX];
     int portal_count;

@@ -146,6 +146,20 @@ static void read_joint(struct manifest *m, const struct object *root, struct joi
     joint->T_tibia_joint = read_pose(m, &object, "T_tibia_joint");
 }
 
+static void read_scan(struct manifest *m, const struct object *root, struct knee_case *knee) {
+    static const char *const keys[] = {"mirrored", "T_case_scan", NULL};
+    const json_t *scan = json_object_get(root->json, "scan");
+    if (!scan)
+        return;
+    struct object object = open_object(m, scan, "scan", keys);
+    const json_t *mirrored = need(m, &object, "mirrored");
+    if (mirrored && !json_is_boolean(mirrored))
+        refuse_key(m, &object, "mirrored", "neither true nor false");
+    knee->has_scan = true;
+    knee->scan_mirrored = json_is_true(mirrored);
+    knee->T_case_scan = read_pose(m, &object, "T_case_scan");
+}
+
 // ---- lesions ------------------------------------------------------------------------------------
 
 static bool read_plane(const json_t *row, struct plane *out_plane) {
@@ -348,9 +362,9 @@ static void check_format(struct manifest *m, const json_t *root) {
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,
                                    uint64_t *out_anatomy_hash) {
-    static const char *const keys[] = {"format",       "name",  "title",   "side",
-                                       "anatomy_xxh3", "joint", "groups",  "portals",
-                                       "rest",         "torn",  "patella", NULL};
+    static const char *const keys[] = {"format", "name",    "title",  "side",    "anatomy_xxh3",
+                                       "joint",  "scan",    "groups", "portals", "rest",
+                                       "torn",   "patella", NULL};
     check_format(m, json);
     struct object root = open_object(m, json, "", keys);
     char name[CASE_NAME_MAX] = "unnamed";
@@ -361,6 +375,7 @@ static struct knee_case *read_root(struct manifest *m, const json_t *json,
         refuse_key(m, &root, "title", "longer than 127 bytes");
     *out_anatomy_hash = read_hash(m, &root);
     read_joint(m, &root, &knee->joint);
+    read_scan(m, &root, knee);
     if (m->result == RESULT_OK)
         read_lists(m, &root, knee);
     if (m->result != RESULT_OK)
@@ -489,6 +504,10 @@ char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
                   knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash, "joint",
                   joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
                   write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
+    if (knee->has_scan)
+        json_object_set_new(root, "scan",
+                            json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,
+                                      "T_case_scan", pose_array(knee->T_case_scan)));
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(root);
     return text;

@@ -3,6 +3,7 @@
 //     { "format": 1, "name": "knee_a", "title": "…", "side": "left",
 //       "anatomy_xxh3": "16 hex digits",
 //       "joint": { "T_femur_joint": [x, y, z, qw, qx, qy, qz], "T_tibia_joint": […] },
+//       "scan": { "mirrored": false, "T_case_scan": [x, y, z, qw, qx, qy, qz] },
 //       "groups": [ { "name": "tibia", "body": "tibia", "cuttable": false },
 //                   { "name": "mcl", "body": "tibia", "bridges": "femur", "cuttable": false },
 //                   { "name": "meniscus_medial", "body": "tibia", "cuttable": true,
@@ -16,9 +17,10 @@
 //
 // Millimetres and unit quaternions. A region of a lesion is a list of convex parts (up to 32), a
 // part a list of planes (up to 64): inside where n · p <= offset, in the frame of the group's
-// virtual mesh (S'). title, bridges, cuttable, lesion and its regions, portals, rest, torn, patella
-// and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited anatomy.glb on purpose.
-// Other keys are refused.
+// virtual mesh (S'). T_case_scan takes a point of the scan that was imported to the femur's frame;
+// where mirrored, its x changes its sign before. title, scan, bridges, cuttable, lesion and its
+// regions, portals, rest, torn, patella and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after
+// you have edited anatomy.glb on purpose. Other keys are refused.
 #pragma once
 
 #include "case/case.h"

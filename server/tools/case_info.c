@@ -17,6 +17,8 @@ static const char help[] =
     "  ligaments   of torn ones the flexion of each key, where the mock-up holds the joint, and "
     "how\n"
     "              much further the patient's joint goes\n"
+    "  scan        T_case_scan, which takes mm of an imported scan to the case, as\n"
+    "              x,y,z,qw,qx,qy,qz\n"
     "  portals, the centre of the joint, and a point on top of the medial tibial plateau\n"
     "Lengths are in mm, in the frame of the femur at rest: x to the patient's right, y anterior,\n"
     "z proximal.\n";
@@ -122,6 +124,10 @@ static int print_json(struct knee_case *knee) {
         "medial_plateau", found ? vector(plateau) : json_null(), "groups", groups, "portals",
         portals, "patella_keys", knee->patella_key_count, "rest_poses", knee->rest_count, "torn",
         keys_array(knee));
+    if (knee->has_scan)
+        json_object_set_new(root, "scan",
+                            json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,
+                                      "T_case_scan", pose_array(knee->T_case_scan)));
     int bad = json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(root);
     puts("");
@@ -158,6 +164,18 @@ static void print_lesion(const struct case_group *group) {
     }
 }
 
+// Where the case's origin lies in the scan.
+static void print_scan(const struct knee_case *knee) {
+    pose T = knee->T_case_scan;
+    vec3 origin = pose_apply_inverse(T, (vec3){0, 0, 0});
+    if (knee->scan_mirrored)
+        origin.x = -origin.x;
+    printf("T_case_scan %.6f,%.6f,%.6f,%.9g,%.9g,%.9g,%.9g%s\n", T.translation.x, T.translation.y,
+           T.translation.z, T.rotation.w, T.rotation.x, T.rotation.y, T.rotation.z,
+           knee->scan_mirrored ? " after a change of the sign of x" : "");
+    printf("origin of the case in the scan %.3f %.3f %.3f mm\n", origin.x, origin.y, origin.z);
+}
+
 static int print_text(struct knee_case *knee) {
     vec3 centre = inspect_joint_centre(knee), plateau;
     printf("%s (%s knee)%s%s\nhash %016" PRIx64 "\n", knee->name, side_name(knee->joint.side),
@@ -165,6 +183,8 @@ static int print_text(struct knee_case *knee) {
     printf("joint centre %.1f %.1f %.1f\n", centre.x, centre.y, centre.z);
     if (inspect_medial_plateau(knee, &plateau))
         printf("medial plateau %.1f %.1f %.1f\n", plateau.x, plateau.y, plateau.z);
+    if (knee->has_scan)
+        print_scan(knee);
     printf("\n%-17s %-8s %5s %9s %9s %6s %6s  surface, box in mm\n", "group", "body", "parts",
            "triangles", "mm3", "warp", "maxcut");
     for (int i = 0; i < knee->group_count; i++)

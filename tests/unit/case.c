@@ -99,6 +99,25 @@ static void a_case_comes_back_as_it_was_saved(void **state) {
     assert_null(again);
 }
 
+static void how_a_scan_lay_comes_back_and_is_absent_where_there_was_none(void **state) {
+    (void)state;
+    struct random r = {11};
+    struct knee_case *knee = box_knee();
+    assert_false(knee->has_scan);
+    assert_ok(case_save(knee, folder, &err));
+    struct knee_case *without = load();
+    assert_false(without->has_scan);
+    knee->has_scan = knee->scan_mirrored = true;
+    knee->T_case_scan = random_pose(&r, 1500);
+    assert_ok(case_save(knee, folder, &err));
+    struct knee_case *with = load();
+    assert_true(with->has_scan && with->scan_mirrored);
+    assert_memory_equal(&with->T_case_scan, &knee->T_case_scan, sizeof(pose));
+    case_destroy(&knee);
+    case_destroy(&without);
+    case_destroy(&with);
+}
+
 // Magnitudes from 1e-6 to 1e3 mm.
 static void scatter(struct random *r, float *values, size_t count) {
     for (size_t i = 0; i < count; i++)
@@ -583,6 +602,8 @@ static void check_names_what_is_wrong_with_a_case_that_loads(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_case_comes_back_as_it_was_saved, make, clear),
+        cmocka_unit_test_setup_teardown(
+            how_a_scan_lay_comes_back_and_is_absent_where_there_was_none, make, clear),
         cmocka_unit_test_setup_teardown(the_first_load_rounds_and_later_ones_are_equal_bit_for_bit,
                                         make, clear),
         cmocka_unit_test_setup_teardown(

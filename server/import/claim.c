@@ -417,5 +417,9 @@ enum result import_claim_of(const char *path, struct import_claim *out_claim, st
         fclose(reading.file);
         return result;
     }
-    return fail(err, RESULT_FORMAT, "%s: its name ends neither in .ply, .obj, .stl nor .off", path);
+    if (dot && strcasecmp(dot, ".vtp") == 0)
+        return fail(err, RESULT_FORMAT, "%s: XML PolyData is not read; save it as legacy .vtk",
+                    path);
+    return fail(err, RESULT_FORMAT, "%s: its name ends neither in .ply, .obj, .stl, .off nor .vtk",
+                path);
 }

@@ -10,6 +10,7 @@
 
 #define BONE_MIDDLE_MIN_MM 40
 #define BONE_MIDDLE_MAX_MM 130
+#define FAR_UNITS 1e30 // what a float can hold
 
 static double middle_side(const struct mesh *mesh) {
     struct box box = mesh_bounds(mesh);
@@ -57,26 +58,52 @@ static enum result refuse(const struct import_source *source, struct mesh *mesh,
                    unit ? "the unit that would fit is " : "", unit ? unit : "", unit ? ": " : "");
 }
 
-enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
+enum result import_read(const char *path, const struct case_limits *limits,
+                        struct import_arrays *out_arrays, struct error *err) {
+    *out_arrays = (struct import_arrays){0};
+    enum result result = check_file(path, limits->file_bytes, err);
+    return result == RESULT_OK ? import_reader_read(path, limits->group_triangles, out_arrays, err)
+                               : result;
+}
+
+// A mirror turns triangles over.
+static void place(const struct import_source *source, const struct import_arrays *arrays,
+                  struct mesh *mesh) {
+    bool mirrored = source->frame && mat3_determinant(source->frame->R_case_common) < 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        const double *p = arrays->positions + 3 * (size_t)v;
+        vec3 mm = vec3_scale(source->mm_per_unit, (vec3){p[0], p[1], p[2]});
+        vec3 common = pose_apply(source->T_common_file, mm);
+        mesh_set_vertex(mesh, v, source->frame ? import_to_case(source->frame, common) : common);
+    }
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        const uint32_t *from = arrays->triangles + 3 * (size_t)t;
+        uint32_t *to = mesh->triangles + 3 * (size_t)t;
+        to[0] = from[0];
+        to[1] = from[mirrored ? 2 : 1];
+        to[2] = from[mirrored ? 1 : 2];
+    }
+}
+
+static enum result check_reach(const struct import_arrays *arrays, struct error *err) {
+    for (size_t i = 0; i < 3 * (size_t)arrays->vertex_count; i++)
+        if (!(fabs(arrays->positions[i]) <= FAR_UNITS))
+            return fail(err, RESULT_INVALID, "vertex %zu lies at %g, beyond 10 m", i / 3,
+                        arrays->positions[i]);
+    return RESULT_OK;
+}
+
+enum result import_make(const struct import_source *source, const struct import_arrays *arrays,
                         struct mesh *out_mesh, struct repair_report *out_report,
                         struct error *err) {
-    *out_mesh = (struct mesh){0};
     *out_report = (struct repair_report){0};
-    enum result result = check_file(source->path, limits->file_bytes, err);
-    struct import_arrays arrays;
-    if (result == RESULT_OK)
-        result = import_reader_read(source->path, limits->group_triangles, &arrays, err);
-    if (result != RESULT_OK)
-        return result;
-    *out_mesh = (struct mesh){.vertex_count = arrays.vertex_count,
-                              .triangle_count = arrays.triangle_count,
-                              .positions = arrays.positions,
-                              .triangles = arrays.triangles};
-    for (uint32_t v = 0; v < out_mesh->vertex_count; v++) {
-        vec3 mm = vec3_scale(source->mm_per_unit, mesh_vertex(out_mesh, v));
-        mesh_set_vertex(out_mesh, v, pose_apply(source->T_case_file, mm));
+    *out_mesh = (struct mesh){0};
+    enum result result = check_reach(arrays, err);
+    if (result == RESULT_OK) {
+        mesh_init(out_mesh, arrays->vertex_count, arrays->triangle_count);
+        place(source, arrays, out_mesh);
+        result = mesh_validate(out_mesh, err);
     }
-    result = mesh_validate(out_mesh, err);
     if (result != RESULT_OK)
         return refuse(source, out_mesh, result, err);
     struct repair_settings settings = {
@@ -84,29 +111,24 @@ enum result import_mesh(const struct import_source *source, const struct case_li
         .island_share = IMPORT_ISLAND_SHARE,
     };
     bool left = repair_mesh(out_mesh, &settings, out_report);
-    out_report->triangles_before += arrays.dropped;
-    out_report->repeated_corners += arrays.dropped;
+    out_report->triangles_before += arrays->dropped;
+    out_report->repeated_corners += arrays->dropped;
     if (!left)
         return refuse(source, out_mesh, fail(err, RESULT_INVALID, "no triangle is left"), err);
     return RESULT_OK;
 }
 
-bool import_axes(const char *letters, pose *out_T_case_common) {
-    static const char directions[] = "RLAPSI"; // two for each axis of the case, forward first
-    if (strlen(letters) != 3)
-        return false;
-    mat3 r = {0};
-    for (int column = 0; column < 3; column++) {
-        const char *found = strchr(directions, letters[column]);
-        if (!found)
-            return false;
-        int which = (int)(found - directions);
-        r.m[which / 2][column] = which % 2 == 0 ? 1 : -1;
-    }
-    if (mat3_determinant(r) != 1)
-        return false;
-    *out_T_case_common = (pose){quat_from_mat3(r), {0, 0, 0}};
-    return true;
+enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
+                        struct mesh *out_mesh, struct repair_report *out_report,
+                        struct error *err) {
+    struct import_arrays arrays;
+    *out_mesh = (struct mesh){0};
+    enum result result = import_read(source->path, limits, &arrays, err);
+    if (result != RESULT_OK)
+        return result;
+    result = import_make(source, &arrays, out_mesh, out_report, err);
+    import_arrays_fini(&arrays);
+    return result;
 }
 
 static const char *const ligaments[] = {"acl", "pcl", "mcl", "lcl", NULL};

@@ -1,16 +1,20 @@
 // Meshes of any scan or model to a case.
 //
-// Each file has a frame of its own, T_common_file (millimetres), into one common frame; one turn
-// takes the common frame to the case's: x to the right of the patient, y anterior, z proximal.
+// Each file has a frame of its own, T_common_file (millimetres), into one common frame: the scan's.
+// From there an import_frame takes points to the case: x to the right of the patient, y anterior, z
+// proximal, the joint's centre at the origin.
 #pragma once
 
 #include "case/case.h"
+#include "import/frame.h"
+#include "import/reader.h"
 #include "import/repair.h"
 
 struct import_source {
     const char *path;
-    double mm_per_unit; // of the file
-    pose T_case_file;   // after scaling to mm
+    double mm_per_unit;               // of the file
+    pose T_common_file;               // after scaling to mm
+    const struct import_frame *frame; // NULL: the common frame is the case's
 };
 
 // Corners of an STL file, and of any other whose triangles share no vertex, as near as this are
@@ -19,17 +23,20 @@ struct import_source {
 // Of a mesh's area: components with less are taken for islands of a segmentation.
 #define IMPORT_ISLAND_SHARE 0.02
 
-// Reads a PLY, OBJ, STL or OFF file into the case's frame and repairs it (import/repair.h). The
-// caller releases *out_mesh with mesh_fini. The error names the path. Refuses a file over the
-// limits, a file that its reader does not understand or misreads, a mesh that mesh_validate
-// refuses, and a mesh of which repair leaves nothing.
-enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
+// Reads a PLY, OBJ, STL, OFF or VTK file (import/reader.h) that is not over the limits. The caller
+// releases *out_arrays with import_arrays_fini.
+enum result import_read(const char *path, const struct case_limits *limits,
+                        struct import_arrays *out_arrays, struct error *err);
+
+// Brings what was read into the case's frame and repairs it (import/repair.h). The caller releases
+// *out_mesh with mesh_fini. The error names the path. Refuses a mesh that mesh_validate refuses,
+// and one of which repair leaves nothing.
+enum result import_make(const struct import_source *source, const struct import_arrays *arrays,
                         struct mesh *out_mesh, struct repair_report *out_report, struct error *err);
 
-// The turn T_case_common from three letters that say where x, y, z of the common frame point: R or
-// L (right, left of the patient), A or P (anterior, posterior), S or I (superior, inferior).
-// "RAS" is the case's own frame. False for anything else, and for left-handed ones.
-bool import_axes(const char *letters, pose *out_T_case_common);
+// Both.
+enum result import_mesh(const struct import_source *source, const struct case_limits *limits,
+                        struct mesh *out_mesh, struct repair_report *out_report, struct error *err);
 
 // The default body of a group of this name: patella*: patella;
 // tibia*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.

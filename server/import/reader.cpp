@@ -1,13 +1,17 @@
 #include "import/reader.h"
 
 #include "import/claim.h"
+#include "import/vtk.h"
 
 #include <OpenMesh/Core/IO/IOManager.hh>
 #include <OpenMesh/Core/IO/MeshIO.hh>
 #include <OpenMesh/Core/System/omstream.hh>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <string>
+#include <strings.h>
 #include <vector>
 
 namespace {
@@ -20,7 +24,7 @@ class collector final : public IO::BaseImporter {
   public:
     explicit collector(uint32_t triangles_max) : triangles_max_(triangles_max) {}
 
-    std::vector<float> positions;
+    std::vector<double> positions;
     std::vector<uint32_t> triangles;
     uint32_t faces = 0, dropped = 0;
     bool too_many = false;
@@ -38,8 +42,8 @@ class collector final : public IO::BaseImporter {
     }
 
     void set_point(VertexHandle vertex, const Vec3f &point) override {
-        if (vertex.idx() >= 0 && (size_t)vertex.idx() < n_vertices())
-            memcpy(&positions[3 * (size_t)vertex.idx()], point.data(), 3 * sizeof(float));
+        for (size_t i = 0; vertex.idx() >= 0 && (size_t)vertex.idx() < n_vertices() && i < 3; i++)
+            positions[3 * (size_t)vertex.idx() + i] = point[i];
     }
 
     FaceHandle add_face(const VHandles &corners) override {
@@ -150,6 +154,10 @@ enum result hand_over(const char *path, const collector &from, import_arrays &ou
         if (from.triangles[i] >= from.n_vertices())
             return fail(err, RESULT_FORMAT, "%s: triangle %zu: there is no vertex %d", path, i / 3,
                         (int)from.triangles[i]);
+    for (size_t i = 0; i < from.positions.size(); i++)
+        if (!std::isfinite(from.positions[i]))
+            return fail(err, RESULT_INVALID, "%s: vertex %zu lies beyond 10 m, or is no number",
+                        path, i / 3);
     out.positions = copy_out(from.positions);
     out.triangles = copy_out(from.triangles);
     out.vertex_count = (uint32_t)from.n_vertices();
@@ -158,29 +166,62 @@ enum result hand_over(const char *path, const collector &from, import_arrays &ou
     return RESULT_OK;
 }
 
+// 3D Slicer writes SPACE=LPS or SPACE=RAS into comments, titles and headers.
+void find_space(const char *path, char out_space[4]) {
+    char head[1024] = "";
+    FILE *file = fopen(path, "rb");
+    size_t got = file ? fread(head, 1, sizeof head - 1, file) : 0;
+    if (file)
+        fclose(file);
+    for (size_t i = 0; i + 9 <= got; i++) {
+        if (memcmp(head + i, "SPACE=", 6) == 0) {
+            memcpy(out_space, head + i + 6, 3);
+            return;
+        }
+    }
+}
+
+enum result read_with_openmesh(const char *path, uint32_t triangles_max, import_arrays &out,
+                               struct error *err) {
+    import_claim claim;
+    enum result result = import_claim_of(path, &claim, err);
+    if (result != RESULT_OK)
+        return result;
+    omlog().disable();
+    omout().disable();
+    omerr().disable();
+    collector mesh(triangles_max);
+    IO::Options options;
+    if (!IO::IOManager().read(path, mesh, options))
+        return fail(err, RESULT_FORMAT, "%s: not readable as a file of this extension", path);
+    if (!mesh.too_many)
+        result = compare(path, mesh, claim, err);
+    return result == RESULT_OK ? hand_over(path, mesh, out, err) : result;
+}
+
 } // namespace
 
 enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err) {
     *out_arrays = {};
+    enum result result;
     try {
-        import_claim claim;
-        enum result result = import_claim_of(path, &claim, err);
-        if (result != RESULT_OK)
-            return result;
-        omlog().disable();
-        omout().disable();
-        omerr().disable();
-        collector mesh(triangles_max);
-        IO::Options options;
-        if (!IO::IOManager().read(path, mesh, options))
-            return fail(err, RESULT_FORMAT, "%s: not readable as a file of this extension", path);
-        if (!mesh.too_many)
-            result = compare(path, mesh, claim, err);
-        return result == RESULT_OK ? hand_over(path, mesh, *out_arrays, err) : result;
+        const char *dot = strrchr(path, '.');
+        result = dot && strcasecmp(dot, ".vtk") == 0
+                     ? vtk_read(path, triangles_max, out_arrays, err)
+                     : read_with_openmesh(path, triangles_max, *out_arrays, err);
     } catch (const std::exception &why) {
-        free(out_arrays->positions);
-        *out_arrays = {};
-        return fail(err, RESULT_FORMAT, "%s: not readable: %s", path, why.what());
+        result = fail(err, RESULT_FORMAT, "%s: not readable: %s", path, why.what());
     }
+    if (result == RESULT_OK)
+        find_space(path, out_arrays->space);
+    else
+        import_arrays_fini(out_arrays);
+    return result;
+}
+
+void import_arrays_fini(struct import_arrays *arrays) {
+    free(arrays->positions);
+    free(arrays->triangles);
+    *arrays = {};
 }

@@ -1,4 +1,5 @@
-// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header).
+// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header, which
+// round coordinates to float), and VTK PolyData (vtk.h).
 #pragma once
 
 #include <stdint.h>
@@ -11,9 +12,10 @@ extern "C" {
 
 struct import_arrays {
     uint32_t vertex_count, triangle_count;
-    float *positions;    // 3 * vertex_count, in the file's unit
+    double *positions;   // 3 * vertex_count, in the file's unit; finite
     uint32_t *triangles; // 3 * triangle_count, all below vertex_count, the three distinct
     uint32_t dropped;    // triangles with a repeated corner, faces with fewer than three; left out
+    char space[4];       // the axes that the file declares, as 3D Slicer does: "LPS"; or empty
 };
 
 // The format is that of the name's ending. Polygons become fans of triangles; STL's corners with
@@ -24,6 +26,7 @@ struct import_arrays {
 // cap its size first.
 enum result import_reader_read(const char *path, uint32_t triangles_max,
                                struct import_arrays *out_arrays, struct error *err);
+void import_arrays_fini(struct import_arrays *arrays); // zeroed arrays are fine; they are zeroed
 
 #ifdef __cplusplus
 }

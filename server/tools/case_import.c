@@ -1,37 +1,44 @@
+#include "case_import.h"
+
 #include "base/number.h"
 #include "case_commands.h"
-#include "case_import_report.h"
 #include "check/inspect.h"
 #include "generate/bridge.h"
-#include "import/import.h"
 
-#include <ctype.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <string.h>
 
-#define SOURCES_MAX (CASE_GROUPS_MAX * CASE_PARTS_MAX)
+#define CLIP_DEFAULT_MM 120
+#define CLIP_MIN_MM 60
+#define CLIP_MAX_MM 900
 
 static const char help[] =
-    "Usage: arthron-case import --unit mm|cm|m --name NAME --side left|right\n"
-    "                           --group NAME=FILE[@T]... --out DIR [OPTION...]\n"
+    "Usage: arthron-case import --name NAME --group NAME=FILE[@T]... --out DIR [OPTION...]\n"
     "\n"
-    "Makes a case from meshes (PLY, OBJ, STL, OFF). tibia and femur are needed.\n"
+    "Makes a case from meshes (PLY, OBJ, STL, OFF, VTK). tibia and femur are needed. Unit, axes\n"
+    "and side are judged from the whole knee. The import says how sure it is, and from what.\n"
+    "The centre of the joint becomes the origin of the case; `arthron-case info` shows\n"
+    "T_case_scan, the transform from the scan.\n"
     "\n"
-    "  --unit mm|cm|m     unit of the files of the --group options after it. It may be repeated;\n"
-    "                     the first one holds for the files before it, too\n"
     "  --group NAME=FILE[@x,y,z,qw,qx,qy,qz]\n"
-    "                     a mesh of the group; several of the same NAME are its parts. The pose, "
-    "in\n"
-    "                     mm, takes the file's frame (scaled to mm) to the common frame; x,y,z "
-    "alone\n"
-    "                     is a shift\n"
+    "                     a mesh of the group; several of the same NAME are its parts. The pose,\n"
+    "                     in mm, takes the file's frame (scaled to mm) to the common frame; x,y,z\n"
+    "                     alone is a shift\n"
     "                     Usual names: tibia, femur, patella, meniscus_medial, meniscus_lateral,\n"
-    "                     acl, pcl, mcl, lcl, skin\n"
+    "                     acl, pcl, mcl, lcl, fibula, skin\n"
+    "  --unit mm|cm|m     unit of the files of the --group options after it. It may be repeated;\n"
+    "                     the first one holds for the files before it, too. Default: mm, cm or m,\n"
+    "                     by the width of femur and tibia\n"
     "  --axes XYZ         the directions of x, y and z of the common frame, three of R or L "
     "(right,\n"
     "                     left of the patient), A or P (anterior, posterior), S or I (superior,\n"
-    "                     inferior). Default: RAS, as in the case\n"
+    "                     inferior). A left-handed frame, such as LAS, is mirrored. Default: by\n"
+    "                     femur, tibia and patella, and by what the files declare; else RAS\n"
+    "  --side left|right  the side of the knee. Default: by menisci, lcl, mcl and fibula\n"
+    "  --clip MM          cuts off what lies farther above or below the joint, 60 to 900. "
+    "Default:\n"
+    "                     120. Closed meshes are closed again with a cap\n"
     "  --body NAME=BODY   the body that a group moves with: femur, tibia or patella. Default: "
     "tibia\n"
     "                     for tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
@@ -41,15 +48,14 @@ static const char help[] =
     "                     patellar_ligament and skin to tibia. NAME=none: no bridge\n"
     "  --cuttable NAME    instruments cut this group: one closed, manifold mesh\n"
     "  --portal NAME=x,y,z,dx,dy,dz\n"
-    "                     an entry through the skin and its direction into the joint, RAS, mm\n"
+    "                     an entry through the skin and its direction into the joint. Portal and\n"
+    "                     joint: RAS, mm, with the scan's origin\n"
     "  --joint x,y,z,qw,qx,qy,qz\n"
-    "                     the joint's frame, RAS, mm. Default, from the distal 35 mm of the "
-    "femur:\n"
+    "                     the joint's frame. Default, from the distal 35 mm of the femur:\n"
     "                     not turned, in the middle from left to right, and 0.27 times the width\n"
     "                     above the distal and before the posterior end\n"
     "  --title TEXT       the title that people see\n"
     "  --json             print the report of each mesh as JSON\n"
-    "  --side left|right  the side of the knee\n"
     "  --name NAME        the name of the case: letters, digits and \"_-.\"\n"
     "\n"
     "Give all bones as they lie in extension. The import repairs each mesh where that is safe.\n"
@@ -61,32 +67,6 @@ static const char help[] =
     "\n"
     "It refuses a file that is misread, and a knee of 4 cm or 40 m, with the unit that would\n"
     "fit. It also refuses a case with a fault of `arthron-case check`, and writes nothing.\n";
-
-struct surface_source {
-    char group[CASE_NAME_MAX];
-    const char *path;
-    double mm_per_unit; // 0: stands before the first --unit
-    pose T_common_file;
-};
-
-struct body_choice {
-    char group[CASE_NAME_MAX];
-    enum body body; // BODY_COUNT: none
-};
-
-struct import_request {
-    const char *name, *title, *side, *out;
-    double first_unit, unit; // mm; 0 before the first --unit
-    pose T_case_common;
-    bool has_joint;
-    pose T_femur_joint;
-    int source_count, body_count, bridge_count, cuttable_count, portal_count;
-    struct surface_source sources[SOURCES_MAX];
-    struct body_choice bodies[CASE_GROUPS_MAX], bridges[CASE_GROUPS_MAX];
-    const char *cuttable[CASE_GROUPS_MAX];
-    struct case_portal portals[CASE_PORTALS_MAX];
-    json_t *json; // an array to say it in; NULL: as text on stdout
-};
 
 // ---- the command line ---------------------------------------------------------------------------
 
@@ -177,7 +157,10 @@ static bool take_option(int option, char *text, struct import_request *request) 
     case 'g':
         return request->source_count < SOURCES_MAX && parse_source(text, request);
     case 'a':
-        return import_axes(text, &request->T_case_common);
+        request->axes = text;
+        return import_axes(text, &(struct import_frame){0});
+    case 'C':
+        return number_double(text, CLIP_MIN_MM, CLIP_MAX_MM, &request->clip_mm);
     case 'b':
         return request->body_count < CASE_GROUPS_MAX && parse_body(text, request);
     case 'B':
@@ -193,7 +176,7 @@ static bool take_option(int option, char *text, struct import_request *request) 
         request->has_joint = true;
         return number_pose(text, &request->T_femur_joint);
     case 'J':
-        request->json = json_array();
+        request->as_json = true;
         return true;
     default:
         request->out = text;
@@ -201,70 +184,8 @@ static bool take_option(int option, char *text, struct import_request *request) 
     }
 }
 
-// ---- meshes to groups ---------------------------------------------------------------------------
-
-static enum body body_of(const struct import_request *request, const char *group) {
-    for (int i = 0; i < request->body_count; i++)
-        if (strcmp(request->bodies[i].group, group) == 0)
-            return request->bodies[i].body;
-    return import_default_body(group);
-}
-
-// The only mesh of a group bears the group's name, others that of their file.
-static void part_name(const struct import_request *request, const struct surface_source *source,
-                      char *out_name) {
-    int same = 0;
-    for (int i = 0; i < request->source_count; i++)
-        same += strcmp(request->sources[i].group, source->group) == 0;
-    const char *slash = strrchr(source->path, '/');
-    const char *base = slash ? slash + 1 : source->path, *dot = strrchr(base, '.');
-    int length = dot ? (int)(dot - base) : (int)strlen(base);
-    snprintf(out_name, CASE_NAME_MAX, "%.*s", length, base);
-    for (char *c = out_name; *c; c++)
-        if (!isalnum((unsigned char)*c) && !strchr("_-.", *c))
-            *c = '_';
-    if (same == 1)
-        snprintf(out_name, CASE_NAME_MAX, "%s", source->group);
-}
-
-static void say(struct import_request *request, const struct surface_source *source,
-                const struct mesh *mesh, const struct repair_report *report) {
-    struct import_said said = {source->group, source->path, mesh, report};
-    if (request->json)
-        json_array_append_new(request->json, import_json(&said));
-    else
-        import_print(&said);
-}
-
-static enum result add_source(struct knee_case *knee, struct import_request *request,
-                              const struct surface_source *source, struct error *err) {
-    struct case_limits limits = case_limits_default();
-    struct import_source from = {
-        .path = source->path,
-        .mm_per_unit = source->mm_per_unit ? source->mm_per_unit : request->first_unit,
-        .T_case_file = pose_compose(request->T_case_common, source->T_common_file),
-    };
-    struct case_group *group = case_group(knee, source->group);
-    if (!group)
-        group = case_add_group(knee, source->group, body_of(request, source->group));
-    if (!group)
-        return fail(err, RESULT_LIMIT, "more than %d groups", CASE_GROUPS_MAX);
-    struct mesh mesh;
-    struct repair_report repair;
-    enum result result = import_mesh(&from, &limits, &mesh, &repair, err);
-    if (result != RESULT_OK)
-        return fail_in(err, result, "--group %s: ", source->group);
-    char part[CASE_NAME_MAX];
-    part_name(request, source, part);
-    result = case_add_part(group, part, &mesh, err);
-    if (result == RESULT_OK)
-        say(request, source, &mesh, &repair);
-    mesh_fini(&mesh);
-    bool bone = strcmp(group->name, "tibia") == 0 || strcmp(group->name, "femur") == 0;
-    if (result == RESULT_OK && bone && group->part_count == 1)
-        result = import_check_bone(group, from.mm_per_unit, err);
-    return result;
-}
+// ---- the case
+// ------------------------------------------------------------------------------------
 
 static enum result mark_groups(struct knee_case *knee, const struct import_request *request,
                                struct error *err) {
@@ -317,60 +238,48 @@ static enum result refuse_faults(struct knee_case *knee, struct error *err) {
 }
 
 static enum result fill(struct knee_case *knee, struct import_request *request, struct error *err) {
-    enum result result = RESULT_OK;
-    for (int i = 0; result == RESULT_OK && i < request->source_count; i++)
-        result = add_source(knee, request, &request->sources[i], err);
+    enum result result = import_scan(request, knee, err);
     if (result == RESULT_OK)
         result = mark_groups(knee, request, err);
     if (result == RESULT_OK)
         result = bridge_groups(knee, request, err);
-    knee->joint.side = strcmp(request->side, "left") == 0 ? SIDE_LEFT : SIDE_RIGHT;
-    knee->portal_count = request->portal_count;
-    memcpy(knee->portals, request->portals, sizeof knee->portals);
     if (result == RESULT_OK)
         result = case_validate(knee, err);
-    if (result != RESULT_OK)
-        return result;
-    knee->joint.T_femur_joint =
-        request->has_joint ? request->T_femur_joint : import_estimate_joint(knee);
-    knee->joint.T_tibia_joint = knee->joint.T_femur_joint; // one frame for all bodies at rest
-    result = refuse_faults(knee, err);
+    if (result == RESULT_OK)
+        result = refuse_faults(knee, err);
     return result == RESULT_OK ? case_save(knee, request->out, err) : result;
 }
 
 static int run(struct import_request *request) {
     struct knee_case *knee = case_create(request->name, request->title);
     struct error err;
+    request->judged = json_object();
+    request->meshes = json_array();
     enum result result = fill(knee, request, &err);
     case_destroy(&knee);
-    if (result == RESULT_OK && request->json) {
-        json_dumpf(request->json, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    json_object_set_new(request->judged, "meshes", request->meshes);
+    if (result == RESULT_OK && request->as_json) {
+        json_dumpf(request->judged, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
         puts("");
     }
-    json_decref(request->json);
+    json_decref(request->judged);
     return result == RESULT_OK ? EXIT_OK : failed("import", &err);
 }
 
 int command_import(int argc, char **argv) {
-    static const struct option options[] = {{"unit", required_argument, NULL, 'u'},
-                                            {"name", required_argument, NULL, 'n'},
-                                            {"title", required_argument, NULL, 't'},
-                                            {"side", required_argument, NULL, 's'},
-                                            {"group", required_argument, NULL, 'g'},
-                                            {"axes", required_argument, NULL, 'a'},
-                                            {"body", required_argument, NULL, 'b'},
-                                            {"bridge", required_argument, NULL, 'B'},
-                                            {"cuttable", required_argument, NULL, 'c'},
-                                            {"portal", required_argument, NULL, 'p'},
-                                            {"joint", required_argument, NULL, 'j'},
-                                            {"out", required_argument, NULL, 'o'},
-                                            {"json", no_argument, NULL, 'J'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {0}};
+    static const struct option options[] = {
+        {"unit", required_argument, NULL, 'u'},     {"name", required_argument, NULL, 'n'},
+        {"title", required_argument, NULL, 't'},    {"side", required_argument, NULL, 's'},
+        {"group", required_argument, NULL, 'g'},    {"axes", required_argument, NULL, 'a'},
+        {"body", required_argument, NULL, 'b'},     {"bridge", required_argument, NULL, 'B'},
+        {"cuttable", required_argument, NULL, 'c'}, {"portal", required_argument, NULL, 'p'},
+        {"joint", required_argument, NULL, 'j'},    {"clip", required_argument, NULL, 'C'},
+        {"out", required_argument, NULL, 'o'},      {"json", no_argument, NULL, 'J'},
+        {"help", no_argument, NULL, 'h'},           {0}};
     static const char *const sides[] = {"left", "right", NULL};
     static const char *const units[] = {"mm", "cm", "m", NULL};
     static struct import_request request;
-    request = (struct import_request){.title = "", .T_case_common = pose_identity()};
+    request = (struct import_request){.title = "", .clip_mm = CLIP_DEFAULT_MM};
     int option, which = 0;
     while ((option = getopt_long(argc, argv, "", options, &which)) != -1) {
         if (option == 'h') {
@@ -391,8 +300,7 @@ int command_import(int argc, char **argv) {
     }
     if (optind != argc)
         return usage_error("import", "unexpected argument \"%s\"", argv[optind]);
-    if (!request.first_unit || !request.name || !request.side || !request.source_count ||
-        !request.out)
-        return usage_error("import", "--unit, --name, --side, --group and --out are needed");
+    if (!request.name || !request.source_count || !request.out)
+        return usage_error("import", "--name, --group and --out are needed");
     return run(&request);
 }

@@ -108,6 +108,10 @@ void import_print(const struct import_said *said) {
     printf("%s: %s: %u vertices, %u triangles, %s%s\n", said->group, said->file,
            said->mesh->vertex_count, said->mesh->triangle_count,
            r->after.closed ? "closed" : "open", can_be_cut(&r->after) ? "" : ", not cuttable");
+    if (said->clip->planes)
+        printf("  clipped: %u triangles left out far from the joint, %s\n",
+               said->clip->removed_triangles,
+               said->clip->open ? "without a cap, for the mesh is not closed" : "and a cap made");
     if (is_empty(&was) && is_empty(&did) && is_empty(&left))
         return;
     print_counts("wrong:", &was);
@@ -145,8 +149,9 @@ json_t *import_json(const struct import_said *said) {
     json_object_set_new(all, "island_triangles", json_integer(r->island_triangles));
     json_object_set_new(all, "island_area_mm2", json_real(r->island_area_mm2));
     json_object_set_new(all, "islands", islands_json(r));
-    return json_pack("{s:s, s:s, s:I, s:I, s:b, s:o, s:o, s:o}", "group", said->group, "file",
+    return json_pack("{s:s, s:s, s:I, s:I, s:b, s:b, s:o, s:o, s:o}", "group", said->group, "file",
                      said->file, "vertices", (json_int_t)said->mesh->vertex_count, "triangles",
                      (json_int_t)said->mesh->triangle_count, "cuttable", can_be_cut(&r->after),
-                     "wrong", counts_json(&was), "done", all, "remains", counts_json(&left));
+                     "clipped", said->clip->planes > 0, "wrong", counts_json(&was), "done", all,
+                     "remains", counts_json(&left));
 }

@@ -45,7 +45,7 @@ static enum result import_group(const struct case_group *from, double mm_per_uni
     struct case_limits limits = case_limits_default();
     snprintf(path, sizeof path, "%s/mesh.obj", dir);
     enum result result = write_mesh(&from->mesh, mm_per_unit, path, err);
-    struct import_source source = {path, mm_per_unit, pose_identity()};
+    struct import_source source = {path, mm_per_unit, pose_identity(), NULL};
     if (result == RESULT_OK)
         result = import_mesh(&source, &limits, &mesh, &repair, err);
     remove(path);

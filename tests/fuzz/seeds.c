@@ -252,6 +252,21 @@ static void meshes(void) {
               "f 1/1/1 2/1/1 3/1/1 4/1/1\nf -4 -3 -1\n");
     seed_text("mesh", "off",
               "3OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n");
+    seed_text("mesh", "vtk",
+              "4# vtk DataFile Version 3.0\nSPACE=LPS\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n"
+              "0 0 0 1 0 0\n1 1 0 0 1 0\nMETADATA\nINFORMATION 0\n\nTRIANGLE_STRIPS 1 5\n"
+              "4 0 1 3 2\nPOLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 4\n");
+    static const char vtk_binary[] =
+        "4# vtk DataFile Version 5.1\nv\nBINARY\nDATASET POLYDATA\nFIELD FieldData 1\n"
+        "TimeValue 1 1 short\n\0\1\nPOINTS 3 short\n"
+        "\0\0\0\0\0\0"
+        "\0\1\0\0\0\0"
+        "\0\0\0\1\0\0"
+        "\nPOLYGONS 2 3\nOFFSETS unsigned_char\n\0\3\nCONNECTIVITY vtktypeint64\n"
+        "\0\0\0\0\0\0\0\0"
+        "\0\0\0\0\0\0\0\1"
+        "\0\0\0\0\0\0\0\2\n";
+    seed("mesh", "vtk_binary", vtk_binary, sizeof vtk_binary - 1);
 }
 
 static struct trace_writer *begin_trace(const char *file) {

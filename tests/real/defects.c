@@ -113,7 +113,7 @@ static void defects_of_published_meshes_are_found_mended_and_named(void **state)
         struct repair_report report;
         struct error err;
         snprintf(path, sizeof path, "%s/%s", data_folder(), row->file);
-        struct import_source source = {path, 1, pose_identity()};
+        struct import_source source = {path, 1, pose_identity(), NULL};
         printf("%s\n", row->file);
         if (import_mesh(&source, &limits, &mesh, &report, &err) != RESULT_OK)
             fail_msg("%s", err.text);

@@ -34,7 +34,8 @@ static enum result read_mesh(const char *name, struct import_source source, stru
     return import_mesh(&source, &limits, out_mesh, out_report, &err);
 }
 
-static const struct import_source as_it_is = {.mm_per_unit = 1, .T_case_file = {{1, 0, 0, 0}, {0}}};
+static const struct import_source as_it_is = {.mm_per_unit = 1,
+                                              .T_common_file = {{1, 0, 0, 0}, {0}}};
 
 static void write_text(const char *name, const char *text) {
     write_file(folder, name, text, strlen(text));
@@ -101,12 +102,12 @@ static void unit_and_frame_of_a_file_are_applied(void **state) {
     (void)state;
     write_text("t.ply", tetra_ply);
     struct random r = {3};
-    struct import_source source = {.mm_per_unit = 10, .T_case_file = random_pose(&r, 50)};
+    struct import_source source = {.mm_per_unit = 10, .T_common_file = random_pose(&r, 50)};
     struct mesh mesh;
     struct repair_report report;
     assert_int_equal(read_mesh("t.ply", source, &mesh, &report), RESULT_OK);
-    assert_vec3_near(mesh_vertex(&mesh, 0), source.T_case_file.translation, 1e-5);
-    vec3 expected = pose_apply(source.T_case_file, (vec3){0, 0, 30});
+    assert_vec3_near(mesh_vertex(&mesh, 0), source.T_common_file.translation, 1e-5);
+    vec3 expected = pose_apply(source.T_common_file, (vec3){0, 0, 30});
     assert_vec3_near(mesh_vertex(&mesh, 3), expected, 1e-5);
     assert_near(mesh_volume(&mesh), 1000, 1e-2);
     mesh_fini(&mesh);
@@ -411,18 +412,22 @@ static void limits_hold_for_a_file_and_its_triangles(void **state) {
     assert_int_equal(import_mesh(&source, &limits, &mesh, &report, &err), RESULT_LIMIT);
 }
 
-static void three_letters_turn_any_right_handed_frame(void **state) {
+static vec3 turned(const char *letters) {
+    struct import_frame frame;
+    assert_true(import_axes(letters, &frame));
+    return import_to_case(&frame, (vec3){1, 2, 3});
+}
+
+static void three_letters_turn_any_frame(void **state) {
     (void)state;
-    pose T;
-    assert_true(import_axes("ASR", &T)); // x anterior, y superior, z right
-    assert_vec3_near(pose_apply(T, (vec3){1, 2, 3}), ((vec3){3, 1, 2}), 1e-12);
-    assert_true(import_axes("LPS", &T));
-    assert_vec3_near(pose_apply(T, (vec3){1, 2, 3}), ((vec3){-1, -2, 3}), 1e-12);
-    assert_true(import_axes("RAS", &T));
-    assert_vec3_near(pose_apply(T, (vec3){1, 2, 3}), ((vec3){1, 2, 3}), 1e-12);
-    static const char *const bad[] = {"", "RA", "RASS", "LAS", "RRS", "RLA", "ras", "XYZ", "AAS"};
+    assert_vec3_near(turned("ASR"), ((vec3){3, 1, 2}), 0); // x anterior, y superior, z right
+    assert_vec3_near(turned("LPS"), ((vec3){-1, -2, 3}), 0);
+    assert_vec3_near(turned("RAS"), ((vec3){1, 2, 3}), 0);
+    assert_vec3_near(turned("LAS"), ((vec3){-1, 2, 3}), 0); // a mirror
+    struct import_frame frame;
+    static const char *const bad[] = {"", "RA", "RASS", "LRS", "RRS", "RLA", "ras", "XYZ", "AAS"};
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
-        assert_false(import_axes(bad[i], &T));
+        assert_false(import_axes(bad[i], &frame));
 }
 
 static void a_bone_of_a_wrong_size_names_the_unit_that_fits(void **state) {
@@ -482,7 +487,7 @@ int main(void) {
         with_folder(a_binary_stl_whose_bytes_do_not_fit_is_refused),
         with_folder(a_stl_in_metres_is_welded_and_its_thin_facets_are_counted),
         with_folder(limits_hold_for_a_file_and_its_triangles),
-        cmocka_unit_test(three_letters_turn_any_right_handed_frame),
+        cmocka_unit_test(three_letters_turn_any_frame),
         cmocka_unit_test(a_bone_of_a_wrong_size_names_the_unit_that_fits),
         cmocka_unit_test(the_joint_is_estimated_between_the_posterior_condyles),
     };

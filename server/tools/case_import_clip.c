@@ -1,0 +1,80 @@
+#include "case_import_clip.h"
+
+#include "cut/cut.h"
+#include "mesh/topology.h"
+
+#include <math.h>
+#include <string.h>
+
+#define WIDE_MM 480 // half the blade's width; a leg is narrower
+#define LONG_MM 700 // of the blade: the longest femur and a margin
+
+// Of one size, so that a bone that was clipped before gives the same cut.
+static enum result blade_beyond(double distance_mm, int way, struct convex *out,
+                                struct error *err) {
+    struct plane planes[6] = {{{1, 0, 0}, WIDE_MM},
+                              {{-1, 0, 0}, WIDE_MM},
+                              {{0, 1, 0}, WIDE_MM},
+                              {{0, -1, 0}, WIDE_MM},
+                              {{0, 0, way}, distance_mm + LONG_MM},
+                              {{0, 0, -way}, -distance_mm}};
+    return convex_create(planes, 6, out, err);
+}
+
+static enum result cut_off(struct mesh *mesh, double distance_mm, int way, struct error *err) {
+    struct cut_mesh *cut;
+    struct convex blade;
+    struct cut_change change = {0};
+    enum result result = blade_beyond(distance_mm, way, &blade, err);
+    if (result == RESULT_OK)
+        result = cut_mesh_create(mesh, &cut, err);
+    if (result != RESULT_OK)
+        return result;
+    enum cut_outcome outcome = cut_apply(cut, &blade, 1, &change, err);
+    if (outcome == CUT_CHANGED) {
+        mesh_fini(mesh);
+        cut_mesh_flatten(cut, mesh, NULL, NULL);
+    }
+    cut_change_fini(&change);
+    cut_mesh_destroy(&cut);
+    return outcome == CUT_REFUSED ? RESULT_REFUSED : RESULT_OK;
+}
+
+// Vertices that are no longer used stay.
+static void leave_out(struct mesh *mesh, double distance_mm, int way) {
+    uint32_t kept = 0;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        double reach = -INFINITY;
+        for (int i = 0; i < 3; i++)
+            reach = fmax(reach, way * mesh_corner(mesh, t, i).z);
+        if (reach <= distance_mm)
+            memmove(mesh->triangles + 3 * (size_t)kept++, mesh->triangles + 3 * (size_t)t,
+                    3 * sizeof *mesh->triangles);
+    }
+    mesh->triangle_count = kept;
+}
+
+enum result import_clip(struct mesh *mesh, double distance_mm, struct clip_report *out_report,
+                        struct error *err) {
+    *out_report = (struct clip_report){0};
+    uint32_t before = mesh->triangle_count;
+    struct box box = mesh_bounds(mesh);
+    for (int way = -1; way <= 1; way += 2) {
+        if ((way < 0 ? -box.min.z : box.max.z) <= distance_mm)
+            continue;
+        struct topology t = topology_of(mesh);
+        bool closed = t.closed && t.manifold && t.oriented;
+        struct error why;
+        bool capped = closed && cut_off(mesh, distance_mm, way, &why) == RESULT_OK;
+        if (!capped)
+            leave_out(mesh, distance_mm, way);
+        out_report->open |= !capped;
+        out_report->planes++;
+        if (!mesh->triangle_count)
+            return fail(err, RESULT_INVALID, "it lies wholly more than %g mm %s the joint",
+                        distance_mm, way < 0 ? "below" : "above");
+    }
+    out_report->removed_triangles =
+        before > mesh->triangle_count ? before - mesh->triangle_count : 0;
+    return RESULT_OK;
+}

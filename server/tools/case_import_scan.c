@@ -1,0 +1,251 @@
+#include "case_import.h"
+#include "case_import_clip.h"
+#include "case_import_report.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+struct scan {
+    struct import_surface surfaces[SOURCES_MAX]; // as the request's sources
+    struct import_frame frame;
+};
+
+// ---- what is judged -----------------------------------------------------------------------------
+
+static void say_judged(struct import_request *request, const char *what,
+                       const struct import_judgement *judged) {
+    const char *trust = import_trust_name(judged->trust);
+    if (request->as_json)
+        json_object_set_new(request->judged, what,
+                            json_pack("{s:s, s:s, s:s}", "value", judged->value, "trust", trust,
+                                      "why", judged->why));
+    else
+        printf("%-7s %s, %s%s%s\n", what, judged->value, trust, judged->why[0] ? ": " : "",
+               judged->why);
+}
+
+static enum result judge_axes(struct import_request *request, struct scan *scan,
+                              struct error *err) {
+    struct import_judgement judged = {.trust = TRUST_GIVEN};
+    enum result result = RESULT_OK;
+    if (request->axes)
+        snprintf(judged.value, sizeof judged.value, "%s", request->axes);
+    else
+        result = import_judge_axes(scan->surfaces, request->source_count, &judged, err);
+    if (result != RESULT_OK)
+        return result;
+    import_axes(judged.value, &scan->frame);
+    say_judged(request, "axes", &judged);
+    return RESULT_OK;
+}
+
+// A side that is given stands, unless everything else says that it is the other one.
+static enum result judge_side(struct import_request *request, const struct scan *scan,
+                              enum side *out_side, struct error *err) {
+    struct import_judgement judged;
+    enum result result =
+        import_judge_side(scan->surfaces, request->source_count, &scan->frame, &judged, err);
+    if (result != RESULT_OK && !request->side)
+        return result;
+    if (result == RESULT_OK && !judged.value[0] && !request->side)
+        return fail(err, RESULT_MISSING,
+                    "nothing tells the side (both menisci, lcl and mcl, or the fibula would): "
+                    "give --side");
+    if (result == RESULT_OK && request->side && judged.value[0] &&
+        strcmp(request->side, judged.value) != 0)
+        return fail(err, RESULT_INVALID,
+                    "--side %s: %s; are names swapped, or is the scan mirrored (--axes LAS)?",
+                    request->side, judged.why);
+    if (request->side) {
+        judged = (struct import_judgement){.trust = TRUST_GIVEN};
+        snprintf(judged.value, sizeof judged.value, "%s", request->side);
+    }
+    *out_side = strcmp(judged.value, "left") == 0 ? SIDE_LEFT : SIDE_RIGHT;
+    say_judged(request, "side", &judged);
+    return RESULT_OK;
+}
+
+static enum result judge_unit(struct import_request *request, struct scan *scan,
+                              struct error *err) {
+    struct import_judgement judged;
+    enum result result = import_judge_unit(scan->surfaces, request->source_count, &judged, err);
+    if (result == RESULT_OK && judged.trust != TRUST_GIVEN)
+        say_judged(request, "unit", &judged);
+    return result;
+}
+
+// ---- the joint's centre -------------------------------------------------------------------------
+
+static struct import_source source_of(const struct scan *scan, int i) {
+    const struct import_surface *surface = &scan->surfaces[i];
+    return (struct import_source){surface->path, surface->mm_per_unit, surface->T_common_file,
+                                  &scan->frame};
+}
+
+// Of the femur alone, in a case that is thrown away.
+static enum result estimate_centre(const struct import_request *request, const struct scan *scan,
+                                   vec3 *out_centre, struct error *err) {
+    struct knee_case *knee = case_create("scan", "");
+    struct case_group *femur = case_add_group(knee, "femur", BODY_FEMUR);
+    enum result result = RESULT_OK;
+    for (int i = 0; i < request->source_count && result == RESULT_OK; i++) {
+        struct import_source source = source_of(scan, i);
+        struct mesh mesh;
+        struct repair_report repair;
+        char part[CASE_NAME_MAX];
+        if (strcmp(scan->surfaces[i].group, "femur") != 0)
+            continue;
+        snprintf(part, sizeof part, "%d", i);
+        result = import_make(&source, &scan->surfaces[i].arrays, &mesh, &repair, err);
+        if (result == RESULT_OK)
+            result = case_add_part(femur, part, &mesh, err);
+        mesh_fini(&mesh);
+    }
+    if (result == RESULT_OK)
+        *out_centre = import_estimate_joint(knee).translation;
+    case_destroy(&knee);
+    return result;
+}
+
+static void say_origin(struct import_request *request, const struct import_frame *frame) {
+    vec3 origin = vec3_add(frame->vertex, frame->centre);
+    const char *from = request->has_joint ? "--joint" : "the middle between the posterior condyles";
+    if (request->as_json)
+        json_object_set_new(
+            request->judged, "origin",
+            json_pack("{s:[f,f,f], s:s}", "RAS_mm", origin.x, origin.y, origin.z, "why", from));
+    else
+        printf("origin  %.3f %.3f %.3f mm of the scan (RAS): %s\n", origin.x, origin.y, origin.z,
+               from);
+}
+
+static enum result find_frame(struct import_request *request, struct scan *scan,
+                              struct knee_case *knee, struct error *err) {
+    struct import_frame *frame = &scan->frame;
+    const struct import_surface *femur =
+        import_main_surface(scan->surfaces, request->source_count, "femur");
+    frame->vertex = mat3_apply(frame->R_case_common, import_first_vertex(femur));
+    vec3 centre = {0, 0, 0};
+    enum result result = RESULT_OK;
+    if (request->has_joint)
+        centre = import_shift(frame, request->T_femur_joint.translation);
+    else
+        result = estimate_centre(request, scan, &centre, err);
+    if (result != RESULT_OK)
+        return result;
+    import_set_centre(frame, centre);
+    knee->joint.T_femur_joint = pose_identity();
+    if (request->has_joint)
+        knee->joint.T_femur_joint.rotation = request->T_femur_joint.rotation;
+    knee->joint.T_tibia_joint = knee->joint.T_femur_joint; // one frame for all bodies at rest
+    knee->has_scan = true;
+    knee->T_case_scan = import_frame_pose(frame, &knee->scan_mirrored);
+    knee->portal_count = request->portal_count;
+    for (int i = 0; i < request->portal_count; i++) {
+        knee->portals[i] = request->portals[i];
+        knee->portals[i].position = import_shift(frame, request->portals[i].position);
+    }
+    say_origin(request, frame);
+    return RESULT_OK;
+}
+
+// ---- meshes to groups ---------------------------------------------------------------------------
+
+static enum body body_of(const struct import_request *request, const char *group) {
+    for (int i = 0; i < request->body_count; i++)
+        if (strcmp(request->bodies[i].group, group) == 0)
+            return request->bodies[i].body;
+    return import_default_body(group);
+}
+
+// The only mesh of a group bears the group's name, others that of their file.
+static void part_name(const struct import_request *request, const struct surface_source *source,
+                      char *out_name) {
+    int same = 0;
+    for (int i = 0; i < request->source_count; i++)
+        same += strcmp(request->sources[i].group, source->group) == 0;
+    const char *slash = strrchr(source->path, '/');
+    const char *base = slash ? slash + 1 : source->path, *dot = strrchr(base, '.');
+    int length = dot ? (int)(dot - base) : (int)strlen(base);
+    snprintf(out_name, CASE_NAME_MAX, "%.*s", length, base);
+    for (char *c = out_name; *c; c++)
+        if (!isalnum((unsigned char)*c) && !strchr("_-.", *c))
+            *c = '_';
+    if (same == 1)
+        snprintf(out_name, CASE_NAME_MAX, "%s", source->group);
+}
+
+static void say_mesh(struct import_request *request, const struct import_said *said) {
+    if (request->as_json)
+        json_array_append_new(request->meshes, import_json(said));
+    else
+        import_print(said);
+}
+
+static enum result add_mesh(struct import_request *request, struct knee_case *knee,
+                            const struct scan *scan, int i, struct error *err) {
+    const struct surface_source *from = &request->sources[i];
+    struct import_source source = source_of(scan, i);
+    struct case_group *group = case_group(knee, from->group);
+    if (!group)
+        group = case_add_group(knee, from->group, body_of(request, from->group));
+    if (!group)
+        return fail(err, RESULT_LIMIT, "more than %d groups", CASE_GROUPS_MAX);
+    struct mesh mesh;
+    struct repair_report repair;
+    struct clip_report clip = {0};
+    enum result result = import_make(&source, &scan->surfaces[i].arrays, &mesh, &repair, err);
+    if (result == RESULT_OK)
+        result = import_clip(&mesh, request->clip_mm, &clip, err);
+    if (result != RESULT_OK) {
+        mesh_fini(&mesh);
+        return fail_in(err, result, "--group %s: ", from->group);
+    }
+    char part[CASE_NAME_MAX];
+    part_name(request, from, part);
+    result = case_add_part(group, part, &mesh, err);
+    if (result == RESULT_OK)
+        say_mesh(request, &(struct import_said){from->group, from->path, &mesh, &repair, &clip});
+    mesh_fini(&mesh);
+    bool bone = strcmp(group->name, "tibia") == 0 || strcmp(group->name, "femur") == 0;
+    if (result == RESULT_OK && bone && group->part_count == 1)
+        result = import_check_bone(group, source.mm_per_unit, err);
+    return result;
+}
+
+static enum result read_surfaces(struct import_request *request, struct scan *scan,
+                                 struct error *err) {
+    struct case_limits limits = case_limits_default();
+    for (int i = 0; i < request->source_count; i++) {
+        const struct surface_source *source = &request->sources[i];
+        double mm = source->mm_per_unit > 0 ? source->mm_per_unit : request->first_unit;
+        scan->surfaces[i] = (struct import_surface){.group = source->group,
+                                                    .path = source->path,
+                                                    .mm_per_unit = mm,
+                                                    .T_common_file = source->T_common_file};
+        enum result result = import_read(source->path, &limits, &scan->surfaces[i].arrays, err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "--group %s: ", source->group);
+    }
+    return RESULT_OK;
+}
+
+enum result import_scan(struct import_request *request, struct knee_case *knee, struct error *err) {
+    static struct scan scan;
+    scan = (struct scan){0};
+    enum result result = read_surfaces(request, &scan, err);
+    if (result == RESULT_OK)
+        result = judge_unit(request, &scan, err);
+    if (result == RESULT_OK)
+        result = judge_axes(request, &scan, err);
+    if (result == RESULT_OK)
+        result = judge_side(request, &scan, &knee->joint.side, err);
+    if (result == RESULT_OK)
+        result = find_frame(request, &scan, knee, err);
+    for (int i = 0; i < request->source_count && result == RESULT_OK; i++)
+        result = add_mesh(request, knee, &scan, i, err);
+    for (int i = 0; i < request->source_count; i++)
+        import_arrays_fini(&scan.surfaces[i].arrays);
+    return result;
+}

@@ -1,0 +1,109 @@
+#include "import/judge.h"
+
+#include "case_knee.h"
+#include "test.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static struct error err;
+
+struct box_surface {
+    const char *group;
+    vec3 centre, half;
+};
+
+static const struct box_surface knee_of_boxes[] = {{"femur", {0, 0, 40}, {40, 30, 40}},
+                                                   {"tibia", {2, 0, -45}, {38, 25, 40}},
+                                                   {"patella", {0, 45, 40}, {20, 10, 20}},
+                                                   {"meniscus_medial", {-20, 0, -2}, {15, 20, 3}},
+                                                   {"meniscus_lateral", {20, 0, -2}, {15, 20, 3}}};
+
+#define BOXES 5
+
+static void make_surfaces(struct import_surface *surfaces, double mm_per_unit) {
+    for (int i = 0; i < BOXES; i++) {
+        struct mesh mesh;
+        box_mesh(knee_of_boxes[i].centre, knee_of_boxes[i].half, &mesh);
+        surfaces[i] =
+            (struct import_surface){knee_of_boxes[i].group, "scan.vtk", 0, pose_identity(), {0}};
+        struct import_arrays *arrays = &surfaces[i].arrays;
+        arrays->vertex_count = mesh.vertex_count;
+        arrays->triangle_count = mesh.triangle_count;
+        arrays->triangles = mesh.triangles;
+        arrays->positions = malloc(3 * mesh.vertex_count * sizeof(double));
+        for (uint32_t k = 0; k < 3 * mesh.vertex_count; k++)
+            arrays->positions[k] = (double)mesh.positions[k] / mm_per_unit;
+        free(mesh.positions);
+    }
+}
+
+static void release(struct import_surface *surfaces) {
+    for (int i = 0; i < BOXES; i++)
+        import_arrays_fini(&surfaces[i].arrays);
+}
+
+static void scale_surface(struct import_surface *surface, double factor) {
+    for (uint32_t k = 0; k < 3 * surface->arrays.vertex_count; k++)
+        surface->arrays.positions[k] *= factor;
+}
+
+static void the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named(void **state) {
+    (void)state;
+    static const char *const names[] = {"mm", "cm", "m"};
+    static const double mm[] = {1, 10, 1000};
+    struct import_surface surfaces[BOXES];
+    struct import_judgement judged;
+    for (int i = 0; i < 3; i++) {
+        make_surfaces(surfaces, mm[i]);
+        assert_ok(import_judge_unit(surfaces, BOXES, &judged, &err));
+        assert_string_equal(judged.value, names[i]);
+        assert_int_equal(judged.trust, TRUST_SURE);
+        assert_near(surfaces[4].mm_per_unit, mm[i], 0);
+        scale_surface(&surfaces[4], i == 0 ? 0.001 : mm[i]); // to m, or to mm
+        surfaces[4].mm_per_unit = 0;
+        assert_int_equal(import_judge_unit(surfaces, BOXES, &judged, &err), RESULT_INVALID);
+        assert_non_null(strstr(err.text, "meniscus_lateral disagrees with the bones"));
+        assert_non_null(strstr(err.text, i == 0 ? "unit would be m:" : "unit would be mm:"));
+        release(surfaces);
+    }
+    make_surfaces(surfaces, 1);
+    for (uint32_t v = 0; v < surfaces[3].arrays.vertex_count; v++)
+        surfaces[3].arrays.positions[3 * v] += 300;
+    assert_int_equal(import_judge_unit(surfaces, BOXES, &judged, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "meniscus_medial disagrees"));
+    release(surfaces);
+}
+
+static void axes_and_side_are_those_of_the_knee(void **state) {
+    (void)state;
+    struct import_surface surfaces[BOXES];
+    struct import_judgement judged;
+    struct import_frame frame;
+    make_surfaces(surfaces, 1);
+    assert_ok(import_judge_unit(surfaces, BOXES, &judged, &err));
+    assert_ok(import_judge_axes(surfaces, BOXES, &judged, &err));
+    assert_string_equal(judged.value, "RAS");
+    assert_int_equal(judged.trust, TRUST_SURE);
+    assert_true(import_axes("RAS", &frame));
+    assert_ok(import_judge_side(surfaces, BOXES, &frame, &judged, &err));
+    assert_string_equal(judged.value, "right");
+    assert_true(import_axes("LAS", &frame));
+    assert_ok(import_judge_side(surfaces, BOXES, &frame, &judged, &err));
+    assert_string_equal(judged.value, "left");
+    memcpy(surfaces[1].arrays.space, "LPS", 4);
+    assert_int_equal(import_judge_axes(surfaces, BOXES, &judged, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "declare the axes LPS, the knee lies as in RAS"));
+    surfaces[2].group = "plate"; // without a patella the files are believed
+    assert_ok(import_judge_axes(surfaces, BOXES, &judged, &err));
+    assert_string_equal(judged.value, "LPS");
+    release(surfaces);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
+        cmocka_unit_test(axes_and_side_are_those_of_the_knee),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -30,6 +30,7 @@ static struct {
 // ---- one writer ---------------------------------------------------------------------------------
 
 static void failed(struct trace_writer *w, const char *what) {
+    atomic_store(&w->failed_head, buffer_head(&w->buffer));
     if (!atomic_exchange(&w->failing, true))
         log_error("trace", "%s: %s: %s; trying again", w->path, what, strerror(errno));
 }
@@ -84,7 +85,7 @@ static void put_on_disk(struct trace_writer *w) {
     atomic_store(&w->synced, written);
     buffer_release(&w->buffer, written);
     pthread_mutex_unlock(&w->writing);
-    if (written == buffer_head(&w->buffer) && atomic_exchange(&w->failing, false))
+    if (written >= atomic_load(&w->failed_head) && atomic_exchange(&w->failing, false))
         log_warning("trace", "%s: the disk can be written again", w->path);
 }
 

@@ -27,7 +27,8 @@ struct trace_writer {
     pthread_mutex_t writing;
     atomic_uint_fast64_t written, synced;
     atomic_bool rewrite, failing;
-    atomic_uint faults; // failed calls of fdatasync
+    atomic_uint_fast64_t failed_head; // what had been appended when the disk failed last
+    atomic_uint faults;               // failed calls of fdatasync
     atomic_int_fast64_t fault_utc_ns;
     int64_t synced_ns;
     // Under the lock of all writers:

@@ -172,7 +172,7 @@ static void appending_writing_and_watching_go_on_at_once(void **state) {
 
 // ---- a disk that fails
 
-static atomic_int syncs_to_fail, syncs_failed;
+static atomic_int syncs_to_fail, syncs_failed, sync_takes_ms;
 static atomic_long synced_size;
 
 int __real_fdatasync(int fd);
@@ -181,6 +181,7 @@ int __wrap_fdatasync(int fd);
 // As a disk that fails: what was not on it yet is lost, and the system believes that it is clean.
 int __wrap_fdatasync(int fd) {
     static const uint8_t nothing[1 << 16];
+    pause_ms(atomic_load(&sync_takes_ms));
     if (atomic_load(&syncs_to_fail) <= 0) {
         long size = lseek(fd, 0, SEEK_END);
         if (__real_fdatasync(fd) == 0)
@@ -230,6 +231,28 @@ static void bytes_lost_by_a_failed_sync_are_rewritten_and_reported(void **state)
     assert_int_equal(o.steps, n);
     assert_int_equal(atomic_load(&syncs_failed), 4);
     assert_in_range(faults_told(), 2, 4);
+}
+
+// A slow disk is always behind a session that goes on; it need not have caught up.
+static void a_disk_that_works_again_is_told_while_steps_come(void **state) {
+    (void)state;
+    struct trace_writer *writer = start_writing();
+    uint64_t n = 0;
+    bool failed = false;
+    atomic_store(&sync_takes_ms, 20);
+    atomic_store(&syncs_to_fail, 1);
+    for (int i = 0; i < 10000; i++) {
+        assert_true(append_step(writer, ++n));
+        pause_ms(1);
+        bool failing = trace_writer_status(writer).failing;
+        if (failed && !failing)
+            break;
+        failed = failed || failing;
+    }
+    assert_true(failed && !trace_writer_status(writer).failing);
+    atomic_store(&sync_takes_ms, 0);
+    trace_writer_destroy(&writer);
+    assert_int_equal(steps_in(path), n);
 }
 
 static void a_sync_that_fails_at_the_end_is_tried_again(void **state) {
@@ -303,6 +326,7 @@ int main(void) {
         cmocka_unit_test(a_disk_that_stays_full_loses_only_what_it_did_not_take),
         cmocka_unit_test(appending_writing_and_watching_go_on_at_once),
         cmocka_unit_test(bytes_lost_by_a_failed_sync_are_rewritten_and_reported),
+        cmocka_unit_test(a_disk_that_works_again_is_told_while_steps_come),
         cmocka_unit_test(a_sync_that_fails_at_the_end_is_tried_again),
         cmocka_unit_test(many_writers_share_two_threads_and_touch_little_memory),
     };

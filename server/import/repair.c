@@ -76,6 +76,7 @@ bool repair_mesh(struct mesh *mesh, const struct repair_settings *settings,
         repair_weld(mesh, settings->weld_mm, &report);
     report.repeated_corners += remove_repeated_corners(mesh);
     repair_duplicates(mesh, &report);
+    repair_fins(mesh, &report);
     report.area_mm2 = mesh_area(mesh);
     bool *turned = alloc(mesh->triangle_count, sizeof *turned);
     repair_sheets(mesh, turned, &report);

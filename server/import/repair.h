@@ -6,12 +6,15 @@
 //   2. Triangles with a repeated corner, and all but the first of those with the same three
 //      corners, are removed; both sides of a wall without thickness, where the surface around it
 //      goes on without it. A triangle without height stays: a hole would be worse.
-//   3. Neighbours are made to run the same way round. Where an even number of triangles meets in an
+//   3. Fins and hairs are removed: sheets of less than 1 mm² and 1 % of the area that hang on an
+//   edge
+//      of other triangles and end freely. What carries them stays.
+//   4. Neighbours are made to run the same way round. Where an even number of triangles meets in an
 //      edge, inside and outside alternate around it, and those that bound one solid stay together.
-//   4. A vertex where several sheets touch is split: one copy for each.
-//   5. Islands are removed: components with less than a share of the whole area.
-//   6. Closed components face outwards; those inside of another one (voids) inwards.
-//   7. Vertices that no triangle uses are dropped.
+//   5. A vertex where several sheets touch is split: one copy for each.
+//   6. Islands are removed: components with less than a share of the whole area.
+//   7. Closed components face outwards; those inside of another one (voids) inwards.
+//   8. Vertices that no triangle uses are dropped.
 // Open edges, handles, edges with an odd number of triangles, and surfaces with one side only stay
 // as they are and show in report.after.
 #pragma once
@@ -34,12 +37,14 @@ struct repair_island {
 struct repair_report {
     struct topology before, after;
     uint32_t vertices_before, triangles_before;
-    uint32_t repeated_corners;    // triangles removed
-    uint32_t duplicate_triangles; // removed
-    uint32_t wall_triangles;      // removed: both sides
-    uint32_t flat_triangles;      // left: lower than 1e-6 mm
-    uint32_t welded_vertices;     // taken into another one
-    double welded_mm;             // the farthest that a corner was moved
+    uint32_t repeated_corners;                     // triangles removed
+    uint32_t duplicate_triangles;                  // removed
+    uint32_t wall_triangles;                       // removed: both sides
+    uint32_t fin_count, fin_triangles;             // removed
+    struct repair_island fins[REPAIR_ISLANDS_MAX]; // the first ones
+    uint32_t flat_triangles;                       // left: lower than 1e-6 mm
+    uint32_t welded_vertices;                      // taken into another one
+    double welded_mm;                              // the farthest that a corner was moved
     uint32_t turned_triangles;
     uint32_t split_vertices; // copies made
     uint32_t voids;          // closed components inside of another one
@@ -50,6 +55,6 @@ struct repair_report {
 
 // In place; both arrays may be replaced. The mesh must pass mesh_validate but for repeated corners.
 // False where no triangle is left, which is only so where all have repeated corners. The same mesh
-// gives the same result. O(n log n) but for step 6, which is O(n) for each component left.
+// gives the same result. O(n log n) but for step 7, which is O(n) for each component left.
 bool repair_mesh(struct mesh *mesh, const struct repair_settings *settings,
                  struct repair_report *out_report);

@@ -12,9 +12,12 @@ void repair_weld(struct mesh *mesh, double weld_mm, struct repair_report *report
 // The second half of step 2.
 void repair_duplicates(struct mesh *mesh, struct repair_report *report);
 
-// Steps 3 and 4. `turned`: for each triangle whether it has been turned.
+// Step 3.
+void repair_fins(struct mesh *mesh, struct repair_report *report);
+
+// Steps 4 and 5. `turned`: for each triangle whether it has been turned.
 void repair_sheets(struct mesh *mesh, bool *turned, struct repair_report *report);
 
-// Steps 5 and 6.
+// Steps 6 and 7.
 void repair_islands(struct mesh *mesh, double share, bool *turned, struct repair_report *report);
 void repair_outward(struct mesh *mesh, bool *turned, struct repair_report *report);

@@ -51,6 +51,7 @@ static struct counts done(const struct repair_report *r) {
         (int64_t)r->repeated_corners + r->duplicate_triangles);
     add(&counts, "removed_wall_triangles", "triangle of flat walls removed",
         "triangles of flat walls removed", r->wall_triangles);
+    add(&counts, "removed_fins", "fin taken off", "fins taken off", r->fin_count);
     add(&counts, "turned_triangles", "triangle turned", "triangles turned", r->turned_triangles);
     add(&counts, "split_vertices", "vertex split off", "vertices split off", r->split_vertices);
     add(&counts, "removed_islands", "island removed", "islands removed", r->island_count);
@@ -88,14 +89,22 @@ static void print_counts(const char *heading, const struct counts *counts) {
     puts(is_empty(counts) ? "nothing" : "");
 }
 
+static void print_places(const char *what, const struct repair_island *places, uint32_t count,
+                         double area_mm2) {
+    for (uint32_t i = 0; i < count && i < REPAIR_ISLANDS_MAX; i++)
+        printf("           %s: %u triangles, %.3g mm2 of %.0f, at %.1f %.1f %.1f mm\n", what,
+               places[i].triangles, places[i].area_mm2, area_mm2, places[i].centre.x,
+               places[i].centre.y, places[i].centre.z);
+    if (count > REPAIR_ISLANDS_MAX)
+        printf("           and %u more\n", count - REPAIR_ISLANDS_MAX);
+}
+
 static void print_islands(const struct repair_report *r) {
-    for (uint32_t i = 0; i < r->island_count && i < REPAIR_ISLANDS_MAX; i++)
-        printf("           island: %u triangles, %.3g mm2 of %.0f, at %.1f %.1f %.1f mm\n",
-               r->islands[i].triangles, r->islands[i].area_mm2, r->area_mm2, r->islands[i].centre.x,
-               r->islands[i].centre.y, r->islands[i].centre.z);
+    print_places("fin", r->fins, r->fin_count, r->area_mm2);
+    print_places("island", r->islands, r->island_count, r->area_mm2);
     if (r->island_count > REPAIR_ISLANDS_MAX)
-        printf("           and %u more islands; all: %u triangles, %.3g mm2\n",
-               r->island_count - REPAIR_ISLANDS_MAX, r->island_triangles, r->island_area_mm2);
+        printf("           all islands: %u triangles, %.3g mm2\n", r->island_triangles,
+               r->island_area_mm2);
 }
 
 static bool can_be_cut(const struct topology *t) {
@@ -129,16 +138,14 @@ static json_t *counts_json(const struct counts *counts) {
     return object;
 }
 
-static json_t *islands_json(const struct repair_report *r) {
-    json_t *islands = json_array();
-    for (uint32_t i = 0; i < r->island_count && i < REPAIR_ISLANDS_MAX; i++) {
-        const struct repair_island *island = &r->islands[i];
-        json_array_append_new(islands, json_pack("{s:I, s:f, s:[f,f,f]}", "triangles",
-                                                 (json_int_t)island->triangles, "area_mm2",
-                                                 island->area_mm2, "centre_mm", island->centre.x,
-                                                 island->centre.y, island->centre.z));
-    }
-    return islands;
+static json_t *places_json(const struct repair_island *places, uint32_t count) {
+    json_t *array = json_array();
+    for (uint32_t i = 0; i < count && i < REPAIR_ISLANDS_MAX; i++)
+        json_array_append_new(array, json_pack("{s:I, s:f, s:[f,f,f]}", "triangles",
+                                               (json_int_t)places[i].triangles, "area_mm2",
+                                               places[i].area_mm2, "centre_mm", places[i].centre.x,
+                                               places[i].centre.y, places[i].centre.z));
+    return array;
 }
 
 json_t *import_json(const struct import_said *said) {
@@ -148,7 +155,8 @@ json_t *import_json(const struct import_said *said) {
     json_object_set_new(all, "welded_mm", json_real(r->welded_mm));
     json_object_set_new(all, "island_triangles", json_integer(r->island_triangles));
     json_object_set_new(all, "island_area_mm2", json_real(r->island_area_mm2));
-    json_object_set_new(all, "islands", islands_json(r));
+    json_object_set_new(all, "islands", places_json(r->islands, r->island_count));
+    json_object_set_new(all, "fins", places_json(r->fins, r->fin_count));
     return json_pack("{s:s, s:s, s:I, s:I, s:b, s:b, s:o, s:o, s:o}", "group", said->group, "file",
                      said->file, "vertices", (json_int_t)said->mesh->vertex_count, "triangles",
                      (json_int_t)said->mesh->triangle_count, "cuttable", can_be_cut(&r->after),

@@ -100,7 +100,7 @@ whatever_comes_nothing_is_moved_or_made_and_a_second_repair_finds_nothing(void *
         assert_true(mesh_area(&mesh) <= area * (1 + 1e-12));
         assert_int_equal(count, mesh.triangle_count + report.repeated_corners +
                                     report.duplicate_triangles + report.wall_triangles +
-                                    report.island_triangles);
+                                    report.fin_triangles + report.island_triangles);
         struct places *after = places_of(&mesh);
         for (uint32_t i = 0; i < mesh.triangle_count; i++)
             assert_non_null(bsearch(&after[i], before, count, sizeof *before, compare_places));

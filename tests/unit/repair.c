@@ -266,7 +266,7 @@ static void of_a_sheet_that_is_there_twice_one_side_is_kept(void **state) {
     mesh_fini(&mesh);
 }
 
-static void a_fin_stays_and_is_named(void **state) {
+static void a_large_fin_stays_and_is_named(void **state) {
     (void)state;
     struct mesh mesh;
     shape_box(&mesh, (vec3){1, 1, 1});
@@ -280,6 +280,40 @@ static void a_fin_stays_and_is_named(void **state) {
     assert_int_equal(9, mesh.vertex_count);
     assert_int_equal(1, report.after.non_manifold_edges);
     assert_int_equal(2, report.after.open_edges);
+    mesh_fini(&mesh);
+}
+
+// On the edge of triangle t from its first corner to its second.
+static void add_fin(struct mesh *mesh, uint32_t t, double height) {
+    vec3 a = mesh_corner(mesh, t, 0), b = mesh_corner(mesh, t, 1);
+    uint32_t fin[3] = {mesh->triangles[3 * t], mesh->triangles[3 * t + 1], mesh->vertex_count};
+    mesh->positions = realloc(mesh->positions, 3 * (mesh->vertex_count + 1) * sizeof(float));
+    vec3 apex = vec3_scale(1 + height / vec3_length(a), vec3_lerp(a, b, 0.5));
+    mesh_set_vertex(mesh, mesh->vertex_count++, apex);
+    shape_add_triangles(mesh, 1, fin);
+}
+
+static void small_fins_go_also_those_on_fins_and_the_rest_stays_bit_for_bit(void **state) {
+    (void)state;
+    struct mesh mesh, sound;
+    shape_sphere(&mesh, 10, 16);
+    mesh_copy(&sound, &mesh);
+    uint32_t count = mesh.triangle_count;
+    add_fin(&mesh, 5, 0.01);
+    add_fin(&mesh, 60, 0.02);
+    add_fin(&mesh, count, 0.03); // two fins on one edge
+    add_fin(&mesh, 100, 0.01);
+    struct repair_report report = repaired(&mesh);
+    assert_sound(&report, 1);
+    assert_int_equal(4, report.fin_count);
+    assert_int_equal(4, report.fin_triangles);
+    assert_true(report.fins[0].area_mm2 > 0 && report.fins[0].area_mm2 < 0.1);
+    assert_near(vec3_length(report.fins[0].centre), 10, 1);
+    assert_int_equal(sound.vertex_count, mesh.vertex_count);
+    assert_int_equal(sound.triangle_count, mesh.triangle_count);
+    assert_memory_equal(sound.positions, mesh.positions, 12 * sound.vertex_count);
+    assert_memory_equal(sound.triangles, mesh.triangles, 12 * sound.triangle_count);
+    mesh_fini(&sound);
     mesh_fini(&mesh);
 }
 
@@ -376,7 +410,8 @@ int main(void) {
         cmocka_unit_test(solids_that_share_an_edge_or_a_vertex_are_split_and_nothing_moves),
         cmocka_unit_test(a_wall_between_two_solids_goes_and_they_become_one),
         cmocka_unit_test(of_a_sheet_that_is_there_twice_one_side_is_kept),
-        cmocka_unit_test(a_fin_stays_and_is_named),
+        cmocka_unit_test(a_large_fin_stays_and_is_named),
+        cmocka_unit_test(small_fins_go_also_those_on_fins_and_the_rest_stays_bit_for_bit),
         cmocka_unit_test(islands_below_the_share_go_and_are_named),
         cmocka_unit_test(of_dust_alone_the_largest_grain_is_kept),
         cmocka_unit_test(closed_surfaces_that_touch_stay_apart_where_an_open_one_is_welded),

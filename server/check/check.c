@@ -294,6 +294,15 @@ static enum result look_at_scene(struct case_check *check, const struct scene *s
     return RESULT_OK;
 }
 
+static enum result look_at_knee(struct case_check *check, struct knee_case *knee,
+                                struct error *err) {
+    inspect_case(knee, &check->findings);
+    enum result result = contacts_look(knee, &check->contacts, err);
+    if (result == RESULT_OK)
+        contacts_inspect(knee, &check->contacts, &check->findings);
+    return result;
+}
+
 enum result check_case(struct knee_case **knee, const struct check_settings *settings,
                        struct case_check **out_check, struct scene **out_scene, struct error *err) {
     struct case_check *check = begin(settings);
@@ -302,14 +311,13 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
     check->group_count = (*knee)->group_count;
     for (int i = 0; i < check->group_count; i++)
         memcpy(check->groups[i], (*knee)->groups[i].name, CASE_NAME_MAX);
-    inspect_case(*knee, &check->findings);
     struct error why;
     *out_scene = NULL;
-    enum result result = RESULT_OK;
-    if (scene_create(knee, out_scene, &why) != RESULT_OK) {
+    enum result result = look_at_knee(check, *knee, err);
+    if (result == RESULT_OK && scene_create(knee, out_scene, &why) != RESULT_OK) {
         inspection_note(&check->findings, FINDING_FAULT, "case", "%s", why.text);
         case_destroy(knee);
-    } else {
+    } else if (result == RESULT_OK) {
         result = look_at_scene(check, *out_scene, err);
     }
     findings_grade(check);

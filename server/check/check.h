@@ -1,15 +1,16 @@
 // The check of a case before a trainee uses it.
 //
-// After the inspection (check/inspect.h), the check walks the reachable space of the joint over
+// After the inspection (check/inspect.h) and a look at what overlaps and what should touch over
+// flexion (check/contact.h), the check walks the reachable space of the joint over
 // flexion, and in the key poses of torn ligaments. It looks for folds, gain, jumps, touch errors
 // and facing surfaces (check/field.h, check/facing.h). A case with a fault is unfit. A case with
 // only warnings is fit with warnings.
 //
-// Faults: those of inspect.h; a torn ligament whose key is not met; a rest pose that ligaments
-// move; a touch error above 1e-4 mm; in a rest pose, displacements that fill the gap between
-// surfaces that face each other within 1 mm, or that fold the field in a wider gap; folds in more
-// than FOLDS_MAX of the warped space; a virtual tibia that sinks more than SUNK_MAX_MM deeper into
-// the femur than the mock-up's.
+// Faults: those of inspect.h; bones and menisci beyond the bounds of check/bounds.h; a torn
+// ligament whose key is not met; a rest pose that ligaments move; a touch error above 1e-4 mm; in a
+// rest pose, displacements that fill the gap between surfaces that face each other within 1 mm, or
+// that fold the field in a wider gap; folds in more than FOLDS_MAX of the warped space; a virtual
+// tibia that sinks more than SUNK_MAX_MM deeper into the femur than the mock-up's.
 //
 // Warnings: fewer folds; jumps; facing surfaces whose displacements differ by more than their gap;
 // a tibia that sinks in by less; filled gaps in key poses. There, two bones that slide past each
@@ -18,6 +19,7 @@
 // against it are counted apart.
 #pragma once
 
+#include "check/contact.h"
 #include "check/facing.h"
 #include "check/field.h"
 #include "check/grade.h"
@@ -62,6 +64,7 @@ struct case_check {
     char case_name[CASE_NAME_MAX];
     uint64_t hash;
     struct inspection findings;
+    struct contacts contacts; // at rest
     enum grade grade;
     double rest_mm; // the largest displacement of the rest pose by torn ligaments
     int pose_count;

@@ -1,6 +1,7 @@
 #include "check/inspect.h"
 
 #include "base/check.h"
+#include "check/anatomy.h"
 #include "generate/maxcut.h"
 #include "import/import.h"
 #include "mesh/query.h"
@@ -182,24 +183,6 @@ static void inspect_sizes(struct knee_case *knee, struct inspection *out) {
         if (import_check_bone(case_group(knee, bones[i]), 1, &err) != RESULT_OK)
             inspection_note(out, FINDING_FAULT, bones[i], "%s", err.text);
     }
-    static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
-    for (int i = 0; i < 2; i++) {
-        const struct case_group *meniscus = case_group(knee, menisci[i]);
-        if (!meniscus || !topology_of(&meniscus->mesh).closed)
-            continue;
-        double volume = mesh_volume(&meniscus->mesh) / 1000;
-        if (volume < 0.5 || volume > 5)
-            inspection_note(out, FINDING_WARNING, menisci[i],
-                            "%.3g cm3, where a meniscus has 0.5 to 5 cm3", volume);
-    }
-    const struct case_group *patella = case_group(knee, "patella");
-    if (patella) {
-        struct box box = mesh_bounds(&patella->mesh);
-        double height = box.max.z - box.min.z;
-        if (height < 20 || height > 70)
-            inspection_note(out, FINDING_WARNING, "patella",
-                            "%.3g mm high, where a patella has 20 to 70 mm", height);
-    }
 }
 
 // Centre of the group's box in the joint's frame; false where there is no such group.
@@ -275,6 +258,7 @@ void inspect_case(struct knee_case *knee, struct inspection *out_inspection) {
         if (!case_group(knee, useful[i]))
             inspection_note(out_inspection, FINDING_WARNING, useful[i], "there is no such group");
     inspect_sizes(knee, out_inspection);
+    anatomy_inspect(knee, out_inspection);
     inspect_places(knee, out_inspection);
     inspect_portals(knee, out_inspection);
 }

@@ -24,11 +24,12 @@ struct inspection {
 void inspection_note(struct inspection *inspection, enum finding_level level, const char *where,
                      const char *format, ...) __attribute__((format(printf, 4, 5)));
 
-// Faults: a tibia or femur that is not the size of a knee, a closed group that is inside out,
+// Faults: sizes and places beyond the bounds of check/anatomy.h, a tibia or femur that is not the
+// size of a knee, a closed group that is inside out,
 // a displacement of more than 30 mm, a portal off the skin or pointing away from the joint, bones
 // or menisci that do not lie as the side and the frame (x right, y anterior, z proximal) say, a
 // joint centre outside of the knee, an S'_max that is folded or sticks more than 0.5 mm out of its
-// S'. Warnings: open or not manifold surfaces, menisci and patella of unusual size, groups that a
+// S'. Warnings: open or not manifold surfaces, unusual sizes and places, groups that a
 // session could use but are not there, a cuttable group without a maxcut, an S'_max that sticks out
 // by less, a plan of which a tenth or more may not go. Notes: the cut budget. The case must have
 // passed case_validate.

@@ -5,6 +5,7 @@
 
 #include <inttypes.h>
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -116,6 +117,33 @@ static json_t *pose_object(const struct case_check *check, const struct check_po
     return object;
 }
 
+static json_t *contact_state(const struct contact *contact, int index) {
+    const struct contact_state *s = &contact->states[index];
+    json_t *state =
+        json_pack("{s:i, s:f, s:f}", "flexion_deg", index * CONTACT_STEP_DEG, "overlap_mm",
+                  s->overlap.depth_mm, "overlap_mm3", s->overlap.volume_mm3);
+    if (s->overlap.depth_mm > 0)
+        set(state, "overlap_place_mm", place(s->overlap.place));
+    if (contact->has_gap && isfinite(s->gap.mm)) {
+        set(state, "gap_mm", json_real(s->gap.mm));
+        set(state, "gap_place_mm", place(s->gap.place));
+    }
+    return state;
+}
+
+static json_t *contacts(const struct case_check *check) {
+    json_t *array = json_array();
+    for (int i = 0; i < check->contacts.count; i++) {
+        const struct contact *c = &check->contacts.all[i];
+        json_t *states = json_array();
+        for (int k = 0; k < c->count; k++)
+            json_array_append_new(states, contact_state(c, k));
+        json_array_append_new(array, json_pack("{s:[o, o], s:o}", "groups", group(check, c->a),
+                                               group(check, c->b), "at_rest", states));
+    }
+    return array;
+}
+
 static json_t *curve(const double *values, int length) {
     json_t *array = json_array();
     for (int i = 0; i < length; i++)
@@ -180,6 +208,7 @@ static json_t *whole(const struct case_check *check, int64_t utc_s) {
     set(root, "settings", settings(&check->settings));
     set(root, "findings", findings(&check->findings));
     set(root, "findings_left_out", json_integer(check->findings.left_out));
+    set(root, "contacts", contacts(check));
     set(root, "field", field(check->field));
     json_t *poses = json_array(), *openings = json_array();
     for (int i = 0; i < check->pose_count; i++)

@@ -51,6 +51,42 @@ static void write_grade(const struct check_page *page) {
             page->check->pose_count, s->quick ? ": a quick check" : "");
 }
 
+// A cell: how deep they overlap, or how far they are apart.
+static void write_contact(FILE *file, const struct case_check *check,
+                          const struct contact *contact) {
+    fputs("<tr><td>", file);
+    html_text(file, check->groups[contact->a]);
+    fputs(", ", file);
+    html_text(file, check->groups[contact->b]);
+    fputs("</td>", file);
+    for (int i = 0; i < contact->count; i++) {
+        const struct contact_state *s = &contact->states[i];
+        if (s->overlap.depth_mm > 0)
+            fprintf(file, "<td class=\"n\">&minus;%.2f (%.0f)</td>", s->overlap.depth_mm,
+                    s->overlap.volume_mm3);
+        else if (contact->has_gap && isfinite(s->gap.mm))
+            fprintf(file, "<td class=\"n\">%.2f</td>", s->gap.mm);
+        else
+            fputs("<td class=\"n\">apart</td>", file);
+    }
+    fputs("</tr>\n", file);
+}
+
+static void write_contacts(const struct check_page *page) {
+    if (!page->check->contacts.count)
+        return;
+    fputs("<h2>Overlaps and gaps</h2>\n<p>Of bones and menisci, the joint at rest. A gap in mm; of "
+          "an overlap the depth, negative, and in brackets its volume in mm<sup>3</sup>. Groups of "
+          "one body do not move against each other.</p>\n<table>\n<tr><th></th>",
+          page->file);
+    for (int i = 0; i < CONTACT_FLEXIONS; i++)
+        fprintf(page->file, "<th class=\"n\">%d&deg;</th>", i * CONTACT_STEP_DEG);
+    fputs("</tr>\n", page->file);
+    for (int i = 0; i < page->check->contacts.count; i++)
+        write_contact(page->file, page->check, &page->check->contacts.all[i]);
+    fputs("</table>\n", page->file);
+}
+
 static double per_cent(uint64_t part, uint64_t whole) {
     return whole ? 100 * (double)part / (double)whole : 0;
 }
@@ -249,6 +285,7 @@ static enum result write_sections(const struct check_page *page, struct error *e
 static enum result write_page(const struct check_page *page, struct error *err) {
     write_grade(page);
     write_findings(page->file, &page->check->findings);
+    write_contacts(page);
     if (!page->scene || !page->check->field->looked)
         return RESULT_OK;
     write_plots(page);

@@ -1,0 +1,36 @@
+// Bones and menisci over flexion, the joint at rest: what overlaps, and what should touch and does
+// not. Ligaments, skin and other soft tissue are left out: they are fixed in bone, or give way.
+#pragma once
+
+#include "check/inspect.h"
+#include "check/touch.h"
+
+#define CONTACT_FLEXIONS 9 // 0 to 120 degrees
+#define CONTACT_STEP_DEG 15
+#define CONTACTS_MAX 64
+
+struct contact_state {
+    struct overlap overlap; // places in the femur's frame
+    struct gap gap;         // INFINITY: a group has no inside or outside
+};
+
+// Two groups, a < b.
+struct contact {
+    int a, b;
+    int count;    // of flexions; 1 for groups of one body
+    bool has_gap; // they should touch
+    struct contact_state states[CONTACT_FLEXIONS];
+};
+
+struct contacts {
+    int count;
+    struct contact all[CONTACTS_MAX];
+};
+
+// Groups by name: femur, tibia, patella, and those that begin with meniscus or cartilage. Threads
+// inside; the figures depend on none of it. RESULT_IO where a search structure cannot be had.
+enum result contacts_look(struct knee_case *knee, struct contacts *out_contacts, struct error *err);
+
+// The worst of each pair, by the bounds of check/bounds.h. Some space is left for other findings.
+void contacts_inspect(const struct knee_case *knee, const struct contacts *contacts,
+                      struct inspection *inspection);

@@ -120,6 +120,20 @@ static void measure(void *context, int index) {
     }
 }
 
+static void look_at_portals(const struct look *look) {
+    const struct knee_case *knee = look->knee;
+    for (int i = 0; i < knee->portal_count; i++)
+        for (int k = 0; k < knee->group_count; k++) {
+            pose T = body_pose(knee, knee->groups[k].body, 0);
+            vec3 p = pose_apply_inverse(T, knee->portals[i].position), point;
+            double depth = -touching_distance(&look->touching[k], p, &point);
+            if (depth > look->contacts->portal_depth_mm[i]) {
+                look->contacts->portal_depth_mm[i] = depth;
+                look->contacts->portal_group[i] = k;
+            }
+        }
+}
+
 enum result contacts_look(struct knee_case *knee, struct contacts *out, struct error *err) {
     choose_pairs(knee, out);
     struct look *look = alloc(1, sizeof *look);
@@ -132,8 +146,10 @@ enum result contacts_look(struct knee_case *knee, struct contacts *out, struct e
         if (result != RESULT_OK)
             *err = look->errors[i];
     }
-    if (result == RESULT_OK)
+    if (result == RESULT_OK) {
         parallel_for(out->count * CONTACT_FLEXIONS, measure, look);
+        look_at_portals(look);
+    }
     for (int i = 0; i < knee->group_count; i++)
         touching_fini(&look->touching[i]);
     free(look);
@@ -185,4 +201,9 @@ void contacts_inspect(const struct knee_case *knee, const struct contacts *conta
         if (contacts->all[i].has_gap)
             inspect_gap(knee, &contacts->all[i], inspection);
     }
+    for (int i = 0; i < knee->portal_count; i++)
+        if (contacts->portal_depth_mm[i] > 0)
+            inspection_note(inspection, FINDING_FAULT, knee->portals[i].name,
+                            "the portal is %.1f mm inside %s", contacts->portal_depth_mm[i],
+                            knee->groups[contacts->portal_group[i]].name);
 }

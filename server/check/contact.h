@@ -25,12 +25,15 @@ struct contact {
 struct contacts {
     int count;
     struct contact all[CONTACTS_MAX];
+    // How deep each portal of the case is in a group, at rest in extension; 0: in none.
+    double portal_depth_mm[CASE_PORTALS_MAX];
+    int portal_group[CASE_PORTALS_MAX];
 };
 
 // Groups by name: femur, tibia, patella, and those that begin with meniscus or cartilage. Threads
 // inside; the figures depend on none of it. RESULT_IO where a search structure cannot be had.
 enum result contacts_look(struct knee_case *knee, struct contacts *out_contacts, struct error *err);
 
-// The worst of each pair, by the bounds of check/bounds.h. Some space is left for other findings.
+// The worst of each pair, by the bounds of check/bounds.h. A portal inside a group is a fault.
 void contacts_inspect(const struct knee_case *knee, const struct contacts *contacts,
                       struct inspection *inspection);

@@ -27,6 +27,12 @@ static const char help[] =
     "                     alone is a shift\n"
     "                     Usual names: tibia, femur, patella, meniscus_medial, meniscus_lateral,\n"
     "                     acl, pcl, mcl, lcl, fibula, skin\n"
+    "  --parts FILE       a file that holds several parts of the knee. Its components are named "
+    "by\n"
+    "                     place and size: femur, tibia, patella, fibula, meniscus_medial,\n"
+    "                     meniscus_lateral, and part_N for all others. Where the axes are neither\n"
+    "                     given nor declared by the file, they are taken for RAS\n"
+    "  --rename OLD=NEW   another name for a part of --parts\n"
     "  --unit mm|cm|m     unit of the files of the --group options after it. It may be repeated;\n"
     "                     the first one holds for the files before it, too. Default: mm, cm or m,\n"
     "                     by the width of femur and tibia\n"
@@ -61,7 +67,8 @@ static const char help[] =
     "Give all bones as they lie in extension. The import repairs each mesh where that is safe.\n"
     "It joins vertices of open edges in one place (within 0.001 mm where triangles share none,\n"
     "as in STL). It removes bad and duplicate triangles, fins of less than 1 mm2, and components\n"
-    "of less than 2 % of the area. It turns triangles outwards, and splits sheets that touch in a vertex or an edge. It\n"
+    "of less than 2 % of the area. It turns triangles outwards, and splits sheets that touch in a "
+    "vertex or an edge. It\n"
     "moves and fills nothing else. For each mesh it prints what was wrong, what it did, and\n"
     "what remains. Open meshes can be warped and touched, but not cut.\n"
     "\n"
@@ -117,6 +124,21 @@ static bool parse_source(char *text, struct import_request *request) {
     return true;
 }
 
+static bool parse_parts(char *text, struct import_request *request) {
+    request->sources[request->source_count++] =
+        (struct surface_source){.path = text,
+                                .mm_per_unit = request->unit,
+                                .T_common_file = pose_identity(),
+                                .several = true};
+    return true;
+}
+
+static bool parse_rename(char *text, struct import_request *request) {
+    struct part_rename *rename = &request->renames[request->rename_count++];
+    rename->to = split_name(text, rename->from);
+    return rename->to && case_name_is_valid(rename->to);
+}
+
 static bool parse_body(char *text, struct import_request *request) {
     struct body_choice *choice = &request->bodies[request->body_count++];
     const char *body = split_name(text, choice->group);
@@ -156,6 +178,10 @@ static bool take_option(int option, char *text, struct import_request *request) 
         return strcmp(text, "left") == 0 || strcmp(text, "right") == 0;
     case 'g':
         return request->source_count < SOURCES_MAX && parse_source(text, request);
+    case 'P':
+        return request->source_count < SOURCES_MAX && parse_parts(text, request);
+    case 'R':
+        return request->rename_count < CASE_GROUPS_MAX && parse_rename(text, request);
     case 'a':
         request->axes = text;
         return import_axes(text, &(struct import_frame){0});
@@ -270,7 +296,8 @@ int command_import(int argc, char **argv) {
     static const struct option options[] = {
         {"unit", required_argument, NULL, 'u'},     {"name", required_argument, NULL, 'n'},
         {"title", required_argument, NULL, 't'},    {"side", required_argument, NULL, 's'},
-        {"group", required_argument, NULL, 'g'},    {"axes", required_argument, NULL, 'a'},
+        {"group", required_argument, NULL, 'g'},    {"parts", required_argument, NULL, 'P'},
+        {"rename", required_argument, NULL, 'R'},   {"axes", required_argument, NULL, 'a'},
         {"body", required_argument, NULL, 'b'},     {"bridge", required_argument, NULL, 'B'},
         {"cuttable", required_argument, NULL, 'c'}, {"portal", required_argument, NULL, 'p'},
         {"joint", required_argument, NULL, 'j'},    {"clip", required_argument, NULL, 'C'},
@@ -301,6 +328,6 @@ int command_import(int argc, char **argv) {
     if (optind != argc)
         return usage_error("import", "unexpected argument \"%s\"", argv[optind]);
     if (!request.name || !request.source_count || !request.out)
-        return usage_error("import", "--name, --group and --out are needed");
+        return usage_error("import", "--name, --group or --parts, and --out are needed");
     return run(&request);
 }

@@ -13,6 +13,7 @@ struct surface_source {
     const char *path;
     double mm_per_unit; // 0: stands before the first --unit
     pose T_common_file;
+    bool several; // a file of several parts, which are split and named
 };
 
 struct body_choice {
@@ -29,6 +30,11 @@ struct import_request {
     int source_count, body_count, bridge_count, cuttable_count, portal_count;
     struct surface_source sources[SOURCES_MAX];
     struct body_choice bodies[CASE_GROUPS_MAX], bridges[CASE_GROUPS_MAX];
+    int rename_count;
+    struct part_rename {
+        char from[CASE_NAME_MAX];
+        const char *to;
+    } renames[CASE_GROUPS_MAX]; // of parts of --parts
     const char *cuttable[CASE_GROUPS_MAX];
     struct case_portal portals[CASE_PORTALS_MAX]; // in the scan's frame, turned as the case
     bool as_json;

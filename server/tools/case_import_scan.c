@@ -1,6 +1,7 @@
 #include "case_import.h"
 #include "case_import_clip.h"
 #include "case_import_report.h"
+#include "import/split.h"
 
 #include <ctype.h>
 #include <stdio.h>
@@ -214,21 +215,67 @@ static enum result add_mesh(struct import_request *request, struct knee_case *kn
     return result;
 }
 
+static const char *name_of(const struct import_request *request, const char *proposed) {
+    for (int i = 0; i < request->rename_count; i++)
+        if (strcmp(request->renames[i].from, proposed) == 0)
+            return request->renames[i].to;
+    return proposed;
+}
+
+// Each part becomes a source of its own; the first one takes the place of the file.
+static enum result take_parts(struct import_request *request, struct scan *scan, int i,
+                              const struct import_arrays *arrays, struct error *err) {
+    struct import_frame frame;
+    static struct import_parts parts;
+    if (!import_axes(request->axes ? request->axes : arrays->space, &frame))
+        import_axes("RAS", &frame);
+    enum result result = import_split(arrays, &parts, err);
+    if (result == RESULT_OK)
+        result = import_name_parts(&parts, &frame, request->side, err);
+    if (result == RESULT_OK && request->source_count + parts.count - 1 > SOURCES_MAX)
+        result = fail(err, RESULT_LIMIT, "more than %d meshes", SOURCES_MAX);
+    for (int k = 0; k < parts.count && result == RESULT_OK; k++) {
+        int at = k == 0 ? i : request->source_count++;
+        request->sources[at] = request->sources[i];
+        snprintf(request->sources[at].group, CASE_NAME_MAX, "%s", name_of(request, parts.names[k]));
+        scan->surfaces[at] = scan->surfaces[i];
+        scan->surfaces[at].group = request->sources[at].group;
+        scan->surfaces[at].arrays = parts.parts[k];
+        parts.parts[k] = (struct import_arrays){0};
+    }
+    if (!request->as_json && result == RESULT_OK)
+        printf("parts   %d of %s, named by place and size; %u specks left out\n", parts.count,
+               request->sources[i].path, parts.left_out);
+    import_parts_fini(&parts);
+    return result;
+}
+
+static enum result read_surface(struct import_request *request, struct scan *scan, int i,
+                                struct error *err) {
+    struct case_limits limits = case_limits_default();
+    const struct surface_source *source = &request->sources[i];
+    struct import_surface *surface = &scan->surfaces[i];
+    double mm = source->mm_per_unit > 0 ? source->mm_per_unit : request->first_unit;
+    *surface = (struct import_surface){.group = source->group,
+                                       .path = source->path,
+                                       .mm_per_unit = mm,
+                                       .T_common_file = source->T_common_file};
+    enum result result = import_read(source->path, &limits, &surface->arrays, err);
+    if (result != RESULT_OK || !source->several)
+        return result == RESULT_OK ? result : fail_in(err, result, "--group %s: ", source->group);
+    struct import_arrays arrays = surface->arrays;
+    surface->arrays = (struct import_arrays){0};
+    result = take_parts(request, scan, i, &arrays, err);
+    import_arrays_fini(&arrays);
+    return result == RESULT_OK ? result : fail_in(err, result, "--parts %s: ", source->path);
+}
+
 static enum result read_surfaces(struct import_request *request, struct scan *scan,
                                  struct error *err) {
-    struct case_limits limits = case_limits_default();
-    for (int i = 0; i < request->source_count; i++) {
-        const struct surface_source *source = &request->sources[i];
-        double mm = source->mm_per_unit > 0 ? source->mm_per_unit : request->first_unit;
-        scan->surfaces[i] = (struct import_surface){.group = source->group,
-                                                    .path = source->path,
-                                                    .mm_per_unit = mm,
-                                                    .T_common_file = source->T_common_file};
-        enum result result = import_read(source->path, &limits, &scan->surfaces[i].arrays, err);
-        if (result != RESULT_OK)
-            return fail_in(err, result, "--group %s: ", source->group);
-    }
-    return RESULT_OK;
+    enum result result = RESULT_OK;
+    for (int i = 0, files = request->source_count; i < files && result == RESULT_OK; i++)
+        result = read_surface(request, scan, i, err);
+    return result;
 }
 
 enum result import_scan(struct import_request *request, struct knee_case *knee, struct error *err) {

@@ -1,6 +1,7 @@
 #include "import/judge.h"
 
 #include "case_knee.h"
+#include "import/split.h"
 #include "test.h"
 
 #include <stdlib.h>
@@ -100,9 +101,59 @@ static void axes_and_side_are_those_of_the_knee(void **state) {
     release(surfaces);
 }
 
+// All boxes in one, and a box that faces inwards within the femur.
+static void join_boxes(struct import_arrays *out) {
+    *out = (struct import_arrays){.positions = malloc((BOXES + 1) * 24 * sizeof(double)),
+                                  .triangles = malloc((BOXES + 1) * 36 * sizeof(uint32_t))};
+    for (int i = BOXES; i >= 0; i--) {
+        struct mesh mesh;
+        box_mesh(knee_of_boxes[i % BOXES].centre,
+                 vec3_scale(i == BOXES ? 0.5 : 1, knee_of_boxes[i % BOXES].half), &mesh);
+        for (uint32_t k = 0; k < 36; k++)
+            out->triangles[3 * out->triangle_count + (i == BOXES ? 35 - k : k)] =
+                out->vertex_count + mesh.triangles[k];
+        for (uint32_t k = 0; k < 24; k++)
+            out->positions[3 * out->vertex_count + k] = (double)mesh.positions[k];
+        out->vertex_count += 8;
+        out->triangle_count += 12;
+        mesh_fini(&mesh);
+    }
+}
+
+static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **state) {
+    (void)state;
+    struct import_arrays joined;
+    static struct import_parts parts;
+    struct import_frame frame;
+    join_boxes(&joined);
+    assert_ok(import_split(&joined, &parts, &err));
+    assert_int_equal(parts.count, BOXES);
+    assert_int_equal(parts.left_out, 0);
+    assert_true(import_axes("RAS", &frame));
+    assert_int_equal(import_name_parts(&parts, &frame, NULL, &err), RESULT_MISSING);
+    assert_ok(import_name_parts(&parts, &frame, "right", &err));
+    uint32_t found = 0;
+    for (int i = 0; i < BOXES; i++) {
+        for (int k = 0; k < BOXES; k++) {
+            if (strcmp(parts.names[i], knee_of_boxes[k].group) != 0)
+                continue;
+            found |= 1u << k;
+            assert_int_equal(parts.parts[i].triangle_count, k == 0 ? 24 : 12);
+            assert_int_equal(parts.parts[i].vertex_count, k == 0 ? 16 : 8);
+        }
+    }
+    assert_int_equal(found, 31);
+    assert_true(import_axes("RAI", &frame)); // upside down: the other bone is the femur
+    assert_ok(import_name_parts(&parts, &frame, "right", &err));
+    assert_string_equal(parts.names[0], "tibia");
+    import_parts_fini(&parts);
+    import_arrays_fini(&joined);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
+        cmocka_unit_test(a_file_of_several_parts_is_split_and_its_parts_get_names),
         cmocka_unit_test(axes_and_side_are_those_of_the_knee),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

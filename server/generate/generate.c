@@ -2,10 +2,9 @@
 
 #include "base/check.h"
 #include "generate/bridge.h"
-#include "generate/keys.h"
+#include "generate/maxcut.h"
 #include "generate/shape.h"
 #include "generate/tube.h"
-#include "generate/maxcut.h"
 #include "mesh/query.h"
 
 #include <stdio.h>
@@ -139,20 +138,6 @@ static enum result add_skin(struct knee_case *knee, const struct recipe *recipe,
     return bridge_make(knee, group, BODY_TIBIA, err);
 }
 
-static enum result add_cavity(struct knee_case *knee, const struct recipe *recipe,
-                              const struct recipe_cavity *cavity, struct error *err) {
-    struct case_group *groups[CASE_GROUPS_MAX];
-    int count = 0;
-    groups[count++] = case_group(knee, body_name(cavity->body));
-    for (int i = 0; i < knee->group_count; i++)
-        if (knee->groups[i].body == cavity->body && &knee->groups[i] != groups[0])
-            groups[count++] = &knee->groups[i];
-    struct deform_cavity dent = cavity->dent;
-    dent.at = to_patient(recipe, dent.at);
-    enum result result = deform_cavity_add(groups, count, &dent, err);
-    return result == RESULT_OK ? result : fail_in(err, result, "[cavity %s] ", cavity->name);
-}
-
 static enum result add_maxcut(struct knee_case *knee, const struct recipe *recipe,
                               struct error *err) {
     enum result result = RESULT_OK;
@@ -162,19 +147,19 @@ static enum result add_maxcut(struct knee_case *knee, const struct recipe *recip
     return result;
 }
 
-static enum result add_tear(struct knee_case *knee, const struct recipe *recipe,
-                            const struct recipe_tear *tear, struct error *err) {
-    struct case_group *group = case_group(knee, tear->group);
-    CHECK(group);
-    struct mesh mesh;
-    struct arc *arc;
-    case_group_virtual(group, &mesh);
-    enum result result = arc_create(&mesh, knee->joint.T_tibia_joint, &arc, err);
-    if (result == RESULT_OK)
-        result = tear_add(group, arc, &tear->tear, recipe->rim_mm, err);
-    arc_destroy(&arc);
-    mesh_fini(&mesh);
-    return result == RESULT_OK ? result : fail_in(err, result, "[tear %s] ", tear->name);
+static enum result add_steps(struct knee_case *knee, const struct recipe *recipe,
+                             enum pathology_kind kind, struct error *err) {
+    for (int i = 0; i < recipe->step_count; i++) {
+        struct pathology step = recipe->steps[i];
+        if (step.kind != kind)
+            continue;
+        if (kind == PATHOLOGY_CAVITY)
+            step.cavity.dent.at = vec3_scale(recipe->size, step.cavity.dent.at);
+        enum result result = pathology_apply(knee, &step, recipe->rim_mm, err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "[%s %s] ", pathology_kind_name(kind), step.name);
+    }
+    return RESULT_OK;
 }
 
 enum result generate_knee(const struct recipe *recipe, struct knee_case **out_case,
@@ -186,16 +171,18 @@ enum result generate_knee(const struct recipe *recipe, struct knee_case **out_ca
     enum result result = add_menisci(knee, recipe, edge, err);
     if (result == RESULT_OK)
         result = add_ligaments(knee, recipe, edge, err);
-    if (result == RESULT_OK && recipe->ligament_count)
-        result = generate_keys(knee, recipe, err);
     if (result == RESULT_OK)
         result = add_skin(knee, recipe, edge, err);
-    for (int i = 0; i < recipe->cavity_count && result == RESULT_OK; i++)
-        result = add_cavity(knee, recipe, &recipe->cavities[i], err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_LIGAMENT, err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_CAVITY, err);
     if (result == RESULT_OK)
         result = add_maxcut(knee, recipe, err);
-    for (int i = 0; i < recipe->tear_count && result == RESULT_OK; i++)
-        result = add_tear(knee, recipe, &recipe->tears[i], err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_TEAR, err);
+    if (result == RESULT_OK)
+        result = add_steps(knee, recipe, PATHOLOGY_PLAN, err);
     if (result != RESULT_OK)
         case_destroy(&knee);
     *out_case = knee;

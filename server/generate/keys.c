@@ -1,17 +1,18 @@
 #include "generate/keys.h"
 
-#include "base/check.h"
 #include "motion/joint.h"
 
 #include <string.h>
 
-static double value_at(const struct recipe_series *series, int key) {
+static double value_at(const struct pathology_values *series, int key) {
     return series->count > 1 ? series->values[key] : series->values[0];
 }
 
 struct knee_solids {
     const struct knee_case *knee;
-    struct solid femur, tibia, menisci[2];
+    struct solid femur, tibia;
+    int meniscus_count;
+    struct solid menisci[2];
 };
 
 static pose held(const struct knee_solids *bones, const struct joint_hold *hold) {
@@ -19,7 +20,7 @@ static pose held(const struct knee_solids *bones, const struct joint_hold *hold)
     return joint_to_pose(&bones->knee->joint, &angles);
 }
 
-static struct case_key key_of(const struct knee_solids *bones, const struct recipe_ligament *l,
+static struct case_key key_of(const struct knee_solids *bones, const struct pathology_ligament *l,
                               int key) {
     struct joint_hold hold = {.flexion_deg = value_at(&l->flexion_deg, key),
                               .valgus_deg = value_at(&l->valgus_deg, key),
@@ -30,35 +31,59 @@ static struct case_key key_of(const struct knee_solids *bones, const struct reci
     hold.internal_deg += value_at(&l->extra_internal_deg, key);
     hold.drawer_mm += value_at(&l->extra_drawer_mm, key);
     pose target = held(bones, &hold);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < bones->meniscus_count; i++)
         target = motion_clear(bones->knee, bones->femur.mesh, &bones->menisci[i], physical, target);
     return (struct case_key){.physical = physical, .target = target};
 }
 
-static void add_ligament(struct knee_case *knee, const struct knee_solids *bones,
-                         const struct recipe_ligament *ligament) {
-    CHECK(knee->torn_count < CASE_LIGAMENTS_MAX);
-    strcpy(knee->torn[knee->torn_count], ligament->name);
-    for (int i = 0; i < ligament->flexion_deg.count; i++) {
-        CHECK(knee->key_count < CASE_KEYS_MAX);
-        struct case_key *key = &knee->keys[knee->key_count++];
-        *key = key_of(bones, ligament, i);
-        key->ligament = knee->torn_count;
-    }
-    knee->torn_count++;
+static enum result check_room(const struct knee_case *knee, const char *name,
+                              const struct pathology_ligament *ligament, struct error *err) {
+    for (int i = 0; i < knee->torn_count; i++)
+        if (strcmp(knee->torn[i], name) == 0)
+            return fail(err, RESULT_INVALID, "%s is torn already", name);
+    if (knee->torn_count == CASE_LIGAMENTS_MAX)
+        return fail(err, RESULT_LIMIT, "%d ligaments are torn already", CASE_LIGAMENTS_MAX);
+    if (knee->key_count + ligament->flexion_deg.count > CASE_KEYS_MAX)
+        return fail(err, RESULT_LIMIT, "%d keys of all ligaments, more than %d",
+                    knee->key_count + ligament->flexion_deg.count, CASE_KEYS_MAX);
+    return RESULT_OK;
 }
 
-enum result generate_keys(struct knee_case *knee, const struct recipe *recipe, struct error *err) {
+static enum result need(struct knee_case *knee, const char *name, struct solid *out_solid,
+                        struct error *err) {
+    const struct case_group *group = case_group(knee, name);
+    if (!group)
+        return fail(err, RESULT_MISSING, "the case has no group %s", name);
+    return solid_init(out_solid, &group->mesh, err);
+}
+
+static enum result take_solids(struct knee_solids *bones, struct knee_case *knee,
+                               struct error *err) {
+    static const char *const menisci[] = {"meniscus_medial", "meniscus_lateral"};
+    enum result result = need(knee, "femur", &bones->femur, err);
+    if (result == RESULT_OK)
+        result = need(knee, "tibia", &bones->tibia, err);
+    for (int i = 0; i < 2 && result == RESULT_OK; i++)
+        if (case_group(knee, menisci[i]))
+            result = need(knee, menisci[i], &bones->menisci[bones->meniscus_count++], err);
+    return result;
+}
+
+enum result keys_add(struct knee_case *knee, const char *name,
+                     const struct pathology_ligament *ligament, struct error *err) {
     struct knee_solids bones = {.knee = knee};
-    enum result result = solid_init(&bones.femur, &case_group(knee, "femur")->mesh, err);
-    if (result == RESULT_OK)
-        result = solid_init(&bones.tibia, &case_group(knee, "tibia")->mesh, err);
-    if (result == RESULT_OK)
-        result = solid_init(&bones.menisci[0], &case_group(knee, "meniscus_medial")->mesh, err);
-    if (result == RESULT_OK)
-        result = solid_init(&bones.menisci[1], &case_group(knee, "meniscus_lateral")->mesh, err);
-    for (int i = 0; i < recipe->ligament_count && result == RESULT_OK; i++)
-        add_ligament(knee, &bones, &recipe->ligaments[i]);
+    enum result result = check_room(knee, name, ligament, err);
+    if (result != RESULT_OK)
+        return result;
+    result = take_solids(&bones, knee, err);
+    if (result == RESULT_OK) {
+        for (int i = 0; i < ligament->flexion_deg.count; i++) {
+            struct case_key *key = &knee->keys[knee->key_count++];
+            *key = key_of(&bones, ligament, i);
+            key->ligament = knee->torn_count;
+        }
+        strcpy(knee->torn[knee->torn_count++], name);
+    }
     solid_fini(&bones.femur);
     solid_fini(&bones.tibia);
     solid_fini(&bones.menisci[0]);

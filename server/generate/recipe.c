@@ -46,149 +46,84 @@ static enum result read_number(struct recipe_reader *r, const char *section, con
                             section, key, value, low, high);
 }
 
-static enum result read_point(struct recipe_reader *r, const char *section, const char *key,
-                              const char *value, vec3 *out) {
-    pose p;
-    if (number_pose(value, &p) && p.rotation.w == 1 && vec3_length(p.translation) <= 100) {
-        *out = p.translation;
-        return RESULT_OK;
+// ---- steps --------------------------------------------------------------------------------------
+
+static const int steps_max[PATHOLOGY_KIND_COUNT] = {
+    [PATHOLOGY_LIGAMENT] = CASE_LIGAMENTS_MAX,
+    [PATHOLOGY_CAVITY] = RECIPE_CAVITIES_MAX,
+    [PATHOLOGY_TEAR] = RECIPE_MENISCUS_MAX,
+    [PATHOLOGY_PLAN] = RECIPE_MENISCUS_MAX,
+};
+
+static const char *const steps_limits[PATHOLOGY_KIND_COUNT] = {
+    [PATHOLOGY_LIGAMENT] = "at most 8 ligaments, with names of letters, digits and \"_-.\"",
+    [PATHOLOGY_CAVITY] = "at most 8 cavities, with names of at most 63 characters",
+    [PATHOLOGY_TEAR] = "at most 4 tears, with names of at most 63 characters",
+    [PATHOLOGY_PLAN] = "at most 4 plans, with names of at most 63 characters",
+};
+
+// "[tear NAME]": the kind, and the name; NULL for another section.
+static const char *name_of(const char *section, enum pathology_kind *out_kind) {
+    for (int kind = 0; kind < PATHOLOGY_KIND_COUNT; kind++) {
+        const char *word = pathology_kind_name((enum pathology_kind)kind);
+        size_t length = strlen(word);
+        *out_kind = (enum pathology_kind)kind;
+        if (strncmp(section, word, length) == 0 && section[length] == ' ')
+            return section + length + 1;
     }
-    return refuse(r, section, key, "must be three numbers, x y z, within 100 mm of the origin");
+    return NULL;
 }
 
-// "[cavity NAME]": the cavity of that name, a new one where there is none yet.
-static struct recipe_cavity *cavity_of(struct recipe_reader *r, const char *section) {
-    const char *name = section + strlen("cavity ");
-    struct recipe *recipe = r->recipe;
-    for (int i = 0; i < recipe->cavity_count; i++)
-        if (strcmp(recipe->cavities[i].name, name) == 0)
-            return &recipe->cavities[i];
-    if (recipe->cavity_count == RECIPE_CAVITIES_MAX || strlen(name) >= CASE_NAME_MAX)
-        return NULL;
-    struct recipe_cavity *cavity = &recipe->cavities[recipe->cavity_count++];
-    *cavity = (struct recipe_cavity){.body = BODY_COUNT, .dent.at.x = NAN};
-    snprintf(cavity->name, sizeof cavity->name, "%s", name);
-    return cavity;
-}
-
-static enum result read_cavity(struct recipe_reader *r, const char *section, const char *key,
-                               const char *value) {
-    struct recipe_cavity *cavity = cavity_of(r, section);
-    if (!cavity)
-        return refuse(r, section, key, "at most 8 cavities, with names of at most 63 characters");
-    if (strcmp(key, "body") == 0) {
-        if (!body_from_name(value, &cavity->body) || cavity->body == BODY_PATELLA)
-            return refuse(r, section, key, "must be femur or tibia");
-        return RESULT_OK;
+// The step of that kind and name, a new one where there is none yet; NULL where there is no room.
+static struct pathology *step_of(struct recipe *recipe, enum pathology_kind kind,
+                                 const char *name) {
+    int same = 0;
+    for (int i = 0; i < recipe->step_count; i++) {
+        if (recipe->steps[i].kind == kind && strcmp(recipe->steps[i].name, name) == 0)
+            return &recipe->steps[i];
+        same += recipe->steps[i].kind == kind;
     }
-    if (strcmp(key, "at") == 0)
-        return read_point(r, section, key, value, &cavity->dent.at);
-    if (strcmp(key, "radius_mm") == 0)
-        return read_number(r, section, key, value, 3, 25, &cavity->dent.radius_mm);
-    if (strcmp(key, "depth_mm") == 0)
-        return read_number(r, section, key, value, 0.1, 6, &cavity->dent.depth_mm);
-    return refuse(r, section, key, "unknown key");
-}
-
-// "[tear NAME]": as with cavities.
-static struct recipe_tear *tear_of(struct recipe_reader *r, const char *section) {
-    const char *name = section + strlen("tear ");
-    struct recipe *recipe = r->recipe;
-    for (int i = 0; i < recipe->tear_count; i++)
-        if (strcmp(recipe->tears[i].name, name) == 0)
-            return &recipe->tears[i];
-    if (recipe->tear_count == RECIPE_TEARS_MAX || strlen(name) >= CASE_NAME_MAX)
+    bool named = kind == PATHOLOGY_LIGAMENT ? case_name_is_valid(name)
+                                            : strlen(name) < sizeof recipe->steps[0].name;
+    if (same == steps_max[kind] || !named)
         return NULL;
-    struct recipe_tear *tear = &recipe->tears[recipe->tear_count++];
-    *tear = (struct recipe_tear){.tear.kind = TEAR_KIND_COUNT};
-    snprintf(tear->name, sizeof tear->name, "%s", name);
-    return tear;
+    struct pathology *step = &recipe->steps[recipe->step_count++];
+    pathology_init(step, kind, name);
+    return step;
 }
 
-static enum result read_tear(struct recipe_reader *r, const char *section, const char *key,
+static enum result read_step(struct recipe_reader *r, const char *section, const char *key,
                              const char *value) {
-    struct recipe_tear *tear = tear_of(r, section);
-    if (!tear)
-        return refuse(r, section, key, "at most 4 tears, with names of at most 63 characters");
-    if (strcmp(key, "kind") == 0) {
-        if (!tear_kind_from_name(value, &tear->tear.kind))
-            return refuse(r, section, key, "must be radial, flap, bucket-handle or horizontal");
-        return RESULT_OK;
+    enum pathology_kind kind;
+    const char *name = name_of(section, &kind);
+    struct pathology *step = step_of(r->recipe, kind, name);
+    if (!step)
+        return refuse(r, section, key, steps_limits[kind]);
+    r->result = pathology_take(step, key, value, r->err);
+    return r->result == RESULT_OK ? RESULT_OK : fail_in(r->err, r->result, "[%s] ", section);
+}
+
+static enum result check_steps(const struct recipe *recipe, struct error *err) {
+    int keys = 0;
+    for (int i = 0; i < recipe->step_count; i++) {
+        const struct pathology *step = &recipe->steps[i];
+        enum result result = pathology_check(step, err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "[%s %s] ", pathology_kind_name(step->kind), step->name);
+        keys += step->kind == PATHOLOGY_LIGAMENT ? step->ligament.flexion_deg.count : 0;
+        for (int k = 0; k < i && step->kind == PATHOLOGY_PLAN; k++)
+            if (recipe->steps[k].kind == PATHOLOGY_PLAN &&
+                strcmp(recipe->steps[k].plan.group, step->plan.group) == 0)
+                return fail(err, RESULT_INVALID, "[plan %s] %s has a plan already", step->name,
+                            step->plan.group);
     }
-    if (strcmp(key, "group") == 0) {
-        if (strcmp(value, "meniscus_medial") != 0 && strcmp(value, "meniscus_lateral") != 0)
-            return refuse(r, section, key, "must be meniscus_medial or meniscus_lateral");
-        strcpy(tear->group, value);
-        return RESULT_OK;
-    }
-    if (strcmp(key, "at") == 0)
-        return read_number(r, section, key, value, 0.1, 0.9, &tear->tear.at);
-    if (strcmp(key, "depth_mm") == 0)
-        return read_number(r, section, key, value, 1, 8, &tear->tear.depth_mm);
-    if (strcmp(key, "length_mm") == 0)
-        return read_number(r, section, key, value, 2, 30, &tear->tear.length_mm);
-    return refuse(r, section, key, "unknown key");
+    if (keys > CASE_KEYS_MAX)
+        return fail(err, RESULT_LIMIT, "%d keys of all ligaments, more than %d", keys,
+                    CASE_KEYS_MAX);
+    return RESULT_OK;
 }
 
-struct series_key {
-    const char *key;
-    size_t offset; // in struct recipe_ligament
-    double low, high;
-};
-
-static const struct series_key series_keys[] = {
-    {"flexion_deg", offsetof(struct recipe_ligament, flexion_deg), 0, 120},
-    {"valgus_deg", offsetof(struct recipe_ligament, valgus_deg), -15, 15},
-    {"internal_deg", offsetof(struct recipe_ligament, internal_deg), -30, 30},
-    {"drawer_mm", offsetof(struct recipe_ligament, drawer_mm), -10, 10},
-    {"extra_valgus_deg", offsetof(struct recipe_ligament, extra_valgus_deg), -15, 15},
-    {"extra_internal_deg", offsetof(struct recipe_ligament, extra_internal_deg), -30, 30},
-    {"extra_drawer_mm", offsetof(struct recipe_ligament, extra_drawer_mm), -15, 15},
-};
-
-static bool parse_series(const char *value, const struct series_key *k, struct recipe_series *out) {
-    char text[256], *rest;
-    if (snprintf(text, sizeof text, "%s", value) >= (int)sizeof text)
-        return false;
-    for (char *w = strtok_r(text, " \t", &rest); w; w = strtok_r(NULL, " \t", &rest))
-        if (out->count == RECIPE_SERIES_MAX ||
-            !number_double(w, k->low, k->high, &out->values[out->count++]))
-            return false;
-    return out->count > 0;
-}
-
-// "[ligament NAME]": as with cavities.
-static struct recipe_ligament *ligament_of(struct recipe_reader *r, const char *section) {
-    const char *name = section + strlen("ligament ");
-    struct recipe *recipe = r->recipe;
-    for (int i = 0; i < recipe->ligament_count; i++)
-        if (strcmp(recipe->ligaments[i].name, name) == 0)
-            return &recipe->ligaments[i];
-    if (recipe->ligament_count == CASE_LIGAMENTS_MAX || !case_name_is_valid(name))
-        return NULL;
-    struct recipe_ligament *ligament = &recipe->ligaments[recipe->ligament_count++];
-    strcpy(ligament->name, name);
-    return ligament;
-}
-
-static enum result read_ligament(struct recipe_reader *r, const char *section, const char *key,
-                                 const char *value) {
-    struct recipe_ligament *ligament = ligament_of(r, section);
-    if (!ligament)
-        return refuse(r, section, key,
-                      "at most 8 ligaments, with names of letters, digits and \"_-.\"");
-    for (size_t i = 0; i < sizeof series_keys / sizeof *series_keys; i++) {
-        const struct series_key *k = &series_keys[i];
-        if (strcmp(key, k->key) != 0)
-            continue;
-        if (parse_series(value, k, (struct recipe_series *)((char *)ligament + k->offset)))
-            return RESULT_OK;
-        return r->result = fail(r->err, RESULT_INVALID,
-                                "[%s] %s = %s: must be up to %d numbers from %g to %g", section,
-                                key, value, RECIPE_SERIES_MAX, k->low, k->high);
-    }
-    return refuse(r, section, key, "unknown key");
-}
+// ---- the knee -----------------------------------------------------------------------------------
 
 static enum result read_knee(struct recipe_reader *r, const char *section, const char *key,
                              const char *value) {
@@ -232,86 +167,10 @@ static int read_entry(void *user, const char *section, const char *key, const ch
         return 0;
     if (seen_before(r, section, key))
         return refuse(r, section, key, "given twice") == RESULT_OK;
-    if (strncmp(section, "cavity ", strlen("cavity ")) == 0)
-        return read_cavity(r, section, key, value) == RESULT_OK;
-    if (strncmp(section, "tear ", strlen("tear ")) == 0)
-        return read_tear(r, section, key, value) == RESULT_OK;
-    if (strncmp(section, "ligament ", strlen("ligament ")) == 0)
-        return read_ligament(r, section, key, value) == RESULT_OK;
+    enum pathology_kind kind;
+    if (name_of(section, &kind))
+        return read_step(r, section, key, value) == RESULT_OK;
     return read_knee(r, section, key, value) == RESULT_OK;
-}
-
-static enum result check_cavities(const struct recipe *recipe, struct error *err) {
-    for (int i = 0; i < recipe->cavity_count; i++) {
-        const struct recipe_cavity *c = &recipe->cavities[i];
-        if (c->body == BODY_COUNT || isnan(c->dent.at.x) || c->dent.radius_mm == 0 ||
-            c->dent.depth_mm == 0)
-            return fail(err, RESULT_MISSING, "[cavity %s] needs body, at, radius_mm and depth_mm",
-                        c->name);
-        if (c->dent.depth_mm > c->dent.radius_mm / 2)
-            return fail(err, RESULT_INVALID,
-                        "[cavity %s] depth_mm = %g: must be at most %g, half of radius_mm", c->name,
-                        c->dent.depth_mm, c->dent.radius_mm / 2);
-    }
-    return RESULT_OK;
-}
-
-static enum result check_tears(const struct recipe *recipe, struct error *err) {
-    for (int i = 0; i < recipe->tear_count; i++) {
-        const struct recipe_tear *t = &recipe->tears[i];
-        bool radial = t->tear.kind == TEAR_RADIAL;
-        if (t->tear.kind == TEAR_KIND_COUNT || t->group[0] == '\0' || t->tear.at == 0 ||
-            t->tear.depth_mm == 0 || (t->tear.length_mm == 0) != radial)
-            return fail(err, RESULT_MISSING,
-                        "[tear %s] needs kind, group, at and depth_mm; length_mm too where it is "
-                        "not radial, and only there",
-                        t->name);
-    }
-    return RESULT_OK;
-}
-
-static bool is_zero(const struct recipe_series *series) {
-    for (int i = 0; i < series->count; i++)
-        if (series->values[i] != 0)
-            return false;
-    return true;
-}
-
-static enum result check_ligament(const struct recipe_ligament *l, struct error *err) {
-    bool opens = !is_zero(&l->valgus_deg) || !is_zero(&l->internal_deg) || !is_zero(&l->drawer_mm);
-    bool gives = !is_zero(&l->extra_valgus_deg) || !is_zero(&l->extra_internal_deg) ||
-                 !is_zero(&l->extra_drawer_mm);
-    if (!l->flexion_deg.count || !opens || !gives)
-        return fail(err, RESULT_MISSING,
-                    "[ligament %s] needs flexion_deg, where the mock-up's holds (valgus_deg, "
-                    "internal_deg, drawer_mm), and extra_ of one of these",
-                    l->name);
-    for (int i = 1; i < l->flexion_deg.count; i++)
-        if (!(l->flexion_deg.values[i] >= l->flexion_deg.values[i - 1] + 1))
-            return fail(err, RESULT_INVALID,
-                        "[ligament %s] flexion_deg: must rise by a degree at least", l->name);
-    for (size_t i = 1; i < sizeof series_keys / sizeof *series_keys; i++) {
-        int count =
-            ((const struct recipe_series *)((const char *)l + series_keys[i].offset))->count;
-        if (count > 1 && count != l->flexion_deg.count)
-            return fail(err, RESULT_INVALID,
-                        "[ligament %s] %s: must be one number, or %d as flexion_deg has", l->name,
-                        series_keys[i].key, l->flexion_deg.count);
-    }
-    return RESULT_OK;
-}
-
-static enum result check_ligaments(const struct recipe *recipe, struct error *err) {
-    int keys = 0;
-    for (int i = 0; i < recipe->ligament_count; i++) {
-        if (check_ligament(&recipe->ligaments[i], err) != RESULT_OK)
-            return RESULT_INVALID;
-        keys += recipe->ligaments[i].flexion_deg.count;
-    }
-    if (keys > CASE_KEYS_MAX)
-        return fail(err, RESULT_LIMIT, "%d keys of all ligaments, more than %d", keys,
-                    CASE_KEYS_MAX);
-    return RESULT_OK;
 }
 
 // The name of the folder that holds the file: of its whole path, or where a folder above may not be
@@ -356,8 +215,7 @@ enum result recipe_load(const char *path, struct recipe *out_recipe, struct erro
     if (line > 0)
         return fail(err, RESULT_FORMAT, "%s:%d: neither a section nor a key with a value", file,
                     line);
-    if (check_cavities(out_recipe, err) != RESULT_OK || check_tears(out_recipe, err) != RESULT_OK ||
-        check_ligaments(out_recipe, err) != RESULT_OK)
+    if (check_steps(out_recipe, err) != RESULT_OK)
         return fail_in(err, RESULT_INVALID, "%s: ", file);
     if (name_after_folder(file, out_recipe->name, err) != RESULT_OK)
         return RESULT_INVALID;

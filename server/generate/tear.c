@@ -2,18 +2,20 @@
 
 #include "base/check.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #define PI 3.14159265358979323846
 
-static const double kerf = 0.15;    // width of a cleft, mm
-static const double overlap = 0.05; // of the parts of a cleft, mm
-static const double spared = 1.5;   // from a cleft to the outer margin and to the ends, mm
-static const double past = 1;       // past the inner margin, the lower and the upper side, mm
-static const double frayed = 0.4;   // damage beyond a cleft, mm
-static const double beside = 1.5;   // damage beside a radial cleft, mm
-static const double beyond = 1;     // plan beyond a cleft, mm
-static const double chord = 4;      // of a part along the arc, mm; of the plan half as long again
+static const double kerf = 0.15;       // width of a cleft, mm
+static const double overlap = 0.05;    // of the parts of a cleft, mm
+static const double spared = 1.5;      // from a cleft to the outer margin and to the ends, mm
+static const double past = 1;          // past the inner margin, the lower and the upper side, mm
+static const double frayed = 0.4;      // damage beyond a cleft, mm
+static const double beside = 1.5;      // damage beside a radial cleft, mm
+static const double beyond = 1;        // plan beyond a cleft, mm
+static const double least_taken = 0.5; // by a plan, mm
+static const double chord = 4; // of a part along the arc, mm; of the plan half as long again
 static const int contour_cells = 8;
 
 bool tear_kind_from_name(const char *name, enum tear_kind *out_kind) {
@@ -179,16 +181,16 @@ static enum result add_damage(const struct site *site) {
     return result;
 }
 
-// How deep the resection goes: flat over the damage, running out smoothly beside it.
-static double contour(const struct site *site, double offset, double flat, double run_out) {
-    double deep = site->tear.depth_mm + beyond;
+// How deep the resection goes: flat over some length, running out smoothly beside it.
+static double contour(const struct site *site, double offset, double deep, double flat) {
+    double run_out = 1.5 * deep;
     double t = fmin(fmax((fabs(offset) - flat) / run_out, 0), 1);
     double depth = deep * cos(PI / 2 * t) * cos(PI / 2 * t);
     return fmin(depth, arc_width(site->arc, along_at(site, offset)) - site->rim);
 }
 
-static enum result add_plan(const struct site *site) {
-    double flat = site->half + beyond / 2, run_out = 1.5 * (site->tear.depth_mm + beyond);
+static enum result add_plan(const struct site *site, double deep, double flat) {
+    double run_out = 1.5 * deep;
     int inner = (int)ceil(2 * flat / (1.5 * chord)), outer = (contour_cells - inner) / 2;
     outer = outer > 2 ? outer : 2;
     enum result result = RESULT_OK;
@@ -202,7 +204,7 @@ static enum result add_plan(const struct site *site) {
                 offsets[k] = -flat + 2 * flat * (at - outer) / inner;
             else
                 offsets[k] = flat + run_out * (at - outer - inner) / outer;
-            depths[k] = contour(site, offsets[k], flat, run_out);
+            depths[k] = contour(site, offsets[k], deep, flat);
         }
         result = add_segment(site, &site->lesion->plan, offsets, depths);
     }
@@ -245,5 +247,44 @@ enum result tear_add(struct case_group *group, const struct arc *arc, const stru
         result = cut_cleft(&site);
     if (result == RESULT_OK)
         result = add_damage(&site);
-    return result == RESULT_OK ? add_plan(&site) : result;
+    if (result == RESULT_OK)
+        result = add_plan(&site, tear->depth_mm + beyond, site.half + beyond / 2);
+    return result;
+}
+
+// ---- a plan of its own --------------------------------------------------------------------------
+
+static enum result check_width(const struct site *site, double half) {
+    for (double offset = -half; offset <= half; offset += 0.5) {
+        double along = along_at(site, offset), width = arc_width(site->arc, along);
+        if (fmin(along, 1 - along) < spared * site->per_mm)
+            return fail(site->err, RESULT_INVALID, "it reaches an end of the meniscus");
+        if (width < site->rim + least_taken)
+            return fail(site->err, RESULT_INVALID,
+                        "at %.2f of the arc the meniscus is %.1f mm wide, and %g mm must stay",
+                        along, width, site->rim);
+    }
+    return RESULT_OK;
+}
+
+enum result plan_set(struct case_group *group, const struct arc *arc,
+                     const struct resection *resection, double rim_mm, struct error *err) {
+    double width = arc_width(arc, resection->at), depth = resection->depth_mm;
+    double radius = arc_radius(arc, resection->at) - width + depth;
+    struct case_lesion planned = {0};
+    struct site site = {.lesion = &planned,
+                        .arc = arc,
+                        .tear = {.at = resection->at},
+                        .rim = rim_mm,
+                        .per_mm = 1 / (arc_angle(arc) * radius),
+                        .up = arc_up(arc),
+                        .err = err};
+    enum result result = check_width(&site, resection->length_mm / 2);
+    if (result == RESULT_OK)
+        result = add_plan(&site, depth, resection->length_mm / 2);
+    struct case_region *old = result == RESULT_OK ? &group->lesion.plan : &planned.plan;
+    free(old->parts);
+    if (result == RESULT_OK)
+        group->lesion.plan = planned.plan;
+    return result;
 }

@@ -28,3 +28,15 @@ struct tear {
 // a flap is not longer than deep.
 enum result tear_add(struct case_group *group, const struct arc *arc, const struct tear *tear,
                      double rim_mm, struct error *err);
+
+struct resection {
+    double at;        // share of the arc, its middle
+    double depth_mm;  // from the inner margin
+    double length_mm; // along the arc, at that depth; beside it the resection runs out smoothly
+};
+
+// Puts this plan in the place of the group's. It stays rim_mm clear of the outer margin.
+// RESULT_INVALID where it would reach an end, or the meniscus is hardly wider than the rim; the old
+// plan stays then.
+enum result plan_set(struct case_group *group, const struct arc *arc,
+                     const struct resection *resection, double rim_mm, struct error *err);

@@ -1,9 +1,9 @@
 // The cases that ship, made in memory: torn ligaments meet their keys and rest at rest, and the
 // space around folds nowhere.
 #include "base/check.h"
-#include "generate/generate.h"
 #include "check/field.h"
 #include "fidelity.h"
+#include "generate/generate.h"
 #include "harmonic.h"
 #include "step/session.h"
 
@@ -176,13 +176,21 @@ static void report_shipped(const struct shipped *s) {
     report_figure(report, s->rest_mm, "mm", "shipped/%s/rest warp", name);
 }
 
+static bool displaces(const struct recipe *recipe) {
+    bool found = false;
+    for (int i = 0; i < recipe->step_count; i++)
+        found |= recipe->steps[i].kind == PATHOLOGY_CAVITY ||
+                 recipe->steps[i].kind == PATHOLOGY_LIGAMENT;
+    return found;
+}
+
 static enum result measure_recipe(struct fidelity *f, const char *path, struct error *err) {
     struct recipe recipe;
     struct knee_case *knee;
     struct scene *scene;
     enum result result = recipe_load(path, &recipe, err);
-    if (result == RESULT_OK && !recipe.cavity_count && !recipe.ligament_count)
-        return RESULT_OK; // nothing is displaced
+    if (result == RESULT_OK && !displaces(&recipe))
+        return RESULT_OK;
     if (result == RESULT_OK)
         result = generate_knee(&recipe, &knee, err);
     if (result != RESULT_OK)

@@ -355,7 +355,8 @@ static void the_same_recipe_gives_the_same_bytes(void **state) {
 
 // ---- cavities -----------------------------------------------------------------------------------
 
-static const struct recipe_cavity plateau_cavity = {"plateau", BODY_TIBIA, {{-19, 6, -22}, 9, 3}};
+static const struct pathology plateau_cavity = {PATHOLOGY_CAVITY, "plateau",
+                                                .cavity = {BODY_TIBIA, {{-19, 6, -22}, 9, 3}}};
 
 static void displace(const struct case_group *group, struct mesh *out_mesh) {
     mesh_copy(out_mesh, &group->mesh);
@@ -371,7 +372,7 @@ static vec3 normal_of(const struct mesh *mesh, uint32_t t) {
 static void a_cavity_is_as_deep_as_asked_and_folds_nothing(void **state) {
     (void)state;
     struct recipe recipe = standard;
-    recipe.cavities[recipe.cavity_count++] = plateau_cavity;
+    recipe.steps[recipe.step_count++] = plateau_cavity;
     struct knee_case *knee = generate(&recipe);
     const struct case_group *tibia = case_group(knee, "tibia");
     assert_non_null(tibia->warp);
@@ -392,8 +393,8 @@ static void a_cavity_is_as_deep_as_asked_and_folds_nothing(void **state) {
 static void a_meniscus_above_a_cavity_sinks_with_its_tibia(void **state) {
     (void)state;
     struct recipe recipe = standard;
-    recipe.cavities[recipe.cavity_count++] = plateau_cavity;
-    recipe.cavities[0].dent.at = (vec3){-24, 14, -22};
+    recipe.steps[recipe.step_count++] = plateau_cavity;
+    recipe.steps[0].cavity.dent.at = (vec3){-24, 14, -22};
     struct knee_case *knee = generate(&recipe);
     struct mesh tibia, meniscus;
     displace(case_group(knee, "tibia"), &tibia);
@@ -412,8 +413,8 @@ static void a_cavity_far_from_its_bone_is_refused(void **state) {
     (void)state;
     struct recipe recipe = standard;
     recipe.resolution_mm = 3;
-    recipe.cavities[recipe.cavity_count++] = plateau_cavity;
-    recipe.cavities[0].dent.at = (vec3){-19, 6, 40};
+    recipe.steps[recipe.step_count++] = plateau_cavity;
+    recipe.steps[0].cavity.dent.at = (vec3){-19, 6, 40};
     struct knee_case *knee;
     struct error err;
     assert_int_equal(generate_knee(&recipe, &knee, &err), RESULT_INVALID);

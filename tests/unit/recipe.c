@@ -1,6 +1,6 @@
 // Recipe files, good and at fault.
-#include "generate/generate.h"
 #include "folder.h"
+#include "generate/generate.h"
 #include "test.h"
 
 #include <stdio.h>
@@ -34,7 +34,8 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
                   "depth_mm = 3\nlength_mm = 12\n"
                   "[ligament pcl]\nflexion_deg = 30  90.5\ndrawer_mm = -4\t-5\n"
                   "extra_drawer_mm = -8\nextra_internal_deg = 0 1\n"
-                  "[ligament mcl]\nvalgus_deg = 5\nextra_valgus_deg = 10\nflexion_deg = 20\n",
+                  "[ligament mcl]\nvalgus_deg = 5\nextra_valgus_deg = 10\nflexion_deg = 20\n"
+                  "[plan d]\ngroup = meniscus_medial\nat = 0.3\ndepth_mm = 9\nlength_mm = 8\n",
                   &recipe, &err) != RESULT_OK)
         fail_msg("%s", err.text);
     assert_string_equal(recipe.title, "A knee");
@@ -44,20 +45,22 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_near(recipe.meniscus_medial_cm3, 2, 0);
     assert_near(recipe.meniscus_lateral_cm3, 1.5, 0);
     assert_near(recipe.rim_mm, 4, 0);
-    assert_int_equal(recipe.cavity_count, 2);
-    assert_string_equal(recipe.cavities[0].name, "a");
-    assert_vec3_near(recipe.cavities[0].dent.at, ((vec3){1, -2, 3.5}), 0);
-    assert_int_equal(recipe.cavities[1].body, BODY_FEMUR);
-    assert_int_equal(recipe.tear_count, 1);
-    assert_string_equal(recipe.tears[0].name, "c");
-    assert_string_equal(recipe.tears[0].group, "meniscus_lateral");
-    assert_int_equal(recipe.tears[0].tear.kind, TEAR_BUCKET_HANDLE);
-    assert_near(recipe.tears[0].tear.at, 0.4, 0);
-    assert_near(recipe.tears[0].tear.depth_mm, 3, 0);
-    assert_near(recipe.tears[0].tear.length_mm, 12, 0);
-    assert_int_equal(recipe.ligament_count, 2);
-    const struct recipe_ligament *pcl = &recipe.ligaments[0];
-    assert_string_equal(pcl->name, "pcl");
+    assert_int_equal(recipe.step_count, 6);
+    const struct pathology *steps = recipe.steps;
+    assert_string_equal(steps[0].name, "a");
+    assert_int_equal(steps[0].kind, PATHOLOGY_CAVITY);
+    assert_vec3_near(steps[0].cavity.dent.at, ((vec3){1, -2, 3.5}), 0);
+    assert_int_equal(steps[1].cavity.body, BODY_FEMUR);
+    assert_string_equal(steps[2].name, "c");
+    assert_int_equal(steps[2].kind, PATHOLOGY_TEAR);
+    assert_string_equal(steps[2].tear.group, "meniscus_lateral");
+    assert_int_equal(steps[2].tear.tear.kind, TEAR_BUCKET_HANDLE);
+    assert_near(steps[2].tear.tear.at, 0.4, 0);
+    assert_near(steps[2].tear.tear.depth_mm, 3, 0);
+    assert_near(steps[2].tear.tear.length_mm, 12, 0);
+    assert_string_equal(steps[3].name, "pcl");
+    assert_int_equal(steps[3].kind, PATHOLOGY_LIGAMENT);
+    const struct pathology_ligament *pcl = &steps[3].ligament;
     assert_int_equal(pcl->flexion_deg.count, 2);
     assert_near(pcl->flexion_deg.values[1], 90.5, 0);
     assert_near(pcl->drawer_mm.values[0], -4, 0);
@@ -65,8 +68,13 @@ static void a_recipe_says_all_that_a_knee_is_made_from(void **state) {
     assert_int_equal(pcl->extra_drawer_mm.count, 1);
     assert_near(pcl->extra_internal_deg.values[1], 1, 0);
     assert_int_equal(pcl->valgus_deg.count, 0);
-    assert_string_equal(recipe.ligaments[1].name, "mcl");
-    assert_near(recipe.ligaments[1].extra_valgus_deg.values[0], 10, 0);
+    assert_string_equal(steps[4].name, "mcl");
+    assert_near(steps[4].ligament.extra_valgus_deg.values[0], 10, 0);
+    assert_int_equal(steps[5].kind, PATHOLOGY_PLAN);
+    assert_string_equal(steps[5].plan.group, "meniscus_medial");
+    assert_near(steps[5].plan.resection.at, 0.3, 0);
+    assert_near(steps[5].plan.resection.depth_mm, 9, 0);
+    assert_near(steps[5].plan.resection.length_mm, 8, 0);
     assert_string_equal(recipe.name, "of-text");
 }
 
@@ -114,6 +122,15 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[tear a]\nat = 0.5\n[tear b]\nat = 0.5\n[tear c]\nat = 0.5\n[tear d]\nat = 0.5\n"
          "[tear e]\nat = 0.5\n",
          "[tear e] at: at most 4 tears"},
+#define PLAN(name) "[plan " name "]\ngroup = meniscus_medial\nat = 0.5\ndepth_mm = 3\n"
+        {PLAN("a"), "[plan a] needs group, at, depth_mm and length_mm"},
+        {PLAN("a") "length_mm = 9\n" PLAN("b") "length_mm = 9\n",
+         "[plan b] meniscus_medial has a plan already"},
+        {"[plan a]\nkind = flap\n", "[plan a] kind: unknown key"},
+        {"[plan a]\ngroup = femur\n", "must be meniscus_medial or meniscus_lateral"},
+        {"[plan a]\ndepth_mm = 9.5\n", "[plan a] depth_mm = 9.5: must be a number from 1 to 9"},
+        {"[cavities]\nat = 1\n", "[cavities] at: unknown key"},
+        {"[tear]\nat = 0.5\n", "[tear] at: unknown key"},
 #define KEYS "[ligament mcl]\nflexion_deg = 20 50\n"
         {KEYS "valgus_deg = 5\n", "[ligament mcl] needs flexion_deg, where"},
         {KEYS "valgus_deg = 0\nextra_valgus_deg = 10\n", "[ligament mcl] needs"},

@@ -1,8 +1,8 @@
 #include "generate/tear.h"
 
+#include "cut/cut.h"
 #include "generate/generate.h"
 #include "generate/maxcut.h"
-#include "cut/cut.h"
 #include "mesh/topology.h"
 #include "random.h"
 #include "test.h"
@@ -21,6 +21,14 @@ static struct recipe recipe_of[RECIPE_COUNT];
 static struct knee_case *knees[RECIPE_COUNT];
 static struct arc *arcs[RECIPE_COUNT];
 static struct mesh tissues[RECIPE_COUNT]; // S'
+
+static struct tear *tear_of(struct recipe *recipe) {
+    for (int i = 0; i < recipe->step_count; i++)
+        if (recipe->steps[i].kind == PATHOLOGY_TEAR)
+            return &recipe->steps[i].tear.tear;
+    fail();
+    return NULL;
+}
 
 static int make_knees(void **state) {
     (void)state;
@@ -96,7 +104,7 @@ static void a_cleft_is_thin_and_leaves_one_piece(void **state) {
         assert_true(t.closed && t.manifold && t.oriented);
         assert_int_equal(t.components, 1);
         // Only a bucket handle has a hole through which one can look.
-        assert_int_equal(t.genus, recipe_of[i].tears[0].tear.kind == TEAR_BUCKET_HANDLE);
+        assert_int_equal(t.genus, tear_of(&recipe_of[i])->kind == TEAR_BUCKET_HANDLE);
         mesh_fini(&torn);
         cut_change_fini(&change);
         cut_mesh_destroy(&cut);
@@ -157,7 +165,7 @@ static void the_plan_lies_within_the_cut_budget(void **state) {
 
 // mm along the arc at the tear's depth, mm from the inner margin, share of the height.
 static vec3 point_of(int i, double offset, double depth, double up) {
-    const struct tear *tear = &recipe_of[i].tears[0].tear;
+    const struct tear *tear = tear_of(&recipe_of[i]);
     double radius = arc_radius(arcs[i], tear->at) - arc_width(arcs[i], tear->at) + tear->depth_mm;
     double along = tear->at + offset / radius / arc_angle(arcs[i]), lower, upper;
     double inward = arc_width(arcs[i], along) - depth;
@@ -179,7 +187,7 @@ static bool is_torn_between(int i, double offset, double from, double to, double
 
 static void a_radial_tear_runs_from_the_inner_margin_outwards(void **state) {
     (void)state;
-    double depth = recipe_of[0].tears[0].tear.depth_mm;
+    double depth = tear_of(&recipe_of[0])->depth_mm;
     for (double up = 0.1; up < 1; up += 0.2) {
         for (double d = 0.1; d < depth; d += 0.2)
             assert_true(is_torn(0, 0, d, up));
@@ -191,7 +199,7 @@ static void a_radial_tear_runs_from_the_inner_margin_outwards(void **state) {
 
 static void a_flap_is_cut_from_the_margin_and_hangs_on_at_its_end(void **state) {
     (void)state;
-    const struct tear *tear = &recipe_of[1].tears[0].tear;
+    const struct tear *tear = tear_of(&recipe_of[1]);
     double half = tear->length_mm / 2;
     for (double up = 0.1; up < 1; up += 0.2) {
         for (double offset = 0.3; offset < tear->depth_mm; offset += 0.3)
@@ -205,7 +213,7 @@ static void a_flap_is_cut_from_the_margin_and_hangs_on_at_its_end(void **state) 
 
 static void a_bucket_handle_is_cut_off_along_the_body_but_for_its_ends(void **state) {
     (void)state;
-    const struct tear *tear = &recipe_of[2].tears[0].tear;
+    const struct tear *tear = tear_of(&recipe_of[2]);
     double half = tear->length_mm / 2;
     for (double up = 0.1; up < 1; up += 0.2)
         for (double offset = -half - 3; offset <= half + 3; offset += 0.25) {
@@ -220,7 +228,7 @@ static void a_bucket_handle_is_cut_off_along_the_body_but_for_its_ends(void **st
 
 static void a_horizontal_tear_parts_an_upper_from_a_lower_leaf(void **state) {
     (void)state;
-    const struct tear *tear = &recipe_of[3].tears[0].tear;
+    const struct tear *tear = tear_of(&recipe_of[3]);
     for (double offset = -tear->length_mm / 2; offset <= tear->length_mm / 2; offset += 0.5)
         for (double depth = 0.8; depth < tear->depth_mm - 0.3; depth += 0.2) {
             int met = 0;
@@ -249,7 +257,7 @@ static void a_tear_that_does_not_fit_is_refused_by_name(void **state) {
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct knee_case *knee;
         struct error err;
-        recipe.tears[0].tear = rows[i].tear;
+        *tear_of(&recipe) = rows[i].tear;
         assert_int_equal(generate_knee(&recipe, &knee, &err), RESULT_INVALID);
         assert_null(knee);
         if (!strstr(err.text, rows[i].says) || !strstr(err.text, "[tear radial] "))
@@ -263,7 +271,7 @@ static void a_plan_never_reaches_into_the_rim(void **state) {
     struct knee_case *knee;
     struct maxcut_report report;
     struct error err;
-    recipe.tears[0].tear.depth_mm = 7;
+    tear_of(&recipe)->depth_mm = 7;
     assert_int_equal(generate_knee(&recipe, &knee, &err), RESULT_OK);
     struct case_group *group = case_group(knee, "meniscus_medial");
     assert_int_equal(maxcut_inspect(group, &report, &err), RESULT_OK);

@@ -1,0 +1,112 @@
+#include "generate/pathology.h"
+
+#include "generate/keys.h"
+#include "generate/maxcut.h"
+
+#include <string.h>
+
+static pose joint_of(const struct knee_case *knee, enum body body) {
+    return body == BODY_TIBIA ? knee->joint.T_tibia_joint : knee->joint.T_femur_joint;
+}
+
+// ---- cavities -----------------------------------------------------------------------------------
+
+static bool has_lesion(const struct case_group *group) {
+    const struct case_lesion *lesion = &group->lesion;
+    return lesion->tear.part_count || lesion->damage.part_count || lesion->plan.part_count;
+}
+
+// Whether the dent may move it: its middle lies within half of the radius of `at`.
+static bool may_move(const struct case_group *group, const struct deform_cavity *dent) {
+    struct mesh mesh;
+    bool moves = false;
+    case_group_virtual(group, &mesh);
+    for (uint32_t v = 0; v < mesh.vertex_count && !moves; v++)
+        moves = vec3_distance(mesh_vertex(&mesh, v), dent->at) <=
+                1.5 * dent->radius_mm + dent->depth_mm;
+    mesh_fini(&mesh);
+    return moves;
+}
+
+// All groups of the body, its bone first; 0 where there is none.
+static int groups_of(struct knee_case *knee, enum body body, struct case_group **out_groups) {
+    int count = 0;
+    out_groups[count++] = case_group(knee, body_name(body));
+    for (int i = 0; i < knee->group_count; i++)
+        if (knee->groups[i].body == body && &knee->groups[i] != out_groups[0])
+            out_groups[count++] = &knee->groups[i];
+    return out_groups[0] ? count : 0;
+}
+
+static enum result add_cavity(struct knee_case *knee, const struct pathology_cavity *cavity,
+                              double rim_mm, struct error *err) {
+    struct case_group *groups[CASE_GROUPS_MAX + 1];
+    struct deform_cavity dent = cavity->dent;
+    double mirror = knee->joint.side == SIDE_LEFT ? -1 : 1;
+    dent.at.x *= mirror;
+    dent.at = pose_apply(joint_of(knee, cavity->body), dent.at);
+    int count = groups_of(knee, cavity->body, groups);
+    if (!count)
+        return fail(err, RESULT_MISSING, "the case has no group %s", body_name(cavity->body));
+    for (int i = 0; i < count; i++)
+        if (has_lesion(groups[i]) && may_move(groups[i], &dent))
+            return fail(err, RESULT_INVALID,
+                        "%s has a tear or a plan, which would not follow: make the cavity before",
+                        groups[i]->name);
+    enum result result = deform_cavity_add(groups, count, &dent, err);
+    for (int i = 0; i < count && result == RESULT_OK; i++)
+        if (groups[i]->maxcut && may_move(groups[i], &dent))
+            result = maxcut_make(groups[i], joint_of(knee, cavity->body), rim_mm, err);
+    return result;
+}
+
+// ---- menisci ------------------------------------------------------------------------------------
+
+static enum result make_cuttable(struct knee_case *knee, struct case_group *group, double rim_mm,
+                                 struct error *err) {
+    bool was_cuttable = group->cuttable;
+    group->cuttable = true;
+    enum result result = was_cuttable ? RESULT_OK : case_validate(knee, err);
+    if (result == RESULT_OK && !group->maxcut && rim_mm > 0)
+        result = maxcut_make(group, joint_of(knee, group->body), rim_mm, err);
+    return result;
+}
+
+static enum result damage(struct case_group *group, const struct arc *arc,
+                          const struct pathology *step, double rim_mm, struct error *err) {
+    if (step->kind == PATHOLOGY_PLAN)
+        return plan_set(group, arc, &step->plan.resection, rim_mm, err);
+    return tear_add(group, arc, &step->tear.tear, rim_mm, err);
+}
+
+static enum result treat_meniscus(struct knee_case *knee, const struct pathology *step,
+                                  double rim_mm, struct error *err) {
+    bool torn = step->kind == PATHOLOGY_TEAR;
+    const char *name = torn ? step->tear.group : step->plan.group;
+    struct case_group *group = case_group(knee, name);
+    struct mesh mesh;
+    struct arc *arc = NULL;
+    if (!group)
+        return fail(err, RESULT_MISSING, "the case has no group %s", name);
+    enum result result = make_cuttable(knee, group, rim_mm, err);
+    if (result != RESULT_OK)
+        return result;
+    case_group_virtual(group, &mesh);
+    result = arc_create(&mesh, joint_of(knee, group->body), &arc, err);
+    if (result == RESULT_OK)
+        result = damage(group, arc, step, rim_mm, err);
+    arc_destroy(&arc);
+    mesh_fini(&mesh);
+    return result;
+}
+
+// ---- any ----------------------------------------------------------------------------------------
+
+enum result pathology_apply(struct knee_case *knee, const struct pathology *step, double rim_mm,
+                            struct error *err) {
+    if (step->kind == PATHOLOGY_LIGAMENT)
+        return keys_add(knee, step->name, &step->ligament, err);
+    if (step->kind == PATHOLOGY_CAVITY)
+        return add_cavity(knee, &step->cavity, rim_mm, err);
+    return treat_meniscus(knee, step, rim_mm, err);
+}

@@ -53,7 +53,7 @@ static void find_normals(struct solid *solid) {
 }
 
 enum result solid_init(struct solid *solid, const struct mesh *mesh, struct error *err) {
-    *solid = (struct solid){.mesh = mesh};
+    *solid = (struct solid){.mesh = mesh, .box = mesh_bounds(mesh)};
     solid->face_normals = alloc(mesh->triangle_count, sizeof(vec3));
     solid->vertex_normals = alloc(mesh->vertex_count, sizeof(vec3));
     solid->neighbours = alloc(3 * (size_t)mesh->triangle_count, sizeof(uint32_t));
@@ -80,13 +80,19 @@ static vec3 pseudo_normal(const struct solid *solid, const struct closest *close
     return normal;
 }
 
+// A scan's fold can turn a pseudo-normal round, and with it the side of points far away.
+static bool box_holds(const struct box *box, vec3 p) {
+    return p.x >= box->min.x && p.x <= box->max.x && p.y >= box->min.y && p.y <= box->max.y &&
+           p.z >= box->min.z && p.z <= box->max.z;
+}
+
 double solid_distance(const struct solid *solid, vec3 p, uint32_t *hint) {
     struct closest closest;
     bool found = query_closest(solid->query, p, INFINITY, *hint, &closest);
     CHECK(found);
     *hint = closest.triangle;
     double side = vec3_dot(vec3_sub(p, closest.point), pseudo_normal(solid, &closest));
-    return side < 0 ? -closest.distance : closest.distance;
+    return side < 0 && box_holds(&solid->box, p) ? -closest.distance : closest.distance;
 }
 
 double solid_depth(const struct solid *solid, vec3 from, vec3 to) {

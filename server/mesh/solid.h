@@ -1,11 +1,12 @@
 // A closed mesh that knows its inside: signed distances by the pseudo-normals of the closest
-// feature (Bærentzen and Aanæs 2005).
+// feature (Bærentzen and Aanæs 2005). Points beside its box are outside.
 #pragma once
 
 #include "mesh/query.h"
 
 struct solid {
     const struct mesh *mesh;
+    struct box box;
     struct query *query;
     vec3 *face_normals;   // unit
     vec3 *vertex_normals; // weighted by angle

@@ -8,15 +8,19 @@
 #define EXIT_FAULT 1 // it failed, or found a fault
 #define EXIT_USAGE 2
 
+int command_cavity(int argc, char **argv);
 int command_check(int argc, char **argv);
 int command_deform(int argc, char **argv);
 int command_generate(int argc, char **argv);
 int command_import(int argc, char **argv);
 int command_info(int argc, char **argv);
+int command_ligament(int argc, char **argv);
 int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);
 int command_picture(int argc, char **argv);
+int command_plan(int argc, char **argv);
 int command_record_pose(int argc, char **argv);
+int command_tear(int argc, char **argv);
 
 // Prints what is wrong and where help is; EXIT_USAGE.
 int unknown_choice(const char *command, const char *argument, const char *word,

@@ -122,10 +122,12 @@ static enum result cut_level(const struct site *site, const double offsets[2],
         vec3_cross(vec3_sub(corners[2], corners[0]), vec3_sub(corners[3], corners[1])), site->up);
     if (vec3_dot(normal, site->up) < 0)
         normal = vec3_scale(-1, normal);
-    double level = vec3_dot(normal, middle);
+    // A scan's tissue is twisted: neighbours still meet where their corners leave the plane.
+    double level = vec3_dot(normal, middle), lift = fabs(vec3_dot(normal, corners[0]) - level);
+    double half = kerf / 2 + fmax(lift - overlap, 0);
     return add_cell(site, &site->lesion->tear, corners,
-                    (struct plane){vec3_scale(-1, normal), kerf / 2 - level},
-                    (struct plane){normal, level + kerf / 2});
+                    (struct plane){vec3_scale(-1, normal), half - level},
+                    (struct plane){normal, level + half});
 }
 
 // The tissue's middle rises ever more from the inner margin: two pieces follow it.

@@ -177,8 +177,10 @@ static enum result look(struct case_check *check, const struct scene *scene,
         field_touch(&stance.warp, field, &at->touch);
         facing_compare(&stance.warp, skin_bit(scene_case(scene)), at->facing);
     }
-    if (at->key >= 0)
+    if (at->key >= 0) {
         at->bones = ligaments_key(scene, check->settings.adaptive, at->key);
+        at->gain = ligaments_gain(scene, check->settings.adaptive, at->key);
+    }
     moved_fini(&moved);
     return result;
 }

@@ -57,6 +57,7 @@ struct check_pose {
     struct touch_figures touch;
     struct facing_figures *facing;
     struct key_figures bones; // with a key
+    double gain;              // with a key: of its ligament
 };
 
 struct case_check {

@@ -5,6 +5,8 @@
 #define REST_MAX_MM 1e-6
 #define TOUCH_MAX_MM 1e-4
 #define MOST 0.999
+#define LIGAMENT_GAIN_STEEP 4
+#define LIGAMENT_GAIN_MAX 8
 
 static const char *group_of(const struct case_check *check, int surface) {
     return surface < 0 ? "nothing" : check->groups[surface];
@@ -163,6 +165,16 @@ static void find_pair(struct case_check *check, int a, int b) {
     }
 }
 
+static void find_ligament_gain(struct case_check *check, const struct check_pose *at) {
+    enum finding_level level = at->gain > LIGAMENT_GAIN_MAX     ? FINDING_FAULT
+                               : at->gain > LIGAMENT_GAIN_STEEP ? FINDING_WARNING
+                                                                : FINDING_NOTE;
+    inspection_note(&check->findings, level, "joint",
+                    "%s: on the way from rest the shown tibia goes up to %.2f mm further for each "
+                    "mm of the mock-up's",
+                    at->name, at->gain);
+}
+
 static void find_ligaments(struct case_check *check, const struct knee_case *knee) {
     if (knee->torn_count)
         inspection_note(
@@ -170,6 +182,8 @@ static void find_ligaments(struct case_check *check, const struct knee_case *kne
             "each key is met; at rest the tibia is moved by at most %.2g mm", check->rest_mm);
     for (int i = 0; i < check->pose_count; i++) {
         const struct check_pose *at = &check->poses[i];
+        if (at->key >= 0)
+            find_ligament_gain(check, at);
         double sunk = at->bones.virtual_mm - at->bones.physical_mm;
         if (at->key < 0 || sunk <= SUNK_MM)
             continue;

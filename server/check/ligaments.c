@@ -93,6 +93,53 @@ double ligaments_rest_mm(const struct scene *scene, enum adaptive_kind kind) {
     return largest;
 }
 
+// ---- from rest to a key -------------------------------------------------------------------------
+
+#define GAIN_STEPS 64
+#define LEVERS 6
+
+static void levers_at(const struct scene *scene, enum adaptive_kind kind,
+                      const struct joint_angles *joint, vec3 out_held[LEVERS],
+                      vec3 out_further[LEVERS]) {
+    struct scene_stance stance;
+    scene_stand(scene, kind, joint, &stance);
+    pose T = pose_compose(stance.T_femur_body[BODY_TIBIA], scene_case(scene)->joint.T_tibia_joint);
+    for (int i = 0; i < LEVERS; i++) {
+        double way = i & 1 ? -LEVER_MM : LEVER_MM;
+        vec3 at = {i / 2 == 0 ? way : 0, i / 2 == 1 ? way : 0, i / 2 == 2 ? way : 0};
+        out_held[i] = pose_apply(T, at);
+        out_further[i] =
+            vec3_sub(pose_apply(stance.correction[BODY_TIBIA], out_held[i]), out_held[i]);
+    }
+}
+
+static double longest(const vec3 from[LEVERS], const vec3 to[LEVERS]) {
+    double most = 0;
+    for (int i = 0; i < LEVERS; i++)
+        most = fmax(most, vec3_distance(from[i], to[i]));
+    return most;
+}
+
+double ligaments_gain(const struct scene *scene, enum adaptive_kind kind, int key) {
+    const struct knee_case *knee = scene_case(scene);
+    struct joint_angles ends[2], joint;
+    ends[1] = joint_from_pose(&knee->joint, knee->keys[key].physical);
+    ends[0] = ligaments_rest(knee, ends[1].flexion_deg);
+    vec3 held[2][LEVERS], further[2][LEVERS];
+    double largest = 0;
+    for (int n = 0; n <= GAIN_STEPS; n++) {
+        for (int i = 0; i < COORDINATES; i++) {
+            double from = *coordinate(&ends[0], i), to = *coordinate(&ends[1], i);
+            *coordinate(&joint, i) = from + (to - from) * n / GAIN_STEPS;
+        }
+        levers_at(scene, kind, &joint, held[n % 2], further[n % 2]);
+        double way = n ? longest(held[0], held[1]) : 0;
+        if (way > 0)
+            largest = fmax(largest, longest(further[0], further[1]) / way);
+    }
+    return largest;
+}
+
 // ---- in the key poses ---------------------------------------------------------------------------
 
 static int group_index(const struct knee_case *knee, const char *name) {

@@ -18,6 +18,11 @@ struct key_figures ligaments_key(const struct scene *scene, enum adaptive_kind k
 // rest pose, 0 to 120 degrees in steps of 0.5, mm.
 double ligaments_rest_mm(const struct scene *scene, enum adaptive_kind kind);
 
+// The gain of a torn ligament: mm that the shown tibia goes further for each mm that the mock-up's
+// is moved from rest to a key, at most, by points of the tibia near the joint (57 mm from its
+// centre).
+double ligaments_gain(const struct scene *scene, enum adaptive_kind kind, int key);
+
 // The joint at rest: on the case's rest path, straight between its keys.
 struct joint_angles ligaments_rest(const struct knee_case *knee, double flexion_deg);
 

@@ -98,6 +98,7 @@ static json_t *pose_object(const struct case_check *check, const struct check_po
     if (at->key >= 0) {
         set(object, "bones_overlap_mm", json_real(at->bones.physical_mm));
         set(object, "virtual_bones_overlap_mm", json_real(at->bones.virtual_mm));
+        set(object, "ligament_gain", json_real(at->gain));
     }
     if (at->is_still)
         return object;

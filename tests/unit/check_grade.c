@@ -191,6 +191,29 @@ static void torn_ligaments_are_looked_at_in_their_keys(void **state) {
     check_destroy(&check);
 }
 
+// The ramp from rest to a key is 1.5 times as steep in its middle as it is on the whole.
+static void a_ligament_that_opens_too_steeply_makes_a_case_unfit(void **state) {
+    (void)state;
+    static const struct {
+        double held_deg;
+        enum finding_level level;
+    } rows[] = {{3, FINDING_NOTE}, {2, FINDING_WARNING}, {1, FINDING_FAULT}};
+    for (int i = 0; i < 3; i++) {
+        struct knee_case *knee = plain_knee();
+        quat held = quat_from_axis_angle((vec3){0, 1, 0}, -rows[i].held_deg * RAD_PER_DEG);
+        quat shown = quat_from_axis_angle((vec3){0, 1, 0}, -(rows[i].held_deg + 7) * RAD_PER_DEG);
+        knee->torn_count = knee->key_count = 1;
+        knee->joint.T_femur_joint = knee->joint.T_tibia_joint = pose_identity();
+        knee->keys[0] = (struct case_key){0, {held, {0, 0, 0}}, {shown, {0, 0, 0}}};
+        struct scene *scene;
+        struct case_check *check = check_knee(knee, &scene);
+        assert_near(check->poses[check->pose_count - 1].gain, 1.5 * 7 / rows[i].held_deg, 0.02);
+        assert_non_null(find(check, rows[i].level, "joint", "mm further for each mm"));
+        scene_destroy(&scene);
+        check_destroy(&check);
+    }
+}
+
 static void findings_for_which_there_is_no_room_count_all_the_same(void **state) {
     (void)state;
     static struct case_check check;
@@ -348,6 +371,7 @@ int main(void) {
         cmocka_unit_test(surfaces_that_go_into_each_other_make_a_case_unfit),
         cmocka_unit_test(torn_ligaments_are_looked_at_in_their_keys),
         cmocka_unit_test(a_section_shows_what_lies_where),
+        cmocka_unit_test(a_ligament_that_opens_too_steeply_makes_a_case_unfit),
         cmocka_unit_test(findings_for_which_there_is_no_room_count_all_the_same),
         cmocka_unit_test(a_case_that_cannot_be_prepared_is_unfit_and_says_why),
         cmocka_unit_test_setup_teardown(a_broken_record_is_refused_and_says_where, setup, teardown),

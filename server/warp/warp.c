@@ -1,16 +1,16 @@
 #include "warp/warp.h"
 
 #include "base/check.h"
+#include "warp/warp_parts.h"
 
 #include <float.h>
 #include <string.h>
 
-#define TOUCH_MM 1e-6
 #define GAP_OVER_SKIN 26
 
 const char *field_name(enum field_kind kind) {
-    static const char *const names[FIELD_COUNT] = {"gaussian", "inverse-distance", "smooth"};
-    return (unsigned)kind < FIELD_COUNT ? names[kind] : "unknown";
+    static const char *const names[] = {"gaussian", "inverse-distance", "smooth", "integral"};
+    return (unsigned)kind < sizeof names / sizeof names[0] ? names[kind] : "unknown";
 }
 
 bool field_from_name(const char *name, enum field_kind *out_kind) {
@@ -49,39 +49,27 @@ static vec3 displacement_at(const struct warp_surface *surface, const struct clo
     return sum;
 }
 
-// Bodies under a surface: where they are, and where their corrections put them.
-struct stance {
-    pose physical, virtual, other; // other: the virtual one of what a ligament bridges to
-};
-
 static pose corrected(const struct warp_scene *scene, int body, pose B) {
     return scene->correction ? pose_compose(scene->correction[body], B) : B;
 }
 
-static struct stance stance_of(const struct warp_scene *scene, int surface) {
+struct stance stance_of(const struct warp_scene *scene, int surface) {
     const struct warp_surface *s = &scene->surfaces[surface];
     pose B = scene->T_world_body[s->body], virtual = corrected(scene, s->body, B);
     return (struct stance){B, virtual,
                            s->other_share ? corrected(scene, s->other_body, B) : virtual};
 }
 
-// Δ of a point x of the surface that is displaced by u, both in the body's frame.
-static vec3 delta_of(const struct stance *stance, double other, vec3 x, vec3 u) {
+vec3 delta_of(const struct stance *stance, double other, vec3 x, vec3 u) {
     vec3 at = vec3_add(x, u), target = pose_apply(stance->virtual, at);
     if (other > 0)
         target = vec3_add_scaled(target, other, vec3_sub(pose_apply(stance->other, at), target));
     return vec3_sub(target, pose_apply(stance->physical, x));
 }
 
-// How x, u and the other bone's share change with y, in the body's frame.
-struct changes {
-    mat3 slide, change;
-    vec3 other;
-};
-
 // G_k = [M_R R_B (∂x + ∂u) − R_B ∂x + (M_other − M_body) B x' ∂share] R_Bᵀ
-static mat3 delta_gradient_of(const struct stance *stance, double other, vec3 target,
-                              const struct changes *changes) {
+mat3 delta_gradient_of(const struct stance *stance, double other, vec3 target,
+                       const struct changes *changes) {
     mat3 R = quat_to_mat3(stance->physical.rotation);
     mat3 MR = quat_to_mat3(stance->virtual.rotation);
     mat3 apart = mat3_add_scaled(quat_to_mat3(stance->other.rotation), -1, MR);
@@ -180,8 +168,7 @@ static vec3 face_across(const struct mesh *mesh, uint32_t triangle) {
 
 // ---- its mean point ----
 
-// 0 up to `begin`, 1 from begin + width on, continuously differentiable.
-static double smoothstep(double d, double begin, double width, double *out_slope) {
+double smoothstep(double d, double begin, double width, double *out_slope) {
     double t = (d - begin) / width;
     t = t < 0 ? 0 : t < 1 ? t : 1;
     *out_slope = 6 * t * (1 - t) / width;
@@ -210,8 +197,9 @@ static void hand_over(const struct warp_surface *surface, const struct stance *s
 static bool touch_surface(const struct warp_scene *scene, const struct field *field, int index,
                           vec3 y, struct warp_memory *memory, struct warp_contact *out) {
     // A distance that overflows has no weight and no order: out of reach.
-    double reach =
-        field->kind == FIELD_GAUSSIAN ? DBL_MAX : field->radius_mm + 1.5 * field->skin_mm;
+    double reach = field->kind == FIELD_GAUSSIAN   ? DBL_MAX
+                   : field->kind == FIELD_INTEGRAL ? field->radius_mm
+                                                   : field->radius_mm + 1.5 * field->skin_mm;
     const struct warp_surface *surface = &scene->surfaces[index];
     struct stance stance = stance_of(scene, index);
     vec3 p = pose_apply_inverse(stance.physical, y);
@@ -227,6 +215,8 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
     take_delta(surface, &stance, &closest, out);
     if (field->kind == FIELD_SMOOTH && surface->mean)
         hand_over(surface, &stance, field, p, out);
+    if (field->kind == FIELD_INTEGRAL)
+        integral_look(surface, &stance, p, closest.point, out);
     mat3 zero = {0};
     out->delta = vec3_scale(field->strength, out->delta);
     out->delta_gradient = mat3_add_scaled(zero, field->strength, out->delta_gradient);
@@ -235,21 +225,13 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
 
 // ---- distances ----
 
-// d, or φ(d) where there is a skin.
-struct distance {
-    double value;
-    vec3 gradient;
-};
-
-// The skin s that a gap g leaves: s (u − u²/4), u = g/(26 s), and s itself from u = 2 on.
-static double skin_in(double s, double gap, double *out_by_gap) {
-    double u = fmin(gap / (GAP_OVER_SKIN * s), 2);
-    *out_by_gap = (1 - 0.5 * u) / GAP_OVER_SKIN;
+double skin_in(double s, double gap, double gap_over_skin, double *out_by_gap) {
+    double u = fmin(gap / (gap_over_skin * s), 2);
+    *out_by_gap = (1 - 0.5 * u) / gap_over_skin;
     return s * (u - 0.25 * u * u);
 }
 
-// φ(d) for a skin s, and its derivatives.
-static double thin(double d, double s, double *out_by_d, double *out_by_s) {
+double thin(double d, double s, double *out_by_d, double *out_by_s) {
     double t = s > 0 ? fmax(d / s - 1, 0) : 1;
     *out_by_d = t < 1 ? t : 1;
     *out_by_s = t < 1 ? -t - 0.5 * t * t : -1.5;
@@ -257,11 +239,11 @@ static double thin(double d, double s, double *out_by_d, double *out_by_s) {
 }
 
 static void measure(const struct field *field, const struct warp_contact *contacts, int count,
-                    const struct warp_contact *const nearest[2], struct distance *out) {
+                    const struct warp_contact *const nearest[2], struct slanted *out) {
     double by_gap = 0, s = field->kind == FIELD_GAUSSIAN ? 0 : field->skin_mm;
     vec3 gap = {0};
     if (s > 0 && nearest[1]) {
-        s = skin_in(s, nearest[0]->distance + nearest[1]->distance, &by_gap);
+        s = skin_in(s, nearest[0]->distance + nearest[1]->distance, GAP_OVER_SKIN, &by_gap);
         gap = vec3_add(nearest[0]->normal, nearest[1]->normal);
     }
     for (int i = 0; i < count; i++) {
@@ -273,32 +255,27 @@ static void measure(const struct field *field, const struct warp_contact *contac
 
 // ---- weights ----
 
-struct weight {
-    double value;
-    vec3 gradient;
-};
-
 // ω = 1/d − 1/R, which is (R − d)/(R d); 0 where only the skin brings a surface within reach.
-static struct weight inverse_distance(const struct field *field, const struct distance *d) {
+static struct slanted inverse_distance(const struct field *field, const struct slanted *d) {
     if (d->value >= field->radius_mm)
-        return (struct weight){0};
-    return (struct weight){1 / d->value - 1 / field->radius_mm,
-                           vec3_scale(-1 / (d->value * d->value), d->gradient)};
+        return (struct slanted){0};
+    return (struct slanted){1 / d->value - 1 / field->radius_mm,
+                            vec3_scale(-1 / (d->value * d->value), d->gradient)};
 }
 
 // Eq. 3 over the nearest surface's own weight, exp(−(d² − m²)/(2m)) with m = min d, which leaves
 // Eq. 2 as it is and cannot underflow for the nearest.
-static struct weight gaussian(const struct field *field, const struct distance *at,
-                              const struct distance *nearest) {
+static struct slanted gaussian(const struct field *field, const struct slanted *at,
+                               const struct slanted *nearest) {
     double unit = field->unit_mm, d = at->value / unit, m = nearest->value / unit;
     double value = exp(-(d * d - m * m) / (2 * m));
     vec3 slope = vec3_scale(d / m, at->gradient);
     slope = vec3_add_scaled(slope, -(d * d / (2 * m * m) + 0.5), nearest->gradient);
-    return (struct weight){value, vec3_scale(-value / unit, slope)};
+    return (struct slanted){value, vec3_scale(-value / unit, slope)};
 }
 
-static struct weight weigh(const struct field *field, const struct distance *d,
-                           const struct distance *nearest) {
+static struct slanted weigh(const struct field *field, const struct slanted *d,
+                            const struct slanted *nearest) {
     return field->kind == FIELD_GAUSSIAN ? gaussian(field, d, nearest) : inverse_distance(field, d);
 }
 
@@ -310,9 +287,9 @@ static double background(const struct field *field) {
 
 // W = Σ ω Δ / S; ∇W = (1/S) Σ (ω G + (Δ − W) ∇ωᵀ)
 static void blend(const struct field *field, const struct warp_contact *contacts, int count,
-                  const struct distance *distances, const struct distance *nearest,
+                  const struct slanted *distances, const struct slanted *nearest,
                   struct warp *out) {
-    struct weight weights[WARP_SURFACES_MAX];
+    struct slanted weights[WARP_SURFACES_MAX];
     double sum = background(field);
     vec3 W = {0};
     for (int i = 0; i < count; i++) {
@@ -336,7 +313,7 @@ static void blend(const struct field *field, const struct warp_contact *contacts
 // Off a surface, W − Δ = φ (Σ ω_k (Δ_k − Δ) − ω_0 Δ) to first order in its φ, summed over the
 // others.
 static mat3 rise_off(const struct field *field, const struct warp_contact *contacts, int count,
-                     const struct distance *distances, int touched) {
+                     const struct slanted *distances, int touched) {
     vec3 delta = contacts[touched].delta, rise = vec3_scale(-background(field), delta);
     for (int i = 0; i < count; i++) {
         if (i == touched)
@@ -349,7 +326,7 @@ static mat3 rise_off(const struct field *field, const struct warp_contact *conta
 
 // On surfaces: exactly theirs, the mean where several touch.
 static bool take_touching(const struct field *field, const struct warp_contact *contacts, int count,
-                          const struct distance *distances, struct warp *out) {
+                          const struct slanted *distances, struct warp *out) {
     vec3 sum = {0};
     mat3 gradients = {0}, zero = {0};
     int touching = 0, touched = 0;
@@ -402,12 +379,16 @@ int warp_contacts(const struct warp_scene *scene, const struct field *field, vec
     if (!count)
         return 0;
     const struct warp_contact *nearest[2];
-    struct distance distances[WARP_SURFACES_MAX];
+    struct slanted distances[WARP_SURFACES_MAX];
     find_nearest(contacts, count, nearest);
     out->nearest = nearest[0]->surface;
     out->nearest_mm = nearest[0]->distance;
     out->trust_radius_mm =
         trust_radius(out->nearest_mm, nearest[1] ? nearest[1]->distance : INFINITY);
+    if (field->kind == FIELD_INTEGRAL) {
+        integral_blend(scene, field, y, contacts, count, out);
+        return count;
+    }
     measure(field, contacts, count, nearest, distances);
     if (!take_touching(field, contacts, count, distances, out))
         blend(field, contacts, count, distances, &distances[nearest[0] - contacts], out);

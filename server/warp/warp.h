@@ -16,10 +16,22 @@
 // s. Touch stays touch under a tracker's noise of s. Where the two nearest surfaces leave a gap g =
 // d1 + d2 below 52 s, the skin is thinner, under g/26, because a skin makes the field in a gap
 // steeper.
+//
+// The integral field takes D = √(π/M) of warp/surface_integral.h for d, and Δ of its x̃ and ũ:
+//
+//     e    = |x̃ − y|/D             1 off a plane, 0 between two sheets
+//     m    = |M_k y − y|,  b = 1/(1 + m²/m0²),  m0 = R/15;  b is 1 where nothing is corrected
+//     ω    = (1 + 2 b (1 − e²)₊²) (1/D − 1/R)₊ χ(d),  χ from 1 at 0.7 R to 0 at R
+//     D'   = min(1/(ω + 1/R), (1 + m0²/m²) d)
+//     ω_k  = 1/φ(D') − 1/φ(R)
+//     ω_0' = ω_0 (1 + b) / (1 + b R Σ ω_k/15),  b of the largest m
+//
+// Its gap is of the two smallest D', and skins are under g/40. At d_k <= 1e-6 it is as the others.
 #pragma once
 
 #include "base/pose.h"
 #include "mesh/query.h"
+#include "warp/surface_integral.h"
 #include "warp/surface_mean.h"
 
 #define WARP_SURFACES_MAX 32
@@ -29,10 +41,14 @@ enum field_kind {
     FIELD_INVERSE_DISTANCE, // ω = (R − d)₊/(R d), ω_0 a constant: free of units
     FIELD_SMOOTH, // the same, with the mean Δ of warp/surface_mean.h for surfaces that have one:
                   // no jumps where the closest point jumps
-    FIELD_COUNT
+    FIELD_COUNT,  // those that a session can have
+    FIELD_INTEGRAL = FIELD_COUNT, // weights and Δ by warp/surface_integral.h; for benches
+    FIELD_KINDS
 };
 
-const char *field_name(enum field_kind kind); // "gaussian", "inverse-distance", "smooth"
+// "gaussian", "inverse-distance", "smooth", "integral"
+const char *field_name(enum field_kind kind);
+// Of those that a session can have.
 bool field_from_name(const char *name, enum field_kind *out_kind);
 
 struct field {
@@ -60,6 +76,9 @@ struct warp_surface {
     // Of this displacement, for the smooth field; NULL: the closest point's Δ. Near the surface it
     // hands over to that: from max(R/240, s), and over R/120.
     const struct surface_mean *mean;
+    // Of this displacement, for the integral field; NULL: a plane through the closest point. Where
+    // there is another bone's share Δ is the closest point's, and the weight is the integral's.
+    const struct surface_integral *integral;
 };
 
 struct warp_scene {
@@ -98,6 +117,10 @@ struct warp_contact {
     vec3 delta;          // Δ_k
     mat3 delta_gradient; // ∂Δ_k/∂y
     mat3 slide; // ∂x/∂y: a projection onto the face or edge that x is on, 0 in a corner
+    struct warp_sight {
+        double weight, open;           // M; e²
+        vec3 weight_slope, open_slope; // by y, in the world
+    } sight;                           // for the integral field
 };
 
 // warp_point, and the surfaces that its answer is a blend of, in their order; how many.

@@ -30,8 +30,18 @@ void bodies_smooth(struct bodies *bodies) {
     }
 }
 
+void bodies_integrate(struct bodies *bodies) {
+    for (int i = 0; i < bodies->count; i++) {
+        bodies->blocks[i] = surface_blocks_create(&bodies->meshes[i]);
+        bodies->integrals[i] = surface_integral_create(bodies->blocks[i], bodies->displacements[i]);
+        bodies->surfaces[i].integral = bodies->integrals[i];
+    }
+}
+
 void bodies_fini(struct bodies *bodies) {
     for (int i = 0; i < bodies->count; i++) {
+        surface_integral_destroy(&bodies->integrals[i]);
+        surface_blocks_destroy(&bodies->blocks[i]);
         surface_mean_destroy(&bodies->means[i]);
         surface_tree_destroy(&bodies->trees[i]);
         query_destroy(&bodies->queries[i]);

@@ -15,6 +15,8 @@ struct bodies {
     struct warp_surface surfaces[BODIES_MAX];
     struct surface_tree *trees[BODIES_MAX];
     struct surface_mean *means[BODIES_MAX];
+    struct surface_blocks *blocks[BODIES_MAX];
+    struct surface_integral *integrals[BODIES_MAX];
 };
 
 // Takes the mesh (zeroed after) and the displacement (NULL for none). `body`: its pose's index.
@@ -23,6 +25,9 @@ void bodies_fini(struct bodies *bodies);
 
 // Gives each displaced surface its mean.
 void bodies_smooth(struct bodies *bodies);
+
+// Gives every surface its integral.
+void bodies_integrate(struct bodies *bodies);
 
 // Two parallel walls at z = ±gap/2 facing each other, the lower one displaced by `rise` along z.
 void bodies_walls(struct bodies *out, double gap_mm, double rise_mm);

@@ -60,7 +60,8 @@ double brute_distance(const struct mesh *mesh, vec3 p) {
 
 struct integrals {
     vec3 p, field, place; // of u; of x − p
-    double weight, unit;  // weights are (unit/r)⁵
+    double weight, unit;  // weights are (unit/r)^power
+    int power;
 };
 
 static void integrate(struct integrals *sums, const vec3 x[3], const vec3 u[3]) {
@@ -81,15 +82,16 @@ static void integrate(struct integrals *sums, const vec3 x[3], const vec3 u[3]) 
         integrate(sums, mx, mu);
         return;
     }
-    double weight = 0.5 * vec3_length(vec3_cross(edge, other)) * pow(sums->unit / off, 5);
+    double weight = 0.5 * vec3_length(vec3_cross(edge, other)) * pow(sums->unit / off, sums->power);
     vec3 field = vec3_scale(1.0 / 3, vec3_add(vec3_add(u[0], u[1]), u[2]));
     sums->weight += weight;
     sums->field = vec3_add_scaled(sums->field, weight, field);
     sums->place = vec3_add_scaled(sums->place, weight, vec3_sub(middle, sums->p));
 }
 
-struct brute_mean brute_mean(const struct mesh *mesh, const float *displacement, vec3 p) {
-    struct integrals sums = {.p = p, .unit = brute_distance(mesh, p)};
+static struct brute_mean integrate_all(const struct mesh *mesh, const float *displacement, vec3 p,
+                                       int power) {
+    struct integrals sums = {.p = p, .unit = brute_distance(mesh, p), .power = power};
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         vec3 x[3], u[3];
         for (int i = 0; i < 3; i++) {
@@ -100,5 +102,14 @@ struct brute_mean brute_mean(const struct mesh *mesh, const float *displacement,
         integrate(&sums, x, u);
     }
     return (struct brute_mean){vec3_scale(1 / sums.weight, sums.field),
-                               vec3_add(p, vec3_scale(1 / sums.weight, sums.place))};
+                               vec3_add(p, vec3_scale(1 / sums.weight, sums.place)),
+                               sums.weight / pow(sums.unit, power)};
+}
+
+struct brute_mean brute_mean(const struct mesh *mesh, const float *displacement, vec3 p) {
+    return integrate_all(mesh, displacement, p, 5);
+}
+
+struct brute_mean brute_integral(const struct mesh *mesh, const float *displacement, vec3 p) {
+    return integrate_all(mesh, displacement, p, 4);
 }

@@ -28,6 +28,8 @@ enum result anatomy_init(struct anatomy *out, struct knee_case **knee, struct er
 
 void anatomy_fini(struct anatomy *anatomy) {
     for (int i = 0; i < CASE_GROUPS_MAX; i++) {
+        surface_integral_destroy(&anatomy->integrals[i]);
+        surface_blocks_destroy(&anatomy->blocks[i]);
         surface_mean_destroy(&anatomy->means[i]);
         surface_tree_destroy(&anatomy->trees[i]);
         query_destroy(&anatomy->queries[i]);
@@ -36,9 +38,14 @@ void anatomy_fini(struct anatomy *anatomy) {
 }
 
 void anatomy_displace(struct anatomy *a) {
+    a->solid = (struct warp_scene){a->solids, 0, a->T_world_body, NULL};
     for (int i = 0; i < a->knee->group_count; i++) {
         const struct case_group *group = &a->knee->groups[i];
         surface_mean_destroy(&a->means[i]);
+        surface_integral_destroy(&a->integrals[i]);
+        if (!a->blocks[i])
+            a->blocks[i] = surface_blocks_create(&group->mesh);
+        a->integrals[i] = surface_integral_create(a->blocks[i], group->warp);
         if (group->warp && !a->trees[i])
             a->trees[i] = surface_tree_create(&group->mesh);
         if (group->warp)
@@ -47,7 +54,10 @@ void anatomy_displace(struct anatomy *a) {
                                                .query = a->queries[i],
                                                .displacement = group->warp,
                                                .body = (int)group->body,
-                                               .mean = a->means[i]};
+                                               .mean = a->means[i],
+                                               .integral = a->integrals[i]};
+        if (!(a->hollow >> i & 1))
+            a->solids[a->solid.surface_count++] = a->surfaces[i];
     }
 }
 

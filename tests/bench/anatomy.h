@@ -10,10 +10,12 @@ struct anatomy {
     struct query *queries[CASE_GROUPS_MAX];
     struct surface_tree *trees[CASE_GROUPS_MAX];
     struct surface_mean *means[CASE_GROUPS_MAX];
-    struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct surface_blocks *blocks[CASE_GROUPS_MAX];
+    struct surface_integral *integrals[CASE_GROUPS_MAX];
+    struct warp_surface surfaces[CASE_GROUPS_MAX], solids[CASE_GROUPS_MAX];
     pose T_world_body[BODY_COUNT];
-    struct warp_scene scene;
-    uint32_t hollow; // bit k: one is inside group k, the skin
+    struct warp_scene scene, solid; // solid: without what is hollow, for the integral field
+    uint32_t hollow;                // bit k: one is inside group k, the skin
 };
 
 // Takes the case (NULL after) where it succeeds. In the rest pose.

@@ -20,6 +20,8 @@ static const struct {
     [VARIANT_INVERSE_SKIN] = {"inverse-distance, skin 0.1 mm", FIELD_INVERSE_DISTANCE, 1, 0.1},
     [VARIANT_SMOOTH] = {"smooth", FIELD_SMOOTH, 1, 0},
     [VARIANT_SMOOTH_SKIN] = {"smooth, skin 0.1 mm", FIELD_SMOOTH, 1, 0.1},
+    [VARIANT_INTEGRAL] = {"integral", FIELD_INTEGRAL, 1, 0},
+    [VARIANT_INTEGRAL_SKIN] = {"integral, skin 0.1 mm", FIELD_INTEGRAL, 1, 0.1},
 };
 
 const char *variant_name(enum variant variant) {
@@ -38,18 +40,36 @@ struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, ve
     struct warp_memory memory;
     struct warp warp;
     warp_memory_init(&memory);
-    warp_point(&anatomy->scene, &field, y, &memory, &warp);
+    const struct warp_scene *scene =
+        field.kind == FIELD_INTEGRAL ? &anatomy->solid : &anatomy->scene;
+    warp_point(scene, &field, y, &memory, &warp);
     return warp;
 }
 
 // ---- figures ------------------------------------------------------------------------------------
 
-void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value) {
-    struct fidelity *f = scene->fidelity;
-    if (value <= f->worst[worst].value)
+static void take_worst(struct worst_of *of, double value, const char *where) {
+    if (value <= of->value)
         return;
-    f->worst[worst].value = value;
-    snprintf(f->worst[worst].where, sizeof f->worst[worst].where, "%s", scene->name);
+    of->value = value;
+    snprintf(of->where, sizeof of->where, "%s", where);
+}
+
+void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value) {
+    take_worst(&scene->fidelity->worst[worst], value, scene->name);
+}
+
+struct integral_figures *fidelity_integral(const struct scene_of_lesion *scene,
+                                           enum variant variant) {
+    return variant < VARIANT_INTEGRAL ? NULL
+                                      : &scene->fidelity->integral[variant - VARIANT_INTEGRAL];
+}
+
+void fidelity_worst_integral(const struct scene_of_lesion *scene, enum variant variant,
+                             enum worst worst, double value) {
+    struct integral_figures *figures = fidelity_integral(scene, variant);
+    if (figures)
+        take_worst(&figures->worst[worst], value, scene->name);
 }
 
 void fidelity_figure(const struct scene_of_lesion *scene, enum variant variant, const char *what,
@@ -128,6 +148,11 @@ static enum result measure_knee(struct fidelity *f, struct knee_case **knee, str
                 .fidelity = f, .anatomy = &anatomy, .lesion = (enum lesion)i, .seed = seeds[s]};
             result = measure_lesion(&scene, err);
         }
+    for (int i = 0; i < 2; i++) {
+        struct integral_figures *figures = &f->integral[i];
+        take_worst(&figures->worst[WORST_NOISE], samples_mean(&figures->noisy), anatomy.knee->name);
+        samples_fini(&figures->noisy);
+    }
     anatomy_fini(&anatomy);
     return result;
 }
@@ -159,6 +184,7 @@ static const struct {
     [WORST_GAIN] = {"gain_over_harmonic", "times", 1.2},
     [WORST_TOUCH] = {"touch_error_mm", "mm", 1e-4},
     [WORST_JUMP] = {"jump_mm", "mm", 0.005},
+    [WORST_NOISE] = {"touch_noise_mm", "mm", 0.008},
 };
 
 static void mark(struct fidelity *f, const char *name, double value, const char *unit,
@@ -167,7 +193,7 @@ static void mark(struct fidelity *f, const char *name, double value, const char 
 }
 
 static void mark_lesions(struct fidelity *f) {
-    for (int i = 0; i < WORST_COUNT; i++) {
+    for (int i = 0; i < WORST_NOISE; i++) {
         char name[64];
         mark(f, marks[i].name, f->worst[i].value, marks[i].unit, marks[i].mark);
         snprintf(name, sizeof name, "%s, worst", marks[i].name);
@@ -176,6 +202,25 @@ static void mark_lesions(struct fidelity *f) {
     mark(f, "touch_noise_over_plain", samples_mean(&f->noisy) / samples_mean(&f->noisy_plain),
          "times", 0.5);
     mark(f, "late_error_mm_25mms_20ms", samples_mean(&f->late), "mm", 0.015);
+}
+
+static void report_integral(struct fidelity *f) {
+    static const char *const names[] = {"integral", "integral, skin 0.1 mm"};
+    for (int i = 0; i < 2; i++) {
+        const struct integral_figures *figures = &f->integral[i];
+        for (int k = 0; k < WORST_COUNT; k++) {
+            char name[96];
+            report_figure(f->report, figures->worst[k].value, marks[k].unit, "%s/%s", names[i],
+                          marks[k].name);
+            snprintf(name, sizeof name, "%s/%s, worst", names[i], marks[k].name);
+            report_text(f->report, name, figures->worst[k].where);
+        }
+        report_figure(f->report, samples_mean(&figures->late), "mm", "%s/late_error_mm_25mms_20ms",
+                      names[i]);
+        report_figure(f->report, (double)figures->folds, "nodes", "%s/folds", names[i]);
+        report_figure(f->report, (double)figures->folds_beyond, "nodes", "%s/folds beyond harmonic",
+                      names[i]);
+    }
 }
 
 static enum result measure_rest(struct fidelity *f, const struct bench_options *options,
@@ -210,6 +255,9 @@ static const struct {
      "second surface; where the harmonic displacement is above 1 % of the largest. The harmonic is "
      "0 "
      "beyond that hull and 15 mm around what is displaced"},
+    {"integral",
+     "the field that is to become the default, without and with a skin of 0.1 mm: told, not "
+     "marked. The skin of the knee is none of its surfaces"},
     {"rms and gain over harmonic",
      "on the finer of the two grids; gain: |change of W| over the way between neighbouring nodes, "
      "the largest over the harmonic's largest"},
@@ -248,18 +296,21 @@ static void fidelity_fini(struct fidelity *f) {
     samples_fini(&f->noisy);
     samples_fini(&f->noisy_plain);
     samples_fini(&f->late);
+    for (int i = 0; i < 2; i++)
+        samples_fini(&f->integral[i].late);
 }
 
 enum result bench_fidelity(const struct bench_options *options, struct report *report,
                            struct error *err) {
     struct fidelity f = {.report = report, .quick = options->quick};
     for (int i = 0; i < WORST_COUNT; i++)
-        f.worst[i].value = -1;
+        f.worst[i].value = f.integral[0].worst[i].value = f.integral[1].worst[i].value = -1;
     explain(report);
     enum result result = measure_knees(&f, options, err);
     if (result == RESULT_OK) {
         mark_lesions(&f);
         result = measure_rest(&f, options, err);
+        report_integral(&f);
     }
     fidelity_fini(&f);
     return result;

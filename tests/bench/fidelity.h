@@ -16,6 +16,8 @@ enum variant {
     VARIANT_INVERSE_SKIN, // what sessions have
     VARIANT_SMOOTH,
     VARIANT_SMOOTH_SKIN, // what they are to have where what is displaced is hollow
+    VARIANT_INTEGRAL,    // without what is hollow
+    VARIANT_INTEGRAL_SKIN,
     VARIANT_COUNT
 };
 
@@ -25,15 +27,25 @@ struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, ve
 
 // ---- marks: each is the worst of all that is measured ----
 
-enum worst { WORST_RMS, WORST_GAIN, WORST_TOUCH, WORST_JUMP, WORST_COUNT };
+enum worst { WORST_RMS, WORST_GAIN, WORST_TOUCH, WORST_JUMP, WORST_NOISE, WORST_COUNT };
+
+struct worst_of {
+    double value; // −1 where nothing was measured
+    char where[128];
+};
+
+// Of the integral field, which no session has yet: told, and not marked.
+struct integral_figures {
+    struct worst_of worst[WORST_COUNT];
+    struct samples noisy, late; // noisy: of one knee
+    size_t folds, folds_beyond; // beyond: where the harmonic displacement does not fold
+};
 
 struct fidelity {
     struct report *report;
     bool quick;
-    struct {
-        double value;
-        char where[128];
-    } worst[WORST_COUNT]; // value: −1 where nothing was measured
+    struct worst_of worst[WORST_COUNT];
+    struct integral_figures integral[2]; // without and with the skin
     // Of all lesions: errors under noise, with and without the skin; of cavities: those of late
     // replies.
     struct samples noisy, noisy_plain, late;
@@ -53,6 +65,13 @@ struct scene_of_lesion {
 };
 
 void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value);
+
+// NULL for other variants.
+struct integral_figures *fidelity_integral(const struct scene_of_lesion *scene,
+                                           enum variant variant);
+// Of the integral field; nothing for other variants.
+void fidelity_worst_integral(const struct scene_of_lesion *scene, enum variant variant,
+                             enum worst worst, double value);
 
 // Mean, 99th percentile and largest of one figure of a variant.
 void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant, const char *what,

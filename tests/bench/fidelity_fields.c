@@ -90,6 +90,8 @@ static void report_gains(const struct scene_of_lesion *scene, enum variant varia
     fidelity_figure(scene, variant, what, "times", p999);
     if (nodes->is_finest && variant == scene->standard)
         fidelity_worst(scene, WORST_GAIN, largest);
+    if (nodes->is_finest)
+        fidelity_worst_integral(scene, variant, WORST_GAIN, largest);
 }
 
 static void compare(const struct scene_of_lesion *scene, enum variant variant,
@@ -113,6 +115,8 @@ static void compare(const struct scene_of_lesion *scene, enum variant variant,
     fidelity_figure(scene, variant, what, "share", (double)folds / count);
     if (nodes->is_finest && variant == scene->standard)
         fidelity_worst(scene, WORST_RMS, rms / nodes->largest_mm);
+    if (nodes->is_finest)
+        fidelity_worst_integral(scene, variant, WORST_RMS, rms / nodes->largest_mm);
     struct samples gains = {0};
     add_gains(nodes, W, &gains);
     if (gains.count)
@@ -257,6 +261,7 @@ static void measure_jumps(const struct scene_of_lesion *scene, enum variant vari
     fidelity_figure(scene, variant, "0.01 mm of hand/jump", "mm", jump);
     if (variant == VARIANT_SMOOTH && scene->lesion >= LESION_TRIMMED)
         fidelity_worst(scene, WORST_JUMP, jump);
+    fidelity_worst_integral(scene, variant, WORST_JUMP, jump);
     free(edges);
 }
 
@@ -306,9 +311,14 @@ static void measure_late(const struct scene_of_lesion *scene, enum variant varia
     fidelity_samples(scene, variant, what, "mm", &late.delta);
     snprintf(what, sizeof what, "late at %g mm/s/derivative", speed_mm_s);
     fidelity_samples(scene, variant, what, "mm", &late.derivative);
-    if (speed_mm_s == 25 && variant == scene->standard && scene->lesion <= LESION_UNDER_MENISCUS)
-        for (size_t i = 0; i < late.derivative.count; i++)
+    struct integral_figures *figures = fidelity_integral(scene, variant);
+    bool is_cavity = scene->lesion <= LESION_UNDER_MENISCUS && speed_mm_s == 25;
+    for (size_t i = 0; is_cavity && i < late.derivative.count; i++) {
+        if (variant == scene->standard)
             samples_add(&scene->fidelity->late, late.derivative.values[i]);
+        if (figures)
+            samples_add(&figures->late, late.derivative.values[i]);
+    }
     samples_fini(&late.pose);
     samples_fini(&late.delta);
     samples_fini(&late.derivative);

@@ -25,6 +25,9 @@ struct shipped {
     // gives way; where a gap is filled.
     size_t folds, fading, beside_skin, filled;
     size_t harmonic_folds; // of the harmonic displacement
+    struct surface_blocks *blocks[CASE_GROUPS_MAX];
+    struct surface_integral *integrals[CASE_GROUPS_MAX];
+    size_t integral_folds[2], folds_beyond[2]; // of the integral field, without and with skin
     double key_error_mm, rest_mm;
 };
 
@@ -116,6 +119,50 @@ static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene,
         add_fold(s, contacts, count, y);
 }
 
+// ---- the integral field ----
+
+static void integrals_init(struct shipped *s) {
+    for (int i = 0; i < s->knee->group_count; i++) {
+        s->blocks[i] = surface_blocks_create(&s->knee->groups[i].mesh);
+        s->integrals[i] = surface_integral_create(s->blocks[i], s->knee->groups[i].warp);
+    }
+}
+
+static void integrals_fini(struct shipped *s) {
+    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
+        surface_integral_destroy(&s->integrals[i]);
+        surface_blocks_destroy(&s->blocks[i]);
+    }
+}
+
+// Without what is hollow.
+static struct warp_scene integral_scene(const struct shipped *s, const struct warp_scene *of,
+                                        struct warp_surface surfaces[CASE_GROUPS_MAX]) {
+    struct warp_scene scene = *of;
+    scene.surfaces = surfaces;
+    scene.surface_count = 0;
+    for (int i = 0; i < of->surface_count; i++) {
+        if (s->hollow >> i & 1)
+            continue;
+        surfaces[scene.surface_count] = of->surfaces[i];
+        surfaces[scene.surface_count++].integral = s->integrals[i];
+    }
+    return scene;
+}
+
+static void look_at_integral(struct shipped *s, const struct warp_scene *scene, vec3 y,
+                             bool harmonic_folds) {
+    for (int i = 0; i < 2; i++) {
+        struct field field = variant_field(VARIANT_INTEGRAL + (enum variant)i);
+        struct warp_memory memory;
+        struct warp warp;
+        warp_memory_init(&memory);
+        warp_point(scene, &field, y, &memory, &warp);
+        s->integral_folds[i] += is_folded(warp.gradient);
+        s->folds_beyond[i] += is_folded(warp.gradient) && !harmonic_folds;
+    }
+}
+
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
     struct scene_stance stance;
     struct hull hull;
@@ -132,6 +179,8 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
                                    .spacing_mm = s->fidelity->quick ? 2.5 : 1,
                                    .is_within = hull_holds,
                                    .context = &hull};
+    struct warp_surface surfaces[CASE_GROUPS_MAX];
+    struct warp_scene solid = integral_scene(s, &stance.warp, surfaces);
     harmonic_solve(&setup, &space);
     for (uint32_t i = 0; i < space.count; i++) {
         vec3 y = harmonic_place(&space, i);
@@ -141,7 +190,9 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
             continue;
         }
         look_at_node(s, &stance.warp, y);
-        s->harmonic_folds += harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
+        bool folds = harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
+        s->harmonic_folds += folds;
+        look_at_integral(s, &solid, y, folds);
     }
     harmonic_fini(&space);
 }
@@ -170,6 +221,13 @@ static void report_shipped(const struct shipped *s) {
     report_figure(report, (double)(s->folds - s->fading - s->beside_skin - s->filled), "nodes",
                   "shipped/%s/folds/others", name);
     report_figure(report, (double)s->harmonic_folds, "nodes", "shipped/%s/folds/harmonic", name);
+    for (int i = 0; i < 2; i++) {
+        const char *field = variant_name(VARIANT_INTEGRAL + (enum variant)i);
+        report_figure(report, (double)s->integral_folds[i], "nodes", "shipped/%s/folds/%s", name,
+                      field);
+        report_figure(report, (double)s->folds_beyond[i], "nodes",
+                      "shipped/%s/folds/%s, beyond harmonic", name, field);
+    }
     if (!s->knee->key_count)
         return;
     report_figure(report, s->key_error_mm, "mm", "shipped/%s/key error", name);
@@ -203,13 +261,19 @@ static enum result measure_recipe(struct fidelity *f, const char *path, struct e
     struct shipped s = {.fidelity = f, .scene = scene, .knee = scene_case(scene)};
     for (int i = 0; i < s.knee->group_count; i++)
         s.hollow |= strcmp(s.knee->groups[i].name, "skin") == 0 ? 1u << i : 0;
+    integrals_init(&s);
     look_at_keys(&s);
     look_at_rest(&s);
     walk(&s);
+    integrals_fini(&s);
     report_shipped(&s);
     f->key_error_mm = fmax(f->key_error_mm, s.key_error_mm);
     f->rest_mm = fmax(f->rest_mm, s.rest_mm);
     f->folds += s.folds;
+    for (int i = 0; i < 2; i++) {
+        f->integral[i].folds += s.integral_folds[i];
+        f->integral[i].folds_beyond += s.folds_beyond[i];
+    }
     scene_destroy(&scene);
     return RESULT_OK;
 }

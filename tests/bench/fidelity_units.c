@@ -1,10 +1,10 @@
 // One case, its meshes written in m, cm and mm, imported, displaced, saved and loaded: the warp
 // must not tell which.
 #include "base/check.h"
-#include "generate/generate.h"
-#include "import/import.h"
 #include "fidelity.h"
 #include "folder.h"
+#include "generate/generate.h"
+#include "import/import.h"
 
 #include <stdio.h>
 #include <stdlib.h>

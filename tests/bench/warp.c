@@ -44,6 +44,13 @@ struct run {
     int count;
 };
 
+// Of the thread itself: a busy machine interrupts what is measured.
+static double own_us(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
+}
+
 static void time_queries(const struct run *run, struct samples *out_us) {
     struct random r = {1};
     struct warp_memory memory;
@@ -53,11 +60,11 @@ static void time_queries(const struct run *run, struct samples *out_us) {
         vec3 y = place(run->far, run->start ? STEP_MM * i : random_between(&r, 0, 5000));
         if (run->start != START_LAST)
             warp_memory_init(&memory);
-        int64_t before = clock_now_ns();
+        double before = own_us();
         warp_point(run->scene, &run->field, y, &memory, &warp);
-        int64_t after = clock_now_ns();
+        double after = own_us();
         if (i >= 0)
-            samples_add(out_us, 1e-3 * (double)(after - before));
+            samples_add(out_us, after - before);
     }
 }
 
@@ -91,21 +98,13 @@ static double measure_size(const struct warp_scene *scene, const char *size, int
                            struct report *report) {
     double result = 0;
     for (int far = 0; far < 2; far++)
-        for (int kind = 0; kind < FIELD_COUNT; kind++) {
+        for (int kind = 0; kind < FIELD_KINDS; kind++) {
             struct run run = {scene, field_default((enum field_kind)kind), far, 0, count};
             double median = measure_starts(&run, size, report);
             if (!far && kind == FIELD_INVERSE_DISTANCE)
                 result = median;
         }
     return result;
-}
-
-// A reference takes milliseconds, in which a busy machine interrupts it: its thread's own time
-// counts.
-static double own_us(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
 }
 
 // Every triangle of every surface, in turn: what a warp's time is compared with on any machine.
@@ -152,7 +151,7 @@ static double largest_error(const struct bodies *bodies, int points) {
 
 // ---- one warped concave surface, smooth ---------------------------------------------------------
 
-static const double offs_mm[] = {0.02, 0.1, 0.2, 0.5, 2, 8};
+static const double offs_mm[] = {0.001, 0.02, 0.1, 0.2, 0.5, 2, 8};
 
 #define OFF_COUNT (sizeof offs_mm / sizeof offs_mm[0])
 #define CUT_VERTICES 300 // whose displacements a cut changes
@@ -163,11 +162,11 @@ static vec3 place_off(const struct mesh *mesh, double off_mm, struct random *r) 
     return vec3_add_scaled(mesh_vertex(mesh, vertex), off_mm, random_direction(r));
 }
 
-static double measure_off(const struct bodies *ring, double off_mm, int count,
+static double measure_off(const struct bodies *ring, enum field_kind kind, double off_mm, int count,
                           struct report *report) {
     const pose B = pose_identity();
     const struct warp_scene scene = {ring->surfaces, ring->count, &B, NULL};
-    struct field field = field_default(FIELD_SMOOTH);
+    struct field field = field_default(kind);
     struct random r = {3};
     struct samples us = {0};
     for (int i = 0; i < count; i++) {
@@ -176,14 +175,14 @@ static double measure_off(const struct bodies *ring, double off_mm, int count,
         struct warp warp;
         warp_memory_init(&memory);
         warp_point(&scene, &field, y, &memory, &warp); // where the tip was a moment ago
-        int64_t before = clock_now_ns();
+        double before = own_us();
         warp_point(&scene, &field, y, &memory, &warp);
-        samples_add(&us, 1e-3 * (double)(clock_now_ns() - before));
+        samples_add(&us, own_us() - before);
     }
     double median = samples_quantile(&us, 0.5);
-    report_figure(report, median, "us", "one ring/smooth/%g mm off/median", off_mm);
-    report_figure(report, samples_quantile(&us, 0.99), "us", "one ring/smooth/%g mm off/p99",
-                  off_mm);
+    report_figure(report, median, "us", "one ring/%s/%g mm off/median", field_name(kind), off_mm);
+    report_figure(report, samples_quantile(&us, 0.99), "us", "one ring/%s/%g mm off/p99",
+                  field_name(kind), off_mm);
     samples_fini(&us);
     return median;
 }
@@ -194,7 +193,7 @@ static double mean_error(const struct bodies *ring, int points, double *out_brut
     struct samples us = {0};
     double largest = 0;
     for (int i = 0; i < points; i++) {
-        vec3 p = place_off(&ring->meshes[0], offs_mm[1 + (size_t)i % (OFF_COUNT - 1)], &r);
+        vec3 p = place_off(&ring->meshes[0], offs_mm[2 + (size_t)i % (OFF_COUNT - 2)], &r);
         struct surface_value value;
         double distance = brute_distance(&ring->meshes[0], p);
         if (!surface_mean_at(ring->means[0], p, distance, &value))
@@ -239,8 +238,11 @@ static void measure_smooth(bool quick, struct report *report) {
     bodies_add(&ring, &mesh, displacement, 0);
     bodies_smooth(&ring);
     double us = 0;
-    for (size_t i = 0; i < OFF_COUNT; i++)
-        us = fmax(us, measure_off(&ring, offs_mm[i], quick ? 1000 : 10000, report));
+    bodies_integrate(&ring);
+    for (size_t i = 0; i < OFF_COUNT; i++) {
+        us = fmax(us, measure_off(&ring, FIELD_SMOOTH, offs_mm[i], quick ? 1000 : 10000, report));
+        measure_off(&ring, FIELD_INTEGRAL, offs_mm[i], quick ? 1000 : 10000, report);
+    }
     report_mark(report, "smooth_us_20k", us, "us", 40, BETTER_LOW);
     measure_upkeep(&ring, 200, report);
     double brute_us = 0, error = mean_error(&ring, quick ? 25 : 250, &brute_us);
@@ -260,6 +262,7 @@ enum result bench_warp(const struct bench_options *options, struct report *repor
         struct bodies bodies;
         bodies_knee(&bodies, sizes[i].n);
         bodies_smooth(&bodies);
+        bodies_integrate(&bodies);
         struct warp_scene scene = {bodies.surfaces, bodies.count, B, NULL};
         double us = measure_size(&scene, sizes[i].name, options->quick ? 4000 : 40000, report);
         report_figure(report, surfaces_in_reach(&bodies, field_default(FIELD_SMOOTH).radius_mm),

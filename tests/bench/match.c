@@ -9,6 +9,7 @@
 #include "mesh/query.h"
 #include "random.h"
 #include "samples.h"
+#include "touch.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -244,6 +245,23 @@ static void report_size(struct report *report, const char *size, struct measured
                   "%s/error of the bite/largest", size);
 }
 
+// Figures, no marks, until sessions match that way.
+static enum result bench_touch(const struct bench_options *options, struct report *report,
+                               struct error *err) {
+    struct touch_worst worst;
+    enum result result = touch_measure(options, report, &worst, err);
+    if (result == RESULT_OK) {
+        report_figure(report, worst.share_bites, "of the cut", "mismatch_15_share");
+        report_figure(report, worst.share_resections, "of the cut", "mismatch_resect_share");
+        report_figure(report, worst.surface_p95_mm, "mm", "surface_p95_mm");
+        report_figure(report, worst.crossings, "pairs", "touch_crossings");
+        report_figure(report, samples_quantile(&worst.ms, 0.5), "ms", "touch_ms_p50");
+        report_figure(report, worst.error, "of V", "touch_rel_error_max");
+    }
+    samples_fini(&worst.ms);
+    return result;
+}
+
 enum result bench_match(const struct bench_options *options, struct report *report,
                         struct error *err) {
     double error = 0, times = 0;
@@ -258,6 +276,9 @@ enum result bench_match(const struct bench_options *options, struct report *repo
         if (result != RESULT_OK)
             return result;
     }
+    enum result result = bench_touch(options, report, err);
+    if (result != RESULT_OK)
+        return result;
     report_mark(report, "bisection_over_match", times, "times", 5, BETTER_HIGH);
     report_mark(report, "match_rel_error_max", error, "of V", 1e-9, BETTER_LOW);
     return RESULT_OK;

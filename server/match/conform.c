@@ -1,0 +1,142 @@
+#include "match/conform.h"
+
+#include "base/check.h"
+#include "match/conform_parts.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define TOLERANCE 1e-12 // of the whole volume
+
+// ---- life ---------------------------------------------------------------------------------------
+
+#define NEW(array, count) ((array) = alloc((count), sizeof *(array)))
+
+static void create_by_vertex(struct conform *c, uint32_t count) {
+    NEW(c->positions, count);
+    NEW(c->dirty, count);
+    NEW(c->before, count);
+    NEW(c->kept, count);
+    NEW(c->factor, count);
+    NEW(c->normals, count);
+    NEW(c->slot, count);
+    NEW(c->trust, count);
+    NEW(c->bend, count);
+    NEW(c->reach, count);
+    NEW(c->ring, count);
+    NEW(c->tied, count);
+    NEW(c->active, count);
+    NEW(c->changed, count);
+    NEW(c->queue, count);
+    NEW(c->first, (size_t)count + 1);
+    NEW(c->diagonal, count);
+    NEW(c->inverse, count);
+    NEW(c->bending, count);
+    NEW(c->gradient, count);
+    NEW(c->step, count);
+    NEW(c->along, count);
+    NEW(c->residual, count);
+    NEW(c->preconditioned, count);
+    NEW(c->direction, count);
+    NEW(c->product, count);
+    NEW(c->bent, count);
+}
+
+struct conform *conform_create(const struct match_surface *surface) {
+    struct conform *c = alloc(1, sizeof *c);
+    c->surface = surface;
+    create_by_vertex(c, surface->vertex_count);
+    NEW(c->live_of, surface->triangle_count);
+    NEW(c->live, surface->triangle_count);
+    NEW(c->near, surface->triangle_count);
+    NEW(c->pulls, PULLS_PER_TRIANGLE * (size_t)surface->triangle_count);
+    NEW(c->rows, surface->triangle_count);
+    memcpy(c->positions, surface->start, surface->vertex_count * sizeof *c->positions);
+    return c;
+}
+
+struct conform *conform_copy(const struct conform *conform) {
+    struct conform *copy = conform_create(conform->surface);
+    uint32_t count = conform->surface->vertex_count;
+    memcpy(copy->positions, conform->positions, count * sizeof *copy->positions);
+    memcpy(copy->dirty, conform->dirty, count * sizeof *copy->dirty);
+    return copy;
+}
+
+void conform_destroy(struct conform **conform) {
+    struct conform *c = *conform;
+    if (!c)
+        return;
+    void *const arrays[] = {
+        c->positions, c->dirty,          c->before,    c->kept,     c->factor,  c->normals,
+        c->slot,      c->trust,          c->bend,      c->reach,    c->ring,    c->tied,
+        c->active,    c->changed,        c->queue,     c->first,    c->columns, c->blocks,
+        c->diagonal,  c->inverse,        c->bending,   c->gradient, c->step,    c->along,
+        c->residual,  c->preconditioned, c->direction, c->product,  c->bent,    c->live_of,
+        c->live,      c->near,           c->pulls,     c->rows,     c->samples, c->contacts};
+    for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
+        free(arrays[i]);
+    soup_fini(&c->target);
+    soup_fini(&c->self);
+    soup_fini(&c->whole_target);
+    free(c);
+    *conform = NULL;
+}
+
+vec3 conform_vertex(const struct conform *conform, uint32_t vertex) {
+    CHECK(vertex < conform->surface->vertex_count);
+    return conform->positions[vertex];
+}
+
+double conform_volume(const struct conform *conform) {
+    return surface_volume(conform->surface, conform->positions);
+}
+
+// ---- a cut --------------------------------------------------------------------------------------
+
+static void report_changes(struct conform *c, struct conform_report *out) {
+    for (uint32_t i = 0; i < c->active_count; i++) {
+        uint32_t v = c->active[i];
+        if (memcmp(&c->positions[v], &c->before[v], sizeof c->positions[v]) != 0)
+            c->changed[out->changed_count++] = v;
+    }
+}
+
+static void fit(struct conform *c, const struct conform_goal *goal, struct conform_report *out) {
+    static const double stiffness[] = {3, 1.28, 0.55, 0.23, 0.1};
+    const int last = sizeof stiffness / sizeof stiffness[0] - 1;
+    memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
+    for (uint32_t v = 0; v < c->surface->vertex_count; v++) {
+        c->trust[v] = 1;
+        c->bend[v] = 0;
+    }
+    conform_begin_system(c);
+    conform_take_samples(c);
+    for (int i = 0; i <= last; i++)
+        conform_advance(c, stiffness[i], i == last ? goal : NULL);
+    conform_untangle(c, goal, out);
+}
+
+void conform_to(struct conform *conform, const struct conform_target *target,
+                struct conform_report *out_report) {
+    struct conform *c = conform;
+    CHECK(isfinite(target->volume_mm3));
+    double volume = conform_volume(c);
+    *out_report = (struct conform_report){.volume_mm3 = volume, .changed = c->changed};
+    c->active_count = c->live_count = 0;
+    if (conform_gather(c, target)) {
+        conform_make_self(c);
+        conform_seed(c);
+        conform_activate(c);
+    }
+    if (c->active_count) {
+        struct conform_goal goal = {conform_live_volume(c) + target->volume_mm3 - volume,
+                                    TOLERANCE * c->surface->volume};
+        fit(c, &goal, out_report);
+        report_changes(c, out_report);
+        out_report->volume_mm3 = conform_volume(c);
+    }
+    out_report->active_count = c->active_count;
+    out_report->left_mm3 = out_report->volume_mm3 - target->volume_mm3;
+}

@@ -1,0 +1,49 @@
+// The touched surface S'' put onto the cut mesh T at equal volume. Each vertex moves freely, by a
+// displacement of its own; match/match.h, the paper's way, has one number a vertex.
+//
+//     S''_i = S'_i + d_i
+//
+// After a cut the vertices around its new surface are fitted to T by a few Gauss-Newton steps, both
+// ways: points of S'' to T, points of T to S''. T is left out where it is a film, thinner than
+// 0.15 mm: S'' would cross itself there. Where the fit makes S'' cross itself all the same, that
+// part is smoothed until it does not; at last it goes back to how it was before the cut. So S'' has
+// no crossings where S' has none, whatever T is. The volume inside S'' becomes the wanted one.
+//
+// Loops are bounded. The same calls give the same bits on every x86-64 processor: sums have a fixed
+// order, and of the mathematics library only what is exact is used. Millimetres. A call may
+// allocate.
+#pragma once
+
+#include "match/match.h"
+
+struct conform;
+
+// S'' = S'. Of the surface only S' counts. It must outlive it.
+struct conform *conform_create(const struct match_surface *surface);
+struct conform *
+conform_copy(const struct conform *conform);    // of the same surface, equal to the bit
+void conform_destroy(struct conform **conform); // NULL inside is fine
+
+vec3 conform_vertex(const struct conform *conform, uint32_t vertex); // S''
+double conform_volume(const struct conform *conform);                // inside S'', summed anew
+
+struct conform_target {
+    const struct mesh *mesh; // T: closed, oriented, facing outwards, in the frame of S'
+    const bool *fresh;       // its triangles that the cut made
+    double volume_mm3;       // that S'' is to have
+};
+
+struct conform_report {
+    double volume_mm3;        // inside S'' after it
+    double left_mm3;          // volume_mm3 − target; 0 to rounding where nothing was in the way
+    uint32_t active_count;    // vertices that were free to move
+    uint32_t crossings_first; // pairs of triangles that the fit alone made cross
+    int repairs;              // rounds of smoothing
+    uint32_t reverted_count;  // vertices that went back, in part or wholly
+    uint32_t changed_count;
+    const uint32_t *changed; // vertices that moved, ascending; valid until the next call
+};
+
+// Without a fresh triangle nothing moves.
+void conform_to(struct conform *conform, const struct conform_target *target,
+                struct conform_report *out_report);

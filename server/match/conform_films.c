@@ -1,0 +1,57 @@
+// Films: T where another side of it lies close behind.
+#include "match/conform_parts.h"
+
+#define FILM_MM 0.15
+#define AGAINST 0.3 // −N·N' of the two sides, at least
+
+// 0.8 of one corner and 0.1 of the others, and the middle.
+static vec3 point_in(const vec3 c[3], int which) {
+    double w[3];
+    for (int i = 0; i < 3; i++)
+        w[i] = which == 3 ? 1.0 / 3 : which == i ? 0.8 : 0.1;
+    vec3 p = vec3_scale(w[0], c[0]);
+    return vec3_add_scaled(vec3_add_scaled(p, w[1], c[1]), w[2], c[2]);
+}
+
+static bool is_film_at(struct conform *c, vec3 p, vec3 normal) {
+    struct soup_search search = {p, vec3_scale(-1, normal), AGAINST, FILM_MM, MESH_NONE};
+    struct soup_closest closest;
+    return soup_closest(&c->whole_target, &search, &closest) &&
+           vec3_dot(normal, vec3_sub(closest.point, p)) <= 0;
+}
+
+static int film_points(struct conform *c, const vec3 corners[3], vec3 normal) {
+    int count = 0;
+    for (int i = 0; i < 4; i++)
+        count += is_film_at(c, point_in(corners, i), normal);
+    return count;
+}
+
+// A triangle that is film in part is split in four, twice; then the majority counts.
+static void add_without_films(struct conform *c, const vec3 corners[3],
+                              const struct soup_triangle *of, int splits) {
+    int films = film_points(c, corners, of->normal);
+    if (films == 4 || (films >= 2 && !splits))
+        return;
+    if (films == 0 || !splits) {
+        soup_add(&c->target, corners, of->id, of->mark);
+        return;
+    }
+    vec3 m[3];
+    for (int i = 0; i < 3; i++)
+        m[i] = vec3_lerp(corners[i], corners[(i + 1) % 3], 0.5);
+    for (int i = 0; i < 3; i++) {
+        vec3 corner[3] = {corners[i], m[i], m[(i + 2) % 3]};
+        add_without_films(c, corner, of, splits - 1);
+    }
+    add_without_films(c, m, of, splits - 1);
+}
+
+void conform_leave_out_films(struct conform *c) {
+    soup_clear(&c->target);
+    for (uint32_t i = 0; i < c->whole_target.count; i++) {
+        const struct soup_triangle *t = &c->whole_target.at[i];
+        add_without_films(c, t->corners, t, 2);
+    }
+    soup_build(&c->target);
+}

@@ -1,0 +1,218 @@
+// Which part of S'' a cut concerns.
+#include "match/conform_parts.h"
+
+#include <math.h>
+#include <string.h>
+
+#define GROW_MM 1.6 // from a seed along edges; two edges at least
+#define GROW_RINGS 2
+#define BESIDE_MM 2.0 // around all that may move
+#define OFF_FRESH_MM 0.02
+#define OFF_DIRTY_MM 0.08
+#define SEARCH_MM 8.0
+#define DIRTY_CUTS 3
+#define LEAST_FACING -0.3
+#define ANY_FACING -2.0
+
+// ---- the neighbourhood --------------------------------------------------------------------------
+
+static struct box empty_box(void) {
+    return (struct box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+}
+
+static void extend(struct box *box, vec3 p) {
+    box->min = (vec3){lower(box->min.x, p.x), lower(box->min.y, p.y), lower(box->min.z, p.z)};
+    box->max = (vec3){higher(box->max.x, p.x), higher(box->max.y, p.y), higher(box->max.z, p.z)};
+}
+
+static struct box grown(struct box box, double by) {
+    vec3 v = {by, by, by};
+    return (struct box){vec3_sub(box.min, v), vec3_add(box.max, v)};
+}
+
+static bool meets(struct box box, const vec3 c[3]) {
+    struct box other = empty_box();
+    for (int i = 0; i < 3; i++)
+        extend(&other, c[i]);
+    return box.min.x <= other.max.x && other.min.x <= box.max.x && box.min.y <= other.max.y &&
+           other.min.y <= box.max.y && box.min.z <= other.max.z && other.min.z <= box.max.z;
+}
+
+static void target_corners(const struct mesh *mesh, uint32_t t, vec3 out[3]) {
+    for (int i = 0; i < 3; i++)
+        out[i] = mesh_corner(mesh, t, i);
+}
+
+bool conform_gather(struct conform *c, const struct conform_target *target) {
+    struct box fresh = empty_box();
+    vec3 corners[3];
+    for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
+        for (int i = 0; target->fresh[t] && i < 3; i++)
+            extend(&fresh, mesh_corner(target->mesh, t, i));
+    if (!(fresh.min.x <= fresh.max.x))
+        return false;
+    c->zone = grown(fresh, higher(GROW_MM, GROW_RINGS * c->surface->spacing) + BESIDE_MM);
+    soup_clear(&c->whole_target);
+    for (uint32_t t = 0; t < target->mesh->triangle_count; t++) {
+        target_corners(target->mesh, t, corners);
+        if (meets(c->zone, corners))
+            soup_add(&c->whole_target, corners, t, target->fresh[t]);
+    }
+    soup_build(&c->whole_target);
+    conform_leave_out_films(c);
+    c->near_count = 0;
+    for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
+        c->live_of[t] = MESH_NONE;
+        conform_corners(c, t, corners);
+        if (meets(c->zone, corners))
+            c->near[c->near_count++] = t;
+    }
+    return c->near_count > 0;
+}
+
+void conform_make_self(struct conform *c) {
+    soup_clear(&c->self);
+    for (uint32_t i = 0; i < c->near_count; i++)
+        for (int k = 0; k < 3; k++)
+            c->normals[c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k]] = (vec3){0};
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        vec3 corners[3];
+        conform_corners(c, c->near[i], corners);
+        soup_add(&c->self, corners, c->near[i], c->live_of[c->near[i]] != MESH_NONE);
+        vec3 area2 = soup_area2(corners);
+        for (int k = 0; k < 3; k++) {
+            uint32_t v = c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k];
+            c->normals[v] = vec3_add(c->normals[v], area2);
+        }
+    }
+    for (uint32_t i = 0; i < c->near_count; i++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t v = c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k];
+            c->normals[v] = vec3_unit_or(c->normals[v], (vec3){0});
+        }
+    soup_build(&c->self);
+}
+
+// ---- seeds --------------------------------------------------------------------------------------
+
+struct seeding {
+    struct conform *c;
+    uint32_t queued;
+};
+
+static void seed(struct seeding *s, uint32_t vertex) {
+    struct conform *c = s->c;
+    if (c->reach[vertex] == 0)
+        return;
+    if (!isfinite(c->reach[vertex]))
+        c->queue[s->queued++] = vertex;
+    c->reach[vertex] = 0;
+    c->ring[vertex] = 0;
+}
+
+// Whether a point of S'' is off T where the cut, or an earlier one, left something to do.
+static bool is_off(struct conform *c, vec3 p, vec3 normal, bool dirty, uint32_t *hint) {
+    struct soup_search search = {p, normal, LEAST_FACING, SEARCH_MM, *hint};
+    struct soup_closest closest;
+    if (!soup_closest(&c->target, &search, &closest))
+        return false;
+    *hint = closest.index;
+    return (c->target.at[closest.index].mark && closest.distance > OFF_FRESH_MM) ||
+           (dirty && closest.distance > OFF_DIRTY_MM);
+}
+
+static void seed_triangle(struct seeding *s, const struct soup_triangle *t) {
+    struct conform *c = s->c;
+    const uint32_t *v = c->surface->triangles + 3 * (size_t)t->id;
+    uint32_t hint = MESH_NONE;
+    bool dirty = c->dirty[v[0]] || c->dirty[v[1]] || c->dirty[v[2]];
+    vec3 middle = vec3_add(t->corners[0], vec3_add(t->corners[1], t->corners[2]));
+    if (is_off(c, vec3_scale(1.0 / 3, middle), t->normal, dirty, &hint))
+        for (int i = 0; i < 3; i++)
+            seed(s, v[i]);
+    for (int i = 0; i < 3; i++)
+        if (!c->slot[v[i]]) { // not yet looked at
+            c->slot[v[i]] = 1;
+            if (is_off(c, t->corners[i], c->normals[v[i]], c->dirty[v[i]], &hint))
+                seed(s, v[i]);
+        }
+}
+
+// All lies on T: what the cut took, a film perhaps, comes off S'' nearby.
+static void seed_beside_fresh(struct seeding *s) {
+    struct conform *c = s->c;
+    for (uint32_t i = 0; i < c->whole_target.count; i++) {
+        const struct soup_triangle *t = &c->whole_target.at[i];
+        struct soup_search search = {t->corners[0], t->normal, ANY_FACING, SEARCH_MM, MESH_NONE};
+        struct soup_closest closest;
+        if (t->mark && soup_closest(&c->self, &search, &closest))
+            for (int k = 0; k < 3; k++)
+                seed(s,
+                     c->surface->triangles[3 * (size_t)c->self.at[closest.index].id + (size_t)k]);
+    }
+}
+
+static void reach_from(struct seeding *s, uint32_t vertex) {
+    struct conform *c = s->c;
+    for (uint32_t k = c->surface->first[vertex]; k < c->surface->first[vertex + 1]; k++) {
+        uint32_t to = c->surface->opposites[k].from;
+        double way = c->reach[vertex] + vec3_distance(c->positions[vertex], c->positions[to]);
+        int ring = c->ring[vertex] + 1;
+        if (ring > GROW_RINGS && way > GROW_MM)
+            continue;
+        if (!isfinite(c->reach[to])) {
+            c->queue[s->queued++] = to;
+            c->ring[to] = UINT8_MAX;
+        }
+        c->reach[to] = lower(c->reach[to], way);
+        c->ring[to] = (uint8_t)(ring < c->ring[to] ? ring : c->ring[to]);
+    }
+}
+
+void conform_seed(struct conform *c) {
+    struct seeding s = {c, 0};
+    uint32_t count = c->surface->vertex_count;
+    for (uint32_t v = 0; v < count; v++) {
+        c->reach[v] = INFINITY;
+        c->slot[v] = 0;
+        if (c->dirty[v])
+            c->dirty[v]--;
+    }
+    for (uint32_t i = 0; i < c->self.count; i++)
+        seed_triangle(&s, &c->self.at[i]);
+    if (!s.queued)
+        seed_beside_fresh(&s);
+    for (uint32_t i = 0; i < s.queued; i++)
+        reach_from(&s, c->queue[i]);
+    c->active_count = 0;
+    for (uint32_t v = 0; v < count; v++) {
+        c->slot[v] = MESH_NONE;
+        if (isfinite(c->reach[v]))
+            c->active[c->active_count++] = v;
+    }
+}
+
+// A vertex whose fan is not all near stays where it is.
+void conform_activate(struct conform *c) {
+    uint8_t *near = c->tied;
+    memset(near, 0, c->surface->vertex_count);
+    for (uint32_t i = 0; i < c->near_count; i++)
+        for (int k = 0; k < 3; k++)
+            near[c->surface->triangles[3 * (size_t)c->near[i] + (size_t)k]]++;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < c->active_count; i++)
+        if (near[c->active[i]] == (uint8_t)conform_degree(c, c->active[i])) {
+            c->slot[c->active[i]] = count;
+            c->dirty[c->active[i]] = DIRTY_CUTS;
+            c->active[count++] = c->active[i];
+        }
+    c->active_count = count;
+    c->live_count = 0;
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        const uint32_t *v = c->surface->triangles + 3 * (size_t)c->near[i];
+        if (c->slot[v[0]] == MESH_NONE && c->slot[v[1]] == MESH_NONE && c->slot[v[2]] == MESH_NONE)
+            continue;
+        c->live_of[c->near[i]] = c->live_count;
+        c->live[c->live_count++] = c->near[i];
+    }
+}

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define SOFT 0.1 // stiffness of the last steps
+#define SOFT 0.03 // stiffness of the last steps
 #define ROUNDS 12
 #define REFITS 4
 #define HALVINGS 4

@@ -112,6 +112,7 @@ static void try_pair(void *context, uint32_t other) {
 uint32_t conform_cross(struct conform *c) {
     struct pairing pairing = {.c = c};
     memset(c->tied, 0, c->surface->vertex_count);
+    conform_widen(c);
     conform_make_self(c);
     for (uint32_t i = 0; i < c->self.count; i++) {
         if (!c->self.at[i].mark)

@@ -88,6 +88,7 @@ struct conform {
     uint32_t *changed;
     uint32_t active_count, live_count, near_count;
     struct box zone;
+    vec3 origin;              // of volumes
     struct soup target, self; // T without films, S'' near it
     struct soup whole_target; // T with films
     uint32_t *queue;          // scratch, a vertex each
@@ -107,6 +108,8 @@ struct conform {
 
 // ---- where: conform_zone.c ----
 bool conform_gather(struct conform *c, const struct conform_target *target); // false: nothing near
+// Live triangles have left the zone: it grows, and more of S'' is near.
+void conform_widen(struct conform *c);
 void conform_make_self(struct conform *c); // the soup of S'' near the cut, and its normals
 void conform_seed(struct conform *c);      // the active vertices and live triangles
 void conform_activate(struct conform *c);

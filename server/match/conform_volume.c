@@ -12,7 +12,7 @@ double conform_live_volume(const struct conform *c) {
         vec3 p[3];
         conform_corners(c, c->live[i], p);
         for (int k = 0; k < 3; k++)
-            p[k] = vec3_sub(p[k], c->zone.min);
+            p[k] = vec3_sub(p[k], c->origin);
         six += vec3_dot(p[0], vec3_cross(p[1], p[2]));
     }
     return six / 6;
@@ -22,9 +22,9 @@ double conform_live_volume(const struct conform *c) {
 static vec3 slope_of(const struct conform *c, uint32_t vertex) {
     vec3 sum = {0};
     for (uint32_t k = c->surface->first[vertex]; k < c->surface->first[vertex + 1]; k++)
-        sum = vec3_add(
-            sum, vec3_cross(vec3_sub(c->positions[c->surface->opposites[k].from], c->zone.min),
-                            vec3_sub(c->positions[c->surface->opposites[k].to], c->zone.min)));
+        sum = vec3_add(sum,
+                       vec3_cross(vec3_sub(c->positions[c->surface->opposites[k].from], c->origin),
+                                  vec3_sub(c->positions[c->surface->opposites[k].to], c->origin)));
     return vec3_scale(1.0 / 6, sum);
 }
 

@@ -43,6 +43,35 @@ static void target_corners(const struct mesh *mesh, uint32_t t, vec3 out[3]) {
         out[i] = mesh_corner(mesh, t, i);
 }
 
+static void gather_near(struct conform *c) {
+    c->near_count = 0;
+    for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
+        vec3 corners[3];
+        conform_corners(c, t, corners);
+        if (meets(c->zone, corners))
+            c->near[c->near_count++] = t;
+    }
+}
+
+static bool holds(struct box box, struct box other) {
+    return box.min.x <= other.min.x && box.min.y <= other.min.y && box.min.z <= other.min.z &&
+           box.max.x >= other.max.x && box.max.y >= other.max.y && box.max.z >= other.max.z;
+}
+
+void conform_widen(struct conform *c) {
+    struct box live = empty_box();
+    for (uint32_t i = 0; i < c->live_count; i++)
+        for (int k = 0; k < 3; k++)
+            extend(&live, c->positions[c->surface->triangles[3 * (size_t)c->live[i] + (size_t)k]]);
+    if (!c->live_count || holds(c->zone, live))
+        return;
+    live = grown(live, BESIDE_MM);
+    extend(&live, c->zone.min);
+    extend(&live, c->zone.max);
+    c->zone = live;
+    gather_near(c);
+}
+
 bool conform_gather(struct conform *c, const struct conform_target *target) {
     struct box fresh = empty_box();
     vec3 corners[3];
@@ -52,6 +81,7 @@ bool conform_gather(struct conform *c, const struct conform_target *target) {
     if (!(fresh.min.x <= fresh.max.x))
         return false;
     c->zone = grown(fresh, higher(GROW_MM, GROW_RINGS * c->surface->spacing) + BESIDE_MM);
+    c->origin = fresh.min;
     soup_clear(&c->whole_target);
     for (uint32_t t = 0; t < target->mesh->triangle_count; t++) {
         target_corners(target->mesh, t, corners);
@@ -60,13 +90,9 @@ bool conform_gather(struct conform *c, const struct conform_target *target) {
     }
     soup_build(&c->whole_target);
     conform_leave_out_films(c);
-    c->near_count = 0;
-    for (uint32_t t = 0; t < c->surface->triangle_count; t++) {
+    for (uint32_t t = 0; t < c->surface->triangle_count; t++)
         c->live_of[t] = MESH_NONE;
-        conform_corners(c, t, corners);
-        if (meets(c->zone, corners))
-            c->near[c->near_count++] = t;
-    }
+    gather_near(c);
     return c->near_count > 0;
 }
 

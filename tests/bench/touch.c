@@ -104,8 +104,10 @@ static void follow(struct touched *t, const struct cut_change *change) {
 static enum result cut_by(struct touched *t, const struct blade_move *move, struct error *err) {
     struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
     struct cut_change change = {0};
-    int count = blade_parts(move, parts);
-    enum cut_outcome outcome = count ? cut_apply(t->cut, parts, count, &change, err) : CUT_NOTHING;
+    int count = blade_parts(move, parts, err);
+    enum cut_outcome outcome = count < 0 ? CUT_REFUSED : CUT_NOTHING;
+    if (count > 0)
+        outcome = cut_apply(t->cut, parts, count, &change, err);
     if (outcome == CUT_CHANGED)
         follow(t, &change);
     cut_change_fini(&change);

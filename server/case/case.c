@@ -318,6 +318,23 @@ static enum result check_portals(const struct knee_case *knee, struct error *err
     return RESULT_OK;
 }
 
+static enum result check_landmarks(const struct knee_case *knee, struct error *err) {
+    for (int i = 0; i < knee->landmark_count; i++) {
+        const struct case_landmark *landmark = &knee->landmarks[i];
+        if (!case_name_is_valid(landmark->name))
+            return fail(err, RESULT_INVALID, "landmarks[%d] has no valid name", i);
+        if (case_landmark(knee, landmark->name) != landmark)
+            return fail(err, RESULT_INVALID, "there are two landmarks %s", landmark->name);
+        if (!vec3_is_finite(landmark->at))
+            return fail(err, RESULT_INVALID, "landmark %s: the place is not finite",
+                        landmark->name);
+        if (!(isfinite(landmark->error_mm) && landmark->error_mm >= 0))
+            return fail(err, RESULT_INVALID, "landmark %s: error_mm is not a number from 0 on",
+                        landmark->name);
+    }
+    return RESULT_OK;
+}
+
 static enum result check_patella(const struct knee_case *knee, struct error *err) {
     for (int i = 0; i < knee->patella_key_count; i++) {
         const struct patella_key *key = &knee->patella_keys[i];
@@ -379,6 +396,8 @@ enum result case_validate(const struct knee_case *knee, struct error *err) {
     if (!pose_is_valid(knee->joint.T_tibia_joint))
         return fail(err, RESULT_INVALID, "joint.T_tibia_joint is not a pose");
     enum result result = check_portals(knee, err);
+    if (result == RESULT_OK)
+        result = check_landmarks(knee, err);
     if (result == RESULT_OK)
         result = check_patella(knee, err);
     if (result == RESULT_OK)

@@ -18,6 +18,7 @@
 #define CASE_REGION_PARTS_MAX 32
 #define CASE_LIGAMENTS_MAX 8 // torn ones
 #define CASE_KEYS_MAX 32     // of all of them together; also of the rest path
+#define CASE_LANDMARKS_MAX 64
 
 enum body { BODY_FEMUR, BODY_TIBIA, BODY_PATELLA, BODY_COUNT };
 
@@ -67,6 +68,15 @@ struct case_portal {
     vec3 direction; // unit, into the joint
 };
 
+// A place of the anatomy that motions, reports and people name (landmarks/landmarks.h).
+struct case_landmark {
+    char name[CASE_NAME_MAX];
+    enum body body;
+    vec3 at;         // on or in the mock-up (S), in the frame of the body
+    double error_mm; // how far off it may be: of a fit, its residual
+    bool by_hand;    // given by a person, who knows better than a proposal
+};
+
 // A key pose of a torn ligament: the tibia of the mock-up is here, with that ligament held against
 // its end, and the virtual one appears there (warp/adaptive.h). T_femur_tibia both. Whether the
 // keys of a case go together so that each is met, only the warp can tell: scene_create
@@ -88,6 +98,8 @@ struct knee_case {
     struct case_group groups[CASE_GROUPS_MAX];
     int portal_count;
     struct case_portal portals[CASE_PORTALS_MAX];
+    int landmark_count;
+    struct case_landmark landmarks[CASE_LANDMARKS_MAX];
     int patella_key_count; // rising flexion; 0: the patella stays in the rest pose
     struct patella_key patella_keys[PATELLA_KEYS_MAX];
     int rest_count; // T_femur_tibia of the mock-up at rest over flexion; 0: that of the joint's
@@ -117,7 +129,8 @@ enum result case_load(const char *dir, const struct case_limits *limits,
 // Refused: a missing tibia or femur; a cuttable group that is not one closed, manifold, oriented
 // component facing outwards; a lesion of a group that is not cuttable, or a part of it that lies
 // beside the virtual mesh; a displacement, pose, portal or patella key that is not finite or out of
-// order; shares outside 0 to 1, or of a bridge from a body to itself; a torn ligament without a key
+// order; a landmark without a valid and new name or with a place or error that is none; shares
+// outside 0 to 1, or of a bridge from a body to itself; a torn ligament without a key
 // or with another's name, or a key of none; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
@@ -165,3 +178,15 @@ enum result case_region_add(struct case_region *region, const struct plane *plan
 
 // The patella's pose at a flexion: between the keys, constant past the outer ones.
 pose case_patella_pose(const struct knee_case *knee, double flexion_deg);
+
+// The joint at rest at a flexion: between the keys of the rest path, straight in each coordinate,
+// constant past the outer ones; where there is none, that of the joint's axes.
+struct joint_angles case_rest(const struct knee_case *knee, double flexion_deg);
+
+// NULL: no such landmark.
+const struct case_landmark *case_landmark(const struct knee_case *knee, const char *name);
+
+// Adds a landmark with a valid name, or replaces that of the name. RESULT_LIMIT where there are
+// CASE_LANDMARKS_MAX.
+enum result case_landmark_set(struct knee_case *knee, const struct case_landmark *landmark,
+                              struct error *err);

@@ -2,7 +2,6 @@
 
 #include "base/check.h"
 
-#include <inttypes.h>
 #include <jansson.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -255,6 +254,19 @@ static void read_portal(struct manifest *m, const struct object *object, struct 
     portal->direction = read_vec3(m, object, "direction");
 }
 
+static void read_landmark(struct manifest *m, const struct object *object, struct knee_case *knee) {
+    struct case_landmark *landmark = &knee->landmarks[knee->landmark_count++];
+    const char *by = read_string(m, object, "by");
+    read_name(m, object, "name", landmark->name);
+    if (!body_from_name(read_string(m, object, "body"), &landmark->body))
+        refuse_key(m, object, "body", "neither femur, tibia nor patella");
+    landmark->at = read_vec3(m, object, "at");
+    landmark->error_mm = read_number(m, object, "error_mm");
+    landmark->by_hand = strcmp(by, "hand") == 0;
+    if (!landmark->by_hand && strcmp(by, "proposal") != 0)
+        refuse_key(m, object, "by", "neither proposal nor hand");
+}
+
 static void read_patella(struct manifest *m, const struct object *object, struct knee_case *knee) {
     struct patella_key *key = &knee->patella_keys[knee->patella_key_count++];
     key->flexion_deg = read_number(m, object, "flexion_deg");
@@ -329,11 +341,13 @@ static void read_torn(struct manifest *m, const struct object *object, struct kn
 static void read_lists(struct manifest *m, const struct object *root, struct knee_case *knee) {
     static const char *const group_keys[] = {"name", "body", "bridges", "cuttable", "lesion", NULL};
     static const char *const portal_keys[] = {"name", "position", "direction", NULL};
+    static const char *const landmark_keys[] = {"name", "body", "at", "error_mm", "by", NULL};
     static const char *const patella_keys[] = {"flexion_deg", "T_femur_patella", NULL};
     static const char *const torn_keys[] = {"ligament", "keys", NULL};
     static const struct manifest_list lists[] = {
         {"groups", CASE_GROUPS_MAX, group_keys, read_group},
         {"portals", CASE_PORTALS_MAX, portal_keys, read_portal},
+        {"landmarks", CASE_LANDMARKS_MAX, landmark_keys, read_landmark},
         {"patella", PATELLA_KEYS_MAX, patella_keys, read_patella},
         {"torn", CASE_LIGAMENTS_MAX, torn_keys, read_torn},
     };
@@ -362,9 +376,9 @@ static void check_format(struct manifest *m, const json_t *root) {
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,
                                    uint64_t *out_anatomy_hash) {
-    static const char *const keys[] = {"format", "name",    "title",  "side",    "anatomy_xxh3",
-                                       "joint",  "scan",    "groups", "portals", "rest",
-                                       "torn",   "patella", NULL};
+    static const char *const keys[] = {"format", "name", "title",   "side",    "anatomy_xxh3",
+                                       "joint",  "scan", "groups",  "portals", "landmarks",
+                                       "rest",   "torn", "patella", NULL};
     check_format(m, json);
     struct object root = open_object(m, json, "", keys);
     char name[CASE_NAME_MAX] = "unnamed";
@@ -393,122 +407,4 @@ enum result manifest_read(const char *text, size_t size, struct knee_case **out_
     *out_case = read_root(&m, json, out_anatomy_hash);
     json_decref(json);
     return m.result;
-}
-
-// ---- writing ------------------------------------------------------------------------------------
-
-static json_t *numbers(int count, const double *values) {
-    json_t *array = json_array();
-    for (int i = 0; i < count; i++)
-        json_array_append_new(array, json_real(values[i]));
-    return array;
-}
-
-static json_t *vector(vec3 v) {
-    return numbers(3, (double[]){v.x, v.y, v.z});
-}
-
-static json_t *pose_array(pose p) {
-    return numbers(7, (double[]){p.translation.x, p.translation.y, p.translation.z, p.rotation.w,
-                                 p.rotation.x, p.rotation.y, p.rotation.z});
-}
-
-static json_t *write_region(const struct case_region *region) {
-    json_t *parts = json_array();
-    for (int i = 0; i < region->part_count; i++) {
-        json_t *planes = json_array();
-        for (int k = 0; k < region->parts[i].plane_count; k++) {
-            struct plane p = region->parts[i].planes[k];
-            double row[] = {p.normal.x, p.normal.y, p.normal.z, p.offset};
-            json_array_append_new(planes, numbers(4, row));
-        }
-        json_array_append_new(parts, planes);
-    }
-    return parts;
-}
-
-static void write_lesion(json_t *group_object, const struct case_lesion *lesion) {
-    if (lesion->tear.part_count + lesion->damage.part_count + lesion->plan.part_count > 0)
-        json_object_set_new(group_object, "lesion",
-                            json_pack("{s:o, s:o, s:o}", "tear", write_region(&lesion->tear),
-                                      "damage", write_region(&lesion->damage), "plan",
-                                      write_region(&lesion->plan)));
-}
-
-static json_t *write_groups(const struct knee_case *knee) {
-    json_t *array = json_array();
-    for (int i = 0; i < knee->group_count; i++) {
-        const struct case_group *group = &knee->groups[i];
-        json_t *object = json_pack("{s:s, s:s, s:b}", "name", group->name, "body",
-                                   body_name(group->body), "cuttable", (int)group->cuttable);
-        if (group->bridges)
-            json_object_set_new(object, "bridges", json_string(body_name(group->other_body)));
-        write_lesion(object, &group->lesion);
-        json_array_append_new(array, object);
-    }
-    return array;
-}
-
-static json_t *write_portals(const struct knee_case *knee) {
-    json_t *array = json_array();
-    for (int i = 0; i < knee->portal_count; i++) {
-        const struct case_portal *portal = &knee->portals[i];
-        json_array_append_new(array, json_pack("{s:s, s:o, s:o}", "name", portal->name, "position",
-                                               vector(portal->position), "direction",
-                                               vector(portal->direction)));
-    }
-    return array;
-}
-
-static json_t *write_patella(const struct knee_case *knee) {
-    json_t *array = json_array();
-    for (int i = 0; i < knee->patella_key_count; i++) {
-        const struct patella_key *key = &knee->patella_keys[i];
-        json_array_append_new(array,
-                              json_pack("{s:f, s:o}", "flexion_deg", key->flexion_deg,
-                                        "T_femur_patella", pose_array(key->T_femur_patella)));
-    }
-    return array;
-}
-
-static json_t *write_rest(const struct knee_case *knee) {
-    json_t *array = json_array();
-    for (int i = 0; i < knee->rest_count; i++)
-        json_array_append_new(array, pose_array(knee->rest[i]));
-    return array;
-}
-
-static json_t *write_torn(const struct knee_case *knee) {
-    json_t *array = json_array();
-    for (int i = 0; i < knee->torn_count; i++) {
-        json_t *keys = json_array();
-        for (int k = 0; k < knee->key_count; k++)
-            if (knee->keys[k].ligament == i)
-                json_array_append_new(keys, json_pack("{s:o, s:o}", "physical",
-                                                      pose_array(knee->keys[k].physical), "target",
-                                                      pose_array(knee->keys[k].target)));
-        json_array_append_new(array,
-                              json_pack("{s:s, s:o}", "ligament", knee->torn[i], "keys", keys));
-    }
-    return array;
-}
-
-char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
-    char hash[17];
-    snprintf(hash, sizeof hash, "%016" PRIx64, anatomy_hash);
-    json_t *joint = json_pack("{s:o, s:o}", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
-                              "T_tibia_joint", pose_array(knee->joint.T_tibia_joint));
-    json_t *root =
-        json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
-                  MANIFEST_FORMAT, "name", knee->name, "title", knee->title, "side",
-                  knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash, "joint",
-                  joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
-                  write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
-    if (knee->has_scan)
-        json_object_set_new(root, "scan",
-                            json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,
-                                      "T_case_scan", pose_array(knee->T_case_scan)));
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
-    json_decref(root);
-    return text;
 }

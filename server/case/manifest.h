@@ -10,17 +10,20 @@
 //                     "lesion": { "tear": [ [ [nx, ny, nz, offset], … ], … ],
 //                                 "damage": […], "plan": […] } }, … ],
 //       "portals": [ { "name": "anterolateral", "position": [x, y, z], "direction": […] }, … ],
+//       "landmarks": [ { "name": "notch", "body": "femur", "at": [x, y, z], "error_mm": 1.5,
+//                        "by": "proposal" }, … ],
 //       "rest": [ [x, y, z, qw, qx, qy, qz], … ],
 //       "torn": [ { "ligament": "mcl",
 //                   "keys": [ { "physical": [x, y, z, qw, …], "target": […] }, … ] }, … ],
 //       "patella": [ { "flexion_deg": 0, "T_femur_patella": [x, y, z, qw, qx, qy, qz] }, … ] }
 //
-// Millimetres and unit quaternions. A region of a lesion is a list of convex parts (up to 32), a
-// part a list of planes (up to 64): inside where n · p <= offset, in the frame of the group's
-// virtual mesh (S'). T_case_scan takes a point of the scan that was imported to the femur's frame;
-// where mirrored, its x changes its sign before. title, scan, bridges, cuttable, lesion and its
-// regions, portals, rest, torn, patella and anatomy_xxh3 may be absent. Remove anatomy_xxh3 after
-// you have edited anatomy.glb on purpose. Other keys are refused.
+// Millimetres and unit quaternions. A landmark is by "proposal" or by "hand". A region of a lesion
+// is a list of convex parts (up to 32), a part a list of planes (up to 64): inside where n · p <=
+// offset, in the frame of the group's virtual mesh (S'). T_case_scan takes a point of the scan that
+// was imported to the femur's frame; where mirrored, its x changes its sign before. title, scan,
+// bridges, cuttable, lesion and its regions, portals, landmarks, rest, torn, patella and
+// anatomy_xxh3 may be absent. Remove anatomy_xxh3 after you have edited anatomy.glb on purpose.
+// Other keys are refused.
 #pragma once
 
 #include "case/case.h"

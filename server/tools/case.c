@@ -23,6 +23,7 @@ static const struct {
     {"ligament", command_ligament, "tears a ligament: the joint goes further"},
     {"deform", command_deform, "hollows out groups of your choice"},
     {"maxcut", command_maxcut, "makes the shape that the greatest resection leaves of a meniscus"},
+    {"landmarks", command_landmarks, "proposes joint, portals and places of the anatomy"},
     {"motion", command_motion, "computes the motion of hands and joint from a script"},
     {"picture", command_picture, "draws a case"},
     {"record-pose", command_record_pose,

@@ -14,6 +14,7 @@ int command_deform(int argc, char **argv);
 int command_generate(int argc, char **argv);
 int command_import(int argc, char **argv);
 int command_info(int argc, char **argv);
+int command_landmarks(int argc, char **argv);
 int command_ligament(int argc, char **argv);
 int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);

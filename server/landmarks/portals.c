@@ -1,0 +1,170 @@
+#include "landmarks/landmarks.h"
+#include "landmarks/local.h"
+#include "mesh/solid.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+// By the field's convention: a finger's breadth beside the patellar tendon, about 1 cm above the
+// joint line.
+static const double usual_beside = 20, usual_above = 8; // mm
+static const double beside_from = 15, beside_to = 28, above_from = -4, above_to = 16, grid = 2;
+static const double before_bones = 10;                // mm, of a portal where there is no skin
+static const double enough = 2.5, away_price = 0.006; // mm of clearance; a mm² off the usual place
+static const double shaft_step = 1;                   // mm between places that are looked at
+static const double flexions[] = {20, 45, 70};        // in which instruments work
+
+struct bones {
+    const struct knee_case *knee;
+    struct local local;
+    struct solid solids[BODY_COUNT];
+    struct query *skin;
+};
+
+static enum result bones_init(struct bones *b, struct knee_case *knee, struct error *err) {
+    *b = (struct bones){.knee = knee, .local = local_of(knee)};
+    enum result result = RESULT_OK;
+    for (enum body body = 0; body < BODY_COUNT && result == RESULT_OK; body++) {
+        const struct case_group *bone = case_group(knee, body_name(body));
+        if (bone)
+            result = solid_init(&b->solids[body], &bone->mesh, err);
+    }
+    const struct case_group *skin = case_group(knee, "skin");
+    if (result == RESULT_OK && skin)
+        result = query_create(&skin->mesh, &b->skin, err);
+    return result;
+}
+
+static void bones_fini(struct bones *b) {
+    for (enum body body = 0; body < BODY_COUNT; body++)
+        if (b->solids[body].mesh)
+            solid_fini(&b->solids[body]);
+    query_destroy(&b->skin);
+}
+
+static pose body_at(const struct bones *b, enum body body, double flexion_deg) {
+    if (body == BODY_PATELLA)
+        return case_patella_pose(b->knee, flexion_deg);
+    struct joint_angles angles = case_rest(b->knee, flexion_deg);
+    return body == BODY_TIBIA ? joint_to_pose(&b->knee->joint, &angles) : pose_identity();
+}
+
+// The least distance of the line from all bones, negative inside.
+static double clearance(const struct bones *b, vec3 from, vec3 to, double flexion_deg) {
+    double length = vec3_distance(from, to), least = INFINITY;
+    for (enum body body = 0; body < BODY_COUNT; body++) {
+        if (!b->solids[body].mesh)
+            continue;
+        pose T = body_at(b, body, flexion_deg);
+        uint32_t hint = MESH_NONE;
+        for (double at = 0; at <= length;) {
+            vec3 p = pose_apply_inverse(T, vec3_lerp(from, to, at / length));
+            double distance = solid_distance(&b->solids[body], p, &hint);
+            least = fmin(least, distance);
+            at += fmax(distance - least, shaft_step); // nothing between is nearer than that
+        }
+    }
+    return least;
+}
+
+// How far anterior femur and tibia reach at about that place.
+static double front_of(const struct bones *b, double x, double z) {
+    double front = -INFINITY;
+    for (enum body body = BODY_FEMUR; body <= BODY_TIBIA; body++) {
+        const struct mesh *mesh = b->solids[body].mesh;
+        for (uint32_t v = 0; mesh && v < mesh->vertex_count; v++) {
+            vec3 p = to_local(&b->local, mesh_vertex(mesh, v));
+            if (fabs(p.x - x) < 20 && fabs(p.z - z) < 30)
+                front = fmax(front, p.y);
+        }
+    }
+    return front;
+}
+
+// In the skin in front of a place, or where skin may be expected.
+static vec3 outside(const struct bones *b, double front, double x, double z) {
+    vec3 before = {x, front + before_bones, z};
+    struct closest closest;
+    if (!b->skin)
+        return from_local(&b->local, before);
+    before.y = front + 40;
+    vec3 p = from_local(&b->local, before);
+    return query_closest(b->skin, p, INFINITY, MESH_NONE, &closest) ? closest.point : p;
+}
+
+static double worst_clearance(const struct bones *b, vec3 from, vec3 to) {
+    double least = INFINITY;
+    for (size_t i = 0; i < sizeof flexions / sizeof *flexions; i++)
+        least = fmin(least, clearance(b, from, to, flexions[i]));
+    return least;
+}
+
+// Before the notch, where instruments turn: of some places between its roof and the plateau, the
+// one with most room in all flexions.
+static vec3 find_target(const struct bones *b, vec3 notch, double middle_y, double joint_line) {
+    vec3 best = {0};
+    double most = -INFINITY;
+    for (double y = 3; y <= 15; y += 3)
+        for (double share = 0.1; share < 0.8; share += 0.1) {
+            vec3 p = {notch.x, middle_y + y, joint_line + share * (notch.z - joint_line)};
+            vec3 at = from_local(&b->local, p);
+            double room = worst_clearance(b, at, vec3_add_scaled(at, 1e-3, (vec3){1, 0, 0}));
+            if (room > most) {
+                most = room;
+                best = p;
+            }
+        }
+    return best;
+}
+
+static double find_portal(const struct bones *b, double side, vec3 target, double joint_line,
+                          struct case_portal *out_portal) {
+    double best = -INFINITY, clear = 0;
+    double front = front_of(b, target.x + side * usual_beside, joint_line + usual_above);
+    vec3 aim = from_local(&b->local, target);
+    for (double beside = beside_from; beside <= beside_to; beside += grid)
+        for (double above = above_from; above <= above_to; above += grid) {
+            vec3 p = outside(b, front, target.x + side * beside, joint_line + above);
+            double room = worst_clearance(b, p, aim);
+            double off = hypot(beside - usual_beside, above - usual_above);
+            double worth = fmin(room, enough) - away_price * off * off;
+            if (worth <= best)
+                continue;
+            best = worth;
+            clear = room;
+            out_portal->position = p;
+        }
+    out_portal->direction = vec3_unit_or(vec3_sub(aim, out_portal->position), (vec3){0, -1, 0});
+    return clear;
+}
+
+static vec3 place_of(const struct bones *b, const char *name) {
+    const struct case_landmark *landmark = case_landmark(b->knee, name);
+    return landmark ? to_local(&b->local, landmark->at) : (vec3){NAN, NAN, NAN};
+}
+
+enum result landmarks_find_portals(struct knee_case *knee, double out_clear_mm[2],
+                                   struct error *err) {
+    static const char *const names[] = {"anterolateral", "anteromedial"};
+    struct bones b;
+    enum result result = bones_init(&b, knee, err);
+    if (result == RESULT_OK) {
+        vec3 notch = place_of(&b, "notch"), medial = place_of(&b, "plateau_medial"),
+             lateral = place_of(&b, "plateau_lateral");
+        double joint_line = (medial.z + lateral.z) / 2;
+        vec3 target = notch;
+        if (isfinite(notch.x) && isfinite(joint_line))
+            target = find_target(&b, notch, (medial.y + lateral.y) / 2, joint_line);
+        else
+            result = fail(err, RESULT_MISSING, "the notch or a plateau is not known");
+        for (int i = 0; i < 2 && result == RESULT_OK; i++) {
+            struct case_portal *portal = &knee->portals[i];
+            *portal = (struct case_portal){0};
+            snprintf(portal->name, sizeof portal->name, "%s", names[i]);
+            out_clear_mm[i] = find_portal(&b, i ? -1 : 1, target, joint_line, portal);
+            knee->portal_count = i + 1;
+        }
+    }
+    bones_fini(&b);
+    return result;
+}

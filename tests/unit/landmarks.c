@@ -17,7 +17,7 @@ static struct knee_case *made(enum side side, double size) {
                             .title = "Test",
                             .side = side,
                             .size = size,
-                            .resolution_mm = 1.7,
+                            .resolution_mm = 2.4,
                             .meniscus_medial_cm3 = 2.4,
                             .meniscus_lateral_cm3 = 2.4};
     struct knee_case *knee;

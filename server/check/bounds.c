@@ -20,11 +20,11 @@ static const struct bound bounds[BOUND_COUNT] = {
                                "(Bloecker et al., BMC Musculoskelet Disord 12:248, 2011)"},
     [BOUND_PATELLA_HEIGHT] = {"the height", "mm", 15, 23, 60, 80,
                               "34.4 ± 3.8 mm (Iranpour et al., Clin Orthop Relat Res "
-                              "466:3096-3099, 2008); 42 mm in Filipino men, and more with "
+                              "466, 2008); 42 mm in Filipino men, and more with "
                               "cartilage"},
     [BOUND_PATELLA_WIDTH] = {"the width", "mm", 20, 30, 60, 80,
                              "44.8 ± 4.8 mm (Iranpour et al., Clin Orthop Relat Res "
-                             "466:3096-3099, 2008)"},
+                             "466, 2008)"},
     [BOUND_PATELLA_ASIDE] = {"the way from the middle of the condyles to that of the patella",
                              "of their width", -INFINITY, -INFINITY, 0.3, 0.5,
                              "beyond half of it the patella lies beside the trochlea: it is "

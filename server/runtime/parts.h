@@ -49,6 +49,8 @@ struct station_runtime {
     // The worker's alone:
     struct session_runtime *session; // NULL: none
     enum session_state state;
+    uint64_t job; // on its way; 0: none
+    bool ending;  // once that job has landed
     struct station_connection connection;
     uint32_t udp_connection;
     uint64_t last_frame;

@@ -79,8 +79,9 @@ void step_hand_over(struct worker *worker, struct station_runtime *station) {
 
 static void order_job(struct worker *worker, struct station_runtime *station,
                       const struct session_output *output) {
-    if (!output->job.id || !station->session)
+    if (!output->job.id || !station->session || station->ending)
         return;
+    station->job = output->job.id;
     if (output->job.kind == JOB_UNDO)
         station->undo.job = output->job.id;
     cut_worker_run(worker->cut_worker, station->index, station->session->serial, &output->job);
@@ -114,6 +115,13 @@ void step_without_frame(struct worker *worker, struct station_runtime *station,
     struct session_input input = {.kind = kind, .time_ns = step_now_ns(station)};
     struct session_output output;
     step_input(worker, station, &input, &output);
+}
+
+bool step_end(struct worker *worker, struct station_runtime *station) {
+    station->ending = true;
+    if (!station->job)
+        step_without_frame(worker, station, INPUT_STOP);
+    return !station->job;
 }
 
 // ---- results of jobs ----------------------------------------------------------------------------
@@ -152,6 +160,7 @@ static void land(struct worker *worker, struct station_runtime *station,
                  struct job_result *result) {
     uint64_t session = station->session->serial;
     bool answers = station->undo.asked && station->undo.job == result->job;
+    station->job = 0;
     struct session_input input = {
         .kind = INPUT_JOB, .time_ns = step_now_ns(station), .job = result->job, .result = result};
     struct session_output output;
@@ -205,6 +214,8 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     cut_worker_open(worker->cut_worker, station->index, session);
     clear_counts(station);
     memset(&station->undo, 0, sizeof station->undo);
+    station->job = 0;
+    station->ending = false;
     station->last_frame = 0;
     station->events = 0;
     station->last_step_ns = session->last_ns;

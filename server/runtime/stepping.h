@@ -13,6 +13,9 @@ void step_without_frame(struct worker *worker, struct station_runtime *station,
 // where another one is. A reset makes it void, and the notice says that nothing was undone.
 bool step_begin_undo(struct station_runtime *station, uint64_t ticket);
 void step_void_undo(struct worker *worker, struct station_runtime *station);
+// A session ends once the cut that is on its way has landed, so that its trace holds all that is
+// shown as cut. False: not yet, and no other cut begins. Ask again after step_results.
+bool step_end(struct worker *worker, struct station_runtime *station);
 // Gives the session back as it is.
 void step_hand_over(struct worker *worker, struct station_runtime *station);
 void step_results(struct worker *worker); // lands the results of the cut worker

@@ -71,6 +71,13 @@ static void take_connection(struct worker *worker, struct station_runtime *stati
 
 // ---- requests -----------------------------------------------------------------------------------
 
+static bool put(struct worker *worker, const struct worker_request *request) {
+    pthread_mutex_lock(&worker->request_lock);
+    bool pushed = ring_push(worker->requests, request);
+    pthread_mutex_unlock(&worker->request_lock);
+    return pushed;
+}
+
 static bool take_input(struct worker *worker, struct station_runtime *station,
                        const struct worker_request *request) {
     if (!station->session)
@@ -79,8 +86,19 @@ static bool take_input(struct worker *worker, struct station_runtime *station,
         return false;
     if (request->input == INPUT_RESET)
         step_void_undo(worker, station);
+    if (request->input == INPUT_STOP)
+        return step_end(worker, station);
     step_without_frame(worker, station, request->input);
     return true;
+}
+
+// Until the cut that is on its way has landed. The cut worker wakes the worker then.
+static bool put_off_end(struct worker *worker, struct station_runtime *station,
+                        const struct worker_request *request) {
+    if (request->kind != REQUEST_INPUT || request->input != INPUT_STOP || !station->job)
+        return false;
+    station->ending = true;
+    return put(worker, request);
 }
 
 static bool take_remark(struct station_runtime *station, const struct worker_request *request) {
@@ -96,6 +114,8 @@ static void take_request(struct worker *worker, const struct worker_request *req
         step_begin(worker, station, request->session);
         return;
     }
+    if (put_off_end(worker, station, request))
+        return;
     notice.done = request->kind == REQUEST_INPUT ? take_input(worker, station, request)
                                                  : take_remark(station, request);
     worker_notify(worker, &notice);
@@ -126,7 +146,7 @@ static void watch_time(struct worker *worker, struct station_runtime *station) {
         return;
     publish_trace(station);
     if (step_is_deserted(worker, station))
-        step_without_frame(worker, station, INPUT_STOP);
+        step_end(worker, station);
     else if (step_now_ns(station) - station->last_step_ns >= EMPTY_STEP_NS &&
              station->state == SESSION_RUNNING)
         step_without_frame(worker, station, INPUT_EMPTY);
@@ -155,16 +175,27 @@ static void take_connections(struct worker *worker) {
         take_connection(worker, station);
 }
 
-static void end_sessions(struct worker *worker) {
+// True once all have ended.
+static bool end_sessions(struct worker *worker) {
+    bool ended = true;
     struct station_runtime *station;
     for (int i = -1; (station = next_station(worker, &i));)
         if (station->session && worker->runtime->hand_over)
             step_hand_over(worker, station);
         else if (station->session)
-            step_without_frame(worker, station, INPUT_STOP);
+            ended &= step_end(worker, station);
+    return ended;
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
+
+// Until a frame or a word from another thread comes, or TICK_MS.
+static void wait_for_work(struct pollfd *fds, bool left) {
+    uint64_t wakes;
+    poll(fds, 2, left ? 0 : TICK_MS);
+    if (fds[1].revents && read(fds[1].fd, &wakes, sizeof wakes) < 0)
+        CHECK(errno == EAGAIN);
+}
 
 static void *work(void *argument) {
     struct worker *worker = argument;
@@ -174,10 +205,7 @@ static void *work(void *argument) {
     };
     bool left = false;
     while (!atomic_load(&worker->runtime->stop)) {
-        poll(fds, 2, left ? 0 : TICK_MS);
-        uint64_t wakes;
-        if (fds[1].revents && read(worker->wake_fd, &wakes, sizeof wakes) < 0)
-            CHECK(errno == EAGAIN);
+        wait_for_work(fds, left);
         take_connections(worker);
         take_requests(worker);
         step_results(worker);
@@ -185,14 +213,15 @@ static void *work(void *argument) {
         left = visit_stations(worker);
     }
     take_requests(worker);
-    end_sessions(worker);
+    while (!end_sessions(worker)) {
+        wait_for_work(fds, false);
+        step_results(worker);
+    }
     return NULL;
 }
 
 bool worker_request(struct worker *worker, const struct worker_request *request) {
-    pthread_mutex_lock(&worker->request_lock);
-    bool pushed = ring_push(worker->requests, request);
-    pthread_mutex_unlock(&worker->request_lock);
+    bool pushed = put(worker, request);
     if (pushed)
         wake_fd(worker->wake_fd);
     return pushed;

@@ -33,21 +33,46 @@ static uint64_t hash_of(const struct cut_mesh *mesh) {
     return hash;
 }
 
-static void assert_was_cut(const char *trace, const struct tissue_report *report) {
+static void keep_landed(void *user, const struct job_result *result) {
+    struct tissue_figures *landed = user;
+    if (result->outcome != JOB_NOTHING)
+        *landed = result->figures;
+}
+
+// Runs a session again; figures are those of the last cut that landed in it.
+static struct rerun *run_again(const char *trace, const struct scene *scene,
+                               struct tissue_figures *out_landed) {
     struct trace_reader *reader;
     static struct trace_record record;
     struct session_output output;
-    struct scene *scene = load_scene();
     assert_int_equal(trace_reader_create(trace, &reader, NULL), RESULT_OK);
     struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
+    *out_landed = (struct tissue_figures){0};
+    rerun_watch(rerun, keep_landed, out_landed);
     while (trace_read(reader, &record, NULL) == RESULT_OK)
         if (record.type == TRACE_STEP)
             rerun_step(rerun, &record, &output);
+    trace_reader_destroy(&reader);
+    return rerun;
+}
+
+static void assert_landed(const char *trace, const struct tissue_report *report) {
+    struct tissue_figures landed;
+    struct scene *scene = load_scene();
+    struct rerun *rerun = run_again(trace, scene, &landed);
+    assert_int_equal(report->figures[0].cuts, landed.cuts);
+    rerun_destroy(&rerun);
+    scene_destroy(&scene);
+}
+
+static void assert_was_cut(const char *trace, const struct tissue_report *report) {
+    struct tissue_figures landed;
+    struct scene *scene = load_scene();
+    struct rerun *rerun = run_again(trace, scene, &landed);
     const struct operation *operation = rerun_operation(rerun);
     assert_int_equal(report->figures[0].mesh_number, operation_figures(operation, 0)->mesh_number);
     assert_int_equal(report->mesh_hashes[0], hash_of(operation_mesh(operation, 0)));
     rerun_destroy(&rerun);
-    trace_reader_destroy(&reader);
     scene_destroy(&scene);
 }
 
@@ -82,6 +107,33 @@ static void a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole(void **state)
     assert_int_equal(report.figures[0].cuts, 0);
     assert_int_equal(report.mesh_hashes[0], whole);
     assert_was_cut(status.about.trace, &report);
+}
+
+// The burr still runs when the session is stopped.
+static void a_session_that_is_stopped_has_recorded_all_that_is_shown_as_cut(void **state) {
+    (void)state;
+    enum { ROUNDS = 6, STEPS = 40 };
+    static struct tissue_report shown[ROUNDS];
+    static struct station_status was[ROUNDS];
+    struct sessions *sessions = hall_open();
+    int cut = 0;
+    hall_join(sessions);
+    for (int i = 0; i < ROUNDS; i++) {
+        for (int k = 0; k < STEPS; k++)
+            hall_frame(sessions,
+                       (vec3){-19, -14 + 28.0 * (k * ROUNDS + i) / (STEPS * ROUNDS), -11});
+        hall_wait_ms(1 + 6 * i);
+        was[i] = hall_status(sessions);
+        hall_command(sessions, arthron_Command_Kind_STOP);
+        shown[i] = hall_last_tissues(sessions);
+        hall_command(sessions, arthron_Command_Kind_START);
+    }
+    sessions_destroy(&sessions);
+    for (int i = 0; i < ROUNDS; i++) {
+        cut += shown[i].figures[0].cuts > 0;
+        assert_landed(was[i].about.trace, &shown[i]);
+    }
+    assert_true(cut > ROUNDS / 2);
 }
 
 static void a_reset_is_answered_when_it_is_done(void **state) {
@@ -316,6 +368,7 @@ int main(void) {
         cmocka_unit_test(a_job_that_is_asked_for_as_another_lands_does_not_overtake_it),
         cmocka_unit_test(a_reset_while_a_cut_is_on_its_way_makes_the_mesh_whole),
         cmocka_unit_test(a_reset_is_answered_when_it_is_done),
+        cmocka_unit_test(a_session_that_is_stopped_has_recorded_all_that_is_shown_as_cut),
         cmocka_unit_test(of_undos_at_once_each_has_its_own_answer),
         cmocka_unit_test(after_an_undo_is_answered_the_tissue_that_it_left_is_shown),
         cmocka_unit_test(an_undo_behind_a_reset_has_nothing_to_undo),

@@ -1,32 +1,21 @@
 #include "import/claim.h"
 
+#include "base/check.h"
 #include "base/number.h"
+#include "import/claim_lines.h"
 
 #include <ctype.h>
-#include <float.h>
 #include <math.h>
-#include <stdbool.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
 #include <sys/types.h>
 
-#define HEADER_LINES_MAX 1000
 #define STL_HEADER 84
 #define STL_TRIANGLE 50
 
-// A file by lines. `line` has neither blanks at its start nor its line's end.
-struct line_reader {
-    FILE *file;
-    char *buffer, *line;
-    size_t room;
-    unsigned number; // of the line, from 1
-    bool foul;       // reading has ended at a zero byte or a carriage return inside of a line
-};
-
-static bool next_line(struct line_reader *r) {
+bool claim_next_line(struct line_reader *r) {
     ssize_t length = getline(&r->buffer, &r->room, r->file);
     if (length < 0)
         return false;
@@ -40,149 +29,33 @@ static bool next_line(struct line_reader *r) {
     return true;
 }
 
+// The room is the next power of two.
+void claim_keep(const struct line_reader *r, struct import_claim *out, const double point[3]) {
+    uint32_t count = out->position_count;
+    if (count >= r->points_max)
+        return;
+    if ((count & (count - 1)) == 0)
+        out->positions =
+            alloc_resize(out->positions, count ? 6 * (size_t)count : 3, sizeof *out->positions);
+    memcpy(out->positions + 3 * (size_t)count, point, 3 * sizeof *point);
+    out->position_count++;
+}
+
+const char *claim_three_numbers(const char *text, double out[3]) {
+    for (int i = 0; i < 3; i++) {
+        char *end;
+        out[i] = strtod(text, &end);
+        if (!isfinite(out[i]) || end == text)
+            return NULL;
+        text = end;
+    }
+    return text;
+}
+
 static bool starts_with_word(const char *line, const char *word) {
     size_t length = strlen(word);
     return strncasecmp(line, word, length) == 0 &&
            (isspace((unsigned char)line[length]) || !line[length]);
-}
-
-// ---- PLY ----------------------------------------------------------------------------------------
-
-static bool is_type(const char *word) {
-    static const char *const types[] = {"char",  "uchar",   "short",  "ushort", "int",   "uint",
-                                        "int8",  "uint8",   "int16",  "uint16", "int32", "uint32",
-                                        "float", "float32", "double", "float64"};
-    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
-        if (strcmp(word, types[i]) == 0)
-            return true;
-    return false;
-}
-
-// OpenMesh makes room for whatever it reads as a list's length: at most 16 bits, and no sign.
-static bool is_length_type(const char *word) {
-    return strcmp(word, "uchar") == 0 || strcmp(word, "uint8") == 0 ||
-           strcmp(word, "ushort") == 0 || strcmp(word, "uint16") == 0;
-}
-
-#define PLY_ELEMENTS_MAX 8
-#define PLY_PROPERTIES_MAX 64
-
-struct ply_element {
-    uint32_t count;
-    int property_count;
-    struct {
-        bool list, real;
-    } properties[PLY_PROPERTIES_MAX];
-};
-
-struct ply {
-    bool text;
-    int element_count;
-    struct ply_element elements[PLY_ELEMENTS_MAX];
-    struct import_claim claim;
-};
-
-static bool take_element(const char *name, const char *count, struct ply *ply) {
-    if (strlen(count) >= 10 || strspn(count, "0123456789") != strlen(count) ||
-        ply->element_count == PLY_ELEMENTS_MAX)
-        return false;
-    uint32_t value = (uint32_t)strtoul(count, NULL, 10);
-    ply->elements[ply->element_count++].count = value;
-    if (strcmp(name, "vertex") == 0)
-        ply->claim.vertices = value;
-    if (strcmp(name, "face") == 0)
-        ply->claim.faces = value;
-    return true;
-}
-
-static bool take_property(const char *type, bool list, struct ply *ply) {
-    if (!ply->element_count || !is_type(type))
-        return false;
-    struct ply_element *element = &ply->elements[ply->element_count - 1];
-    if (element->property_count == PLY_PROPERTIES_MAX)
-        return false;
-    int i = element->property_count++;
-    element->properties[i].list = list;
-    element->properties[i].real = *type == 'f' || *type == 'd';
-    return true;
-}
-
-static bool take_format(const char *name, const char *version, struct ply *ply) {
-    ply->text = strcmp(name, "ascii") == 0;
-    return strcmp(version, "1.0") == 0 && (ply->text || strcmp(name, "binary_little_endian") == 0 ||
-                                           strcmp(name, "binary_big_endian") == 0);
-}
-
-static bool take_header_line(const char *line, struct ply *ply) {
-    char word[4][64] = {""}, name[64];
-    int count = sscanf(line, "%63s %63s %63s %63s %63s", word[0], word[1], word[2], word[3], name);
-    if (count <= 0 || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0)
-        return true;
-    if (strcmp(word[0], "format") == 0)
-        return count == 3 && take_format(word[1], word[2], ply);
-    if (strcmp(word[0], "element") == 0)
-        return count == 3 && take_element(word[1], word[2], ply);
-    if (strcmp(word[0], "property") != 0)
-        return false;
-    if (strcmp(word[1], "list") == 0)
-        return count == 5 && is_length_type(word[2]) && take_property(word[3], true, ply);
-    return count == 3 && take_property(word[1], false, ply);
-}
-
-// Takes the line apart.
-static bool is_ply_row(char *line, const struct ply_element *element) {
-    char *rest, *word = strtok_r(line, " \t", &rest);
-    for (int p = 0; p < element->property_count; p++) {
-        int64_t count = 1, whole;
-        double real;
-        if (element->properties[p].list) {
-            if (!word || !number_int(word, 0, UINT16_MAX, &count))
-                return false;
-            word = strtok_r(NULL, " \t", &rest);
-        }
-        for (; count > 0; count--, word = strtok_r(NULL, " \t", &rest))
-            if (!word ||
-                !(element->properties[p].real ? number_double(word, -FLT_MAX, FLT_MAX, &real)
-                                              : number_int(word, INT32_MIN, INT32_MAX, &whole)))
-                return false;
-    }
-    return word == NULL;
-}
-
-static enum result check_ply_rows(struct line_reader *r, const char *path, struct ply *ply,
-                                  struct error *err) {
-    uint64_t said = 0, lines = 0, end = 0; // end: of the element's rows
-    int next = 0;
-    for (int i = 0; i < ply->element_count; i++)
-        said += ply->elements[i].count;
-    while (next_line(r)) {
-        if (!*r->line)
-            continue;
-        while (lines == end && next < ply->element_count)
-            end += ply->elements[next++].count;
-        if (lines++ < end && !is_ply_row(r->line, &ply->elements[next - 1]))
-            return fail(err, RESULT_FORMAT, "%s: line %u contradicts the header", path, r->number);
-    }
-    if (lines != said)
-        return fail(err, RESULT_FORMAT, "%s: %llu lines of data, where its header says %llu", path,
-                    (unsigned long long)lines, (unsigned long long)said);
-    return RESULT_OK;
-}
-
-static enum result claim_of_ply(struct line_reader *r, const char *path, struct import_claim *out,
-                                struct error *err) {
-    struct ply ply = {0};
-    bool ended = false, sound = true;
-    while (sound && !ended && r->number < HEADER_LINES_MAX && next_line(r)) {
-        ended = strcmp(r->line, "end_header") == 0;
-        sound = ended ||
-                (r->number == 1 ? strcmp(r->line, "ply") == 0 : take_header_line(r->line, &ply));
-    }
-    if (!sound || !ended)
-        return fail(err, RESULT_FORMAT, "%s: the PLY header %s line %u", path,
-                    sound ? "does not end by" : "is not understood in", r->number);
-    *out = ply.claim;
-    return ply.text ? check_ply_rows(r, path, &ply, err) : RESULT_OK;
 }
 
 // ---- OFF and OBJ --------------------------------------------------------------------------------
@@ -242,18 +115,21 @@ static bool is_off_face(const char *line, unsigned vertices, bool coloured) {
 
 static enum result claim_of_off(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
-    bool sound = next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
+    bool sound = claim_next_line(r) && strstr(r->line, "OFF") && !strstr(r->line, "BINARY");
     bool coloured = sound && off_is_coloured(r->line);
-    while (sound && (sound = next_line(r)) && !*r->line)
+    while (sound && (sound = claim_next_line(r)) && !*r->line)
         continue;
     if (!sound || !take_off_counts(r->line, out))
         return fail(err, RESULT_FORMAT, "%s: line %u: not the header of a text OFF file", path,
                     r->number);
     uint64_t lines = 0, said = (uint64_t)out->vertices + out->faces;
-    while (next_line(r)) {
+    while (claim_next_line(r)) {
         if (!*r->line || (*r->line == '#' && lines == said)) // OpenMesh reads comments as data
             continue;
         bool face = lines++ >= out->vertices;
+        double point[3];
+        if (!face && claim_three_numbers(r->line, point))
+            claim_keep(r, out, point);
         if (!(face ? is_off_face(r->line, out->vertices, coloured) : is_off_vertex(r->line)))
             return fail(err, RESULT_FORMAT, "%s: line %u: neither a vertex nor a face%s", path,
                         r->number,
@@ -295,7 +171,7 @@ static bool take_face(const char *line, bool *out_repeated) {
 
 static enum result claim_of_obj(struct line_reader *r, const char *path, struct import_claim *out,
                                 struct error *err) {
-    while (next_line(r)) {
+    while (claim_next_line(r)) {
         size_t length = strlen(r->line);
         if (length > 0 && r->line[length - 1] == '\\')
             return fail(err, RESULT_REFUSED, "%s: line %u: continued lines are not read here", path,
@@ -303,7 +179,12 @@ static enum result claim_of_obj(struct line_reader *r, const char *path, struct 
         if (starts_with_word(r->line, "mtllib") && strstr(r->line, ".."))
             return fail(err, RESULT_REFUSED, "%s: line %u: a file outside of its folder", path,
                         r->number);
-        out->vertices += starts_with_word(r->line, "v");
+        if (starts_with_word(r->line, "v")) {
+            double point[3];
+            if (claim_three_numbers(r->line + 1, point))
+                claim_keep(r, out, point);
+            out->vertices++;
+        }
         if (!starts_with_word(r->line, "f"))
             continue;
         bool repeated;
@@ -318,25 +199,19 @@ static enum result claim_of_obj(struct line_reader *r, const char *path, struct 
 
 // ---- STL ----------------------------------------------------------------------------------------
 
-static bool is_three_numbers(const char *text) {
-    for (int i = 0; i < 3; i++) {
-        char *end;
-        if (!isfinite(strtod(text, &end)) || end == text)
-            return false;
-        text = end;
-    }
-    return text[strspn(text, " \t")] == '\0';
-}
-
 static enum result claim_of_stl_text(struct line_reader *r, const char *path,
                                      struct import_claim *out, struct error *err) {
     uint64_t vertices = 0, ends = 0, solids = 0;
-    while (next_line(r)) {
-        bool vertex = starts_with_word(r->line, "vertex");
-        if (vertex && !is_three_numbers(r->line + strlen("vertex")))
-            return fail(err, RESULT_FORMAT, "%s: line %u: not a vertex with three numbers", path,
-                        r->number);
-        vertices += vertex;
+    while (claim_next_line(r)) {
+        if (starts_with_word(r->line, "vertex")) {
+            double point[3];
+            const char *end = claim_three_numbers(r->line + strlen("vertex"), point);
+            if (!end || end[strspn(end, " \t")])
+                return fail(err, RESULT_FORMAT, "%s: line %u: not a vertex with three numbers",
+                            path, r->number);
+            claim_keep(r, out, point);
+            vertices++;
+        }
         out->faces += starts_with_word(r->line, "facet");
         ends += starts_with_word(r->line, "endfacet");
         solids += starts_with_word(r->line, "solid");
@@ -392,7 +267,8 @@ static enum result claim_of_stl(struct line_reader *r, const char *path, struct 
                 path, (long long)status.st_size, faces);
 }
 
-enum result import_claim_of(const char *path, struct import_claim *out_claim, struct error *err) {
+enum result import_claim_of(const char *path, uint32_t points_max, struct import_claim *out_claim,
+                            struct error *err) {
     static const struct {
         const char *ending;
         enum result (*claim)(struct line_reader *, const char *, struct import_claim *,
@@ -406,7 +282,7 @@ enum result import_claim_of(const char *path, struct import_claim *out_claim, st
     for (size_t i = 0; dot && i < sizeof formats / sizeof formats[0]; i++) {
         if (strcasecmp(dot, formats[i].ending) != 0)
             continue;
-        struct line_reader reading = {.file = fopen(path, "rb")};
+        struct line_reader reading = {.file = fopen(path, "rb"), .points_max = points_max};
         if (!reading.file)
             return fail(err, RESULT_IO, "%s: cannot be opened", path);
         enum result result = formats[i].claim(&reading, path, out_claim, err);
@@ -422,4 +298,9 @@ enum result import_claim_of(const char *path, struct import_claim *out_claim, st
                     path);
     return fail(err, RESULT_FORMAT, "%s: its name ends neither in .ply, .obj, .stl, .off nor .vtk",
                 path);
+}
+
+void import_claim_fini(struct import_claim *claim) {
+    free(claim->positions);
+    *claim = (struct import_claim){0};
 }

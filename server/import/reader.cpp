@@ -6,10 +6,13 @@
 #include <OpenMesh/Core/IO/IOManager.hh>
 #include <OpenMesh/Core/IO/MeshIO.hh>
 #include <OpenMesh/Core/System/omstream.hh>
+#include <array>
+#include <cfloat>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <string>
 #include <strings.h>
 #include <vector>
@@ -144,6 +147,55 @@ enum result compare(const char *path, collector &from, const import_claim &claim
     return RESULT_OK;
 }
 
+// OpenMesh's STL reader joins corners whose floats are equal.
+using place = std::array<float, 3>;
+
+place place_of(const double *p) {
+    return {(float)p[0], (float)p[1], (float)p[2]};
+}
+
+// The vertex of each position that the file names; false where the reader has made others.
+bool match_vertices(const collector &from, const import_claim &claim, std::vector<size_t> &out) {
+    bool soup = claim.vertices == IMPORT_UNKNOWN;
+    std::map<place, size_t> known;
+    for (size_t i = 0; i < claim.position_count; i++)
+        out.push_back(
+            soup ? known.emplace(place_of(claim.positions + 3 * i), known.size()).first->second
+                 : i);
+    return (soup ? known.size() : out.size()) == from.n_vertices();
+}
+
+enum result beyond_reach(const char *path, size_t vertex, struct error *err) {
+    return fail(err, RESULT_INVALID, "%s: vertex %zu lies beyond 10 m, or is no number", path,
+                vertex);
+}
+
+bool are_one_number(double exact, double rounded) {
+    return fabs(exact - rounded) <= FLT_EPSILON * fabs(exact) + FLT_MIN;
+}
+
+// OpenMesh reads all numbers as floats: those of the claim take their place, if they are the same.
+enum result refine(const char *path, collector &from, const import_claim &claim,
+                   struct error *err) {
+    std::vector<size_t> vertices;
+    if (!claim.positions)
+        return RESULT_OK;
+    for (size_t i = 0; i < 3 * (size_t)claim.position_count; i++)
+        if (!(fabs(claim.positions[i]) <= FLT_MAX))
+            return beyond_reach(path, i / 3, err);
+    if (!match_vertices(from, claim, vertices))
+        return fail(err, RESULT_FORMAT, "%s: %zu vertices arrived, and others than the file names",
+                    path, from.n_vertices());
+    for (size_t i = 3 * vertices.size(); i-- > 0;) { // the first of equal ones stays
+        double exact = claim.positions[i], &arrived = from.positions[3 * vertices[i / 3] + i % 3];
+        if (!are_one_number(exact, arrived))
+            return fail(err, RESULT_FORMAT, "%s: vertex %zu: %.9g arrived of %.9g", path, i / 3,
+                        arrived, exact);
+        arrived = exact;
+    }
+    return RESULT_OK;
+}
+
 enum result hand_over(const char *path, const collector &from, import_arrays &out,
                       struct error *err) {
     if (from.too_many)
@@ -156,8 +208,7 @@ enum result hand_over(const char *path, const collector &from, import_arrays &ou
                         (int)from.triangles[i]);
     for (size_t i = 0; i < from.positions.size(); i++)
         if (!std::isfinite(from.positions[i]))
-            return fail(err, RESULT_INVALID, "%s: vertex %zu lies beyond 10 m, or is no number",
-                        path, i / 3);
+            return beyond_reach(path, i / 3, err);
     out.positions = copy_out(from.positions);
     out.triangles = copy_out(from.triangles);
     out.vertex_count = (uint32_t)from.n_vertices();
@@ -181,10 +232,18 @@ void find_space(const char *path, char out_space[4]) {
     }
 }
 
+struct claim_holder {
+    import_claim claim = {};
+    ~claim_holder() {
+        import_claim_fini(&claim);
+    }
+};
+
 enum result read_with_openmesh(const char *path, uint32_t triangles_max, import_arrays &out,
                                struct error *err) {
-    import_claim claim;
-    enum result result = import_claim_of(path, &claim, err);
+    claim_holder held;
+    const import_claim &claim = held.claim;
+    enum result result = import_claim_of(path, 3 * triangles_max, &held.claim, err);
     if (result != RESULT_OK)
         return result;
     omlog().disable();
@@ -196,6 +255,8 @@ enum result read_with_openmesh(const char *path, uint32_t triangles_max, import_
         return fail(err, RESULT_FORMAT, "%s: not readable as a file of this extension", path);
     if (!mesh.too_many)
         result = compare(path, mesh, claim, err);
+    if (result == RESULT_OK && !mesh.too_many)
+        result = refine(path, mesh, claim, err);
     return result == RESULT_OK ? hand_over(path, mesh, out, err) : result;
 }
 

@@ -1,5 +1,6 @@
-// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header, which
-// round coordinates to float), and VTK PolyData (vtk.h).
+// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header), and VTK
+// PolyData (vtk.h). Coordinates are those of the file in double precision: text, and binary files
+// of doubles.
 #pragma once
 
 #include <stdint.h>

@@ -1,45 +1,11 @@
-#include "case_knee.h"
-#include "import/import.h"
 #include "mesh/topology.h"
+#include "mesh_files.h"
 #include "random.h"
 #include "test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-static struct error err;
-static char folder[FOLDER_MAX];
-
-static int make(void **state) {
-    (void)state;
-    folder_make(folder);
-    return 0;
-}
-
-static int clear(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
-}
-
-// A file of the test's folder, in millimetres and the case's frame unless `source` says otherwise.
-static enum result read_mesh(const char *name, struct import_source source, struct mesh *out_mesh,
-                             struct repair_report *out_report) {
-    struct case_limits limits = case_limits_default();
-    char path[300];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    source.path = path;
-    memset(&err, 0, sizeof err);
-    return import_mesh(&source, &limits, out_mesh, out_report, &err);
-}
-
-static const struct import_source as_it_is = {.mm_per_unit = 1,
-                                              .T_common_file = {{1, 0, 0, 0}, {0}}};
-
-static void write_text(const char *name, const char *text) {
-    write_file(folder, name, text, strlen(text));
-}
 
 // A tetrahedron with corners at the origin and on the axes at 1, 2, 3.
 static const char tetra_ply[] =
@@ -469,7 +435,8 @@ static void the_joint_is_estimated_between_the_posterior_condyles(void **state) 
     case_destroy(&knee);
 }
 
-#define with_folder(test) cmocka_unit_test_setup_teardown(test, make, clear)
+#define with_folder(test)                                                                          \
+    cmocka_unit_test_setup_teardown(test, mesh_folder_make, mesh_folder_remove)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

@@ -1,44 +1,10 @@
-#include "case_knee.h"
-#include "import/import.h"
 #include "mesh/topology.h"
+#include "mesh_files.h"
 #include "test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-static struct error err;
-static char folder[FOLDER_MAX];
-
-static int make(void **state) {
-    (void)state;
-    folder_make(folder);
-    return 0;
-}
-
-static int clear(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
-}
-
-// A file of the test's folder, in millimetres and the case's frame unless `source` says otherwise.
-static enum result read_mesh(const char *name, struct import_source source, struct mesh *out_mesh,
-                             struct repair_report *out_report) {
-    struct case_limits limits = case_limits_default();
-    char path[300];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    source.path = path;
-    memset(&err, 0, sizeof err);
-    return import_mesh(&source, &limits, out_mesh, out_report, &err);
-}
-
-static const struct import_source as_it_is = {.mm_per_unit = 1,
-                                              .T_common_file = {{1, 0, 0, 0}, {0}}};
-
-static void write_text(const char *name, const char *text) {
-    write_file(folder, name, text, strlen(text));
-}
 
 // A tetrahedron with corners at the origin and on the axes at 1, 2, 3.
 #define VTK(version, form) "# vtk DataFile Version " version "\ntitle\n" form "\nDATASET POLYDATA\n"
@@ -177,7 +143,8 @@ static void a_file_at_fault_is_refused_with_what(void **state) {
     }
 }
 
-#define with_folder(test) cmocka_unit_test_setup_teardown(test, make, clear)
+#define with_folder(test)                                                                          \
+    cmocka_unit_test_setup_teardown(test, mesh_folder_make, mesh_folder_remove)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

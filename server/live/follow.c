@@ -81,7 +81,7 @@ static void fill_session(struct live_server *live, const struct viewer *viewer,
     const struct session_about *about = &live->cache[viewer->station].about;
     const struct sessions_config *config = sessions_config(live->sessions);
     const struct session_station *station = &config->stations[viewer->station];
-    *out = (arthron_LiveSession){.seat = (uint32_t)viewer->station,
+    *out = (arthron_LiveSession){.station_number = (uint32_t)viewer->station,
                                  .optic_deg = (float)station->optic.tilt_deg,
                                  .optic_view_deg = (float)station->optic.field_deg};
     snprintf(out->station, sizeof out->station, "%s", station->name);

@@ -102,7 +102,7 @@ static void say(struct replay_stream *f) {
 static void say_session(struct replay_stream *f, const char *path) {
     arthron_LiveSession *out = &begin_item(f, arthron_Live_session_tag)->message.session;
     int64_t last_ns;
-    out->seat = f->station;
+    out->station_number = f->station;
     out->recorded = true;
     memcpy(out->id, f->header.session_id, sizeof out->id);
     snprintf(out->station, sizeof out->station, "%s", f->header.station);

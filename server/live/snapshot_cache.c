@@ -95,7 +95,7 @@ static void fill_place(struct live_server *live, int station, double passed_s, a
     struct station_status status;
     sessions_status(live->sessions, station, &status);
     bool has_session = status.phase != SLOT_EMPTY;
-    *out = (arthron_Place){.seat = (uint32_t)station, .has_info = true};
+    *out = (arthron_Place){.station_number = (uint32_t)station, .has_info = true};
     sessions_info(live->sessions, station, &out->info);
     memcpy(out->trainee, has_session ? status.about.trainee : status.trainee, sizeof out->trainee);
     tell_devices(s, runtime_counts(runtime, station), &status, passed_s, out);

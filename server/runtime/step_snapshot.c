@@ -119,7 +119,7 @@ _Static_assert(sizeof((arthron_Moment *)0)->events / sizeof(uint32_t) >= EVENT_C
 
 void snapshot_to_wire(const struct step_snapshot *m, uint32_t station, arthron_Moment *out) {
     *out = (arthron_Moment){
-        .seat = station,
+        .station_number = station,
         .step = m->step,
         .time_ns = m->since_ns,
         .state = (arthron_SessionState)m->state,

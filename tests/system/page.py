@@ -184,7 +184,7 @@ class Page(Connection):
 
     def hear_moment(self, data):
         v = one(data)
-        self.moments.append({"seat": v.get(1, 0), "step": struct.unpack("<Q", v.get(2, bytes(8)))[0],
+        self.moments.append({"station_number": v.get(1, 0), "step": struct.unpack("<Q", v.get(2, bytes(8)))[0],
                              "s": long(v.get(3)) / 1e9, "state": v.get(4, 0),
                              "instruments": {one(i).get(1, 0): one(i) for n, i in fields(data) if n == 8}})
 

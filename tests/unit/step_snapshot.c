@@ -41,7 +41,7 @@ static void an_instrument_that_is_lost_stands_where_it_was_seen(void **state) {
     snapshot_step(&moments, &output);
     snapshot_to_wire(&moments.now, 3, &message);
     assert_int_equal(moments.now.session, 7);
-    assert_int_equal(message.seat, 3);
+    assert_int_equal(message.station_number, 3);
     assert_int_equal(message.time_ns, 2 * NS_PER_S);
     assert_int_equal(message.instruments_count, 1);
     assert_int_equal(message.instruments[0].channel, arthron_Channel_PROBE);

@@ -95,7 +95,7 @@ static uint64_t see(struct websocket *socket, arthron_View *out) {
     return out->number;
 }
 
-// Shows the newest until the viewer has it: a message may precede the viewer's seat.
+// Shows the newest until the viewer has it: a message may come before the viewer is let in.
 static uint64_t see_first(struct websocket *socket, arthron_View *out) {
     struct pollfd fd = {.fd = websocket_fd(socket), .events = POLLIN};
     for (int i = 0; i < 500 && poll(&fd, 1, 10) == 0; i++)
@@ -194,7 +194,7 @@ static void the_ninth_viewer_is_refused_until_another_goes(void **state) {
     arthron_View message;
     for (int i = 0; i < VIEW_VIEWERS_MAX; i++) {
         sockets[i] = look();
-        assert_true(see_first(sockets[i], &message)); // it has its seat
+        assert_true(see_first(sockets[i], &message)); // it is let in
     }
     const struct question one_more = {.what = "one more"};
     int status;

@@ -26,7 +26,7 @@ export type Link =
   | { state: "open" }
   | { state: "broken"; since: number; retryAt: number };
 
-/** What is known of a station, or of the recorded session, that Place.seat and Moment.seat name. */
+/** What is known of a station, or of the recorded session, that Place.stationNumber and Moment.stationNumber name. */
 export interface StationState {
   readonly number: number;
   place?: Place;
@@ -238,16 +238,16 @@ export class Feed {
 
   private keepPlace(place: Place): void {
     if (place.gone) {
-      this.stations.delete(place.seat);
+      this.stations.delete(place.stationNumber);
       return;
     }
-    const station = this.station(place.seat);
+    const station = this.station(place.stationNumber);
     station.place = place;
     station.placeAt = this.environment.now();
   }
 
   private keepMoment(moment: Moment): void {
-    const station = this.station(moment.seat);
+    const station = this.station(moment.stationNumber);
     station.moment = moment;
     station.momentAt = this.environment.now();
   }

@@ -219,7 +219,7 @@ export class FeedSource implements Source {
   }
 
   private take(moment: Moment): void {
-    if (!this.recorded && this.session && moment.seat !== this.session.seat) return;
+    if (!this.recorded && this.session && moment.stationNumber !== this.session.stationNumber) return;
     if (!this.history.append(moment)) return;
     this.settle();
     if (!this.recorded && this.history.count === 1) for (const resected of this.resections) resected.time = this.history.start; // their time is unknown

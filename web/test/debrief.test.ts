@@ -105,7 +105,7 @@ class Played {
   }
 
   session(): void {
-    this.tell("session", create(LiveSessionSchema, { seat: 3, id: new Uint8Array(16), caseName: "tear-radial", recorded: true, lengthNs: 10_000_000_000n }));
+    this.tell("session", create(LiveSessionSchema, { stationNumber: 3, id: new Uint8Array(16), caseName: "tear-radial", recorded: true, lengthNs: 10_000_000_000n }));
   }
   moment(time: number, events: number[] = [], state = 1): void {
     this.tell("moment", create(MomentSchema, { timeNs: BigInt(Math.round(time * 1e9)), events, state }));
@@ -205,7 +205,7 @@ test("poses of a paused session are shown as they come, even while its time stan
   let shown = 0;
   source.onChange((change) => (shown += change === "moment" ? 1 : 0));
   const paused = (timeNs: bigint, x: number): void => played.tell("moment", create(MomentSchema, {
-    seat: 3, timeNs, state: SessionState.PAUSED,
+    stationNumber: 3, timeNs, state: SessionState.PAUSED,
     instruments: [{ channel: 4, validity: 0, tip: { q: [1, 0, 0, 0], t: [x, 0, 0] }, warped: { q: [1, 0, 0, 0], t: [x, 0, 1] } }],
   }));
   for (const [time, x] of [[5n, 1], [5n, 2], [6n, 3], [6n, 4]] as const) {

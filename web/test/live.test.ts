@@ -84,7 +84,7 @@ function opened(): { environment: FakeEnvironment; feed: Feed } {
   return { environment, feed };
 }
 
-const place = (seat: number, gone = false): Items[number] => ({ message: { case: "place", value: { seat, gone, info: { station: `bay-${seat}` } } } });
+const place = (stationNumber: number, gone = false): Items[number] => ({ message: { case: "place", value: { stationNumber, gone, info: { station: `bay-${stationNumber}` } } } });
 const reply = (text: string): Items[number] => ({ message: { case: "commandReply", value: { ok: true, text } } });
 const start = { kind: Command_Kind.START, station: "bay-1" };
 
@@ -125,7 +125,7 @@ test("a batch that was not drawn before the connection broke does not count on t
 
 test("stations keep their newest place, and go when the server says so", () => {
   const { environment, feed } = opened();
-  environment.socket.batch([place(1), place(2), { message: { case: "moment", value: { seat: 2, step: 7n } } }]);
+  environment.socket.batch([place(1), place(2), { message: { case: "moment", value: { stationNumber: 2, step: 7n } } }]);
   assert.equal(feed.stations.get(2)?.moment?.step, 7n);
   environment.at += 4000;
   environment.socket.batch([place(1), place(2, true)]);
@@ -174,7 +174,7 @@ test("a connection on which nothing comes is made anew, unless it waits for the 
 test("listeners get the messages of their kind in order, until they end", () => {
   const { environment, feed } = opened();
   const seen: number[] = [];
-  const end = feed.on("place", (one) => seen.push(one.seat));
+  const end = feed.on("place", (one) => seen.push(one.stationNumber));
   environment.socket.batch([place(3), reply("x"), place(1)]);
   end();
   environment.socket.batch([place(2)]);

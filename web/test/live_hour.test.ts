@@ -44,7 +44,7 @@ const instruments = [4, 5, 8].map((channel) => ({ channel, validity: 0, tip: { q
 function hear(feed: Stand, from: number, to: number): void {
   const all = steps();
   for (let i = from * HZ; i < to * HZ; i++) {
-    feed.tell("moment", create(MomentSchema, { seat: 3, timeNs: BigInt(Math.round((i / HZ) * 1e9)), state: 1, events: [1, 0, 0, Math.floor(i / 10), 0, Math.floor(i / HZ)], instruments }));
+    feed.tell("moment", create(MomentSchema, { stationNumber: 3, timeNs: BigInt(Math.round((i / HZ) * 1e9)), state: 1, events: [1, 0, 0, Math.floor(i / 10), 0, Math.floor(i / HZ)], instruments }));
     if (i % HZ) continue;
     const second = i / HZ;
     const { number, payload } = all[second % all.length]!;
@@ -56,7 +56,7 @@ function hear(feed: Stand, from: number, to: number): void {
 test("a live session of two hours with a cut each second fits in a page, and all of its time can be looked at", () => {
   const feed = new Stand();
   const source = FeedSource.live(feed as unknown as Feed, "bay-1", HZ);
-  feed.tell("session", create(LiveSessionSchema, { seat: 3, id: new Uint8Array(16), caseName: "tear-radial" }));
+  feed.tell("session", create(LiveSessionSchema, { stationNumber: 3, id: new Uint8Array(16), caseName: "tear-radial" }));
   const before = usedMb();
   hear(feed, 0, 3600);
   const hour = usedMb() - before;

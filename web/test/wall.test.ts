@@ -11,7 +11,7 @@ import { kneeParts, thin } from "../src/views/wall_knee";
 import { arrange, byUrgency, certificateWarning, grouped, quietFor, runningSeconds, short, statusOf, sumOfDevices, warningOf } from "../src/views/wall_model";
 
 function state(place: MessageInitShape<typeof PlaceSchema>, placeAt = 10_000): StationState {
-  return { number: place.seat ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
+  return { number: place.stationNumber ?? 0, place: create(PlaceSchema, place), placeAt, momentAt: 0 };
 }
 
 test("a station stands where its connection and its session say", () => {

@@ -27,14 +27,20 @@ enum motion_verb {
     MOTION_VERB_COUNT
 };
 
+// A point, or a landmark and how far beside it. x is lateral on both knees.
+struct motion_place {
+    char landmark[CASE_NAME_MAX]; // empty: `at` is a point in the group's frame
+    vec3 at;                      // with a landmark: from there, along the joint's axes
+};
+
 struct motion_step {
     enum motion_verb verb;
     enum channel tool;
     char name[CASE_NAME_MAX]; // of the portal or the group
-    bool has_points; // a bite without one takes the nearest reachable to the group's middle
-    vec3 from, to;   // the group's frame, x lateral on both knees
-    double amount;   // degrees of flexion or valgus, mm of drawer
-    int64_t count;   // of bites, at most
+    bool has_place; // a bite without one takes the reachable point nearest to the group's middle
+    struct motion_place from, to;
+    double amount; // degrees of flexion or valgus, mm of drawer
+    int64_t count; // of bites, at most
 };
 
 const char *motion_verb_name(enum motion_verb verb); // as the script spells it
@@ -79,10 +85,11 @@ struct motion {
     struct motion_row *rows;
 };
 
-// Plays the script on a case. RESULT_MISSING: the case has no such group or portal, the group no
-// plan;
-// RESULT_INVALID: a line that cannot be reached from the portal, or leaves the surface. The error
-// names the step by its number and verb. The motion points into the case; the caller releases it.
+// Plays the script on a case. Where the case lacks a landmark that the script names, all landmarks
+// are proposed first, in memory. RESULT_MISSING: the case has no such group, portal or landmark,
+// the group no plan; RESULT_INVALID: a place that cannot be reached from the portal, or a line that
+// leaves the surface. The error names the step by its number and verb. The motion points into the
+// case; the caller releases it.
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
                         struct motion *out_motion, struct error *err);
 void motion_fini(struct motion *motion);

@@ -53,6 +53,11 @@ static double depth_in_bones(const struct plan *plan, vec3 from, vec3 to, enum b
     return deepest;
 }
 
+bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
+    enum body body;
+    return depth_in_bones(plan, tip, hand->portal.position, &body) <= 0.8 * MOTION_DEPTH_MAX;
+}
+
 enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
     enum body body = BODY_FEMUR;
     double depth = depth_in_bones(plan, tip, hand->portal.position, &body);

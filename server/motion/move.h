@@ -2,10 +2,10 @@
 // reach, and every row is checked against the bones.
 #pragma once
 
-#include "motion/motion.h"
-#include "motion/joint.h"
-#include "motion/tremor.h"
 #include "mesh/solid.h"
+#include "motion/joint.h"
+#include "motion/motion.h"
+#include "motion/tremor.h"
 
 struct hand {
     enum channel channel;
@@ -39,6 +39,10 @@ pose plan_body_pose(const struct plan *plan, enum body body); // T_femur_body
 vec3 plan_up(const struct plan *plan);                        // away from the tibia
 vec3 hand_rest(const struct case_portal *portal);
 vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the tip there
+
+// Whether the shaft with its tip there passes all bones, with some of MOTION_DEPTH_MAX to spare for
+// what lies between two such tips.
+bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
 
 // RESULT_INVALID where the shaft with its tip there would run through a bone.
 enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip);

@@ -31,20 +31,47 @@ vec3 tip_path_on_surface(const struct query *surface, vec3 p) {
     return closest.point;
 }
 
-enum result tip_path_between(struct tip_path *line, const struct query *surface, vec3 from, vec3 to,
-                             struct error *err) {
+void tip_path_between(struct tip_path *line, const struct query *surface, vec3 from, vec3 to) {
     *line = (struct tip_path){0};
     from = tip_path_on_surface(surface, from);
     to = tip_path_on_surface(surface, to);
     int count = (int)ceil(vec3_distance(from, to) / path_step) + 2;
+    for (int i = 0; i < count; i++)
+        tip_path_add(line,
+                     tip_path_on_surface(surface, vec3_lerp(from, to, (double)i / (count - 1))));
+}
+
+static bool jumps_to(const struct tip_path *line, int i) {
+    return i > 0 && vec3_distance(line->points[i - 1], line->points[i]) > path_jump;
+}
+
+bool tip_path_has_jump(const struct tip_path *line, struct error *err) {
+    int i = 1;
+    while (i < line->count && !jumps_to(line, i))
+        i++;
+    if (i >= line->count)
+        return false;
+    vec3 p = line->points[i];
+    fail(err, RESULT_INVALID, "the line leaves the surface near %.1f %.1f %.1f", p.x, p.y, p.z);
+    return true;
+}
+
+void tip_path_keep_reached(struct tip_path *line, const struct plan *plan, const struct hand *hand,
+                           pose T) {
+    int longest = 0, best = 0, first = 0, count = line->count;
     for (int i = 0; i < count; i++) {
-        vec3 p = tip_path_on_surface(surface, vec3_lerp(from, to, (double)i / (count - 1)));
-        if (i > 0 && vec3_distance(line->points[i - 1], p) > path_jump)
-            return fail(err, RESULT_INVALID, "the line leaves the surface near %.1f %.1f %.1f", p.x,
-                        p.y, p.z);
-        tip_path_add(line, p);
+        if (jumps_to(line, i))
+            first = i;
+        if (!plan_is_clear(plan, hand, pose_apply(T, line->points[i])))
+            first = i + 1;
+        if (i + 1 - first > longest) {
+            longest = i + 1 - first;
+            best = first;
+        }
     }
-    return RESULT_OK;
+    line->count = 0;
+    for (int i = 0; i < longest; i++)
+        tip_path_add(line, line->points[best + i]);
 }
 
 static vec3 tip_path_at(const struct tip_path *line, double way) {

@@ -13,10 +13,17 @@ struct tip_path {
 void tip_path_add(struct tip_path *line, vec3 point);
 void tip_path_fini(struct tip_path *line); // a zeroed line is fine
 
-// The straight line between two points, put on the surface. RESULT_INVALID where it leaves it. The
-// caller releases it with tip_path_fini, after an error too.
-enum result tip_path_between(struct tip_path *line, const struct query *surface, vec3 from, vec3 to,
-                             struct error *err);
+// The straight line between two points, put on the surface. The caller releases it with
+// tip_path_fini.
+void tip_path_between(struct tip_path *line, const struct query *surface, vec3 from, vec3 to);
+
+// Whether the line leaves the surface somewhere; the error says where.
+bool tip_path_has_jump(const struct tip_path *line, struct error *err);
+
+// Shortens the line to its longest run without a jump whose points the shaft reaches past all
+// bones. T: from the line's frame to the femur's.
+void tip_path_keep_reached(struct tip_path *line, const struct plan *plan, const struct hand *hand,
+                           pose T);
 
 vec3 tip_path_on_surface(const struct query *surface, vec3 p);
 

@@ -1,8 +1,8 @@
-#include "motion/motion.h"
-
 #include "base/check.h"
+#include "motion/motion.h"
 #include "motion/move.h"
 #include "motion/path.h"
+#include "motion/place.h"
 #include "motion/resect.h"
 
 #include <stdlib.h>
@@ -58,30 +58,60 @@ static enum result find_group(const struct plan *plan, const char *name,
     return fail(plan->err, RESULT_MISSING, "the case has no group %s", name);
 }
 
-// A script's point in the group's frame.
-static vec3 scripted(const struct plan *plan, vec3 p) {
-    return (vec3){plan->knee->joint.side == SIDE_LEFT ? -p.x : p.x, p.y, p.z};
-}
-
 // ---- palpate ------------------------------------------------------------------------------------
 
-static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
-    struct case_group *group;
-    if (find_group(plan, step->name, &group) != RESULT_OK)
-        return RESULT_MISSING;
-    struct query *surface;
-    enum result result = query_create(&group->mesh, &surface, plan->err);
-    if (result != RESULT_OK)
-        return result;
+static const double least_touch = 2; // mm of a line that is worth a touch
+
+static bool has_landmark(const struct motion_step *step) {
+    return step->from.landmark[0] || step->to.landmark[0];
+}
+
+// Points are of one knee, and their line must be reached as it is. Landmarks are of any knee: of
+// their line the hand goes as far as it comes.
+static enum result shorten(const struct plan *plan, const struct hand *hand,
+                           const struct motion_step *step, pose T, struct tip_path *line) {
+    char name[2][PLACE_NAME_MAX];
+    vec3 first = line->points[0];
+    if (!has_landmark(step))
+        return tip_path_has_jump(line, plan->err) ? RESULT_INVALID : RESULT_OK;
+    tip_path_keep_reached(line, plan, hand, T);
+    if (line->count >= 2 && line->ways[line->count - 1] >= least_touch)
+        return RESULT_OK;
+    place_name(&step->from, name[0]);
+    place_name(&step->to, name[1]);
+    if (plan_check_clear(plan, hand, pose_apply(T, first)) != RESULT_OK)
+        return fail_in(plan->err, RESULT_INVALID, "%s cannot be reached: ", name[0]);
+    return fail(plan->err, RESULT_INVALID,
+                "less than %g mm of the line from %s to %s can be reached through the portal %s",
+                least_touch, name[0], name[1], hand->portal.name);
+}
+
+static enum result touch(struct plan *plan, struct hand *hand, const struct motion_step *step,
+                         const struct case_group *group, const struct query *surface) {
+    pose T = plan_body_pose(plan, group->body);
+    vec3 from, to;
     struct tip_path line = {0};
-    result = tip_path_between(&line, surface, scripted(plan, step->from), scripted(plan, step->to),
-                              plan->err);
+    if (place_find(plan->knee, &step->from, &from, plan->err) != RESULT_OK ||
+        place_find(plan->knee, &step->to, &to, plan->err) != RESULT_OK)
+        return RESULT_MISSING;
+    tip_path_between(&line, surface, from, to);
+    enum result result = shorten(plan, hand, step, T, &line);
     if (result == RESULT_OK)
-        result =
-            plan_reach(plan, hand, pose_apply(plan_body_pose(plan, group->body), line.points[0]));
+        result = plan_reach(plan, hand, pose_apply(T, line.points[0]));
     if (result == RESULT_OK)
         result = tip_path_slide(plan, hand, group, surface, &line);
     tip_path_fini(&line);
+    return result;
+}
+
+static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
+    struct case_group *group;
+    struct query *surface;
+    if (find_group(plan, step->name, &group) != RESULT_OK)
+        return RESULT_MISSING;
+    enum result result = query_create(&group->mesh, &surface, plan->err);
+    if (result == RESULT_OK)
+        result = touch(plan, hand, step, group, surface);
     query_destroy(&surface);
     return result;
 }
@@ -113,15 +143,16 @@ static enum result reachable_point(struct plan *plan, const struct hand *hand,
 static enum result bite_point(struct plan *plan, const struct hand *hand,
                               const struct case_group *group, const struct motion_step *step,
                               vec3 *out_point) {
-    if (!step->has_points)
+    if (!step->has_place)
         return reachable_point(plan, hand, group, out_point);
-    struct query *surface;
-    enum result result = query_create(&group->mesh, &surface, plan->err);
-    if (result != RESULT_OK)
-        return result;
-    *out_point = tip_path_on_surface(surface, scripted(plan, step->from));
+    struct query *surface = NULL;
+    enum result result = place_find(plan->knee, &step->from, out_point, plan->err);
+    if (result == RESULT_OK)
+        result = query_create(&group->mesh, &surface, plan->err);
+    if (result == RESULT_OK)
+        *out_point = tip_path_on_surface(surface, *out_point);
     query_destroy(&surface);
-    return RESULT_OK;
+    return result;
 }
 
 static enum result bite(struct plan *plan, struct hand *hand, const struct motion_step *step) {
@@ -280,6 +311,8 @@ static enum result at_step(const struct plan *plan, int step, enum result result
 static enum result play(struct plan *plan) {
     const struct motion_script *script = plan->script;
     enum result result = prepare(plan);
+    if (result == RESULT_OK)
+        result = place_prepare(plan->knee, script, plan->err);
     for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
         if (script->steps[i].verb == MOTION_APPROACH)
             result = at_step(plan, i, add_hand(plan, &script->steps[i]));

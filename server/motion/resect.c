@@ -5,14 +5,14 @@
 
 #include <stdlib.h>
 
-static const double least_depth = 1.5;                  // of a bite that is worth it, mm
-static const double bite_depth = 3.5;                   // of the tip from the inner margin, mm
-static const double bite_gain = 1.2;                    // by which a round takes the margin back
-static const double bite_spacing = 2;                   // along the inner margin, mm
-static const double half_jaw = 1.75;                    // of the punch (cut/blade.h), mm
-static const double burr_gap = 1;                       // of a shaver's tip, mm
-static const double trace_depth = 0.5;                  // from the inner margin, mm
-static const double trace_step = 0.1, trace_jump = 0.5; // between points of the traced line, mm
+static const double least_depth = 1.5; // of a bite that is worth it, mm
+static const double bite_depth = 3.5;  // of the tip from the inner margin, mm
+static const double bite_gain = 1.2;   // by which a round takes the margin back
+static const double bite_spacing = 2;  // along the inner margin, mm
+static const double half_jaw = 1.75;   // of the punch (cut/blade.h), mm
+static const double burr_gap = 1;      // of a shaver's tip, mm
+static const double trace_depth = 0.5; // from the inner margin, mm
+static const double trace_step = 0.1;  // between points of the traced line, mm
 
 // ---- the plan over the arc ----------------------------------------------------------------------
 
@@ -154,13 +154,6 @@ enum result resection_bite(const struct resection *r, struct plan *plan, struct 
 
 // ---- a way along the margin ---------------------------------------------------------------------
 
-// The points of the mock-up along the inner margin, and which of them the shaft reaches.
-struct margin {
-    int count;
-    vec3 *tips;
-    bool *clear;
-};
-
 // The probe goes on the upper side. A shaver's burr is thick: its tip keeps off the inner margin.
 static vec3 traced_point(const struct resection *r, const struct plan *plan,
                          const struct hand *hand, double along) {
@@ -173,38 +166,13 @@ static vec3 traced_point(const struct resection *r, const struct plan *plan,
     return vec3_add_scaled(middle, -trace_depth - burr_gap, outward);
 }
 
-static void margin_init(struct margin *margin, const struct resection *r, struct plan *plan,
+static void margin_line(struct tip_path *line, const struct resection *r, struct plan *plan,
                         const struct hand *hand) {
     double radius = arc_radius(r->arc, (r->from + r->to) / 2);
-    margin->count = (int)ceil((r->to - r->from) * arc_angle(r->arc) * radius / trace_step) + 1;
-    margin->tips = alloc((size_t)margin->count, sizeof *margin->tips);
-    margin->clear = alloc((size_t)margin->count, sizeof *margin->clear);
-    for (int i = 0; i < margin->count; i++) {
-        double along = r->from + (r->to - r->from) * i / (margin->count - 1);
-        margin->tips[i] = traced_point(r, plan, hand, along);
-        margin->clear[i] = plan_check_clear(plan, hand, margin->tips[i]) == RESULT_OK;
-    }
-}
-
-static void margin_fini(struct margin *margin) {
-    free(margin->tips);
-    free(margin->clear);
-}
-
-// The longest run that is reached and has no jump: its first point and how many.
-static int longest_run(const struct margin *margin, int *out_first) {
-    int longest = 0, first = 0;
-    for (int i = 0; i < margin->count; i++) {
-        if (i > 0 && vec3_distance(margin->tips[i - 1], margin->tips[i]) > trace_jump)
-            first = i;
-        if (!margin->clear[i])
-            first = i + 1;
-        if (i + 1 - first > longest) {
-            longest = i + 1 - first;
-            *out_first = first;
-        }
-    }
-    return longest;
+    int count = (int)ceil((r->to - r->from) * arc_angle(r->arc) * radius / trace_step) + 1;
+    for (int i = 0; i < count; i++)
+        tip_path_add(line,
+                     traced_point(r, plan, hand, r->from + (r->to - r->from) * i / (count - 1)));
 }
 
 static enum result shave(struct plan *plan, struct hand *hand, const struct tip_path *line) {
@@ -232,15 +200,11 @@ static enum result feel(const struct resection *r, struct plan *plan, struct han
 }
 
 enum result resection_trace(const struct resection *r, struct plan *plan, struct hand *hand) {
-    struct margin margin;
     struct tip_path line = {0};
-    int first = 0;
-    margin_init(&margin, r, plan, hand);
-    int count = longest_run(&margin, &first);
-    for (int i = first; i < first + count; i++)
-        tip_path_add(&line, margin.tips[i]);
     enum result result = RESULT_OK;
-    if (count < 2)
+    margin_line(&line, r, plan, hand);
+    tip_path_keep_reached(&line, plan, hand, pose_identity());
+    if (line.count < 2)
         result =
             fail(plan->err, RESULT_INVALID, "the margin of %s cannot be reached from the portal %s",
                  r->group->name, hand->portal.name);
@@ -248,6 +212,5 @@ enum result resection_trace(const struct resection *r, struct plan *plan, struct
         result =
             hand->channel == CHANNEL_SHAVER ? shave(plan, hand, &line) : feel(r, plan, hand, &line);
     tip_path_fini(&line);
-    margin_fini(&margin);
     return result;
 }

@@ -1,6 +1,7 @@
 #include "base/number.h"
 #include "motion/motion.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <ini.h>
 #include <stdio.h>
@@ -27,15 +28,17 @@ static const struct script_key number_keys[] = {
     {"tremor_mm", offsetof(struct motion_script, tremor_mm), 0, 2},
 };
 
+#define PLACE_IS ", a place being X Y Z or LANDMARK [X Y Z]"
+
 static const struct {
     const char *key, *value;
 } verbs[MOTION_VERB_COUNT] = {
     [MOTION_APPROACH] = {"approach", "INSTRUMENT PORTAL"},
-    [MOTION_PALPATE] = {"palpate", "GROUP X Y Z X Y Z"},
+    [MOTION_PALPATE] = {"palpate", "GROUP PLACE PLACE" PLACE_IS},
     [MOTION_FLEX] = {"flex", "DEGREES from 0 to 140"},
     [MOTION_VALGUS] = {"valgus", "DEGREES from -15 to 15"},
     [MOTION_DRAWER] = {"drawer", "MM from -10 to 10"},
-    [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [X Y Z]"},
+    [MOTION_BITE] = {"bite", "INSTRUMENT GROUP [PLACE]" PLACE_IS},
     [MOTION_RESECT] = {"resect", "punch GROUP BITES from 1 to 100"},
     [MOTION_TRACE] = {"trace", "probe or shaver, and GROUP"},
     [MOTION_LOOK] = {"look", "GROUP"},
@@ -71,7 +74,7 @@ static enum result read_setting(struct script_reader *r, const char *key, const 
     return fail(r->err, RESULT_INVALID, "[motion] %s: unknown key", key);
 }
 
-#define WORDS_MAX 8
+#define WORDS_MAX 9
 
 static int split(char *text, const char *words[WORDS_MAX]) {
     int count = 0;
@@ -92,10 +95,38 @@ static bool read_name(const char *word, char name[CASE_NAME_MAX]) {
     return snprintf(name, CASE_NAME_MAX, "%s", word) < CASE_NAME_MAX;
 }
 
-static bool read_point(const char *const words[3], vec3 *out_point) {
-    return number_double(words[0], -1000, 1000, &out_point->x) &&
+static bool read_point(const char *const *words, int count, vec3 *out_point) {
+    return count >= 3 && number_double(words[0], -1000, 1000, &out_point->x) &&
            number_double(words[1], -1000, 1000, &out_point->y) &&
            number_double(words[2], -1000, 1000, &out_point->z);
+}
+
+// How many of the words the place takes; 0: they are none.
+static int read_place(const char *const *words, int count, struct motion_place *out_place) {
+    *out_place = (struct motion_place){0};
+    if (count == 0)
+        return 0;
+    if (!isalpha((unsigned char)*words[0]))
+        return read_point(words, count, &out_place->at) ? 3 : 0;
+    if (!case_name_is_valid(words[0]) || !read_name(words[0], out_place->landmark))
+        return 0;
+    return read_point(words + 1, count - 1, &out_place->at) ? 4 : 1;
+}
+
+// The group, and as many places as there must be.
+static bool read_places(struct motion_step *step, const char *const *words, int count,
+                        int place_count) {
+    if (count == 0 || !read_name(words[0], step->name))
+        return false;
+    int used = 1;
+    for (int i = 0; i < place_count; i++) {
+        int taken = read_place(words + used, count - used, i ? &step->to : &step->from);
+        if (taken == 0)
+            return false;
+        used += taken;
+    }
+    step->has_place = place_count > 0;
+    return used == count;
 }
 
 static bool read_words(struct motion_step *step, const char *const *words, int count) {
@@ -112,14 +143,10 @@ static bool read_words(struct motion_step *step, const char *const *words, int c
         return count == 1 && number_double(words[0], -10, 10, &step->amount);
     case MOTION_PALPATE:
         step->tool = CHANNEL_PROBE;
-        step->has_points = true;
-        return count == 7 && read_name(words[0], step->name) &&
-               read_point(words + 1, &step->from) && read_point(words + 4, &step->to);
+        return read_places(step, words, count, 2);
     case MOTION_BITE:
-        step->has_points = count == 5;
-        return (count == 2 || count == 5) && read_tool(words[0], &step->tool) &&
-               read_name(words[1], step->name) &&
-               (count == 2 || read_point(words + 2, &step->from));
+        return count > 0 && read_tool(words[0], &step->tool) &&
+               read_places(step, words + 1, count - 1, count > 2);
     case MOTION_RESECT:
         return count == 3 && read_tool(words[0], &step->tool) && step->tool == CHANNEL_PUNCH &&
                read_name(words[1], step->name) && number_int(words[2], 1, 100, &step->count);
@@ -151,7 +178,8 @@ static enum result read_step(struct script_reader *r, const char *key, const cha
     char text[256];
     const char *words[WORDS_MAX];
     snprintf(text, sizeof text, "%s", value);
-    if (!read_words(&step, words, split(text, words)))
+    int count = split(text, words);
+    if (count > WORDS_MAX || !read_words(&step, words, count))
         return fail(r->err, RESULT_INVALID, "[steps] %s = %s: must be %s", key, value,
                     verbs[step.verb].value);
     script->steps[script->step_count++] = step;

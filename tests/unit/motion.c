@@ -6,6 +6,7 @@
 #include "mesh/solid.h"
 #include "motion/joint.h"
 #include "random.h"
+#include "scene/moved_knee.h"
 #include "test.h"
 #include "winding.h"
 
@@ -431,6 +432,119 @@ static void a_left_knee_plays_the_same_script_mirrored(void **state) {
     case_destroy(&left);
 }
 
+// Where the probe begins and ends to touch, in the mock-up's frame.
+#define TOUCHES_MAX 16
+
+static int touches_of(const struct motion *motion, vec3 out_ends[TOUCHES_MAX]) {
+    int probe = tool_index(motion, CHANNEL_PROBE), count = 0;
+    for (size_t r = 1; r < motion->row_count; r++) {
+        const struct motion_row *row = &motion->rows[r];
+        if (row->touch == row[-1].touch)
+            continue;
+        assert_true(count < TOUCHES_MAX);
+        out_ends[count++] = row[row->touch ? 0 : -1].tools[probe].T_mockup_tip.translation;
+    }
+    return count;
+}
+
+static void assert_touches(const struct motion *motion, const vec3 *ends, int count,
+                           double within) {
+    vec3 found[TOUCHES_MAX];
+    assert_int_equal(touches_of(motion, found), count);
+    for (int i = 0; i < count; i++)
+        if (!(vec3_distance(found[i], ends[i]) < within))
+            fail_msg("touch %d: %.2f %.2f %.2f is not %.2f %.2f %.2f", i, found[i].x, found[i].y,
+                     found[i].z, ends[i].x, ends[i].y, ends[i].z);
+}
+
+static const char on_landmarks[] =
+    "[steps]\nflex = 40\napproach = probe anteromedial\n"
+    "palpate = tibia plateau_medial -4 13 0 plateau_medial 9 9 0\n"
+    "palpate = meniscus_medial horn_anterior_medial root_anterior_medial\n"
+    "palpate = femur condyle_medial -4 10 4 condyle_medial 5 16 6\nwithdraw = probe\n";
+
+static void a_script_of_landmarks_goes_with_a_knee_that_is_moved_or_mirrored(void **state) {
+    (void)state;
+    pose T = {quat_from_axis_angle((vec3){0.6, 0, 0.8}, 0.9), {40, -60, 90}};
+    struct motion_script script;
+    struct error err;
+    assert_int_equal(load_text(on_landmarks, &script, &err), RESULT_OK);
+    struct knee_case *still = plain_knee(SIDE_RIGHT, 2.4, 0);
+    struct motion motion;
+    vec3 ends[TOUCHES_MAX];
+    still->patella_key_count = 0; // of its own path
+    plan_script(still, &script, &motion);
+    int count = touches_of(&motion, ends);
+    assert_int_equal(count, 6);
+    motion_fini(&motion);
+    for (int mirror = 0; mirror < 2; mirror++) {
+        struct knee_case *moved = plain_knee(SIDE_RIGHT, 2.4, 0);
+        vec3 there[TOUCHES_MAX];
+        move_knee(moved, T, mirror);
+        for (int i = 0; i < moved->portal_count; i++) {
+            struct case_portal *portal = &moved->portals[i];
+            vec3 inside = vec3_add(portal->position, portal->direction);
+            portal->position = moved_point(portal->position, T, mirror);
+            portal->direction = vec3_sub(moved_point(inside, T, mirror), portal->position);
+        }
+        moved->patella_key_count = 0;
+        for (int i = 0; i < count; i++)
+            there[i] = moved_point(ends[i], T, mirror);
+        plan_script(moved, &script, &motion);
+        assert_touches(&motion, there, count, 0.2);
+        motion_fini(&motion);
+        case_destroy(&moved);
+    }
+    case_destroy(&still);
+}
+
+static void a_place_is_beside_its_landmark_by_the_offset(void **state) {
+    (void)state;
+    for (int side = 0; side < 2; side++) {
+        struct knee_case *on = plain_knee(side ? SIDE_LEFT : SIDE_RIGHT, 3, 0);
+        double lateral = side ? -1 : 1;
+        struct case_landmark mark = {
+            .name = "mark", .body = BODY_TIBIA, .at = {lateral * -20, 10, -22}, .by_hand = true};
+        struct motion_script script;
+        struct motion motion;
+        struct error err;
+        struct query *tibia;
+        struct closest from, to;
+        assert_int_equal(case_landmark_set(on, &mark, &err), RESULT_OK);
+        assert_int_equal(load_text("[steps]\nflex = 20\napproach = probe anteromedial\n"
+                                   "palpate = tibia mark -3 4 0 mark 5 3 0\nwithdraw = probe\n",
+                                   &script, &err),
+                         RESULT_OK);
+        plan_script(on, &script, &motion);
+        assert_int_equal(on->landmark_count, 1); // nothing was missing
+        assert_int_equal(query_create(&case_group(on, "tibia")->mesh, &tibia, NULL), RESULT_OK);
+        query_closest(tibia, (vec3){lateral * -23, 14, -22}, INFINITY, MESH_NONE, &from);
+        query_closest(tibia, (vec3){lateral * -15, 13, -22}, INFINITY, MESH_NONE, &to);
+        pose T = joint_to_pose(&on->joint, &motion.rows[motion.row_count - 1].joint);
+        vec3 ends[] = {pose_apply(T, from.point), pose_apply(T, to.point)};
+        assert_touches(&motion, ends, 2, 1e-3);
+        query_destroy(&tibia);
+        motion_fini(&motion);
+        case_destroy(&on);
+    }
+}
+
+// To the middle of the plateau the femur is in the way: in front of it the hand stops.
+static void of_a_line_between_landmarks_the_hand_goes_as_far_as_it_comes(void **state) {
+    (void)state;
+    struct motion motion;
+    vec3 ends[TOUCHES_MAX];
+    plan_text("[steps]\nflex = 30\napproach = probe anteromedial\n"
+              "palpate = tibia plateau_medial 0 16 0 plateau_medial\nwithdraw = probe\n",
+              &motion);
+    assert_int_equal(touches_of(&motion, ends), 2);
+    vec3 middle = case_landmark(knee, "plateau_medial")->at;
+    assert_true(vec3_distance(ends[0], ends[1]) > 4);
+    pose T = body_pose(&motion.rows[motion.row_count - 1].joint, BODY_TIBIA);
+    assert_true(vec3_distance(pose_apply_inverse(T, ends[1]), middle) > 3);
+    motion_fini(&motion);
+}
+
 static void a_bite_opens_reaches_the_meniscus_and_closes(void **state) {
     (void)state;
     struct motion motion;
@@ -483,6 +597,13 @@ static void a_script_that_cannot_be_played_names_its_step(void **state) {
          "step 2 (look): the case has no group spleen"},
         {"approach = probe anteromedial\npalpate = femur -21.5 0 -10 21.5 0 -10\n",
          "step 2 (palpate): the line leaves the surface"},
+        {"approach = probe anteromedial\npalpate = tibia notch spleen 0 1 0\n",
+         "step 2 (palpate): the case has no landmark spleen"},
+        {"approach = punch anteromedial\nbite = punch meniscus_medial spleen\n",
+         "step 2 (bite): the case has no landmark spleen"},
+        {"flex = 30\napproach = probe anteromedial\npalpate = tibia pcl_tibia pcl_tibia 3 0 0\n",
+         "step 3 (palpate): pcl_tibia cannot be reached: the shaft through the portal anteromedial "
+         "would run"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         char text[512];
@@ -519,9 +640,14 @@ static void a_wrong_script_is_refused_with_line_section_and_key(void **state) {
         {"[steps]\ndrawer = 1 2\n", "must be MM from -10 to 10"},
         {"[steps]\napproach = probe\n", "must be INSTRUMENT PORTAL"},
         {"[steps]\napproach = femur anteromedial\n", "must be INSTRUMENT PORTAL"},
-        {"[steps]\npalpate = tibia 1 2 3\n", "must be GROUP X Y Z X Y Z"},
-        {"[steps]\npalpate = tibia 1 2 3 4 5 6 7 8 9\n", "must be GROUP X Y Z X Y Z"},
-        {"[steps]\nbite = punch meniscus_medial 1 2\n", "must be INSTRUMENT GROUP [X Y Z]"},
+        {"[steps]\npalpate = tibia 1 2 3\n", "must be GROUP PLACE PLACE, a place being X Y Z or "},
+        {"[steps]\npalpate = tibia 1 2 3 4 5 6 7 8 9\n", "must be GROUP PLACE PLACE"},
+        {"[steps]\npalpate = tibia 1 2 3 4 5 6 7 8\n", "must be GROUP PLACE PLACE"},
+        {"[steps]\npalpate = tibia notch\n", "must be GROUP PLACE PLACE"},
+        {"[steps]\npalpate = tibia notch 1 2 notch\n", "must be GROUP PLACE PLACE"},
+        {"[steps]\npalpate = tibia no/tch notch\n", "must be GROUP PLACE PLACE"},
+        {"[steps]\nbite = punch meniscus_medial 1 2\n", "must be INSTRUMENT GROUP [PLACE]"},
+        {"[steps]\nbite = punch\n", "must be INSTRUMENT GROUP [PLACE]"},
         {"[steps]\nresect = shaver meniscus_medial 3\n", "must be punch GROUP BITES"},
         {"[steps]\nresect = punch meniscus_medial 0\n", "must be punch GROUP BITES from 1 to 100"},
         {"[steps]\ntrace = punch meniscus_medial\n", "must be probe or shaver, and GROUP"},
@@ -553,6 +679,9 @@ int main(void) {
         cmocka_unit_test(signed_distances_agree_with_the_solid_angle),
         cmocka_unit_test(the_palpation_script_shows_all_that_a_demo_needs),
         cmocka_unit_test(a_left_knee_plays_the_same_script_mirrored),
+        cmocka_unit_test(a_script_of_landmarks_goes_with_a_knee_that_is_moved_or_mirrored),
+        cmocka_unit_test(a_place_is_beside_its_landmark_by_the_offset),
+        cmocka_unit_test(of_a_line_between_landmarks_the_hand_goes_as_far_as_it_comes),
         cmocka_unit_test(a_bite_opens_reaches_the_meniscus_and_closes),
         cmocka_unit_test(a_script_that_cannot_be_played_names_its_step),
         cmocka_unit_test(a_wrong_script_is_refused_with_line_section_and_key),

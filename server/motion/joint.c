@@ -58,7 +58,8 @@ static pose with_gap(const struct knee_case *knee, const struct mesh *femur,
 
 static pose opened(const struct knee_case *knee, const struct mesh *femur,
                    const struct solid *tibia, pose T_closed, const struct joint_hold *hold) {
-    struct joint_angles open = {.flexion_deg = hold->flexion_deg, .varus_deg = -hold->valgus_deg};
+    struct joint_angles open = case_rest(knee, hold->flexion_deg);
+    open.varus_deg -= hold->valgus_deg;
     pose T_open = joint_to_pose(&knee->joint, &open);
     vec3 pivot = contact(knee, femur, tibia, T_closed, hold->valgus_deg > 0 ? 1 : -1);
     double gap = gap_near(femur, tibia, T_closed, pivot, near_pivot);
@@ -81,7 +82,7 @@ static pose glided(const struct knee_case *knee, const struct mesh *femur,
 
 struct joint_angles motion_joint(const struct knee_case *knee, const struct solid *femur,
                                  const struct solid *tibia, const struct joint_hold *hold) {
-    struct joint_angles closed = {.flexion_deg = hold->flexion_deg};
+    struct joint_angles closed = case_rest(knee, hold->flexion_deg);
     pose T_closed = joint_to_pose(&knee->joint, &closed), T = T_closed;
     if (hold->valgus_deg != 0)
         T = opened(knee, femur->mesh, tibia, T_closed, hold);

@@ -4,7 +4,8 @@
 #include "case/case.h"
 #include "mesh/solid.h"
 
-// How hands hold a joint that otherwise is at rest.
+// How hands hold a joint that otherwise is at rest: on the rest path of the case, or on the joint's
+// axes where it has none. All but the flexion counts from there.
 struct joint_hold {
     double flexion_deg;
     double valgus_deg;   // negative: varus
@@ -14,8 +15,8 @@ struct joint_hold {
 
 // The joint's six values. In valgus the tibia turns about the lateral contact, in varus about the
 // medial one, and keeps the gap that was there before. Then it turns about its axis and glides, and
-// goes as far away from the femur, or back, as keeps the least gap of the bones. At rest the
-// translations are 0.
+// goes as far away from the femur, or back, as keeps the least gap of the bones. With nothing but
+// flexion they are case_rest's.
 struct joint_angles motion_joint(const struct knee_case *knee, const struct solid *femur,
                                  const struct solid *tibia, const struct joint_hold *hold);
 

@@ -359,6 +359,47 @@ static void drawer_glides_the_tibia_and_keeps_the_bones_in_contact(void **state)
     solid_fini(&tibia);
 }
 
+// Off the joint's axes by up to 2 degrees and 1 mm, as of a knee whose tibia glides.
+static void give_rest_path(struct knee_case *on) {
+    for (int i = 0; i <= 4; i++) {
+        struct joint_angles key = {.flexion_deg = 30 * i,
+                                   .varus_deg = 0.5 * i,
+                                   .internal_deg = -0.4 * i,
+                                   .drawer_mm = 0.25 * i,
+                                   .distraction_mm = 0.1 * i};
+        on->rest[on->rest_count++] = joint_to_pose(&on->joint, &key);
+    }
+}
+
+static void the_joint_follows_the_rest_path_of_the_case(void **state) {
+    (void)state;
+    struct solid femur, tibia;
+    struct motion motion;
+    give_rest_path(knee);
+    plan_text("[steps]\nflex = 90\n", &motion);
+    for (size_t i = 0; i < motion.row_count; i++) {
+        const struct joint_angles *j = &motion.rows[i].joint;
+        assert_near(j->varus_deg, 0.5 / 30 * j->flexion_deg, 1e-6);
+        assert_near(j->internal_deg, -0.4 / 30 * j->flexion_deg, 1e-6);
+        assert_near(j->drawer_mm, 0.25 / 30 * j->flexion_deg, 1e-6);
+        assert_near(j->distraction_mm, 0.1 / 30 * j->flexion_deg, 1e-6);
+    }
+    motion_fini(&motion);
+    assert_int_equal(solid_init(&femur, &case_group(knee, "femur")->mesh, NULL), RESULT_OK);
+    assert_int_equal(solid_init(&tibia, &case_group(knee, "tibia")->mesh, NULL), RESULT_OK);
+    struct joint_angles rest = hold(&femur, &tibia, 60, 0, 0);
+    struct joint_angles valgus = hold(&femur, &tibia, 60, 8, 0);
+    struct joint_angles drawn = hold(&femur, &tibia, 60, 0, 5);
+    assert_near(valgus.varus_deg, rest.varus_deg - 8, 1e-9);
+    assert_near(gap_on(&tibia, &valgus, 1), gap_on(&tibia, &rest, 1), 0.02);
+    assert_near(drawn.drawer_mm, rest.drawer_mm + 5, 1e-3);
+    assert_near(drawn.varus_deg, rest.varus_deg, 1e-9);
+    assert_near(drawn.internal_deg, rest.internal_deg, 1e-9);
+    solid_fini(&femur);
+    solid_fini(&tibia);
+    knee->rest_count = 0;
+}
+
 static void assert_signs_agree(const struct mesh *mesh, double spread) {
     struct solid solid;
     assert_int_equal(solid_init(&solid, mesh, NULL), RESULT_OK);
@@ -676,6 +717,7 @@ int main(void) {
         cmocka_unit_test(the_same_seed_gives_the_same_bytes_and_another_one_others),
         cmocka_unit_test(valgus_opens_the_medial_side_about_the_lateral_contact),
         cmocka_unit_test(drawer_glides_the_tibia_and_keeps_the_bones_in_contact),
+        cmocka_unit_test(the_joint_follows_the_rest_path_of_the_case),
         cmocka_unit_test(signed_distances_agree_with_the_solid_angle),
         cmocka_unit_test(the_palpation_script_shows_all_that_a_demo_needs),
         cmocka_unit_test(a_left_knee_plays_the_same_script_mirrored),

@@ -1,7 +1,7 @@
 // The generated cases with torn ligaments, through the adaptive warp as a session has it.
 #include "generate/generate.h"
-#include "motion/motion.h"
 #include "motion/joint.h"
+#include "motion/motion.h"
 #include "test.h"
 #include "warp/adaptive.h"
 
@@ -112,6 +112,42 @@ static void every_key_is_met(void **state) {
             assert_near(apart(seen(p, p->knee->keys[k].physical), p->knee->keys[k].target), 0,
                         1e-9);
     }
+}
+
+// A ligament is torn on a knee whose rest path leaves the joint's axes: its keys open from there.
+static void keys_open_from_the_rest_path(void **state) {
+    (void)state;
+    struct patient p = {.recipe = "healthy"};
+    struct recipe recipe;
+    struct error err = {""};
+    struct pathology tear = {.kind = PATHOLOGY_LIGAMENT,
+                             .name = "mcl",
+                             .ligament = {.flexion_deg = {3, {30, 60, 90}},
+                                          .valgus_deg = {1, {5}},
+                                          .extra_valgus_deg = {1, {6}}}};
+    assert_int_equal(recipe_load(CASES "/healthy", &recipe, &err), RESULT_OK);
+    recipe.resolution_mm = 3;
+    assert_int_equal(generate_knee(&recipe, &p.knee, &err), RESULT_OK);
+    for (int i = 0; i <= 4; i++) {
+        struct joint_angles key = {30 * i, 0.4 * i, -0.5 * i, 0, 0.2 * i, 0.1 * i};
+        p.knee->rest[p.knee->rest_count++] = joint_to_pose(&p.knee->joint, &key);
+    }
+    assert_int_equal(pathology_apply(p.knee, &tear, 0, &err), RESULT_OK);
+    make_adaptive(&p);
+    if (adaptive_check(p.adaptive, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    for (int k = 0; k < p.knee->key_count; k++) {
+        const struct case_key *key = &p.knee->keys[k];
+        struct joint_angles physical = joint_from_pose(&p.knee->joint, key->physical);
+        struct joint_angles target = joint_from_pose(&p.knee->joint, key->target);
+        assert_near(physical.varus_deg, 0.4 * (k + 1) - 5, 1e-9);
+        assert_near(target.varus_deg, 0.4 * (k + 1) - 11, 1e-9);
+        assert_near(apart(seen(&p, key->physical), key->target), 0, 1e-9);
+    }
+    for (int i = 0; i < p.knee->rest_count; i++)
+        assert_near(apart(seen(&p, p.knee->rest[i]), p.knee->rest[i]), 0, 1e-9);
+    adaptive_destroy(&p.adaptive);
+    case_destroy(&p.knee);
 }
 
 static void keys_are_what_the_recipe_says(void **state) {
@@ -259,6 +295,7 @@ static void the_virtual_tibia_stays_out_of_the_femur(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_key_is_met),
+        cmocka_unit_test(keys_open_from_the_rest_path),
         cmocka_unit_test(keys_are_what_the_recipe_says),
         cmocka_unit_test(nothing_is_moved_at_rest),
         cmocka_unit_test(one_ligament_does_not_open_the_other),

@@ -34,12 +34,33 @@ struct repair_island {
     vec3 centre; // of its box
 };
 
+// What happened, or remains, at places.
+enum repair_kind {
+    REPAIR_WELDED,    // vertices, where they were
+    REPAIR_REPEATED,  // triangles with a repeated corner
+    REPAIR_DUPLICATE, // triangles, those of walls too
+    REPAIR_WALL,      // triangles
+    REPAIR_TURNED,    // triangles
+    REPAIR_SPLIT,     // vertices
+    REPAIR_VOID,      // components inside of another one
+    REPAIR_FLAT,      // triangles
+    REPAIR_OPEN,      // edges of one triangle that are left
+    REPAIR_CROWDED,   // edges of more than two triangles that are left
+    REPAIR_KINDS
+};
+
+struct repair_place {
+    bool somewhere; // false: the box has no meaning
+    struct box box; // around all of them
+};
+
 struct repair_report {
     struct topology before, after;
+    struct repair_place places[REPAIR_KINDS];
     uint32_t vertices_before, triangles_before;
-    uint32_t repeated_corners;                     // triangles removed
-    uint32_t duplicate_triangles;                  // removed
-    uint32_t wall_triangles;                       // removed: both sides
+    uint32_t repeated_corners;    // triangles removed; those that the reader left out have no place
+    uint32_t duplicate_triangles; // removed
+    uint32_t wall_triangles;      // removed: both sides
     uint32_t fin_count, fin_triangles;             // removed
     struct repair_island fins[REPAIR_ISLANDS_MAX]; // the first ones
     uint32_t flat_triangles;                       // left: lower than 1e-6 mm

@@ -41,7 +41,7 @@ static struct triple triple_of(const struct mesh *mesh, uint32_t triangle) {
 }
 
 // Keeps the first of those with the same corners; `doubled` where their number was even.
-static void keep_first_ones(struct mesh *mesh, bool *doubled) {
+static void keep_first_ones(struct mesh *mesh, bool *doubled, struct repair_report *report) {
     uint32_t count = mesh->triangle_count;
     struct triple *triples = alloc(count, sizeof *triples);
     bool *kept = alloc(count, sizeof *kept);
@@ -49,8 +49,8 @@ static void keep_first_ones(struct mesh *mesh, bool *doubled) {
         triples[t] = triple_of(mesh, t);
     qsort(triples, count, sizeof *triples, compare_triples);
     for (uint32_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && compare_corners(&triples[i], &triples[end]) == 0;)
-            end++;
+        for (end = i + 1; end < count && compare_corners(&triples[i], &triples[end]) == 0; end++)
+            repair_at_triangle(report, REPAIR_DUPLICATE, mesh, triples[end].triangle);
         kept[triples[i].triangle] = true;
         doubled[triples[i].triangle] = (end - i) % 2 == 0;
     }
@@ -79,7 +79,7 @@ static void weigh_edge(const struct triangle_side *sides, size_t count, const bo
         gains[first] += (int32_t)(count % 2) - (int32_t)((count - of_wall) % 2);
 }
 
-static uint32_t remove_walls(struct mesh *mesh, const bool *doubled) {
+static uint32_t remove_walls(struct mesh *mesh, const bool *doubled, struct repair_report *report) {
     uint32_t before = mesh->triangle_count;
     size_t count = 3 * (size_t)before;
     struct triangle_side *sides = edges_sorted(mesh);
@@ -92,8 +92,11 @@ static uint32_t remove_walls(struct mesh *mesh, const bool *doubled) {
     }
     for (uint32_t t = 0; t < before; t++)
         gain_of_wall[sets_find(walls, t)] += gains[t];
-    for (uint32_t t = 0; t < before; t++)
+    for (uint32_t t = 0; t < before; t++) {
         kept[t] = !doubled[t] || gain_of_wall[sets_find(walls, t)] <= 0;
+        if (!kept[t])
+            repair_at_triangle(report, REPAIR_WALL, mesh, t);
+    }
     repair_keep(mesh, kept, NULL);
     free(kept);
     free(gain_of_wall);
@@ -106,8 +109,8 @@ static uint32_t remove_walls(struct mesh *mesh, const bool *doubled) {
 void repair_duplicates(struct mesh *mesh, struct repair_report *report) {
     uint32_t before = mesh->triangle_count;
     bool *doubled = alloc(before, sizeof *doubled);
-    keep_first_ones(mesh, doubled);
-    uint32_t walls = remove_walls(mesh, doubled);
+    keep_first_ones(mesh, doubled, report);
+    uint32_t walls = remove_walls(mesh, doubled, report);
     report->wall_triangles = 2 * walls;
     report->duplicate_triangles = before - mesh->triangle_count - 2 * walls;
     free(doubled);

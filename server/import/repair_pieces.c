@@ -173,6 +173,10 @@ void repair_outward(struct mesh *mesh, bool *turned, struct repair_report *repor
             continue;
         bool inwards = is_void(mesh, &pieces, i);
         report->voids += inwards;
+        if (inwards) {
+            repair_at(report, REPAIR_VOID, pieces.all[i].box.min);
+            repair_at(report, REPAIR_VOID, pieces.all[i].box.max);
+        }
         turns[i] = inwards ? pieces.all[i].volume > 0 : pieces.all[i].volume < 0;
     }
     for (uint32_t t = 0; t < mesh->triangle_count; t++)

@@ -193,7 +193,7 @@ static uint32_t *find_fans(const struct mesh *mesh) {
 }
 
 // The first fan of a vertex keeps it, every other one gets a copy.
-static uint32_t split_vertices(struct mesh *mesh) {
+static uint32_t split_vertices(struct mesh *mesh, struct repair_report *report) {
     uint32_t corners = 3 * mesh->triangle_count, count = mesh->vertex_count;
     uint32_t *fans = find_fans(mesh);
     uint32_t *vertex_of_fan = alloc(corners, sizeof *vertex_of_fan);
@@ -203,6 +203,8 @@ static uint32_t split_vertices(struct mesh *mesh) {
     for (uint32_t corner = 0; corner < corners; corner++) {
         uint32_t fan = sets_find(fans, corner), vertex = mesh->triangles[corner];
         if (vertex_of_fan[fan] == MESH_NONE) {
+            if (taken[vertex])
+                repair_at(report, REPAIR_SPLIT, mesh_vertex(mesh, vertex));
             vertex_of_fan[fan] = taken[vertex] ? count++ : vertex;
             source[vertex_of_fan[fan]] = vertex;
             taken[vertex] = true;
@@ -226,5 +228,5 @@ void repair_sheets(struct mesh *mesh, bool *turned, struct repair_report *report
     struct triangle_side *sides = edges_sorted(mesh);
     turn_ways(mesh, sides, turned);
     free(sides);
-    report->split_vertices = split_vertices(mesh);
+    report->split_vertices = split_vertices(mesh, report);
 }

@@ -3,6 +3,11 @@
 
 #include "import/repair.h"
 
+// Widens the place of a kind.
+void repair_at(struct repair_report *report, enum repair_kind kind, vec3 p);
+void repair_at_triangle(struct repair_report *report, enum repair_kind kind,
+                        const struct mesh *mesh, uint32_t triangle);
+
 // Keeps the triangles that are marked, with their flags in `flags` where that is not NULL.
 void repair_keep(struct mesh *mesh, const bool *kept, bool *flags);
 

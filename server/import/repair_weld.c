@@ -101,6 +101,7 @@ void repair_weld(struct mesh *mesh, double weld_mm, struct repair_report *report
         }
         becomes[v] = found;
         report->welded_vertices++;
+        repair_at(report, REPAIR_WELDED, p);
         report->welded_mm = fmax(report->welded_mm, vec3_distance(p, mesh_vertex(mesh, found)));
     }
     for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)

@@ -107,6 +107,13 @@ static uint32_t find_components(const struct import_arrays *arrays, uint32_t *se
     return count;
 }
 
+static void leave_out(const struct component *c, struct import_parts *parts) {
+    if (parts->left_out < IMPORT_SPECKS_MAX)
+        parts->specks[parts->left_out] =
+            (struct import_speck){c->triangles, vec3_scale(0.5, vec3_add(c->box.min, c->box.max))};
+    parts->left_out++;
+}
+
 enum result import_split(const struct import_arrays *arrays, struct import_parts *out_parts,
                          struct error *err) {
     uint32_t *sets = sets_create(arrays->vertex_count);
@@ -122,7 +129,8 @@ enum result import_split(const struct import_arrays *arrays, struct import_parts
         bool own = all[i].joined == i;
         part_of[i] = own ? kept ? parts++ : MESH_NONE : part_of[all[i].joined];
         part_of_set[all[i].set] = part_of[i];
-        out_parts->left_out += part_of[i] == MESH_NONE;
+        if (part_of[i] == MESH_NONE)
+            leave_out(&all[i], out_parts);
     }
     if (parts <= IMPORT_PARTS_MAX)
         for (; out_parts->count < (int)parts; out_parts->count++)

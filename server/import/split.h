@@ -9,9 +9,17 @@
 // Of the largest component's area: smaller ones are left out.
 #define IMPORT_PART_SHARE 0.002
 
+#define IMPORT_SPECKS_MAX 8
+
+struct import_speck {
+    uint32_t triangles;
+    vec3 centre; // of its box, in the file's units
+};
+
 struct import_parts {
     int count; // by falling area
     uint32_t left_out;
+    struct import_speck specks[IMPORT_SPECKS_MAX]; // the largest of those left out
     struct import_arrays parts[IMPORT_PARTS_MAX];
     char names[IMPORT_PARTS_MAX][64]; // "" before import_name_parts
 };

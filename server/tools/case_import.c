@@ -280,9 +280,11 @@ static int run(struct import_request *request) {
     struct knee_case *knee = case_create(request->name, request->title);
     struct error err;
     request->judged = json_object();
+    request->specks = json_array();
     request->meshes = json_array();
     enum result result = fill(knee, request, &err);
     case_destroy(&knee);
+    json_object_set_new(request->judged, "specks", request->specks);
     json_object_set_new(request->judged, "meshes", request->meshes);
     if (result == RESULT_OK && request->as_json) {
         json_dumpf(request->judged, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #define WIDE_MM 480 // half the blade's width; a leg is narrower
+#define NEAR_PLANE_MM 1e-4
 #define LONG_MM 700 // of the blade: the longest femur and a margin
 
 // Of one size, so that a bone that was clipped before gives the same cut.
@@ -54,6 +55,19 @@ static void leave_out(struct mesh *mesh, double distance_mm, int way) {
     mesh->triangle_count = kept;
 }
 
+// The cut's vertices lie in the plane, as far as floats tell.
+static struct clip_plane find_cap(const struct mesh *mesh, double z) {
+    struct clip_plane plane = {z, true, {{INFINITY, INFINITY, z}, {-INFINITY, -INFINITY, z}}};
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        vec3 p = mesh_vertex(mesh, v);
+        if (fabs(p.z - z) > NEAR_PLANE_MM)
+            continue;
+        plane.cap.min = (vec3){fmin(plane.cap.min.x, p.x), fmin(plane.cap.min.y, p.y), z};
+        plane.cap.max = (vec3){fmax(plane.cap.max.x, p.x), fmax(plane.cap.max.y, p.y), z};
+    }
+    return plane;
+}
+
 enum result import_clip(struct mesh *mesh, double distance_mm, struct clip_report *out_report,
                         struct error *err) {
     *out_report = (struct clip_report){0};
@@ -68,8 +82,8 @@ enum result import_clip(struct mesh *mesh, double distance_mm, struct clip_repor
         bool capped = closed && cut_off(mesh, distance_mm, way, &why) == RESULT_OK;
         if (!capped)
             leave_out(mesh, distance_mm, way);
-        out_report->open |= !capped;
-        out_report->planes++;
+        out_report->planes[out_report->plane_count++] =
+            capped ? find_cap(mesh, way * distance_mm) : (struct clip_plane){way * distance_mm};
         if (!mesh->triangle_count)
             return fail(err, RESULT_INVALID, "it lies wholly more than %g mm %s the joint",
                         distance_mm, way < 0 ? "below" : "above");

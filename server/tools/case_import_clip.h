@@ -6,8 +6,12 @@
 
 struct clip_report {
     uint32_t removed_triangles;
-    int planes; // cut: 0, 1 or 2
-    bool open;  // an open surface was cut along its triangles, without a cap
+    int plane_count;
+    struct clip_plane {
+        double z;       // mm of the case
+        bool capped;    // else an open surface was cut along its triangles
+        struct box cap; // where it was capped
+    } planes[2];
 };
 
 // Removes what lies more than `distance_mm` above or below the origin (z). Closed, manifold meshes

@@ -7,9 +7,18 @@
 #include <stdio.h>
 #include <string.h>
 
+// What is left out of a file of several parts.
+struct left_out {
+    int surface; // one of the file's
+    uint32_t count;
+    struct import_speck specks[IMPORT_SPECKS_MAX];
+};
+
 struct scan {
     struct import_surface surfaces[SOURCES_MAX]; // as the request's sources
     struct import_frame frame;
+    int left_out_count;
+    struct left_out left_out[SOURCES_MAX];
 };
 
 // ---- what is judged -----------------------------------------------------------------------------
@@ -151,6 +160,34 @@ static enum result find_frame(struct import_request *request, struct scan *scan,
     return RESULT_OK;
 }
 
+static void say_speck(struct import_request *request, const struct scan *scan,
+                      const struct knee_case *knee, const struct import_surface *surface,
+                      const struct import_speck *speck) {
+    vec3 mm = vec3_scale(surface->mm_per_unit, speck->centre);
+    vec3 p = import_to_case(&scan->frame, pose_apply(surface->T_common_file, mm));
+    vec3 in_scan = import_in_scan(knee, p);
+    if (request->as_json)
+        json_array_append_new(request->specks,
+                              json_pack("{s:s, s:I, s:[f,f,f], s:[f,f,f]}", "file", surface->path,
+                                        "triangles", (json_int_t)speck->triangles, "centre_mm", p.x,
+                                        p.y, p.z, "scan_mm", in_scan.x, in_scan.y, in_scan.z));
+    else
+        printf("speck   %u triangles at %.1f %.1f %.1f mm; in the scan at %.1f %.1f %.1f\n",
+               speck->triangles, p.x, p.y, p.z, in_scan.x, in_scan.y, in_scan.z);
+}
+
+static void say_left_out(struct import_request *request, const struct scan *scan,
+                         const struct knee_case *knee) {
+    for (int i = 0; i < scan->left_out_count; i++) {
+        const struct left_out *left_out = &scan->left_out[i];
+        for (uint32_t k = 0; k < left_out->count && k < IMPORT_SPECKS_MAX; k++)
+            say_speck(request, scan, knee, &scan->surfaces[left_out->surface],
+                      &left_out->specks[k]);
+        if (left_out->count > IMPORT_SPECKS_MAX && !request->as_json)
+            printf("        and %u more\n", left_out->count - IMPORT_SPECKS_MAX);
+    }
+}
+
 // ---- meshes to groups ---------------------------------------------------------------------------
 
 static enum body body_of(const struct import_request *request, const char *group) {
@@ -207,7 +244,8 @@ static enum result add_mesh(struct import_request *request, struct knee_case *kn
     part_name(request, from, part);
     result = case_add_part(group, part, &mesh, err);
     if (result == RESULT_OK)
-        say_mesh(request, &(struct import_said){from->group, from->path, &mesh, &repair, &clip});
+        say_mesh(request,
+                 &(struct import_said){from->group, from->path, &mesh, &repair, &clip, knee});
     mesh_fini(&mesh);
     bool bone = strcmp(group->name, "tibia") == 0 || strcmp(group->name, "femur") == 0;
     if (result == RESULT_OK && bone && group->part_count == 1)
@@ -244,8 +282,12 @@ static enum result take_parts(struct import_request *request, struct scan *scan,
         parts.parts[k] = (struct import_arrays){0};
     }
     if (!request->as_json && result == RESULT_OK)
-        printf("parts   %d of %s, named by place and size; %u specks left out\n", parts.count,
-               request->sources[i].path, parts.left_out);
+        printf("parts   %d of %s, named by place and size; left out: %u specks, %u triangles with "
+               "a repeated corner\n",
+               parts.count, request->sources[i].path, parts.left_out, arrays->dropped);
+    struct left_out *left_out = &scan->left_out[scan->left_out_count++];
+    *left_out = (struct left_out){.surface = i, .count = parts.left_out};
+    memcpy(left_out->specks, parts.specks, sizeof left_out->specks);
     import_parts_fini(&parts);
     return result;
 }
@@ -290,6 +332,8 @@ enum result import_scan(struct import_request *request, struct knee_case *knee, 
         result = judge_side(request, &scan, &knee->joint.side, err);
     if (result == RESULT_OK)
         result = find_frame(request, &scan, knee, err);
+    if (result == RESULT_OK)
+        say_left_out(request, &scan, knee);
     for (int i = 0; i < request->source_count && result == RESULT_OK; i++)
         result = add_mesh(request, knee, &scan, i, err);
     for (int i = 0; i < request->source_count; i++)

@@ -23,6 +23,13 @@ static void assert_sound(const struct repair_report *report, uint32_t components
     assert_int_equal(components, report->after.components);
 }
 
+static void assert_place(const struct repair_report *report, enum repair_kind kind,
+                         struct box expected) {
+    assert_true(report->places[kind].somewhere);
+    assert_vec3_near(report->places[kind].box.min, expected.min, 1e-6);
+    assert_vec3_near(report->places[kind].box.max, expected.max, 1e-6);
+}
+
 static void turn(struct mesh *mesh, uint32_t t) {
     uint32_t *v = mesh->triangles + 3 * (size_t)t, second = v[1];
     v[1] = v[2];
@@ -110,6 +117,8 @@ static void a_soup_is_welded_within_the_tolerance_and_no_farther(void **state) {
         if (rows[i].closes) {
             assert_int_equal(vertices, mesh.vertex_count);
             assert_int_equal(3 * triangles - vertices, report.welded_vertices);
+            if (rows[i].noise == 0)
+                assert_place(&report, REPAIR_WELDED, mesh_bounds(&mesh));
         }
         assert_true(report.welded_mm <= rows[i].weld_mm);
         assert_true((report.welded_mm > 0) == (rows[i].closes && rows[i].noise > 0));
@@ -174,6 +183,8 @@ static void an_open_sheet_is_kept_and_its_smaller_part_follows_the_larger(void *
     assert_int_equal(200, mesh.triangle_count);
     assert_int_equal(40, report.after.open_edges);
     assert_true(report.after.oriented);
+    assert_place(&report, REPAIR_OPEN, mesh_bounds(&mesh));
+    assert_false(report.places[REPAIR_CROWDED].somewhere);
     mesh_fini(&mesh);
 }
 
@@ -205,6 +216,8 @@ static void bad_triangles_and_unused_vertices_go_and_are_counted(void **state) {
     assert_int_equal(3, report.repeated_corners);
     assert_int_equal(2, report.duplicate_triangles);
     assert_int_equal(3, report.before.unused_vertices);
+    assert_place(&report, REPAIR_DUPLICATE, (struct box){{-1, -2, -3}, {1, 2, 3}});
+    assert_place(&report, REPAIR_REPEATED, (struct box){{-1, -2, -3}, {1, 2, 3}});
     assert_int_equal(8, mesh.vertex_count);
     assert_int_equal(12, mesh.triangle_count);
     assert_sound(&report, 1);
@@ -227,6 +240,8 @@ static void solids_that_share_an_edge_or_a_vertex_are_split_and_nothing_moves(vo
         struct repair_report report = repaired(&mesh);
         assert_int_equal(rows[i].copies == 2, report.before.non_manifold_edges);
         assert_int_equal(rows[i].copies, report.split_vertices);
+        if (rows[i].copies == 1)
+            assert_place(&report, REPAIR_SPLIT, (struct box){{1, 1, 1}, {1, 1, 1}});
         assert_int_equal(2, report.turned_triangles);
         assert_int_equal(16, mesh.vertex_count);
         assert_sound(&report, 2);
@@ -382,6 +397,7 @@ static void a_triangle_without_height_stays_and_is_named(void **state) {
     struct repair_report report = repaired(&mesh);
     assert_int_equal(9, mesh.triangle_count);
     assert_int_equal(1, report.flat_triangles);
+    assert_place(&report, REPAIR_FLAT, (struct box){a, c});
     mesh_fini(&mesh);
 }
 

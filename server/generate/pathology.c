@@ -38,13 +38,33 @@ static int groups_of(struct knee_case *knee, enum body body, struct case_group *
     return out_groups[0] ? count : 0;
 }
 
+// In the frame of the body.
+static enum result place_of(const struct knee_case *knee, const struct pathology_cavity *cavity,
+                            vec3 *out_at, struct error *err) {
+    const char *name = cavity->landmark;
+    const struct case_landmark *landmark = case_landmark(knee, name);
+    vec3 at = cavity->dent.at;
+    if (knee->joint.side == SIDE_LEFT)
+        at.x = -at.x;
+    *out_at = pose_apply(joint_of(knee, cavity->body), at);
+    if (!name[0])
+        return RESULT_OK;
+    if (!landmark)
+        return fail(err, RESULT_MISSING, "the case has no landmark %s", name);
+    if (landmark->body != cavity->body)
+        return fail(err, RESULT_INVALID, "%s is a landmark of the %s, not of the %s", name,
+                    body_name(landmark->body), body_name(cavity->body));
+    *out_at = landmark->at;
+    return RESULT_OK;
+}
+
 static enum result add_cavity(struct knee_case *knee, const struct pathology_cavity *cavity,
                               double rim_mm, struct error *err) {
     struct case_group *groups[CASE_GROUPS_MAX + 1];
     struct deform_cavity dent = cavity->dent;
-    double mirror = knee->joint.side == SIDE_LEFT ? -1 : 1;
-    dent.at.x *= mirror;
-    dent.at = pose_apply(joint_of(knee, cavity->body), dent.at);
+    enum result result = place_of(knee, cavity, &dent.at, err);
+    if (result != RESULT_OK)
+        return result;
     int count = groups_of(knee, cavity->body, groups);
     if (!count)
         return fail(err, RESULT_MISSING, "the case has no group %s", body_name(cavity->body));
@@ -53,7 +73,7 @@ static enum result add_cavity(struct knee_case *knee, const struct pathology_cav
             return fail(err, RESULT_INVALID,
                         "%s has a tear or a plan, which would not follow: make the cavity before",
                         groups[i]->name);
-    enum result result = deform_cavity_add(groups, count, &dent, err);
+    result = deform_cavity_add(groups, count, &dent, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
         if (groups[i]->maxcut && may_move(groups[i], &dent))
             result = maxcut_make(groups[i], joint_of(knee, cavity->body), rim_mm, err);

@@ -20,8 +20,9 @@ const char *pathology_kind_name(enum pathology_kind kind); // "ligament", "cavit
 // A dent of a bone. All groups of the body follow the same smooth, one-to-one map of space, so
 // facing surfaces (a meniscus and its tibia) stay as clear of one another as they were.
 struct pathology_cavity {
-    enum body body;            // femur or tibia
-    struct deform_cavity dent; // `at` from the joint's origin: x lateral, y anterior, z proximal
+    enum body body;               // femur or tibia
+    struct deform_cavity dent;    // `at` from the joint's origin: x lateral, y anterior, z proximal
+    char landmark[CASE_NAME_MAX]; // of the body, in place of `at`; empty: none
 };
 
 struct pathology_tear {

@@ -107,8 +107,15 @@ static enum result take_place(struct pathology_cavity *cavity, const char *key, 
     if (strcmp(key, "at") != 0)
         return refuse(err, key, "unknown key");
     pose p;
+    cavity->dent.at = (vec3){0};
+    if (case_name_is_valid(value)) {
+        strcpy(cavity->landmark, value);
+        return RESULT_OK;
+    }
     if (!number_pose(value, &p) || p.rotation.w != 1 || !(vec3_length(p.translation) <= 100))
-        return refuse(err, key, "must be three numbers, x y z, within 100 mm of the origin");
+        return refuse(err, key,
+                      "must be a landmark, or three numbers, x y z, within 100 mm of the origin");
+    cavity->landmark[0] = '\0';
     cavity->dent.at = p.translation;
     return RESULT_OK;
 }

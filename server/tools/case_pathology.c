@@ -48,15 +48,16 @@ static const char plan_help[] =
     "                   smoothly\n" RIM_HELP COMMON_HELP;
 
 static const char cavity_help[] =
-    "Usage: arthron-case cavity DIR --body BODY --at X,Y,Z --radius-mm MM --depth-mm MM\n"
+    "Usage: arthron-case cavity DIR --body BODY --at PLACE --radius-mm MM --depth-mm MM\n"
     "                           [OPTION...] --out DIR\n"
     "\n"
     "Hollows out a bone. All groups of its body follow: a meniscus above a cavity sinks with its\n"
     "tibia. The words are those of a recipe's [cavity NAME].\n"
     "\n"
     "  --body BODY      tibia or femur\n"
-    "  --at X,Y,Z       the place, in mm from the joint's origin: x lateral (on both sides), y\n"
-    "                   anterior, z proximal. The middle is the nearest vertex of the bone\n"
+    "  --at PLACE       a landmark of the case (plateau_medial), or X,Y,Z: mm from the joint's\n"
+    "                   origin, x lateral (on both sides), y anterior, z proximal. The middle is\n"
+    "                   the nearest vertex of the bone\n"
     "  --radius-mm MM   nothing beyond it moves, 3 to 25\n"
     "  --depth-mm MM    in the middle, 0.1 to 6, at most half of the radius\n"
     "  --rim-mm MM      of the morph maxcut of a meniscus that moves: it is made anew (default: "

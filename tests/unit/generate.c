@@ -422,6 +422,43 @@ static void a_cavity_far_from_its_bone_is_refused(void **state) {
     assert_non_null(strstr(err.text, "[cavity plateau]"));
 }
 
+static enum result hollow_at(const char *place, struct knee_case *knee, struct error *err) {
+    struct pathology step;
+    pathology_init(&step, PATHOLOGY_CAVITY, "");
+    assert_int_equal(pathology_take(&step, "body", "tibia", NULL), RESULT_OK);
+    assert_int_equal(pathology_take(&step, "radius_mm", "9", NULL), RESULT_OK);
+    assert_int_equal(pathology_take(&step, "depth_mm", "3", NULL), RESULT_OK);
+    assert_int_equal(pathology_take(&step, "at", place, NULL), RESULT_OK);
+    assert_int_equal(pathology_check(&step, NULL), RESULT_OK);
+    return pathology_apply(knee, &step, 0, err);
+}
+
+static void a_cavity_at_a_landmark_is_where_its_numbers_say(void **state) {
+    (void)state;
+    struct recipe recipe = standard;
+    struct error err;
+    recipe.resolution_mm = 3;
+    struct knee_case *named = generate(&recipe), *numbered = generate(&recipe);
+    vec3 at = {19, 6, -22};
+    if (named->joint.side == SIDE_LEFT)
+        at.x = -at.x;
+    struct case_landmark landmark = {
+        .name = "here", .body = BODY_TIBIA, .at = pose_apply(named->joint.T_tibia_joint, at)};
+    assert_int_equal(case_landmark_set(named, &landmark, NULL), RESULT_OK);
+    assert_int_equal(hollow_at("here", named, &err), RESULT_OK);
+    assert_int_equal(hollow_at("19 6 -22", numbered, &err), RESULT_OK);
+    const struct case_group *a = case_group(named, "tibia"), *b = case_group(numbered, "tibia");
+    assert_memory_equal(a->warp, b->warp, 3 * a->mesh.vertex_count * sizeof *a->warp);
+    assert_int_equal(hollow_at("there", named, &err), RESULT_MISSING);
+    assert_string_equal(err.text, "the case has no landmark there");
+    landmark.body = BODY_FEMUR;
+    assert_int_equal(case_landmark_set(named, &landmark, NULL), RESULT_OK);
+    assert_int_equal(hollow_at("here", named, &err), RESULT_INVALID);
+    assert_string_equal(err.text, "here is a landmark of the femur, not of the tibia");
+    case_destroy(&named);
+    case_destroy(&numbered);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_group_is_one_closed_manifold_oriented_ball),
@@ -440,6 +477,7 @@ int main(void) {
         cmocka_unit_test(a_cavity_is_as_deep_as_asked_and_folds_nothing),
         cmocka_unit_test(a_meniscus_above_a_cavity_sinks_with_its_tibia),
         cmocka_unit_test(a_cavity_far_from_its_bone_is_refused),
+        cmocka_unit_test(a_cavity_at_a_landmark_is_where_its_numbers_say),
     };
     return cmocka_run_group_tests(tests, make_healthy, destroy_healthy);
 }

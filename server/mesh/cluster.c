@@ -74,10 +74,15 @@ static void fill_box(struct cluster *cluster, const struct mesh *mesh) {
     }
 }
 
+struct placed {
+    float at; // along the axis that is looked at
+    uint32_t triangle;
+};
+
 static void fill_cluster(struct cluster *cluster, const struct mesh *mesh,
-                         const uint32_t *triangles, uint32_t count) {
+                         const struct placed *placed, uint32_t count) {
     for (uint32_t i = 0; i < CLUSTER_SIZE; i++) {
-        cluster->triangles[i] = triangles[i < count ? i : count - 1];
+        cluster->triangles[i] = placed[i < count ? i : count - 1].triangle;
         fill_lane(&cluster->blocks[i / LANES], (int)(i % LANES), mesh, cluster->triangles[i]);
     }
     fill_box(cluster, mesh);
@@ -88,13 +93,14 @@ struct splitter {
     const float *middles; // 3 for each triangle
     struct cluster *clusters;
     uint32_t count;
+    uint32_t random; // pivots are drawn: rows of equal or sorted triangles take no longer
 };
 
-static int widest_axis(const struct splitter *s, const uint32_t *triangles, uint32_t count) {
+static int widest_axis(const struct splitter *s, const struct placed *placed, uint32_t count) {
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (uint32_t i = 0; i < count; i++)
         for (int axis = 0; axis < 3; axis++) {
-            float value = s->middles[3 * (size_t)triangles[i] + (size_t)axis];
+            float value = s->middles[3 * (size_t)placed[i].triangle + (size_t)axis];
             low[axis] = fminf(low[axis], value);
             high[axis] = fmaxf(high[axis], value);
         }
@@ -105,33 +111,47 @@ static int widest_axis(const struct splitter *s, const uint32_t *triangles, uint
     return widest;
 }
 
-struct sort_key {
-    const float *middles;
-    int axis;
-};
+static bool is_before(struct placed a, struct placed b) {
+    return a.at != b.at ? a.at < b.at : a.triangle < b.triangle;
+}
 
-static int compare_middles(const void *a, const void *b, void *user) {
-    const struct sort_key *key = user;
-    uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
-    float x = key->middles[3 * (size_t)i + (size_t)key->axis];
-    float y = key->middles[3 * (size_t)k + (size_t)key->axis];
-    if (x != y)
-        return x < y ? -1 : 1;
-    return i < k ? -1 : i > k;
+static void exchange(struct placed *a, struct placed *b) {
+    struct placed kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+// Brings the `left` first of them to the front (Hoare 1961).
+static void part(struct splitter *s, struct placed *placed, uint32_t count, uint32_t left) {
+    uint32_t from = 0, to = count; // the first of the others lies there
+    while (to - from > 1) {
+        s->random = s->random * 1664525 + 1013904223;
+        exchange(&placed[from + s->random % (to - from)], &placed[to - 1]);
+        uint32_t before = from;
+        for (uint32_t i = from; i + 1 < to; i++)
+            if (is_before(placed[i], placed[to - 1]))
+                exchange(&placed[i], &placed[before++]);
+        exchange(&placed[before], &placed[to - 1]);
+        if (before == left)
+            return;
+        *(before < left ? &from : &to) = before < left ? before + 1 : before;
+    }
 }
 
 // Halves along the widest axis, the left half a whole number of clusters.
-static void split(struct splitter *s, uint32_t *triangles, uint32_t count) {
+static void split(struct splitter *s, struct placed *placed, uint32_t count) {
     if (count <= CLUSTER_SIZE) {
-        fill_cluster(&s->clusters[s->count++], s->mesh, triangles, count);
+        fill_cluster(&s->clusters[s->count++], s->mesh, placed, count);
         return;
     }
-    struct sort_key key = {s->middles, widest_axis(s, triangles, count)};
-    qsort_r(triangles, count, sizeof *triangles, compare_middles, &key);
+    int axis = widest_axis(s, placed, count);
+    for (uint32_t i = 0; i < count; i++)
+        placed[i].at = s->middles[3 * (size_t)placed[i].triangle + (size_t)axis];
     uint32_t clusters = (count + CLUSTER_SIZE - 1) / CLUSTER_SIZE;
     uint32_t left = clusters / 2 * CLUSTER_SIZE;
-    split(s, triangles, left);
-    split(s, triangles + left, count - left);
+    part(s, placed, count, left);
+    split(s, placed, left);
+    split(s, placed + left, count - left);
 }
 
 static float *triangle_middles(const struct mesh *mesh) {
@@ -149,15 +169,15 @@ static float *triangle_middles(const struct mesh *mesh) {
 struct cluster *clusters_create(const struct mesh *mesh, uint32_t *out_count) {
     size_t most = ((size_t)mesh->triangle_count + CLUSTER_SIZE - 1) / CLUSTER_SIZE;
     struct cluster *clusters = aligned_alloc(64, (most * sizeof *clusters + 63) / 64 * 64);
-    uint32_t *triangles = alloc(mesh->triangle_count, sizeof *triangles);
+    struct placed *placed = alloc(mesh->triangle_count, sizeof *placed);
     float *middles = triangle_middles(mesh);
     CHECK(clusters);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
-        triangles[t] = t;
-    struct splitter splitter = {mesh, middles, clusters, 0};
-    split(&splitter, triangles, mesh->triangle_count);
+        placed[t].triangle = t;
+    struct splitter splitter = {mesh, middles, clusters, 0, 1};
+    split(&splitter, placed, mesh->triangle_count);
     free(middles);
-    free(triangles);
+    free(placed);
     *out_count = splitter.count;
     return clusters;
 }

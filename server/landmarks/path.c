@@ -36,17 +36,32 @@ static struct sampled sample(const struct condyles *c) {
     return s;
 }
 
+// A place that was looked at. Another one is nearer to the solid by no more than the way between.
+struct looked {
+    vec3 p;
+    double distance;
+};
+
+static double least_of(const struct solid *solid, pose T_femur_solid, vec3 p, double least,
+                       struct looked *last, uint32_t *hint) {
+    if (last->distance - vec3_distance(p, last->p) >= least)
+        return least;
+    last->p = p;
+    last->distance = solid_distance(solid, pose_apply_inverse(T_femur_solid, p), hint);
+    return fmin(least, last->distance);
+}
+
 // The least signed distance of each compartment's femur from the tibia.
 static void gaps_of(const struct sampled *femur, const struct solid *tibia, pose T_femur_tibia,
                     double flexion_deg, double out_gaps[COMPARTMENT_COUNT]) {
     uint32_t hint = MESH_NONE;
+    struct looked last = {.distance = -INFINITY};
     out_gaps[0] = out_gaps[1] = INFINITY;
     for (int i = 0; i < femur->count; i++) {
         if (fabs(femur->points[i].angle_deg - flexion_deg) > seen_deg)
             continue;
         double *least = &out_gaps[femur->points[i].side];
-        vec3 p = pose_apply_inverse(T_femur_tibia, femur->points[i].p);
-        *least = fmin(*least, solid_distance(tibia, p, &hint));
+        *least = least_of(tibia, T_femur_tibia, femur->points[i].p, *least, &last, &hint);
     }
 }
 
@@ -162,10 +177,9 @@ static double patella_gap(const struct trochlea *t, const struct solid *patella,
                           pose T_femur_patella) {
     double least = INFINITY;
     uint32_t hint = MESH_NONE;
+    struct looked last = {.distance = -INFINITY};
     for (int i = 0; i < t->count; i++)
-        least =
-            fmin(least,
-                 solid_distance(patella, pose_apply_inverse(T_femur_patella, t->points[i]), &hint));
+        least = least_of(patella, T_femur_patella, t->points[i], least, &last, &hint);
     return least;
 }
 

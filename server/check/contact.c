@@ -125,8 +125,10 @@ static void look_at_portals(const struct look *look) {
     for (int i = 0; i < knee->portal_count; i++)
         for (int k = 0; k < knee->group_count; k++) {
             pose T = body_pose(knee, knee->groups[k].body, 0);
+            struct touching_hints hints;
             vec3 p = pose_apply_inverse(T, knee->portals[i].position), point;
-            double depth = -touching_distance(&look->touching[k], p, &point);
+            touching_forget(&hints);
+            double depth = -touching_distance(&look->touching[k], p, &hints, &point);
             if (depth > look->contacts->portal_depth_mm[i]) {
                 look->contacts->portal_depth_mm[i] = depth;
                 look->contacts->portal_group[i] = k;

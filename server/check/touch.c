@@ -13,6 +13,7 @@
 // Normals of a scan that crosses itself tell the side wrongly, even far away. Farther than a
 // column's step from the surface, the nearest column tells it.
 #define COLUMN_MM 0.7
+#define COLUMNS_ACROSS_MAX 1000 // fewer of a giant
 
 // So that edges of made meshes, which like round numbers, do not meet a column.
 static const quat columns_turn = {0.8775825618903728, 0.2766111292005314, 0.17287446249211852,
@@ -59,7 +60,9 @@ static void stand_columns(struct shell *shell) {
     vec3 *points = alloc(shell->mesh.vertex_count, sizeof *points);
     for (uint32_t v = 0; v < shell->mesh.vertex_count; v++)
         points[v] = quat_rotate(columns_turn, mesh_vertex(&shell->mesh, v));
-    columns_init(&shell->columns, &shell->mesh, points, COLUMN_MM);
+    double across = vec3_distance(shell->box.min, shell->box.max);
+    columns_init(&shell->columns, &shell->mesh, points,
+                 fmax(COLUMN_MM, across / COLUMNS_ACROSS_MAX));
     free(points);
 }
 
@@ -105,16 +108,17 @@ static bool is_past_border(const struct shell *shell, const struct closest *clos
     return shell->solid.neighbours[slot] == MESH_NONE;
 }
 
-static double distance_to(const struct shell *shell, vec3 p, vec3 *out_point) {
+static double distance_to(const struct shell *shell, vec3 p, uint32_t *hint, vec3 *out_point) {
     struct closest closest;
-    bool found = query_closest(shell->solid.query, p, INFINITY, MESH_NONE, &closest);
+    bool found = query_closest(shell->solid.query, p, INFINITY, *hint, &closest);
     CHECK(found);
+    *hint = closest.triangle;
     *out_point = closest.point;
     if (is_past_border(shell, &closest))
         return closest.distance;
-    if (!shell->border && closest.distance > COLUMN_MM)
+    if (!shell->border && closest.distance > shell->columns.step)
         return is_in_column(&shell->columns, p) ? -closest.distance : closest.distance;
-    return solid_distance(&shell->solid, p, &closest.triangle);
+    return solid_signed(&shell->solid, p, &closest);
 }
 
 // ---- groups -------------------------------------------------------------------------------------
@@ -128,11 +132,17 @@ static double distance_to_box(const struct shell *shell, vec3 p) {
     return vec3_length(off);
 }
 
-static bool is_buried(const struct touching *touching, int shell, vec3 p) {
+void touching_forget(struct touching_hints *hints) {
+    for (int i = 0; i <= SHELLS_MAX; i++)
+        hints->triangles[i] = MESH_NONE;
+}
+
+static bool is_buried(const struct touching *touching, int shell, vec3 p,
+                      struct touching_hints *hints) {
     vec3 point;
     for (int i = 0; i < touching->shell_count; i++)
         if (i != shell && distance_to_box(&touching->shells[i], p) == 0 &&
-            distance_to(&touching->shells[i], p, &point) < 0)
+            distance_to(&touching->shells[i], p, &hints->triangles[i], &point) < 0)
             return true;
     return false;
 }
@@ -163,11 +173,13 @@ static enum result find_surface(struct touching *touching, struct error *err) {
     struct mesh all;
     mesh_init(&all, vertices, triangles);
     bool *bare = alloc(triangles, sizeof *bare);
+    struct touching_hints hints;
+    touching_forget(&hints);
     vertices = triangles = 0;
     for (int i = 0; i < touching->shell_count; i++) {
         const struct shell *shell = &touching->shells[i];
         for (uint32_t t = 0; t < shell->mesh.triangle_count; t++)
-            bare[triangles + t] = !is_buried(touching, i, before(shell, t, BURIED_MM));
+            bare[triangles + t] = !is_buried(touching, i, before(shell, t, BURIED_MM), &hints);
         join(&shell->mesh, &all, &vertices, &triangles);
     }
     enum result result = shell_init(&touching->surface, &all, bare, err);
@@ -238,17 +250,18 @@ void touching_fini(struct touching *touching) {
     *touching = (struct touching){0};
 }
 
-static const struct shell *surface_of(const struct touching *touching) {
+const struct shell *touching_surface(const struct touching *touching) {
     return touching->shell_count == 1 ? &touching->shells[0] : &touching->surface;
 }
 
-double touching_distance(const struct touching *touching, vec3 p, vec3 *out_point) {
+double touching_distance(const struct touching *touching, vec3 p, struct touching_hints *hints,
+                         vec3 *out_point) {
     double least = INFINITY;
     for (int i = 0; i < touching->shell_count && least >= 0; i++) {
         vec3 point;
         if (!touching->shells[i].border && distance_to_box(&touching->shells[i], p) >= least)
             continue;
-        double distance = distance_to(&touching->shells[i], p, &point);
+        double distance = distance_to(&touching->shells[i], p, &hints->triangles[i], &point);
         if (distance < least) {
             least = distance;
             *out_point = point;
@@ -257,101 +270,12 @@ double touching_distance(const struct touching *touching, vec3 p, vec3 *out_poin
     if (least >= 0 || touching->shell_count == 1)
         return least;
     struct closest closest;
-    bool found = query_closest(touching->surface.solid.query, p, INFINITY, MESH_NONE, &closest);
+    uint32_t *hint = &hints->triangles[SHELLS_MAX];
+    bool found = query_closest(touching->surface.solid.query, p, INFINITY, *hint, &closest);
     CHECK(found);
+    *hint = closest.triangle;
     *out_point = closest.point;
     return -closest.distance;
-}
-
-// ---- overlaps -----------------------------------------------------------------------------------
-
-struct meeting {
-    const struct touching *a, *b;
-    pose T_a_b;
-    struct overlap found;
-};
-
-static double distance_b(const struct meeting *m, vec3 p, vec3 *out_point) {
-    double distance = touching_distance(m->b, pose_apply_inverse(m->T_a_b, p), out_point);
-    *out_point = pose_apply(m->T_a_b, *out_point);
-    return distance;
-}
-
-static void deepen(struct meeting *m, double depth, vec3 p) {
-    if (depth > m->found.depth_mm) {
-        m->found.depth_mm = depth;
-        m->found.place = p;
-    }
-}
-
-// At the places of both surfaces that are nearest to p, a and b away from it.
-static void look_for_depth(struct meeting *m, double a, double b, vec3 on_a, vec3 on_b) {
-    vec3 unused;
-    if (fabs(a) - b > m->found.depth_mm)
-        deepen(m, -distance_b(m, on_a, &unused), on_a);
-    if (fabs(b) - a > m->found.depth_mm)
-        deepen(m, -touching_distance(m->a, on_b, &unused), on_b);
-}
-
-static double share_inside(double distance, double side) {
-    return fmin(fmax(0.5 - distance / side, 0), 1);
-}
-
-// A cube: it lies outside of one, inside both, or is divided. In one that is not divided both
-// surfaces count as facing planes.
-static void look_into(struct meeting *m, vec3 centre, double side) {
-    double radius = 0.8660254037844386 * side;
-    vec3 on_a, on_b;
-    double a = touching_distance(m->a, centre, &on_a);
-    if (a >= radius)
-        return;
-    double b = distance_b(m, centre, &on_b);
-    if (b >= radius)
-        return;
-    bool is_full = a <= -radius && b <= -radius;
-    if (!is_full)
-        look_for_depth(m, a, b, on_a, on_b);
-    if (is_full || side <= OVERLAP_LEAF_MM) {
-        double share = share_inside(a, side) + share_inside(b, side) - 1;
-        m->found.volume_mm3 += fmax(share, 0) * side * side * side;
-        return;
-    }
-    for (int i = 0; i < 8; i++) {
-        vec3 way = {i & 1 ? 0.25 : -0.25, i & 2 ? 0.25 : -0.25, i & 4 ? 0.25 : -0.25};
-        look_into(m, vec3_add_scaled(centre, side, way), side / 2);
-    }
-}
-
-static struct box box_of(const struct shell *shell, pose T) {
-    struct box box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-    double around = shell->border ? BEHIND_SHEET_MM : 0;
-    for (uint32_t v = 0; v < shell->mesh.vertex_count; v++) {
-        vec3 p = pose_apply(T, mesh_vertex(&shell->mesh, v));
-        box.min = (vec3){fmin(box.min.x, p.x - around), fmin(box.min.y, p.y - around),
-                         fmin(box.min.z, p.z - around)};
-        box.max = (vec3){fmax(box.max.x, p.x + around), fmax(box.max.y, p.y + around),
-                         fmax(box.max.z, p.z + around)};
-    }
-    return box;
-}
-
-struct overlap overlap_of(const struct touching *a, const struct touching *b, pose T_a_b) {
-    struct meeting meeting = {.a = a, .b = b, .T_a_b = T_a_b};
-    if (!a->shell_count || !b->shell_count)
-        return meeting.found;
-    struct box of_a = box_of(surface_of(a), pose_identity());
-    struct box of_b = box_of(surface_of(b), T_a_b);
-    vec3 min = {fmax(of_a.min.x, of_b.min.x), fmax(of_a.min.y, of_b.min.y),
-                fmax(of_a.min.z, of_b.min.z)};
-    vec3 max = {fmin(of_a.max.x, of_b.max.x), fmin(of_a.max.y, of_b.max.y),
-                fmin(of_a.max.z, of_b.max.z)};
-    vec3 size = vec3_sub(max, min);
-    if (size.x <= 0 || size.y <= 0 || size.z <= 0)
-        return meeting.found;
-    look_into(&meeting, vec3_lerp(min, max, 0.5), fmax(size.x, fmax(size.y, size.z)));
-    if (meeting.found.depth_mm <= 0)
-        meeting.found.volume_mm3 = 0;
-    return meeting.found;
 }
 
 // ---- gaps ---------------------------------------------------------------------------------------
@@ -377,7 +301,7 @@ static void look_near(const struct mesh *mesh, uint32_t stride, pose T_to_mesh,
 struct gap gap_of(const struct touching *a, const struct touching *b, pose T_a_b, double most_mm) {
     if (!a->shell_count || !b->shell_count)
         return (struct gap){.mm = INFINITY};
-    const struct shell *on_a = surface_of(a), *on_b = surface_of(b);
+    const struct shell *on_a = touching_surface(a), *on_b = touching_surface(b);
     struct nearest of_b = {.mm = most_mm}, of_a = {.mm = most_mm};
     for (int pass = 0; pass < 2; pass++) {
         uint32_t stride = pass ? 1 : FIRST_STRIDE;

@@ -46,12 +46,26 @@ struct gap {
 enum result touching_init(struct touching *touching, const struct mesh *mesh, struct error *err);
 void touching_fini(struct touching *touching);
 
-// Negative inside, and on the surface 0. *out_point: the nearest point of the surface.
-double touching_distance(const struct touching *touching, vec3 p, vec3 *out_point);
+// What all shells together show.
+const struct shell *touching_surface(const struct touching *touching);
 
-// Cubes of at most OVERLAP_LEAF_MM are not divided further. The volume of a smooth overlap is good
-// to some per cent, of a few mm³ to a third; the depth to OVERLAP_LEAF_MM / 4.
+// Triangles of earlier answers near by, which save time only.
+struct touching_hints {
+    uint32_t triangles[SHELLS_MAX + 1];
+};
+
+void touching_forget(struct touching_hints *hints); // before the first question
+
+// Negative inside, and on the surface 0. *out_point: the nearest point of the surface.
+double touching_distance(const struct touching *touching, vec3 p, struct touching_hints *hints,
+                         vec3 *out_point);
+
+// Space is divided into cubes of at most OVERLAP_LEAF_MM, or larger ones where more than
+// OVERLAP_CUBES_MAX would be looked at: an overlap of any size takes a bounded time. The volume of
+// a smooth overlap is good to some per cent, of a few mm³ to a third; the depth to a quarter of a
+// cube's side.
 #define OVERLAP_LEAF_MM 0.6
+#define OVERLAP_CUBES_MAX 40000
 struct overlap overlap_of(const struct touching *a, const struct touching *b, pose T_a_b);
 
 // The least distance from a vertex of either to the other; INFINITY from `most_mm` on.

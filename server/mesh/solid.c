@@ -86,13 +86,17 @@ static bool box_holds(const struct box *box, vec3 p) {
            p.z >= box->min.z && p.z <= box->max.z;
 }
 
+double solid_signed(const struct solid *solid, vec3 p, const struct closest *closest) {
+    double side = vec3_dot(vec3_sub(p, closest->point), pseudo_normal(solid, closest));
+    return side < 0 && box_holds(&solid->box, p) ? -closest->distance : closest->distance;
+}
+
 double solid_distance(const struct solid *solid, vec3 p, uint32_t *hint) {
     struct closest closest;
     bool found = query_closest(solid->query, p, INFINITY, *hint, &closest);
     CHECK(found);
     *hint = closest.triangle;
-    double side = vec3_dot(vec3_sub(p, closest.point), pseudo_normal(solid, &closest));
-    return side < 0 && box_holds(&solid->box, p) ? -closest.distance : closest.distance;
+    return solid_signed(solid, p, &closest);
 }
 
 double solid_depth(const struct solid *solid, vec3 from, vec3 to) {

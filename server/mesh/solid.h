@@ -18,6 +18,9 @@ struct solid {
 enum result solid_init(struct solid *solid, const struct mesh *mesh, struct error *err);
 void solid_fini(struct solid *solid);
 
+// Of p, whose closest point is known: negative inside.
+double solid_signed(const struct solid *solid, vec3 p, const struct closest *closest);
+
 // Negative inside. hint: the triangle of an earlier answer or MESH_NONE; it becomes this one's.
 double solid_distance(const struct solid *solid, vec3 p, uint32_t *hint);
 

@@ -3,6 +3,7 @@
 #include "check/section.h"
 #include "check/standing.h"
 #include "check/verdict.h"
+#include "finding.h"
 #include "test.h"
 
 #include <jansson.h>
@@ -32,16 +33,6 @@ static struct case_check *check_knee(struct knee_case *knee, struct scene **out_
     assert_int_equal(check_case(&knee, &settings, &check, out_scene, &err), RESULT_OK);
     assert_null(knee);
     return check;
-}
-
-static const struct check_finding *find(const struct case_check *check, enum finding_level level,
-                                        const char *where, const char *text) {
-    for (int i = 0; i < check->findings.count; i++) {
-        const struct check_finding *f = &check->findings.findings[i];
-        if (f->level == level && !strcmp(f->where, where) && strstr(f->text, text))
-            return f;
-    }
-    return NULL;
 }
 
 // Boxes of a knee without torn ligaments and without displacements.
@@ -152,8 +143,8 @@ static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
     (void)state;
     struct scene *scene;
     struct case_check *check = check_knee(plain_knee(), &scene);
-    assert_null(find(check, FINDING_FAULT, "femur", "faces"));
-    assert_non_null(find(check, FINDING_NOTE, "field", "nothing is displaced"));
+    assert_null(find_finding(check, FINDING_FAULT, "femur", "faces"));
+    assert_non_null(find_finding(check, FINDING_NOTE, "field", "nothing is displaced"));
     int before = check->findings.faults;
     scene_destroy(&scene);
     check_destroy(&check);
@@ -164,7 +155,7 @@ static void surfaces_that_go_into_each_other_make_a_case_unfit(void **state) {
         warp[3 * v + 2] = -2;
     check = check_knee(knee, &scene);
     assert_non_null(
-        find(check, FINDING_FAULT, "femur", "faces meniscus_medial over a gap of 0.00"));
+        find_finding(check, FINDING_FAULT, "femur", "faces meniscus_medial over a gap of 0.00"));
     assert_int_equal(check->grade, GRADE_UNFIT);
     assert_true(check->findings.faults > before);
     scene_destroy(&scene);
@@ -208,7 +199,7 @@ static void a_ligament_that_opens_too_steeply_makes_a_case_unfit(void **state) {
         struct scene *scene;
         struct case_check *check = check_knee(knee, &scene);
         assert_near(check->poses[check->pose_count - 1].gain, 1.5 * 7 / rows[i].held_deg, 0.02);
-        assert_non_null(find(check, rows[i].level, "joint", "mm further for each mm"));
+        assert_non_null(find_finding(check, rows[i].level, "joint", "mm further for each mm"));
         scene_destroy(&scene);
         check_destroy(&check);
     }
@@ -238,7 +229,7 @@ static void a_case_that_cannot_be_prepared_is_unfit_and_says_why(void **state) {
     struct case_check *check = check_knee(knee, &scene);
     assert_null(scene);
     assert_int_equal(check->grade, GRADE_UNFIT);
-    assert_non_null(find(check, FINDING_FAULT, "case", "torn ligaments"));
+    assert_non_null(find_finding(check, FINDING_FAULT, "case", "torn ligaments"));
     char *text = verdict_text(check, 0);
     assert_non_null(strstr(text, "\"grade\": \"unfit\""));
     assert_non_null(strstr(text, "1970-01-01T00:00:00Z"));

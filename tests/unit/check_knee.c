@@ -1,6 +1,7 @@
 // Knees that cannot be are unfit, and the knee that they are made of is not.
 #include "check/bounds.h"
-#include "check/check.h"
+#include "finding.h"
+#include "folder.h"
 #include "generated.h"
 
 #include <string.h>
@@ -16,16 +17,6 @@ static struct case_check *check_knee(struct knee_case *knee) {
     return check;
 }
 
-static const struct check_finding *find(const struct case_check *check, enum finding_level level,
-                                        const char *where, const char *text) {
-    for (int i = 0; i < check->findings.count; i++) {
-        const struct check_finding *f = &check->findings.findings[i];
-        if (f->level == level && !strcmp(f->where, where) && strstr(f->text, text))
-            return f;
-    }
-    return NULL;
-}
-
 static void move_group(struct knee_case *knee, const char *name, vec3 way) {
     struct mesh *mesh = &case_group(knee, name)->mesh;
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
@@ -38,13 +29,35 @@ static void move_body(struct knee_case *knee, enum body body, vec3 way) {
             move_group(knee, knee->groups[i].name, way);
 }
 
+static char folder[FOLDER_MAX];
+
+// To load a knee takes far less time than to make one.
+static int make_knee(void **state) {
+    (void)state;
+    struct knee_case *knee = plain_knee(SIDE_RIGHT, 3, 0);
+    struct error err;
+    folder_make(folder);
+    assert_ok(case_save(knee, folder, &err));
+    case_destroy(&knee);
+    return 0;
+}
+
+static int remove_knee(void **state) {
+    (void)state;
+    folder_remove(folder);
+    return 0;
+}
+
 static struct knee_case *made_knee(void) {
-    return plain_knee(SIDE_RIGHT, 3, 0);
+    struct knee_case *knee;
+    struct error err;
+    assert_ok(case_load(folder, NULL, &knee, &err));
+    return knee;
 }
 
 static void expect_unfit(struct knee_case *knee, const char *where, const char *text) {
     struct case_check *check = check_knee(knee);
-    if (check->grade != GRADE_UNFIT || !find(check, FINDING_FAULT, where, text)) {
+    if (check->grade != GRADE_UNFIT || !find_finding(check, FINDING_FAULT, where, text)) {
         for (int i = 0; i < check->findings.count; i++)
             print_message("%d %s: %s\n", check->findings.findings[i].level,
                           check->findings.findings[i].where, check->findings.findings[i].text);
@@ -88,7 +101,7 @@ static void the_depth_of_a_tibia_in_the_femur_is_told_at_each_flexion(void **sta
     move_group(knee, "tibia", (vec3){0, 0, 1.4});
     struct case_check *check = check_knee(knee);
     const struct check_finding *found =
-        find(check, FINDING_WARNING, "femur", "overlaps with tibia");
+        find_finding(check, FINDING_WARNING, "femur", "overlaps with tibia");
     assert_non_null(found);
     assert_non_null(strstr(found->text, "degrees"));
     for (int i = 0; i < CONTACT_FLEXIONS; i++)
@@ -169,8 +182,8 @@ static void a_knee_far_from_its_origin_is_told_and_farther_away_unfit(void **sta
         }
         struct case_check *check = check_knee(knee);
         assert_int_equal(check->grade, i ? GRADE_UNFIT : GRADE_WARNINGS);
-        assert_non_null(find(check, i ? FINDING_FAULT : FINDING_WARNING, "joint",
-                             "the way from the origin to the joint is"));
+        assert_non_null(find_finding(check, i ? FINDING_FAULT : FINDING_WARNING, "joint",
+                                     "the way from the origin to the joint is"));
         check_destroy(&check);
     }
 }
@@ -203,5 +216,5 @@ int main(void) {
         cmocka_unit_test(a_knee_far_from_its_origin_is_told_and_farther_away_unfit),
         cmocka_unit_test(each_bound_has_a_source_and_tells_a_value_beyond_it),
     };
-    return cmocka_run_group_tests_name("check_knee", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("check_knee", tests, make_knee, remove_knee);
 }

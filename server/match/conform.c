@@ -17,6 +17,7 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->positions, count);
     NEW(c->dirty, count);
     NEW(c->before, count);
+    NEW(c->dirty_before, count);
     NEW(c->kept, count);
     NEW(c->factor, count);
     NEW(c->normals, count);
@@ -53,6 +54,7 @@ struct conform *conform_create(const struct match_surface *surface) {
     NEW(c->pulls, PULLS_PER_TRIANGLE * (size_t)surface->triangle_count);
     NEW(c->rows, surface->triangle_count);
     memcpy(c->positions, surface->start, surface->vertex_count * sizeof *c->positions);
+    memcpy(c->before, surface->start, surface->vertex_count * sizeof *c->before);
     return c;
 }
 
@@ -61,6 +63,8 @@ struct conform *conform_copy(const struct conform *conform) {
     uint32_t count = conform->surface->vertex_count;
     memcpy(copy->positions, conform->positions, count * sizeof *copy->positions);
     memcpy(copy->dirty, conform->dirty, count * sizeof *copy->dirty);
+    memcpy(copy->before, copy->positions, count * sizeof *copy->before);
+    memcpy(copy->dirty_before, copy->dirty, count * sizeof *copy->dirty_before);
     return copy;
 }
 
@@ -69,12 +73,13 @@ void conform_destroy(struct conform **conform) {
     if (!c)
         return;
     void *const arrays[] = {
-        c->positions, c->dirty,          c->before,    c->kept,     c->factor,  c->normals,
-        c->slot,      c->trust,          c->bend,      c->reach,    c->ring,    c->tied,
-        c->active,    c->changed,        c->queue,     c->first,    c->columns, c->blocks,
-        c->diagonal,  c->inverse,        c->bending,   c->gradient, c->step,    c->along,
-        c->residual,  c->preconditioned, c->direction, c->product,  c->bent,    c->live_of,
-        c->live,      c->near,           c->pulls,     c->rows,     c->samples, c->contacts};
+        c->positions, c->dirty,    c->dirty_before,   c->before,    c->kept,     c->factor,
+        c->normals,   c->slot,     c->trust,          c->bend,      c->reach,    c->ring,
+        c->tied,      c->active,   c->changed,        c->queue,     c->first,    c->columns,
+        c->blocks,    c->diagonal, c->inverse,        c->bending,   c->gradient, c->step,
+        c->along,     c->residual, c->preconditioned, c->direction, c->product,  c->bent,
+        c->live_of,   c->live,     c->near,           c->pulls,     c->rows,     c->samples,
+        c->contacts};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free(arrays[i]);
     soup_fini(&c->target);
@@ -106,7 +111,6 @@ static void report_changes(struct conform *c, struct conform_report *out) {
 static void fit(struct conform *c, const struct conform_goal *goal, struct conform_report *out) {
     static const double stiffness[] = {3, 1.28, 0.55, 0.23, 0.1};
     const int last = sizeof stiffness / sizeof stiffness[0] - 1;
-    memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
     for (uint32_t v = 0; v < c->surface->vertex_count; v++) {
         c->trust[v] = 1;
         c->bend[v] = 0;
@@ -123,6 +127,8 @@ void conform_to(struct conform *conform, const struct conform_target *target,
     struct conform *c = conform;
     CHECK(isfinite(target->volume_mm3));
     double volume = conform_volume(c);
+    memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
+    memcpy(c->dirty_before, c->dirty, c->surface->vertex_count * sizeof *c->dirty_before);
     *out_report = (struct conform_report){.volume_mm3 = volume, .changed = c->changed};
     c->active_count = c->live_count = 0;
     if (conform_gather(c, target)) {
@@ -139,4 +145,43 @@ void conform_to(struct conform *conform, const struct conform_target *target,
     }
     out_report->active_count = c->active_count;
     out_report->left_mm3 = out_report->volume_mm3 - target->volume_mm3;
+}
+
+// ---- back ---------------------------------------------------------------------------------------
+
+static bool has_changed(const struct conform *c, uint32_t v) {
+    return c->dirty[v] != c->dirty_before[v] ||
+           memcmp(&c->positions[v], &c->before[v], sizeof c->positions[v]) != 0;
+}
+
+void conform_past(const struct conform *conform, struct conform_past *out_past) {
+    uint32_t count = 0;
+    for (uint32_t v = 0; v < conform->surface->vertex_count; v++)
+        count += has_changed(conform, v);
+    *out_past = (struct conform_past){0};
+    NEW(out_past->vertices, count);
+    NEW(out_past->positions, count);
+    NEW(out_past->dirty, count);
+    for (uint32_t v = 0; v < conform->surface->vertex_count; v++) {
+        if (!has_changed(conform, v))
+            continue;
+        out_past->vertices[out_past->count] = v;
+        out_past->positions[out_past->count] = conform->before[v];
+        out_past->dirty[out_past->count++] = conform->dirty_before[v];
+    }
+}
+
+void conform_past_fini(struct conform_past *past) {
+    free(past->vertices);
+    free(past->positions);
+    free(past->dirty);
+    *past = (struct conform_past){0};
+}
+
+void conform_take_back(struct conform *conform, const struct conform_past *past) {
+    for (uint32_t i = 0; i < past->count; i++) {
+        CHECK(past->vertices[i] < conform->surface->vertex_count);
+        conform->positions[past->vertices[i]] = past->positions[i];
+        conform->dirty[past->vertices[i]] = past->dirty[i];
+    }
 }

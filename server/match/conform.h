@@ -47,3 +47,16 @@ struct conform_report {
 // Without a fresh triangle nothing moves.
 void conform_to(struct conform *conform, const struct conform_target *target,
                 struct conform_report *out_report);
+
+// What the last conform_to changed, as it was before: some kB. Zeroed: nothing.
+struct conform_past {
+    uint32_t count;
+    uint32_t *vertices; // ascending
+    vec3 *positions;
+    uint8_t *dirty;
+};
+
+void conform_past(const struct conform *conform, struct conform_past *out_past);
+void conform_past_fini(struct conform_past *past);
+// The conform_to calls are taken back the last one first. It is then equal to the bit.
+void conform_take_back(struct conform *conform, const struct conform_past *past);

@@ -69,7 +69,8 @@ struct conform {
     uint8_t *dirty;  // cuts for which a vertex that has moved is looked at again
 
     // The call that runs. By vertex:
-    vec3 *before;   // S'' before it
+    vec3 *before; // S'' before it,
+    uint8_t *dirty_before;
     vec3 *kept;     // S'' at some stage
     double *factor; // of a way back
     vec3 *normals;  // of vertices near it, unit

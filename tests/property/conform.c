@@ -239,6 +239,43 @@ static void the_same_calls_give_the_same_bits(void **state) {
     body_fini(&b);
 }
 
+// Back by some cuts, and on again: the way as it was, to the bit.
+static void what_it_followed_can_be_taken_back(void **state) {
+    (void)state;
+    enum { CUTS = 6, BACK = 4 };
+    struct random r = {23};
+    struct body b;
+    struct cut_state cuts[CUTS];
+    struct conform_past past[CUTS];
+    struct conform *after[CUTS + 1];
+    body_sphere(&b, 14);
+    after[0] = conform_copy(b.conform);
+    for (int i = 0; i < CUTS; i++) {
+        while (!bite(&b, &r, &cuts[i]))
+            ;
+        follow(b.conform, &cuts[i]);
+        conform_past(b.conform, &past[i]);
+        after[i + 1] = conform_copy(b.conform);
+        assert_false(same_bits(after[i], after[i + 1], b.whole.vertex_count));
+    }
+    for (int i = CUTS; i-- > CUTS - BACK;) {
+        conform_take_back(b.conform, &past[i]);
+        assert_true(same_bits(b.conform, after[i], b.whole.vertex_count));
+        assert_memory_equal(b.conform->dirty, after[i]->dirty, b.whole.vertex_count);
+    }
+    for (int i = CUTS - BACK; i < CUTS; i++) {
+        follow(b.conform, &cuts[i]);
+        assert_true(same_bits(b.conform, after[i + 1], b.whole.vertex_count));
+    }
+    for (int i = 0; i < CUTS; i++) {
+        cut_state_fini(&cuts[i]);
+        conform_past_fini(&past[i]);
+    }
+    for (int i = 0; i <= CUTS; i++)
+        conform_destroy(&after[i]);
+    body_fini(&b);
+}
+
 static void what_is_far_from_a_cut_stays(void **state) {
     (void)state;
     struct random r = {6};
@@ -335,6 +372,7 @@ int main(void) {
         cmocka_unit_test(bites_are_followed_at_equal_volume_without_crossings),
         cmocka_unit_test(one_bite_is_met_where_it_is),
         cmocka_unit_test(the_same_calls_give_the_same_bits),
+        cmocka_unit_test(what_it_followed_can_be_taken_back),
         cmocka_unit_test(what_is_far_from_a_cut_stays),
         cmocka_unit_test(no_target_makes_it_cross),
         cmocka_unit_test(the_way_back_leaves_no_crossing),

@@ -9,7 +9,8 @@
 
 struct maps {
     const struct scene *scene;
-    double *start[TISSUES_MAX]; // blends of each tissue's vertices; NULL: it never gives way
+    int width[TISSUES_MAX];     // as in struct touch_change; 0: the tissue never gives way
+    double *start[TISSUES_MAX]; // so many values for each of its vertices
     int count;
     struct landing *landings;
 };
@@ -23,18 +24,17 @@ static const struct case_group *group_of(const struct maps *maps, int tissue) {
 static void take_start(void *context, const struct operation *operation) {
     struct maps *maps = context;
     for (int i = 0; i < scene_tissue_count(maps->scene); i++) {
-        const struct match *match = operation_match(operation, i);
         uint32_t count = group_of(maps, i)->mesh.vertex_count;
-        if (!match)
-            continue;
-        maps->start[i] = alloc(count, sizeof(double));
-        memcpy(maps->start[i], match_blends(match), count * sizeof(double));
+        maps->width[i] = operation_touch_width(operation, i);
+        maps->start[i] = alloc((size_t)maps->width[i] * count, sizeof(double));
+        for (uint32_t v = 0; maps->width[i] && v < count; v++)
+            operation_touch(operation, i, v, maps->start[i] + (size_t)maps->width[i] * v);
     }
 }
 
 static void keep(void *context, struct landing *landing, const struct operation *operation) {
     struct maps *maps = context;
-    if (!operation_match(operation, landing->result->tissue))
+    if (!operation_touch_width(operation, landing->result->tissue))
         return;
     maps->landings = alloc_resize(maps->landings, (size_t)maps->count + 1, sizeof *maps->landings);
     maps->landings[maps->count++] = *landing;
@@ -70,7 +70,7 @@ void maps_destroy(struct maps **handle) {
 // A picture of a group: what it shows of each vertex.
 struct group_map {
     const struct case_group *group;
-    const double *blends; // of a cut; NULL: the group as it is
+    const double *touch; // values of a cut; NULL: the group as it is
     double (*value)(const struct group_map *view, int quantity, uint32_t vertex);
     int quantities;
     int exact;       // the first so many of them are given bit for bit too
@@ -89,13 +89,19 @@ static double surface_value(const struct group_map *view, int quantity, uint32_t
     return component(vectors[quantity / 3], vertex, quantity % 3);
 }
 
-// S'' − S
-static double cut_value(const struct group_map *view, int quantity, uint32_t vertex) {
-    double blend = view->blends[vertex];
+// The blend, and S'' − S
+static double blend_value(const struct group_map *view, int quantity, uint32_t vertex) {
+    double blend = view->touch[vertex];
     if (quantity == 0)
         return blend;
     return component(view->group->warp, vertex, quantity - 1) +
            blend * component(view->group->maxcut, vertex, quantity - 1);
+}
+
+// S'' − S' and S'' − S
+static double offset_value(const struct group_map *view, int quantity, uint32_t vertex) {
+    double offset = view->touch[3 * (size_t)vertex + (size_t)(quantity % 3)];
+    return quantity < 3 ? offset : component(view->group->warp, vertex, quantity - 3) + offset;
 }
 
 static const struct image_channel surface_channels[] = {
@@ -104,7 +110,15 @@ static const struct image_channel surface_channels[] = {
     {"maxcut.x", IMAGE_FLOAT},   {"maxcut.y", IMAGE_FLOAT},   {"maxcut.z", IMAGE_FLOAT},
     {"vertex", IMAGE_UINT}};
 
-static const struct image_channel cut_channels[] = {
+static const struct image_channel offset_channels[] = {
+    {"offset.x", IMAGE_FLOAT},       {"offset.x.low", IMAGE_UINT},
+    {"offset.x.high", IMAGE_UINT},   {"offset.y", IMAGE_FLOAT},
+    {"offset.y.low", IMAGE_UINT},    {"offset.y.high", IMAGE_UINT},
+    {"offset.z", IMAGE_FLOAT},       {"offset.z.low", IMAGE_UINT},
+    {"offset.z.high", IMAGE_UINT},   {"displacement.x", IMAGE_FLOAT},
+    {"displacement.y", IMAGE_FLOAT}, {"displacement.z", IMAGE_FLOAT}};
+
+static const struct image_channel blend_channels[] = {
     {"blend", IMAGE_FLOAT},          {"blend.low", IMAGE_UINT},
     {"blend.high", IMAGE_UINT},      {"displacement.x", IMAGE_FLOAT},
     {"displacement.y", IMAGE_FLOAT}, {"displacement.z", IMAGE_FLOAT}};
@@ -116,11 +130,16 @@ static const struct group_map surface_view = {.value = surface_value,
                                               .has_vertex = true,
                                               .channels = surface_channels,
                                               .channel_count = COUNT(surface_channels)};
-static const struct group_map cut_view = {.value = cut_value,
-                                          .quantities = 4,
-                                          .exact = 1,
-                                          .channels = cut_channels,
-                                          .channel_count = COUNT(cut_channels)};
+static const struct group_map blend_view = {.value = blend_value,
+                                            .quantities = 4,
+                                            .exact = 1,
+                                            .channels = blend_channels,
+                                            .channel_count = COUNT(blend_channels)};
+static const struct group_map offset_view = {.value = offset_value,
+                                             .quantities = 6,
+                                             .exact = 3,
+                                             .channels = offset_channels,
+                                             .channel_count = COUNT(offset_channels)};
 
 static double texel_value(const struct group_map *view, int quantity, const uint32_t corners[3],
                           int corner) {
@@ -184,11 +203,16 @@ static int declare_view(const struct group_map *view, const char *name,
                              view->channel_count);
 }
 
+static struct group_map cut_view(const struct maps *maps, int tissue) {
+    struct group_map view = maps->width[tissue] == 1 ? blend_view : offset_view;
+    view.group = group_of(maps, tissue);
+    return view;
+}
+
 static void declare_cut(const struct maps *maps, const struct landing *landing,
                         struct image_writer *writer) {
-    struct group_map view = cut_view;
+    struct group_map view = cut_view(maps, landing->result->tissue);
     char name[CASE_NAME_MAX + 32];
-    view.group = group_of(maps, landing->result->tissue);
     snprintf(name, sizeof name, "%s.job_%llu", view.group->name,
              (unsigned long long)landing->result->job);
     int part = declare_view(&view, name, writer);
@@ -212,38 +236,39 @@ void maps_declare(const struct maps *maps, struct image_writer *writer) {
             declare_cut(maps, &maps->landings[i], writer);
 }
 
-static void apply(const struct job_result *result, double *blends) {
-    for (uint32_t i = 0; i < result->blend_count; i++)
-        blends[result->vertices[i]] = result->blends[i];
+static void apply(const struct touch_change *change, double *touch) {
+    size_t width = (size_t)change->width;
+    for (uint32_t i = 0; i < change->count; i++)
+        memcpy(touch + width * change->vertices[i], change->values + width * i,
+               width * sizeof *touch);
 }
 
-static void write_cuts(const struct maps *maps, double *const blends[TISSUES_MAX],
+static void write_cuts(const struct maps *maps, double *const touch[TISSUES_MAX],
                        struct image_writer *writer) {
     for (int i = 0; i < maps->count; i++) {
         const struct job_result *result = maps->landings[i].result;
-        struct group_map view = cut_view;
-        view.group = group_of(maps, result->tissue);
-        view.blends = blends[result->tissue];
-        apply(result, blends[result->tissue]);
+        struct group_map view = cut_view(maps, result->tissue);
+        view.touch = touch[result->tissue];
+        apply(&result->touch, touch[result->tissue]);
         if (maps->landings[i].wanted)
             write_view(&view, writer);
     }
 }
 
 void maps_write(const struct maps *maps, struct image_writer *writer) {
-    double *blends[TISSUES_MAX] = {0};
+    double *touch[TISSUES_MAX] = {0};
     int count = scene_tissue_count(maps->scene);
     for (int tissue = 0; tissue < count; tissue++) {
         struct group_map view = surface_view;
         view.group = group_of(maps, tissue);
-        size_t vertices = view.group->mesh.vertex_count;
-        blends[tissue] = alloc(vertices, sizeof(double));
+        size_t values = (size_t)maps->width[tissue] * view.group->mesh.vertex_count;
+        touch[tissue] = alloc(values, sizeof(double));
         if (maps->start[tissue])
-            memcpy(blends[tissue], maps->start[tissue], vertices * sizeof(double));
+            memcpy(touch[tissue], maps->start[tissue], values * sizeof(double));
         if (tissue_has_maps(maps, tissue))
             write_view(&view, writer);
     }
-    write_cuts(maps, blends, writer);
+    write_cuts(maps, touch, writer);
     for (int tissue = 0; tissue < count; tissue++)
-        free(blends[tissue]);
+        free(touch[tissue]);
 }

@@ -117,7 +117,7 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     runtime->trace = trace;
     runtime->scene = s->scenes[status.scene];
     runtime->session = session_create(runtime->scene, &header.settings);
-    runtime->operation = operation_create(runtime->scene);
+    runtime->operation = operation_create(runtime->scene, header.settings.rules);
     opening_attach(s, station, session, &header, status.scene, path);
     return RESULT_OK;
 }

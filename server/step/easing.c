@@ -1,6 +1,7 @@
 #include "step/easing.h"
 
 #include "base/check.h"
+#include "step/settings.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,21 +10,24 @@ struct easing {
     const struct case_group *group;
     float *displacement;
     struct surface_mean *mean;
-    double *blend, *target; // one for each vertex
-    uint32_t *pending;      // vertices whose blend is not yet the target
+    int width;            // numbers for each vertex, as in struct touch_change
+    double *now, *target; // of all vertices
+    uint32_t *pending;    // vertices that are not yet at the target
     bool *is_pending;
     uint32_t pending_count;
 };
 
-struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field) {
+struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field,
+                             int rules) {
     int index = scene->tissues[tissue].group;
     const struct case_group *group = &scene->knee->groups[index];
     size_t count = group->mesh.vertex_count;
     struct easing *e = alloc(1, sizeof *e);
     e->group = group;
     e->displacement = alloc(3 * count, sizeof *e->displacement);
-    e->blend = alloc(count, sizeof *e->blend);
-    e->target = alloc(count, sizeof *e->target);
+    e->width = rules >= RULES_TOUCH_FITTED ? 3 : 1;
+    e->now = alloc((size_t)e->width * count, sizeof *e->now);
+    e->target = alloc((size_t)e->width * count, sizeof *e->target);
     e->pending = alloc(count, sizeof *e->pending);
     e->is_pending = alloc(count, sizeof *e->is_pending);
     easing_restore(e);
@@ -38,7 +42,7 @@ void easing_destroy(struct easing **easing) {
         return;
     surface_mean_destroy(&e->mean);
     free(e->displacement);
-    free(e->blend);
+    free(e->now);
     free(e->target);
     free(e->pending);
     free(e->is_pending);
@@ -54,14 +58,26 @@ const struct surface_mean *easing_mean(const struct easing *easing) {
     return easing->mean;
 }
 
+static double *of(const struct easing *e, double *values, uint32_t vertex) {
+    return values + (size_t)e->width * vertex;
+}
+
+static bool is_moved(const struct easing *e, uint32_t vertex) {
+    const double *now = of(e, e->now, vertex);
+    for (int i = 0; i < e->width; i++)
+        if (now[i] != 0)
+            return true;
+    return false;
+}
+
 void easing_restore(struct easing *e) {
     size_t count = e->group->mesh.vertex_count;
     uint32_t changed = 0;
     for (uint32_t v = 0; v < count; v++)
-        if (e->blend[v] != 0)
+        if (is_moved(e, v))
             e->pending[changed++] = v;
-    memset(e->blend, 0, count * sizeof *e->blend);
-    memset(e->target, 0, count * sizeof *e->target);
+    memset(e->now, 0, (size_t)e->width * count * sizeof *e->now);
+    memset(e->target, 0, (size_t)e->width * count * sizeof *e->target);
     memset(e->is_pending, 0, count * sizeof *e->is_pending);
     e->pending_count = 0;
     for (size_t i = 0; i < 3 * count; i++)
@@ -70,12 +86,14 @@ void easing_restore(struct easing *e) {
         surface_mean_update(e->mean, e->pending, changed);
 }
 
-void easing_aim(struct easing *e, const struct job_result *result) {
-    for (uint32_t i = 0; i < result->blend_count; i++) {
-        uint32_t vertex = result->vertices[i];
+void easing_aim(struct easing *e, const struct touch_change *touch) {
+    size_t size = (size_t)e->width * sizeof(double);
+    CHECK(!touch->count || touch->width == e->width);
+    for (uint32_t i = 0; i < touch->count; i++) {
+        uint32_t vertex = touch->vertices[i];
         CHECK(vertex < e->group->mesh.vertex_count);
-        e->target[vertex] = result->blends[i];
-        if (e->is_pending[vertex] || e->blend[vertex] == e->target[vertex])
+        memcpy(of(e, e->target, vertex), touch->values + (size_t)e->width * i, size);
+        if (e->is_pending[vertex] || !memcmp(of(e, e->now, vertex), of(e, e->target, vertex), size))
             continue;
         e->pending[e->pending_count++] = vertex;
         e->is_pending[vertex] = true;
@@ -86,13 +104,19 @@ bool easing_active(const struct easing *easing) {
     return easing->pending_count > 0;
 }
 
+static double rest_at(const struct easing *e, uint32_t vertex) {
+    const double *now = of(e, e->now, vertex), *target = of(e, e->target, vertex);
+    if (e->width == 3)
+        return vec3_length((vec3){target[0] - now[0], target[1] - now[1], target[2] - now[2]});
+    const float *to = e->group->maxcut + 3 * (size_t)vertex;
+    double reach = vec3_length((vec3){(double)to[0], (double)to[1], (double)to[2]});
+    return reach * fabs(*target - *now);
+}
+
 static double rest_of(const struct easing *e, const uint32_t *vertices, uint32_t count) {
     double largest = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const float *to = e->group->maxcut + 3 * (size_t)vertices[i];
-        double reach = vec3_length((vec3){(double)to[0], (double)to[1], (double)to[2]});
-        largest = fmax(largest, reach * fabs(e->target[vertices[i]] - e->blend[vertices[i]]));
-    }
+    for (uint32_t i = 0; i < count; i++)
+        largest = fmax(largest, rest_at(e, vertices[i]));
     return largest;
 }
 
@@ -104,18 +128,22 @@ double easing_rest_mm(const struct easing *e, uint32_t triangle) {
 }
 
 static void displace(struct easing *e, uint32_t vertex) {
-    for (size_t i = 3 * (size_t)vertex; i < 3 * (size_t)vertex + 3; i++) {
+    const double *now = of(e, e->now, vertex);
+    for (size_t k = 0; k < 3; k++) {
+        size_t i = 3 * (size_t)vertex + k;
         double warp = e->group->warp ? (double)e->group->warp[i] : 0;
-        e->displacement[i] = (float)(warp + e->blend[vertex] * (double)e->group->maxcut[i]);
+        double offset = e->width == 3 ? now[k] : *now * (double)e->group->maxcut[i];
+        e->displacement[i] = (float)(warp + offset);
     }
 }
 
 void easing_advance(struct easing *e, double share) {
     for (uint32_t i = 0; i < e->pending_count; i++) {
         uint32_t vertex = e->pending[i];
-        e->blend[vertex] = share < 1
-                               ? e->blend[vertex] + share * (e->target[vertex] - e->blend[vertex])
-                               : e->target[vertex];
+        double *now = of(e, e->now, vertex);
+        const double *target = of(e, e->target, vertex);
+        for (int k = 0; k < e->width; k++)
+            now[k] = share < 1 ? now[k] + share * (target[k] - now[k]) : target[k];
         displace(e, vertex);
         e->is_pending[vertex] = share < 1;
     }

@@ -1,5 +1,5 @@
-// Eases the new blends of a cut's match into the displacements that the warp reads, so that a tip
-// near the cut feels no jump. For session.c only.
+// Eases what a job changed of the touched surface into the displacements that the warp reads, so
+// that a tip near the cut feels no jump. For session.c only.
 #pragma once
 
 #include "step/scene_parts.h"
@@ -8,7 +8,9 @@
 struct easing;
 
 // Displacements start at the static ones. The scene must outlive it.
-struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field);
+// rules: of the session (step/settings.h).
+struct easing *easing_create(const struct scene *scene, int tissue, const struct field *field,
+                             int rules);
 void easing_destroy(struct easing **easing); // NULL inside is fine
 
 // 3 * vertex_count: S'' − S as far as it is eased in. The address stays the same.
@@ -19,8 +21,8 @@ const struct surface_mean *easing_mean(const struct easing *easing);
 
 void easing_restore(struct easing *easing); // at once to the static displacements
 
-// Sets the blends of a result as the new target. Allocates nothing.
-void easing_aim(struct easing *easing, const struct job_result *result);
+// Sets what a job changed as the new target. Allocates nothing.
+void easing_aim(struct easing *easing, const struct touch_change *touch);
 
 bool easing_active(const struct easing *easing);
 

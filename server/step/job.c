@@ -16,8 +16,8 @@ void job_result_destroy(struct job_result **result) {
     if (!*result)
         return;
     cut_change_fini(&(*result)->change);
-    free((*result)->vertices);
-    free((*result)->blends);
+    free((*result)->touch.vertices);
+    free((*result)->touch.values);
     free(*result);
     *result = NULL;
 }

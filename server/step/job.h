@@ -52,18 +52,25 @@ struct tissue_figures {
     struct quality_report quality;
 };
 
+// Vertices of the touched surface S'' that moved, by the match of the session's rules
+// (step/settings.h).
+struct touch_change {
+    int width; // numbers for each vertex. 1: its blend. 3: its offset S'' − S', in mm
+    uint32_t count;
+    uint32_t *vertices; // ascending
+    double *values;
+};
+
 struct job_result {
     uint64_t job;
     enum job_kind kind;
     enum job_outcome outcome;
     int tissue; // of JOB_UNDO: the tissue of the stroke
     struct tissue_figures figures;
-    uint32_t blend_count; // vertices of the physical surface whose blend changed
-    uint32_t *vertices;   // ascending
-    double *blends;
+    struct touch_change touch;
     // Of a cut that is JOB_DONE; else empty. For a cut of several moves it has only the pieces.
     struct cut_change change;
-    uint64_t hash;      // of blends, and of vertices and triangles that changed
+    uint64_t hash;      // of the touch, and of vertices and triangles that changed
     uint32_t cuts_back; // JOB_UNDO: number of cuts that were undone,
     double mm3_back;    // and the volume that they had removed
     bool more; // JOB_UNDO: the stroke also cut another tissue, which the next JOB_UNDO restores

@@ -1,28 +1,18 @@
 #include "step/operation.h"
 
 #include "base/check.h"
-#include "mesh/query.h"
-#include "step/scene_parts.h"
+#include "step/fitting.h"
+#include "step/settings.h"
+#include "step/tissue_state.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <xxhash.h>
 
-#define PROBES_MAX 32 // points of a cut's surface whose distance to the warped surface is measured
-#define NEAR_MM 4.0
-
 // A state is kept before a stroke when so many cuts have been made since the last one; the newest
 // few stay.
 #define CHECKPOINT_EVERY 32
 #define CHECKPOINTS_MAX 2
-
-// Tissue as far as it is cut.
-struct tissue_state {
-    struct cut_mesh *mesh;
-    struct match *match; // NULL where the group has no S'_max
-    struct quality *quality;
-    struct tissue_figures figures;
-};
 
 // A cut that changed the tissue.
 struct past_cut {
@@ -30,6 +20,7 @@ struct past_cut {
     uint32_t stroke;
     struct blade_move move;
     struct tissue_figures before;
+    uint32_t fits; // of the touch, by then
 };
 
 struct checkpoint {
@@ -40,8 +31,10 @@ struct checkpoint {
 struct operated_tissue {
     const struct scene_tissue *scene;
     const struct case_group *group;
+    int rules;
     struct tissue_state now;
-    struct past_cut *cuts; // since it was whole
+    struct fitting *fitting; // the touch; NULL: by blends, or it never gives way
+    struct past_cut *cuts;   // since it was whole
     uint32_t cut_count, cut_room;
     struct checkpoint checkpoints[CHECKPOINTS_MAX]; // the newest first
 };
@@ -54,39 +47,9 @@ struct operation {
 
 // ---- whole tissue -------------------------------------------------------------------------------
 
-static struct tissue_state whole(const struct operated_tissue *t, uint32_t mesh_number) {
-    struct tissue_state r = {
-        .mesh = cut_mesh_copy(t->scene->mesh),
-        .match = t->scene->match ? match_create(t->scene->match) : NULL,
-        .quality = quality_create(t->scene->plan),
-    };
-    r.figures = (struct tissue_figures){
-        .mesh_number = mesh_number,
-        .volume_mm3 = cut_mesh_volume(r.mesh),
-        .warped_mm3 = r.match ? match_volume(r.match) : 0,
-    };
-    quality_report(r.quality, &r.figures.quality);
-    return r;
-}
-
-static struct tissue_state copy_of(const struct tissue_state *r) {
-    return (struct tissue_state){
-        .mesh = cut_mesh_copy(r->mesh),
-        .match = r->match ? match_copy(r->match) : NULL,
-        .quality = quality_copy(r->quality),
-        .figures = r->figures,
-    };
-}
-
-static void release(struct tissue_state *r) {
-    cut_mesh_destroy(&r->mesh);
-    match_destroy(&r->match);
-    quality_destroy(&r->quality);
-}
-
 static void drop(struct checkpoint *checkpoint) {
     if (checkpoint->cuts)
-        release(&checkpoint->state);
+        tissue_state_release(&checkpoint->state);
     checkpoint->cuts = 0;
 }
 
@@ -98,14 +61,17 @@ static void forget_cuts(struct operated_tissue *t) {
     t->cut_count = t->cut_room = 0;
 }
 
-struct operation *operation_create(const struct scene *scene) {
+struct operation *operation_create(const struct scene *scene, int rules) {
     struct operation *operation = alloc(1, sizeof *operation);
     operation->count = scene->tissue_count;
     for (int i = 0; i < operation->count; i++) {
         struct operated_tissue *t = &operation->tissues[i];
         t->scene = &scene->tissues[i];
         t->group = &scene->knee->groups[t->scene->group];
-        t->now = whole(t, 1);
+        t->rules = rules;
+        t->now = tissue_state_whole(t->scene, rules, 1);
+        if (t->scene->match && rules >= RULES_TOUCH_FITTED)
+            t->fitting = fitting_create(t->scene->match, &t->group->mesh);
     }
     return operation;
 }
@@ -114,147 +80,65 @@ void operation_destroy(struct operation **operation) {
     if (!*operation)
         return;
     for (int i = 0; i < (*operation)->count; i++) {
-        release(&(*operation)->tissues[i].now);
+        tissue_state_release(&(*operation)->tissues[i].now);
         forget_cuts(&(*operation)->tissues[i]);
+        fitting_destroy(&(*operation)->tissues[i].fitting);
     }
     free(*operation);
     *operation = NULL;
 }
 
-static void take_blend(struct job_result *result, uint32_t vertex, double blend) {
-    result->vertices[result->blend_count] = vertex;
-    result->blends[result->blend_count++] = blend;
+// ---- the touch ----------------------------------------------------------------------------------
+
+static int touch_width(const struct operated_tissue *t) {
+    return t->fitting ? 3 : t->now.match ? 1 : 0;
 }
 
-static void make_room(struct job_result *result, uint32_t count) {
-    result->vertices = alloc(count, sizeof *result->vertices);
-    result->blends = alloc(count, sizeof *result->blends);
+static void touch_of(const struct operated_tissue *t, uint32_t vertex, double out_values[3]) {
+    if (t->now.match) {
+        out_values[0] = match_blends(t->now.match)[vertex];
+        return;
+    }
+    vec3 offset = fitting_offset(t->fitting, vertex);
+    memcpy(out_values, &offset, sizeof offset);
+}
+
+// All values, which the caller frees.
+static double *touch_now(const struct operated_tissue *t) {
+    int width = touch_width(t);
+    double *values = alloc((size_t)width * t->group->mesh.vertex_count, sizeof *values);
+    for (uint32_t i = 0; width && i < t->group->mesh.vertex_count; i++)
+        touch_of(t, i, values + (size_t)width * i);
+    return values;
+}
+
+// The vertices whose values are others than before; before NULL: all.
+static void tell_touch(const struct operated_tissue *t, const double *before,
+                       struct touch_change *out) {
+    int width = touch_width(t);
+    size_t size = (size_t)width * sizeof(double);
+    if (!width)
+        return;
+    touch_change_make_room(out, width, t->group->mesh.vertex_count);
+    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++) {
+        double *values = out->values + (size_t)width * out->count;
+        touch_of(t, i, values);
+        if (!before || memcmp(values, before + (size_t)width * i, size) != 0)
+            out->vertices[out->count++] = i;
+    }
 }
 
 static void restore(struct operated_tissue *t, struct job_result *result) {
     uint32_t number = t->now.figures.mesh_number + 1;
-    release(&t->now);
+    tissue_state_release(&t->now);
     forget_cuts(t);
-    t->now = whole(t, number);
-    if (!t->now.match)
-        return;
-    make_room(result, t->group->mesh.vertex_count);
-    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
-        take_blend(result, i, 0);
+    t->now = tissue_state_whole(t->scene, t->rules, number);
+    if (t->fitting)
+        fitting_go_back(t->fitting, 0);
+    tell_touch(t, NULL, &result->touch);
 }
 
 // ---- a cut --------------------------------------------------------------------------------------
-
-// What the tissue's own volume lost, S'' is to lose too.
-static void match_cut(struct operated_tissue *t, const struct cut_change *change,
-                      struct job_result *result) {
-    double gone = t->now.figures.removed_mm3 + t->now.figures.pieces_mm3;
-    t->now.figures.left_mm3 = gone;
-    if (!t->now.match)
-        return;
-    struct brush *brushes = alloc((size_t)change->patch_count + 1, sizeof *brushes);
-    for (int i = 0; i < change->patch_count; i++)
-        brushes[i] = (struct brush){change->patches[i].centroid, change->patches[i].extent};
-    struct match_report report;
-    match_to_volume(t->now.match, brushes, change->patch_count,
-                    match_surface_volume(t->scene->match) - gone, &report);
-    free(brushes);
-    t->now.figures.warped_mm3 = report.volume_mm3;
-    t->now.figures.left_mm3 = report.left_mm3;
-    make_room(result, report.changed_count);
-    for (uint32_t i = 0; i < report.changed_count; i++)
-        take_blend(result, report.changed[i], match_blends(t->now.match)[report.changed[i]]);
-}
-
-// Whether a triangle may come within reach of the cut's new surface: false only where it does not.
-static bool may_reach(const struct mesh *mesh, const uint32_t corners[3],
-                      const struct cut_change *change, double reach_mm) {
-    vec3 a = mesh_vertex(mesh, corners[0]);
-    double size = fmax(vec3_distance(a, mesh_vertex(mesh, corners[1])),
-                       vec3_distance(a, mesh_vertex(mesh, corners[2])));
-    for (int k = 0; k < change->patch_count; k++) {
-        const struct cut_patch *patch = &change->patches[k];
-        if (vec3_distance(a, patch->centroid) <= size + patch->extent + reach_mm)
-            return true;
-    }
-    return false;
-}
-
-// The triangles of S'' within reach of the cut's new surface, and others that are not far.
-static void near_triangles(const struct operated_tissue *t, const struct cut_change *change,
-                           double reach_mm, struct mesh *out_mesh) {
-    const struct mesh *mesh = &t->group->mesh;
-    mesh_init(out_mesh, mesh->vertex_count, mesh->triangle_count);
-    for (uint32_t i = 0; i < mesh->vertex_count; i++)
-        mesh_set_vertex(out_mesh, i, match_vertex(t->now.match, i));
-    out_mesh->triangle_count = 0;
-    for (uint32_t i = 0; i < mesh->triangle_count; i++) {
-        const uint32_t *corners = mesh->triangles + 3 * (size_t)i;
-        if (may_reach(out_mesh, corners, change, reach_mm))
-            memcpy(out_mesh->triangles + 3 * (size_t)out_mesh->triangle_count++, corners,
-                   3 * sizeof *corners);
-    }
-}
-
-// The largest distance of points of the cut's new surface to S'', exact where it is within reach.
-static double distance_within(const struct operated_tissue *t, const struct cut_change *change,
-                              double reach_mm) {
-    struct mesh warped;
-    double largest = 0;
-    near_triangles(t, change, reach_mm, &warped);
-    uint32_t stride = 1 + change->vertex_count / PROBES_MAX;
-    for (uint32_t i = 0; i < change->vertex_count; i += stride) {
-        double nearest = INFINITY;
-        for (uint32_t k = 0; k < warped.triangle_count; k++) {
-            struct closest closest;
-            closest_on_triangle(&warped, k, cut_mesh_vertex(t->now.mesh, change->vertices[i]),
-                                &closest);
-            nearest = fmin(nearest, closest.distance);
-        }
-        largest = fmax(largest, nearest);
-    }
-    mesh_fini(&warped);
-    return largest;
-}
-
-static double distance_to_warped(const struct operated_tissue *t, const struct cut_change *change) {
-    if (!change->patch_count)
-        return 0;
-    double distance_mm = distance_within(t, change, NEAR_MM);
-    return distance_mm <= NEAR_MM ? distance_mm : distance_within(t, change, INFINITY);
-}
-
-static void count_cut(struct operated_tissue *t, const struct cut_change *change) {
-    struct tissue_figures *f = &t->now.figures;
-    f->mesh_number++;
-    f->cuts++;
-    f->volume_mm3 = change->volume_mm3;
-    f->removed_mm3 += change->removed_mm3;
-    for (int i = 0; i < change->piece_count; i++)
-        f->pieces_mm3 += change->pieces[i].volume;
-    f->pieces += (uint32_t)change->piece_count;
-}
-
-// What undoing makes again: all but the figures of the resection.
-static void take_out(struct operated_tissue *t, const struct blade_move *move,
-                     struct job_result *result) {
-    static const enum job_outcome outcomes[] = {
-        [CUT_CHANGED] = JOB_DONE, [CUT_NOTHING] = JOB_NOTHING, [CUT_REFUSED] = JOB_REFUSED};
-    struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
-    struct cut_change *change = &result->change;
-    int count = blade_parts(move, parts, &result->why);
-    result->outcome = count < 0 ? JOB_REFUSED : JOB_NOTHING;
-    if (count > 0)
-        result->outcome = outcomes[cut_apply(t->now.mesh, parts, count, change, &result->why)];
-    if (result->outcome == JOB_DONE) {
-        count_cut(t, change);
-        match_cut(t, change, result);
-        quality_take_parts(t->now.quality, parts, count);
-        for (int i = 0; i < change->piece_count; i++)
-            quality_take_piece(t->now.quality, &change->pieces[i].mesh);
-    }
-    free(parts);
-}
 
 static void note_cut(struct operated_tissue *t, const struct past_cut *cut) {
     if (t->cut_count == t->cut_room) {
@@ -270,25 +154,17 @@ static void keep(struct operated_tissue *t, uint32_t cuts, uint32_t stroke) {
         return;
     drop(&t->checkpoints[CHECKPOINTS_MAX - 1]);
     memmove(t->checkpoints + 1, t->checkpoints, (CHECKPOINTS_MAX - 1) * sizeof *t->checkpoints);
-    t->checkpoints[0] = (struct checkpoint){cuts, copy_of(&t->now)};
-}
-
-static void tell_blends(const struct match *before, const struct operated_tissue *t,
-                        struct job_result *result) {
-    if (!before)
-        return;
-    make_room(result, t->group->mesh.vertex_count);
-    for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++)
-        if (match_blends(t->now.match)[i] != match_blends(before)[i])
-            take_blend(result, i, match_blends(t->now.match)[i]);
+    t->checkpoints[0] = (struct checkpoint){cuts, tissue_state_copy(&t->now)};
 }
 
 static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *result) {
     const struct cut_change *change = &result->change;
+    const struct touch_change *touch = &result->touch;
     XXH3_state_t *state = XXH3_createState();
     XXH3_64bits_reset(state);
-    XXH3_64bits_update(state, result->vertices, result->blend_count * sizeof *result->vertices);
-    XXH3_64bits_update(state, result->blends, result->blend_count * sizeof *result->blends);
+    XXH3_64bits_update(state, touch->vertices, touch->count * sizeof *touch->vertices);
+    XXH3_64bits_update(state, touch->values,
+                       (size_t)touch->width * touch->count * sizeof *touch->values);
     XXH3_64bits_update(state, change->freed, change->freed_count * sizeof *change->freed);
     XXH3_64bits_update(state, change->made, change->made_count * sizeof *change->made);
     XXH3_64bits_update(state, change->vertices, change->vertex_count * sizeof *change->vertices);
@@ -303,17 +179,22 @@ static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *re
     return hash;
 }
 
+static uint64_t hash_on(uint64_t before, uint64_t hash) {
+    return XXH3_64bits_withSeed(&before, sizeof before, hash);
+}
+
 static void cut_move(struct operation *operation, struct operated_tissue *t, uint32_t stroke,
                      const struct blade_move *move, struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, stroke, *move, t->now.figures};
+    struct past_cut past = {operation->cuts + 1, stroke, *move, t->now.figures,
+                            t->fitting ? fitting_count(t->fitting) : 0};
     keep(t, t->cut_count, stroke);
-    take_out(t, move, result);
+    tissue_state_cut(&t->now, t->scene, move, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)
         return;
     quality_report(t->now.quality, &t->now.figures.quality);
-    t->now.figures.distance_mm = t->now.match ? distance_to_warped(t, &result->change) : 0;
+    t->now.figures.distance_mm = tissue_state_apart_mm(&t->now, &t->group->mesh, &result->change);
     operation->cuts++;
     note_cut(t, &past);
 }
@@ -338,7 +219,7 @@ static void move_pieces(struct cut_change *from, struct cut_change *to) {
 // One move after the other; for the session and its stations they are one cut and one mesh.
 static void cut_way(struct operation *operation, struct operated_tissue *t, const struct job *job,
                     struct job_result *result) {
-    struct match *before = t->now.match ? match_copy(t->now.match) : NULL;
+    double *before = t->fitting ? NULL : touch_now(t);
     uint32_t number = t->now.figures.mesh_number, cuts = t->now.figures.cuts;
     double distance_mm = 0;
     result->outcome = JOB_NOTHING;
@@ -350,8 +231,7 @@ static void cut_way(struct operation *operation, struct operated_tissue *t, cons
             distance_mm = fmax(distance_mm, t->now.figures.distance_mm);
         if (one->outcome == JOB_REFUSED)
             result->why = one->why;
-        result->hash =
-            XXH3_64bits_withSeed(&result->hash, sizeof result->hash, hash_of(t->now.mesh, one));
+        result->hash = hash_on(result->hash, hash_of(t->now.mesh, one));
         move_pieces(&one->change, &result->change);
         job_result_destroy(&one);
     }
@@ -359,9 +239,10 @@ static void cut_way(struct operation *operation, struct operated_tissue *t, cons
         t->now.figures.distance_mm = distance_mm;
         t->now.figures.mesh_number = number + 1;
         t->now.figures.cuts = cuts + 1;
-        tell_blends(before, t, result);
+        if (!t->fitting)
+            tell_touch(t, before, &result->touch);
     }
-    match_destroy(&before);
+    free(before);
 }
 
 // ---- undoing ------------------------------------------------------------------------------------
@@ -388,11 +269,12 @@ static void make_again(struct operated_tissue *t) {
         t->checkpoints[CHECKPOINTS_MAX - 1] = (struct checkpoint){0};
     }
     uint32_t made = t->checkpoints[0].cuts;
-    t->now = made ? copy_of(&t->checkpoints[0].state) : whole(t, 1);
+    t->now = made ? tissue_state_copy(&t->checkpoints[0].state)
+                  : tissue_state_whole(t->scene, t->rules, 1);
     while (made < t->cut_count) {
         struct job_result *again = alloc(1, sizeof *again);
         keep(t, made, t->cuts[made].stroke);
-        take_out(t, &t->cuts[made++].move, again);
+        tissue_state_cut(&t->now, t->scene, &t->cuts[made++].move, again);
         CHECK(again->outcome == JOB_DONE);
         job_result_destroy(&again);
     }
@@ -414,8 +296,12 @@ static uint64_t end_before(const struct operation *operation, uint32_t stroke) {
 
 static struct tissue_figures take_back(struct operated_tissue *t, uint64_t end) {
     struct tissue_figures figures = t->now.figures;
-    while (t->cut_count && t->cuts[t->cut_count - 1].number > end)
-        figures = t->cuts[--t->cut_count].before;
+    while (t->cut_count && t->cuts[t->cut_count - 1].number > end) {
+        const struct past_cut *cut = &t->cuts[--t->cut_count];
+        figures = cut->before;
+        if (t->fitting)
+            fitting_go_back(t->fitting, cut->fits);
+    }
     figures.mesh_number = t->now.figures.mesh_number + 1;
     figures.refused = t->now.figures.refused;
     return figures;
@@ -428,20 +314,49 @@ static void undo(struct operation *operation, struct job_result *result) {
         return;
     }
     struct tissue_state before = t->now;
+    double *touch_before = touch_now(t);
     uint64_t end = end_before(operation, t->cuts[t->cut_count - 1].stroke);
     struct tissue_figures figures = take_back(t, end);
     make_again(t);
     t->now.figures = figures;
-    tell_blends(before.match, t, result);
+    tell_touch(t, touch_before, &result->touch);
     const struct operated_tissue *next = tissue_cut_last(operation);
     result->tissue = (int)(t - operation->tissues);
     result->more = next && next->cuts[next->cut_count - 1].number > end;
     result->cuts_back = before.figures.cuts - figures.cuts;
     result->mm3_back = figures.volume_mm3 - before.figures.volume_mm3;
-    release(&before);
+    free(touch_before);
+    tissue_state_release(&before);
 }
 
 // ---- jobs ---------------------------------------------------------------------------------------
+
+// The touch after all moves of a job.
+static void fit(struct operated_tissue *t, uint32_t since, struct job_result *result) {
+    struct fitting_report report;
+    struct tissue_figures *f = &t->now.figures;
+    double *before = touch_now(t);
+    uint32_t number;
+    const struct cut_mesh *target = tissue_state_target(&t->now, &number);
+    fitting_follow(t->fitting, target, since, &report);
+    f->warped_mm3 = report.volume_mm3;
+    f->left_mm3 = report.left_mm3;
+    f->distance_mm = report.distance_mm;
+    tell_touch(t, before, &result->touch);
+    free(before);
+}
+
+static void cut(struct operation *operation, struct operated_tissue *t, const struct job *job,
+                struct job_result *result) {
+    uint32_t since;
+    tissue_state_target(&t->now, &since);
+    if (job->move_count == 1)
+        cut_move(operation, t, job->stroke, &job->moves[0], result);
+    else
+        cut_way(operation, t, job, result);
+    if (t->fitting && result->outcome == JOB_DONE)
+        fit(t, since, result);
+}
 
 struct job_result *operation_run(struct operation *operation, const struct job *job) {
     CHECK(job->tissue >= 0 && job->tissue < operation->count);
@@ -454,14 +369,15 @@ struct job_result *operation_run(struct operation *operation, const struct job *
         undo(operation, result);
     else if (job->kind == JOB_RESTORE)
         restore(&operation->tissues[job->tissue], result);
-    else if (job->move_count == 1)
-        cut_move(operation, &operation->tissues[job->tissue], job->stroke, &job->moves[0], result);
     else
-        cut_way(operation, &operation->tissues[job->tissue], job, result);
+        cut(operation, &operation->tissues[job->tissue], job, result);
     const struct operated_tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
-    if (job->kind != JOB_CUT || job->move_count == 1)
+    bool is_way = job->kind == JOB_CUT && job->move_count > 1; // that has a hash of its moves
+    if (!is_way)
         result->hash = hash_of(t->now.mesh, result);
+    else if (t->fitting)
+        result->hash = hash_on(result->hash, hash_of(t->now.mesh, result));
     return result;
 }
 
@@ -469,8 +385,18 @@ const struct cut_mesh *operation_mesh(const struct operation *operation, int tis
     return operation->tissues[tissue].now.mesh;
 }
 
-const struct match *operation_match(const struct operation *operation, int tissue) {
-    return operation->tissues[tissue].now.match;
+int operation_touch_width(const struct operation *operation, int tissue) {
+    return touch_width(&operation->tissues[tissue]);
+}
+
+void operation_touch(const struct operation *operation, int tissue, uint32_t vertex,
+                     double out_values[3]) {
+    touch_of(&operation->tissues[tissue], vertex, out_values);
+}
+
+vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex) {
+    const struct operated_tissue *t = &operation->tissues[tissue];
+    return t->fitting ? fitting_vertex(t->fitting, vertex) : match_vertex(t->now.match, vertex);
 }
 
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {

@@ -1,17 +1,17 @@
-// The tissue of one session as cuts change it: the cut meshes, the blends that match them, and the
-// quality of the resection. It runs the jobs that steps ask for, beside the steps.
+// The tissue of one session as cuts change it: the cut meshes, the touched surfaces that follow
+// them, and the quality of the resection. It runs the jobs that steps ask for, beside the steps.
 //
 // An operation belongs to one thread at a time. The same jobs in the same order give the same bits.
 #pragma once
 
-#include "match/match.h"
+#include "cut/cut.h"
 #include "step/job.h"
 #include "step/scene.h"
 
 struct operation;
 
-// The scene must outlive it.
-struct operation *operation_create(const struct scene *scene);
+// The scene must outlive it. rules: of the session (step/settings.h).
+struct operation *operation_create(const struct scene *scene, int rules);
 void operation_destroy(struct operation **operation); // NULL inside is fine
 
 // Runs a job. It takes milliseconds and allocates. The caller destroys the result.
@@ -22,5 +22,10 @@ void operation_destroy(struct operation **operation); // NULL inside is fine
 struct job_result *operation_run(struct operation *operation, const struct job *job);
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);
-const struct match *operation_match(const struct operation *operation, int tissue); // or NULL
+// The touched surface: 0 where the group has no S'_max and never gives way; else the width of a
+// touch_change, the values of a vertex, and the vertex in S''.
+int operation_touch_width(const struct operation *operation, int tissue);
+void operation_touch(const struct operation *operation, int tissue, uint32_t vertex,
+                     double out_values[3]);
+vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex);
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue);

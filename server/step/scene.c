@@ -65,6 +65,8 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
     tissue->group = index;
     tissue->box = mesh_bounds(&whole);
     enum result result = cut_mesh_create(&whole, &tissue->mesh, err);
+    if (result == RESULT_OK && group->lesion.tear.part_count)
+        tissue->solid = cut_mesh_copy(tissue->mesh);
     if (result == RESULT_OK)
         result = tear(tissue->mesh, &group->lesion.tear, err);
     if (result == RESULT_OK) {
@@ -183,6 +185,7 @@ void scene_destroy(struct scene **scene) {
         adaptive_destroy(&s->adaptive[kind]);
     for (int i = 0; i < s->tissue_count; i++) {
         cut_mesh_destroy(&s->tissues[i].mesh);
+        cut_mesh_destroy(&s->tissues[i].solid);
         match_surface_destroy(&s->tissues[i].match);
         quality_plan_destroy(&s->tissues[i].plan);
     }

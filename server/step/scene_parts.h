@@ -15,6 +15,7 @@ struct scene_tissue {
     int group;
     struct box box;              // of S'
     struct cut_mesh *mesh;       // S' without its tear
+    struct cut_mesh *solid;      // S' with it; NULL where it has none
     struct match_surface *match; // NULL where the group has no S'_max
     struct quality_plan *plan;
 };

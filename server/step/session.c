@@ -60,7 +60,7 @@ static void take_surfaces(struct session *s) {
     for (int t = 0; t < s->scene->tissue_count; t++) {
         if (!s->scene->tissues[t].match)
             continue;
-        s->easings[t] = easing_create(s->scene, t, &s->settings.field);
+        s->easings[t] = easing_create(s->scene, t, &s->settings.field, s->settings.rules);
         struct warp_surface *surface = &s->surfaces[s->scene->tissues[t].group];
         surface->displacement = easing_displacement(s->easings[t]);
         surface->mean = easing_mean(s->easings[t]);
@@ -184,7 +184,7 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
     *out =
         (struct landed){input->job, result->outcome, result->tissue, result->figures, result->hash};
     if (s->easings[result->tissue])
-        easing_aim(s->easings[result->tissue], result);
+        easing_aim(s->easings[result->tissue], &result->touch);
     if (result->outcome == JOB_REFUSED)
         return EVENT_REFUSED;
     if (result->outcome == JOB_DONE && kind == JOB_UNDO) {

@@ -19,11 +19,13 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //   1  The job of a cut has one move, which grows while another job is under way. A paused session
 //      shows no instruments.
 //   2  Moves that are made while a job is under way wait, and a job may have several moves. A
-//   paused
-//      session shows its instruments.
-#define RULES_NEWEST 2
+//      paused session shows its instruments.
+//   3  After a cut the touched surface is fitted to the cut mesh, with an offset for each vertex
+//      (match/conform.h). Before, it had a blend for each vertex (match/match.h).
+#define RULES_NEWEST 3
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
+#define RULES_TOUCH_FITTED 3
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

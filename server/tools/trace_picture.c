@@ -54,13 +54,14 @@ static enum result choose(const struct scene *scene, const struct operation *ope
 }
 
 // From S' to S'', of each vertex that has given way.
-static struct rod *lines_of(const struct case_group *group, const struct match *match,
-                            size_t *out_count) {
+static struct rod *lines_of(const struct case_group *group, const struct operation *operation,
+                            int tissue, size_t *out_count) {
     static const float none[3];
     struct rod *lines = alloc(group->mesh.vertex_count, sizeof *lines);
     *out_count = 0;
-    for (uint32_t i = 0; match && i < group->mesh.vertex_count; i++) {
-        vec3 from = mesh_vertex(&group->mesh, i), to = match_vertex(match, i);
+    bool gives_way = operation_touch_width(operation, tissue) > 0;
+    for (uint32_t i = 0; gives_way && i < group->mesh.vertex_count; i++) {
+        vec3 from = mesh_vertex(&group->mesh, i), to = operation_touched(operation, tissue, i);
         const float *warp = group->warp ? group->warp + 3 * (size_t)i : none;
         from = vec3_add(from, (vec3){(double)warp[0], (double)warp[1], (double)warp[2]});
         if (vec3_distance(from, to) > LINE_MM)
@@ -80,7 +81,7 @@ static enum result draw(const struct scene *scene, const struct operation *opera
     for (uint32_t i = 0; i < mesh.triangle_count; i++)
         ids[i] = cut_mesh_label(cut, ids[i]);
     struct tissue_look look = {.mesh = &mesh, .labels = ids};
-    struct rod *lines = lines_of(group, operation_match(operation, tissue), &look.line_count);
+    struct rod *lines = lines_of(group, operation, tissue, &look.line_count);
     look.lines = lines;
     quat axes = knee->joint.T_femur_joint.rotation;
     struct box box = mesh_bounds(&mesh);

@@ -307,7 +307,7 @@ static void a_cut_trace(void) {
     CHECK(scene_create(&knee, &scene, NULL) == RESULT_OK);
     struct session_settings settings = session_settings_default();
     struct session *session = session_create(scene, &settings);
-    struct operation *operation = operation_create(scene);
+    struct operation *operation = operation_create(scene, settings.rules);
     struct job_result *result = NULL;
     folder_make(folder);
     snprintf(file, sizeof file, "%s/a.trace", folder);

@@ -1,6 +1,7 @@
 // Cutting as a session sees it: from a closing jaw to the touch that follows.
 #include "step/cutting.h"
 
+#include "mesh/query.h"
 #include "scene/hand.h"
 #include "test.h"
 
@@ -46,8 +47,10 @@ static vec3 probe_displacement(const struct hand *h) {
     return h->out.instruments[0].warp.displacement;
 }
 
-static double blend_at(const struct hand *h, uint32_t vertex) {
-    return match_blends(operation_match(h->operation, 0))[vertex];
+// S'' − S', which is S here.
+static vec3 offset_at(const struct hand *h, uint32_t vertex) {
+    return vec3_sub(operation_touched(h->operation, 0, vertex),
+                    mesh_vertex(&meniscus->mesh, vertex));
 }
 
 // A hand that rests on the margin feels it give way no faster than it may, and all of it in the
@@ -72,11 +75,7 @@ static void a_resting_tip_feels_no_jump(void **state) {
         moved += i ? change : 0;
         last = probe_displacement(&h);
     }
-    uint32_t vertex = most_moved(meniscus);
-    const float *to = meniscus->maxcut + 3 * (size_t)vertex;
-    vec3 full =
-        vec3_scale(blend_at(&h, vertex), (vec3){(double)to[0], (double)to[1], (double)to[2]});
-    assert_true(blend_at(&h, vertex) > 0.1);
+    vec3 full = offset_at(&h, most_moved(meniscus));
     assert_true(moved > 0.2);
     assert_vec3_near(last, full, 1e-4);
     hand_end(&h);
@@ -107,7 +106,7 @@ static void a_burr_takes_tissue_while_it_runs(void **state) {
     move(&h, vec3_scale(1, outward), 1000);
     double slow = removed(&h);
     assert_true(slow > 2);
-    move(&h, (vec3){0}, 200);
+    move(&h, (vec3){0}, 1000);   // until the touch is eased in, which moves the burr
     double rested = removed(&h); // of the last bit of its way
     assert_true(rested > slow);
     move(&h, (vec3){0}, 1000);
@@ -308,16 +307,59 @@ static void bites_without_room_are_reported(void **state) {
     hand_end(&h);
 }
 
+static struct hand start_under(int rules) {
+    struct session_settings settings = session_settings_default();
+    settings.rules = rules;
+    struct hand h = hand_start();
+    session_destroy(&h.session);
+    operation_destroy(&h.operation);
+    h.session = session_create(scene, &settings);
+    h.operation = operation_create(scene, rules);
+    h.input = (struct session_input){.kind = INPUT_START};
+    session_step(h.session, &h.input, &h.out);
+    return h;
+}
+
+// How far S'' is from the surface of a bite, as the operation tells it and on average over it.
+static double apart_under(int rules, double *out_told_mm) {
+    struct hand h = start_under(rules);
+    *out_told_mm = bite(&h).figures.distance_mm;
+    const struct cut_mesh *cut = operation_mesh(h.operation, 0);
+    struct mesh touched;
+    struct query *query;
+    struct error err;
+    mesh_copy(&touched, &meniscus->mesh);
+    for (uint32_t v = 0; v < touched.vertex_count; v++)
+        mesh_set_vertex(&touched, v, operation_touched(h.operation, 0, v));
+    assert_ok(query_create(&touched, &query, &err));
+    double sum = 0, count = 0;
+    for (uint32_t t = 0; t < cut_mesh_triangle_bound(cut); t++)
+        for (int k = 0; k < 3 && cut_mesh_triangle_alive(cut, t) && cut_mesh_label(cut, t); k++) {
+            struct closest closest;
+            vec3 p = cut_mesh_vertex(cut, cut_mesh_triangle(cut, t)[k]);
+            query_closest(query, p, INFINITY, MESH_NONE, &closest);
+            sum += closest.distance;
+            count++;
+        }
+    query_destroy(&query);
+    mesh_fini(&touched);
+    hand_end(&h);
+    return sum / count;
+}
+
+static void a_bite_is_touched_where_it_is_seen(void **state) {
+    (void)state;
+    double blends_told, told, blends = apart_under(RULES_TOUCH_FITTED - 1, &blends_told);
+    double fitted = apart_under(RULES_TOUCH_FITTED, &told);
+    assert_true(fitted < 0.1 && blends > 3 * fitted);
+    assert_true(told >= fitted && told < 0.5);
+    assert_true(blends_told >= blends);
+}
+
 // As a record of that time has it: the move grows while it waits.
 static void under_the_older_rules_a_move_that_waits_grows(void **state) {
     (void)state;
-    struct session_settings settings = session_settings_default();
-    settings.rules = RULES_WITH_WAITING_MOVES - 1;
-    struct hand h = hand_start();
-    session_destroy(&h.session);
-    h.session = session_create(scene, &settings);
-    h.input = (struct session_input){.kind = INPUT_START};
-    session_step(h.session, &h.input, &h.out);
+    struct hand h = start_under(RULES_WITH_WAITING_MOVES - 1);
     h.channel = CHANNEL_SHAVER;
     h.buttons = 1;
     for (int i = 0; !h.pending && i < 100; i++)
@@ -464,6 +506,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_closing_jaw_takes_tissue_and_the_warp_gives_way),
         cmocka_unit_test(rotations_of_nearly_unit_length_cut),
+        cmocka_unit_test(a_bite_is_touched_where_it_is_seen),
         cmocka_unit_test(a_resting_tip_feels_no_jump),
         cmocka_unit_test(a_burr_takes_tissue_while_it_runs),
         cmocka_unit_test(a_knife_leaves_its_kerf),

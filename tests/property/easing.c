@@ -5,6 +5,7 @@
 #include "generated.h"
 #include "random.h"
 #include "step/scene.h"
+#include "step/settings.h"
 #include "test.h"
 
 #include <stdlib.h>
@@ -28,25 +29,37 @@ static int drop_scene(void **state) {
     return 0;
 }
 
-static struct easing *start(enum field_kind kind) {
-    struct field field = field_default(kind);
-    return easing_create(scene, 0, &field);
+static int rules_of(const void *state) {
+    return *(const int *)state;
 }
 
-// Every stride-th vertex to a blend of its own.
-static void aim(struct easing *easing, uint32_t stride, struct random *r) {
+static struct easing *start(enum field_kind kind, int rules) {
+    struct field field = field_default(kind);
+    return easing_create(scene, 0, &field, rules);
+}
+
+// A blend up to `most`, or an offset that far.
+static void aim_at(struct random *r, double most, int width, double *out) {
+    vec3 way = {-0.6, 0.8, -0.1};
+    double share = random_between(r, 0.9 * most, most);
+    for (int k = 0; k < width; k++)
+        out[k] = width == 1 ? share : share * 3 * (&way.x)[k];
+}
+
+// Every stride-th vertex to a place of its own.
+static void aim(struct easing *easing, uint32_t stride, int rules, struct random *r) {
     uint32_t count = meniscus->mesh.vertex_count / stride;
-    struct job_result result = {.blend_count = count};
-    result.vertices = alloc(count, sizeof *result.vertices);
-    result.blends = alloc(count, sizeof *result.blends);
+    struct touch_change touch = {.width = rules >= RULES_TOUCH_FITTED ? 3 : 1, .count = count};
+    touch.vertices = alloc(count, sizeof *touch.vertices);
+    touch.values = alloc((size_t)touch.width * count, sizeof *touch.values);
     double most = random_between(r, 0, 1);
     for (uint32_t i = 0; i < count; i++) {
-        result.vertices[i] = i * stride;
-        result.blends[i] = random_between(r, 0.9 * most, most);
+        touch.vertices[i] = i * stride;
+        aim_at(r, most, touch.width, touch.values + (size_t)touch.width * i);
     }
-    easing_aim(easing, &result);
-    free(result.vertices);
-    free(result.blends);
+    easing_aim(easing, &touch);
+    free(touch.vertices);
+    free(touch.values);
 }
 
 static vec3 somewhere(struct random *r) {
@@ -77,18 +90,18 @@ static void assert_is_kept_up(const struct easing *easing, struct random *r) {
 }
 
 static void the_mean_is_kept_up_with_easing_and_restoring(void **state) {
-    (void)state;
+    int rules = rules_of(*state);
     struct random r = {1};
-    struct easing *easing = start(FIELD_SMOOTH);
+    struct easing *easing = start(FIELD_SMOOTH, rules);
     assert_is_kept_up(easing, &r);
     for (int cut = 0; cut < 5; cut++) {
-        aim(easing, 1 + 5 * (uint32_t)cut, &r);
+        aim(easing, 1 + 5 * (uint32_t)cut, rules, &r);
         for (int i = 0; i < 3; i++) {
             easing_advance(easing, i < 2 ? 0.3 : 1);
             assert_is_kept_up(easing, &r);
         }
         assert_false(easing_active(easing));
-        aim(easing, 1 + 5 * (uint32_t)cut, &r);
+        aim(easing, 1 + 5 * (uint32_t)cut, rules, &r);
         easing_advance(easing, 0.5);
         if (cut % 2) {
             easing_restore(easing);
@@ -100,13 +113,13 @@ static void the_mean_is_kept_up_with_easing_and_restoring(void **state) {
 }
 
 static void a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told(void **state) {
-    (void)state;
+    int rules = rules_of(*state);
     struct random r = {2};
-    struct easing *easing = start(FIELD_SMOOTH);
+    struct easing *easing = start(FIELD_SMOOTH, rules);
     double most = 0;
     for (int cut = 0; cut < 10; cut++) {
         vec3 at[20], before[20];
-        aim(easing, 1, &r);
+        aim(easing, 1, rules, &r);
         for (int i = 0; i < 20; i++) {
             at[i] = somewhere(&r);
             before[i] = mean_at(easing_mean(easing), at[i]);
@@ -126,7 +139,7 @@ static void a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told(void **stat
 
 static void without_a_smooth_field_there_is_no_mean_to_keep_up(void **state) {
     (void)state;
-    struct easing *easing = start(FIELD_INVERSE_DISTANCE);
+    struct easing *easing = start(FIELD_INVERSE_DISTANCE, RULES_NEWEST);
     assert_null(easing_mean(easing));
     easing_destroy(&easing);
 }
@@ -135,15 +148,20 @@ static void without_a_smooth_field_there_is_no_mean_to_keep_up(void **state) {
 static void a_group_that_bridges_two_bones_has_no_mean(void **state) {
     (void)state;
     case_group_bridge(&scene->knee->groups[scene->tissues[0].group], BODY_FEMUR);
-    struct easing *easing = start(FIELD_SMOOTH);
+    struct easing *easing = start(FIELD_SMOOTH, RULES_NEWEST);
     assert_null(easing_mean(easing));
     easing_destroy(&easing);
 }
 
 int main(void) {
+    static int blends = RULES_TOUCH_FITTED - 1, offsets = RULES_TOUCH_FITTED;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_mean_is_kept_up_with_easing_and_restoring),
-        cmocka_unit_test(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told),
+        cmocka_unit_test_prestate(the_mean_is_kept_up_with_easing_and_restoring, &blends),
+        cmocka_unit_test_prestate(the_mean_is_kept_up_with_easing_and_restoring, &offsets),
+        cmocka_unit_test_prestate(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told,
+                                  &blends),
+        cmocka_unit_test_prestate(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told,
+                                  &offsets),
         cmocka_unit_test(without_a_smooth_field_there_is_no_mean_to_keep_up),
         cmocka_unit_test(a_group_that_bridges_two_bones_has_no_mean),
     };

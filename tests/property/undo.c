@@ -33,9 +33,10 @@ static uint64_t mesh_print(const struct cut_mesh *mesh) {
     return hash;
 }
 
-// Meshes with their ids, blends, and figures but for the meshes' numbers and what was refused.
+// Meshes with their ids, touched surfaces, and figures but for the meshes' numbers and what was
+// refused.
 struct print {
-    uint64_t meshes[TISSUES], blends[TISSUES];
+    uint64_t meshes[TISSUES], touches[TISSUES];
     struct tissue_figures figures[TISSUES];
 };
 
@@ -43,13 +44,24 @@ static uint32_t surface_size(int tissue) {
     return scene_case(scene)->groups[scene_tissue_group(scene, tissue)].mesh.vertex_count;
 }
 
+#define TOUCH_WIDTH 3
+
+// Offsets, or blends with two zeros; the caller frees them.
+static double *touch_of(const struct operation *operation, int tissue) {
+    double *touch = calloc(TOUCH_WIDTH * (size_t)surface_size(tissue), sizeof *touch);
+    for (uint32_t v = 0; v < surface_size(tissue); v++)
+        operation_touch(operation, tissue, v, touch + TOUCH_WIDTH * (size_t)v);
+    return touch;
+}
+
 static struct print print_of(const struct operation *operation) {
     struct print print;
     memset(&print, 0, sizeof print);
     for (int i = 0; i < TISSUES; i++) {
-        const double *blends = match_blends(operation_match(operation, i));
+        double *touch = touch_of(operation, i);
         print.meshes[i] = mesh_print(operation_mesh(operation, i));
-        print.blends[i] = XXH3_64bits(blends, surface_size(i) * sizeof *blends);
+        print.touches[i] = XXH3_64bits(touch, TOUCH_WIDTH * surface_size(i) * sizeof *touch);
+        free(touch);
         print.figures[i] = *operation_figures(operation, i);
         print.figures[i].mesh_number = print.figures[i].refused = 0;
     }
@@ -59,28 +71,31 @@ static struct print print_of(const struct operation *operation) {
 static void assert_same(const struct print *a, const struct print *b) {
     for (int i = 0; i < TISSUES; i++) {
         assert_true(a->meshes[i] == b->meshes[i]);
-        assert_true(a->blends[i] == b->blends[i]);
+        assert_true(a->touches[i] == b->touches[i]);
         assert_memory_equal(&a->figures[i], &b->figures[i], sizeof a->figures[i]);
     }
 }
 
 // ---- an operation -------------------------------------------------------------------------------
 
-// What a session knows of the blends, from results alone.
+// What a session knows of the touched surfaces, from results alone.
 struct follower {
-    double *blends[TISSUES];
+    double *touches[TISSUES];
     uint32_t mesh_number[TISSUES], refused[TISSUES];
 };
 
 static void follow(struct follower *f, const struct operation *operation,
                    const struct job_result *result) {
     int t = result->tissue;
-    for (uint32_t i = 0; i < result->blend_count; i++) {
-        assert_true(i == 0 || result->vertices[i] > result->vertices[i - 1]);
-        f->blends[t][result->vertices[i]] = result->blends[i];
+    const struct touch_change *change = &result->touch;
+    for (uint32_t i = 0; i < change->count; i++) {
+        assert_true(i == 0 || change->vertices[i] > change->vertices[i - 1]);
+        memcpy(f->touches[t] + TOUCH_WIDTH * (size_t)change->vertices[i],
+               change->values + (size_t)change->width * i, (size_t)change->width * sizeof(double));
     }
-    assert_memory_equal(f->blends[t], match_blends(operation_match(operation, t)),
-                        surface_size(t) * sizeof(double));
+    double *touch = touch_of(operation, t);
+    assert_memory_equal(f->touches[t], touch, TOUCH_WIDTH * surface_size(t) * sizeof *touch);
+    free(touch);
     assert_int_equal(result->figures.mesh_number,
                      f->mesh_number[t] + (result->outcome == JOB_DONE));
     f->mesh_number[t] = result->figures.mesh_number;
@@ -181,7 +196,7 @@ static void undo(struct operation *operation, struct follower *follower, struct 
 // Whoever only made the cuts that stand is in the same state.
 static void assert_as_without_the_undone(const struct operation *operation,
                                          const struct past *past) {
-    struct operation *other = operation_create(scene);
+    struct operation *other = operation_create(scene, RULES_NEWEST);
     for (int i = 0; i < past->count; i++)
         assert_int_equal(run(other, NULL, &past->jobs[i]).outcome, JOB_DONE);
     struct print a = print_of(operation), b = print_of(other);
@@ -192,7 +207,7 @@ static void assert_as_without_the_undone(const struct operation *operation,
 static struct follower follower_start(void) {
     struct follower f = {0};
     for (int i = 0; i < TISSUES; i++) {
-        f.blends[i] = calloc(surface_size(i), sizeof(double));
+        f.touches[i] = calloc(TOUCH_WIDTH * (size_t)surface_size(i), sizeof(double));
         f.mesh_number[i] = 1;
     }
     return f;
@@ -200,7 +215,7 @@ static struct follower follower_start(void) {
 
 static void follower_end(struct follower *f) {
     for (int i = 0; i < TISSUES; i++)
-        free(f->blends[i]);
+        free(f->touches[i]);
 }
 
 // One undone in between now and then, then all of them.
@@ -208,7 +223,7 @@ static void undoing_leads_back_to_the_state_before_each_stroke(void **state) {
     (void)state;
     struct random r = {7};
     struct past *past = calloc(1, sizeof *past);
-    struct operation *operation = operation_create(scene);
+    struct operation *operation = operation_create(scene, RULES_NEWEST);
     struct follower follower = follower_start();
     assert_int_equal(scene_tissue_count(scene), TISSUES);
     while (past->count < CUTS) {
@@ -230,7 +245,7 @@ static void strokes_before_a_restore_are_not_undone(void **state) {
     (void)state;
     struct random r = {8};
     struct past *past = calloc(1, sizeof *past);
-    struct operation *operation = operation_create(scene);
+    struct operation *operation = operation_create(scene, RULES_NEWEST);
     int of[TISSUES] = {0};
     while (of[0] < 2 || of[1] < 2) {
         int before = past->count;

@@ -102,8 +102,9 @@ void roundtrip_fields(const struct exr_parts *parts, const char *trace, struct r
 
 // ---- maps ---------------------------------------------------------------------------------------
 
-// After the last job that was asked for.
-struct blends {
+// After the last job that was asked for: blends, or offsets.
+struct touches {
+    int width[TISSUES_MAX];
     double *of[TISSUES_MAX];
 };
 
@@ -112,14 +113,16 @@ static const struct case_group *group_of(const struct scene *scene, int tissue) 
 }
 
 static void remember(const struct operation *operation, const struct scene *scene,
-                     struct blends *blends) {
+                     struct touches *touches) {
     for (int i = 0; i < scene_tissue_count(scene); i++) {
         size_t count = group_of(scene, i)->mesh.vertex_count;
-        const struct match *match = operation_match(operation, i);
-        if (!match)
+        size_t width = (size_t)operation_touch_width(operation, i);
+        if (!width)
             continue;
-        blends->of[i] = alloc_resize(blends->of[i], count, sizeof(double));
-        memcpy(blends->of[i], match_blends(match), count * sizeof(double));
+        touches->width[i] = (int)width;
+        touches->of[i] = alloc_resize(touches->of[i], width * count, sizeof(double));
+        for (uint32_t v = 0; v < count; v++)
+            operation_touch(operation, i, v, touches->of[i] + width * v);
     }
 }
 
@@ -127,24 +130,34 @@ static double component(const float *vectors, uint32_t vertex, size_t axis) {
     return vectors ? (double)vectors[3 * (size_t)vertex + axis] : 0;
 }
 
-static void compare_texel(const struct exr_part *part, const struct case_group *group, size_t texel,
-                          uint32_t vertex, double blend, struct roundtrip *r) {
-    static const char *const axes[3] = {".x", ".y", ".z"};
+static void compare_exact(const struct exr_part *part, const char *name, size_t texel, double value,
+                          struct roundtrip *r) {
     uint64_t bits;
-    memcpy(&bits, &blend, sizeof bits);
-    expect(r, exr_values(part, "blend", ".low")[texel] == (uint32_t)bits &&
-                  exr_values(part, "blend", ".high")[texel] == (uint32_t)(bits >> 32));
+    memcpy(&bits, &value, sizeof bits);
+    expect(r, exr_values(part, name, ".low")[texel] == (uint32_t)bits &&
+                  exr_values(part, name, ".high")[texel] == (uint32_t)(bits >> 32));
+}
+
+// touch: a blend, or an offset.
+static void compare_texel(const struct exr_part *part, const struct case_group *group, size_t texel,
+                          uint32_t vertex, const double *touch, int width, struct roundtrip *r) {
+    static const char *const axes[3] = {".x", ".y", ".z"};
+    static const char *const offsets[3] = {"offset.x", "offset.y", "offset.z"};
+    if (width == 1)
+        compare_exact(part, "blend", texel, *touch, r);
     for (size_t axis = 0; axis < 3; axis++) {
-        float expected = (float)(component(group->warp, vertex, axis) +
-                                 blend * component(group->maxcut, vertex, axis));
+        double offset = width == 1 ? *touch * component(group->maxcut, vertex, axis) : touch[axis];
+        float expected = (float)(component(group->warp, vertex, axis) + offset);
         const uint32_t *values = exr_values(part, "displacement", axes[axis]);
         expect(r, memcmp(&values[texel], &expected, sizeof expected) == 0);
+        if (width == 3)
+            compare_exact(part, offsets[axis], texel, offset, r);
+        r->largest_offset_mm = fmax(r->largest_offset_mm, fabs(offset));
     }
-    r->largest_blend = fmax(r->largest_blend, blend);
 }
 
 static void compare_map(const struct exr_parts *parts, const struct case_group *group, uint64_t job,
-                        const double *blends, struct roundtrip *r) {
+                        const double *touch, int width, struct roundtrip *r) {
     char name[128];
     snprintf(name, sizeof name, "%s.job_%llu", group->name, (unsigned long long)job);
     const struct exr_part *part = exr_part(parts, name), *surface = exr_part(parts, group->name);
@@ -157,7 +170,7 @@ static void compare_map(const struct exr_parts *parts, const struct case_group *
     for (size_t i = 0; i < (size_t)part->width * part->height; i++) {
         if (vertices[i] == MESH_NONE)
             continue;
-        compare_texel(part, group, i, vertices[i], blends[vertices[i]], r);
+        compare_texel(part, group, i, vertices[i], touch + (size_t)width * vertices[i], width, r);
         corners++;
     }
     expect(r, corners == 3 * group->mesh.triangle_count);
@@ -168,7 +181,7 @@ void roundtrip_maps(const struct exr_parts *parts, const char *trace, const stru
     struct trace_reader *reader;
     struct trace_record record;
     struct session_output output;
-    struct blends blends = {0};
+    struct touches touches = {0};
     CHECK(trace_reader_create(trace, &reader, NULL) == RESULT_OK);
     struct rerun *rerun = rerun_create(scene, &trace_reader_header(reader)->settings);
     while (trace_read(reader, &record, NULL) == RESULT_OK) {
@@ -176,14 +189,14 @@ void roundtrip_maps(const struct exr_parts *parts, const char *trace, const stru
             continue;
         rerun_step(rerun, &record, &output);
         const struct landed *landed = &output.landed;
-        if (landed->job && landed->outcome == JOB_DONE && blends.of[landed->tissue])
+        if (landed->job && landed->outcome == JOB_DONE && touches.of[landed->tissue])
             compare_map(parts, group_of(scene, landed->tissue), landed->job,
-                        blends.of[landed->tissue], r);
+                        touches.of[landed->tissue], touches.width[landed->tissue], r);
         if (output.job.id)
-            remember(rerun_operation(rerun), scene, &blends);
+            remember(rerun_operation(rerun), scene, &touches);
     }
     rerun_destroy(&rerun);
     trace_reader_destroy(&reader);
     for (int i = 0; i < TISSUES_MAX; i++)
-        free(blends.of[i]);
+        free(touches.of[i]);
 }

@@ -124,8 +124,8 @@ void played_run(const struct played *played, const struct session_settings *sett
                 void (*each)(void *context, const struct session_input *input,
                              const struct session_output *output),
                 void *context) {
-    struct play play = {session_create(played->scene, settings), operation_create(played->scene),
-                        NULL, each, context};
+    struct play play = {session_create(played->scene, settings),
+                        operation_create(played->scene, settings->rules), NULL, each, context};
     struct session_input input = {.kind = INPUT_START};
     step(&play, &input);
     for (size_t row = 0; row < rows && row < played->motion.row_count; row++) {

@@ -24,7 +24,7 @@ static int drop_scene(void **state) {
 // A burr half sunk into the middle of the upper face, 2 mm deep, and far from every vertex.
 static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(void **state) {
     (void)state;
-    struct operation *operation = operation_create(scene);
+    struct operation *operation = operation_create(scene, RULES_NEWEST);
     pose tip = {quat_identity(), {-25, 0, -11}};
     struct job job = {
         .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
@@ -38,7 +38,7 @@ static void the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face(voi
 
 static void a_blade_that_cannot_be_made_counts_as_refused(void **state) {
     (void)state;
-    struct operation *operation = operation_create(scene);
+    struct operation *operation = operation_create(scene, RULES_NEWEST);
     pose near = {quat_identity(), {-25, 0, -11}}, far = {quat_identity(), {0, 0, 250e3}};
     struct job job = {.id = 1, .kind = JOB_CUT, .move_count = 1};
     for (uint32_t i = 1; i <= 3; i++) {

@@ -1,0 +1,108 @@
+#include "step/fitting.h"
+
+#include "base/check.h"
+#include "step/apart.h"
+
+#include <stdlib.h>
+
+#define PROBES_MAX 32 // points of new surface whose distance to S'' is measured
+
+struct fitting {
+    const struct match_surface *surface;
+    const struct mesh *mesh;
+    struct conform *conform;
+    vec3 *start; // S'
+    struct conform_past *past;
+    uint32_t count, room;
+};
+
+struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh) {
+    struct fitting *f = alloc(1, sizeof *f);
+    f->surface = surface;
+    f->mesh = mesh;
+    f->conform = conform_create(surface);
+    f->start = alloc(mesh->vertex_count, sizeof *f->start);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        f->start[v] = conform_vertex(f->conform, v);
+    return f;
+}
+
+void fitting_destroy(struct fitting **fitting) {
+    struct fitting *f = *fitting;
+    if (!f)
+        return;
+    for (uint32_t i = 0; i < f->count; i++)
+        conform_past_fini(&f->past[i]);
+    conform_destroy(&f->conform);
+    free(f->past);
+    free(f->start);
+    free(f);
+    *fitting = NULL;
+}
+
+vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex) {
+    return conform_vertex(fitting->conform, vertex);
+}
+
+vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex) {
+    return vec3_sub(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
+}
+
+// ---- following ----------------------------------------------------------------------------------
+
+static double distance_of(const struct fitting *f, const struct conform_target *target) {
+    struct mesh touched;
+    vec3 probes[PROBES_MAX + 1];
+    uint32_t fresh = 0, seen = 0, count = 0;
+    for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
+        fresh += target->fresh[t];
+    uint32_t stride = 1 + fresh / PROBES_MAX;
+    for (uint32_t t = 0; t < target->mesh->triangle_count; t++)
+        if (target->fresh[t] && seen++ % stride == 0)
+            probes[count++] = mesh_corner(target->mesh, t, 0);
+    mesh_copy(&touched, f->mesh);
+    for (uint32_t v = 0; v < touched.vertex_count; v++)
+        mesh_set_vertex(&touched, v, conform_vertex(f->conform, v));
+    double largest = apart_mm(&touched, probes, count);
+    mesh_fini(&touched);
+    return largest;
+}
+
+static void remember(struct fitting *f) {
+    if (f->count == f->room) {
+        f->room = 2 * f->room + 64;
+        f->past = alloc_resize(f->past, f->room, sizeof *f->past);
+    }
+    conform_past(f->conform, &f->past[f->count++]);
+}
+
+void fitting_follow(struct fitting *fitting, const struct cut_mesh *target, uint32_t since,
+                    struct fitting_report *out_report) {
+    struct mesh mesh;
+    uint32_t *ids;
+    cut_mesh_flatten(target, &mesh, NULL, &ids);
+    bool *fresh = alloc(mesh.triangle_count, sizeof *fresh);
+    for (uint32_t t = 0; t < mesh.triangle_count; t++)
+        fresh[t] = cut_mesh_label(target, ids[t]) > since;
+    struct conform_target goal = {&mesh, fresh, cut_mesh_volume(target)};
+    struct conform_report report;
+    conform_to(fitting->conform, &goal, &report);
+    remember(fitting);
+    *out_report =
+        (struct fitting_report){report.volume_mm3, report.left_mm3, distance_of(fitting, &goal)};
+    free(fresh);
+    free(ids);
+    mesh_fini(&mesh);
+}
+
+uint32_t fitting_count(const struct fitting *fitting) {
+    return fitting->count;
+}
+
+void fitting_go_back(struct fitting *fitting, uint32_t count) {
+    CHECK(count <= fitting->count);
+    while (fitting->count > count) {
+        conform_take_back(fitting->conform, &fitting->past[--fitting->count]);
+        conform_past_fini(&fitting->past[fitting->count]);
+    }
+}

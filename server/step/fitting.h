@@ -1,0 +1,29 @@
+// The touched surface S'' of one tissue, fitted to the tissue after each job that cuts it
+// (match/conform.h), and how to go back. For operation.c only.
+#pragma once
+
+#include "cut/cut.h"
+#include "match/conform.h"
+
+struct fitting;
+
+// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it.
+struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh);
+void fitting_destroy(struct fitting **fitting); // NULL inside is fine
+
+vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''
+vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S'
+
+struct fitting_report {
+    double volume_mm3;  // inside S''
+    double left_mm3;    // by which S'' is larger than the target
+    double distance_mm; // from the new surface to S'', the largest of a few points
+};
+
+// The target has new surface: that of its cuts with numbers above `since`.
+void fitting_follow(struct fitting *fitting, const struct cut_mesh *target, uint32_t since,
+                    struct fitting_report *out_report);
+
+uint32_t fitting_count(const struct fitting *fitting); // how often it followed and stayed
+// As it was after so many.
+void fitting_go_back(struct fitting *fitting, uint32_t count);

@@ -1,0 +1,35 @@
+// One tissue as far as it is cut. For operation.c only.
+#pragma once
+
+#include "step/scene_parts.h"
+
+struct tissue_state {
+    struct cut_mesh *mesh;
+    uint32_t number;     // of its last cut
+    struct match *match; // blends; NULL where the touch is fitted, or the group has no S'_max
+    // Where the touch is fitted: the same cuts into the tissue without its tears. NULL: mesh is
+    // that.
+    struct cut_mesh *solid;
+    uint32_t solid_number;
+    struct quality *quality;
+    struct tissue_figures figures;
+};
+
+struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int rules,
+                                       uint32_t mesh_number);
+struct tissue_state tissue_state_copy(const struct tissue_state *state);
+void tissue_state_release(struct tissue_state *state);
+
+// What the touch is fitted to, and the number of its last cut.
+const struct cut_mesh *tissue_state_target(const struct tissue_state *state, uint32_t *out_number);
+
+// One move of a blade: the meshes and the quality, and by blends the touch. Sets the result's
+// outcome, change and error, and the touch of blends. The figures lack those of the resection.
+void tissue_state_cut(struct tissue_state *state, const struct scene_tissue *tissue,
+                      const struct blade_move *move, struct job_result *result);
+
+// By blends: how far the cut's new surface is from S''.
+double tissue_state_apart_mm(const struct tissue_state *state, const struct mesh *mesh,
+                             const struct cut_change *change);
+
+void touch_change_make_room(struct touch_change *touch, int width, uint32_t count);

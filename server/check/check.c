@@ -205,7 +205,7 @@ static bool is_first_key(const struct knee_case *knee, int key) {
 
 static void choose_poses(struct case_check *check, const struct knee_case *knee) {
     for (double f = 0; f <= FLEXION_MAX_DEG; f += check->settings.flexion_step_deg)
-        add_pose(check, ligaments_rest(knee, f));
+        add_pose(check, case_rest(knee, f));
     for (int i = 0; i < knee->key_count; i++) {
         if (check->settings.quick && !is_first_key(knee, i))
             continue;

@@ -2,7 +2,6 @@
 
 #include "base/check.h"
 #include "check/bounds.h"
-#include "check/ligaments.h"
 #include "check/parallel.h"
 
 #include <stdio.h>
@@ -93,7 +92,7 @@ static void prepare(void *context, int group) {
 }
 
 static pose body_pose(const struct knee_case *knee, enum body body, double flexion_deg) {
-    struct joint_angles joint = ligaments_rest(knee, flexion_deg);
+    struct joint_angles joint = case_rest(knee, flexion_deg);
     return body == BODY_FEMUR   ? pose_identity()
            : body == BODY_TIBIA ? joint_to_pose(&knee->joint, &joint)
                                 : case_patella_pose(knee, flexion_deg);

@@ -40,16 +40,6 @@ static void sort(struct joint_angles *keys, int count) {
         }
 }
 
-struct joint_angles ligaments_rest(const struct knee_case *knee, double flexion_deg) {
-    struct joint_angles keys[CASE_KEYS_MAX];
-    if (!knee->rest_count)
-        return (struct joint_angles){.flexion_deg = flexion_deg};
-    for (int i = 0; i < knee->rest_count; i++)
-        keys[i] = joint_from_pose(&knee->joint, knee->rest[i]);
-    sort(keys, knee->rest_count);
-    return between(keys, knee->rest_count, flexion_deg);
-}
-
 struct joint_angles ligaments_held(const struct knee_case *knee, int ligament, double flexion_deg) {
     struct joint_angles keys[CASE_KEYS_MAX];
     int count = 0;
@@ -124,7 +114,7 @@ double ligaments_gain(const struct scene *scene, enum adaptive_kind kind, int ke
     const struct knee_case *knee = scene_case(scene);
     struct joint_angles ends[2], joint;
     ends[1] = joint_from_pose(&knee->joint, knee->keys[key].physical);
-    ends[0] = ligaments_rest(knee, ends[1].flexion_deg);
+    ends[0] = case_rest(knee, ends[1].flexion_deg);
     vec3 held[2][LEVERS], further[2][LEVERS];
     double largest = 0;
     for (int n = 0; n <= GAIN_STEPS; n++) {

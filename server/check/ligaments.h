@@ -23,9 +23,6 @@ double ligaments_rest_mm(const struct scene *scene, enum adaptive_kind kind);
 // centre).
 double ligaments_gain(const struct scene *scene, enum adaptive_kind kind, int key);
 
-// The joint at rest: on the case's rest path, straight between its keys.
-struct joint_angles ligaments_rest(const struct knee_case *knee, double flexion_deg);
-
 // The joint with a ligament held against its end, over flexion: straight between its keys, constant
 // past them.
 struct joint_angles ligaments_held(const struct knee_case *knee, int ligament, double flexion_deg);

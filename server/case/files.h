@@ -1,9 +1,14 @@
 // Files of a case on the disk.
 #pragma once
 
-#include "base/result.h"
-
+#include <stddef.h>
 #include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "base/result.h"
 
 // A whole regular file of at most max_bytes; the size is checked before anything is allocated. The
 // caller frees *out_bytes. The error names the path.
@@ -21,3 +26,7 @@ struct named_bytes {
 // failure none of the old files has changed, unless a rename itself failed.
 enum result files_write(const char *dir, const struct named_bytes *files, int count,
                         struct error *err);
+
+#ifdef __cplusplus
+}
+#endif

@@ -10,129 +10,17 @@ float to_mm(float metres) {
     return (float)((double)metres * gltf_mm_per_m);
 }
 
-struct elements {
-    const unsigned char *first;
-    size_t stride, count;
-};
-
-const tinygltf::Accessor &find_accessor(const tinygltf::Model &model, int index,
-                                        const std::string &what) {
-    if (index < 0 || (size_t)index >= model.accessors.size())
-        throw gltf_refusal{RESULT_FORMAT, what + ": there is no such accessor"};
-    const tinygltf::Accessor &accessor = model.accessors[index];
-    if (accessor.sparse.isSparse)
-        throw gltf_refusal{RESULT_REFUSED, what + ": sparse accessors are not read here"};
-    if (accessor.normalized)
-        throw gltf_refusal{RESULT_REFUSED, what + ": normalised values are not read here"};
-    return accessor;
+gltf_elements locate_vectors(const tinygltf::Model &model, int index, const char *name) {
+    return gltf_locate_floats(model, index, TINYGLTF_TYPE_VEC3, name);
 }
 
-size_t component_size(const tinygltf::Accessor &accessor) {
-    return (size_t)tinygltf::GetComponentSizeInBytes((uint32_t)accessor.componentType);
-}
-
-size_t element_size(const tinygltf::Accessor &accessor) {
-    return component_size(accessor) *
-           (size_t)tinygltf::GetNumComponentsInType((uint32_t)accessor.type);
-}
-
-// The view lies within the buffer.
-void check_view(const tinygltf::Model &model, const tinygltf::BufferView &view,
-                const std::string &what) {
-    if (view.buffer != 0 || model.buffers.size() != 1)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view is in a missing buffer"};
-    const std::vector<unsigned char> &data = model.buffers[0].data;
-    if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view ends after the buffer"};
-    if (view.byteLength < 1)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view has no bytes"};
-    if (view.byteStride > 252 || view.byteStride > view.byteLength)
-        throw gltf_refusal{RESULT_FORMAT,
-                           what + ": stride of " + std::to_string(view.byteStride) + " bytes"};
-    if (view.byteStride && view.target == TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view is for indices but has a stride"};
-}
-
-// Every element of the accessor lies within its view, the view within the buffer.
-elements locate(const tinygltf::Model &model, const tinygltf::Accessor &accessor,
-                const std::string &what) {
-    if (accessor.bufferView < 0 || (size_t)accessor.bufferView >= model.bufferViews.size())
-        throw gltf_refusal{RESULT_FORMAT, what + ": there is no such buffer view"};
-    const tinygltf::BufferView &view = model.bufferViews[accessor.bufferView];
-    check_view(model, view, what);
-    size_t element = element_size(accessor);
-    size_t stride = view.byteStride ? view.byteStride : element;
-    if (stride < element)
-        throw gltf_refusal{RESULT_FORMAT,
-                           what + ": stride of " + std::to_string(stride) + " bytes"};
-    if (accessor.count < 1 || accessor.byteOffset > view.byteLength ||
-        view.byteLength - accessor.byteOffset < element ||
-        accessor.count - 1 > (view.byteLength - accessor.byteOffset - element) / stride)
-        throw gltf_refusal{RESULT_FORMAT, what + ": " + std::to_string(accessor.count) +
-                                              " elements do not fit into its view"};
-    if (accessor.byteOffset % component_size(accessor) != 0 ||
-        view.byteOffset % component_size(accessor) != 0)
-        throw gltf_refusal{RESULT_FORMAT, what + ": it does not start where its numbers may"};
-    const std::vector<unsigned char> &data = model.buffers[0].data;
-    return {data.data() + view.byteOffset + accessor.byteOffset, stride, accessor.count};
-}
-
-std::string accessor_name(const char *what, int index) {
-    return std::string(what) + " (accessor " + std::to_string(index) + ")";
-}
-
-elements locate_floats(const tinygltf::Model &model, int index, int type, const char *name) {
-    std::string what = accessor_name(name, index);
-    const tinygltf::Accessor &accessor = find_accessor(model, index, what);
-    if (accessor.type != type || accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
-        throw gltf_refusal{RESULT_REFUSED,
-                           what + (type == TINYGLTF_TYPE_VEC3 ? ": not vectors of three floats"
-                                                              : ": not single floats")};
-    return locate(model, accessor, what);
-}
-
-elements locate_vectors(const tinygltf::Model &model, int index, const char *name) {
-    return locate_floats(model, index, TINYGLTF_TYPE_VEC3, name);
-}
-
-std::vector<float> read_vectors(const elements &from) {
+std::vector<float> read_vectors(const gltf_elements &from) {
     std::vector<float> values(3 * from.count);
     for (size_t i = 0; i < from.count; i++) {
         float metres[3];
         memcpy(metres, from.first + i * from.stride, sizeof metres);
         for (size_t axis = 0; axis < 3; axis++)
             values[3 * i + axis] = to_mm(metres[axis]);
-    }
-    return values;
-}
-
-std::vector<uint32_t> read_indices(const tinygltf::Model &model, int index,
-                                   uint32_t triangles_max) {
-    std::string what = accessor_name("indices", index);
-    const tinygltf::Accessor &accessor = find_accessor(model, index, what);
-    bool wide = accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
-    if (accessor.type != TINYGLTF_TYPE_SCALAR ||
-        (!wide && accessor.componentType != TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT))
-        throw gltf_refusal{RESULT_REFUSED, what + ": not unsigned integers of 16 or 32 bits"};
-    elements from = locate(model, accessor, what);
-    if (model.bufferViews[accessor.bufferView].byteStride)
-        throw gltf_refusal{RESULT_FORMAT, what + ": its view has a stride"};
-    if (from.count % 3 != 0)
-        throw gltf_refusal{RESULT_FORMAT,
-                           what + ": " + std::to_string(from.count) + " are not whole triangles"};
-    if (from.count / 3 > triangles_max)
-        throw gltf_refusal{RESULT_LIMIT, what + ": " + std::to_string(from.count / 3) +
-                                             " triangles, more than " +
-                                             std::to_string(triangles_max)};
-    std::vector<uint32_t> values(from.count);
-    for (size_t i = 0; i < from.count; i++) {
-        uint16_t narrow = 0;
-        if (wide)
-            memcpy(&values[i], from.first + i * from.stride, 4);
-        else {
-            memcpy(&narrow, from.first + i * from.stride, 2);
-            values[i] = narrow;
-        }
     }
     return values;
 }
@@ -156,7 +44,7 @@ void read_target(const tinygltf::Model &model, const std::map<std::string, int> 
     auto position = target.find("POSITION");
     if (position == target.end())
         throw gltf_refusal{RESULT_FORMAT, "morph target " + name + ": no POSITION"};
-    elements from = locate_vectors(model, position->second, ("morph target " + name).c_str());
+    gltf_elements from = locate_vectors(model, position->second, ("morph target " + name).c_str());
     if (from.count != node.view.vertex_count)
         throw gltf_refusal{RESULT_FORMAT, "morph target " + name + " (accessor " +
                                               std::to_string(position->second) +
@@ -180,9 +68,9 @@ void read_targets(const tinygltf::Model &model, const tinygltf::Mesh &mesh, load
 }
 
 void read_other_share(const tinygltf::Model &model, int index, loaded_node &node) {
-    elements from = locate_floats(model, index, TINYGLTF_TYPE_SCALAR, gltf_other_share);
+    gltf_elements from = gltf_locate_floats(model, index, TINYGLTF_TYPE_SCALAR, gltf_other_share);
     if (from.count != node.view.vertex_count)
-        throw gltf_refusal{RESULT_FORMAT, accessor_name(gltf_other_share, index) + ": " +
+        throw gltf_refusal{RESULT_FORMAT, gltf_accessor_name(gltf_other_share, index) + ": " +
                                               std::to_string(from.count) + " shares for " +
                                               std::to_string(node.view.vertex_count) + " vertices"};
     node.other_share.resize(from.count);
@@ -221,11 +109,11 @@ void read_node(const tinygltf::Model &model, const tinygltf::Node &from, uint32_
         throw gltf_refusal{RESULT_FORMAT, "there is no mesh " + std::to_string(from.mesh)};
     const tinygltf::Mesh &mesh = model.meshes[from.mesh];
     const tinygltf::Primitive &primitive = only_primitive(mesh);
-    node.triangles = read_indices(model, primitive.indices, triangles_max);
+    node.triangles = gltf_read_indices(model, primitive.indices, triangles_max);
     int index = primitive.attributes.at("POSITION");
-    elements positions = locate_vectors(model, index, "POSITION");
+    gltf_elements positions = locate_vectors(model, index, "POSITION");
     if (positions.count > 3 * (uint64_t)triangles_max || positions.count > UINT32_MAX / 3)
-        throw gltf_refusal{RESULT_LIMIT, accessor_name("POSITION", index) + ": " +
+        throw gltf_refusal{RESULT_LIMIT, gltf_accessor_name("POSITION", index) + ": " +
                                              std::to_string(positions.count) +
                                              " vertices are too many"};
     node.positions = read_vectors(positions);
@@ -243,39 +131,6 @@ void publish(loaded_node &node) {
     node.view.warp = node.warp.empty() ? nullptr : node.warp.data();
     node.view.maxcut = node.maxcut.empty() ? nullptr : node.maxcut.data();
     node.view.other_share = node.other_share.empty() ? nullptr : node.other_share.data();
-}
-
-std::string first_line(const std::string &text) {
-    return text.substr(0, std::min<size_t>(text.find('\n'), 200));
-}
-
-void load_model(const uint8_t *bytes, size_t size, tinygltf::Model &model) {
-    tinygltf::TinyGLTF loader;
-    std::string error, warning;
-    if (!loader.LoadBinaryFromMemory(&model, &error, &warning, bytes, (unsigned)size) ||
-        !error.empty())
-        throw gltf_refusal{RESULT_FORMAT,
-                           error.empty() ? "not readable as glTF" : first_line(error)};
-}
-
-// What no mesh uses must be sound too: a file that is broken there was not written with care.
-void check_the_rest(const tinygltf::Model &model) {
-    for (size_t i = 0; i < model.bufferViews.size(); i++)
-        check_view(model, model.bufferViews[i], "bufferViews[" + std::to_string(i) + "]");
-    for (size_t i = 0; i < model.accessors.size(); i++) {
-        const tinygltf::Accessor &accessor = model.accessors[i];
-        std::string what = "accessors[" + std::to_string(i) + "]";
-        if (accessor.bufferView >= 0)
-            locate(model, accessor, what);
-        else if (accessor.byteOffset)
-            throw gltf_refusal{RESULT_FORMAT, what + ": an offset without a buffer view"};
-        if (accessor.normalized && (accessor.componentType == TINYGLTF_COMPONENT_TYPE_FLOAT ||
-                                    accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT))
-            throw gltf_refusal{RESULT_FORMAT, what + ": such numbers cannot be normalised"};
-        if (accessor.sparse.isSparse &&
-            (accessor.sparse.count < 1 || (size_t)accessor.sparse.count > accessor.count))
-            throw gltf_refusal{RESULT_FORMAT, what + ": sparse.count is out of range"};
-    }
 }
 
 // A mesh for two nodes would cost memory that the file's size does not bound.
@@ -308,7 +163,7 @@ struct gltf {
 
 static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits, gltf &out) {
     tinygltf::Model model;
-    load_model(bytes, size, model);
+    gltf_load_model(bytes, size, model);
     size_t budget = size;
     for (size_t index : nodes_with_mesh(model, limits.nodes)) {
         const tinygltf::Node &from = model.nodes[index];
@@ -332,7 +187,7 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
         budget -= used;
         out.nodes.push_back(std::move(node));
     }
-    check_the_rest(model);
+    gltf_check_the_rest(model);
     for (loaded_node &node : out.nodes)
         publish(node);
 }

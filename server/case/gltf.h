@@ -9,6 +9,7 @@
 // read or not. Files are in metres, memory in millimetres.
 #pragma once
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -55,6 +56,10 @@ enum result gltf_encode(const struct gltf_node *nodes, uint32_t count, uint8_t *
 // past its end, copies it for each listed buffer, takes images from unchecked views, recurses
 // without bound, and takes a negative offset as 0.
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err);
+
+// The same of a text file, whose buffer is a data: URI in it.
+enum result gltf_check_text(const uint8_t *bytes, size_t size, struct error *err);
+bool gltf_is_binary(const uint8_t *bytes, size_t size);
 
 #ifdef __cplusplus
 }

@@ -31,19 +31,21 @@ static enum result read_chunk(struct reader *r, uint32_t type, const char *name,
     return RESULT_OK;
 }
 
+// bin: NULL in a text file, which bounds the data that it holds.
 static enum result check_buffers(const json_t *root, const struct chunk *bin, struct error *err) {
     const json_t *buffers = json_object_get(root, "buffers");
     if (json_array_size(buffers) != 1)
         return fail(err, RESULT_FORMAT, "buffers: %zu where one is needed",
                     json_array_size(buffers));
     const json_t *buffer = json_array_get(buffers, 0);
-    if (json_object_get(buffer, "uri"))
+    const char *uri = json_string_value(json_object_get(buffer, "uri"));
+    if (bin ? json_object_get(buffer, "uri") != NULL : !uri || strncmp(uri, "data:", 5) != 0)
         return fail(err, RESULT_REFUSED, "buffers[0].uri: the data must be inside the file");
     const json_t *length = json_object_get(buffer, "byteLength");
     if (!json_is_integer(length) || json_integer_value(length) < 1 ||
-        json_integer_value(length) > (json_int_t)bin->size)
-        return fail(err, RESULT_FORMAT, "buffers[0].byteLength is not within the BIN chunk's %u",
-                    bin->size);
+        json_integer_value(length) > (json_int_t)(bin ? bin->size : strlen(uri)))
+        return fail(err, RESULT_FORMAT, "buffers[0].byteLength is not within the %s's %zu",
+                    bin ? "BIN chunk" : "URI", bin ? (size_t)bin->size : strlen(uri));
     return RESULT_OK;
 }
 
@@ -98,7 +100,7 @@ static enum result check_root(const json_t *root, const struct chunk *bin, struc
                     name ? name : "(unnamed)");
     }
     if (json_object_get(root, "images"))
-        return fail(err, RESULT_REFUSED, "images: an anatomy has no images");
+        return fail(err, RESULT_REFUSED, "images: they are not read here");
     enum result result = check_asset(root, err);
     if (result == RESULT_OK)
         result = check_lists(root, err);
@@ -124,6 +126,25 @@ static enum result check_further_chunks(struct reader *r, struct error *err) {
     return RESULT_OK;
 }
 
+bool gltf_is_binary(const uint8_t *bytes, size_t size) {
+    return size >= 4 && memcmp(bytes, "glTF", 4) == 0;
+}
+
+static enum result check_json(const uint8_t *text, size_t size, const struct chunk *bin,
+                              struct error *err) {
+    json_error_t where;
+    json_t *root = json_loadb((const char *)text, size, JSON_REJECT_DUPLICATES, &where);
+    if (!root)
+        return fail(err, RESULT_FORMAT, "JSON chunk, byte %d: %s", where.position, where.text);
+    enum result result = check_root(root, bin, err);
+    json_decref(root);
+    return result;
+}
+
+enum result gltf_check_text(const uint8_t *bytes, size_t size, struct error *err) {
+    return check_json(bytes, size, NULL, err);
+}
+
 enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error *err) {
     struct reader r = {.data = bytes, .size = size};
     uint32_t magic = read_u32(&r), version = read_u32(&r), length = read_u32(&r);
@@ -144,11 +165,5 @@ enum result gltf_check_envelope(const uint8_t *bytes, size_t size, struct error 
     if (text.size > JSON_BYTES_MAX)
         return fail(err, RESULT_LIMIT, "the JSON chunk has %u bytes, more than %zu", text.size,
                     JSON_BYTES_MAX);
-    json_error_t where;
-    json_t *root = json_loadb((const char *)text.data, text.size, JSON_REJECT_DUPLICATES, &where);
-    if (!root)
-        return fail(err, RESULT_FORMAT, "JSON chunk, byte %d: %s", where.position, where.text);
-    result = check_root(root, &bin, err);
-    json_decref(root);
-    return result;
+    return check_json(text.data, text.size, &bin, err);
 }

@@ -296,8 +296,8 @@ enum result import_claim_of(const char *path, uint32_t points_max, struct import
     if (dot && strcasecmp(dot, ".vtp") == 0)
         return fail(err, RESULT_FORMAT, "%s: XML PolyData is not read; save it as legacy .vtk",
                     path);
-    return fail(err, RESULT_FORMAT, "%s: its name ends neither in .ply, .obj, .stl, .off nor .vtk",
-                path);
+    return fail(err, RESULT_FORMAT,
+                "%s: its name ends neither in .ply, .obj, .stl, .off, .vtk, .glb nor .gltf", path);
 }
 
 void import_claim_fini(struct import_claim *claim) {

@@ -23,7 +23,7 @@ struct import_source {
 // Of a mesh's area: components with less are taken for islands of a segmentation.
 #define IMPORT_ISLAND_SHARE 0.02
 
-// Reads a PLY, OBJ, STL, OFF or VTK file (import/reader.h) that is not over the limits. The caller
+// Reads a PLY, OBJ, STL, OFF, VTK or glTF file (import/reader.h) that is not over the limits. The caller
 // releases *out_arrays with import_arrays_fini.
 enum result import_read(const char *path, const struct case_limits *limits,
                         struct import_arrays *out_arrays, struct error *err);

@@ -1,5 +1,7 @@
 #include "import/reader.h"
 
+#include "case/files.h"
+#include "case/gltf_scene.h"
 #include "import/claim.h"
 #include "import/vtk.h"
 
@@ -232,6 +234,34 @@ void find_space(const char *path, char out_space[4]) {
     }
 }
 
+enum result read_gltf(const char *path, uint32_t triangles_max, import_arrays &out,
+                      struct error *err) {
+    uint8_t *bytes = nullptr;
+    size_t size;
+    gltf_scene scene;
+    enum result result = files_read(path, UINT32_MAX, &bytes, &size, err);
+    if (result != RESULT_OK)
+        return result;
+    result = gltf_read_scene(bytes, size, triangles_max, &scene, err);
+    free(bytes);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "%s: ", path);
+    collector all(triangles_max);
+    all.positions.assign(scene.positions, scene.positions + 3 * (size_t)scene.vertex_count);
+    for (uint32_t t = 0; t < scene.triangle_count; t++) {
+        const uint32_t *v = scene.triangles + 3 * (size_t)t;
+        all.add_face({VertexHandle((int)v[0]), VertexHandle((int)v[1]), VertexHandle((int)v[2])});
+    }
+    free(scene.positions);
+    free(scene.triangles);
+    return hand_over(path, all, out, err);
+}
+
+bool ends_in(const char *path, const char *ending) {
+    const char *dot = strrchr(path, '.');
+    return dot && strcasecmp(dot, ending) == 0;
+}
+
 struct claim_holder {
     import_claim claim = {};
     ~claim_holder() {
@@ -267,10 +297,12 @@ enum result import_reader_read(const char *path, uint32_t triangles_max,
     *out_arrays = {};
     enum result result;
     try {
-        const char *dot = strrchr(path, '.');
-        result = dot && strcasecmp(dot, ".vtk") == 0
-                     ? vtk_read(path, triangles_max, out_arrays, err)
-                     : read_with_openmesh(path, triangles_max, *out_arrays, err);
+        if (ends_in(path, ".vtk"))
+            result = vtk_read(path, triangles_max, out_arrays, err);
+        else if (ends_in(path, ".glb") || ends_in(path, ".gltf"))
+            result = read_gltf(path, triangles_max, *out_arrays, err);
+        else
+            result = read_with_openmesh(path, triangles_max, *out_arrays, err);
     } catch (const std::exception &why) {
         result = fail(err, RESULT_FORMAT, "%s: not readable: %s", path, why.what());
     }

@@ -1,6 +1,6 @@
-// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header), and VTK
-// PolyData (vtk.h). Coordinates are those of the file in double precision: text, and binary files
-// of doubles.
+// Surface files to arrays: PLY, OBJ, STL and OFF (OpenMesh's readers behind this header), VTK
+// PolyData (vtk.h), and scenes of glTF (case/gltf_scene.h), whose unit is the metre. Coordinates
+// are those of the file in double precision: text, and binary files of doubles.
 #pragma once
 
 #include <stdint.h>

@@ -16,8 +16,8 @@
 static const char help[] =
     "Usage: arthron-case import --name NAME --group NAME=FILE[@T]... --out DIR [OPTION...]\n"
     "\n"
-    "Makes a case from meshes (PLY, OBJ, STL, OFF, VTK). tibia and femur are needed. Unit, axes\n"
-    "and side are judged from the whole knee. The import says how sure it is, and from what.\n"
+    "Makes a case from meshes (PLY, OBJ, STL, OFF, VTK, glTF). tibia and femur are needed. Unit,\n"
+    "axes and side are judged from the whole knee. The import says how sure it is, and from what.\n"
     "The centre of the joint becomes the origin of the case; `arthron-case info` shows\n"
     "T_case_scan, the transform from the scan.\n"
     "\n"

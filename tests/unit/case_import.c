@@ -52,10 +52,10 @@ static void write_binary_stl(const char *name) {
 
 static void each_format_gives_the_same_closed_mesh(void **state) {
     (void)state;
-    write_text("t.ply", tetra_ply);
-    write_text("t.off", tetra_off);
-    write_text("t.obj", tetra_obj);
-    write_text("t.STL", tetra_stl);
+    write_text_file("t.ply", tetra_ply);
+    write_text_file("t.off", tetra_off);
+    write_text_file("t.obj", tetra_obj);
+    write_text_file("t.STL", tetra_stl);
     write_binary_stl("b.stl");
     assert_tetra("t.ply");
     assert_tetra("t.off");
@@ -66,7 +66,7 @@ static void each_format_gives_the_same_closed_mesh(void **state) {
 
 static void unit_and_frame_of_a_file_are_applied(void **state) {
     (void)state;
-    write_text("t.ply", tetra_ply);
+    write_text_file("t.ply", tetra_ply);
     struct random r = {3};
     struct import_source source = {.mm_per_unit = 10, .T_common_file = random_pose(&r, 50)};
     struct mesh mesh;
@@ -81,8 +81,8 @@ static void unit_and_frame_of_a_file_are_applied(void **state) {
 
 static void a_closed_mesh_that_is_inside_out_is_turned(void **state) {
     (void)state;
-    write_text("t.off",
-               "OFF\n4 4 0\n0 0 0\n1 0 0\n0 2 0\n0 0 3\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n");
+    write_text_file("t.off",
+                    "OFF\n4 4 0\n0 0 0\n1 0 0\n0 2 0\n0 0 3\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n");
     struct mesh mesh;
     struct repair_report report;
     assert_int_equal(read_mesh("t.off", as_it_is, &mesh, &report), RESULT_OK);
@@ -93,7 +93,7 @@ static void a_closed_mesh_that_is_inside_out_is_turned(void **state) {
 
 static void polygons_become_triangles_and_degenerate_ones_are_counted(void **state) {
     (void)state;
-    write_text("p.off", "OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 2 2\n4 0 1 2 3\n3 0 1 0\n");
+    write_text_file("p.off", "OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 2 2\n4 0 1 2 3\n3 0 1 0\n");
     struct mesh mesh;
     struct repair_report report;
     assert_int_equal(read_mesh("p.off", as_it_is, &mesh, &report), RESULT_OK);
@@ -105,16 +105,17 @@ static void polygons_become_triangles_and_degenerate_ones_are_counted(void **sta
 
 static void colours_of_an_off_file_are_passed_over(void **state) {
     (void)state;
-    write_text("c.off", "COFF\n4 4 0\n0 0 0 255 0 0\n1 0 0 255 0 0\n0 2 0 255 0 0\n0 0 3 255 0 0\n"
-                        "3 0 2 1 255 0 0\n3 0 1 3 0 255 0 255\n3 1 2 3 7\n3 0 3 2\n");
+    write_text_file("c.off",
+                    "COFF\n4 4 0\n0 0 0 255 0 0\n1 0 0 255 0 0\n0 2 0 255 0 0\n0 0 3 255 0 0\n"
+                    "3 0 2 1 255 0 0\n3 0 1 3 0 255 0 255\n3 1 2 3 7\n3 0 3 2\n");
     assert_tetra("c.off");
 }
 
 // Three triangles on one edge: an importer that builds half-edges would split or drop one.
 static void what_is_not_manifold_stays_as_it_is(void **state) {
     (void)state;
-    write_text("n.off",
-               "OFF\n5 3 0\n0 0 0\n0 0 1\n1 0 0\n0 1 0\n-1 0 0\n3 0 1 2\n3 0 1 3\n3 0 1 4\n");
+    write_text_file("n.off",
+                    "OFF\n5 3 0\n0 0 0\n0 0 1\n1 0 0\n0 1 0\n-1 0 0\n3 0 1 2\n3 0 1 3\n3 0 1 4\n");
     struct mesh mesh;
     struct repair_report report;
     assert_int_equal(read_mesh("n.off", as_it_is, &mesh, &report), RESULT_OK);
@@ -147,7 +148,7 @@ static void a_bad_file_is_refused_by_name(void **state) {
         {"mesh", "v 0 0 0\n"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        write_text(rows[i].name, rows[i].text);
+        write_text_file(rows[i].name, rows[i].text);
         struct mesh mesh;
         struct repair_report report;
         if (read_mesh(rows[i].name, as_it_is, &mesh, &report) == RESULT_OK)
@@ -204,7 +205,7 @@ static void numbers_with_exponents_of_three_digits_are_read(void **state) {
     }
     strcat(text, "endsolid t\n");
     assert_non_null(strstr(text, "3.000000000e+000"));
-    write_text("t.stl", text);
+    write_text_file("t.stl", text);
     assert_tetra("t.stl");
 }
 
@@ -311,7 +312,7 @@ static void what_the_reader_misreads_is_refused_by_name(void **state) {
         {"continued.obj", "v 0 0 0\nv 1 0 \\\n0\nv 0 1 0\nf 1 2 3\n", "line 2: continued"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        write_text(rows[i].name, rows[i].text);
+        write_text_file(rows[i].name, rows[i].text);
         struct mesh mesh;
         struct repair_report report;
         if (read_mesh(rows[i].name, as_it_is, &mesh, &report) == RESULT_OK)
@@ -347,10 +348,11 @@ static void a_binary_stl_whose_bytes_do_not_fit_is_refused(void **state) {
 
 static void a_stl_in_metres_is_welded_and_its_thin_facets_are_counted(void **state) {
     (void)state;
-    write_text("t.stl", "solid t\n" FACET_LOOP
-                        "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n" FACET_END FACET_LOOP
-                        "vertex 1.0000005 0 0\nvertex 1 1 0\nvertex 0 1 0\n" FACET_END FACET_LOOP
-                        "vertex 0 0 0\nvertex 0 0 0\nvertex 0 1 0\n" FACET_END "endsolid t\n");
+    write_text_file("t.stl",
+                    "solid t\n" FACET_LOOP
+                    "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n" FACET_END FACET_LOOP
+                    "vertex 1.0000005 0 0\nvertex 1 1 0\nvertex 0 1 0\n" FACET_END FACET_LOOP
+                    "vertex 0 0 0\nvertex 0 0 0\nvertex 0 1 0\n" FACET_END "endsolid t\n");
     struct import_source metres = as_it_is;
     metres.mm_per_unit = 1000;
     struct mesh mesh;
@@ -365,7 +367,7 @@ static void a_stl_in_metres_is_welded_and_its_thin_facets_are_counted(void **sta
 
 static void limits_hold_for_a_file_and_its_triangles(void **state) {
     (void)state;
-    write_text("t.off", tetra_off);
+    write_text_file("t.off", tetra_off);
     char path[300];
     snprintf(path, sizeof path, "%s/t.off", folder);
     struct import_source source = as_it_is;

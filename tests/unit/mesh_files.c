@@ -20,7 +20,7 @@ int mesh_folder_remove(void **state) {
     return 0;
 }
 
-void write_text(const char *name, const char *text) {
+void write_text_file(const char *name, const char *text) {
     write_file(folder, name, text, strlen(text));
 }
 

@@ -10,7 +10,7 @@ extern char folder[FOLDER_MAX];
 int mesh_folder_make(void **state); // before and after each test
 int mesh_folder_remove(void **state);
 
-void write_text(const char *name, const char *text);
+void write_text_file(const char *name, const char *text);
 
 // In millimetres and the case's frame.
 extern const struct import_source as_it_is;

@@ -35,8 +35,8 @@ static void assert_tetra(const char *name) {
 
 static void text_of_both_forms_is_read(void **state) {
     (void)state;
-    write_text("t.vtk", tetra_vtk);
-    write_text("t5.VTK", tetra_vtk_5);
+    write_text_file("t.vtk", tetra_vtk);
+    write_text_file("t5.VTK", tetra_vtk_5);
     assert_tetra("t.vtk");
     assert_tetra("t5.VTK");
 }
@@ -133,7 +133,7 @@ static void a_file_at_fault_is_refused_with_what(void **state) {
         {VTK("3.0", "ASCII") "POINTS 3 bit\n0 0 0\n", "a count and a type"},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        write_text("bad.vtk", rows[i].text);
+        write_text_file("bad.vtk", rows[i].text);
         struct mesh mesh;
         struct repair_report report;
         if (read_mesh("bad.vtk", as_it_is, &mesh, &report) == RESULT_OK)

@@ -97,7 +97,7 @@ enum result scene_adaptive(const struct knee_case *knee, enum adaptive_kind kind
     return result;
 }
 
-void scene_correct(const struct scene *scene, enum adaptive_kind kind,
+void scene_correct(const struct scene *scene, enum adaptive_kind kind, enum adaptive_ramp ramp,
                    const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
                    pose out_correction[BODY_COUNT]) {
     for (int i = 0; i < BODY_COUNT; i++)
@@ -108,7 +108,7 @@ void scene_correct(const struct scene *scene, enum adaptive_kind kind,
         return;
     pose T_frame_femur = T_frame_body[BODY_FEMUR], T_femur_frame = pose_inverse(T_frame_femur);
     pose T_femur_tibia = pose_compose(T_femur_frame, T_frame_body[BODY_TIBIA]);
-    adaptive_at(scene->adaptive[kind], T_femur_tibia, out_adaptive);
+    adaptive_at(scene->adaptive[kind], ramp, T_femur_tibia, out_adaptive);
     out_correction[BODY_TIBIA] =
         pose_compose(T_frame_femur, pose_compose(out_adaptive->correction, T_femur_frame));
 }
@@ -118,7 +118,8 @@ void scene_stand(const struct scene *scene, enum adaptive_kind kind,
     out->T_femur_body[BODY_FEMUR] = pose_identity();
     out->T_femur_body[BODY_TIBIA] = joint_to_pose(&scene->knee->joint, joint);
     out->T_femur_body[BODY_PATELLA] = case_patella_pose(scene->knee, joint->flexion_deg);
-    scene_correct(scene, kind, out->T_femur_body, &out->adaptive, out->correction);
+    scene_correct(scene, kind, ADAPTIVE_RAMP_STRAIGHT, out->T_femur_body, &out->adaptive,
+                  out->correction);
     out->warp = (struct warp_scene){scene->surfaces, scene->knee->group_count, out->T_femur_body,
                                     out->correction};
 }

@@ -33,6 +33,6 @@ struct scene {
 
 // The corrections M of all bodies, in the frame of T_frame_body. The tibia's follows from its pose
 // relative to the femur; the others are the identity.
-void scene_correct(const struct scene *scene, enum adaptive_kind kind,
+void scene_correct(const struct scene *scene, enum adaptive_kind kind, enum adaptive_ramp ramp,
                    const pose T_frame_body[BODY_COUNT], struct adaptive_warp *out_adaptive,
                    pose out_correction[BODY_COUNT]);

@@ -262,7 +262,8 @@ static void place_tibia(const struct session *s, struct session_output *out) {
 // The corrections are kept: instruments need them.
 static void correct_bones(struct session *s, struct session_output *out) {
     struct adaptive_warp adaptive;
-    scene_correct(s->scene, s->settings.adaptive, out->T_mockup_body, &adaptive, s->correction);
+    scene_correct(s->scene, s->settings.adaptive, settings_ramp(&s->settings), out->T_mockup_body,
+                  &adaptive, s->correction);
     memcpy(out->T_mockup_virtual, out->T_mockup_body, sizeof out->T_mockup_virtual);
     if (s->scene->knee->torn_count)
         out->T_mockup_virtual[BODY_TIBIA] =

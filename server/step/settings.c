@@ -39,3 +39,8 @@ struct session_settings session_settings_default(void) {
     }
     return settings;
 }
+
+enum adaptive_ramp settings_ramp(const struct session_settings *settings) {
+    return settings->rules >= RULES_WITH_STRAIGHT_RAMP ? ADAPTIVE_RAMP_STRAIGHT
+                                                       : ADAPTIVE_RAMP_CUBIC;
+}

@@ -22,10 +22,12 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      paused session shows its instruments.
 //   3  After a cut the touched surface is fitted to the cut mesh, with an offset for each vertex
 //      (match/conform.h). Before, it had a blend for each vertex (match/match.h).
-#define RULES_NEWEST 3
+//   4  Torn ligaments open along a straighter ramp (warp/adaptive.h).
+#define RULES_NEWEST 4
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
+#define RULES_WITH_STRAIGHT_RAMP 4
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST
@@ -43,3 +45,6 @@ struct session_settings {
 // The newest rules; inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
 // straight instruments with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
+
+// Of torn ligaments, by the rules.
+enum adaptive_ramp settings_ramp(const struct session_settings *settings);

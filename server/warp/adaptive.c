@@ -273,12 +273,17 @@ void adaptive_destroy(struct adaptive **adaptive) {
 
 // ---- the present pose ----
 
-static double eased(double s) {
+static double eased(enum adaptive_ramp ramp, double s) {
     double t = fmax(0, fmin(1, s));
-    return t * t * (3 - 2 * t);
+    if (ramp == ADAPTIVE_RAMP_CUBIC)
+        return t * t * (3 - 2 * t);
+    if (t < 0.2)
+        return 3.125 * t * t;
+    return t > 0.8 ? 1 - 3.125 * (1 - t) * (1 - t) : 0.5 + 1.25 * (t - 0.5);
 }
 
-static twist hinge(const struct adaptive *a, pose A, struct adaptive_warp *warp) {
+static twist hinge(const struct adaptive *a, enum adaptive_ramp ramp, pose A,
+                   struct adaptive_warp *warp) {
     twist e = motion_between(&a->joint, rest_pose(a, warp->flexion_deg), A), sum = {0};
     for (int i = 0; i < ADAPTIVE_LIGAMENTS_MAX; i++) {
         const struct ligament_curves *ligament = &a->ligaments[i];
@@ -287,7 +292,7 @@ static twist hinge(const struct adaptive *a, pose A, struct adaptive_warp *warp)
         twist o = twist_at(&ligament->direction, warp->flexion_deg);
         twist u = twist_at(&ligament->own, warp->flexion_deg);
         warp->opening[i] = product(u, e) / product(u, o);
-        warp->share[i] = eased(warp->opening[i]);
+        warp->share[i] = eased(ramp, warp->opening[i]);
         sum = scaled_sum(sum, warp->share[i], twist_at(&ligament->extra, warp->flexion_deg));
     }
     return sum;
@@ -306,10 +311,11 @@ static twist paper(const struct adaptive *a, pose A, struct adaptive_warp *warp)
     return sum;
 }
 
-void adaptive_at(const struct adaptive *a, pose T_femur_tibia, struct adaptive_warp *out_warp) {
+void adaptive_at(const struct adaptive *a, enum adaptive_ramp ramp, pose T_femur_tibia,
+                 struct adaptive_warp *out_warp) {
     pose A = unit(T_femur_tibia);
     *out_warp = (struct adaptive_warp){.flexion_deg = joint_from_pose(&a->joint, A).flexion_deg};
-    twist sum = a->kind == ADAPTIVE_HINGE ? hinge(a, A, out_warp) : paper(a, A, out_warp);
+    twist sum = a->kind == ADAPTIVE_HINGE ? hinge(a, ramp, A, out_warp) : paper(a, A, out_warp);
     out_warp->correction = correction_of(&a->joint, A, sum);
 }
 
@@ -317,7 +323,7 @@ enum result adaptive_check(const struct adaptive *a, struct error *error) {
     for (int i = 0; i < a->key_count; i++) {
         const struct adaptive_key *key = &a->keys[i].given;
         struct adaptive_warp warp;
-        adaptive_at(a, key->T_femur_tibia, &warp);
+        adaptive_at(a, ADAPTIVE_RAMP_STRAIGHT, key->T_femur_tibia, &warp);
         pose seen = pose_compose(warp.correction, key->T_femur_tibia);
         twist miss = motion_between(&a->joint, key->target, seen);
         double degrees = vec3_length(miss.rotation) * DEG_PER_RAD;

@@ -10,7 +10,8 @@
 //     e     = log(A_r(f)⁻¹ A)         from the rest path A_r at the flexion f to the present pose
 //     o_i   = e in a key pose of ligament i,    ξ_i = log(A⁻¹ A') there: the extra motion
 //     s_i   = ⟨u_i, e⟩ / ⟨u_i, o_i⟩   ⟨ ⟩: rotations (rad), and translations over 57 mm
-//     h(s)  = s² (3 − 2s), 0 for s <= 0, 1 for s >= 1
+//     h(s)  = (25/8) s² for 0 <= s <= 1/5, straight with the slope 5/4 to s = 4/5,
+//             1 − (25/8) (1 − s)² from there to 1; 0 for s <= 0, 1 for s >= 1
 //     M     = A exp(Σ h(s_i) ξ_i) A⁻¹
 //
 // u_i is o_i without what it has in common with the other ligaments: of the directions that no key
@@ -35,6 +36,10 @@ enum adaptive_kind {
     ADAPTIVE_PAPER_NARROW, // σ = ∠(rest pose at the key's flexion, A_key): with one key, a spike
     ADAPTIVE_COUNT
 };
+
+// h above, or what sessions up to rules 3 had (step/settings.h): s² (3 − 2s), up to 3/2 steep. In
+// `paper` neither.
+enum adaptive_ramp { ADAPTIVE_RAMP_STRAIGHT, ADAPTIVE_RAMP_CUBIC };
 
 const char *adaptive_name(enum adaptive_kind kind); // "hinge", "paper", "paper-narrow"
 bool adaptive_from_name(const char *name, enum adaptive_kind *out_kind);
@@ -74,7 +79,7 @@ struct adaptive_warp {
 };
 
 // T_femur_tibia: valid. Allocates nothing; the same arguments give the same bits.
-void adaptive_at(const struct adaptive *adaptive, pose T_femur_tibia,
+void adaptive_at(const struct adaptive *adaptive, enum adaptive_ramp ramp, pose T_femur_tibia,
                  struct adaptive_warp *out_warp);
 
 // RESULT_INVALID, naming the key, where the tibia of a key pose appears elsewhere than in its

@@ -154,7 +154,7 @@ static void place_bones(struct touch *touch) {
     struct adaptive_warp warp;
     make_torn(touch->fig, ADAPTIVE_HINGE, sets[THREE_KEYS].count, &torn);
     pose A = torn_pose(&torn, joint_at(touch->fig, SHOWN_DEG, PHYSICAL_DEG));
-    adaptive_at(torn.adaptive, A, &warp);
+    adaptive_at(torn.adaptive, ADAPTIVE_RAMP_STRAIGHT, A, &warp);
     touch->T_world_body[BODY_FEMUR] = pose_identity();
     touch->T_world_body[BODY_TIBIA] = A;
     touch->T_world_body[BODY_PATELLA] = case_patella_pose(touch->fig->knee, SHOWN_DEG);

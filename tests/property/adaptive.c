@@ -15,7 +15,7 @@ static void assert_no_extra(struct joint_angles extra, double tolerance) {
 
 static void assert_only_its_own_opens(const struct torn *knee, const struct adaptive_key *key) {
     struct adaptive_warp warp;
-    adaptive_at(knee->adaptive, key->T_femur_tibia, &warp);
+    adaptive_at(knee->adaptive, ADAPTIVE_RAMP_STRAIGHT, key->T_femur_tibia, &warp);
     pose seen = pose_compose(warp.correction, key->T_femur_tibia);
     assert_near(torn_apart(knee, seen, key->target), 0, 1e-9);
     for (int i = 0; i < ADAPTIVE_LIGAMENTS_MAX; i++) {
@@ -163,6 +163,35 @@ static void more_opening_never_gives_less_nor_more_than_the_key(void **state) {
     torn_destroy(&knee);
 }
 
+// What is given of the extra motion, at an opening.
+static double share_at(const struct torn *knee, enum adaptive_ramp ramp, double opening) {
+    struct adaptive_warp warp;
+    struct joint_angles joint = {.flexion_deg = 45, .varus_deg = -6 * opening};
+    adaptive_at(knee->adaptive, ramp, torn_pose(knee, joint), &warp);
+    assert_near(warp.opening[MCL], opening, 1e-9);
+    return warp.share[MCL];
+}
+
+static void the_ramp_is_straight_but_at_its_ends_and_once_was_a_cubic(void **state) {
+    (void)state;
+    struct random r = {15};
+    struct torn knee;
+    torn_create(&knee, &r, true, false);
+    double steepest = 0, step = 1e-3;
+    for (double s = -0.1; s <= 1.1; s += step) {
+        double share = share_at(&knee, ADAPTIVE_RAMP_STRAIGHT, s);
+        double slope = (share_at(&knee, ADAPTIVE_RAMP_STRAIGHT, s + step) - share) / step;
+        steepest = fmax(steepest, slope);
+        assert_true(slope >= -1e-6);
+        if (s > 0.2 && s < 0.8)
+            assert_near(share, 0.5 + 1.25 * (s - 0.5), 1e-9);
+        if (s > 0 && s < 1)
+            assert_near(share_at(&knee, ADAPTIVE_RAMP_CUBIC, s), s * s * (3 - 2 * s), 1e-9);
+    }
+    assert_near(steepest, 1.25, 1e-4);
+    torn_destroy(&knee);
+}
+
 static void keys_of_different_extents_blend_without_overshoot(void **state) {
     (void)state;
     struct random r = {9};
@@ -282,7 +311,7 @@ static vec3 along_a_motion(const struct torn *knee, double t) {
                              .internal_deg = 5 * sin(7 * t),
                              .drawer_mm = 9 * sin(17 * t)};
     struct adaptive_warp warp;
-    adaptive_at(knee->adaptive, torn_pose(knee, a), &warp);
+    adaptive_at(knee->adaptive, ADAPTIVE_RAMP_STRAIGHT, torn_pose(knee, a), &warp);
     return pose_apply(warp.correction, (vec3){30, 20, 10});
 }
 
@@ -362,6 +391,7 @@ int main(void) {
         cmocka_unit_test(an_opening_between_and_past_the_keys_is_theirs),
         cmocka_unit_test(half_of_an_opening_gives_half),
         cmocka_unit_test(more_opening_never_gives_less_nor_more_than_the_key),
+        cmocka_unit_test(the_ramp_is_straight_but_at_its_ends_and_once_was_a_cubic),
         cmocka_unit_test(keys_of_different_extents_blend_without_overshoot),
         cmocka_unit_test(a_target_that_turns_about_a_contact_turns_about_it_all_the_way),
         cmocka_unit_test(drawer_and_valgus_do_not_leak_into_each_other),

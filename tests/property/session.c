@@ -179,6 +179,29 @@ static void the_virtual_tibia_meets_its_keys_and_rests_where_it_rested(void **st
     session_destroy(&h.session);
 }
 
+static void a_ligament_opens_by_the_ramp_of_the_rules(void **state) {
+    (void)state;
+    static const struct {
+        int rules;
+        double shares[3]; // at a fifth, at two fifths and at four fifths of an opening
+    } rows[] = {{RULES_WITH_STRAIGHT_RAMP - 1, {0.104, 0.352, 0.896}},
+                {RULES_WITH_STRAIGHT_RAMP, {0.125, 0.375, 0.875}}};
+    for (int i = 0; i < 2; i++) {
+        struct session_settings settings = session_settings_default();
+        settings.rules = rows[i].rules;
+        struct hand h;
+        start(&h, &settings);
+        for (int k = 0; k < 3; k++) {
+            struct joint_angles joint = {.flexion_deg = 45, .varus_deg = -(1 << k)};
+            hold(&h, pose_identity(), joint, CHANNEL_PROBE, tip_at((vec3){0, 300, 0}));
+            assert_near(h.out.opening[0], 0.2 * (1 << k), 1e-9);
+            assert_near(h.out.share[0], rows[i].shares[k], 1e-9);
+            assert_near(shown_joint(&h.out).varus_deg, -(1 << k) - 10 * rows[i].shares[k], 1e-6);
+        }
+        session_destroy(&h.session);
+    }
+}
+
 static void without_strength_nothing_is_displaced(void **state) {
     (void)state;
     struct session_settings settings = session_settings_default();
@@ -302,6 +325,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_touch_of_the_tibia_is_one_of_the_virtual_tibia),
         cmocka_unit_test(the_virtual_tibia_meets_its_keys_and_rests_where_it_rested),
+        cmocka_unit_test(a_ligament_opens_by_the_ramp_of_the_rules),
         cmocka_unit_test(without_strength_nothing_is_displaced),
         cmocka_unit_test(a_rigid_instrument_turns_in_the_portal_that_it_goes_through),
         cmocka_unit_test(an_instrument_keeps_its_portal_while_it_is_inside),

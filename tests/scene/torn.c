@@ -95,7 +95,7 @@ pose torn_pose(const struct torn *knee, struct joint_angles angles) {
 
 pose torn_seen(const struct torn *knee, pose T_femur_tibia) {
     struct adaptive_warp warp;
-    adaptive_at(knee->adaptive, T_femur_tibia, &warp);
+    adaptive_at(knee->adaptive, ADAPTIVE_RAMP_STRAIGHT, T_femur_tibia, &warp);
     return pose_compose(warp.correction, T_femur_tibia);
 }
 

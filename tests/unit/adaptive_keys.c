@@ -146,7 +146,7 @@ static void rotations_need_not_be_quite_of_unit_length(void **state) {
     torn_create(&knee, &r, true, true);
     pose A = torn_pose(&knee, (struct joint_angles){.flexion_deg = 40, .varus_deg = -4});
     struct adaptive_warp exact, warp;
-    adaptive_at(knee.adaptive, A, &exact);
+    adaptive_at(knee.adaptive, ADAPTIVE_RAMP_STRAIGHT, A, &exact);
     torn_destroy(&knee);
     for (int i = 0; i < knee.setup.key_count; i++) {
         stretch(&knee.keys[i].T_femur_tibia);
@@ -156,7 +156,7 @@ static void rotations_need_not_be_quite_of_unit_length(void **state) {
     stretch(&knee.setup.joint.T_tibia_joint);
     stretch(&A);
     torn_build(&knee, ADAPTIVE_HINGE);
-    adaptive_at(knee.adaptive, A, &warp);
+    adaptive_at(knee.adaptive, ADAPTIVE_RAMP_STRAIGHT, A, &warp);
     assert_true(torn_apart(&knee, warp.correction, exact.correction) < 1e-9);
     torn_destroy(&knee);
 }
@@ -190,7 +190,8 @@ static void eq_7_as_printed_warps_at_rest_and_adds_up(void **state) {
     struct torn knee;
     torn_in_the_paper(&knee, ADAPTIVE_PAPER, 1);
     struct adaptive_warp warp;
-    adaptive_at(knee.adaptive, torn_pose(&knee, (struct joint_angles){0}), &warp);
+    adaptive_at(knee.adaptive, ADAPTIVE_RAMP_STRAIGHT, torn_pose(&knee, (struct joint_angles){0}),
+                &warp);
     assert_near(warp.opening[MCL], exp(-0.5), 1e-12); // 0.61
     assert_near(warp.share[MCL], warp.opening[MCL], 0);
     assert_near(torn_extra_valgus(&knee, 0, 0), 10 * exp(-0.5), 1e-6);

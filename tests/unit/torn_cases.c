@@ -84,7 +84,7 @@ static pose held(const struct patient *p, struct joint_hold hold) {
 
 static pose seen(const struct patient *p, pose A) {
     struct adaptive_warp warp;
-    adaptive_at(p->adaptive, A, &warp);
+    adaptive_at(p->adaptive, ADAPTIVE_RAMP_STRAIGHT, A, &warp);
     return pose_compose(warp.correction, A);
 }
 
@@ -183,15 +183,17 @@ static void one_ligament_does_not_open_the_other(void **state) {
     struct patient *p = &patients[3];
     for (int k = 0; k < p->knee->key_count; k++) {
         struct adaptive_warp warp;
-        adaptive_at(p->adaptive, p->knee->keys[k].physical, &warp);
+        adaptive_at(p->adaptive, ADAPTIVE_RAMP_STRAIGHT, p->knee->keys[k].physical, &warp);
         int own = p->knee->keys[k].ligament;
         assert_near(warp.opening[own], 1, 1e-9);
         assert_near(warp.share[!own], 0, 1e-9);
     }
     for (double flexion = 0; flexion <= 120; flexion += 7.5) {
         struct adaptive_warp valgus, drawer;
-        adaptive_at(p->adaptive, held(p, (struct joint_hold){flexion, 5, 0, 0}), &valgus);
-        adaptive_at(p->adaptive, held(p, (struct joint_hold){flexion, 0, 0, 6}), &drawer);
+        adaptive_at(p->adaptive, ADAPTIVE_RAMP_STRAIGHT,
+                    held(p, (struct joint_hold){flexion, 5, 0, 0}), &valgus);
+        adaptive_at(p->adaptive, ADAPTIVE_RAMP_STRAIGHT,
+                    held(p, (struct joint_hold){flexion, 0, 0, 6}), &drawer);
         assert_near(valgus.opening[0], 1, 0.01); // the keys say 5 degrees at every flexion
         assert_near(valgus.share[1], 0, 1e-4);
         assert_near(drawer.share[0], 0, 1e-4);
@@ -223,7 +225,8 @@ static void the_stress_motion_takes_each_ligament_to_its_end_and_not_past_it(voi
     double most[2] = {0};
     for (size_t i = 0; i < motion.row_count; i++) {
         struct adaptive_warp warp;
-        adaptive_at(p->adaptive, joint_to_pose(&p->knee->joint, &motion.rows[i].joint), &warp);
+        adaptive_at(p->adaptive, ADAPTIVE_RAMP_STRAIGHT,
+                    joint_to_pose(&p->knee->joint, &motion.rows[i].joint), &warp);
         for (int ligament = 0; ligament < 2; ligament++)
             most[ligament] = fmax(most[ligament], warp.opening[ligament]);
     }

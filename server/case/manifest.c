@@ -370,8 +370,9 @@ static void check_format(struct manifest *m, const json_t *root) {
     const json_t *format = json_object_get(root, "format");
     if (!json_is_integer(format))
         refuse(m, RESULT_MISSING, "format", "not a whole number: is this a case's manifest?");
-    else if (json_integer_value(format) != MANIFEST_FORMAT)
-        refuse(m, RESULT_VERSION, "format", "of another version than 1, which is read here");
+    else if (json_integer_value(format) < 1 || json_integer_value(format) > MANIFEST_FORMAT)
+        refuse(m, RESULT_VERSION, "format",
+               "of another version than 1 and 2, which are read here: is the program older?");
 }
 
 static struct knee_case *read_root(struct manifest *m, const json_t *json,

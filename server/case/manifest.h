@@ -1,6 +1,6 @@
 // case.json, the manifest of a case: everything but the meshes.
 //
-//     { "format": 1, "name": "knee_a", "title": "…", "side": "left",
+//     { "format": 2, "name": "knee_a", "title": "…", "side": "left",
 //       "anatomy_xxh3": "16 hex digits",
 //       "joint": { "T_femur_joint": [x, y, z, qw, qx, qy, qz], "T_tibia_joint": […] },
 //       "scan": { "mirrored": false, "T_case_scan": [x, y, z, qw, qx, qy, qz] },
@@ -28,7 +28,9 @@
 
 #include "case/case.h"
 
-#define MANIFEST_FORMAT 1
+// Format 2 has scan and landmarks besides. A manifest without them is written as format 1, which
+// older programs read; of format 2 they say that it is of another version.
+#define MANIFEST_FORMAT 2
 
 // Makes a case with groups that have no mesh yet. The error names the key's path. The caller
 // destroys *out_case. *out_anatomy_hash is 0 where the manifest has none.

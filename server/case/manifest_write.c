@@ -117,12 +117,12 @@ char *manifest_write(const struct knee_case *knee, uint64_t anatomy_hash) {
     snprintf(hash, sizeof hash, "%016" PRIx64, anatomy_hash);
     json_t *joint = json_pack("{s:o, s:o}", "T_femur_joint", pose_array(knee->joint.T_femur_joint),
                               "T_tibia_joint", pose_array(knee->joint.T_tibia_joint));
-    json_t *root =
-        json_pack("{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
-                  MANIFEST_FORMAT, "name", knee->name, "title", knee->title, "side",
-                  knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash, "joint",
-                  joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
-                  write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
+    json_t *root = json_pack(
+        "{s:i, s:s, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
+        knee->has_scan || knee->landmark_count ? MANIFEST_FORMAT : 1, "name", knee->name, "title",
+        knee->title, "side", knee->joint.side == SIDE_LEFT ? "left" : "right", "anatomy_xxh3", hash,
+        "joint", joint, "groups", write_groups(knee), "portals", write_portals(knee), "rest",
+        write_rest(knee), "torn", write_torn(knee), "patella", write_patella(knee));
     if (root && knee->has_scan)
         json_object_set_new(root, "scan",
                             json_pack("{s:b, s:o}", "mirrored", (int)knee->scan_mirrored,

@@ -99,6 +99,30 @@ static void a_case_comes_back_as_it_was_saved(void **state) {
     assert_null(again);
 }
 
+static void assert_format(const char *expected) {
+    char *text = read_file(folder, "case.json", NULL);
+    assert_memory_equal(text, expected, strlen(expected));
+    free(text);
+}
+
+// Programs of before scans and landmarks read format 1, and say what format 2 is to them.
+static void a_case_with_a_scan_or_landmarks_has_format_2_and_others_have_1(void **state) {
+    (void)state;
+    static const struct case_landmark notch = {.name = "notch", .body = BODY_FEMUR};
+    for (int i = 0; i < 3; i++) {
+        struct knee_case *knee = box_knee();
+        knee->has_scan = i == 1;
+        knee->T_case_scan = pose_identity();
+        if (i == 2)
+            assert_ok(case_landmark_set(knee, &notch, &err));
+        assert_ok(case_save(knee, folder, &err));
+        assert_format(i ? "{\n  \"format\": 2," : "{\n  \"format\": 1,");
+        struct knee_case *again = load();
+        case_destroy(&again);
+        case_destroy(&knee);
+    }
+}
+
 static void how_a_scan_lay_comes_back_and_is_absent_where_there_was_none(void **state) {
     (void)state;
     struct random r = {11};
@@ -602,6 +626,8 @@ static void check_names_what_is_wrong_with_a_case_that_loads(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_case_comes_back_as_it_was_saved, make, clear),
+        cmocka_unit_test_setup_teardown(
+            a_case_with_a_scan_or_landmarks_has_format_2_and_others_have_1, make, clear),
         cmocka_unit_test_setup_teardown(
             how_a_scan_lay_comes_back_and_is_absent_where_there_was_none, make, clear),
         cmocka_unit_test_setup_teardown(the_first_load_rounds_and_later_ones_are_equal_bit_for_bit,

@@ -8,9 +8,10 @@
 // By the field's convention: a finger's breadth beside the patellar tendon, about 1 cm above the
 // joint line.
 static const double usual_beside = 20, usual_above = 8; // mm
-static const double beside_from = 15, beside_to = 28, above_from = -4, above_to = 16, grid = 2;
+static const double beside_from = 15, beside_to = 34, above_from = -4, above_to = 16, grid = 2;
 static const double before_bones = 10;                // mm, of a portal where there is no skin
 static const double enough = 2.5, away_price = 0.006; // mm of clearance; a mm² off the usual place
+static const double room_worth = 0.02, most_room = 8; // of each mm round the place that it leads to
 static const double shaft_step = 1;                   // mm between places that are looked at
 static const double flexions[] = {20, 45, 70};        // in which instruments work
 
@@ -99,43 +100,49 @@ static double worst_clearance(const struct bones *b, vec3 from, vec3 to) {
     return least;
 }
 
-// Before the notch, where instruments turn: of some places between its roof and the plateau, the
-// one with most room in all flexions.
-static vec3 find_target(const struct bones *b, vec3 notch, double middle_y, double joint_line) {
-    vec3 best = {0};
-    double most = -INFINITY;
-    for (double y = 3; y <= 15; y += 3)
-        for (double share = 0.1; share < 0.8; share += 0.1) {
-            vec3 p = {notch.x, middle_y + y, joint_line + share * (notch.z - joint_line)};
-            vec3 at = from_local(&b->local, p);
-            double room = worst_clearance(b, at, vec3_add_scaled(at, 1e-3, (vec3){1, 0, 0}));
-            if (room > most) {
-                most = room;
-                best = p;
-            }
-        }
-    return best;
-}
+// Before the notch, where instruments turn: places between its roof and the plateau.
+struct aims {
+    vec3 notch;
+    double middle_y, joint_line;
+};
 
-static double find_portal(const struct bones *b, double side, vec3 target, double joint_line,
-                          struct case_portal *out_portal) {
-    double best = -INFINITY, clear = 0;
-    double front = front_of(b, target.x + side * usual_beside, joint_line + usual_above);
-    vec3 aim = from_local(&b->local, target);
+struct choice {
+    double worth, clear;
+    vec3 from, aim;
+};
+
+// Portals from which the aim is seen.
+static void try_aim(const struct bones *b, double side, vec3 aim, double joint_line, double front,
+                    struct choice *best) {
+    vec3 to = from_local(&b->local, aim);
+    double room = worst_clearance(b, to, vec3_add_scaled(to, 1e-3, (vec3){1, 0, 0}));
+    double bonus = room_worth * fmin(room, most_room);
     for (double beside = beside_from; beside <= beside_to; beside += grid)
         for (double above = above_from; above <= above_to; above += grid) {
-            vec3 p = outside(b, front, target.x + side * beside, joint_line + above);
-            double room = worst_clearance(b, p, aim);
             double off = hypot(beside - usual_beside, above - usual_above);
-            double worth = fmin(room, enough) - away_price * off * off;
-            if (worth <= best)
+            double price = away_price * off * off - bonus;
+            if (enough - price <= best->worth)
                 continue;
-            best = worth;
-            clear = room;
-            out_portal->position = p;
+            vec3 from = outside(b, front, aim.x + side * beside, joint_line + above);
+            double clear = worst_clearance(b, from, to), worth = fmin(clear, enough) - price;
+            if (worth > best->worth)
+                *best = (struct choice){worth, clear, from, to};
         }
-    out_portal->direction = vec3_unit_or(vec3_sub(aim, out_portal->position), (vec3){0, -1, 0});
-    return clear;
+}
+
+static double find_portal(const struct bones *b, double side, const struct aims *aims,
+                          struct case_portal *out_portal) {
+    struct choice best = {.worth = -INFINITY};
+    double height = aims->notch.z - aims->joint_line;
+    double front = front_of(b, aims->notch.x + side * usual_beside, aims->joint_line + usual_above);
+    for (double y = 3; y <= 21; y += 3)
+        for (double share = 0.1; share < 0.8; share += 0.15) {
+            vec3 aim = {aims->notch.x, aims->middle_y + y, aims->joint_line + share * height};
+            try_aim(b, side, aim, aims->joint_line, front, &best);
+        }
+    out_portal->position = best.from;
+    out_portal->direction = vec3_unit_or(vec3_sub(best.aim, best.from), (vec3){0, -1, 0});
+    return best.clear;
 }
 
 static vec3 place_of(const struct bones *b, const char *name) {
@@ -151,17 +158,14 @@ enum result landmarks_find_portals(struct knee_case *knee, double out_clear_mm[2
     if (result == RESULT_OK) {
         vec3 notch = place_of(&b, "notch"), medial = place_of(&b, "plateau_medial"),
              lateral = place_of(&b, "plateau_lateral");
-        double joint_line = (medial.z + lateral.z) / 2;
-        vec3 target = notch;
-        if (isfinite(notch.x) && isfinite(joint_line))
-            target = find_target(&b, notch, (medial.y + lateral.y) / 2, joint_line);
-        else
+        struct aims aims = {notch, (medial.y + lateral.y) / 2, (medial.z + lateral.z) / 2};
+        if (!isfinite(notch.x) || !isfinite(aims.joint_line))
             result = fail(err, RESULT_MISSING, "the notch or a plateau is not known");
         for (int i = 0; i < 2 && result == RESULT_OK; i++) {
             struct case_portal *portal = &knee->portals[i];
             *portal = (struct case_portal){0};
             snprintf(portal->name, sizeof portal->name, "%s", names[i]);
-            out_clear_mm[i] = find_portal(&b, i ? -1 : 1, target, joint_line, portal);
+            out_clear_mm[i] = find_portal(&b, i ? -1 : 1, &aims, portal);
             knee->portal_count = i + 1;
         }
     }

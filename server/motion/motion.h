@@ -53,6 +53,7 @@ struct motion_script {
     double joint_speed_deg_s; // the joint's
     double tremor_mm;         // root mean square of a tip's tremor, 8 to 12 Hz
     int64_t seed;
+    bool skips; // leaves out steps that cannot be played
     int step_count;
     struct motion_step steps[MOTION_STEPS_MAX];
 };
@@ -83,13 +84,16 @@ struct motion {
     struct motion_tool tools[INSTRUMENT_COUNT];
     size_t row_count;
     struct motion_row *rows;
+    int skipped_count;
+    struct error *skipped; // why, for each step that was left out
 };
 
 // Plays the script on a case. Where the case lacks a landmark that the script names, all landmarks
 // are proposed first, in memory. RESULT_MISSING: the case has no such group, portal or landmark,
 // the group no plan; RESULT_INVALID: a place that cannot be reached from the portal, or a line that
 // leaves the surface. The error names the step by its number and verb. The motion points into the
-// case; the caller releases it.
+// case; the caller releases it. A script that skips steps is refused where none is left at which an
+// instrument does something.
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
                         struct motion *out_motion, struct error *err);
 void motion_fini(struct motion *motion);

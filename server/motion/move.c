@@ -6,7 +6,6 @@
 
 static const double open_seconds = 0.5;
 static const double bite_distance = 5; // from where a bite begins, mm
-static const int approach_looks = 20;
 
 pose plan_body_pose(const struct plan *plan, enum body body) {
     if (body == BODY_TIBIA)
@@ -30,7 +29,7 @@ vec3 hand_direction(const struct hand *hand, vec3 tip) {
     return vec3_unit_or(vec3_sub(tip, hand->portal.position), hand->portal.direction);
 }
 
-static double hand_depth(const struct hand *hand) {
+double hand_depth(const struct hand *hand) {
     return is_before_portal(hand, hand->tip) ? 0 : vec3_distance(hand->tip, hand->portal.position);
 }
 
@@ -53,16 +52,18 @@ static double depth_in_bones(const struct plan *plan, vec3 from, vec3 to, enum b
     return deepest;
 }
 
-bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
+static bool is_within(const struct plan *plan, const struct hand *hand, vec3 tip, double depth) {
     enum body body;
-    return depth_in_bones(plan, tip, hand->portal.position, &body) <= 0.8 * MOTION_DEPTH_MAX;
+    return depth_in_bones(plan, tip, hand->portal.position, &body) <= depth;
 }
 
-enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
+bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip) {
+    return is_within(plan, hand, tip, 0.8 * MOTION_DEPTH_MAX);
+}
+
+enum result plan_refuse(const struct plan *plan, const struct hand *hand, vec3 tip) {
     enum body body = BODY_FEMUR;
     double depth = depth_in_bones(plan, tip, hand->portal.position, &body);
-    if (depth <= MOTION_DEPTH_MAX)
-        return RESULT_OK;
     return fail(plan->err, RESULT_INVALID,
                 "the shaft through the portal %s would run %.2f mm deep through the %s",
                 hand->portal.name, depth, body_name(body));
@@ -120,8 +121,8 @@ enum result plan_add_row(struct plan *plan, const struct case_group *touch) {
     vec3 up = plan_up(plan);
     for (int i = 0; i < motion->tool_count; i++) {
         struct hand *hand = &plan->hands[i];
-        if (hand->inside && plan_check_clear(plan, hand, hand->tip) != RESULT_OK)
-            return RESULT_INVALID;
+        if (hand->inside && !is_within(plan, hand, hand->tip, MOTION_DEPTH_MAX))
+            return plan_refuse(plan, hand, hand->tip);
         row->tools[i] = hand_state(hand, row->t_seconds, up);
     }
     return RESULT_OK;
@@ -151,46 +152,6 @@ enum result plan_move(struct plan *plan, struct hand *hand, vec3 to) {
     return RESULT_OK;
 }
 
-// Turns the shaft in the portal; the tip keeps its depth.
-enum result plan_swing(struct plan *plan, struct hand *hand, vec3 direction) {
-    double depth = hand_depth(hand);
-    vec3 start = hand_direction(hand, hand->tip), axis = vec3_cross(start, direction);
-    double angle = atan2(vec3_length(axis), vec3_dot(start, direction));
-    axis = vec3_unit_or(axis, (vec3){1, 0, 0});
-    int rows = plan_rows(plan, angle * depth, plan->script->speed_mm_s);
-    for (int i = 1; i <= rows; i++) {
-        quat turn = quat_from_axis_angle(axis, angle * plan_progress(i, rows));
-        hand->tip = vec3_add_scaled(hand->portal.position, depth, quat_rotate(turn, start));
-        if (plan_add_row(plan, NULL) != RESULT_OK)
-            return RESULT_INVALID;
-    }
-    return RESULT_OK;
-}
-
-enum result plan_retreat(struct plan *plan, struct hand *hand) {
-    if (hand_depth(hand) <= MOTION_SAFE_DEPTH)
-        return RESULT_OK;
-    vec3 direction = hand_direction(hand, hand->tip);
-    vec3 safe = vec3_add_scaled(hand->portal.position, MOTION_SAFE_DEPTH, direction);
-    return plan_move(plan, hand, safe);
-}
-
-enum result plan_reach(struct plan *plan, struct hand *hand, vec3 target) {
-    if (plan_retreat(plan, hand) != RESULT_OK ||
-        plan_swing(plan, hand, hand_direction(hand, target)) != RESULT_OK)
-        return RESULT_INVALID;
-    return plan_move(plan, hand, target);
-}
-
-enum result plan_approach(struct plan *plan, struct hand *hand, vec3 target) {
-    for (int i = 1; i <= approach_looks; i++) {
-        vec3 p = vec3_lerp(hand->tip, target, (double)i / approach_looks);
-        if (plan_check_clear(plan, hand, p) != RESULT_OK)
-            return plan_reach(plan, hand, target);
-    }
-    return plan_move(plan, hand, target);
-}
-
 enum result plan_open(struct plan *plan, struct hand *hand, double opening) {
     double from = hand->opening;
     int rows = (int)ceil(open_seconds * plan->script->rate_hz);
@@ -212,51 +173,4 @@ enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target) {
         plan_open(plan, hand, 0) != RESULT_OK)
         return RESULT_INVALID;
     return plan_move(plan, hand, before);
-}
-
-static struct joint_angles joint_lerp(struct joint_angles a, struct joint_angles b, double t) {
-    return (struct joint_angles){
-        .flexion_deg = a.flexion_deg + t * (b.flexion_deg - a.flexion_deg),
-        .varus_deg = a.varus_deg + t * (b.varus_deg - a.varus_deg),
-        .internal_deg = a.internal_deg + t * (b.internal_deg - a.internal_deg),
-        .shift_mm = a.shift_mm + t * (b.shift_mm - a.shift_mm),
-        .drawer_mm = a.drawer_mm + t * (b.drawer_mm - a.drawer_mm),
-        .distraction_mm = a.distraction_mm + t * (b.distraction_mm - a.distraction_mm)};
-}
-
-static struct joint_hold hold_lerp(struct joint_hold a, struct joint_hold b, double t) {
-    return (struct joint_hold){.flexion_deg = a.flexion_deg + t * (b.flexion_deg - a.flexion_deg),
-                               .valgus_deg = a.valgus_deg + t * (b.valgus_deg - a.valgus_deg),
-                               .internal_deg =
-                                   a.internal_deg + t * (b.internal_deg - a.internal_deg),
-                               .drawer_mm = a.drawer_mm + t * (b.drawer_mm - a.drawer_mm)};
-}
-
-// Degrees; a millimetre of drawer counts as one.
-static double hold_way(struct joint_hold a, struct joint_hold b) {
-    return hypot(hypot(b.flexion_deg - a.flexion_deg, b.valgus_deg - a.valgus_deg),
-                 hypot(b.internal_deg - a.internal_deg, b.drawer_mm - a.drawer_mm));
-}
-
-// The joint is computed at about each degree and straight between.
-enum result plan_joint(struct plan *plan, const struct joint_hold *to) {
-    double way = hold_way(plan->hold, *to);
-    int spans = (int)fmax(ceil(way), 1);
-    struct joint_angles *keys = alloc((size_t)spans + 1, sizeof *keys);
-    for (int i = 0; i <= spans; i++) {
-        struct joint_hold hold = hold_lerp(plan->hold, *to, (double)i / spans);
-        keys[i] =
-            motion_joint(plan->knee, &plan->bones[BODY_FEMUR], &plan->bones[BODY_TIBIA], &hold);
-    }
-    enum result result = RESULT_OK;
-    int rows = plan_rows(plan, way, plan->script->joint_speed_deg_s);
-    for (int i = 1; i <= rows && result == RESULT_OK; i++) {
-        double at = plan_progress(i, rows) * spans;
-        int span = (int)fmin(at, spans - 1);
-        plan->joint = joint_lerp(keys[span], keys[span + 1], at - span);
-        result = plan_add_row(plan, NULL);
-    }
-    plan->hold = *to;
-    free(keys);
-    return result;
 }

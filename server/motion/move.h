@@ -29,7 +29,8 @@ struct plan {
     struct error *err;
 };
 
-// Instruments turn from one target to the next this far inside the portal, mm.
+// Instruments turn from one target to the next this far inside the portal, mm, or nearer to it
+// where bones need that.
 #define MOTION_SAFE_DEPTH 15.0
 
 // Outside, they rest so far before it, clear of the skin, mm.
@@ -38,28 +39,23 @@ struct plan {
 pose plan_body_pose(const struct plan *plan, enum body body); // T_femur_body
 vec3 plan_up(const struct plan *plan);                        // away from the tibia
 vec3 hand_rest(const struct case_portal *portal);
+double hand_depth(const struct hand *hand);             // inside the portal, mm
 vec3 hand_direction(const struct hand *hand, vec3 tip); // of the shaft with the tip there
 
 // Whether the shaft with its tip there passes all bones, with some of MOTION_DEPTH_MAX to spare for
 // what lies between two such tips.
 bool plan_is_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
 
-// RESULT_INVALID where the shaft with its tip there would run through a bone.
-enum result plan_check_clear(const struct plan *plan, const struct hand *hand, vec3 tip);
+// RESULT_INVALID: names the bone through which the shaft with its tip there runs deepest.
+enum result plan_refuse(const struct plan *plan, const struct hand *hand, vec3 tip);
 
 // All of these append rows; RESULT_INVALID where an instrument would run through a bone.
 enum result plan_add_row(struct plan *plan, const struct case_group *touch);
 enum result plan_move(struct plan *plan, struct hand *hand, vec3 to); // straight
-enum result plan_retreat(struct plan *plan, struct hand *hand);       // to the safe depth
-enum result plan_swing(struct plan *plan, struct hand *hand, vec3 to_direction); // in the portal
-enum result plan_reach(struct plan *plan, struct hand *hand, vec3 target); // retreat, swing, move
-enum result plan_approach(struct plan *plan, struct hand *hand,
-                          vec3 target); // straight where that is clear, otherwise as plan_reach
 enum result plan_open(struct plan *plan, struct hand *hand, double opening);
 // From plan_before_bite: opens, goes to the target, closes, and backs off to where it was.
 enum result plan_bite(struct plan *plan, struct hand *hand, vec3 target);
 vec3 plan_before_bite(const struct hand *hand, vec3 target);
-enum result plan_joint(struct plan *plan, const struct joint_hold *to);
 
 // A smooth reach of so many rows (minimum jerk), so that nothing is faster than highest_speed.
 int plan_rows(const struct plan *plan, double way, double highest_speed);

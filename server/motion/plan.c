@@ -4,6 +4,7 @@
 #include "motion/path.h"
 #include "motion/place.h"
 #include "motion/resect.h"
+#include "motion/way.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -15,27 +16,10 @@ static struct hand *hand_of(struct plan *plan, enum channel tool) {
     return NULL;
 }
 
-static enum result withdraw(struct plan *plan, struct hand *hand) {
-    if (!hand->inside)
-        return RESULT_OK;
-    if (plan_retreat(plan, hand) != RESULT_OK ||
-        plan_swing(plan, hand, hand->portal.direction) != RESULT_OK ||
-        plan_move(plan, hand, hand_rest(&hand->portal)) != RESULT_OK)
-        return RESULT_INVALID;
-    hand->inside = false;
-    return RESULT_OK;
-}
-
 static enum result approach(struct plan *plan, struct hand *hand) {
-    if (withdraw(plan, hand) != RESULT_OK)
-        return RESULT_INVALID;
-    hand->inside = true;
-    return plan_move(
-        plan, hand,
-        vec3_add_scaled(hand->portal.position, MOTION_SAFE_DEPTH, hand->portal.direction));
+    return plan_withdraw(plan, hand) == RESULT_OK ? plan_enter(plan, hand) : RESULT_INVALID;
 }
 
-// Instruments let go of what they touch before bones move.
 static enum result move_joint(struct plan *plan, const struct motion_step *step) {
     struct joint_hold to = plan->hold;
     if (step->verb == MOTION_FLEX)
@@ -44,9 +28,6 @@ static enum result move_joint(struct plan *plan, const struct motion_step *step)
         to.valgus_deg = step->amount;
     else
         to.drawer_mm = step->amount;
-    for (int i = 0; i < plan->motion->tool_count; i++)
-        if (plan->hands[i].inside && plan_retreat(plan, &plan->hands[i]) != RESULT_OK)
-            return RESULT_INVALID;
     return plan_joint(plan, &to);
 }
 
@@ -59,6 +40,13 @@ static enum result find_group(const struct plan *plan, const char *name,
 }
 
 // ---- palpate ------------------------------------------------------------------------------------
+
+static enum result unreached(const struct plan *plan, const struct hand *hand,
+                             const struct motion_place *place, vec3 tip) {
+    char name[PLACE_NAME_MAX];
+    return fail_in(plan->err, plan_refuse(plan, hand, tip),
+                   "%s cannot be reached: ", place_name(place, name));
+}
 
 static const double least_touch = 2; // mm of a line that is worth a touch
 
@@ -79,8 +67,8 @@ static enum result shorten(const struct plan *plan, const struct hand *hand,
         return RESULT_OK;
     place_name(&step->from, name[0]);
     place_name(&step->to, name[1]);
-    if (plan_check_clear(plan, hand, pose_apply(T, first)) != RESULT_OK)
-        return fail_in(plan->err, RESULT_INVALID, "%s cannot be reached: ", name[0]);
+    if (!plan_is_clear(plan, hand, pose_apply(T, first)))
+        return unreached(plan, hand, &step->from, pose_apply(T, first));
     return fail(plan->err, RESULT_INVALID,
                 "less than %g mm of the line from %s to %s can be reached through the portal %s",
                 least_touch, name[0], name[1], hand->portal.name);
@@ -129,7 +117,7 @@ static enum result reachable_point(struct plan *plan, const struct hand *hand,
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = mesh_vertex(mesh, v);
         double distance = vec3_distance(p, middle);
-        if (distance < least && plan_check_clear(plan, hand, pose_apply(T, p)) == RESULT_OK) {
+        if (distance < least && plan_is_clear(plan, hand, pose_apply(T, p))) {
             least = distance;
             *out_point = p;
         }
@@ -164,6 +152,8 @@ static enum result bite(struct plan *plan, struct hand *hand, const struct motio
     if (result != RESULT_OK)
         return result;
     vec3 target = pose_apply(plan_body_pose(plan, group->body), point);
+    if (!plan_is_clear(plan, hand, target))
+        return unreached(plan, hand, &step->from, target);
     if (plan_reach(plan, hand, plan_before_bite(hand, target)) != RESULT_OK)
         return RESULT_INVALID;
     return plan_bite(plan, hand, target);
@@ -187,7 +177,7 @@ static enum result resect(struct plan *plan, struct hand *hand, const struct mot
 
 // ---- look ---------------------------------------------------------------------------------------
 
-static const double look_distance = 18; // from the scope's tip to what it looks at, mm
+static const double look_distances[] = {18, 22, 14, 26, 10, 30}; // to what the scope looks at, mm
 
 static bool is_planned(const struct case_group *group, vec3 p) {
     for (int i = 0; i < group->lesion.plan.part_count; i++)
@@ -213,13 +203,14 @@ static vec3 sight_of(const struct case_group *group) {
 
 // Where the tip sees the point straight ahead through an optic that is tilted up by so much: the
 // shaft's direction follows from the tip and the tip from it.
-static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 point, double tilt) {
-    vec3 tip = vec3_add_scaled(point, -look_distance, hand_direction(hand, point));
+static vec3 look_from(const struct plan *plan, const struct hand *hand, vec3 point, double distance,
+                      double tilt) {
+    vec3 tip = vec3_add_scaled(point, -distance, hand_direction(hand, point));
     for (int i = 0; i < 20; i++) {
         vec3 shaft = hand_direction(hand, tip);
         vec3 aside = vec3_unit_or(vec3_cross(shaft, plan_up(plan)), (vec3){1, 0, 0});
         vec3 sight = quat_rotate(quat_from_axis_angle(aside, tilt), shaft);
-        tip = vec3_add_scaled(point, -look_distance, sight);
+        tip = vec3_add_scaled(point, -distance, sight);
     }
     return tip;
 }
@@ -229,13 +220,14 @@ static enum result look(struct plan *plan, struct hand *hand, const struct motio
     struct case_group *group;
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
-    vec3 point = pose_apply(plan_body_pose(plan, group->body), sight_of(group));
-    for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
-        vec3 tip = look_from(plan, hand, point, tilt_deg * RAD_PER_DEG);
-        if (plan_check_clear(plan, hand, tip) == RESULT_OK)
-            return plan_reach(plan, hand, tip);
-    }
-    return RESULT_INVALID;
+    vec3 point = pose_apply(plan_body_pose(plan, group->body), sight_of(group)), tip = point;
+    for (size_t i = 0; i < sizeof look_distances / sizeof *look_distances; i++)
+        for (int tilt_deg = 30; tilt_deg >= 0; tilt_deg -= 5) {
+            tip = look_from(plan, hand, point, look_distances[i], tilt_deg * RAD_PER_DEG);
+            if (plan_is_clear(plan, hand, tip))
+                return plan_reach(plan, hand, tip);
+        }
+    return fail_in(plan->err, plan_refuse(plan, hand, tip), "%s cannot be seen: ", group->name);
 }
 
 // ---- the whole script ---------------------------------------------------------------------------
@@ -257,7 +249,7 @@ static enum result do_step(struct plan *plan, const struct motion_step *step) {
         return look(plan, hand, step);
     if (step->verb == MOTION_RESECT || step->verb == MOTION_TRACE)
         return resect(plan, hand, step);
-    return withdraw(plan, hand);
+    return plan_withdraw(plan, hand);
 }
 
 static const struct case_portal *find_portal(const struct knee_case *knee, const char *name) {
@@ -308,6 +300,39 @@ static enum result at_step(const struct plan *plan, int step, enum result result
                    motion_verb_name(plan->script->steps[step].verb));
 }
 
+// Puts all back as it was before the step.
+static void leave_out(struct plan *plan, const struct plan *before, size_t row_count) {
+    struct motion *motion = plan->motion;
+    memcpy(plan->hands, before->hands, sizeof plan->hands);
+    plan->joint = before->joint;
+    plan->hold = before->hold;
+    motion->row_count = row_count;
+    if (!motion->skipped)
+        motion->skipped = alloc((size_t)plan->script->step_count, sizeof *motion->skipped);
+    motion->skipped[motion->skipped_count++] = *plan->err;
+}
+
+static bool is_work(enum motion_verb verb) {
+    return verb == MOTION_PALPATE || verb == MOTION_BITE || verb == MOTION_RESECT ||
+           verb == MOTION_TRACE || verb == MOTION_LOOK;
+}
+
+static enum result do_steps(struct plan *plan) {
+    const struct motion_script *script = plan->script;
+    bool works = false;
+    for (int i = 0; i < script->step_count; i++) {
+        struct plan before = *plan;
+        size_t row_count = plan->motion->row_count;
+        enum result result = at_step(plan, i, do_step(plan, &script->steps[i]));
+        if (result != RESULT_OK && !script->skips)
+            return result;
+        if (result != RESULT_OK)
+            leave_out(plan, &before, row_count);
+        works |= result == RESULT_OK && is_work(script->steps[i].verb);
+    }
+    return works || plan->motion->skipped_count == 0 ? RESULT_OK : RESULT_INVALID;
+}
+
 static enum result play(struct plan *plan) {
     const struct motion_script *script = plan->script;
     enum result result = prepare(plan);
@@ -318,15 +343,15 @@ static enum result play(struct plan *plan) {
             result = at_step(plan, i, add_hand(plan, &script->steps[i]));
     if (result == RESULT_OK)
         result = plan_add_row(plan, NULL);
-    for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
-        result = at_step(plan, i, do_step(plan, &script->steps[i]));
-    return result;
+    return result == RESULT_OK ? do_steps(plan) : result;
 }
 
 enum result motion_plan(struct knee_case *knee, const struct motion_script *script,
                         struct motion *out_motion, struct error *err) {
     *out_motion = (struct motion){0};
-    struct plan plan = {.knee = knee, .script = script, .motion = out_motion, .err = err};
+    struct error why;
+    struct plan plan = {
+        .knee = knee, .script = script, .motion = out_motion, .err = err ? err : &why};
     enum result result = play(&plan);
     for (enum body body = 0; body < BODY_COUNT; body++)
         if (plan.bones[body].mesh)
@@ -338,5 +363,6 @@ enum result motion_plan(struct knee_case *knee, const struct motion_script *scri
 
 void motion_fini(struct motion *motion) {
     free(motion->rows);
+    free(motion->skipped);
     *motion = (struct motion){0};
 }

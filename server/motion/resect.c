@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "motion/path.h"
+#include "motion/way.h"
 
 #include <stdlib.h>
 
@@ -118,8 +119,8 @@ static bool find_bite(const struct resection *r, struct plan *plan, const struct
     for (double depth = fmin(bite_depth, left); depth >= least_depth; depth -= 0.2) {
         *out_tip = on_side(r, plan, along, depth, false);
         if (depth + corner_reach(r, plan, hand, along, *out_tip) <= left &&
-            plan_check_clear(plan, hand, *out_tip) == RESULT_OK &&
-            plan_check_clear(plan, hand, plan_before_bite(hand, *out_tip)) == RESULT_OK)
+            plan_is_clear(plan, hand, *out_tip) &&
+            plan_is_clear(plan, hand, plan_before_bite(hand, *out_tip)))
             return true;
     }
     return false;

@@ -12,7 +12,7 @@ struct script_reader {
     struct error *err;
     enum result result; // of the first entry that was refused
     unsigned seen;      // bit i: number_keys[i] was given
-    bool seed_seen;
+    bool seed_seen, unreachable_seen;
 };
 
 struct script_key {
@@ -49,6 +49,16 @@ const char *motion_verb_name(enum motion_verb verb) {
     return verbs[verb].key;
 }
 
+static enum result read_unreachable(struct script_reader *r, const char *value) {
+    if (r->unreachable_seen)
+        return fail(r->err, RESULT_INVALID, "[motion] unreachable: given twice");
+    r->unreachable_seen = true;
+    r->script->skips = strcmp(value, "skip") == 0;
+    if (r->script->skips || strcmp(value, "refuse") == 0)
+        return RESULT_OK;
+    return fail(r->err, RESULT_INVALID, "[motion] unreachable = %s: must be refuse or skip", value);
+}
+
 static enum result read_setting(struct script_reader *r, const char *key, const char *value) {
     if (strcmp(key, "seed") == 0) {
         if (r->seed_seen)
@@ -59,6 +69,8 @@ static enum result read_setting(struct script_reader *r, const char *key, const 
         return fail(r->err, RESULT_INVALID, "[motion] seed = %s: must be a number from 0 to %u",
                     value, UINT32_MAX);
     }
+    if (strcmp(key, "unreachable") == 0)
+        return read_unreachable(r, value);
     for (unsigned i = 0; i < sizeof number_keys / sizeof *number_keys; i++) {
         const struct script_key *k = &number_keys[i];
         if (strcmp(key, k->key) != 0)

@@ -39,6 +39,8 @@ static int run(const char *path, const char *dir, const char *out) {
         case_load(dir, NULL, &knee, &err) != RESULT_OK)
         return failed("motion", &err);
     enum result result = motion_plan(knee, &script, &motion, &err);
+    for (int i = 0; result == RESULT_OK && i < motion.skipped_count; i++)
+        fprintf(stderr, "arthron-case motion: left out: %s\n", motion.skipped[i].text);
     if (result != RESULT_OK)
         fail_in(&err, result, "%s: ", path);
     else

@@ -6,8 +6,8 @@
 #include "mesh/solid.h"
 #include "motion/joint.h"
 #include "random.h"
-#include "scene/moved_knee.h"
 #include "test.h"
+#include "unit/motion_scripts.h"
 #include "winding.h"
 
 #include <stdio.h>
@@ -32,35 +32,6 @@ static int destroy_knee(void **state) {
 
 // ---- scripts and what they give -----------------------------------------------------------------
 
-static enum result load_text(const char *text, struct motion_script *out_script,
-                             struct error *err) {
-    char folder[FOLDER_MAX], path[128];
-    folder_make(folder);
-    snprintf(path, sizeof path, "%s/motion.ini", folder);
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-    enum result result = motion_script_load(path, out_script, err);
-    folder_remove(folder);
-    return result;
-}
-
-static void plan_script(struct knee_case *on, const struct motion_script *script,
-                        struct motion *out_motion) {
-    struct error err;
-    if (motion_plan(on, script, out_motion, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-}
-
-static void plan_text(const char *text, struct motion *out_motion) {
-    struct motion_script script;
-    struct error err;
-    if (load_text(text, &script, &err) != RESULT_OK)
-        fail_msg("%s", err.text);
-    plan_script(knee, &script, out_motion);
-}
-
 static void load_palpation(struct motion_script *out_script) {
     struct error err;
     const char *path = ARTHRON_SOURCE "/cases/motions/palpation.ini";
@@ -73,30 +44,6 @@ static void plan_palpation(double tremor_mm, struct motion *out_motion) {
     load_palpation(&script);
     script.tremor_mm = tremor_mm;
     plan_script(knee, &script, out_motion);
-}
-
-static char *written(const struct motion *motion) {
-    char *text;
-    size_t size;
-    FILE *file = open_memstream(&text, &size);
-    struct error err;
-    assert_int_equal(motion_write(motion, file, &err), RESULT_OK);
-    fclose(file);
-    return text;
-}
-
-static int tool_index(const struct motion *motion, enum channel channel) {
-    for (int i = 0; i < motion->tool_count; i++)
-        if (motion->tools[i].channel == channel)
-            return i;
-    fail_msg("no %s", channel_name(channel));
-    return -1;
-}
-
-static pose body_pose(const struct joint_angles *joint, enum body body) {
-    if (body == BODY_TIBIA)
-        return joint_to_pose(&knee->joint, joint);
-    return body == BODY_PATELLA ? case_patella_pose(knee, joint->flexion_deg) : pose_identity();
 }
 
 // ---- the file's own numbers ---------------------------------------------------------------------
@@ -145,7 +92,7 @@ static void a_probe_that_touches_is_on_the_surface_in_the_pose_of_the_moment(voi
         assert_non_null(group);
         struct joint_angles joint = row_joint(&row);
         vec3 tip = {row.probe[0], row.probe[1], row.probe[2]};
-        vec3 p = pose_apply_inverse(body_pose(&joint, group->body), tip);
+        vec3 p = pose_apply_inverse(body_pose(knee, &joint, group->body), tip);
         struct closest closest;
         assert_true(query_closest(queries[group - knee->groups], p, 1, MESH_NONE, &closest));
         assert_true(closest.distance < 1e-4);
@@ -218,7 +165,7 @@ static void no_tip_is_inside_a_bone(void **state) {
     for (size_t r = 0; r < motion.row_count; r += 3)
         for (int i = 0; i < motion.tool_count; i++)
             for (int b = 0; b < BODY_COUNT; b++) {
-                pose T = body_pose(&motion.rows[r].joint, (enum body)b);
+                pose T = body_pose(knee, &motion.rows[r].joint, (enum body)b);
                 vec3 tip = motion.rows[r].tools[i].T_mockup_tip.translation;
                 vec3 p = pose_apply_inverse(T, tip);
                 struct closest closest;
@@ -376,7 +323,7 @@ static void the_joint_follows_the_rest_path_of_the_case(void **state) {
     struct solid femur, tibia;
     struct motion motion;
     give_rest_path(knee);
-    plan_text("[steps]\nflex = 90\n", &motion);
+    plan_text(knee, "[steps]\nflex = 90\n", &motion);
     for (size_t i = 0; i < motion.row_count; i++) {
         const struct joint_angles *j = &motion.rows[i].joint;
         assert_near(j->varus_deg, 0.5 / 30 * j->flexion_deg, 1e-6);
@@ -473,123 +420,11 @@ static void a_left_knee_plays_the_same_script_mirrored(void **state) {
     case_destroy(&left);
 }
 
-// Where the probe begins and ends to touch, in the mock-up's frame.
-#define TOUCHES_MAX 16
-
-static int touches_of(const struct motion *motion, vec3 out_ends[TOUCHES_MAX]) {
-    int probe = tool_index(motion, CHANNEL_PROBE), count = 0;
-    for (size_t r = 1; r < motion->row_count; r++) {
-        const struct motion_row *row = &motion->rows[r];
-        if (row->touch == row[-1].touch)
-            continue;
-        assert_true(count < TOUCHES_MAX);
-        out_ends[count++] = row[row->touch ? 0 : -1].tools[probe].T_mockup_tip.translation;
-    }
-    return count;
-}
-
-static void assert_touches(const struct motion *motion, const vec3 *ends, int count,
-                           double within) {
-    vec3 found[TOUCHES_MAX];
-    assert_int_equal(touches_of(motion, found), count);
-    for (int i = 0; i < count; i++)
-        if (!(vec3_distance(found[i], ends[i]) < within))
-            fail_msg("touch %d: %.2f %.2f %.2f is not %.2f %.2f %.2f", i, found[i].x, found[i].y,
-                     found[i].z, ends[i].x, ends[i].y, ends[i].z);
-}
-
-static const char on_landmarks[] =
-    "[steps]\nflex = 40\napproach = probe anteromedial\n"
-    "palpate = tibia plateau_medial -4 13 0 plateau_medial 9 9 0\n"
-    "palpate = meniscus_medial horn_anterior_medial root_anterior_medial\n"
-    "palpate = femur condyle_medial -4 10 4 condyle_medial 5 16 6\nwithdraw = probe\n";
-
-static void a_script_of_landmarks_goes_with_a_knee_that_is_moved_or_mirrored(void **state) {
-    (void)state;
-    pose T = {quat_from_axis_angle((vec3){0.6, 0, 0.8}, 0.9), {40, -60, 90}};
-    struct motion_script script;
-    struct error err;
-    assert_int_equal(load_text(on_landmarks, &script, &err), RESULT_OK);
-    struct knee_case *still = plain_knee(SIDE_RIGHT, 2.4, 0);
-    struct motion motion;
-    vec3 ends[TOUCHES_MAX];
-    still->patella_key_count = 0; // of its own path
-    plan_script(still, &script, &motion);
-    int count = touches_of(&motion, ends);
-    assert_int_equal(count, 6);
-    motion_fini(&motion);
-    for (int mirror = 0; mirror < 2; mirror++) {
-        struct knee_case *moved = plain_knee(SIDE_RIGHT, 2.4, 0);
-        vec3 there[TOUCHES_MAX];
-        move_knee(moved, T, mirror);
-        for (int i = 0; i < moved->portal_count; i++) {
-            struct case_portal *portal = &moved->portals[i];
-            vec3 inside = vec3_add(portal->position, portal->direction);
-            portal->position = moved_point(portal->position, T, mirror);
-            portal->direction = vec3_sub(moved_point(inside, T, mirror), portal->position);
-        }
-        moved->patella_key_count = 0;
-        for (int i = 0; i < count; i++)
-            there[i] = moved_point(ends[i], T, mirror);
-        plan_script(moved, &script, &motion);
-        assert_touches(&motion, there, count, 0.2);
-        motion_fini(&motion);
-        case_destroy(&moved);
-    }
-    case_destroy(&still);
-}
-
-static void a_place_is_beside_its_landmark_by_the_offset(void **state) {
-    (void)state;
-    for (int side = 0; side < 2; side++) {
-        struct knee_case *on = plain_knee(side ? SIDE_LEFT : SIDE_RIGHT, 3, 0);
-        double lateral = side ? -1 : 1;
-        struct case_landmark mark = {
-            .name = "mark", .body = BODY_TIBIA, .at = {lateral * -20, 10, -22}, .by_hand = true};
-        struct motion_script script;
-        struct motion motion;
-        struct error err;
-        struct query *tibia;
-        struct closest from, to;
-        assert_int_equal(case_landmark_set(on, &mark, &err), RESULT_OK);
-        assert_int_equal(load_text("[steps]\nflex = 20\napproach = probe anteromedial\n"
-                                   "palpate = tibia mark -3 4 0 mark 5 3 0\nwithdraw = probe\n",
-                                   &script, &err),
-                         RESULT_OK);
-        plan_script(on, &script, &motion);
-        assert_int_equal(on->landmark_count, 1); // nothing was missing
-        assert_int_equal(query_create(&case_group(on, "tibia")->mesh, &tibia, NULL), RESULT_OK);
-        query_closest(tibia, (vec3){lateral * -23, 14, -22}, INFINITY, MESH_NONE, &from);
-        query_closest(tibia, (vec3){lateral * -15, 13, -22}, INFINITY, MESH_NONE, &to);
-        pose T = joint_to_pose(&on->joint, &motion.rows[motion.row_count - 1].joint);
-        vec3 ends[] = {pose_apply(T, from.point), pose_apply(T, to.point)};
-        assert_touches(&motion, ends, 2, 1e-3);
-        query_destroy(&tibia);
-        motion_fini(&motion);
-        case_destroy(&on);
-    }
-}
-
-// To the middle of the plateau the femur is in the way: in front of it the hand stops.
-static void of_a_line_between_landmarks_the_hand_goes_as_far_as_it_comes(void **state) {
-    (void)state;
-    struct motion motion;
-    vec3 ends[TOUCHES_MAX];
-    plan_text("[steps]\nflex = 30\napproach = probe anteromedial\n"
-              "palpate = tibia plateau_medial 0 16 0 plateau_medial\nwithdraw = probe\n",
-              &motion);
-    assert_int_equal(touches_of(&motion, ends), 2);
-    vec3 middle = case_landmark(knee, "plateau_medial")->at;
-    assert_true(vec3_distance(ends[0], ends[1]) > 4);
-    pose T = body_pose(&motion.rows[motion.row_count - 1].joint, BODY_TIBIA);
-    assert_true(vec3_distance(pose_apply_inverse(T, ends[1]), middle) > 3);
-    motion_fini(&motion);
-}
-
 static void a_bite_opens_reaches_the_meniscus_and_closes(void **state) {
     (void)state;
     struct motion motion;
-    plan_text("[steps]\nflex = 20\nvalgus = 8\napproach = punch anterolateral\n"
+    plan_text(knee,
+              "[steps]\nflex = 20\nvalgus = 8\napproach = punch anterolateral\n"
               "bite = punch meniscus_medial\n",
               &motion);
     struct query *query;
@@ -598,7 +433,7 @@ static void a_bite_opens_reaches_the_meniscus_and_closes(void **state) {
     double nearest = INFINITY, opening_there = 0;
     for (size_t r = 0; r < motion.row_count; r++) {
         const struct motion_row *row = &motion.rows[r];
-        vec3 p = pose_apply_inverse(body_pose(&row->joint, BODY_TIBIA),
+        vec3 p = pose_apply_inverse(body_pose(knee, &row->joint, BODY_TIBIA),
                                     row->tools[0].T_mockup_tip.translation);
         struct closest closest;
         assert_true(query_closest(query, p, INFINITY, MESH_NONE, &closest));
@@ -675,6 +510,8 @@ static void a_wrong_script_is_refused_with_line_section_and_key(void **state) {
         {"[motion]\ntremor_mm = nan\n", "from 0 to 2"},
         {"[motion]\nseed = -1\n", "[motion] seed = -1: must be a number from 0 to 4294967295"},
         {"[motion]\nrate_hz = 50\nrate_hz = 50\n", ":3: [motion] rate_hz: given twice"},
+        {"[motion]\nunreachable = hop\n", "[motion] unreachable = hop: must be refuse or skip"},
+        {"[motion]\nunreachable = skip\nunreachable = skip\n", ":3: [motion] unreachable: given"},
         {"[steps]\nflex = 141\n", "[steps] flex = 141: must be DEGREES from 0 to 140"},
         {"[steps]\nvalgus = -16\n", "must be DEGREES from -15 to 15"},
         {"[steps]\ndrawer = 10.5\n", "must be MM from -10 to 10"},
@@ -721,9 +558,6 @@ int main(void) {
         cmocka_unit_test(signed_distances_agree_with_the_solid_angle),
         cmocka_unit_test(the_palpation_script_shows_all_that_a_demo_needs),
         cmocka_unit_test(a_left_knee_plays_the_same_script_mirrored),
-        cmocka_unit_test(a_script_of_landmarks_goes_with_a_knee_that_is_moved_or_mirrored),
-        cmocka_unit_test(a_place_is_beside_its_landmark_by_the_offset),
-        cmocka_unit_test(of_a_line_between_landmarks_the_hand_goes_as_far_as_it_comes),
         cmocka_unit_test(a_bite_opens_reaches_the_meniscus_and_closes),
         cmocka_unit_test(a_script_that_cannot_be_played_names_its_step),
         cmocka_unit_test(a_wrong_script_is_refused_with_line_section_and_key),

@@ -145,7 +145,7 @@ static enum result claim_of_off(struct line_reader *r, const char *path, struct 
 static const char *take_corner(const char *at, long *out_vertex) {
     char *end;
     *out_vertex = strtol(at, &end, 10);
-    if (end == at || *out_vertex == 0 || labs(*out_vertex) > INT32_MAX)
+    if (end == at || *out_vertex == 0 || *out_vertex < -INT32_MAX || *out_vertex > INT32_MAX)
         return NULL;
     for (int i = 0; i < 2 && *end == '/'; i++)
         if (isspace((unsigned char)*++end) == 0)

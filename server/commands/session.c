@@ -101,7 +101,7 @@ static json_t *resection_to_json(const arthron_Resection *r) {
     snprintf(hash, sizeof hash, "%016" PRIx64, r->mesh_hash);
     return json_pack(
         "{s:s, s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, "
-        "s:o, s:o, s:o, s:s}",
+        "s:o, s:o, s:o, s:s, s:f, s:f}",
         "group", r->group, "mesh_number", (json_int_t)r->mesh_number, "cuts", (json_int_t)r->cuts,
         "cuts_refused", (json_int_t)r->cuts_refused, "pieces", (json_int_t)r->pieces, "volume_mm3",
         r->volume_mm3, "removed_mm3", r->removed_mm3, "pieces_mm3", r->pieces_mm3, "warped_mm3",
@@ -109,7 +109,8 @@ static json_t *resection_to_json(const arthron_Resection *r) {
         r->planned_mm3, "over_mm3", r->over_mm3, "under_mm3", r->under_mm3, "damage_mm3",
         r->damage_mm3, "rim_mm", r->rim_mm, "step_mm", r->step_mm, "whole_zone_mm3",
         zones_to_json(r->whole_zone_mm3), "removed_zone_mm3", zones_to_json(r->removed_zone_mm3),
-        "budget_zone_mm3", zones_to_json(r->budget_zone_mm3), "mesh_hash", hash);
+        "budget_zone_mm3", zones_to_json(r->budget_zone_mm3), "mesh_hash", hash,
+        "touched_unseen_mm3", r->touched_unseen_mm3, "seen_untouched_mm3", r->seen_untouched_mm3);
 }
 
 // Of a certificate; 0: unknown.
@@ -262,6 +263,10 @@ static void print_resection(const arthron_Resection *r) {
            r->step_mm);
     printf("  touch: %.1f mm3 not matched, at most %.2f mm off the cut; %u cuts refused\n",
            shown(r->left_mm3), r->distance_mm, r->cuts_refused);
+    if (r->touched_unseen_mm3 + r->seen_untouched_mm3 > 0)
+        printf("  %.1f mm3 are touched where nothing is seen, %.1f mm3 seen where nothing is "
+               "touched\n",
+               r->touched_unseen_mm3, r->seen_untouched_mm3);
 }
 
 static void print_joint(const arthron_JointReading *reading) {

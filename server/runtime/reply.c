@@ -86,6 +86,8 @@ void reply_resection(const struct tissue_figures *f, const char *group, uint64_t
         .warped_mm3 = f->warped_mm3,
         .left_mm3 = f->left_mm3,
         .distance_mm = f->distance_mm,
+        .touched_unseen_mm3 = f->touched_unseen_mm3,
+        .seen_untouched_mm3 = f->seen_untouched_mm3,
         .planned_mm3 = f->quality.planned_mm3,
         .over_mm3 = f->quality.over_mm3,
         .under_mm3 = f->quality.under_mm3,

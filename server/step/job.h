@@ -39,6 +39,9 @@ const char *job_outcome_name(enum job_outcome outcome);
 
 // One tissue after its last job. JOB_UNDO restores the figures from before the stroke, except
 // mesh_number and refused. Volumes in mm³.
+//
+// What is touched and what is seen differ where S'' could not follow: a film, tissue that is gone
+// altogether, an edge sharper than its triangles. Clefts of tears count in neither.
 struct tissue_figures {
     uint32_t mesh_number;   // 1 at the start; rises with each change, also by restore and undo
     uint32_t cuts, refused; // since the tissue was whole
@@ -49,6 +52,8 @@ struct tissue_figures {
     double warped_mm3;      // inside S''
     double left_mm3;        // by which S'' is larger than the cut mesh
     double distance_mm;     // from the last cut's surface to S'', the largest of a few points
+    double touched_unseen_mm3, seen_untouched_mm3; // inside S'' alone, and inside the tissue alone;
+                                                   // 0 where S'' follows by blends
     struct quality_report quality;
 };
 

@@ -1,6 +1,7 @@
 #include "step/operation.h"
 
 #include "base/check.h"
+#include "match/mismatch.h"
 #include "step/fitting.h"
 #include "step/settings.h"
 #include "step/tissue_state.h"
@@ -331,6 +332,25 @@ static void undo(struct operation *operation, struct job_result *result) {
 
 // ---- jobs ---------------------------------------------------------------------------------------
 
+#define COLUMN_MM 0.25
+
+// Where the touch and the tissue still differ.
+static void measure_mismatch(struct operated_tissue *t) {
+    struct mesh touched, tissue;
+    struct mismatch mismatch;
+    mesh_copy(&touched, &t->group->mesh);
+    for (uint32_t i = 0; i < touched.vertex_count; i++)
+        mesh_set_vertex(&touched, i, fitting_vertex(t->fitting, i));
+    cut_mesh_flatten(t->now.mesh, &tissue, NULL, NULL);
+    const struct case_region *tear = &t->group->lesion.tear;
+    struct mismatch_setting setting = {&touched, &tissue, tear->parts, tear->part_count, COLUMN_MM};
+    mismatch_measure(&setting, &mismatch);
+    t->now.figures.touched_unseen_mm3 = mismatch.touched_mm3;
+    t->now.figures.seen_untouched_mm3 = mismatch.seen_mm3;
+    mesh_fini(&touched);
+    mesh_fini(&tissue);
+}
+
 // The touch after all moves of a job.
 static void fit(struct operated_tissue *t, uint32_t since, struct job_result *result) {
     struct fitting_report report;
@@ -343,6 +363,7 @@ static void fit(struct operated_tissue *t, uint32_t since, struct job_result *re
     f->left_mm3 = report.left_mm3;
     f->distance_mm = report.distance_mm;
     tell_touch(t, before, &result->touch);
+    measure_mismatch(t);
     free(before);
 }
 

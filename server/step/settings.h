@@ -21,7 +21,8 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //   2  Moves that are made while a job is under way wait, and a job may have several moves. A
 //      paused session shows its instruments.
 //   3  After a cut the touched surface is fitted to the cut mesh, with an offset for each vertex
-//      (match/conform.h). Before, it had a blend for each vertex (match/match.h).
+//      (match/conform.h), and where touch and sight still differ is measured. Before, it had a
+//      blend for each vertex (match/match.h).
 //   4  Torn ligaments open along a straighter ramp (warp/adaptive.h).
 #define RULES_NEWEST 4
 #define RULES_WITH_WAITING_MOVES 2

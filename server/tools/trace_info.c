@@ -92,20 +92,29 @@ static json_t *torn_array(const struct survey *s) {
     return torn;
 }
 
+// Whether it is known where touch and sight differ: never of older rules, nor before a cut.
+static bool is_measured(const struct tissue_figures *f) {
+    return f->touched_unseen_mm3 + f->seen_untouched_mm3 > 0;
+}
+
 static json_t *resections_array(const struct survey *s) {
     json_t *all = json_array();
     for (int i = 0; i < TISSUES_MAX; i++) {
         const struct tissue_figures *f = &s->tissues[i];
         if (!f->mesh_number && !f->refused)
             continue;
-        json_array_append_new(
-            all, json_pack("{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}",
-                           "tissue", i, "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces",
-                           (int)f->pieces, "volume_mm3", f->volume_mm3, "removed_mm3",
-                           f->quality.removed_mm3 - f->pieces_mm3, "pieces_mm3", f->pieces_mm3,
-                           "left_mm3", f->left_mm3, "planned_mm3", f->quality.planned_mm3,
-                           "over_mm3", f->quality.over_mm3, "under_mm3", f->quality.under_mm3,
-                           "rim_mm", f->quality.rim_mm, "step_mm", f->quality.step_mm));
+        json_t *one = json_pack(
+            "{s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "tissue", i,
+            "cuts", (int)f->cuts, "refused", (int)f->refused, "pieces", (int)f->pieces,
+            "volume_mm3", f->volume_mm3, "removed_mm3", f->quality.removed_mm3 - f->pieces_mm3,
+            "pieces_mm3", f->pieces_mm3, "left_mm3", f->left_mm3, "planned_mm3",
+            f->quality.planned_mm3, "over_mm3", f->quality.over_mm3, "under_mm3",
+            f->quality.under_mm3, "rim_mm", f->quality.rim_mm, "step_mm", f->quality.step_mm);
+        if (is_measured(f))
+            json_object_update_new(one, json_pack("{s:f, s:f}", "touched_unseen_mm3",
+                                                  f->touched_unseen_mm3, "seen_untouched_mm3",
+                                                  f->seen_untouched_mm3));
+        json_array_append_new(all, one);
     }
     return all;
 }
@@ -228,6 +237,11 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
                 "%.1f, short of it %.1f mm3; rim %.2f mm; %.1f mm3 not matched; %u refused\n",
                 i, f->cuts, f->quality.removed_mm3, f->pieces, f->pieces_mm3, f->quality.over_mm3,
                 f->quality.under_mm3, f->quality.rim_mm, f->left_mm3, f->refused);
+        if (is_measured(f))
+            printf("touch       tissue %d: %.1f mm3 touched where nothing is seen, %.1f mm3 seen "
+                   "where "
+                   "nothing is touched\n",
+                   i, f->touched_unseen_mm3, f->seen_untouched_mm3);
     }
     for (uint32_t i = 0; i < s->remark_count; i++)
         if (s->remarks[i].number)

@@ -1,16 +1,19 @@
 #include "touch.h"
 
+#include "apart.h"
 #include "base/check.h"
 #include "cutting/crossings.h"
 #include "match/conform.h"
+#include "match/mismatch.h"
 #include "meniscectomy.h"
-#include "mismatch.h"
 #include "paper.h"
 #include "touch_moves.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+
+#define COLUMN_MM 0.08
 
 // ---- a scene: cuts, and S'' after each ----------------------------------------------------------
 
@@ -141,14 +144,20 @@ static void touched_mesh(const struct touched *t, struct mesh *out_mesh, bool *o
     }
 }
 
-static enum result distances(struct touched *t, const struct mesh *touched, const bool *moved,
-                             const struct mesh *cut, const bool *fresh, struct samples out[2],
-                             struct error *err) {
-    enum result result = mismatch_distances(cut, fresh, touched, &out[0], err);
+static enum result distances(const struct mesh *touched, const bool *moved, const struct mesh *cut,
+                             const bool *fresh, struct samples out[2], struct error *err) {
+    enum result result = apart_distances(cut, fresh, touched, &out[0], err);
     if (result == RESULT_OK)
-        result = mismatch_distances(touched, moved, cut, &out[1], err);
-    (void)t;
+        result = apart_distances(touched, moved, cut, &out[1], err);
     return result;
+}
+
+static struct mismatch mismatch_of(const struct mesh *touched, const struct mesh *cut,
+                                   const struct case_region *tear) {
+    struct mismatch m;
+    struct mismatch_setting setting = {touched, cut, tear->parts, tear->part_count, COLUMN_MM};
+    mismatch_measure(&setting, &m);
+    return m;
 }
 
 static void report_scene(struct report *report, const struct scene_of_cuts *scene,
@@ -181,11 +190,11 @@ static enum result look_back(const struct scene_of_cuts *scene, struct touched *
     bool *fresh = fresh_of(t->cut, NULL, ids, cut.triangle_count);
     bool *moved = alloc(t->whole.triangle_count, sizeof *moved);
     struct samples apart[2] = {0};
-    struct mismatch m;
     touched_mesh(t, &touched, moved);
-    enum result result = distances(t, &touched, moved, &cut, fresh, apart, err);
-    mismatch_measure(&t->whole, &touched, &cut, &scene->group->lesion.tear, &m);
-    double share = (m.touched_mm3 + m.seen_mm3) / m.cut_mm3;
+    enum result result = distances(&touched, moved, &cut, fresh, apart, err);
+    struct mismatch m = mismatch_of(&touched, &cut, &scene->group->lesion.tear);
+    double cut_mm3 = mismatch_of(&t->whole, &cut, &scene->group->lesion.tear).touched_mm3;
+    double share = (m.touched_mm3 + m.seen_mm3) / cut_mm3;
     double *at = scene->is_resection ? &worst->share_resections : &worst->share_bites;
     *at = fmax(*at, share);
     worst->surface_p95_mm = fmax(worst->surface_p95_mm, samples_quantile(&apart[0], 0.95));

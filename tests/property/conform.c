@@ -3,6 +3,7 @@
 #include "cutting/crossings.h"
 #include "generate/tube.h"
 #include "match/conform_parts.h"
+#include "match/mismatch.h"
 #include "mesh/query.h"
 #include "random.h"
 #include "scene/shapes.h"
@@ -367,6 +368,42 @@ static void without_fresh_triangles_nothing_moves(void **state) {
     body_fini(&b);
 }
 
+// Two balls beside one another have a lens in common. A cleft that takes a half of them leaves
+// half.
+static void touch_and_sight_differ_by_what_is_not_in_both(void **state) {
+    (void)state;
+    double r = 6, apart = 1.3, half = 20;
+    struct mesh a, b;
+    struct convex cleft;
+    struct error err;
+    struct mismatch m, split;
+    shape_sphere(&a, r, 60);
+    mesh_copy(&b, &a);
+    for (uint32_t v = 0; v < b.vertex_count; v++)
+        mesh_set_vertex(&b, v, vec3_add(mesh_vertex(&b, v), (vec3){0, apart, 0}));
+    struct mismatch_setting setting = {&a, &b, NULL, 0, 0.1};
+    mismatch_measure(&setting, &m);
+    double lens = M_PI * (4 * r + apart) * (2 * r - apart) * (2 * r - apart) / 12;
+    double alone = 4.0 / 3 * M_PI * r * r * r - lens;
+    assert_near(m.touched_mm3, alone, 0.01 * alone);
+    assert_near(m.seen_mm3, alone, 0.01 * alone);
+    struct plane planes[6] = {{{1, 0, 0}, 0},     {{-1, 0, 0}, half}, {{0, 1, 0}, half},
+                              {{0, -1, 0}, half}, {{0, 0, 1}, half},  {{0, 0, -1}, half}};
+    assert_ok(convex_create(planes, 6, &cleft, &err));
+    setting.clefts = &cleft;
+    setting.cleft_count = 1;
+    mismatch_measure(&setting, &split);
+    assert_near(split.touched_mm3, m.touched_mm3 / 2, 0.01 * alone);
+    assert_near(split.seen_mm3, m.seen_mm3 / 2, 0.01 * alone);
+    for (size_t i = 0; i < 3 * (size_t)b.vertex_count; i++)
+        b.positions[i] = 0.5F * a.positions[i];
+    mismatch_measure(&(struct mismatch_setting){&a, &b, NULL, 0, 0.1}, &m);
+    assert_near(m.touched_mm3, 4.0 / 3 * M_PI * r * r * r * 7 / 8, 5);
+    assert_near(m.seen_mm3, 0, 0);
+    mesh_fini(&a);
+    mesh_fini(&b);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bites_are_followed_at_equal_volume_without_crossings),
@@ -377,6 +414,7 @@ int main(void) {
         cmocka_unit_test(no_target_makes_it_cross),
         cmocka_unit_test(the_way_back_leaves_no_crossing),
         cmocka_unit_test(without_fresh_triangles_nothing_moves),
+        cmocka_unit_test(touch_and_sight_differ_by_what_is_not_in_both),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

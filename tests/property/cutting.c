@@ -347,6 +347,24 @@ static double apart_under(int rules, double *out_told_mm) {
     return sum / count;
 }
 
+// In the figures of each landing: little of what a bite took, and the volumes agree.
+static void what_touch_and_sight_differ_by_is_told(void **state) {
+    (void)state;
+    struct hand h = hand_start();
+    struct tissue_figures f = bite(&h).figures;
+    assert_true(f.touched_unseen_mm3 > 0.01 && f.touched_unseen_mm3 < 0.1 * f.removed_mm3);
+    assert_near(f.touched_unseen_mm3 - f.seen_untouched_mm3, f.left_mm3, 0.1);
+    give(&h, INPUT_UNDO, 0, NULL);
+    run_job(&h);
+    f = land(&h).figures;
+    assert_true(f.touched_unseen_mm3 == 0 && f.seen_untouched_mm3 == 0);
+    hand_end(&h);
+    h = start_under(RULES_TOUCH_FITTED - 1);
+    f = bite(&h).figures;
+    assert_true(f.touched_unseen_mm3 == 0 && f.seen_untouched_mm3 == 0); // no record has them
+    hand_end(&h);
+}
+
 static void a_bite_is_touched_where_it_is_seen(void **state) {
     (void)state;
     double blends_told, told, blends = apart_under(RULES_TOUCH_FITTED - 1, &blends_told);
@@ -507,6 +525,7 @@ int main(void) {
         cmocka_unit_test(a_closing_jaw_takes_tissue_and_the_warp_gives_way),
         cmocka_unit_test(rotations_of_nearly_unit_length_cut),
         cmocka_unit_test(a_bite_is_touched_where_it_is_seen),
+        cmocka_unit_test(what_touch_and_sight_differ_by_is_told),
         cmocka_unit_test(a_resting_tip_feels_no_jump),
         cmocka_unit_test(a_burr_takes_tissue_while_it_runs),
         cmocka_unit_test(a_knife_leaves_its_kerf),

@@ -196,6 +196,7 @@ export function resectionFigures(r: Resection): HTMLElement {
     h("dl", { class: "figures" }, ...ofPlan,
       figure(words.rim, format.number(r.rimMm, 1), text.units.mm), figure(words.step, format.number(r.stepMm, 1), text.units.mm),
       figure(words.volume, mm3(r.volumeMm3), text.units.mm3), figure(words.left, mm3(r.leftMm3), text.units.mm3),
+      figure(words.touched, mm3(r.touchedUnseenMm3), text.units.mm3), figure(words.seen, mm3(r.seenUntouchedMm3), text.units.mm3),
       figure(words.cuts, format.number(r.cuts), ""), figure(words.refused, format.number(r.cutsRefused), ""),
       figure(words.pieces, format.number(r.pieces), "")),
     r.wholeZoneMm3.length === 9 && zones(r));

@@ -329,6 +329,7 @@ export const text = {
     resection: {
       removed: "Removed", planned: "Planned", under: "Planned, not removed", over: "Beyond the plan", damage: "Damaged, not removed",
       rim: "Smallest rim", step: "Largest step", volume: "Volume left", pieces: "Pieces", cuts: "Cuts", refused: "Refused", left: "Volume not yet matched by touch",
+      touched: "Touched where nothing is seen", seen: "Seen where nothing is touched",
       share: (share: string) => `${share} of the plan`,
     },
     zones: "Removed by zone (tick: limit)",

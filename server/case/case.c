@@ -80,6 +80,10 @@ void case_destroy(struct knee_case **knee) {
     *knee = NULL;
 }
 
+bool case_group_is_skin(const struct case_group *group) {
+    return !strcmp(group->name, "skin");
+}
+
 struct case_group *case_group(struct knee_case *knee, const char *name) {
     for (int i = 0; i < knee->group_count; i++)
         if (strcmp(knee->groups[i].name, name) == 0)

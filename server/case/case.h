@@ -161,6 +161,8 @@ enum result case_add_part(struct case_group *group, const char *name, const stru
 
 struct case_group *case_group(struct knee_case *knee, const char *name); // NULL: no such group
 
+bool case_group_is_skin(const struct case_group *group); // what surrounds the knee and gives way
+
 // The displacement arrays of a group, made of zeros where there is none. The group has a part.
 float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);

@@ -29,7 +29,7 @@ void check_roles(const struct scene *scene, struct space_surface out_surfaces[CA
     const struct knee_case *knee = scene_case(scene);
     for (int i = 0; i < knee->group_count; i++) {
         struct topology t = topology_of(&knee->groups[i].mesh);
-        bool is_skin = !strcmp(knee->groups[i].name, "skin");
+        bool is_skin = case_group_is_skin(&knee->groups[i]);
         out_surfaces[i] =
             (struct space_surface){is_skin ? SPACE_SKIN : SPACE_SOLID, !t.closed || !t.oriented};
     }
@@ -37,7 +37,7 @@ void check_roles(const struct scene *scene, struct space_surface out_surfaces[CA
 
 static bool has_skin(const struct knee_case *knee) {
     for (int i = 0; i < knee->group_count; i++)
-        if (!strcmp(knee->groups[i].name, "skin"))
+        if (case_group_is_skin(&knee->groups[i]))
             return true;
     return false;
 }
@@ -84,7 +84,7 @@ int check_planes(const struct scene *scene, const struct scene_stance *stance,
 static uint32_t skin_bit(const struct knee_case *knee) {
     uint32_t bits = 0;
     for (int i = 0; i < knee->group_count; i++)
-        if (!strcmp(knee->groups[i].name, "skin"))
+        if (case_group_is_skin(&knee->groups[i]))
             bits |= UINT32_C(1) << i;
     return bits;
 }
@@ -101,7 +101,7 @@ static struct box bounds(const struct scene *scene, const struct scene_stance *s
     double around = NEAR_JOINT_MM + 2 * PLANES_OFF_MM;
     for (int i = 0; i < knee->group_count; i++) {
         const struct case_group *group = &knee->groups[i];
-        for (uint32_t v = 0; !strcmp(group->name, "skin") && v < group->mesh.vertex_count; v++)
+        for (uint32_t v = 0; case_group_is_skin(group) && v < group->mesh.vertex_count; v++)
             include(&box,
                     pose_apply(stance->T_femur_body[group->body], mesh_vertex(&group->mesh, v)));
     }

@@ -31,6 +31,8 @@ static uint32_t moved_of(const struct warp_scene *scene, const struct field *fie
                          bool *out_moved) {
     const struct warp_surface *s = &scene->surfaces[surface];
     uint32_t count = 0;
+    if (!field_takes(field, s))
+        return 0;
     for (uint32_t t = 0; t < s->mesh->triangle_count; t++) {
         out_moved[t] = is_moved(scene, surface, t);
         count += out_moved[t];
@@ -452,6 +454,6 @@ void field_touch(const struct warp_scene *scene, const struct field *field,
     warp_memory_init(&memory);
     for (int i = 0; i < scene->surface_count; i++)
         for (uint32_t t = 0; t < scene->surfaces[i].mesh->triangle_count; t++)
-            if (is_moved(scene, i, t))
+            if (field_takes(field, &scene->surfaces[i]) && is_moved(scene, i, t))
                 touch_triangle(scene, field, i, t, &memory, figures);
 }

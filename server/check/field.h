@@ -21,9 +21,10 @@ struct moved {
     double reach_mm;
 };
 
-// A displacement of at most 1e-6 mm is none. Of a surface with a mean, in the smooth field, all
-// triangles. For the gaussian field, whose reach has no end, it is the radius all the same. The
-// caller releases it; RESULT_IO as query_create.
+// A displacement of at most 1e-6 mm is none. Of a surface with a mean in the smooth field, all
+// triangles. In the integral field W goes on beyond, by some hundredths of a mm. For the gaussian
+// field, whose reach has no end, it is the radius all the same. The caller releases it; RESULT_IO
+// as query_create.
 enum result moved_init(const struct warp_scene *scene, const struct field *field,
                        struct moved *out_moved, struct error *err);
 void moved_fini(struct moved *moved);

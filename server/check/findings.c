@@ -77,13 +77,14 @@ static void find_jumps(struct case_check *check, const struct knee_case *knee) {
     if (!f->jumped)
         return;
     int surface = f->jump.nearest[0];
-    bool cured = check->settings.field.kind != FIELD_SMOOTH && surface >= 0 &&
+    enum field_kind kind = check->settings.field.kind;
+    bool cured = kind != FIELD_SMOOTH && kind != FIELD_INTEGRAL && surface >= 0 &&
                  knee->groups[surface].warp && !knee->groups[surface].bridges;
     describe(check, &f->jump, check->jump_pose, where);
     inspection_note(&check->findings, FINDING_WARNING, group_of(check, surface),
                     "is hollow: where its closest point jumps, the displacement jumps by up to "
                     "%.2f mm, at %s%s",
-                    f->jump.value, where, cured ? "; not in the field smooth" : "");
+                    f->jump.value, where, cured ? "; not in the integral field" : "");
 }
 
 static void find_touch(struct case_check *check) {

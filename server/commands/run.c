@@ -28,6 +28,9 @@ static const char help[] =
     "  -c, --config FILE            the config (docs/CONFIG.md)\n"
     "  -s, --set SECTION.KEY=VALUE  replaces a value of the config: --set server.port=4900,\n"
     "                               --set 'station room-1.case=healthy'\n"
+    "      --bench-field NAME       for benches alone: gaussian, inverse-distance or smooth, with "
+    "which\n"
+    "                               the shown tip jumps\n"
     "  -v, --verbose                log more\n"
     "      --help                   show this\n";
 
@@ -101,47 +104,76 @@ static int serve_until_end(const struct server_config *config) {
     return 0;
 }
 
-static int serve(const char *path, const struct setting_override *overrides, int override_count) {
+struct request {
+    const char *path;
+    struct setting_override overrides[OVERRIDES_MAX];
+    int override_count;
+    enum field_kind field;
+};
+
+static int serve(const struct request *request) {
     static struct server_config config;
     struct error err;
-    if (config_load(path, overrides, override_count, &config, &err) != RESULT_OK) {
+    if (config_load(request->path, request->overrides, request->override_count, &config, &err) !=
+        RESULT_OK) {
         log_error("server", "%s", err.text);
         return 2;
     }
+    struct field *field = &config.sessions.settings.field;
+    if (request->field != field->kind)
+        log_warning("server", "the field of sessions is %s, for a bench",
+                    field_name(request->field));
+    field->kind = request->field;
     catch_ends();
     return serve_until_end(&config);
+}
+
+static int take_option(int option, struct request *out) {
+    static const char *const fields[] = {"gaussian", "inverse-distance", "smooth", NULL};
+    switch (option) {
+    case 'c':
+        out->path = optarg;
+        return 0;
+    case 'v':
+        log_set_level(LOG_DEBUG);
+        return 0;
+    case 'b':
+        if (!field_from_name(optarg, &out->field) || out->field == FIELD_INTEGRAL)
+            return argument_unknown(program, "--bench-field", optarg, fields);
+        return 0;
+    case 's':
+        if (out->override_count == OVERRIDES_MAX)
+            return argument_wrong(program, "--set can be given %d times at most", OVERRIDES_MAX);
+        if (!setting_split(optarg, &out->overrides[out->override_count++]))
+            return argument_wrong(program, "--set %s is not SECTION.KEY=VALUE", optarg);
+        return 0;
+    default:
+        return argument_help(program);
+    }
 }
 
 int command_run(int argc, char **argv) {
     static const struct option options[] = {
         {"config", required_argument, NULL, 'c'},
         {"set", required_argument, NULL, 's'},
+        {"bench-field", required_argument, NULL, 'b'},
         {"verbose", no_argument, NULL, 'v'},
         {"help", no_argument, NULL, 'h'},
         {0},
     };
-    const char *path = NULL;
-    struct setting_override overrides[OVERRIDES_MAX];
-    int override_count = 0;
+    struct request request = {.field = FIELD_INTEGRAL};
     for (int o; (o = getopt_long(argc, argv, "c:s:v", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(help, stdout);
             return 0;
-        } else if (o == 'c') {
-            path = optarg;
-        } else if (o == 'v') {
-            log_set_level(LOG_DEBUG);
-        } else if (o != 's') {
-            return argument_help(program);
-        } else if (override_count == OVERRIDES_MAX) {
-            return argument_wrong(program, "--set can be given %d times at most", OVERRIDES_MAX);
-        } else if (!setting_split(optarg, &overrides[override_count++])) {
-            return argument_wrong(program, "--set %s is not SECTION.KEY=VALUE", optarg);
         }
+        int wrong = take_option(o, &request);
+        if (wrong)
+            return wrong;
     }
-    if (!path)
+    if (!request.path)
         return argument_wrong(program, "--config FILE is missing");
     if (optind != argc)
         return argument_wrong(program, "unexpected argument %s", argv[optind]);
-    return serve(path, overrides, override_count);
+    return serve(&request);
 }

@@ -40,8 +40,8 @@ static bool take_names(void *target, const char *rest, const char *value) {
 }
 
 static bool take_field(void *target, const char *rest, const char *value) {
-    (void)rest;
-    return field_from_name(value, &((struct session_settings *)target)->field.kind);
+    (void)target, (void)rest;
+    return !strcmp(value, field_name(FIELD_INTEGRAL));
 }
 
 static bool take_adaptive(void *target, const char *rest, const char *value) {
@@ -213,7 +213,9 @@ static const struct setting_key web_keys[] = {
 };
 
 static const struct setting_key warp_keys[] = {
-    {"field", .take = take_field, .wanted = "inverse-distance, smooth or gaussian"},
+    {"field", .take = take_field,
+     .wanted = "integral: with the other fields the shown tip jumps, and only benches use them "
+               "(--bench-field)"},
     {"unit_mm", SETTING_NUMBER, WARP(field.unit_mm), 1e-3, 1e4},
     {"radius_mm", SETTING_NUMBER, WARP(field.radius_mm), 0.1, 1000},
     {"background_per_mm", SETTING_NUMBER, WARP(field.background_per_mm), 0, 100},

@@ -63,7 +63,7 @@ static void make_materials(struct animation *animation) {
 }
 
 static int material_of(const struct animation *animation, const struct case_group *group) {
-    if (!strcmp(group->name, "skin"))
+    if (case_group_is_skin(group))
         return animation->materials[MATERIAL_SKIN];
     if (group->cuttable || !strncmp(group->name, "meniscus", 8))
         return animation->materials[MATERIAL_MENISCUS];

@@ -10,6 +10,10 @@ struct easing {
     const struct case_group *group;
     float *displacement;
     struct surface_mean *mean;
+    struct surface_integral *integral;
+    float *aimed;                   // the displacement when all is eased in; NULL without integral
+    struct surface_integral *whole; // of it
+    const struct query *query;
     int width;            // numbers for each vertex, as in struct touch_change
     double *now, *target; // of all vertices
     uint32_t *pending;    // vertices that are not yet at the target
@@ -33,6 +37,13 @@ struct easing *easing_create(const struct scene *scene, int tissue, const struct
     easing_restore(e);
     if (field->kind == FIELD_SMOOTH && !group->bridges)
         e->mean = surface_mean_create(scene->trees[index], e->displacement);
+    e->query = scene->queries[index];
+    if (field->kind == FIELD_INTEGRAL && !group->bridges) {
+        e->aimed = alloc(3 * count, sizeof *e->aimed);
+        memcpy(e->aimed, e->displacement, 3 * count * sizeof *e->aimed);
+        e->integral = surface_integral_create(scene->blocks[index], e->displacement);
+        e->whole = surface_integral_create(scene->blocks[index], e->aimed);
+    }
     return e;
 }
 
@@ -41,6 +52,9 @@ void easing_destroy(struct easing **easing) {
     if (!e)
         return;
     surface_mean_destroy(&e->mean);
+    surface_integral_destroy(&e->integral);
+    surface_integral_destroy(&e->whole);
+    free(e->aimed);
     free(e->displacement);
     free(e->now);
     free(e->target);
@@ -70,11 +84,22 @@ static bool is_moved(const struct easing *e, uint32_t vertex) {
     return false;
 }
 
+const struct surface_integral *easing_integral(const struct easing *easing) {
+    return easing->integral;
+}
+
+static void update(struct easing *e, uint32_t changed) {
+    if (e->mean)
+        surface_mean_update(e->mean, e->pending, changed);
+    if (e->integral)
+        surface_integral_update(e->integral, e->pending, changed);
+}
+
 void easing_restore(struct easing *e) {
     size_t count = e->group->mesh.vertex_count;
     uint32_t changed = 0;
     for (uint32_t v = 0; v < count; v++)
-        if (is_moved(e, v))
+        if (is_moved(e, v) || e->is_pending[v])
             e->pending[changed++] = v;
     memset(e->now, 0, (size_t)e->width * count * sizeof *e->now);
     memset(e->target, 0, (size_t)e->width * count * sizeof *e->target);
@@ -82,8 +107,21 @@ void easing_restore(struct easing *e) {
     e->pending_count = 0;
     for (size_t i = 0; i < 3 * count; i++)
         e->displacement[i] = e->group->warp ? e->group->warp[i] : 0;
-    if (e->mean)
-        surface_mean_update(e->mean, e->pending, changed);
+    update(e, changed);
+    if (!e->whole)
+        return;
+    memcpy(e->aimed, e->displacement, 3 * count * sizeof *e->aimed);
+    surface_integral_update(e->whole, e->pending, changed);
+}
+
+static void displace(const struct easing *e, float *displacement, uint32_t vertex,
+                     const double *offset) {
+    for (size_t k = 0; k < 3; k++) {
+        size_t i = 3 * (size_t)vertex + k;
+        double warp = e->group->warp ? (double)e->group->warp[i] : 0;
+        double by = e->width == 3 ? offset[k] : *offset * (double)e->group->maxcut[i];
+        displacement[i] = (float)(warp + by);
+    }
 }
 
 void easing_aim(struct easing *e, const struct touch_change *touch) {
@@ -93,11 +131,15 @@ void easing_aim(struct easing *e, const struct touch_change *touch) {
         uint32_t vertex = touch->vertices[i];
         CHECK(vertex < e->group->mesh.vertex_count);
         memcpy(of(e, e->target, vertex), touch->values + (size_t)e->width * i, size);
+        if (e->aimed)
+            displace(e, e->aimed, vertex, of(e, e->target, vertex));
         if (e->is_pending[vertex] || !memcmp(of(e, e->now, vertex), of(e, e->target, vertex), size))
             continue;
         e->pending[e->pending_count++] = vertex;
         e->is_pending[vertex] = true;
     }
+    if (e->whole)
+        surface_integral_update(e->whole, touch->vertices, touch->count);
 }
 
 bool easing_active(const struct easing *easing) {
@@ -120,21 +162,18 @@ static double rest_of(const struct easing *e, const uint32_t *vertices, uint32_t
     return largest;
 }
 
-double easing_rest_mm(const struct easing *e, uint32_t triangle) {
+double easing_rest_mm(const struct easing *e, vec3 p, uint32_t triangle) {
+    struct closest c;
+    struct surface_sight now, whole;
     if (triangle == MESH_NONE)
         return 0;
-    return e->mean ? rest_of(e, e->pending, e->pending_count)
-                   : rest_of(e, e->group->mesh.triangles + 3 * (size_t)triangle, 3);
-}
-
-static void displace(struct easing *e, uint32_t vertex) {
-    const double *now = of(e, e->now, vertex);
-    for (size_t k = 0; k < 3; k++) {
-        size_t i = 3 * (size_t)vertex + k;
-        double warp = e->group->warp ? (double)e->group->warp[i] : 0;
-        double offset = e->width == 3 ? now[k] : *now * (double)e->group->maxcut[i];
-        e->displacement[i] = (float)(warp + offset);
-    }
+    if (e->mean)
+        return rest_of(e, e->pending, e->pending_count);
+    if (e->integral && query_closest(e->query, p, INFINITY, triangle, &c) &&
+        surface_integral_at(e->integral, p, c.point, &now) &&
+        surface_integral_at(e->whole, p, c.point, &whole))
+        return vec3_distance(now.displacement, whole.displacement);
+    return rest_of(e, e->group->mesh.triangles + 3 * (size_t)triangle, 3);
 }
 
 void easing_advance(struct easing *e, double share) {
@@ -144,11 +183,10 @@ void easing_advance(struct easing *e, double share) {
         const double *target = of(e, e->target, vertex);
         for (int k = 0; k < e->width; k++)
             now[k] = share < 1 ? now[k] + share * (target[k] - now[k]) : target[k];
-        displace(e, vertex);
+        displace(e, e->displacement, vertex, now);
         e->is_pending[vertex] = share < 1;
     }
-    if (e->mean)
-        surface_mean_update(e->mean, e->pending, e->pending_count);
+    update(e, e->pending_count);
     if (share >= 1)
         e->pending_count = 0;
 }

@@ -18,6 +18,9 @@ const float *easing_displacement(const struct easing *easing);
 // The mean of these displacements, always up to date. NULL if the field is not smooth or the group
 // bridges two bones.
 const struct surface_mean *easing_mean(const struct easing *easing);
+// The integral of these displacements, always up to date. NULL if the field is not integral or the
+// group bridges two bones.
+const struct surface_integral *easing_integral(const struct easing *easing);
 
 void easing_restore(struct easing *easing); // at once to the static displacements
 
@@ -26,9 +29,9 @@ void easing_aim(struct easing *easing, const struct touch_change *touch);
 
 bool easing_active(const struct easing *easing);
 
-// The largest remaining change, in mm, of the displacement at a tip that is closest to this
-// triangle; 0 for MESH_NONE. In a smooth field the whole surface counts.
-double easing_rest_mm(const struct easing *easing, uint32_t triangle);
+// The largest remaining change, in mm, of the displacement at a tip that is at p, in the group's
+// frame, and closest to this triangle; 0 for MESH_NONE. With a mean the whole surface counts.
+double easing_rest_mm(const struct easing *easing, vec3 p, uint32_t triangle);
 
 // Applies this share, 0 to 1, of the remaining change.
 void easing_advance(struct easing *easing, double share);

@@ -129,6 +129,10 @@ void scene_stand(const struct scene *scene, enum adaptive_kind kind,
 static enum result add_group(struct scene *scene, int index, struct error *err) {
     const struct case_group *group = &scene->knee->groups[index];
     enum result result = query_create(&group->mesh, &scene->queries[index], err);
+    if (result != RESULT_OK)
+        return result;
+    scene->blocks[index] = surface_blocks_create(&group->mesh);
+    scene->integrals[index] = surface_integral_create(scene->blocks[index], group->warp);
     if (group->warp || group->maxcut)
         scene->trees[index] = surface_tree_create(&group->mesh);
     if (group->warp)
@@ -141,10 +145,10 @@ static enum result add_group(struct scene *scene, int index, struct error *err) 
         .other_body = group->other_body,
         .other_share = group->other_share,
         .mean = group->other_share ? NULL : scene->means[index],
+        .integral = scene->integrals[index],
+        .gives_way = case_group_is_skin(group),
     };
-    if (result == RESULT_OK && group->cuttable)
-        result = add_tissue(scene, index, err);
-    return result;
+    return group->cuttable ? add_tissue(scene, index, err) : RESULT_OK;
 }
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err) {
@@ -179,6 +183,8 @@ void scene_destroy(struct scene **scene) {
         return;
     for (int i = 0; i < CASE_GROUPS_MAX; i++) {
         query_destroy(&s->queries[i]);
+        surface_integral_destroy(&s->integrals[i]);
+        surface_blocks_destroy(&s->blocks[i]);
         surface_mean_destroy(&s->means[i]);
         surface_tree_destroy(&s->trees[i]);
     }

@@ -25,6 +25,8 @@ struct scene {
     struct query *queries[CASE_GROUPS_MAX];
     struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups with a displacement, now or after cuts
     struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'
+    struct surface_blocks *blocks[CASE_GROUPS_MAX];
+    struct surface_integral *integrals[CASE_GROUPS_MAX]; // of S', of S where there is none
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct adaptive *adaptive[ADAPTIVE_COUNT]; // of the case's torn ligaments
     int tissue_count;

@@ -64,6 +64,8 @@ static void take_surfaces(struct session *s) {
         struct warp_surface *surface = &s->surfaces[s->scene->tissues[t].group];
         surface->displacement = easing_displacement(s->easings[t]);
         surface->mean = easing_mean(s->easings[t]);
+        if (easing_integral(s->easings[t]))
+            surface->integral = easing_integral(s->easings[t]);
     }
 }
 
@@ -302,13 +304,19 @@ static double allowance_mm(const struct session *s, int instrument, int64_t pass
 }
 
 // How much the displacement that an instrument feels would still change: its tip, or any point.
-static double rest_mm(const struct session *s, int instrument, int tissue) {
-    const struct avatar_memory *memory = &s->memory[instrument];
+static double rest_mm(const struct session *s, const struct session_output *out, int instrument,
+                      int tissue) {
+    const struct instrument_body *body = &s->settings.bodies[instrument];
     int group = s->scene->tissues[tissue].group;
-    int count = s->settings.avatar == AVATAR_TIP ? 1 : s->settings.bodies[instrument].point_count;
+    int count = s->settings.avatar == AVATAR_TIP ? 1 : body->point_count;
+    pose T_group_mockup = pose_inverse(out->T_mockup_body[s->scene->knee->groups[group].body]);
+    pose T_group_tip = pose_compose(T_group_mockup, out->instruments[instrument].T_mockup_tip);
     double rest = 0;
-    for (int i = 0; i < count; i++)
-        rest = fmax(rest, easing_rest_mm(s->easings[tissue], memory->points[i].triangle[group]));
+    for (int i = 0; i < count; i++) {
+        vec3 p = pose_apply(T_group_tip, body->points[i].at);
+        uint32_t triangle = s->memory[instrument].points[i].triangle[group];
+        rest = fmax(rest, easing_rest_mm(s->easings[tissue], p, triangle));
+    }
     return rest;
 }
 
@@ -321,7 +329,7 @@ static double ease_share(const struct session *s, int tissue, int active, int64_
         const struct instrument_output *o = &out->instruments[i];
         if (!o->present)
             continue;
-        double rest = rest_mm(s, i, tissue);
+        double rest = rest_mm(s, out, i, tissue);
         double allowed = allowance_mm(s, i, passed_ns, o->T_mockup_tip.translation) / active;
         if (allowed < share * rest)
             share = allowed / rest;

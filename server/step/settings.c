@@ -20,7 +20,7 @@ bool instrument_body_is_valid(const struct instrument_body *body) {
 }
 
 struct session_settings session_settings_default(void) {
-    struct field field = field_default(FIELD_INVERSE_DISTANCE);
+    struct field field = field_default(FIELD_INTEGRAL);
     field.skin_mm = 0.1;
     struct session_settings settings = {
         .rules = RULES_NEWEST,

@@ -43,7 +43,7 @@ struct session_settings {
     double ease_mm_s;
 };
 
-// The newest rules; inverse-distance with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
+// The newest rules; the integral field with a skin of 0.1 mm, hinge, tip, 100 ms, 0.2, 2 mm/s;
 // straight instruments with a point every 7 mm of the 49 mm behind the tip.
 struct session_settings session_settings_default(void);
 

@@ -9,8 +9,7 @@
 #include <string.h>
 
 static const char help[] =
-    "Usage: arthron-case check DIR [--field NAME] [--quick] [--report FILE.html] [--dry-run]\n"
-    "                          [--json]\n"
+    "Usage: arthron-case check DIR [--quick] [--report FILE.html] [--dry-run] [--json]\n"
     "\n"
     "Grades a case before a trainee meets it: fit, fit with warnings, or unfit. A server\n"
     "refuses an unfit case. The check examines structure, units and places, what overlaps and\n"
@@ -20,7 +19,6 @@ static const char help[] =
     "felt where it is seen, and whether facing surfaces are displaced into each other. A check\n"
     "takes minutes, and says how many are left.\n"
     "\n"
-    "  --field NAME   gaussian, inverse-distance or smooth (default: the server's default)\n"
     "  --quick        a grid of 1 mm instead of 0.5, at fewer poses\n"
     "  --report FILE  write a page with sections through the joint, coloured by gain\n"
     "  --dry-run      do not write check.json, which a server reads, into DIR\n"
@@ -105,16 +103,11 @@ static int check_folder(const struct wanted *wanted) {
 }
 
 int command_check(int argc, char **argv) {
-    static const struct option options[] = {{"field", required_argument, NULL, 'f'},
-                                            {"quick", no_argument, NULL, 'q'},
-                                            {"report", required_argument, NULL, 'r'},
-                                            {"dry-run", no_argument, NULL, 'd'},
-                                            {"json", no_argument, NULL, 'j'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {0}};
-    static const char *const fields[] = {"gaussian", "inverse-distance", "smooth", NULL};
+    static const struct option options[] = {
+        {"quick", no_argument, NULL, 'q'},   {"report", required_argument, NULL, 'r'},
+        {"dry-run", no_argument, NULL, 'd'}, {"json", no_argument, NULL, 'j'},
+        {"help", no_argument, NULL, 'h'},    {0}};
     struct wanted wanted = {0};
-    const char *field = NULL;
     int option;
     while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
         if (option == 'h') {
@@ -123,7 +116,6 @@ int command_check(int argc, char **argv) {
         }
         if (option == '?')
             return EXIT_USAGE;
-        field = option == 'f' ? optarg : field;
         wanted.report = option == 'r' ? optarg : wanted.report;
         wanted.quick |= option == 'q';
         wanted.dry_run |= option == 'd';
@@ -136,7 +128,5 @@ int command_check(int argc, char **argv) {
     struct progress progress = {clock_now_ns(), clock_now_ns() + PROGRESS_EVERY_NS};
     wanted.settings.progress = print_progress;
     wanted.settings.context = &progress;
-    if (field && !field_from_name(field, &wanted.settings.field.kind))
-        return unknown_choice("check", "--field", field, fields);
     return check_folder(&wanted);
 }

@@ -25,7 +25,7 @@ static const char help[] =
     "Other settings run the same hands again, without a comparison of every field:\n"
     "\n"
     "  --case DIR       another case\n"
-    "  --field KIND     gaussian, inverse-distance or smooth\n"
+    "  --field KIND     integral, or for comparison smooth, inverse-distance or gaussian\n"
     "  --avatar MODE    tip, points or rigid\n"
     "  --strength X     of the warp, 0 to 1\n"
     "\n"
@@ -118,7 +118,7 @@ static const char *take_settings(const struct replay_request *request,
     if (request->strength)
         settings->field.strength = strtod(request->strength, &end);
     if (request->field && !field_from_name(request->field, &settings->field.kind))
-        return "--field is gaussian, inverse-distance or smooth";
+        return "--field is integral, smooth, inverse-distance or gaussian";
     if (request->avatar && !avatar_from_name(request->avatar, &settings->avatar))
         return "--avatar is tip, points or rigid";
     if (*end || !(settings->field.strength >= 0 && settings->field.strength <= 1))

@@ -73,6 +73,8 @@ static struct slanted least_stillness(const struct warp_scene *scene, const stru
                                       vec3 y) {
     struct slanted largest = {0};
     for (int i = 0; scene->correction && i < scene->surface_count; i++) {
+        if (!field_takes(field, &scene->surfaces[i]))
+            continue;
         struct slanted square = corrected_square(scene, scene->surfaces[i].body, y);
         if (square.value > largest.value)
             largest = square;

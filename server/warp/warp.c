@@ -27,6 +27,10 @@ struct field field_default(enum field_kind kind) {
         .kind = kind, .unit_mm = 10, .radius_mm = 15, .background_per_mm = 1.0 / 15, .strength = 1};
 }
 
+bool field_takes(const struct field *field, const struct warp_surface *surface) {
+    return field->kind != FIELD_INTEGRAL || !surface->gives_way;
+}
+
 void warp_memory_init(struct warp_memory *memory) {
     for (int i = 0; i < WARP_SURFACES_MAX; i++)
         memory->triangle[i] = MESH_NONE;
@@ -201,6 +205,8 @@ static bool touch_surface(const struct warp_scene *scene, const struct field *fi
                    : field->kind == FIELD_INTEGRAL ? field->radius_mm
                                                    : field->radius_mm + 1.5 * field->skin_mm;
     const struct warp_surface *surface = &scene->surfaces[index];
+    if (!field_takes(field, surface))
+        return false;
     struct stance stance = stance_of(scene, index);
     vec3 p = pose_apply_inverse(stance.physical, y);
     struct closest closest;

@@ -39,16 +39,15 @@
 enum field_kind {
     FIELD_GAUSSIAN, // ω = exp(−d²/(2σ)), σ = min d: Eq. 3 as printed; depends on the unit
     FIELD_INVERSE_DISTANCE, // ω = (R − d)₊/(R d), ω_0 a constant: free of units
-    FIELD_SMOOTH, // the same, with the mean Δ of warp/surface_mean.h for surfaces that have one:
-                  // no jumps where the closest point jumps
-    FIELD_COUNT,  // those that a session can have
-    FIELD_INTEGRAL = FIELD_COUNT, // weights and Δ by warp/surface_integral.h; for benches
-    FIELD_KINDS
+    FIELD_SMOOTH,   // the same, with the mean Δ of warp/surface_mean.h for surfaces that have one:
+                    // no jumps where the closest point jumps
+    FIELD_INTEGRAL, // weights and Δ by warp/surface_integral.h, without what gives way. New
+                    // sessions have it; the others are for comparison, and for older traces
+    FIELD_COUNT
 };
 
 // "gaussian", "inverse-distance", "smooth", "integral"
 const char *field_name(enum field_kind kind);
-// Of those that a session can have.
 bool field_from_name(const char *name, enum field_kind *out_kind);
 
 struct field {
@@ -79,7 +78,11 @@ struct warp_surface {
     // Of this displacement, for the integral field; NULL: a plane through the closest point. Where
     // there is another bone's share Δ is the closest point's, and the weight is the integral's.
     const struct surface_integral *integral;
+    bool gives_way; // as the knee's skin: no surface of the integral field
 };
+
+// Whether the surface is one of the field's: any, but what gives way in the integral field.
+bool field_takes(const struct field *field, const struct warp_surface *surface);
 
 struct warp_scene {
     const struct warp_surface *surfaces;

@@ -11,7 +11,7 @@ enum result anatomy_init(struct anatomy *out, struct knee_case **knee, struct er
     for (int i = 0; result == RESULT_OK && i < (*knee)->group_count; i++) {
         const struct case_group *group = &(*knee)->groups[i];
         result = query_create(&group->mesh, &out->queries[i], err);
-        out->hollow |= strcmp(group->name, "skin") == 0 ? 1u << i : 0;
+        out->hollow |= case_group_is_skin(group) ? 1u << i : 0;
     }
     if (result != RESULT_OK) {
         anatomy_fini(out);

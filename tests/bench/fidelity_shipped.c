@@ -260,7 +260,7 @@ static enum result measure_recipe(struct fidelity *f, const char *path, struct e
     }
     struct shipped s = {.fidelity = f, .scene = scene, .knee = scene_case(scene)};
     for (int i = 0; i < s.knee->group_count; i++)
-        s.hollow |= strcmp(s.knee->groups[i].name, "skin") == 0 ? 1u << i : 0;
+        s.hollow |= case_group_is_skin(&s.knee->groups[i]) ? 1u << i : 0;
     integrals_init(&s);
     look_at_keys(&s);
     look_at_rest(&s);

@@ -98,7 +98,7 @@ static double measure_size(const struct warp_scene *scene, const char *size, int
                            struct report *report) {
     double result = 0;
     for (int far = 0; far < 2; far++)
-        for (int kind = 0; kind < FIELD_KINDS; kind++) {
+        for (int kind = 0; kind < FIELD_COUNT; kind++) {
             struct run run = {scene, field_default((enum field_kind)kind), far, 0, count};
             double median = measure_starts(&run, size, report);
             if (!far && kind == FIELD_INVERSE_DISTANCE)

@@ -124,8 +124,8 @@ static void a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told(void **stat
             at[i] = somewhere(&r);
             before[i] = mean_at(easing_mean(easing), at[i]);
         }
-        double rest = easing_rest_mm(easing, 0), share = random_between(&r, 0.1, 1);
-        assert_near(easing_rest_mm(easing, MESH_NONE), 0, 0);
+        double rest = easing_rest_mm(easing, at[0], 0), share = random_between(&r, 0.1, 1);
+        assert_near(easing_rest_mm(easing, at[0], MESH_NONE), 0, 0);
         easing_advance(easing, share);
         for (int i = 0; i < 20; i++) {
             double change = vec3_distance(mean_at(easing_mean(easing), at[i]), before[i]);
@@ -137,19 +137,75 @@ static void a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told(void **stat
     easing_destroy(&easing);
 }
 
-static void without_a_smooth_field_there_is_no_mean_to_keep_up(void **state) {
-    (void)state;
-    struct easing *easing = start(FIELD_INVERSE_DISTANCE, RULES_NEWEST);
-    assert_null(easing_mean(easing));
+static vec3 integral_at(const struct surface_integral *integral, vec3 p) {
+    struct closest c;
+    struct surface_sight sight;
+    assert_true(query_closest(scene->queries[scene->tissues[0].group], p, 100, MESH_NONE, &c));
+    assert_true(surface_integral_at(integral, p, c.point, &sight));
+    return sight.displacement;
+}
+
+static void assert_integral_is_kept_up(const struct easing *easing, struct random *r) {
+    struct surface_integral *fresh = surface_integral_create(scene->blocks[scene->tissues[0].group],
+                                                             easing_displacement(easing));
+    for (int i = 0; i < 30; i++) {
+        vec3 p = somewhere(r);
+        assert_vec3_near(integral_at(easing_integral(easing), p), integral_at(fresh, p), 0);
+    }
+    surface_integral_destroy(&fresh);
+}
+
+// What is left of the change at each place, to its last digits, also while new cuts land amid it.
+static void with_an_integral_a_tip_is_told_exactly_what_it_will_feel(void **state) {
+    struct random r = {3};
+    int rules = rules_of(*state);
+    struct easing *easing = start(FIELD_INTEGRAL, rules);
+    assert_integral_is_kept_up(easing, &r);
+    for (int cut = 0; cut < 12; cut++) {
+        vec3 at[20], before[20];
+        double rest[20];
+        aim(easing, 1 + (uint32_t)cut % 3, rules, &r);
+        for (int i = 0; i < 20; i++) {
+            at[i] = somewhere(&r);
+            before[i] = integral_at(easing_integral(easing), at[i]);
+            rest[i] = easing_rest_mm(easing, at[i], 0);
+        }
+        double share = cut % 4 == 3 ? 1 : random_between(&r, 0.1, 1);
+        easing_advance(easing, share);
+        assert_integral_is_kept_up(easing, &r);
+        for (int i = 0; i < 20; i++) {
+            double change = vec3_distance(integral_at(easing_integral(easing), at[i]), before[i]);
+            assert_near(change, share * rest[i], 1e-6);
+            assert_near(easing_rest_mm(easing, at[i], 0), (1 - share) * rest[i], 1e-6);
+        }
+        if (cut % 5 != 4)
+            continue;
+        easing_restore(easing);
+        assert_integral_is_kept_up(easing, &r);
+        assert_near(easing_rest_mm(easing, at[0], 0), 0, 0);
+    }
     easing_destroy(&easing);
 }
 
+static void each_field_keeps_up_what_it_reads(void **state) {
+    (void)state;
+    for (int kind = 0; kind < FIELD_COUNT; kind++) {
+        struct easing *easing = start((enum field_kind)kind, RULES_NEWEST);
+        assert_int_equal(easing_mean(easing) != NULL, kind == FIELD_SMOOTH);
+        assert_int_equal(easing_integral(easing) != NULL, kind == FIELD_INTEGRAL);
+        easing_destroy(&easing);
+    }
+}
+
 // The last test: the meniscus stays so.
-static void a_group_that_bridges_two_bones_has_no_mean(void **state) {
+static void a_group_that_bridges_two_bones_has_neither(void **state) {
     (void)state;
     case_group_bridge(&scene->knee->groups[scene->tissues[0].group], BODY_FEMUR);
     struct easing *easing = start(FIELD_SMOOTH, RULES_NEWEST);
     assert_null(easing_mean(easing));
+    easing_destroy(&easing);
+    easing = start(FIELD_INTEGRAL, RULES_NEWEST);
+    assert_null(easing_integral(easing));
     easing_destroy(&easing);
 }
 
@@ -162,8 +218,12 @@ int main(void) {
                                   &blends),
         cmocka_unit_test_prestate(a_smooth_tip_feels_no_more_than_the_rest_that_it_is_told,
                                   &offsets),
-        cmocka_unit_test(without_a_smooth_field_there_is_no_mean_to_keep_up),
-        cmocka_unit_test(a_group_that_bridges_two_bones_has_no_mean),
+        cmocka_unit_test_prestate(with_an_integral_a_tip_is_told_exactly_what_it_will_feel,
+                                  &blends),
+        cmocka_unit_test_prestate(with_an_integral_a_tip_is_told_exactly_what_it_will_feel,
+                                  &offsets),
+        cmocka_unit_test(each_field_keeps_up_what_it_reads),
+        cmocka_unit_test(a_group_that_bridges_two_bones_has_neither),
     };
     return cmocka_run_group_tests_name("easing", tests, make_scene, drop_scene);
 }

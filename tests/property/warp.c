@@ -77,7 +77,7 @@ static void the_warp_is_its_formula(void **state) {
         double off = pow(10, random_between(&r, -5.9, 0));
         vec3 near = vec3_add_scaled(world_point_on(&w, i % 5, &r), off, random_direction(&r));
         vec3 y = i % 3 ? world_somewhere(&r) : near;
-        for (int kind = 0; kind < FIELD_COUNT; kind++) {
+        for (int kind = 0; kind < FIELD_INTEGRAL; kind++) {
             struct field field = field_default((enum field_kind)kind);
             field.strength = 0.25 * (i % 5);
             struct warp warp = world_warp(&w.scene, &field, y);

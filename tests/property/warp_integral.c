@@ -5,6 +5,7 @@
 #include "test.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 static void world_integrate(struct world *w, struct random *r) {
     world_create(w, r, true);
@@ -385,11 +386,36 @@ static void beyond_its_reach_there_is_no_warp_and_it_gets_there_smoothly(void **
     bodies_fini(&walls);
 }
 
-static void sessions_cannot_name_it(void **state) {
+// As if it were not there, even where y is on it; the other fields take it.
+static void what_gives_way_is_no_surface_of_it(void **state) {
     (void)state;
-    enum field_kind kind = FIELD_GAUSSIAN;
-    assert_string_equal(field_name(FIELD_INTEGRAL), "integral");
-    assert_false(field_from_name("integral", &kind));
+    struct random r = {11};
+    struct world w;
+    world_integrate(&w, &r);
+    struct warp_surface all[BODIES_MAX];
+    memcpy(all, w.bodies.surfaces, sizeof all);
+    struct warp_scene with = w.scene;
+    with.surfaces = all;
+    all[0].gives_way = true;
+    w.scene.surfaces++;
+    w.scene.surface_count--;
+    struct field field = field_default(FIELD_INTEGRAL), other = field_default(FIELD_SMOOTH);
+    int nearest = 0;
+    for (int i = 0; i < 300; i++) {
+        world_place(&w, &r, true);
+        with.T_world_body = w.scene.T_world_body;
+        with.correction = w.scene.correction;
+        vec3 y = pose_apply(with.T_world_body[all[0].body],
+                            mesh_vertex(all[0].mesh, (uint32_t)i % all[0].mesh->vertex_count));
+        y = i % 2 ? y : world_somewhere(&r);
+        struct warp a = world_warp(&with, &field, y), b = world_warp(&w.scene, &field, y);
+        assert_int_equal(memcmp(&a.displacement, &b.displacement, sizeof a.displacement), 0);
+        assert_int_equal(memcmp(&a.gradient, &b.gradient, sizeof a.gradient), 0);
+        assert_int_equal(a.nearest, b.nearest < 0 ? -1 : b.nearest + 1);
+        nearest += world_warp(&with, &other, y).nearest == 0;
+    }
+    assert_true(nearest > 100);
+    world_fini(&w);
 }
 
 int main(void) {
@@ -403,7 +429,7 @@ int main(void) {
         cmocka_unit_test(a_body_far_from_its_origin_has_the_same_warp),
         cmocka_unit_test(the_unit_of_length_does_not_matter),
         cmocka_unit_test(beyond_its_reach_there_is_no_warp_and_it_gets_there_smoothly),
-        cmocka_unit_test(sessions_cannot_name_it),
+        cmocka_unit_test(what_gives_way_is_no_surface_of_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

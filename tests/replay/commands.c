@@ -204,7 +204,8 @@ static void other_settings_are_tried_on_the_same_hands(void **state) {
         bool same;
     } rows[] = {{"--strength 1 --json", true},
                 {"--strength 0 --json", false},
-                {"--field smooth --json", false}};
+                {"--field smooth --json", false},
+                {"--field integral --json", true}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         assert_int_equal(run_on_trace("replay", rows[i].option), 0);
         json_t *root = output_object();

@@ -5,7 +5,7 @@
 struct scene *scene;
 const struct case_group *meniscus;
 vec3 inner, outward;
-enum field_kind hand_field = FIELD_INVERSE_DISTANCE;
+enum field_kind hand_field = FIELD_INTEGRAL;
 
 uint32_t most_moved(const struct case_group *group) {
     uint32_t best = 0;

@@ -186,8 +186,9 @@ dir = {self.cases}/arthrosis
 {stations or '[station room-1]' + chr(10) + 'case = arthrosis'}
 """)
 
-    def start_server(self, stations="", extra=""):
-        server = self.start("server", "arthron-server", "run", "--config", self.server_config(stations, extra))
+    def start_server(self, stations="", extra="", options=()):
+        server = self.start("server", "arthron-server", "run", "--config", self.server_config(stations, extra),
+                            *options)
         server.wait_for_log("ready")
         return server
 

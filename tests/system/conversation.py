@@ -134,7 +134,8 @@ class Conversation(SystemTest):
         super().setUp()
         with tarfile.open(CASE) as packed:
             packed.extractall(self.folder)
-        self.start_server("[warp]\nhold_ms = 5000\n[case case]\ndir = case\n[station room-1]\ncase = case")
+        self.start_server("[warp]\nhold_ms = 5000\n[case case]\ndir = case\n[station room-1]\ncase = case",
+                          options=("--bench-field", "inverse-distance"))  # that of the earlier release
         code = call("arthron-server", "keys", "enrol", self.keys, "room-1").stdout.strip()
         example.enrol("127.0.0.1", self.port, code, "room-1", self.path("keys-room-1"))
         self.played = Played(self.port, self.path("keys-room-1"))

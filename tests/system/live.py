@@ -135,6 +135,7 @@ class Live(Bites):
         times = [m["s"] for m in page.moments]
         self.assertEqual(times, sorted(times))
         info = call_json("arthron-trace", "info", session["trace"])
+        self.assertEqual(info["settings"]["field"], "integral")
         self.assertAlmostEqual(page.sessions[0]["length_s"], times[-1], delta=0.2)
         self.assertGreaterEqual(times[-1], info["seconds"])
         self.assertLess(len(times), 20 * info["seconds"] + resection["mesh_number"] + 20)

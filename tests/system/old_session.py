@@ -28,7 +28,7 @@ case = {case}
 start = auto
 """
 
-    def test_it_goes_on_in_its_trace_under_its_rules(self):
+    def test_it_goes_on_in_its_trace_under_its_rules_and_with_its_field(self):
         before = call_json("arthron-trace", "info", self.trace)
         server = self.start_server(self.stations("tear-radial"))
         session = self.session("demo")
@@ -38,6 +38,7 @@ start = auto
         server.end()
         after = call_json("arthron-trace", "info", self.trace)
         self.assertEqual((after["version"], after["resumes"], after["state"]), (4, 1, "closed"))
+        self.assertEqual(after["settings"]["field"], "inverse-distance")
         self.assertGreater(after["steps"], before["steps"])
         self.assertEqual(after["resections"], before["resections"])
         replay = call_json("arthron-trace", "replay", self.trace, "--case", self.case)

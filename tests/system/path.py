@@ -194,9 +194,8 @@ class Strangers(SystemTest):
         self.assertTrue(self.session_command("case", "room-1", "healthy")["ok"])
         self.assertEqual(self.session()["case_grade"], "not checked")
         server.end()
-        server = self.start_server("[warp]\nfield = smooth\n" + stations.format("bad"), "unfit = serve")
-        self.assertIn("case bad was checked with the field inverse-distance and is served with smooth",
-                      server.log())
+        server = self.start_server(stations.format("bad"), "unfit = serve", ("--bench-field", "smooth"))
+        self.assertIn("case bad was checked with the field integral and is served with smooth", server.log())
         self.assertIn("case bad is unfit, and is served because of unfit = serve", server.log())
         self.start_station()
         wait_until("connected", lambda: self.session()["connected"])

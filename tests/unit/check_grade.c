@@ -59,7 +59,7 @@ static void the_grade_of_a_check_is_read_back_for_its_case(void **state) {
     assert_int_equal(grade_read(folder, &grade, &err), RESULT_OK);
     assert_int_equal(grade.grade, check->grade);
     assert_true(grade.hash == hash && grade.quick);
-    assert_string_equal(grade.field, "inverse-distance");
+    assert_string_equal(grade.field, "integral");
     assert_int_equal(grade.reason[0] != '\0', check->grade == GRADE_UNFIT);
     struct knee_case *again;
     assert_int_equal(case_load(folder, NULL, &again, &err), RESULT_OK);

@@ -87,7 +87,11 @@ static void what_cannot_be_is_named(void **state) {
         {"[server]\nprot = 4810\n", "[server] has no key \"prot\"; did you mean port?"},
         {"[server]\nunfit = perhaps\n", "must be refuse or serve"},
         {"[server]\naddress = 10.0.0.1\n", "[server] needs the key \"keys\""},
-        {SERVER "[warp]\nfield = sooth\n", "must be inverse-distance, smooth or gaussian"},
+        {SERVER "[warp]\nfield = inverse-distance\n",
+         "[warp] field = inverse-distance: must be integral: with the other fields the shown tip "
+         "jumps"},
+        {SERVER "[warp]\nfield = smooth\n", "only benches use them (--bench-field)"},
+        {SERVER "[warp]\nfield = gaussian\n", "must be integral"},
         {SERVER "[warp]\navatar = tips\n", "must be tip, rigid or points"},
         {SERVER "[warp]\nadaptive = hing\n", "must be hinge, paper or paper-narrow"},
         {SERVER "[warp]\nhold_ms = -1\n", "must be a whole number from 0 to 10000"},
@@ -110,7 +114,7 @@ static void what_cannot_be_is_named(void **state) {
 static void every_kind_of_value_goes_where_it_belongs(void **state) {
     (void)state;
     assert_int_equal(load(SERVER "port = 4900\nworkers = 3\nunfit = serve\ncalibration_mm = 0.5\n"
-                                 "[warp]\nfield = smooth\nradius_mm = 12\nhold_ms = 250\n"
+                                 "[warp]\nfield = integral\nradius_mm = 12\nhold_ms = 250\n"
                                  "avatar = rigid\nadaptive = paper\nease_share = 0.3\n"
                                  "[instrument probe]\npoint.1 = 0 3 0 0.5\npoint.2 = 0 3 -7 1\n"
                                  "[case knee]\ndir = k\n"
@@ -122,7 +126,7 @@ static void every_kind_of_value_goes_where_it_belongs(void **state) {
     assert_int_equal(c->workers, 3);
     assert_true(c->serve_unfit);
     assert_float_equal(c->calibration_mm, 0.5, 0);
-    assert_int_equal(c->settings.field.kind, FIELD_SMOOTH);
+    assert_int_equal(c->settings.field.kind, FIELD_INTEGRAL);
     assert_float_equal(c->settings.field.radius_mm, 12, 0);
     assert_int_equal(c->settings.hold_ns, 250000000);
     assert_string_equal(avatar_mode_name(c->settings.avatar), "rigid");

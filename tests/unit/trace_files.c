@@ -212,7 +212,7 @@ struct trace_header some_header(void) {
         .start_utc_ns = 1790000000000000000,
         .start_ns = 5000000000,
         .settings = {.rules = RULES_NEWEST,
-                     .field = {FIELD_INVERSE_DISTANCE, 10, 12, 0.05, 0.02, 0.75},
+                     .field = {FIELD_INTEGRAL, 10, 12, 0.05, 0.02, 0.75},
                      .adaptive = ADAPTIVE_PAPER,
                      .avatar = AVATAR_RIGID,
                      .hold_ns = 100000000,

@@ -37,9 +37,9 @@ struct check_settings {
     double spacing_mm; // of the grid
     double flexion_step_deg;
     bool quick; // of the keys of each ligament only the first; said in the result
-    // NULL, or told how much of the check is done, from 0 to 1, and at which pose it is. From any
-    // thread, never two calls at once.
-    void (*progress)(void *context, const char *pose, double share);
+    // NULL, or told how much of the check is done, from 0 to 1, and what it looks at: overlaps, or
+    // the field at a pose. From any thread, never two calls at once.
+    void (*progress)(void *context, const char *what, double share);
     void *context;
 };
 

@@ -2,7 +2,6 @@
 
 #include "base/check.h"
 #include "check/bounds.h"
-#include "check/parallel.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -135,12 +134,13 @@ static void look_at_portals(const struct look *look) {
         }
 }
 
-enum result contacts_look(struct knee_case *knee, struct contacts *out, struct error *err) {
+enum result contacts_look(struct knee_case *knee, const struct progress *progress,
+                          struct contacts *out, struct error *err) {
     choose_pairs(knee, out);
     struct look *look = alloc(1, sizeof *look);
     look->knee = knee;
     look->contacts = out;
-    parallel_for(knee->group_count, prepare, look);
+    parallel_for(knee->group_count, prepare, look, NULL);
     enum result result = RESULT_OK;
     for (int i = 0; i < knee->group_count && result == RESULT_OK; i++) {
         result = look->results[i];
@@ -148,7 +148,7 @@ enum result contacts_look(struct knee_case *knee, struct contacts *out, struct e
             *err = look->errors[i];
     }
     if (result == RESULT_OK) {
-        parallel_for(out->count * CONTACT_FLEXIONS, measure, look);
+        parallel_for(out->count * CONTACT_FLEXIONS, measure, look, progress);
         look_at_portals(look);
     }
     for (int i = 0; i < knee->group_count; i++)

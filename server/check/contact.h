@@ -3,6 +3,7 @@
 #pragma once
 
 #include "check/inspect.h"
+#include "check/parallel.h"
 #include "check/touch.h"
 
 #define CONTACT_FLEXIONS 9 // 0 to 120 degrees
@@ -31,8 +32,10 @@ struct contacts {
 };
 
 // Groups by name: femur, tibia, patella, and those that begin with meniscus or cartilage. Threads
-// inside; the figures depend on none of it. RESULT_IO where a search structure cannot be had.
-enum result contacts_look(struct knee_case *knee, struct contacts *out_contacts, struct error *err);
+// inside; the figures depend on none of it. progress: NULL, or told. RESULT_IO where a search
+// structure cannot be had.
+enum result contacts_look(struct knee_case *knee, const struct progress *progress,
+                          struct contacts *out_contacts, struct error *err);
 
 // The worst of each pair, by the bounds of check/bounds.h. A portal inside a group is a fault.
 void contacts_inspect(const struct knee_case *knee, const struct contacts *contacts,

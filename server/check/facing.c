@@ -146,7 +146,7 @@ static void add(struct facing_pair *pair, const struct facing_pair *other) {
 void facing_compare(const struct warp_scene *scene, uint32_t skipped, struct facing_figures *out) {
     int n = scene->surface_count;
     struct compare c = {scene, alloc((size_t)(n * n) + 1, sizeof *c.pairs), skipped};
-    parallel_for(n, compare_surface, &c);
+    parallel_for(n, compare_surface, &c, NULL);
     out->count = 0;
     for (int a = 0; a < n; a++)
         for (int b = a + 1; b < n; b++) {

@@ -1,9 +1,7 @@
 #include "check/field.h"
 
 #include "base/check.h"
-#include "check/parallel.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -122,10 +120,6 @@ struct field_walk {
     uint32_t yielding;
     const struct space *space;
     struct field_figures *slabs;
-    const struct field_progress *progress;
-    int slab_count;
-    pthread_mutex_t *lock; // of `done`
-    int *done;             // slabs
 };
 
 // What a thread works with in one slab.
@@ -325,14 +319,6 @@ static void walk_plane(struct field_slab *slab, int k, bool counts) {
         }
 }
 
-static void count_slab(const struct field_walk *walk) {
-    if (!walk->progress)
-        return;
-    pthread_mutex_lock(walk->lock);
-    walk->progress->tell(walk->progress->context, (double)++*walk->done / walk->slab_count);
-    pthread_mutex_unlock(walk->lock);
-}
-
 // The plane below the slab is looked at once more, for its neighbours above.
 static void walk_slab(void *context, int index) {
     const struct field_walk *walk = context;
@@ -353,7 +339,6 @@ static void walk_slab(void *context, int index) {
     for (int i = 0; i < 2; i++)
         free(slab.planes[i]);
     free(slab.is_near);
-    count_slab(walk);
 }
 
 static void keep_larger(struct field_spot *spot, bool had, const struct field_spot *other) {
@@ -389,14 +374,12 @@ static void add(struct field_figures *f, const struct field_figures *g) {
 
 void field_walk(const struct warp_scene *scene, const struct field *field,
                 const struct moved *moved, uint32_t yielding, const struct space *space,
-                const struct field_progress *progress, struct field_figures *figures) {
+                const struct progress *progress, struct field_figures *figures) {
     CHECK(moved->query);
-    int slabs = (space->size[2] + SLAB - 1) / SLAB, done = 0;
-    pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-    struct field_walk walk = {scene, field,    moved, yielding, space,
-                              NULL,  progress, slabs, &lock,    &done};
+    int slabs = (space->size[2] + SLAB - 1) / SLAB;
+    struct field_walk walk = {scene, field, moved, yielding, space, NULL};
     walk.slabs = alloc((size_t)slabs, sizeof *walk.slabs);
-    parallel_for(slabs, walk_slab, &walk);
+    parallel_for(slabs, walk_slab, &walk, progress);
     for (int i = 0; i < slabs; i++)
         add(figures, &walk.slabs[i]);
     free(walk.slabs);

@@ -2,6 +2,7 @@
 // Millimetres, in the scene's world.
 #pragma once
 
+#include "check/parallel.h"
 #include "check/space.h"
 
 // Where the displacements of two surfaces leave less than this of the gap between them, every field
@@ -61,14 +62,9 @@ struct field_figures {
 // halving the way between neighbours that differ by more than both gradients explain. yielding: bit
 // k: surface k gives way, as skin does; a place is against it where it is one of the two nearest.
 // Figures are added to those that are there. Threads inside; the figures depend on none of it.
-// progress, which may be NULL, gets how much of the walk is done, never two calls at once.
-struct field_progress {
-    void (*tell)(void *context, double share);
-    void *context;
-};
 void field_walk(const struct warp_scene *scene, const struct field *field,
                 const struct moved *moved, uint32_t yielding, const struct space *space,
-                const struct field_progress *progress, struct field_figures *figures);
+                const struct progress *progress, struct field_figures *figures);
 
 // Adds the counts, not the spots.
 void field_counts_add(struct field_figures *sum, const struct field_figures *figures);

@@ -11,17 +11,34 @@ struct share {
     int count;
     parallel_work *work;
     void *context;
+    const struct progress *progress;
+    pthread_mutex_t lock; // of `done`
+    int done;
 };
+
+static void tell(struct share *share) {
+    if (!share->progress)
+        return;
+    pthread_mutex_lock(&share->lock);
+    share->progress->tell(share->progress->context, (double)++share->done / share->count);
+    pthread_mutex_unlock(&share->lock);
+}
 
 static void *take_share(void *argument) {
     struct share *share = argument;
-    for (int i; (i = atomic_fetch_add(&share->next, 1)) < share->count;)
+    for (int i; (i = atomic_fetch_add(&share->next, 1)) < share->count;) {
         share->work(share->context, i);
+        tell(share);
+    }
     return NULL;
 }
 
-void parallel_for(int count, parallel_work *work, void *context) {
-    struct share share = {.count = count, .work = work, .context = context};
+void parallel_for(int count, parallel_work *work, void *context, const struct progress *progress) {
+    struct share share = {.count = count,
+                          .work = work,
+                          .context = context,
+                          .progress = progress,
+                          .lock = PTHREAD_MUTEX_INITIALIZER};
     long cores = sysconf(_SC_NPROCESSORS_ONLN);
     pthread_t threads[THREADS_MAX];
     int started = 0;

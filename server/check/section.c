@@ -274,7 +274,7 @@ enum result section_make(const struct scene *scene, const struct check_settings 
         return result;
     frame(out, &space);
     struct fill fill = {&view, &settings->field, &space, out};
-    parallel_for(out->size[1], fill_row, &fill);
+    parallel_for(out->size[1], fill_row, &fill, NULL);
     space_fini(&space);
     uint32_t skipped = 0;
     for (int g = 0; g < view.scene.surface_count; g++)

@@ -29,7 +29,7 @@ static const char help[] =
 
 #define PROGRESS_EVERY_NS (10 * NS_PER_S)
 
-struct progress {
+struct watch {
     int64_t begin_ns, next_ns;
 };
 
@@ -41,7 +41,7 @@ struct wanted {
 
 // A line now and then, of a check that takes long.
 static void print_progress(void *context, const char *where, double share) {
-    struct progress *p = context;
+    struct watch *p = context;
     int64_t now_ns = clock_now_ns();
     if (now_ns < p->next_ns || share >= 1)
         return;
@@ -125,8 +125,8 @@ int command_check(int argc, char **argv) {
         return usage_error("check", "one case folder is needed");
     wanted.dir = argv[optind];
     wanted.settings = check_settings_default(wanted.quick);
-    struct progress progress = {clock_now_ns(), clock_now_ns() + PROGRESS_EVERY_NS};
+    struct watch watch = {clock_now_ns(), clock_now_ns() + PROGRESS_EVERY_NS};
     wanted.settings.progress = print_progress;
-    wanted.settings.context = &progress;
+    wanted.settings.context = &watch;
     return check_folder(&wanted);
 }

@@ -6,7 +6,8 @@
 // and facing surfaces (check/field.h, check/facing.h). A case with a fault is unfit. A case with
 // only warnings is fit with warnings.
 //
-// Faults: those of inspect.h; bones and menisci beyond the bounds of check/bounds.h; a torn
+// Faults: those of inspect.h, portal.h and landmark.h; bones and menisci beyond the bounds of
+// check/bounds.h; a torn
 // ligament whose key is not met; a rest pose that ligaments move; a touch error above 1e-4 mm; in a
 // rest pose, displacements that fill the gap between surfaces that face each other within 1 mm, or
 // that fold the field in a wider gap; folds in more than FOLDS_MAX of the warped space; a virtual

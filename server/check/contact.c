@@ -90,7 +90,7 @@ static void prepare(void *context, int group) {
                                              &look->knee->groups[group].mesh, &look->errors[group]);
 }
 
-static pose body_pose(const struct knee_case *knee, enum body body, double flexion_deg) {
+pose contact_body_pose(const struct knee_case *knee, enum body body, double flexion_deg) {
     struct joint_angles joint = case_rest(knee, flexion_deg);
     return body == BODY_FEMUR   ? pose_identity()
            : body == BODY_TIBIA ? joint_to_pose(&knee->joint, &joint)
@@ -106,8 +106,8 @@ static void measure(void *context, int index) {
     const struct case_group *groups = look->knee->groups;
     const struct touching *a = &look->touching[contact->a], *b = &look->touching[contact->b];
     double flexion = which * CONTACT_STEP_DEG;
-    pose T_femur_a = body_pose(look->knee, groups[contact->a].body, flexion);
-    pose T_femur_b = body_pose(look->knee, groups[contact->b].body, flexion);
+    pose T_femur_a = contact_body_pose(look->knee, groups[contact->a].body, flexion);
+    pose T_femur_b = contact_body_pose(look->knee, groups[contact->b].body, flexion);
     pose T_a_b = pose_compose(pose_inverse(T_femur_a), T_femur_b);
     struct contact_state *state = &contact->states[which];
     state->overlap = overlap_of(a, b, T_a_b);
@@ -116,22 +116,6 @@ static void measure(void *context, int index) {
         state->gap = gap_of(a, b, T_a_b, INFINITY);
         state->gap.place = pose_apply(T_femur_a, state->gap.place);
     }
-}
-
-static void look_at_portals(const struct look *look) {
-    const struct knee_case *knee = look->knee;
-    for (int i = 0; i < knee->portal_count; i++)
-        for (int k = 0; k < knee->group_count; k++) {
-            pose T = body_pose(knee, knee->groups[k].body, 0);
-            struct touching_hints hints;
-            vec3 p = pose_apply_inverse(T, knee->portals[i].position), point;
-            touching_forget(&hints);
-            double depth = -touching_distance(&look->touching[k], p, &hints, &point);
-            if (depth > look->contacts->portal_depth_mm[i]) {
-                look->contacts->portal_depth_mm[i] = depth;
-                look->contacts->portal_group[i] = k;
-            }
-        }
 }
 
 enum result contacts_look(struct knee_case *knee, const struct progress *progress,
@@ -149,7 +133,8 @@ enum result contacts_look(struct knee_case *knee, const struct progress *progres
     }
     if (result == RESULT_OK) {
         parallel_for(out->count * CONTACT_FLEXIONS, measure, look, progress);
-        look_at_portals(look);
+        portals_look(knee, look->touching, out->portals);
+        landmarks_look(knee, look->touching, out->landmark_off_mm);
     }
     for (int i = 0; i < knee->group_count; i++)
         touching_fini(&look->touching[i]);
@@ -202,9 +187,6 @@ void contacts_inspect(const struct knee_case *knee, const struct contacts *conta
         if (contacts->all[i].has_gap)
             inspect_gap(knee, &contacts->all[i], inspection);
     }
-    for (int i = 0; i < knee->portal_count; i++)
-        if (contacts->portal_depth_mm[i] > 0)
-            inspection_note(inspection, FINDING_FAULT, knee->portals[i].name,
-                            "the portal is %.1f mm inside %s", contacts->portal_depth_mm[i],
-                            knee->groups[contacts->portal_group[i]].name);
+    portals_inspect(knee, contacts->portals, inspection);
+    landmarks_inspect(knee, contacts->landmark_off_mm, inspection);
 }

@@ -1,9 +1,12 @@
 // Bones and menisci over flexion, the joint at rest: what overlaps, and what should touch and does
-// not. Ligaments, skin and other soft tissue are left out: they are fixed in bone, or give way.
+// not; portals and landmarks against them. Ligaments, skin and other soft tissue are left out: they
+// are fixed in bone, or give way.
 #pragma once
 
 #include "check/inspect.h"
+#include "check/landmark.h"
 #include "check/parallel.h"
+#include "check/portal.h"
 #include "check/touch.h"
 
 #define CONTACT_FLEXIONS 9 // 0 to 120 degrees
@@ -26,10 +29,12 @@ struct contact {
 struct contacts {
     int count;
     struct contact all[CONTACTS_MAX];
-    // How deep each portal of the case is in a group, at rest in extension; 0: in none.
-    double portal_depth_mm[CASE_PORTALS_MAX];
-    int portal_group[CASE_PORTALS_MAX];
+    struct portal_look portals[CASE_PORTALS_MAX]; // of the case's
+    double landmark_off_mm[CASE_LANDMARKS_MAX];   // of the case's
 };
+
+// T_femur_body with the joint at rest.
+pose contact_body_pose(const struct knee_case *knee, enum body body, double flexion_deg);
 
 // Groups by name: femur, tibia, patella, and those that begin with meniscus or cartilage. Threads
 // inside; the figures depend on none of it. progress: NULL, or told. RESULT_IO where a search
@@ -37,6 +42,6 @@ struct contacts {
 enum result contacts_look(struct knee_case *knee, const struct progress *progress,
                           struct contacts *out_contacts, struct error *err);
 
-// The worst of each pair, by the bounds of check/bounds.h. A portal inside a group is a fault.
+// The worst of each pair, by the bounds of check/bounds.h; portals and landmarks.
 void contacts_inspect(const struct knee_case *knee, const struct contacts *contacts,
                       struct inspection *inspection);

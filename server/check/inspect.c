@@ -199,7 +199,8 @@ static void inspect_places(struct knee_case *knee, struct inspection *out) {
     vec3 femur, tibia, patella, medial, lateral;
     bool bones = centre_of(knee, "femur", &femur) && centre_of(knee, "tibia", &tibia);
     CHECK(bones);
-    if (femur.z <= tibia.z)
+    vec3 up = vec3_sub(femur, tibia);
+    if (up.z <= fmax(fabs(up.x), fabs(up.y)))
         inspection_note(out, FINDING_FAULT, "femur",
                         "does not lie above the tibia: is z proximal?");
     if (centre_of(knee, "patella", &patella) && patella.y <= femur.y)

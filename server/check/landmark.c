@@ -1,0 +1,149 @@
+#include "check/landmark.h"
+
+#include "landmarks/local.h"
+
+#include <string.h>
+
+#define ERRORS 2.0  // an error may be passed so many times
+#define SIDE_MM 3.0 // the joint's centre may be off by that
+
+enum side_of { MEDIAL = -1, MIDDLE, LATERAL };
+
+// near_mm: how far off the group a place of this name may lie, besides its error.
+static const struct named {
+    const char *name, *group;
+    enum body body;
+    enum side_of side;
+    double near_mm;
+    bool within; // it may lie inside of the group
+} names[] = {
+    {"condyle_medial", "femur", BODY_FEMUR, MEDIAL, 3, false},
+    {"condyle_lateral", "femur", BODY_FEMUR, LATERAL, 3, false},
+    {"trochlea", "femur", BODY_FEMUR, MIDDLE, 3, false},
+    {"notch", "femur", BODY_FEMUR, MIDDLE, 3, false},
+    {"acl_femur", "femur", BODY_FEMUR, MIDDLE, 6, false}, // the end of a mesh may lie in bone
+    {"pcl_femur", "femur", BODY_FEMUR, MIDDLE, 6, false},
+    {"acl_tibia", "tibia", BODY_TIBIA, MIDDLE, 6, false},
+    {"pcl_tibia", "tibia", BODY_TIBIA, MIDDLE, 6, false},
+    {"plateau_medial", "tibia", BODY_TIBIA, MEDIAL, 3, false},
+    {"plateau_lateral", "tibia", BODY_TIBIA, LATERAL, 3, false},
+    {"root_anterior_medial", "meniscus_medial", BODY_TIBIA, MIDDLE, 3, true},
+    {"horn_anterior_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
+    {"body_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
+    {"horn_posterior_medial", "meniscus_medial", BODY_TIBIA, MEDIAL, 3, true},
+    {"root_posterior_medial", "meniscus_medial", BODY_TIBIA, MIDDLE, 3, true},
+    {"root_anterior_lateral", "meniscus_lateral", BODY_TIBIA, MIDDLE, 3, true},
+    {"horn_anterior_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
+    {"body_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
+    {"horn_posterior_lateral", "meniscus_lateral", BODY_TIBIA, LATERAL, 3, true},
+    {"root_posterior_lateral", "meniscus_lateral", BODY_TIBIA, MIDDLE, 3, true},
+    {"patella", "patella", BODY_PATELLA, MIDDLE, 3, true},
+};
+
+static const struct named *named(const char *name) {
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!strcmp(names[i].name, name))
+            return &names[i];
+    return NULL;
+}
+
+// ---- distances ----------------------------------------------------------------------------------
+
+static double off_of(const struct knee_case *knee, const struct touching *touching,
+                     const struct case_landmark *landmark) {
+    const struct named *n = named(landmark->name);
+    for (int i = 0; n && n->body == landmark->body && i < knee->group_count; i++) {
+        struct touching_hints hints;
+        vec3 point;
+        if (strcmp(knee->groups[i].name, n->group) || !touching[i].shell_count)
+            continue;
+        touching_forget(&hints);
+        double distance = touching_distance(&touching[i], landmark->at, &hints, &point);
+        return n->within ? fmax(distance, 0) : fabs(distance);
+    }
+    return NAN;
+}
+
+void landmarks_look(const struct knee_case *knee, const struct touching *touching,
+                    double out_off_mm[CASE_LANDMARKS_MAX]) {
+    for (int i = 0; i < knee->landmark_count; i++)
+        out_off_mm[i] = off_of(knee, touching, &knee->landmarks[i]);
+}
+
+// ---- findings -----------------------------------------------------------------------------------
+
+#define REMEDY                                                                                     \
+    "; give it by hand (arthron-case landmarks --landmark), or take it out of case.json and let "  \
+    "that command find it"
+
+static void inspect_one(const struct case_landmark *landmark, double off_mm, vec3 local,
+                        struct inspection *inspection) {
+    const struct named *n = named(landmark->name);
+    if (!n)
+        return;
+    if (n->body != landmark->body)
+        inspection_note(inspection, FINDING_FAULT, n->name, "is on the %s, not on the %s" REMEDY,
+                        body_name(landmark->body), body_name(n->body));
+    double beyond = off_mm - n->near_mm - ERRORS * landmark->error_mm;
+    if (beyond > 0)
+        inspection_note(
+            inspection, beyond > LANDMARK_FAR_MM ? FINDING_FAULT : FINDING_WARNING, n->name,
+            "lies %.1f mm off %s (%.1f %.1f %.1f), and its error is %.1f mm" REMEDY, off_mm,
+            n->group, landmark->at.x, landmark->at.y, landmark->at.z, landmark->error_mm);
+    if (n->side * local.x < -SIDE_MM)
+        inspection_note(inspection, FINDING_FAULT, n->name,
+                        "lies %.1f mm to the %s side of the joint's centre (%.1f %.1f %.1f)" REMEDY,
+                        fabs(local.x), local.x > 0 ? "lateral" : "medial", landmark->at.x,
+                        landmark->at.y, landmark->at.z);
+}
+
+// The first one lies farther along the axis than the second one: x lateral, y anterior, z proximal.
+static const struct order {
+    const char *name, *before;
+    char axis;
+} orders[] = {
+    {"horn_anterior_medial", "body_medial", 'y'},
+    {"body_medial", "horn_posterior_medial", 'y'},
+    {"root_anterior_medial", "root_posterior_medial", 'y'},
+    {"horn_anterior_lateral", "body_lateral", 'y'},
+    {"body_lateral", "horn_posterior_lateral", 'y'},
+    {"root_anterior_lateral", "root_posterior_lateral", 'y'},
+    {"root_anterior_lateral", "root_anterior_medial", 'x'},
+    {"root_posterior_lateral", "root_posterior_medial", 'x'},
+    {"acl_tibia", "pcl_tibia", 'y'},
+    {"acl_femur", "pcl_femur", 'x'},
+    {"condyle_lateral", "notch", 'x'},
+    {"notch", "condyle_medial", 'x'},
+    {"trochlea", "notch", 'y'},
+    {"notch", "condyle_medial", 'z'},
+    {"notch", "condyle_lateral", 'z'},
+};
+
+static double along(vec3 p, char axis) {
+    return axis == 'x' ? p.x : axis == 'y' ? p.y : p.z;
+}
+
+static void inspect_order(const struct knee_case *knee, const struct local *local,
+                          const struct order *order, struct inspection *inspection) {
+    const struct case_landmark *a = case_landmark(knee, order->name);
+    const struct case_landmark *b = case_landmark(knee, order->before);
+    if (!a || !b ||
+        along(to_local(local, a->at), order->axis) > along(to_local(local, b->at), order->axis))
+        return;
+    inspection_note(inspection, FINDING_FAULT, a->name,
+                    "lies %s %s (%.1f %.1f %.1f): are the two exchanged?" REMEDY,
+                    order->axis == 'x'   ? "medial of"
+                    : order->axis == 'y' ? "behind"
+                                         : "below",
+                    b->name, a->at.x, a->at.y, a->at.z);
+}
+
+void landmarks_inspect(const struct knee_case *knee, const double *off_mm,
+                       struct inspection *inspection) {
+    struct local local = local_of(knee);
+    for (int i = 0; i < knee->landmark_count; i++)
+        inspect_one(&knee->landmarks[i], off_mm[i], to_local(&local, knee->landmarks[i].at),
+                    inspection);
+    for (size_t i = 0; i < sizeof orders / sizeof *orders; i++)
+        inspect_order(knee, &local, &orders[i], inspection);
+}

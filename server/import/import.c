@@ -142,7 +142,7 @@ static bool is_one_of(const char *name, const char *const *names) {
 enum body import_default_body(const char *group) {
     if (strncmp(group, "patella", 7) == 0)
         return BODY_PATELLA;
-    if (strncmp(group, "tibia", 5) == 0 || strncmp(group, "meniscus", 8) == 0)
+    if (strstr(group, "tibia") || strstr(group, "fibula") || strncmp(group, "meniscus", 8) == 0)
         return BODY_TIBIA;
     return is_one_of(group, ligaments) ? BODY_TIBIA : BODY_FEMUR;
 }

@@ -23,8 +23,8 @@ struct import_source {
 // Of a mesh's area: components with less are taken for islands of a segmentation.
 #define IMPORT_ISLAND_SHARE 0.02
 
-// Reads a PLY, OBJ, STL, OFF, VTK or glTF file (import/reader.h) that is not over the limits. The caller
-// releases *out_arrays with import_arrays_fini.
+// Reads a PLY, OBJ, STL, OFF, VTK or glTF file (import/reader.h) that is not over the limits. The
+// caller releases *out_arrays with import_arrays_fini.
 enum result import_read(const char *path, const struct case_limits *limits,
                         struct import_arrays *out_arrays, struct error *err);
 
@@ -39,7 +39,7 @@ enum result import_mesh(const struct import_source *source, const struct case_li
                         struct mesh *out_mesh, struct repair_report *out_report, struct error *err);
 
 // The default body of a group of this name: patella*: patella;
-// tibia*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.
+// *tibia*, *fibula*, meniscus*, acl, pcl, mcl, lcl: tibia; all others: femur.
 enum body import_default_body(const char *group);
 
 // The default other bone of a ligament: acl, pcl, mcl, lcl: femur, or tibia

@@ -171,8 +171,21 @@ struct places {
     struct box boxes[IMPORT_PARTS_MAX];
 };
 
+// Few vertices lie in the middle of its box, seen from above: cartilage of the tibia is a plate.
+static bool is_open_inside(const struct import_arrays *part, const struct import_frame *frame,
+                           struct box box) {
+    uint32_t inside = 0;
+    vec3 m = middle(box), side = vec3_sub(box.max, box.min);
+    for (uint32_t v = 0; v < part->vertex_count; v++) {
+        const double *at = part->positions + 3 * (size_t)v;
+        vec3 p = mat3_apply(frame->R_case_common, (vec3){at[0], at[1], at[2]});
+        inside += fabs(p.x - m.x) < 0.2 * side.x && fabs(p.y - m.y) < 0.2 * side.y;
+    }
+    return inside < 0.06 * part->vertex_count;
+}
+
 // Between the bones, flat, and about half as wide as the femur.
-static bool is_meniscus(const struct places *p, struct box box) {
+static bool lies_as_meniscus(const struct places *p, struct box box) {
     vec3 side = vec3_sub(box.max, box.min);
     double z = middle(box).z, w = p->width;
     return side.z < 0.3 * w && side.x > 0.2 * w && side.x < 0.75 * w && side.y > 0.25 * w &&
@@ -180,17 +193,18 @@ static bool is_meniscus(const struct places *p, struct box box) {
            z < p->boxes[p->femur].min.z + 0.3 * w;
 }
 
-static void place(struct places *p, int i) {
+static void place(struct places *p, int i, bool open_inside) {
     vec3 m = middle(p->boxes[i]), side = vec3_sub(p->boxes[i].max, p->boxes[i].min);
     struct box femur = p->boxes[p->femur], tibia = p->boxes[p->tibia];
     bool before = m.y > middle(femur).y + 0.2 * p->width;
     bool beside = fabs(m.x - middle(tibia).x) > 0.3 * p->width;
-    if (p->meniscus_count < 2 && is_meniscus(p, p->boxes[i]))
+    bool upright = side.z > 0.8 * fmax(side.x, side.y);
+    if (p->meniscus_count < 2 && open_inside && lies_as_meniscus(p, p->boxes[i]))
         p->menisci[p->meniscus_count++] = i;
     else if (p->patella < 0 && before && m.z > tibia.max.z && side.x > 0.25 * p->width &&
              side.x < 0.9 * p->width)
         p->patella = i;
-    else if (p->fibula < 0 && beside && m.z < tibia.max.z && side.x < 0.5 * p->width &&
+    else if (p->fibula < 0 && beside && upright && m.z < tibia.max.z && side.x < 0.5 * p->width &&
              p->boxes[i].max.z < femur.min.z + 0.2 * p->width)
         p->fibula = i;
 }
@@ -212,6 +226,30 @@ static enum result name_menisci(struct import_parts *parts, const struct places 
     return RESULT_OK;
 }
 
+static bool are_above_one_another(struct box upper, struct box lower) {
+    double narrow = fmin(upper.max.x - upper.min.x, lower.max.x - lower.min.x);
+    double wide = fmax(upper.max.x - upper.min.x, lower.max.x - lower.min.x);
+    double common = fmin(upper.max.x, lower.max.x) - fmax(upper.min.x, lower.min.x);
+    return upper.min.z > middle(lower).z && lower.max.z < middle(upper).z && narrow > 0.5 * wide &&
+           common > 0.5 * wide;
+}
+
+// The two largest ones that lie above one another: between them may be a bone's cartilage.
+static bool find_bones(struct places *p, int count) {
+    for (int k = 1; k < count; k++) {
+        for (int i = 0; i < k; i++) {
+            bool first_above = are_above_one_another(p->boxes[i], p->boxes[k]);
+            if (!first_above && !are_above_one_another(p->boxes[k], p->boxes[i]))
+                continue;
+            p->femur = first_above ? i : k;
+            p->tibia = first_above ? k : i;
+            p->width = p->boxes[p->femur].max.x - p->boxes[p->femur].min.x;
+            return true;
+        }
+    }
+    return false;
+}
+
 enum result import_name_parts(struct import_parts *parts, const struct import_frame *frame,
                               const char *side, struct error *err) {
     struct places p = {.patella = -1, .fibula = -1};
@@ -220,17 +258,12 @@ enum result import_name_parts(struct import_parts *parts, const struct import_fr
                     parts->count);
     for (int i = 0; i < parts->count; i++)
         p.boxes[i] = turned_box(&parts->parts[i], frame);
-    if (middle(p.boxes[0]).z < middle(p.boxes[1]).z)
-        p.femur = 1;
-    p.tibia = 1 - p.femur;
-    struct box femur = p.boxes[p.femur], tibia = p.boxes[p.tibia];
-    p.width = femur.max.x - femur.min.x;
-    if (!(femur.min.z > middle(tibia).z && tibia.max.z < middle(femur).z))
+    if (!find_bones(&p, parts->count))
         return fail(err, RESULT_INVALID,
-                    "its two largest parts do not lie above one another: give --axes, or the parts "
-                    "one by one");
-    for (int i = 2; i < parts->count; i++)
-        place(&p, i);
+                    "no two bones lie above one another: give --axes, or the parts one by one");
+    for (int i = 0; i < parts->count; i++)
+        if (i != p.femur && i != p.tibia)
+            place(&p, i, is_open_inside(&parts->parts[i], frame, p.boxes[i]));
     for (int i = 0; i < parts->count; i++)
         snprintf(parts->names[i], sizeof parts->names[i], "part_%d", i + 1);
     strcpy(parts->names[p.femur], "femur");

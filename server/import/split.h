@@ -31,10 +31,11 @@ enum result import_split(const struct import_arrays *arrays, struct import_parts
                          struct error *err);
 void import_parts_fini(struct import_parts *parts);
 
-// Names by place and size, in any unit: of the two largest the upper one is the femur, the other
-// the tibia; the patella lies before and above, the menisci between the bones, the fibula beside
-// the tibia. All others are part_1, part_2, ... side: "left", "right", or NULL: by the fibula.
-// Refused where menisci are there and nothing tells which is lateral, or where there are no two
-// bones above one another.
+// Names by place, size and shape, in any unit: of the two largest that lie above one another the
+// upper one is the femur, the other the tibia; the patella lies before and above; the menisci lie
+// between the bones, with an open middle, as plates of cartilage have none; the fibula stands
+// beside the tibia. All others are part_1, part_2, ... side: "left", "right", or
+// NULL: by the fibula. Refused where menisci are there and nothing tells which is lateral, or where
+// there are no two bones above one another.
 enum result import_name_parts(struct import_parts *parts, const struct import_frame *frame,
                               const char *side, struct error *err);

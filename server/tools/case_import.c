@@ -29,7 +29,7 @@ static const char help[] =
     "                     acl, pcl, mcl, lcl, fibula, skin\n"
     "  --parts FILE       a file that holds several parts of the knee. Its components are named "
     "by\n"
-    "                     place and size: femur, tibia, patella, fibula, meniscus_medial,\n"
+    "                     place, size and shape: femur, tibia, patella, fibula, meniscus_medial,\n"
     "                     meniscus_lateral, and part_N for all others. Where the axes are neither\n"
     "                     given nor declared by the file, they are taken for RAS\n"
     "  --rename OLD=NEW   another name for a part of --parts\n"
@@ -47,7 +47,9 @@ static const char help[] =
     "                     120. Closed meshes are closed again with a cap\n"
     "  --body NAME=BODY   the body that a group moves with: femur, tibia or patella. Default: "
     "tibia\n"
-    "                     for tibia*, meniscus* and ligaments, patella for patella*, else femur\n"
+    "                     for *tibia*, *fibula*, meniscus* and ligaments, patella for patella*, "
+    "else\n"
+    "                     femur\n"
     "  --bridge NAME=BODY the group is a ligament that reaches another bone. Each vertex follows "
     "the\n"
     "                     nearer bone more. Default: acl, pcl, mcl, lcl from tibia to femur,\n"
@@ -290,6 +292,9 @@ static int run(struct import_request *request) {
         json_dumpf(request->judged, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
         puts("");
     }
+    if (result == RESULT_OK && !request->as_json && !request->portal_count)
+        printf("saved   %s; next: arthron-case landmarks %s --out %s\n", request->out, request->out,
+               request->out);
     json_decref(request->judged);
     return result == RESULT_OK ? EXIT_OK : failed("import", &err);
 }

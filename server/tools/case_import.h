@@ -13,7 +13,8 @@ struct surface_source {
     const char *path;
     double mm_per_unit; // 0: stands before the first --unit
     pose T_common_file;
-    bool several; // a file of several parts, which are split and named
+    bool several;             // a file of several parts, which are split and named
+    char part[CASE_NAME_MAX]; // of such a file: the name that was proposed
 };
 
 struct body_choice {

@@ -197,7 +197,8 @@ static enum body body_of(const struct import_request *request, const char *group
     return import_default_body(group);
 }
 
-// The only mesh of a group bears the group's name, others that of their file.
+// The only mesh of a group bears the group's name, others that of their file, or that which was
+// proposed for them in it.
 static void part_name(const struct import_request *request, const struct surface_source *source,
                       char *out_name) {
     int same = 0;
@@ -210,8 +211,8 @@ static void part_name(const struct import_request *request, const struct surface
     for (char *c = out_name; *c; c++)
         if (!isalnum((unsigned char)*c) && !strchr("_-.", *c))
             *c = '_';
-    if (same == 1)
-        snprintf(out_name, CASE_NAME_MAX, "%s", source->group);
+    if (same == 1 || source->part[0])
+        snprintf(out_name, CASE_NAME_MAX, "%s", same == 1 ? source->group : source->part);
 }
 
 static void say_mesh(struct import_request *request, const struct import_said *said) {
@@ -276,6 +277,7 @@ static enum result take_parts(struct import_request *request, struct scan *scan,
         int at = k == 0 ? i : request->source_count++;
         request->sources[at] = request->sources[i];
         snprintf(request->sources[at].group, CASE_NAME_MAX, "%s", name_of(request, parts.names[k]));
+        snprintf(request->sources[at].part, CASE_NAME_MAX, "%s", parts.names[k]);
         scan->surfaces[at] = scan->surfaces[i];
         scan->surfaces[at].group = request->sources[at].group;
         scan->surfaces[at].arrays = parts.parts[k];

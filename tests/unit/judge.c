@@ -101,23 +101,27 @@ static void axes_and_side_are_those_of_the_knee(void **state) {
     release(surfaces);
 }
 
+// Appends a box; there is room for it.
+static void join_box(struct import_arrays *out, vec3 centre, vec3 half, bool inwards) {
+    struct mesh mesh;
+    box_mesh(centre, half, &mesh);
+    for (uint32_t k = 0; k < 36; k++)
+        out->triangles[3 * out->triangle_count + (inwards ? 35 - k : k)] =
+            out->vertex_count + mesh.triangles[k];
+    for (uint32_t k = 0; k < 24; k++)
+        out->positions[3 * out->vertex_count + k] = (double)mesh.positions[k];
+    out->vertex_count += 8;
+    out->triangle_count += 12;
+    mesh_fini(&mesh);
+}
+
 // All boxes in one, and a box that faces inwards within the femur.
 static void join_boxes(struct import_arrays *out) {
     *out = (struct import_arrays){.positions = malloc((BOXES + 1) * 24 * sizeof(double)),
                                   .triangles = malloc((BOXES + 1) * 36 * sizeof(uint32_t))};
-    for (int i = BOXES; i >= 0; i--) {
-        struct mesh mesh;
-        box_mesh(knee_of_boxes[i % BOXES].centre,
-                 vec3_scale(i == BOXES ? 0.5 : 1, knee_of_boxes[i % BOXES].half), &mesh);
-        for (uint32_t k = 0; k < 36; k++)
-            out->triangles[3 * out->triangle_count + (i == BOXES ? 35 - k : k)] =
-                out->vertex_count + mesh.triangles[k];
-        for (uint32_t k = 0; k < 24; k++)
-            out->positions[3 * out->vertex_count + k] = (double)mesh.positions[k];
-        out->vertex_count += 8;
-        out->triangle_count += 12;
-        mesh_fini(&mesh);
-    }
+    join_box(out, knee_of_boxes[0].centre, vec3_scale(0.5, knee_of_boxes[0].half), true);
+    for (int i = BOXES - 1; i >= 0; i--)
+        join_box(out, knee_of_boxes[i].centre, knee_of_boxes[i].half, false);
 }
 
 static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **state) {
@@ -150,10 +154,32 @@ static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **stat
     import_arrays_fini(&joined);
 }
 
+// Cartilage of the femur has a larger area than the tibia.
+static void a_bone_is_found_behind_larger_cartilage(void **state) {
+    (void)state;
+    static const struct box_surface boxes[] = {{"femur", {0, 0, 40}, {40, 30, 40}},
+                                               {"part_2", {0, 0, 12}, {60, 50, 8}},
+                                               {"tibia", {2, 0, -45}, {38, 25, 40}}};
+    struct import_arrays joined = {.positions = malloc(72 * sizeof(double)),
+                                   .triangles = malloc(108 * sizeof(uint32_t))};
+    static struct import_parts parts;
+    struct import_frame frame;
+    for (int i = 2; i >= 0; i--)
+        join_box(&joined, boxes[i].centre, boxes[i].half, false);
+    assert_ok(import_split(&joined, &parts, &err));
+    assert_true(import_axes("RAS", &frame));
+    assert_ok(import_name_parts(&parts, &frame, "right", &err));
+    for (int i = 0; i < 3; i++)
+        assert_string_equal(parts.names[i], boxes[i].group);
+    import_parts_fini(&parts);
+    import_arrays_fini(&joined);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
         cmocka_unit_test(a_file_of_several_parts_is_split_and_its_parts_get_names),
+        cmocka_unit_test(a_bone_is_found_behind_larger_cartilage),
         cmocka_unit_test(axes_and_side_are_those_of_the_knee),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

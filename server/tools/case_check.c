@@ -28,6 +28,7 @@ static const char help[] =
     "counts as not checked. The exit status is 1 where the case is unfit.\n";
 
 #define PROGRESS_EVERY_NS (10 * NS_PER_S)
+#define SHARE_TOLD 0.05 // of less the time that is left cannot be told
 
 struct watch {
     int64_t begin_ns, next_ns;
@@ -47,8 +48,11 @@ static void print_progress(void *context, const char *where, double share) {
         return;
     double left_s = (double)(now_ns - p->begin_ns) / NS_PER_S * (1 - share) / share;
     p->next_ns = now_ns + PROGRESS_EVERY_NS;
-    fprintf(stderr, "arthron-case check: %.0f %% done, about %.0f %s left (%s)\n", 100 * share,
-            left_s < 90 ? left_s : left_s / 60, left_s < 90 ? "s" : "min", where);
+    fprintf(stderr, "arthron-case check: %.0f %% done", 100 * share);
+    if (share > SHARE_TOLD)
+        fprintf(stderr, ", about %.0f %s left", left_s < 90 ? left_s : left_s / 60,
+                left_s < 90 ? "s" : "min");
+    fprintf(stderr, " (%s)\n", where);
 }
 
 static void print_text(const char *dir, const struct case_check *check) {

@@ -98,7 +98,7 @@ static void a_wrong_recipe_is_refused_with_line_section_and_key(void **state) {
         {"[menisci]\nlateral_cm3 = 1\n", "from 1.4 to 2.5"},
         {"[menisci]\nrim_mm = 1\n", "[menisci] rim_mm = 1: must be a number from 2 to 8"},
         {"[cavity a]\nbody = patella\n", "[cavity a] body: must be femur or tibia"},
-        {"[cavity a]\nat = 1 2\n", "[cavity a] at: must be three numbers"},
+        {"[cavity a]\nat = 1 2\n", "[cavity a] at: must be a landmark, or three numbers"},
         {"[cavity a]\nat = 1 2 300\n", "within 100 mm"},
         {"[cavity a]\nradius_mm = 2\n", "from 3 to 25"},
         {"[cavity a]\ndepth_mm = 7\n", "from 0.1 to 6"},

@@ -31,6 +31,14 @@ static vec3 contact(const struct knee_case *knee, const struct mesh *femur,
     return best;
 }
 
+// How far a point is from a box, 0 inside: no point of what is in it is nearer.
+static double beside(const struct box *box, vec3 p) {
+    vec3 d = {fmax(fmax(box->min.x - p.x, p.x - box->max.x), 0),
+              fmax(fmax(box->min.y - p.y, p.y - box->max.y), 0),
+              fmax(fmax(box->min.z - p.z, p.z - box->max.z), 0)};
+    return vec3_length(d);
+}
+
 // The least of the femur's vertices so near a point of it from the tibia.
 static double gap_near(const struct mesh *femur, const struct solid *tibia, pose T_femur_tibia,
                        vec3 middle, double radius) {
@@ -38,8 +46,12 @@ static double gap_near(const struct mesh *femur, const struct solid *tibia, pose
     uint32_t hint = MESH_NONE;
     for (uint32_t v = 0; v < femur->vertex_count; v++) {
         vec3 p = mesh_vertex(femur, v);
-        if (vec3_distance(p, middle) < radius)
-            least = fmin(least, solid_distance(tibia, pose_apply_inverse(T_femur_tibia, p), &hint));
+        if (vec3_distance(p, middle) >= radius)
+            continue;
+        p = pose_apply_inverse(T_femur_tibia, p);
+        double off = beside(&tibia->box, p);
+        if (off == 0 || off < least)
+            least = fmin(least, solid_distance(tibia, p, &hint));
     }
     return least;
 }

@@ -290,7 +290,9 @@ static enum result prepare(struct plan *plan) {
     }
     if (!plan->bones[BODY_FEMUR].mesh || !plan->bones[BODY_TIBIA].mesh)
         return fail(plan->err, RESULT_MISSING, "the case has no femur or no tibia");
-    return RESULT_OK;
+    enum result result = place_prepare(plan->knee, plan->script, plan->err);
+    bool plays_without = plan->script->skips && plan->knee->portal_count > 0;
+    return plays_without ? RESULT_OK : result;
 }
 
 static enum result at_step(const struct plan *plan, int step, enum result result) {
@@ -336,8 +338,6 @@ static enum result do_steps(struct plan *plan) {
 static enum result play(struct plan *plan) {
     const struct motion_script *script = plan->script;
     enum result result = prepare(plan);
-    if (result == RESULT_OK)
-        result = place_prepare(plan->knee, script, plan->err);
     for (int i = 0; i < script->step_count && result == RESULT_OK; i++)
         if (script->steps[i].verb == MOTION_APPROACH)
             result = at_step(plan, i, add_hand(plan, &script->steps[i]));

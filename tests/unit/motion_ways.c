@@ -250,6 +250,28 @@ static void steps_that_cannot_be_played_are_left_out_if_the_script_says_so(void 
     motion_fini(&without);
 }
 
+// Turned round, the femur has no condyles behind: no landmark is found, and the rest is played.
+static void a_case_on_which_no_landmark_is_found_is_played_without_those_steps(void **state) {
+    (void)state;
+    struct knee_case *odd = plain_knee(SIDE_RIGHT, 3, 0);
+    struct motion_script script;
+    struct motion motion;
+    struct error err = {""};
+    static const char steps[] = "[steps]\napproach = probe anteromedial\n"
+                                "palpate = tibia plateau_medial 0 14 0 plateau_medial 0 10 0\n"
+                                "bite = probe patella\nwithdraw = probe\n";
+    odd->joint.T_femur_joint.rotation = quat_from_axis_angle((vec3){0, 1, 0}, 3.1415926);
+    assert_ok(load_text(steps, &script, &err));
+    assert_int_equal(motion_plan(odd, &script, &motion, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "the case lacks landmarks or portals, and none are found"));
+    script.skips = true;
+    plan_script(odd, &script, &motion);
+    assert_int_equal(motion.skipped_count, 1);
+    assert_non_null(strstr(motion.skipped[0].text, "the case has no landmark plateau_medial"));
+    motion_fini(&motion);
+    case_destroy(&odd);
+}
+
 static void a_script_of_which_nothing_can_be_played_is_refused(void **state) {
     (void)state;
     struct motion_script script;
@@ -271,6 +293,7 @@ int main(void) {
         cmocka_unit_test(a_hand_retreats_from_where_the_joint_brings_a_bone),
         cmocka_unit_test(a_joint_that_would_close_a_portal_is_refused),
         cmocka_unit_test(steps_that_cannot_be_played_are_left_out_if_the_script_says_so),
+        cmocka_unit_test(a_case_on_which_no_landmark_is_found_is_played_without_those_steps),
         cmocka_unit_test(a_script_of_which_nothing_can_be_played_is_refused),
     };
     return cmocka_run_group_tests(tests, make_knee, destroy_knee);

@@ -81,6 +81,8 @@ static void the_fit_finds_the_axis_that_the_condyles_were_made_round(void **stat
         vec3 axis = quat_rotate(fit.T_femur_joint.rotation, (vec3){1, 0, 0});
         assert_true(axis.x > cos(0.5 * RAD_PER_DEG));
         assert_place(fit.T_femur_joint.translation, (vec3){0}, 0.5, "the joint's centre");
+        assert_true(fabs(fit.turned_deg - 8) < 0.5 &&
+                    fabs(fit.moved_mm - hypot(hypot(2, 4), 5)) < 0.5);
         case_destroy(&knee);
     }
 }
@@ -93,6 +95,22 @@ static void a_femur_without_condyles_is_refused(void **state) {
     knee->joint.T_femur_joint.rotation = quat_from_axis_angle((vec3){0, 1, 0}, 3.1415926);
     assert_int_equal(landmarks_fit_joint(knee, &fit, &err), RESULT_INVALID);
     assert_non_null(strstr(err.text, "posterior condyles"));
+    case_destroy(&knee);
+}
+
+static void condyles_that_are_not_round_are_refused(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *femur = &case_group(knee, "femur")->mesh;
+    struct joint_fit fit;
+    struct error err;
+    for (uint32_t v = 0; v < femur->vertex_count; v++) {
+        vec3 p = mesh_vertex(femur, v);
+        double wave = 1 + 0.25 * sin(6 * atan2(p.y, p.z));
+        if (hypot(p.y, p.z) < 30)
+            mesh_set_vertex(femur, v, (vec3){p.x, wave * p.y, wave * p.z});
+    }
+    assert_int_equal(landmarks_fit_joint(knee, &fit, &err), RESULT_INVALID);
     case_destroy(&knee);
 }
 
@@ -123,6 +141,15 @@ static vec3 drawn_trochlea(void) {
             best = (vec3){0, low, z};
     }
     return best;
+}
+
+// By its name: "acl_femur" is the femur's, "acl_tibia" the tibia's, as are all of the menisci.
+static enum body body_of(const char *name) {
+    if (strcmp(name, "patella") == 0)
+        return BODY_PATELLA;
+    bool femur = strstr(name, "_femur") || strstr(name, "condyle") || strcmp(name, "notch") == 0 ||
+                 strcmp(name, "trochlea") == 0;
+    return femur ? BODY_FEMUR : BODY_TIBIA;
 }
 
 static void check_places(const struct knee_case *knee, double size) {
@@ -173,6 +200,8 @@ static void landmarks_are_where_the_recipe_put_them(void **state) {
         spoil_joint(knee);
         find_all(knee);
         check_places(knee, sizes[i]);
+        for (int k = 0; k < knee->landmark_count; k++)
+            assert_int_equal(knee->landmarks[k].body, body_of(knee->landmarks[k].name));
         case_destroy(&knee);
     }
 }
@@ -262,11 +291,46 @@ static void the_path_keeps_bones_apart_where_the_axis_does_not(void **state) {
         assert_true(overlap(femur, &tibia, joint_to_pose(&knee->joint, &rest)) > -0.6);
         pose T = case_patella_pose(knee, flexion);
         assert_true(overlap(femur, &patella, T) < -0.2 && overlap(femur, &patella, T) > -0.8);
+        double turned = quat_angle(quat_identity(), T.rotation) * DEG_PER_RAD;
+        assert_true(fabs(turned - flexion / 2) < 1e-6);
+        double below = quat_rotate(T.rotation, (vec3){0, 1, 0}).z; // its front turns distally
+        assert_true(fabs(below + sin(flexion / 2 * RAD_PER_DEG)) < 0.02);
     }
     assert_true(worst_axis > 2);
     for (int i = 0; i < fit.count; i++)
         for (int side = 0; side < COMPARTMENT_COUNT; side++)
             assert_true(fabs(fit.points[i].gap_mm[side] - SHAPE_CONTACT_GAP) < 0.1);
+    solid_fini(&tibia);
+    solid_fini(&patella);
+    case_destroy(&knee);
+}
+
+// Of a scan whose bones nearly touch: tibia and patella come 0.4 mm nearer to the femur.
+static void gaps_that_are_too_small_are_opened(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *tibia_mesh = &case_group(knee, "tibia")->mesh;
+    struct mesh *patella_mesh = &case_group(knee, "patella")->mesh;
+    const struct mesh *femur = &case_group(knee, "femur")->mesh;
+    struct path_fit fit = {0};
+    struct solid tibia, patella;
+    struct error err;
+    for (uint32_t v = 0; v < tibia_mesh->vertex_count; v++)
+        mesh_set_vertex(tibia_mesh, v, vec3_add(mesh_vertex(tibia_mesh, v), (vec3){0, 0, 0.4}));
+    for (uint32_t v = 0; v < patella_mesh->vertex_count; v++)
+        mesh_set_vertex(patella_mesh, v,
+                        vec3_add(mesh_vertex(patella_mesh, v), (vec3){0, -0.4, 0}));
+    assert_ok(landmarks_fit_rest(knee, &fit, &err));
+    assert_ok(landmarks_fit_patella(knee, &fit, &err));
+    assert_ok(solid_init(&tibia, tibia_mesh, &err));
+    assert_ok(solid_init(&patella, patella_mesh, &err));
+    for (double flexion = 0; flexion <= 120; flexion += 40) {
+        struct joint_angles rest = case_rest(knee, flexion);
+        double gap = -overlap(femur, &tibia, joint_to_pose(&knee->joint, &rest));
+        double patella_gap = -overlap(femur, &patella, case_patella_pose(knee, flexion));
+        assert_true(gap > 0.15 && gap < 0.35);
+        assert_true(patella_gap > 0.2 && patella_gap < 0.5);
+    }
     solid_fini(&tibia);
     solid_fini(&patella);
     case_destroy(&knee);
@@ -346,11 +410,13 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_fit_finds_the_axis_that_the_condyles_were_made_round),
         cmocka_unit_test(a_femur_without_condyles_is_refused),
+        cmocka_unit_test(condyles_that_are_not_round_are_refused),
         cmocka_unit_test(landmarks_are_where_the_recipe_put_them),
         cmocka_unit_test(landmarks_go_with_a_knee_that_is_moved_or_mirrored),
         cmocka_unit_test(a_landmark_by_hand_stays),
         cmocka_unit_test(feet_of_ligaments_without_a_mesh_are_proposed),
         cmocka_unit_test(the_path_keeps_bones_apart_where_the_axis_does_not),
+        cmocka_unit_test(gaps_that_are_too_small_are_opened),
         cmocka_unit_test(portals_are_in_the_skin_with_a_clear_way_to_the_notch),
         cmocka_unit_test(landmarks_are_kept_in_the_case),
         cmocka_unit_test(a_case_with_a_bad_landmark_is_refused),

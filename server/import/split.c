@@ -274,3 +274,33 @@ enum result import_name_parts(struct import_parts *parts, const struct import_fr
         strcpy(parts->names[p.fibula], "fibula");
     return name_menisci(parts, &p, side, err);
 }
+
+// 0 where there is no patella.
+static int count_names(struct import_parts *parts, const struct import_frame *frame) {
+    int count = 0;
+    bool patella = false;
+    struct error err;
+    if (import_name_parts(parts, frame, "right", &err) != RESULT_OK)
+        return 0;
+    for (int i = 0; i < parts->count; i++) {
+        count += strncmp(parts->names[i], "part_", 5) != 0;
+        patella |= strcmp(parts->names[i], "patella") == 0;
+    }
+    return patella ? count : 0;
+}
+
+void import_guess_axes(struct import_parts *parts, char out_letters[4]) {
+    static const char directions[] = "RASLPI";
+    int most = 0;
+    strcpy(out_letters, "RAS");
+    for (int i = 0; i < 6 * 6 * 6; i++) {
+        char letters[4] = {directions[i / 36], directions[i / 6 % 6], directions[i % 6], '\0'};
+        struct import_frame frame;
+        if (!import_axes(letters, &frame) || mat3_determinant(frame.R_case_common) < 0)
+            continue;
+        int count = count_names(parts, &frame);
+        if (count > most || (count == most && strcmp(letters, "RAS") == 0))
+            strcpy(out_letters, letters);
+        most = count > most ? count : most;
+    }
+}

@@ -31,6 +31,10 @@ enum result import_split(const struct import_arrays *arrays, struct import_parts
                          struct error *err);
 void import_parts_fini(struct import_parts *parts);
 
+// The right-handed axes, as three letters, in which most parts get a name. A patella must be among
+// them, for it tells the front; RAS where there is none.
+void import_guess_axes(struct import_parts *parts, char out_letters[4]);
+
 // Names by place, size and shape, in any unit: of the two largest that lie above one another the
 // upper one is the femur, the other the tibia; the patella lies before and above; the menisci lie
 // between the bones, with an open middle, as plates of cartilage have none; the fibula stands

@@ -31,7 +31,7 @@ static const char help[] =
     "by\n"
     "                     place, size and shape: femur, tibia, patella, fibula, meniscus_medial,\n"
     "                     meniscus_lateral, and part_N for all others. Where the axes are neither\n"
-    "                     given nor declared by the file, they are taken for RAS\n"
+    "                     given nor declared by the file, all are tried; without a patella: RAS\n"
     "  --rename OLD=NEW   another name for a part of --parts\n"
     "  --unit mm|cm|m     unit of the files of the --group options after it. It may be repeated;\n"
     "                     the first one holds for the files before it, too. Default: mm, cm or m,\n"

@@ -266,9 +266,12 @@ static enum result take_parts(struct import_request *request, struct scan *scan,
                               const struct import_arrays *arrays, struct error *err) {
     struct import_frame frame;
     static struct import_parts parts;
-    if (!import_axes(request->axes ? request->axes : arrays->space, &frame))
-        import_axes("RAS", &frame);
     enum result result = import_split(arrays, &parts, err);
+    if (!import_axes(request->axes ? request->axes : arrays->space, &frame)) {
+        char letters[4];
+        import_guess_axes(&parts, letters);
+        import_axes(letters, &frame);
+    }
     if (result == RESULT_OK)
         result = import_name_parts(&parts, &frame, request->side, err);
     if (result == RESULT_OK && request->source_count + parts.count - 1 > SOURCES_MAX)

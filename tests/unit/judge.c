@@ -150,6 +150,18 @@ static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **stat
     assert_true(import_axes("RAI", &frame)); // upside down: the other bone is the femur
     assert_ok(import_name_parts(&parts, &frame, "right", &err));
     assert_string_equal(parts.names[0], "tibia");
+    char letters[4];
+    import_guess_axes(&parts, letters);
+    assert_string_equal(letters, "RAS");
+    import_parts_fini(&parts);
+    for (uint32_t v = 0; v < joined.vertex_count; v++) { // y up, as glTF has it
+        double *p = joined.positions + 3 * (size_t)v, front = p[1];
+        p[1] = p[2];
+        p[2] = -front;
+    }
+    assert_ok(import_split(&joined, &parts, &err));
+    import_guess_axes(&parts, letters);
+    assert_string_equal(letters, "RSP");
     import_parts_fini(&parts);
     import_arrays_fini(&joined);
 }

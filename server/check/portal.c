@@ -139,8 +139,9 @@ static bool is_anterior(const struct case_portal *portal) {
 
 void portals_look(struct knee_case *knee, const struct touching *touching,
                   struct portal_look out[CASE_PORTALS_MAX]) {
-    struct targets targets;
-    find_targets(knee, &targets);
+    struct targets targets = {0};
+    if (knee->portal_count)
+        find_targets(knee, &targets);
     for (int i = 0; i < knee->portal_count; i++) {
         out[i] = (struct portal_look){0};
         look_inside(knee, touching, knee->portals[i].position, &out[i]);

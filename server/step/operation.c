@@ -370,13 +370,14 @@ static void fit(struct operated_tissue *t, uint32_t since, struct job_result *re
 static void cut(struct operation *operation, struct operated_tissue *t, const struct job *job,
                 struct job_result *result) {
     uint32_t since;
+    bool was_solid = t->now.solid;
     tissue_state_target(&t->now, &since);
     if (job->move_count == 1)
         cut_move(operation, t, job->stroke, &job->moves[0], result);
     else
         cut_way(operation, t, job, result);
     if (t->fitting && result->outcome == JOB_DONE)
-        fit(t, since, result);
+        fit(t, was_solid && !t->now.solid ? 0 : since, result); // 0: tears are new to it
 }
 
 struct job_result *operation_run(struct operation *operation, const struct job *job) {

@@ -6,6 +6,7 @@
 
 #include <stdlib.h>
 
+#define FREED_MM3 0.5 // smaller pieces are crumbs
 #define PROBES_MAX 32 // points of a cut's surface whose distance to S'' is measured
 
 struct tissue_state tissue_state_whole(const struct scene_tissue *tissue, int rules,
@@ -75,27 +76,35 @@ static void match_cut(struct tissue_state *r, const struct scene_tissue *tissue,
     out_touch->count = report.changed_count;
 }
 
+static double pieces_mm3(const struct cut_change *change) {
+    double sum = 0;
+    for (int i = 0; i < change->piece_count; i++)
+        sum += change->pieces[i].volume;
+    return sum;
+}
+
 static void count_cut(struct tissue_state *r, const struct cut_change *change) {
     struct tissue_figures *f = &r->figures;
     f->mesh_number++;
     f->cuts++;
     f->volume_mm3 = change->volume_mm3;
     f->removed_mm3 += change->removed_mm3;
-    for (int i = 0; i < change->piece_count; i++)
-        f->pieces_mm3 += change->pieces[i].volume;
+    f->pieces_mm3 += pieces_mm3(change);
     f->pieces += (uint32_t)change->piece_count;
     f->left_mm3 = f->removed_mm3 + f->pieces_mm3;
     r->number = change->number;
 }
 
-// If the solid tissue cannot be cut, the touch follows the tissue as it is, tears and all.
-static void cut_solid(struct tissue_state *r, const struct convex *parts, int count) {
+// If a tear lets tissue come off that the solid tissue keeps, or if the solid tissue cannot be cut,
+// then the touch follows the tissue as it is, tears and all.
+static void cut_solid(struct tissue_state *r, const struct convex *parts, int count,
+                      const struct cut_change *of_mesh) {
     struct cut_change change = {0};
     struct error why;
     enum cut_outcome outcome = cut_apply(r->solid, parts, count, &change, &why);
     if (outcome == CUT_CHANGED)
         r->solid_number = change.number;
-    if (outcome == CUT_REFUSED)
+    if (outcome == CUT_REFUSED || pieces_mm3(of_mesh) > pieces_mm3(&change) + FREED_MM3)
         cut_mesh_destroy(&r->solid);
     cut_change_fini(&change);
 }
@@ -115,7 +124,7 @@ void tissue_state_cut(struct tissue_state *r, const struct scene_tissue *tissue,
         if (r->match)
             match_cut(r, tissue, change, &result->touch);
         if (r->solid)
-            cut_solid(r, parts, count);
+            cut_solid(r, parts, count, change);
         quality_take_parts(r->quality, parts, count);
         for (int i = 0; i < change->piece_count; i++)
             quality_take_piece(r->quality, &change->pieces[i].mesh);

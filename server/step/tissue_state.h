@@ -7,8 +7,8 @@ struct tissue_state {
     struct cut_mesh *mesh;
     uint32_t number;     // of its last cut
     struct match *match; // blends; NULL where the touch is fitted, or the group has no S'_max
-    // Where the touch is fitted: the same cuts into the tissue without its tears. NULL: mesh is
-    // that.
+    // Where the touch is fitted: the same cuts into the tissue without its tears. NULL: the touch
+    // is fitted to mesh.
     struct cut_mesh *solid;
     uint32_t solid_number;
     struct quality *quality;

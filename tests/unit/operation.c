@@ -60,9 +60,52 @@ static void a_blade_that_cannot_be_made_counts_as_refused(void **state) {
     operation_destroy(&operation);
 }
 
+static struct blade_move burr_down(double x, double y) {
+    pose from = {quat_identity(), {x, y, -10}}, to = {quat_identity(), {x, y, -18}};
+    return (struct blade_move){BLADE_SHAVER, {from, to}, {0}};
+}
+
+// A flap that tears leave on a bridge of 1.5 mm. The touch follows the tissue without its clefts,
+// and when the burr has taken the bridge, without the flap.
+static void a_flap_that_tears_let_come_off_is_no_longer_touched(void **state) {
+    (void)state;
+    struct plane along[] = {{{1, 0, 0}, -21.95}, {{-1, 0, 0}, 22.05}, {{0, 1, 0}, 13.5},
+                            {{0, -1, 0}, -1.95}, {{0, 0, 1}, -12},    {{0, 0, -1}, 20}};
+    struct knee_case *knee = box_knee();
+    struct case_group *group = case_group(knee, "meniscus_medial");
+    struct scene *torn;
+    struct error err;
+    assert_ok(case_region_add(&group->lesion.tear, along, 6, &err));
+    assert_ok(scene_create(&knee, &torn, &err));
+    struct operation *operation = operation_create(torn, RULES_NEWEST);
+    struct job job = {.id = 1, .kind = JOB_CUT, .stroke = 1, .move_count = 1};
+    job.moves[0] = burr_down(-31, 0); // beside the tears
+    struct job_result *result = operation_run(operation, &job);
+    struct tissue_figures f = result->figures;
+    double clefts_mm3 = 6 * (4 * 0.125 + 0.1 * (13.5 - 2.0625));
+    assert_int_equal(f.pieces, 0);
+    assert_near(f.warped_mm3 - f.left_mm3, f.volume_mm3 + clefts_mm3, 1e-3);
+    job_result_destroy(&result);
+    job.stroke = 2;
+    job.moves[0] = burr_down(-22, 14.5);
+    result = operation_run(operation, &job);
+    f = result->figures;
+    assert_int_equal(f.pieces, 1);
+    assert_true(f.pieces_mm3 > 100);
+    assert_near(f.warped_mm3 - f.left_mm3, f.volume_mm3, 1e-6);
+    job_result_destroy(&result);
+    result = operation_run(operation, &(struct job){.id = 2, .kind = JOB_UNDO});
+    assert_near(result->figures.warped_mm3 - result->figures.left_mm3,
+                result->figures.volume_mm3 + clefts_mm3, 1e-3);
+    job_result_destroy(&result);
+    operation_destroy(&operation);
+    scene_destroy(&torn);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face),
+        cmocka_unit_test(a_flap_that_tears_let_come_off_is_no_longer_touched),
         cmocka_unit_test(a_blade_that_cannot_be_made_counts_as_refused),
     };
     return cmocka_run_group_tests_name("operation", tests, make_scene, drop_scene);

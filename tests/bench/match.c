@@ -52,7 +52,7 @@ static void measured_fini(struct measured *measured) {
     samples_fini(&measured->apart_mm);
 }
 
-// ---- nibbles: real cuts into a generated meniscus -----------------------------------------------
+// ---- by blends: real cuts into a generated meniscus ---------------------------------------------
 
 // A meniscus, cut, and what each method makes of it.
 struct resection {
@@ -245,18 +245,20 @@ static void report_size(struct report *report, const char *size, struct measured
                   "%s/error of the bite/largest", size);
 }
 
-// Figures, no marks, until sessions match that way.
+// Fitted, as sessions are now.
 static enum result bench_touch(const struct bench_options *options, struct report *report,
                                struct error *err) {
     struct touch_worst worst;
     enum result result = touch_measure(options, report, &worst, err);
     if (result == RESULT_OK) {
-        report_figure(report, worst.share_bites, "of the cut", "mismatch_15_share");
-        report_figure(report, worst.share_resections, "of the cut", "mismatch_resect_share");
-        report_figure(report, worst.surface_p95_mm, "mm", "surface_p95_mm");
-        report_figure(report, worst.crossings, "pairs", "touch_crossings");
-        report_figure(report, samples_quantile(&worst.ms, 0.5), "ms", "touch_ms_p50");
-        report_figure(report, worst.error, "of V", "touch_rel_error_max");
+        report_mark(report, "mismatch_15_share", worst.share_bites, "of the cut", 0.05, BETTER_LOW);
+        report_mark(report, "mismatch_resect_share", worst.share_resections, "of the cut", 0.1,
+                    BETTER_LOW);
+        report_mark(report, "surface_p95_mm", worst.surface_p95_mm, "mm", 0.3, BETTER_LOW);
+        report_mark(report, "touch_crossings", worst.crossings, "pairs", 0, BETTER_LOW);
+        report_mark(report, "match_ms_20k_p50", samples_quantile(&worst.ms, 0.5), "ms", 30,
+                    BETTER_LOW);
+        report_mark(report, "match_rel_error_max", worst.error, "of V", 1e-9, BETTER_LOW);
     }
     samples_fini(&worst.ms);
     return result;
@@ -264,22 +266,14 @@ static enum result bench_touch(const struct bench_options *options, struct repor
 
 enum result bench_match(const struct bench_options *options, struct report *report,
                         struct error *err) {
-    double error = 0, times = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         struct measured measured = {0};
         enum result result = resect_size(&sizes[i], options->quick ? 5 : 40, &measured, err);
         if (result == RESULT_OK)
             report_size(report, sizes[i].name, &measured);
-        error = fmax(error, samples_max(&measured.error));
-        times = samples_quantile(&measured.times, 0.5); // of the last, the largest
         measured_fini(&measured);
         if (result != RESULT_OK)
             return result;
     }
-    enum result result = bench_touch(options, report, err);
-    if (result != RESULT_OK)
-        return result;
-    report_mark(report, "bisection_over_match", times, "times", 5, BETTER_HIGH);
-    report_mark(report, "match_rel_error_max", error, "of V", 1e-9, BETTER_LOW);
-    return RESULT_OK;
+    return bench_touch(options, report, err);
 }

@@ -140,7 +140,7 @@ static struct ran run_undo(struct operation *operation, struct follower *followe
     return run(operation, follower, &(struct job){.id = 1, .kind = JOB_UNDO});
 }
 
-#define CUTS 90
+#define CUTS 70
 
 // The cuts that stand, and the state before each.
 struct past {

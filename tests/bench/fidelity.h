@@ -13,11 +13,11 @@ enum variant {
     VARIANT_GAUSSIAN_CM,
     VARIANT_GAUSSIAN_MM,
     VARIANT_INVERSE,
-    VARIANT_INVERSE_SKIN, // what sessions have
+    VARIANT_INVERSE_SKIN,
     VARIANT_SMOOTH,
-    VARIANT_SMOOTH_SKIN, // what they are to have where what is displaced is hollow
-    VARIANT_INTEGRAL,    // without what is hollow
-    VARIANT_INTEGRAL_SKIN,
+    VARIANT_SMOOTH_SKIN,
+    VARIANT_INTEGRAL,      // without what is hollow
+    VARIANT_INTEGRAL_SKIN, // what sessions have, and the marks speak of
     VARIANT_COUNT
 };
 
@@ -27,30 +27,28 @@ struct warp variant_warp(const struct anatomy *anatomy, enum variant variant, ve
 
 // ---- marks: each is the worst of all that is measured ----
 
-enum worst { WORST_RMS, WORST_GAIN, WORST_TOUCH, WORST_JUMP, WORST_NOISE, WORST_COUNT };
+enum worst {
+    WORST_RMS,
+    WORST_GAIN,
+    WORST_TOUCH,
+    WORST_JUMP,
+    WORST_NOISE, // a knee's mean
+    WORST_LATE,  // a knee's mean
+    WORST_COUNT
+};
 
 struct worst_of {
     double value; // −1 where nothing was measured
     char where[128];
 };
 
-// Of the integral field, which no session has yet: told, and not marked.
-struct integral_figures {
-    struct worst_of worst[WORST_COUNT];
-    struct samples noisy, late; // noisy: of one knee
-    size_t folds, folds_beyond; // beyond: where the harmonic displacement does not fold
-};
-
 struct fidelity {
     struct report *report;
     bool quick;
     struct worst_of worst[WORST_COUNT];
-    struct integral_figures integral[2]; // without and with the skin
-    // Of all lesions: errors under noise, with and without the skin; of cavities: those of late
-    // replies.
-    struct samples noisy, noisy_plain, late;
+    struct samples noisy, late; // of one knee: errors under noise, and of late replies in cavities
     double key_error_mm, rest_mm; // of torn ligaments, the largest
-    size_t folds;                 // of the cases that ship, in all
+    size_t folds;                 // of the cases that ship, but where the harmonic folds
 };
 
 // Where the figures of one lesion go, and what they are of.
@@ -59,19 +57,15 @@ struct scene_of_lesion {
     struct anatomy *anatomy;
     enum lesion lesion;
     uint64_t seed;
-    double largest_mm;     // Δ
-    enum variant standard; // the field that the marks speak of
-    char name[96];         // "healthy/cavity/1"
+    double largest_mm; // Δ
+    bool is_moved;     // the knee lies far from its origin: only the field of sessions
+    char name[96];     // "healthy/cavity/1"
 };
 
 void fidelity_worst(const struct scene_of_lesion *scene, enum worst worst, double value);
 
-// NULL for other variants.
-struct integral_figures *fidelity_integral(const struct scene_of_lesion *scene,
-                                           enum variant variant);
-// Of the integral field; nothing for other variants.
-void fidelity_worst_integral(const struct scene_of_lesion *scene, enum variant variant,
-                             enum worst worst, double value);
+// Whether a variant is measured on it.
+bool fidelity_takes(const struct scene_of_lesion *scene, enum variant variant);
 
 // Mean, 99th percentile and largest of one figure of a variant.
 void fidelity_samples(const struct scene_of_lesion *scene, enum variant variant, const char *what,

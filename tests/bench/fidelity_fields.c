@@ -88,10 +88,8 @@ static void report_gains(const struct scene_of_lesion *scene, enum variant varia
     fidelity_figure(scene, variant, what, "times", largest);
     snprintf(what, sizeof what, "%g mm/gain over harmonic/p99.9", nodes->spacing_mm);
     fidelity_figure(scene, variant, what, "times", p999);
-    if (nodes->is_finest && variant == scene->standard)
+    if (nodes->is_finest && variant == VARIANT_INTEGRAL_SKIN)
         fidelity_worst(scene, WORST_GAIN, largest);
-    if (nodes->is_finest)
-        fidelity_worst_integral(scene, variant, WORST_GAIN, largest);
 }
 
 static void compare(const struct scene_of_lesion *scene, enum variant variant,
@@ -113,10 +111,8 @@ static void compare(const struct scene_of_lesion *scene, enum variant variant,
     fidelity_figure(scene, variant, what, "times", rms / nodes->largest_mm);
     snprintf(what, sizeof what, "%g mm/folds", nodes->spacing_mm);
     fidelity_figure(scene, variant, what, "share", (double)folds / count);
-    if (nodes->is_finest && variant == scene->standard)
+    if (nodes->is_finest && variant == VARIANT_INTEGRAL_SKIN)
         fidelity_worst(scene, WORST_RMS, rms / nodes->largest_mm);
-    if (nodes->is_finest)
-        fidelity_worst_integral(scene, variant, WORST_RMS, rms / nodes->largest_mm);
     struct samples gains = {0};
     add_gains(nodes, W, &gains);
     if (gains.count)
@@ -153,7 +149,8 @@ static void compare_all(const struct scene_of_lesion *scene, const struct nodes 
     add_gains(nodes, W, &gains);
     report_harmonic(scene, nodes, &gains);
     for (int v = 0; v < VARIANT_COUNT; v++)
-        compare(scene, (enum variant)v, nodes, W, &gains);
+        if (fidelity_takes(scene, (enum variant)v))
+            compare(scene, (enum variant)v, nodes, W, &gains);
     samples_fini(&gains);
     free(W);
 }
@@ -259,9 +256,8 @@ static void measure_jumps(const struct scene_of_lesion *scene, enum variant vari
         jump = fmax(jump, narrow(scene, variant, edges[i], by_jump).jump);
     fidelity_figure(scene, variant, "0.01 mm of hand/change", "mm", change);
     fidelity_figure(scene, variant, "0.01 mm of hand/jump", "mm", jump);
-    if (variant == VARIANT_SMOOTH && scene->lesion >= LESION_TRIMMED)
+    if (variant == VARIANT_INTEGRAL_SKIN)
         fidelity_worst(scene, WORST_JUMP, jump);
-    fidelity_worst_integral(scene, variant, WORST_JUMP, jump);
     free(edges);
 }
 
@@ -311,14 +307,10 @@ static void measure_late(const struct scene_of_lesion *scene, enum variant varia
     fidelity_samples(scene, variant, what, "mm", &late.delta);
     snprintf(what, sizeof what, "late at %g mm/s/derivative", speed_mm_s);
     fidelity_samples(scene, variant, what, "mm", &late.derivative);
-    struct integral_figures *figures = fidelity_integral(scene, variant);
-    bool is_cavity = scene->lesion <= LESION_UNDER_MENISCUS && speed_mm_s == 25;
-    for (size_t i = 0; is_cavity && i < late.derivative.count; i++) {
-        if (variant == scene->standard)
-            samples_add(&scene->fidelity->late, late.derivative.values[i]);
-        if (figures)
-            samples_add(&figures->late, late.derivative.values[i]);
-    }
+    bool counts = variant == VARIANT_INTEGRAL_SKIN && scene->lesion <= LESION_UNDER_MENISCUS &&
+                  speed_mm_s == 25;
+    for (size_t i = 0; counts && i < late.derivative.count; i++)
+        samples_add(&scene->fidelity->late, late.derivative.values[i]);
     samples_fini(&late.pose);
     samples_fini(&late.delta);
     samples_fini(&late.derivative);
@@ -343,6 +335,8 @@ void fidelity_fields(const struct scene_of_lesion *scene) {
     if (fine.count) {
         compare_all(scene, &fine);
         for (int v = quick ? VARIANT_INVERSE : 0; v < VARIANT_COUNT; v++) {
+            if (!fidelity_takes(scene, (enum variant)v))
+                continue;
             measure_jumps(scene, (enum variant)v, &fine);
             measure_late(scene, (enum variant)v, &fine, 25);
             measure_late(scene, (enum variant)v, &fine, 100);

@@ -63,7 +63,7 @@ static void look_at_mode(const struct scene_of_lesion *scene, const struct seen 
                          const struct avatar_body *body, const struct instrument_body *points,
                          vec3 portal, pose T, bool touches, struct figures *out) {
     const struct anatomy *a = scene->anatomy;
-    struct field field = variant_field(scene->standard);
+    struct field field = variant_field(VARIANT_INTEGRAL_SKIN);
     struct avatar_memory memory;
     struct avatar avatar;
     avatar_memory_init(&memory);
@@ -84,7 +84,7 @@ static void report_figures(const struct scene_of_lesion *scene, enum avatar_mode
                            struct figures *f) {
     char what[64];
     const char *name = avatar_mode_name(mode);
-    enum variant v = scene->standard;
+    enum variant v = VARIANT_INTEGRAL_SKIN;
     snprintf(what, sizeof what, "%s/false touch", name);
     fidelity_figure(scene, v, what, "share", (double)f->falsely_in / (double)f->poses);
     snprintf(what, sizeof what, "%s/touch not felt", name);

@@ -21,14 +21,12 @@ struct shipped {
     const struct knee_case *knee;
     uint32_t hollow;
     size_t nodes, left_out;
-    // Of the folds: with one surface in reach, off which the field fades; against the skin, which
-    // gives way; where a gap is filled.
-    size_t folds, fading, beside_skin, filled;
+    // Of the folds: with one surface in reach, off which the field fades; where a gap is filled;
+    // where the harmonic displacement does not fold.
+    size_t folds, fading, filled, beyond;
     size_t harmonic_folds; // of the harmonic displacement
-    struct surface_blocks *blocks[CASE_GROUPS_MAX];
-    struct surface_integral *integrals[CASE_GROUPS_MAX];
-    size_t integral_folds[2], folds_beyond[2]; // of the integral field, without and with skin
     double key_error_mm, rest_mm;
+    char pose[96]; // at which is being looked
 };
 
 // ---- torn ligaments ----
@@ -101,66 +99,44 @@ static void add_fold(struct shipped *s, const struct warp_contact *contacts, int
         return;
     }
     const struct warp_contact *a = &contacts[first], *b = &contacts[second];
-    if ((1u << a->surface | 1u << b->surface) & s->hollow)
-        s->beside_skin++;
-    else if (field_gap(a, b, y, &gap, &left))
+    if (field_gap(a, b, y, &gap, &left))
         s->filled += left <= (1 - FILLED_SHARE) * gap;
 }
 
-static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene, vec3 y) {
+static const char *group_of(const struct shipped *s, const struct warp_contact *contacts,
+                            int which) {
+    return which < 0 ? "nothing" : s->knee->groups[contacts[which].surface].name;
+}
+
+// Beyond the harmonic's: where, and between what.
+static void tell_fold(struct shipped *s, const struct warp_contact *contacts, int count, vec3 y,
+                      double determinant) {
+    int first = nearest_but(contacts, count, -1), second = nearest_but(contacts, count, first);
+    char name[128], text[256];
+    snprintf(name, sizeof name, "shipped/%s/fold %zu", s->knee->name, ++s->beyond);
+    snprintf(text, sizeof text, "%.3g at (%.1f %.1f %.1f), %s, %.2f mm from %s, %.2f mm from %s",
+             determinant, y.x, y.y, y.z, s->pose, first < 0 ? 0 : contacts[first].distance,
+             group_of(s, contacts, first), second < 0 ? 0 : contacts[second].distance,
+             group_of(s, contacts, second));
+    report_text(s->fidelity->report, name, text);
+}
+
+static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene, vec3 y,
+                         bool harmonic_folds) {
     struct session_settings settings = session_settings_default();
     struct warp_contact contacts[WARP_SURFACES_MAX];
     struct warp_memory memory;
     struct warp warp;
     warp_memory_init(&memory);
     int count = warp_contacts(warp_scene, &settings.field, y, &memory, &warp, contacts);
+    double determinant = mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient));
     s->nodes++;
-    if (is_folded(warp.gradient))
-        add_fold(s, contacts, count, y);
-}
-
-// ---- the integral field ----
-
-static void integrals_init(struct shipped *s) {
-    for (int i = 0; i < s->knee->group_count; i++) {
-        s->blocks[i] = surface_blocks_create(&s->knee->groups[i].mesh);
-        s->integrals[i] = surface_integral_create(s->blocks[i], s->knee->groups[i].warp);
-    }
-}
-
-static void integrals_fini(struct shipped *s) {
-    for (int i = 0; i < CASE_GROUPS_MAX; i++) {
-        surface_integral_destroy(&s->integrals[i]);
-        surface_blocks_destroy(&s->blocks[i]);
-    }
-}
-
-// Without what is hollow.
-static struct warp_scene integral_scene(const struct shipped *s, const struct warp_scene *of,
-                                        struct warp_surface surfaces[CASE_GROUPS_MAX]) {
-    struct warp_scene scene = *of;
-    scene.surfaces = surfaces;
-    scene.surface_count = 0;
-    for (int i = 0; i < of->surface_count; i++) {
-        if (s->hollow >> i & 1)
-            continue;
-        surfaces[scene.surface_count] = of->surfaces[i];
-        surfaces[scene.surface_count++].integral = s->integrals[i];
-    }
-    return scene;
-}
-
-static void look_at_integral(struct shipped *s, const struct warp_scene *scene, vec3 y,
-                             bool harmonic_folds) {
-    for (int i = 0; i < 2; i++) {
-        struct field field = variant_field(VARIANT_INTEGRAL + (enum variant)i);
-        struct warp_memory memory;
-        struct warp warp;
-        warp_memory_init(&memory);
-        warp_point(scene, &field, y, &memory, &warp);
-        s->integral_folds[i] += is_folded(warp.gradient);
-        s->folds_beyond[i] += is_folded(warp.gradient) && !harmonic_folds;
-    }
+    s->harmonic_folds += harmonic_folds;
+    if (determinant > 0)
+        return;
+    add_fold(s, contacts, count, y);
+    if (!harmonic_folds)
+        tell_fold(s, contacts, count, y, determinant);
 }
 
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
@@ -179,8 +155,6 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
                                    .spacing_mm = s->fidelity->quick ? 2.5 : 1,
                                    .is_within = hull_holds,
                                    .context = &hull};
-    struct warp_surface surfaces[CASE_GROUPS_MAX];
-    struct warp_scene solid = integral_scene(s, &stance.warp, surfaces);
     harmonic_solve(&setup, &space);
     for (uint32_t i = 0; i < space.count; i++) {
         vec3 y = harmonic_place(&space, i);
@@ -189,20 +163,22 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
             s->left_out++;
             continue;
         }
-        look_at_node(s, &stance.warp, y);
         bool folds = harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
-        s->harmonic_folds += folds;
-        look_at_integral(s, &solid, y, folds);
+        look_at_node(s, &stance.warp, y, folds);
     }
     harmonic_fini(&space);
 }
 
 // Over flexion at rest, and as each torn ligament's keys hold the joint.
 static void walk(struct shipped *s) {
-    for (int flexion = 0; flexion <= 90; flexion += s->fidelity->quick ? 60 : 30)
+    for (int flexion = 0; flexion <= 90; flexion += s->fidelity->quick ? 60 : 30) {
+        snprintf(s->pose, sizeof s->pose, "%d degrees", flexion);
         look_for_folds(s, &(struct joint_angles){.flexion_deg = flexion});
+    }
     for (int i = 0; i < s->knee->key_count; i += s->fidelity->quick ? 3 : 1) {
         struct joint_angles angles = angles_of(s->knee, s->knee->keys[i].physical);
+        snprintf(s->pose, sizeof s->pose, "%s at %.0f degrees",
+                 s->knee->torn[s->knee->keys[i].ligament], angles.flexion_deg);
         look_for_folds(s, &angles);
     }
 }
@@ -215,19 +191,12 @@ static void report_shipped(const struct shipped *s) {
     report_figure(report, (double)s->nodes, "nodes", "shipped/%s/reached", name);
     report_figure(report, (double)s->left_out, "nodes", "shipped/%s/left out", name);
     report_figure(report, (double)s->folds, "nodes", "shipped/%s/folds", name);
-    report_figure(report, (double)s->beside_skin, "nodes", "shipped/%s/folds/against skin", name);
     report_figure(report, (double)s->filled, "nodes", "shipped/%s/folds/in filled gaps", name);
     report_figure(report, (double)s->fading, "nodes", "shipped/%s/folds/fading", name);
-    report_figure(report, (double)(s->folds - s->fading - s->beside_skin - s->filled), "nodes",
+    report_figure(report, (double)(s->folds - s->fading - s->filled), "nodes",
                   "shipped/%s/folds/others", name);
     report_figure(report, (double)s->harmonic_folds, "nodes", "shipped/%s/folds/harmonic", name);
-    for (int i = 0; i < 2; i++) {
-        const char *field = variant_name(VARIANT_INTEGRAL + (enum variant)i);
-        report_figure(report, (double)s->integral_folds[i], "nodes", "shipped/%s/folds/%s", name,
-                      field);
-        report_figure(report, (double)s->folds_beyond[i], "nodes",
-                      "shipped/%s/folds/%s, beyond harmonic", name, field);
-    }
+    report_figure(report, (double)s->beyond, "nodes", "shipped/%s/folds/beyond harmonic", name);
     if (!s->knee->key_count)
         return;
     report_figure(report, s->key_error_mm, "mm", "shipped/%s/key error", name);
@@ -261,19 +230,13 @@ static enum result measure_recipe(struct fidelity *f, const char *path, struct e
     struct shipped s = {.fidelity = f, .scene = scene, .knee = scene_case(scene)};
     for (int i = 0; i < s.knee->group_count; i++)
         s.hollow |= case_group_is_skin(&s.knee->groups[i]) ? 1u << i : 0;
-    integrals_init(&s);
     look_at_keys(&s);
     look_at_rest(&s);
     walk(&s);
-    integrals_fini(&s);
     report_shipped(&s);
     f->key_error_mm = fmax(f->key_error_mm, s.key_error_mm);
     f->rest_mm = fmax(f->rest_mm, s.rest_mm);
-    f->folds += s.folds;
-    for (int i = 0; i < 2; i++) {
-        f->integral[i].folds += s.integral_folds[i];
-        f->integral[i].folds_beyond += s.folds_beyond[i];
-    }
+    f->folds += s.beyond;
     scene_destroy(&scene);
     return RESULT_OK;
 }

@@ -70,15 +70,16 @@ struct errors {
     struct samples of[OFFSET_COUNT], noisy, gain;
 };
 
-static void add_errors(const struct anatomy *anatomy, int group, const struct touch *touch,
+static void add_errors(const struct scene_of_lesion *scene, int group, const struct touch *touch,
                        struct random *r, struct errors errors[VARIANT_COUNT]) {
+    const struct anatomy *anatomy = scene->anatomy;
     bool is_hollow = anatomy->hollow >> group & 1;
     vec3 noisy = vec3_add_scaled(touch->point, NOISE_MM * random_normal(r), random_direction(r));
     vec3 beside = vec3_add_scaled(touch->point, random_between(r, 0, BESIDE_MM), touch->normal);
     for (int k = 0; k < VARIANT_COUNT; k++) {
         enum variant variant = (enum variant)k;
-        if (is_hollow && k >= VARIANT_INTEGRAL)
-            continue; // none of its surfaces
+        if (!fidelity_takes(scene, variant) || (is_hollow && k >= VARIANT_INTEGRAL))
+            continue; // what is hollow is none of its surfaces
         for (size_t i = 0; i < OFFSET_COUNT; i++) {
             vec3 y = vec3_add_scaled(touch->point, offsets_mm[i], touch->normal);
             samples_add(&errors[k].of[i], touch_error(anatomy, variant, touch, y));
@@ -101,7 +102,7 @@ static void touch_group(const struct scene_of_lesion *scene, int group, double s
         for (due += vec3_length(vec3_cross(ab, ac)) / 2; due > spacing; due -= spacing) {
             struct touch touch = touch_on(scene->anatomy, group, t, &r);
             if (is_counted(scene->anatomy, group, &touch))
-                add_errors(scene->anatomy, group, &touch, &r, errors);
+                add_errors(scene, group, &touch, &r, errors);
         }
     }
 }
@@ -110,6 +111,8 @@ static void report_errors(const struct scene_of_lesion *scene,
                           struct errors errors[VARIANT_COUNT]) {
     for (int k = 0; k < VARIANT_COUNT; k++) {
         enum variant variant = (enum variant)k;
+        if (!fidelity_takes(scene, variant))
+            continue;
         for (size_t i = 0; i < OFFSET_COUNT; i++) {
             char what[32];
             snprintf(what, sizeof what, "touch/%g mm off", offsets_mm[i]);
@@ -118,19 +121,13 @@ static void report_errors(const struct scene_of_lesion *scene,
         fidelity_samples(scene, variant, "touch/noise", "mm", &errors[k].noisy);
         fidelity_samples(scene, variant, "touch/gain beside", "times", &errors[k].gain);
         fidelity_worst(scene, WORST_TOUCH, samples_max(&errors[k].of[0]));
-        fidelity_worst_integral(scene, variant, WORST_TOUCH, samples_max(&errors[k].of[0]));
-        struct integral_figures *figures = fidelity_integral(scene, variant);
-        for (size_t i = 0; figures && i < errors[k].noisy.count; i++)
-            samples_add(&figures->noisy, errors[k].noisy.values[i]);
     }
-    const struct samples *noisy = &errors[scene->standard].noisy;
-    const struct samples *plain = &errors[scene->standard - 1].noisy; // without its skin
-    fidelity_figure(scene, scene->standard, "touch/noise/over no skin", "times",
-                    samples_mean(noisy) / samples_mean(plain));
-    for (size_t i = 0; i < noisy->count; i++) {
+    const struct samples *noisy = &errors[VARIANT_INTEGRAL_SKIN].noisy;
+    if (!scene->is_moved)
+        fidelity_figure(scene, VARIANT_INTEGRAL_SKIN, "touch/noise/over no skin", "times",
+                        samples_mean(noisy) / samples_mean(&errors[VARIANT_INTEGRAL].noisy));
+    for (size_t i = 0; i < noisy->count; i++)
         samples_add(&scene->fidelity->noisy, noisy->values[i]);
-        samples_add(&scene->fidelity->noisy_plain, plain->values[i]);
-    }
 }
 
 void fidelity_touch(const struct scene_of_lesion *scene) {
@@ -141,9 +138,9 @@ void fidelity_touch(const struct scene_of_lesion *scene) {
             touch_group(scene, i, scene->fidelity->quick ? 16 : 2, errors);
     }
     anatomy_flex(scene->anatomy, 0);
-    report_figure(scene->fidelity->report, (double)errors[0].noisy.count, "points", "%s/touched",
-                  scene->name);
-    if (errors[0].noisy.count)
+    report_figure(scene->fidelity->report, (double)errors[VARIANT_INTEGRAL_SKIN].noisy.count,
+                  "points", "%s/touched", scene->name);
+    if (errors[VARIANT_INTEGRAL_SKIN].noisy.count)
         report_errors(scene, errors);
     for (int k = 0; k < VARIANT_COUNT; k++) {
         for (size_t i = 0; i < OFFSET_COUNT; i++)

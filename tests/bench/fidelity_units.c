@@ -101,7 +101,7 @@ static double compare(struct fidelity *f, const struct anatomy made[UNITS]) {
             double off = largest_off(&made[0], &made[u], (enum variant)v);
             report_figure(f->report, off, "mm", "units/%s/%s to mm", variant_name((enum variant)v),
                           units[u].name);
-            largest = v == VARIANT_INVERSE_SKIN ? fmax(largest, off) : largest;
+            largest = v == VARIANT_INTEGRAL_SKIN ? fmax(largest, off) : largest;
         }
     return largest;
 }

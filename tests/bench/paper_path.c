@@ -37,8 +37,8 @@ static const struct variant {
 } variants[] = {
     {"warped, gaussian in cm (the paper's)", "gaussian", "gaussian, cm", FIELD_GAUSSIAN, 0,
      PLOT_ORANGE, PLOT_SOLID},
-    {"warped, inverse distance (the default)", "inverse distance", "inverse-distance",
-     FIELD_INVERSE_DISTANCE, 0.1, PLOT_BLUE, PLOT_SOLID},
+    {"warped, inverse distance", "inverse distance", "inverse-distance", FIELD_INVERSE_DISTANCE,
+     0.1, PLOT_BLUE, PLOT_SOLID},
     {"warped, smooth", "smooth", "smooth", FIELD_SMOOTH, 0.1, PLOT_PURPLE, PLOT_DASHED},
 };
 
@@ -65,7 +65,7 @@ struct fig7 {
     double plateau_z;                                                // mean along the line
     double y[POSE_COUNT], physical[POSE_COUNT], patient[POSE_COUNT]; // profiles
     struct way straight, ways[VARIANT_COUNT];
-    struct samples whole_us; // of a whole hook, in the default field
+    struct samples whole_us; // of a whole hook, by inverse distance
 };
 
 // ---- the knee ----

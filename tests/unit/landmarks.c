@@ -366,6 +366,25 @@ static void portals_are_in_the_skin_with_a_clear_way_to_the_notch(void **state) 
     }
 }
 
+// A patella that covers the whole front: every way leads through it, and the clearance says how
+// deep.
+static void portals_that_no_free_way_leads_from_are_told(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *patella = &case_group(knee, "patella")->mesh;
+    struct error err;
+    double clear[2];
+    for (uint32_t v = 0; v < patella->vertex_count; v++) {
+        vec3 p = mesh_vertex(patella, v);
+        mesh_set_vertex(patella, v, (vec3){4 * p.x, p.y, 4 * p.z - 60});
+    }
+    knee->patella_key_count = 0;
+    find_all(knee);
+    assert_ok(landmarks_find_portals(knee, clear, &err));
+    assert_true(clear[0] < -2 && clear[1] < -2);
+    case_destroy(&knee);
+}
+
 // ---- files --------------------------------------------------------------------------------------
 
 static void landmarks_are_kept_in_the_case(void **state) {
@@ -418,6 +437,7 @@ int main(void) {
         cmocka_unit_test(the_path_keeps_bones_apart_where_the_axis_does_not),
         cmocka_unit_test(gaps_that_are_too_small_are_opened),
         cmocka_unit_test(portals_are_in_the_skin_with_a_clear_way_to_the_notch),
+        cmocka_unit_test(portals_that_no_free_way_leads_from_are_told),
         cmocka_unit_test(landmarks_are_kept_in_the_case),
         cmocka_unit_test(a_case_with_a_bad_landmark_is_refused),
     };

@@ -20,6 +20,10 @@ class Resection(Bites):
         self.assertAlmostEqual(whole, sum(r["whole_zone_mm3"]), delta=0.01 * whole)
         self.assertAlmostEqual(r["warped_mm3"] - r["left_mm3"], r["volume_mm3"], delta=1e-3)
         self.assertLess(r["rim_mm"], 12)
+        unseen, untouched = r["touched_unseen_mm3"], r["seen_untouched_mm3"]
+        self.assertGreater(unseen, 0)
+        self.assertLess(unseen + untouched, r["removed_mm3"])  # what it is where the touch stays as it was
+        self.assertAlmostEqual(unseen - untouched, r["left_mm3"], delta=0.3)
         self.assertEqual(self.resection("meniscus_lateral")["cuts"], 0)
         trace = self.session()["trace"]
         self.assert_same_mesh(station)
@@ -33,7 +37,8 @@ class Resection(Bites):
         self.assertEqual(replay["verdict"], "identical")
         info = call_json("arthron-trace", "info", trace)
         self.assertEqual(info["events"]["cut"], r["cuts"])
-        self.assertAlmostEqual(info["resections"][0]["removed_mm3"], r["removed_mm3"], places=9)
+        for figure in ("removed_mm3", "touched_unseen_mm3", "seen_untouched_mm3"):
+            self.assertAlmostEqual(info["resections"][0][figure], r[figure], places=9)
 
     def test_a_station_that_comes_back_has_the_same_mesh(self):
         first = self.start_station()

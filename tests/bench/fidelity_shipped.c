@@ -13,7 +13,10 @@
 #include <string.h>
 
 #define AROUND_JOINT_MM 40.0 // corners of a box, at which two poses are compared
-#define RADIUS_MM 15.0       // of the field: nothing moves farther from what is displaced
+#define FINE_BOX_MM 6.0
+#define FINE_MM 0.25
+#define SAME_PLACE_MM 1.0
+#define RADIUS_MM 15.0 // of the field: nothing moves farther from what is displaced
 
 struct shipped {
     struct fidelity *fidelity;
@@ -103,40 +106,61 @@ static void add_fold(struct shipped *s, const struct warp_contact *contacts, int
         s->filled += left <= (1 - FILLED_SHARE) * gap;
 }
 
-static const char *group_of(const struct shipped *s, const struct warp_contact *contacts,
-                            int which) {
-    return which < 0 ? "nothing" : s->knee->groups[contacts[which].surface].name;
+// A gap that is narrower than the grid is looked at once more, on a finer one around the place.
+static bool harmonic_folds_near(const struct harmonic_setup *setup, vec3 y) {
+    const vec3 around = {FINE_BOX_MM, FINE_BOX_MM, FINE_BOX_MM};
+    struct harmonic_setup fine = *setup;
+    struct harmonic space;
+    bool folds = false;
+    fine.box = (struct box){vec3_sub(y, around), vec3_add(y, around)};
+    fine.spacing_mm = FINE_MM;
+    harmonic_solve(&fine, &space);
+    for (uint32_t i = 0; !folds && i < space.count; i++) {
+        mat3 gradient;
+        folds = vec3_distance(harmonic_place(&space, i), y) <= SAME_PLACE_MM &&
+                harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
+    }
+    harmonic_fini(&space);
+    return folds;
 }
 
-// Beyond the harmonic's: where, and between what.
-static void tell_fold(struct shipped *s, const struct warp_contact *contacts, int count, vec3 y,
-                      double determinant) {
+// Where, between what, and whether the harmonic displacement folds there too.
+static void tell_fold(const struct shipped *s, const struct warp_contact *contacts, int count,
+                      vec3 y, double determinant, bool harmonic_folds) {
     int first = nearest_but(contacts, count, -1), second = nearest_but(contacts, count, first);
-    char name[128], text[256];
-    snprintf(name, sizeof name, "shipped/%s/fold %zu", s->knee->name, ++s->beyond);
-    snprintf(text, sizeof text, "%.3g at (%.1f %.1f %.1f), %s, %.2f mm from %s, %.2f mm from %s",
-             determinant, y.x, y.y, y.z, s->pose, first < 0 ? 0 : contacts[first].distance,
-             group_of(s, contacts, first), second < 0 ? 0 : contacts[second].distance,
-             group_of(s, contacts, second));
+    char name[128], text[400], beside[2][80];
+    const int two[2] = {first, second};
+    for (int i = 0; i < 2; i++) {
+        const struct warp_contact *c = two[i] < 0 ? NULL : &contacts[two[i]];
+        beside[i][0] = '\0';
+        if (c)
+            snprintf(beside[i], sizeof beside[i], ", %.2f mm from %s", c->distance,
+                     s->knee->groups[c->surface].name);
+    }
+    snprintf(name, sizeof name, "shipped/%s/fold %zu", s->knee->name, s->folds);
+    snprintf(text, sizeof text, "%.3g at (%.1f %.1f %.1f), %s%s%s; the harmonic %s", determinant,
+             y.x, y.y, y.z, s->pose, beside[0], beside[1],
+             harmonic_folds ? "folds there too" : "does not fold there");
     report_text(s->fidelity->report, name, text);
 }
 
-static void look_at_node(struct shipped *s, const struct warp_scene *warp_scene, vec3 y,
+static void look_at_node(struct shipped *s, const struct harmonic_setup *setup, vec3 y,
                          bool harmonic_folds) {
     struct session_settings settings = session_settings_default();
     struct warp_contact contacts[WARP_SURFACES_MAX];
     struct warp_memory memory;
     struct warp warp;
     warp_memory_init(&memory);
-    int count = warp_contacts(warp_scene, &settings.field, y, &memory, &warp, contacts);
+    int count = warp_contacts(setup->scene, &settings.field, y, &memory, &warp, contacts);
     double determinant = mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient));
     s->nodes++;
     s->harmonic_folds += harmonic_folds;
     if (determinant > 0)
         return;
     add_fold(s, contacts, count, y);
-    if (!harmonic_folds)
-        tell_fold(s, contacts, count, y, determinant);
+    harmonic_folds = harmonic_folds || harmonic_folds_near(setup, y);
+    s->beyond += !harmonic_folds;
+    tell_fold(s, contacts, count, y, determinant, harmonic_folds);
 }
 
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
@@ -164,7 +188,7 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
             continue;
         }
         bool folds = harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
-        look_at_node(s, &stance.warp, y, folds);
+        look_at_node(s, &setup, y, folds);
     }
     harmonic_fini(&space);
 }

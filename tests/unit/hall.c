@@ -154,10 +154,16 @@ void hall_shave_part(struct sessions *sessions, double from, double to) {
     }
 }
 
+#ifdef __SANITIZE_THREAD__
+#define QUIET 80 // a cut takes longer
+#else
+#define QUIET 20
+#endif
+
 // When nothing has come for a while. Tells too early only that the mesh has another number.
 struct tissue_report hall_last_tissues(struct sessions *sessions) {
     struct tissue_report last = hall_tissues(sessions);
-    for (int quiet = 0; quiet < 20; quiet++) {
+    for (int quiet = 0; quiet < QUIET; quiet++) {
         hall_wait_ms(20);
         struct tissue_report now = hall_tissues(sessions);
         if (now.figures[0].mesh_number != last.figures[0].mesh_number)

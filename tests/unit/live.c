@@ -236,7 +236,17 @@ static void draw_until(struct page *page, const int *count, int least) {
     assert_true(*count >= least);
 }
 
-// ---- an live --------------------------------------------------------------------------------
+static void draw_until_shown(struct page *page, const struct tissue_report *report) {
+    const struct tissue_figures *figures = &report->figures[0];
+    for (int i = 0; i < 10000 && (page->tissue.number < figures->mesh_number ||
+                                  page->resection.cuts < figures->cuts);
+         i++)
+        if (draw(page) > clock_now_ns())
+            hall_wait_ms(1);
+}
+
+// ---- a live server
+// --------------------------------------------------------------------------------
 
 static bool allow(void *user, const struct live_account *account, const char *session) {
     (void)user, (void)session;
@@ -363,7 +373,7 @@ static void pages_have_the_mesh_that_was_cut(void **state) {
     watch(&late, arthron_Watch_What_STATION, "room-1", 60);
     struct page *all[] = {&page, &sleeper, &late};
     for (int i = 0; i < 3; i++) {
-        draw_for(all[i], 300);
+        draw_until_shown(all[i], &report);
         assert_int_equal(all[i]->tissue.number, report.figures[0].mesh_number);
         assert_int_equal(all[i]->tissue.hash, report.mesh_hashes[0]);
         assert_int_equal(all[i]->resection.cuts, report.figures[0].cuts);
@@ -391,7 +401,8 @@ static void a_new_session_has_a_new_mesh(void **state) {
     arthron_LiveSession first = page.session;
     uint64_t whole = page.tissue.hash;
     hall_shave(sessions);
-    draw_for(&page, 300);
+    struct tissue_report report = hall_last_tissues(sessions);
+    draw_until_shown(&page, &report);
     assert_true(page.tissue.number > 1);
     page.payloads = 0;
     hall_command(sessions, arthron_Command_Kind_CASE); // of the same boxes

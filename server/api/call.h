@@ -84,7 +84,7 @@ bool call_is_still_in(struct api_call *call);
 json_t *call_row(const struct store_cell *cells, int count);
 void call_take_row(void *array, const struct store_cell *cells, int count); // store_row_handler
 
-// A text that may come from a file, or a placeholder if it is not UTF-8.
+// A text that may come from a file. One that is not UTF-8 is replaced by words that say so.
 json_t *call_string(const char *text);
 
 // Seconds of a time in ns, to the millisecond.

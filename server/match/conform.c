@@ -94,6 +94,11 @@ vec3 conform_vertex(const struct conform *conform, uint32_t vertex) {
     return conform->positions[vertex];
 }
 
+void conform_place(struct conform *conform, uint32_t vertex, vec3 place) {
+    CHECK(vertex < conform->surface->vertex_count);
+    conform->positions[vertex] = place;
+}
+
 double conform_volume(const struct conform *conform) {
     return surface_volume(conform->surface, conform->positions);
 }

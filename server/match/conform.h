@@ -26,6 +26,8 @@ void conform_destroy(struct conform **conform); // NULL inside is fine
 
 vec3 conform_vertex(const struct conform *conform, uint32_t vertex); // S''
 double conform_volume(const struct conform *conform);                // inside S'', summed anew
+// Puts a vertex of S'' elsewhere. For conform_past it is a change by the last conform_to.
+void conform_place(struct conform *conform, uint32_t vertex, vec3 place);
 
 struct conform_target {
     const struct mesh *mesh; // T: closed, oriented, facing outwards, in the frame of S'

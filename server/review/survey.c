@@ -60,15 +60,21 @@ static void take_remark(const struct remark *remark, struct survey *s) {
         s->remark_count = remark->number;
 }
 
+static void count_touch(const struct touch_change *touch, struct survey *s) {
+    s->touches += touch != NULL;
+    s->touch_bytes += touch ? touch->size : 0;
+}
+
 static bool on_step(void *user, const struct trace_record *record) {
     count_input(&record->input, user);
     count_output(&record->output, user);
+    count_touch(record->touch, user);
     return true;
 }
 
 static bool on_past(void *user, const struct trace_record *record) {
     struct survey *s = user;
-    (void)record;
+    count_touch(record->touch, s);
     s->past++;
     return true;
 }

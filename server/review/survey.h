@@ -11,6 +11,7 @@ struct survey {
     uint64_t lost_samples;         // samples that a station sent as lost
     uint64_t events[EVENT_COUNT];  // steps with EVENT_STATE, EVENT_DEVICE_LOST, ... in order
     uint64_t jobs;                 // that were asked for
+    uint64_t touches, touch_bytes; // landed touched surfaces, and their bytes in the trace
     struct tissue_figures tissues[TISSUES_MAX]; // as the last job of each left them
     uint64_t present[INSTRUMENT_COUNT];
     struct noticing {

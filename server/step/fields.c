@@ -14,13 +14,13 @@ _Static_assert(sizeof(struct instrument_output) == 592, "the output of an instru
 _Static_assert(sizeof(struct blade_move) == 136, "a move");
 _Static_assert(sizeof(struct job) == 24 + JOB_MOVES_MAX * sizeof(struct blade_move), "a job");
 _Static_assert(sizeof(struct tissue_figures) == 352, "the figures of a tissue");
-_Static_assert(sizeof(struct session_output) == 3904 + sizeof(struct job), "the output of a step");
+_Static_assert(sizeof(struct session_output) == 3912 + sizeof(struct job), "the output of a step");
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "values are copied as they lie");
 _Static_assert(offsetof(pose, translation) == 4 * sizeof(double), "a pose is seven reals");
 
 #define FIRST_VERSION 2 // of traces
 #define RULES_WITH_MOVES 2
-#define RULES_WITH_MISMATCH 3
+#define RULES_WITH_FITTED_TOUCH 3
 
 // ---- the table ----------------------------------------------------------------------------------
 
@@ -170,9 +170,10 @@ static const struct member landed_members[] = {
     ONE("landed_hash", hash, struct landed, hash),
 };
 
-static const struct member mismatch_members[] = {
+static const struct member fitted_members[] = {
     ONE_SINCE(5, "touched_unseen_mm3", real, struct landed, figures.touched_unseen_mm3),
     ONE_SINCE(5, "seen_untouched_mm3", real, struct landed, figures.seen_untouched_mm3),
+    ONE_SINCE(5, "touch_hash", hash, struct landed, touch_hash),
 };
 
 // Of all fields: that of older versions is of fewer.
@@ -363,8 +364,8 @@ static void take_landed(struct pass *p, struct landed *landed) {
     TAKE(p, landed_id_member, landed);
     if (landed->job || p->task == LIST)
         TAKE(p, landed_members, landed);
-    if ((landed->job && p->rules >= RULES_WITH_MISMATCH) || p->task == LIST)
-        TAKE(p, mismatch_members, landed);
+    if ((landed->job && p->rules >= RULES_WITH_FITTED_TOUCH) || p->task == LIST)
+        TAKE(p, fitted_members, landed);
 }
 
 static void take_output(struct pass *p, struct session_output *o) {

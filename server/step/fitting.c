@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "step/apart.h"
+#include "step/touch.h"
 
 #include <stdlib.h>
 
@@ -45,7 +46,12 @@ vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex) {
 }
 
 vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex) {
-    return vec3_sub(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
+    vec3 by = vec3_sub(conform_vertex(fitting->conform, vertex), fitting->start[vertex]);
+    return (vec3){touch_rounded(by.x), touch_rounded(by.y), touch_rounded(by.z)};
+}
+
+void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset) {
+    conform_place(fitting->conform, vertex, vec3_add(fitting->start[vertex], offset));
 }
 
 // ---- following ----------------------------------------------------------------------------------
@@ -68,31 +74,60 @@ static double distance_of(const struct fitting *f, const struct conform_target *
     return largest;
 }
 
-static void remember(struct fitting *f) {
+// What the touch is fitted to. The caller releases it.
+struct goal {
+    struct mesh mesh;
+    bool *fresh;
+    struct conform_target target;
+};
+
+static void begin_goal(const struct cut_mesh *target, uint32_t since, struct goal *out) {
+    uint32_t *ids;
+    cut_mesh_flatten(target, &out->mesh, NULL, &ids);
+    out->fresh = alloc(out->mesh.triangle_count, sizeof *out->fresh);
+    for (uint32_t t = 0; t < out->mesh.triangle_count; t++)
+        out->fresh[t] = cut_mesh_label(target, ids[t]) > since;
+    out->target = (struct conform_target){&out->mesh, out->fresh, cut_mesh_volume(target)};
+    free(ids);
+}
+
+static void end_goal(struct goal *goal) {
+    free(goal->fresh);
+    mesh_fini(&goal->mesh);
+}
+
+static struct fitting_report report_of(const struct fitting *f, const struct goal *goal) {
+    double volume = conform_volume(f->conform);
+    return (struct fitting_report){volume, volume - goal->target.volume_mm3,
+                                   distance_of(f, &goal->target)};
+}
+
+void fitting_follow(struct fitting *f, const struct cut_mesh *target, uint32_t since,
+                    struct fitting_report *out_report) {
+    struct goal goal;
+    struct conform_report report;
+    begin_goal(target, since, &goal);
+    conform_to(f->conform, &goal.target, &report);
+    for (uint32_t i = 0; i < report.changed_count; i++)
+        fitting_place(f, report.changed[i], fitting_offset(f, report.changed[i]));
     if (f->count == f->room) {
         f->room = 2 * f->room + 64;
         f->past = alloc_resize(f->past, f->room, sizeof *f->past);
     }
     conform_past(f->conform, &f->past[f->count++]);
+    *out_report = report_of(f, &goal);
+    end_goal(&goal);
 }
 
-void fitting_follow(struct fitting *fitting, const struct cut_mesh *target, uint32_t since,
-                    struct fitting_report *out_report) {
-    struct mesh mesh;
-    uint32_t *ids;
-    cut_mesh_flatten(target, &mesh, NULL, &ids);
-    bool *fresh = alloc(mesh.triangle_count, sizeof *fresh);
-    for (uint32_t t = 0; t < mesh.triangle_count; t++)
-        fresh[t] = cut_mesh_label(target, ids[t]) > since;
-    struct conform_target goal = {&mesh, fresh, cut_mesh_volume(target)};
-    struct conform_report report;
-    conform_to(fitting->conform, &goal, &report);
-    remember(fitting);
-    *out_report =
-        (struct fitting_report){report.volume_mm3, report.left_mm3, distance_of(fitting, &goal)};
-    free(fresh);
-    free(ids);
-    mesh_fini(&mesh);
+void fitting_follow_as_placed(struct fitting *f, const struct cut_mesh *target, uint32_t since,
+                              struct fitting_report *out_report) {
+    struct goal goal;
+    CHECK(f->count > 0);
+    conform_past_fini(&f->past[f->count - 1]);
+    conform_past(f->conform, &f->past[f->count - 1]);
+    begin_goal(target, since, &goal);
+    *out_report = report_of(f, &goal);
+    end_goal(&goal);
 }
 
 uint32_t fitting_count(const struct fitting *fitting) {

@@ -12,7 +12,8 @@ struct fitting *fitting_create(const struct match_surface *surface, const struct
 void fitting_destroy(struct fitting **fitting); // NULL inside is fine
 
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''
-vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S'
+vec3 fitting_offset(const struct fitting *fitting, uint32_t vertex); // S'' − S', rounded
+void fitting_place(struct fitting *fitting, uint32_t vertex, vec3 offset);
 
 struct fitting_report {
     double volume_mm3;  // inside S''
@@ -20,9 +21,14 @@ struct fitting_report {
     double distance_mm; // from the new surface to S'', the largest of a few points
 };
 
-// The target has new surface: that of its cuts with numbers above `since`.
+// The target has new surface: that of its cuts with numbers above `since`. S'' then has rounded
+// offsets (step/touch.h).
 void fitting_follow(struct fitting *fitting, const struct cut_mesh *target, uint32_t since,
                     struct fitting_report *out_report);
+
+// The same for an S'' that the caller placed after fitting_follow.
+void fitting_follow_as_placed(struct fitting *fitting, const struct cut_mesh *target,
+                              uint32_t since, struct fitting_report *out_report);
 
 uint32_t fitting_count(const struct fitting *fitting); // how often it followed and stayed
 // As it was after so many.

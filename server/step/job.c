@@ -16,8 +16,7 @@ void job_result_destroy(struct job_result **result) {
     if (!*result)
         return;
     cut_change_fini(&(*result)->change);
-    free((*result)->touch.vertices);
-    free((*result)->touch.values);
+    touch_change_fini(&(*result)->touch);
     free(*result);
     *result = NULL;
 }

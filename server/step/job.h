@@ -4,6 +4,7 @@
 
 #include "cut/blade.h"
 #include "quality/quality.h"
+#include "step/touch.h"
 
 #define TISSUES_MAX 4    // groups of a case that can be cut
 #define JOB_MOVES_MAX 16 // of one cut
@@ -57,15 +58,6 @@ struct tissue_figures {
     struct quality_report quality;
 };
 
-// Vertices of the touched surface S'' that moved, by the match of the session's rules
-// (step/settings.h).
-struct touch_change {
-    int width; // numbers for each vertex. 1: its blend. 3: its offset S'' − S', in mm
-    uint32_t count;
-    uint32_t *vertices; // ascending
-    double *values;
-};
-
 struct job_result {
     uint64_t job;
     enum job_kind kind;
@@ -75,9 +67,10 @@ struct job_result {
     struct touch_change touch;
     // Of a cut that is JOB_DONE; else empty. For a cut of several moves it has only the pieces.
     struct cut_change change;
-    uint64_t hash;      // of the touch, and of vertices and triangles that changed
-    uint32_t cuts_back; // JOB_UNDO: number of cuts that were undone,
-    double mm3_back;    // and the volume that they had removed
+    uint64_t hash;       // of vertices and triangles that changed, and of a touch by blends
+    uint64_t touch_hash; // of a touch by offsets (step/touch.h)
+    uint32_t cuts_back;  // JOB_UNDO: number of cuts that were undone,
+    double mm3_back;     // and the volume that they had removed
     bool more; // JOB_UNDO: the stroke also cut another tissue, which the next JOB_UNDO restores
     struct error why; // JOB_REFUSED
 };

@@ -35,6 +35,8 @@ struct operated_tissue {
     int rules;
     struct tissue_state now;
     struct fitting *fitting; // the touch; NULL: by blends, or it never gives way
+    double *touch_before;    // of all vertices: before the last job
+    uint32_t fitted_since;   // the number of the last cut that the touch has followed
     struct past_cut *cuts;   // since it was whole
     uint32_t cut_count, cut_room;
     struct checkpoint checkpoints[CHECKPOINTS_MAX]; // the newest first
@@ -62,6 +64,10 @@ static void forget_cuts(struct operated_tissue *t) {
     t->cut_count = t->cut_room = 0;
 }
 
+static int touch_width(const struct operated_tissue *t) {
+    return t->fitting ? 3 : t->now.match ? 1 : 0;
+}
+
 struct operation *operation_create(const struct scene *scene, int rules) {
     struct operation *operation = alloc(1, sizeof *operation);
     operation->count = scene->tissue_count;
@@ -73,6 +79,8 @@ struct operation *operation_create(const struct scene *scene, int rules) {
         t->now = tissue_state_whole(t->scene, rules, 1);
         if (t->scene->match && rules >= RULES_TOUCH_FITTED)
             t->fitting = fitting_create(t->scene->match, &t->group->mesh);
+        t->touch_before =
+            alloc((size_t)touch_width(t) * t->group->mesh.vertex_count, sizeof *t->touch_before);
     }
     return operation;
 }
@@ -84,16 +92,13 @@ void operation_destroy(struct operation **operation) {
         tissue_state_release(&(*operation)->tissues[i].now);
         forget_cuts(&(*operation)->tissues[i]);
         fitting_destroy(&(*operation)->tissues[i].fitting);
+        free((*operation)->tissues[i].touch_before);
     }
     free(*operation);
     *operation = NULL;
 }
 
 // ---- the touch ----------------------------------------------------------------------------------
-
-static int touch_width(const struct operated_tissue *t) {
-    return t->fitting ? 3 : t->now.match ? 1 : 0;
-}
 
 static void touch_of(const struct operated_tissue *t, uint32_t vertex, double out_values[3]) {
     if (t->now.match) {
@@ -104,18 +109,17 @@ static void touch_of(const struct operated_tissue *t, uint32_t vertex, double ou
     memcpy(out_values, &offset, sizeof offset);
 }
 
-// All values, which the caller frees.
-static double *touch_now(const struct operated_tissue *t) {
-    int width = touch_width(t);
-    double *values = alloc((size_t)width * t->group->mesh.vertex_count, sizeof *values);
-    for (uint32_t i = 0; width && i < t->group->mesh.vertex_count; i++)
-        touch_of(t, i, values + (size_t)width * i);
-    return values;
+static double *touch_before(const struct operated_tissue *t, uint32_t vertex) {
+    return t->touch_before + (size_t)touch_width(t) * vertex;
 }
 
-// The vertices whose values are others than before; before NULL: all.
-static void tell_touch(const struct operated_tissue *t, const double *before,
-                       struct touch_change *out) {
+static void note_touch(struct operated_tissue *t) {
+    for (uint32_t i = 0; touch_width(t) && i < t->group->mesh.vertex_count; i++)
+        touch_of(t, i, touch_before(t, i));
+}
+
+// The vertices whose values are others than before, or all.
+static void tell_touch(const struct operated_tissue *t, bool all, struct touch_change *out) {
     int width = touch_width(t);
     size_t size = (size_t)width * sizeof(double);
     if (!width)
@@ -124,19 +128,22 @@ static void tell_touch(const struct operated_tissue *t, const double *before,
     for (uint32_t i = 0; i < t->group->mesh.vertex_count; i++) {
         double *values = out->values + (size_t)width * out->count;
         touch_of(t, i, values);
-        if (!before || memcmp(values, before + (size_t)width * i, size) != 0)
+        if (all || memcmp(values, touch_before(t, i), size) != 0)
             out->vertices[out->count++] = i;
     }
+    if (t->fitting)
+        touch_encode(out);
 }
 
 static void restore(struct operated_tissue *t, struct job_result *result) {
     uint32_t number = t->now.figures.mesh_number + 1;
+    note_touch(t);
     tissue_state_release(&t->now);
     forget_cuts(t);
     t->now = tissue_state_whole(t->scene, t->rules, number);
     if (t->fitting)
         fitting_go_back(t->fitting, 0);
-    tell_touch(t, NULL, &result->touch);
+    tell_touch(t, !t->fitting, &result->touch);
 }
 
 // ---- a cut --------------------------------------------------------------------------------------
@@ -163,9 +170,10 @@ static uint64_t hash_of(const struct cut_mesh *mesh, const struct job_result *re
     const struct touch_change *touch = &result->touch;
     XXH3_state_t *state = XXH3_createState();
     XXH3_64bits_reset(state);
-    XXH3_64bits_update(state, touch->vertices, touch->count * sizeof *touch->vertices);
-    XXH3_64bits_update(state, touch->values,
-                       (size_t)touch->width * touch->count * sizeof *touch->values);
+    if (touch->width == 1) { // offsets have a hash of their own
+        XXH3_64bits_update(state, touch->vertices, touch->count * sizeof *touch->vertices);
+        XXH3_64bits_update(state, touch->values, touch->count * sizeof *touch->values);
+    }
     XXH3_64bits_update(state, change->freed, change->freed_count * sizeof *change->freed);
     XXH3_64bits_update(state, change->made, change->made_count * sizeof *change->made);
     XXH3_64bits_update(state, change->vertices, change->vertex_count * sizeof *change->vertices);
@@ -220,7 +228,6 @@ static void move_pieces(struct cut_change *from, struct cut_change *to) {
 // One move after the other; for the session and its stations they are one cut and one mesh.
 static void cut_way(struct operation *operation, struct operated_tissue *t, const struct job *job,
                     struct job_result *result) {
-    double *before = t->fitting ? NULL : touch_now(t);
     uint32_t number = t->now.figures.mesh_number, cuts = t->now.figures.cuts;
     double distance_mm = 0;
     result->outcome = JOB_NOTHING;
@@ -241,9 +248,8 @@ static void cut_way(struct operation *operation, struct operated_tissue *t, cons
         t->now.figures.mesh_number = number + 1;
         t->now.figures.cuts = cuts + 1;
         if (!t->fitting)
-            tell_touch(t, before, &result->touch);
+            tell_touch(t, false, &result->touch);
     }
-    free(before);
 }
 
 // ---- undoing ------------------------------------------------------------------------------------
@@ -315,18 +321,17 @@ static void undo(struct operation *operation, struct job_result *result) {
         return;
     }
     struct tissue_state before = t->now;
-    double *touch_before = touch_now(t);
     uint64_t end = end_before(operation, t->cuts[t->cut_count - 1].stroke);
+    note_touch(t);
     struct tissue_figures figures = take_back(t, end);
     make_again(t);
     t->now.figures = figures;
-    tell_touch(t, touch_before, &result->touch);
+    tell_touch(t, false, &result->touch);
     const struct operated_tissue *next = tissue_cut_last(operation);
     result->tissue = (int)(t - operation->tissues);
     result->more = next && next->cuts[next->cut_count - 1].number > end;
     result->cuts_back = before.figures.cuts - figures.cuts;
     result->mm3_back = figures.volume_mm3 - before.figures.volume_mm3;
-    free(touch_before);
     tissue_state_release(&before);
 }
 
@@ -351,20 +356,23 @@ static void measure_mismatch(struct operated_tissue *t) {
     mesh_fini(&tissue);
 }
 
+static void take_report(struct operated_tissue *t, const struct fitting_report *report) {
+    struct tissue_figures *f = &t->now.figures;
+    f->warped_mm3 = report->volume_mm3;
+    f->left_mm3 = report->left_mm3;
+    f->distance_mm = report->distance_mm;
+    measure_mismatch(t);
+}
+
 // The touch after all moves of a job.
 static void fit(struct operated_tissue *t, uint32_t since, struct job_result *result) {
     struct fitting_report report;
-    struct tissue_figures *f = &t->now.figures;
-    double *before = touch_now(t);
     uint32_t number;
     const struct cut_mesh *target = tissue_state_target(&t->now, &number);
     fitting_follow(t->fitting, target, since, &report);
-    f->warped_mm3 = report.volume_mm3;
-    f->left_mm3 = report.left_mm3;
-    f->distance_mm = report.distance_mm;
-    tell_touch(t, before, &result->touch);
-    measure_mismatch(t);
-    free(before);
+    t->fitted_since = since;
+    take_report(t, &report);
+    tell_touch(t, false, &result->touch);
 }
 
 static void cut(struct operation *operation, struct operated_tissue *t, const struct job *job,
@@ -372,6 +380,7 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
     uint32_t since;
     bool was_solid = t->now.solid;
     tissue_state_target(&t->now, &since);
+    note_touch(t);
     if (job->move_count == 1)
         cut_move(operation, t, job->stroke, &job->moves[0], result);
     else
@@ -395,13 +404,71 @@ struct job_result *operation_run(struct operation *operation, const struct job *
         cut(operation, &operation->tissues[job->tissue], job, result);
     const struct operated_tissue *t = &operation->tissues[result->tissue];
     result->figures = t->now.figures;
-    bool is_way = job->kind == JOB_CUT && job->move_count > 1; // that has a hash of its moves
-    if (!is_way)
+    if (job->kind != JOB_CUT || job->move_count == 1) // else it has a hash of its moves
         result->hash = hash_of(t->now.mesh, result);
-    else if (t->fitting)
-        result->hash = hash_on(result->hash, hash_of(t->now.mesh, result));
+    result->touch_hash = touch_hash(&result->touch);
     return result;
 }
+
+// ---- a touch from elsewhere ---------------------------------------------------------------------
+
+static vec3 offset_at(const double *values) {
+    return (vec3){values[0], values[1], values[2]};
+}
+
+static bool same_touch(const struct touch_change *a, const struct touch_change *b) {
+    return a->size == b->size && !memcmp(a->bytes, b->bytes, a->size);
+}
+
+// The largest distance between vertices of S'' and their places by the touch.
+static double place_touch(struct operated_tissue *t, const struct touch_change *own,
+                          const struct touch_change *touch) {
+    double largest = 0;
+    vec3 *places = alloc(t->group->mesh.vertex_count, sizeof *places);
+    for (uint32_t i = 0; i < own->count; i++)
+        places[own->vertices[i]] = offset_at(touch_before(t, own->vertices[i]));
+    for (uint32_t i = 0; i < touch->count; i++)
+        places[touch->vertices[i]] = offset_at(touch->values + 3 * (size_t)i);
+    for (int k = 0; k < 2; k++) {
+        const struct touch_change *change = k ? touch : own;
+        for (uint32_t i = 0; i < change->count; i++) {
+            uint32_t v = change->vertices[i];
+            largest = fmax(largest, vec3_distance(places[v], fitting_offset(t->fitting, v)));
+            fitting_place(t->fitting, v, places[v]);
+        }
+    }
+    free(places);
+    return largest;
+}
+
+bool operation_allows_touch(const struct operation *operation, const struct job_result *result,
+                            const struct touch_change *touch) {
+    const struct operated_tissue *t = &operation->tissues[result->tissue];
+    return t->fitting && result->kind == JOB_CUT && result->outcome == JOB_DONE &&
+           touch->width == 3 && touch->count > 0 &&
+           touch->vertices[touch->count - 1] < t->group->mesh.vertex_count;
+}
+
+double operation_take_touch(struct operation *operation, struct job_result *result,
+                            const struct touch_change *touch) {
+    struct operated_tissue *t = &operation->tissues[result->tissue];
+    struct fitting_report report;
+    uint32_t number;
+    CHECK(operation_allows_touch(operation, result, touch));
+    if (same_touch(&result->touch, touch))
+        return 0;
+    double apart_mm = place_touch(t, &result->touch, touch);
+    fitting_follow_as_placed(t->fitting, tissue_state_target(&t->now, &number), t->fitted_since,
+                             &report);
+    take_report(t, &report);
+    touch_change_fini(&result->touch);
+    tell_touch(t, false, &result->touch);
+    result->figures = t->now.figures;
+    result->touch_hash = touch_hash(&result->touch);
+    return apart_mm;
+}
+
+// ---- what there is ------------------------------------------------------------------------------
 
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue) {
     return operation->tissues[tissue].now.mesh;

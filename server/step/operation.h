@@ -21,6 +21,17 @@ void operation_destroy(struct operation **operation); // NULL inside is fine
 // it kept. It keeps the two newest states between strokes that are at least 32 cuts apart.
 struct job_result *operation_run(struct operation *operation, const struct job *job);
 
+// Puts a touched surface from elsewhere in the place of the one that the match found: that of a
+// recorded session, whose match may have been another one. `result` is that of the last job; its
+// touch, hash and figures become those of the other surface, and the next cut begins from it.
+// Returns the largest distance between the two, in mm; 0: they are equal.
+//
+// Only if it is allowed: a cut changed tissue whose touch is fitted, and which has the vertices.
+bool operation_allows_touch(const struct operation *operation, const struct job_result *result,
+                            const struct touch_change *touch);
+double operation_take_touch(struct operation *operation, struct job_result *result,
+                            const struct touch_change *touch);
+
 const struct cut_mesh *operation_mesh(const struct operation *operation, int tissue);
 // The touched surface: 0 where the group has no S'_max and never gives way; else the width of a
 // touch_change, the values of a vertex, and the vertex in S''.

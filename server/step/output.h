@@ -56,7 +56,8 @@ struct landed {
     enum job_outcome outcome;
     int tissue;
     struct tissue_figures figures;
-    uint64_t hash; // of the result's meshes and blends
+    uint64_t hash;       // of the result's meshes and blends
+    uint64_t touch_hash; // of its offsets
 };
 
 struct session_output {

@@ -183,8 +183,8 @@ static uint32_t land(struct session *s, const struct session_input *input, struc
     if (!result || s->to_restore[result->tissue])
         return 0;
     CHECK(result->job == input->job);
-    *out =
-        (struct landed){input->job, result->outcome, result->tissue, result->figures, result->hash};
+    *out = (struct landed){input->job,      result->outcome, result->tissue,
+                           result->figures, result->hash,    result->touch_hash};
     if (s->easings[result->tissue])
         easing_aim(s->easings[result->tissue], &result->touch);
     if (result->outcome == JOB_REFUSED)

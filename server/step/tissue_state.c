@@ -48,12 +48,6 @@ const struct cut_mesh *tissue_state_target(const struct tissue_state *r, uint32_
     return r->solid ? r->solid : r->mesh;
 }
 
-void touch_change_make_room(struct touch_change *touch, int width, uint32_t count) {
-    touch->width = width;
-    touch->vertices = alloc(count, sizeof *touch->vertices);
-    touch->values = alloc((size_t)width * count, sizeof *touch->values);
-}
-
 // ---- a cut --------------------------------------------------------------------------------------
 
 // What the tissue's own volume lost, S'' is to lose too.

@@ -31,5 +31,3 @@ void tissue_state_cut(struct tissue_state *state, const struct scene_tissue *tis
 // By blends: how far the cut's new surface is from S''.
 double tissue_state_apart_mm(const struct tissue_state *state, const struct mesh *mesh,
                              const struct cut_change *change);
-
-void touch_change_make_room(struct touch_change *touch, int width, uint32_t count);

@@ -169,6 +169,10 @@ static void print_json(const struct trace_header *h, const struct survey *s) {
     json_object_set_new(root, "past", json_integer((json_int_t)s->past));
     json_object_set_new(root, "resumes", json_integer((json_int_t)s->resumes));
     json_object_set_new(root, "remarks", remarks_array(s));
+    if (s->touches)
+        json_object_set_new(root, "touches",
+                            json_pack("{s:I, s:I}", "count", (json_int_t)s->touches, "bytes",
+                                      (json_int_t)s->touch_bytes));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -243,6 +247,9 @@ static void print_text(const struct trace_header *h, const struct survey *s) {
                    "nothing is touched\n",
                    i, f->touched_unseen_mm3, f->seen_untouched_mm3);
     }
+    if (s->touches)
+        printf("recorded    the touched surface after %" PRIu64 " changes, %" PRIu64 " bytes\n",
+               s->touches, s->touch_bytes);
     for (uint32_t i = 0; i < s->remark_count; i++)
         if (s->remarks[i].number)
             print_remark(s, &s->remarks[i]);

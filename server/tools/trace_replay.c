@@ -16,6 +16,8 @@ static const char help[] =
     "the same build, libc and CPU level all fields must be equal. Otherwise warped poses may "
     "differ\n"
     "by 1e-6 mm, but states and events must be equal. Steps after a gap cannot be compared.\n"
+    "After a cut the steps feel the recorded touched surface, whatever the match of this build\n"
+    "finds. A touched surface that differs is reported; from the same build it is a fault.\n"
     "\n"
     "  --case DIR       the folder of the case, if it has moved\n"
     "  --from S --to S  compare only the steps from S to S seconds after the start\n"
@@ -50,7 +52,7 @@ static json_t *number_or_null(double value) {
 
 // Where the mathematics is another one the last bits may differ.
 static const char *reason(const struct replay_report *r) {
-    if (!r->different)
+    if (!r->different && !r->touches.different)
         return "";
     if (!r->same_build)
         return "another build recorded it";
@@ -75,11 +77,31 @@ static void print_json(const struct replay_report *r, double real_time) {
                             json_pack("{s:I, s:s, s:s, s:s}", "step", (json_int_t)r->first.step,
                                       "field", r->first.field, "recorded", r->first.recorded,
                                       "replayed", r->first.replayed));
+    json_object_set_new(root, "touches",
+                        json_pack("{s:I, s:I, s:f}", "compared", (json_int_t)r->touches.landed,
+                                  "different", (json_int_t)r->touches.different, "largest_mm",
+                                  r->touches.largest_mm));
+    if (r->touches.different)
+        json_object_update_new(json_object_get(root, "touches"),
+                               json_pack("{s:I, s:I}", "first_step",
+                                         (json_int_t)r->touches.first_step, "first_job",
+                                         (json_int_t)r->touches.first_job));
     json_object_set_new(root, "rules", json_integer(r->rules));
     json_object_set_new(root, "reason", json_string(reason(r)));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
+}
+
+static void print_touches(const struct rerun_touches *touches) {
+    if (touches->different)
+        printf("the match of this build finds another touched surface at %" PRIu64 " of %" PRIu64
+               " jobs, by up to %g mm, first in step %" PRIu64 " for job %" PRIu64
+               "; the steps felt the recorded one\n",
+               touches->different, touches->landed, touches->largest_mm, touches->first_step,
+               touches->first_job);
+    else if (touches->landed)
+        printf("touched surface: the same after each of %" PRIu64 " jobs\n", touches->landed);
 }
 
 static void print_text(const struct replay_report *r, double real_time) {
@@ -91,6 +113,9 @@ static void print_text(const struct replay_report *r, double real_time) {
                "%g mm, %s states and events\n",
                r->first.step, r->first.field, r->first.recorded, r->first.replayed, reason(r),
                r->largest_mm, r->same_events ? "the same" : "other");
+    else if (r->touches.different)
+        printf("reason: %s\n", reason(r));
+    print_touches(&r->touches);
     printf("rules %d; build %s, libc %s, CPU %s\n", r->rules,
            r->same_build ? "the same" : "another", r->same_libc ? "the same" : "another",
            r->same_cpu ? "the same" : "another");

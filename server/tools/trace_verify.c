@@ -10,7 +10,8 @@ static const char help[] =
     "Usage: arthron-trace verify FILE [--authority PEM] [--json]\n"
     "\n"
     "Reads every record. Reports whether the file is whole, which records were changed, and which\n"
-    "server signed it. A session that still runs, or whose server was killed, has no end record "
+    "server signed it. Compares each recorded touched surface with its hash. A session that still "
+    "runs, or whose server was killed, has no end record "
     "and\n"
     "no signature. All records before that can be used.\n"
     "\n"
@@ -98,6 +99,7 @@ static void print_json(const struct verdict *v) {
         "damages", damages_array(v), "records_behind", (json_int_t)v->steps_behind);
     json_object_update_new(root, more);
     json_object_set_new(root, "disk_faults", json_integer((json_int_t)s->faults));
+    json_object_set_new(root, "touches", json_integer((json_int_t)s->touches));
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
@@ -124,6 +126,8 @@ static void print_text(const struct verdict *v, bool asked) {
         printf("damaged after step %" PRIu64 ": %s\n", v->damages[i].step, v->damages[i].why.text);
     if (v->steps_behind)
         printf("%" PRIu64 " steps after that are unchanged\n", v->steps_behind);
+    if (s->touches)
+        printf("%" PRIu64 " changes of the touched surface have their hashes\n", s->touches);
     print_seal(v, asked);
     if (s->faults)
         printf("the disk failed %" PRIu64 " times; the bytes in doubt were written again\n",

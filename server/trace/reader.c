@@ -7,6 +7,16 @@
 #include <string.h>
 #include <sys/stat.h>
 
+// The touch of the next job to land, put together from its parts.
+struct gathering {
+    uint64_t job; // 0: none
+    int tissue;
+    uint32_t whole, size;
+    uint8_t *bytes;
+    struct touch_change touch; // once it is whole
+    struct trace_place place;  // before its first part
+};
+
 struct trace_reader {
     FILE *file;
     char *path;
@@ -14,8 +24,13 @@ struct trace_reader {
     struct trace_header header;
     struct trace_place place; // time 0 before the first step: where a session's clock begins
     struct chain chain;
-    bool bound; // to a scene with so many
+    uint8_t before[TRACE_HASH_SIZE]; // the last record
+    bool bound;                      // to a scene with so many
     int tissues, groups, torn;
+    uint32_t tissue_vertices[TISSUES_MAX];
+    uint8_t data[RECORD_MAX]; // of the last record
+    struct gathering gathering;
+    bool landed;  // the gathered touch, with the last record
     bool ended;   // the end record was read
     bool damaged; // records were left out: what is read need not follow from what came before
     struct trace_end end;
@@ -74,9 +89,17 @@ enum result trace_reader_create(const char *path, struct trace_reader **out_read
     return RESULT_OK;
 }
 
+static void forget_touch(struct trace_reader *r) {
+    free(r->gathering.bytes);
+    touch_change_fini(&r->gathering.touch);
+    r->gathering = (struct gathering){0};
+    r->landed = false;
+}
+
 void trace_reader_destroy(struct trace_reader **reader) {
     if (!*reader)
         return;
+    forget_touch(*reader);
     fclose((*reader)->file);
     chain_fini(&(*reader)->chain);
     free((*reader)->path);
@@ -88,8 +111,11 @@ const struct trace_header *trace_reader_header(const struct trace_reader *r) {
     return &r->header;
 }
 
+// A touch belongs to the step at which it lands: without that step it is not yet read.
 struct trace_place trace_reader_place(const struct trace_reader *r) {
     struct trace_place place = r->place;
+    if (r->gathering.job && !r->landed)
+        return r->gathering.place;
     memcpy(place.hash, r->chain.value, sizeof place.hash);
     return place;
 }
@@ -108,6 +134,8 @@ void trace_reader_bind(struct trace_reader *r, const struct scene *scene) {
     r->tissues = scene_tissue_count(scene);
     r->groups = knee->group_count;
     r->torn = knee->torn_count;
+    for (int i = 0; i < r->tissues; i++)
+        r->tissue_vertices[i] = knee->groups[scene_tissue_group(scene, i)].mesh.vertex_count;
 }
 
 static enum result check_indexes(const struct trace_reader *r, const struct session_output *o,
@@ -120,6 +148,73 @@ static enum result check_indexes(const struct trace_reader *r, const struct sess
                 : fail(err, RESULT_FORMAT, "step %llu names a part that its case does not have",
                        (unsigned long long)o->step);
 }
+
+// ---- touches ------------------------------------------------------------------------------------
+
+static enum result end_touch(struct trace_reader *r, struct error *err) {
+    const struct gathering *g = &r->gathering;
+    unsigned long long job = g->job;
+    if (!touch_decode(g->bytes, g->whole, &r->gathering.touch))
+        return fail(err, RESULT_FORMAT, "the touched surface of job %llu is malformed", job);
+    bool there = !r->bound || (g->tissue < r->tissues && g->touch.vertices[g->touch.count - 1] <
+                                                             r->tissue_vertices[g->tissue]);
+    return there ? RESULT_OK
+                 : fail(err, RESULT_FORMAT,
+                        "the touched surface of job %llu has vertices that its case does not have",
+                        job);
+}
+
+// Behind damage a touch may lack its first parts: none of it counts.
+static enum result follow_touch(struct trace_reader *r, const struct trace_touch_part *part,
+                                struct error *err) {
+    struct gathering *g = &r->gathering;
+    if (!g->job && part->offset == 0) {
+        struct trace_place place = trace_reader_place(r);
+        memcpy(place.hash, r->before, sizeof place.hash);
+        *g = (struct gathering){part->job, part->tissue, part->whole, .place = place};
+    }
+    if (r->damaged && !g->job)
+        return RESULT_OK;
+    if (part->job != g->job || part->tissue != g->tissue || part->whole != g->whole ||
+        part->offset != g->size)
+        return fail(err, RESULT_FORMAT, "a part of the touched surface of job %llu is missing",
+                    (unsigned long long)part->job);
+    g->bytes = alloc_resize(g->bytes, g->size + part->size, 1);
+    memcpy(g->bytes + g->size, part->bytes, part->size);
+    g->size += part->size;
+    return g->size == g->whole ? end_touch(r, err) : RESULT_OK;
+}
+
+static enum result check_hash(const struct trace_reader *r, const struct landed *landed,
+                              struct error *err) {
+    const struct gathering *g = &r->gathering;
+    if (!landed->job || (r->damaged && !g->job))
+        return RESULT_OK;
+    if (touch_hash(&g->touch) != landed->touch_hash || (g->job && g->tissue != landed->tissue))
+        return fail(err, RESULT_FORMAT, "the touched surface of job %llu does not have its hash",
+                    (unsigned long long)landed->job);
+    return RESULT_OK;
+}
+
+static enum result land_touch(struct trace_reader *r, struct trace_record *record,
+                              struct error *err) {
+    struct gathering *g = &r->gathering;
+    bool lands = record->input.kind == INPUT_JOB && record->job_done &&
+                 record->input.job == g->job && g->size == g->whole;
+    if (g->job && !lands && r->damaged)
+        forget_touch(r);
+    else if (g->job && !lands)
+        return fail(err, RESULT_FORMAT, "the touched surface of job %llu does not land",
+                    (unsigned long long)g->job);
+    if (record->type == TRACE_STEP && check_hash(r, &record->output.landed, err) != RESULT_OK)
+        return RESULT_FORMAT;
+    r->landed = g->job;
+    record->touch = g->job ? &g->touch : NULL;
+    record->touch_tissue = g->tissue;
+    return RESULT_OK;
+}
+
+// ---- records ------------------------------------------------------------------------------------
 
 // What is right in itself must also follow from what came before.
 static enum result follow_step(struct trace_reader *r, const struct trace_record *record,
@@ -140,13 +235,16 @@ static enum result follow_step(struct trace_reader *r, const struct trace_record
     return RESULT_OK;
 }
 
-static enum result follow(struct trace_reader *r, const struct trace_record *record,
-                          struct error *err) {
+static enum result follow(struct trace_reader *r, struct trace_record *record, struct error *err) {
     struct trace_place *place = &r->place;
     switch (record->type) {
     case TRACE_STEP:
     case TRACE_PAST:
+        if (land_touch(r, record, err) != RESULT_OK)
+            return RESULT_FORMAT;
         return follow_step(r, record, err);
+    case TRACE_TOUCH:
+        return follow_touch(r, &record->touch_part, err);
     case TRACE_GAP:
         place->step += record->missing;
         place->missing += record->missing;
@@ -165,8 +263,7 @@ static enum result follow(struct trace_reader *r, const struct trace_record *rec
 
 static enum result decode(struct trace_reader *r, const uint8_t *data, size_t size,
                           struct trace_record *out, struct error *err) {
-    uint8_t before[TRACE_HASH_SIZE];
-    memcpy(before, r->chain.value, sizeof before);
+    memcpy(r->before, r->chain.value, sizeof r->before);
     struct trace_layout layout = {r->header.version, r->header.settings.rules};
     enum result result = record_decode(data, size, layout, &r->chain, out, &r->end, err);
     if (result == RESULT_OK && r->bound && out->type == TRACE_STEP)
@@ -174,13 +271,15 @@ static enum result decode(struct trace_reader *r, const uint8_t *data, size_t si
     if (result == RESULT_OK)
         result = follow(r, out, err);
     if (result == RESULT_OK && out->type == TRACE_END)
-        seal_message(before, out->records, out->missing, r->seal);
+        seal_message(r->before, out->records, out->missing, r->seal);
     return result;
 }
 
 static enum result read_record(struct trace_reader *r, struct trace_record *out,
                                struct error *err) {
-    uint8_t data[RECORD_MAX];
+    uint8_t *data = r->data;
+    if (r->landed)
+        forget_touch(r);
     if (r->ended)
         return fgetc(r->file) == EOF ? fail(err, RESULT_CLOSED, "all is read")
                                      : fail(err, RESULT_FORMAT, "there is more after its end");
@@ -252,6 +351,7 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
     fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
     r->state = RESULT_OK;
     r->damaged = true;
+    forget_touch(r);
     return RESULT_OK;
 }
 

@@ -187,6 +187,16 @@ size_t record_encode_remark(const struct remark *remark, struct chain *chain, ui
     return end_record(&w, chain);
 }
 
+size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out) {
+    struct writer w = begin_record(TRACE_TOUCH, out);
+    write_u64(&w, part->job);
+    write_u8(&w, (uint8_t)part->tissue);
+    write_u32(&w, part->whole);
+    write_u32(&w, part->offset);
+    write_bytes(&w, part->bytes, part->size);
+    return end_record(&w, chain);
+}
+
 static void write_block(struct writer *w, const uint8_t *data, size_t size) {
     write_u16(w, (uint16_t)size);
     write_bytes(w, data, size);
@@ -202,7 +212,7 @@ size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8
 }
 
 static unsigned last_type(unsigned version) {
-    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_FAULT
+    return version >= TRACE_FIRST_WITH_FAULTS ? TRACE_TOUCH
            : version >= 4                     ? TRACE_REMARK
            : version == 3                     ? TRACE_RESUME
                                               : TRACE_END;
@@ -259,6 +269,18 @@ static bool read_step(struct reader *r, struct trace_layout layout, struct trace
     return good && out->output.time_ns == out->input.time_ns;
 }
 
+static bool read_touch(struct reader *r, struct trace_touch_part *out) {
+    out->job = read_u64(r);
+    out->tissue = read_u8(r);
+    out->whole = read_u32(r);
+    out->offset = read_u32(r);
+    out->size = (uint32_t)(r->size - r->used);
+    out->bytes = read_bytes(r, out->size);
+    return out->job && out->tissue < TISSUES_MAX && out->size > 0 &&
+           out->whole <= TOUCH_BYTES_MAX && out->offset < out->whole &&
+           out->size <= out->whole - out->offset;
+}
+
 static bool read_payload(struct reader *r, struct trace_layout layout, struct trace_record *out,
                          struct trace_end *out_end) {
     out->type = read_u8(r);
@@ -276,6 +298,8 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
         return true;
     case TRACE_REMARK:
         return read_remark(r, &out->remark);
+    case TRACE_TOUCH:
+        return read_touch(r, &out->touch_part);
     default:
         return read_end(r, layout.version, out_end);
     }

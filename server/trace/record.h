@@ -6,6 +6,8 @@
 // Before a payload: u32 size and u8 type. After it: a checksum.
 #define RECORD_PREFIX 5
 #define RECORD_PAYLOAD_MAX 8192
+#define TOUCH_PREFIX 17 // before the bytes of a part
+#define TOUCH_PART_MAX (RECORD_PAYLOAD_MAX - TOUCH_PREFIX)
 #define RECORD_MAX (RECORD_PREFIX + RECORD_PAYLOAD_MAX + TRACE_HASH_SIZE)
 
 // Before the fields of a header: magic, u16 version and u32 size. After them: a checksum.
@@ -47,6 +49,7 @@ size_t record_encode_gap(uint64_t missing, struct chain *chain, uint8_t *out);
 size_t record_encode_resume(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_fault(int64_t utc_ns, struct chain *chain, uint8_t *out);
 size_t record_encode_remark(const struct remark *remark, struct chain *chain, uint8_t *out);
+size_t record_encode_touch(const struct trace_touch_part *part, struct chain *chain, uint8_t *out);
 size_t record_encode_end(const struct trace_end *end, struct chain *chain, uint8_t *out);
 
 // The version, and the number of bytes after the prefix. RESULT_FORMAT, RESULT_VERSION,

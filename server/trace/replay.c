@@ -116,9 +116,9 @@ static void run_steps(struct replay *replay, struct trace_reader *reader,
 }
 
 static enum replay_verdict judge(const struct replay_report *report) {
-    if (report->different == 0)
-        return REPLAY_IDENTICAL;
     bool same_machine = report->same_build && report->same_libc && report->same_cpu;
+    if (report->different == 0 && (!report->touches.different || !same_machine))
+        return REPLAY_IDENTICAL;
     bool close = report->same_events && report->largest_mm <= REPLAY_TOLERANCE_MM;
     return !same_machine && close ? REPLAY_EQUIVALENT : REPLAY_DIFFERENT;
 }
@@ -153,6 +153,7 @@ enum result trace_replay(struct trace_reader *reader, const struct scene *scene,
     replay.rerun = rerun_create(scene, &header->settings);
     replay.field_count = fields_of(header->version, replay.fields);
     run_steps(&replay, reader, progress);
+    out_report->touches = rerun_touches(replay.rerun);
     rerun_destroy(&replay.rerun);
     out_report->verdict = judge(out_report);
     return RESULT_OK;

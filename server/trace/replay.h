@@ -1,4 +1,5 @@
-// Runs a recorded session again, and compares every field of every step.
+// Runs a recorded session again, and compares every field of every step. The steps feel the
+// recorded touched surfaces, which are compared with those that the match of this build finds.
 #pragma once
 
 #include "step/fields.h"
@@ -8,7 +9,7 @@
 #define REPLAY_TOLERANCE_MM 1e-6
 
 enum replay_verdict {
-    REPLAY_IDENTICAL,  // bit for bit
+    REPLAY_IDENTICAL,  // bit for bit; on another machine with the recorded touched surfaces
     REPLAY_EQUIVALENT, // on another machine: same states and events, within the tolerance
     REPLAY_DIFFERENT,
     REPLAY_VERDICT_COUNT
@@ -28,7 +29,8 @@ struct replay_report {
     struct replay_difference
         first;         // if different > 0; names the hash only if no other field differs
     double largest_mm; // distance between a recorded and a replayed warped tip
-    bool same_events;  // states and events agree in every step
+    struct rerun_touches touches;
+    bool same_events; // states and events agree in every step
     bool same_build, same_libc, same_cpu;
     int rules;          // of the trace's steps; the replay uses the same
     int64_t session_ns; // between the first and the last step

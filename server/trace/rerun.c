@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,7 @@ struct rerun {
     struct operation *operation;
     struct job_result *pending; // of the last job that the session asked for, until it lands
     int64_t asked_ns;
+    struct rerun_touches touches;
     void (*landed)(void *user, const struct job_result *result); // or NULL
     void *user;
 };
@@ -58,12 +60,34 @@ static void step(struct rerun *rerun, struct session_input *input, struct job_re
     rerun->asked_ns = input->time_ns;
 }
 
+// A touch that cannot be taken differs, unless it is the same.
+static bool take_touch(struct rerun *rerun, const struct touch_change *touch) {
+    struct job_result *result = rerun->pending;
+    if (!operation_allows_touch(rerun->operation, result, touch))
+        return touch_hash(&result->touch) == touch_hash(touch);
+    double apart_mm = operation_take_touch(rerun->operation, result, touch);
+    rerun->touches.largest_mm = fmax(rerun->touches.largest_mm, apart_mm);
+    return apart_mm == 0;
+}
+
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *output) {
     struct session_input input = record->input;
+    struct rerun_touches *touches = &rerun->touches;
     bool lands = input.kind == INPUT_JOB && record->job_done && rerun->pending &&
                  rerun->pending->job == input.job;
+    bool differs = lands && record->touch && !take_touch(rerun, record->touch);
     step(rerun, &input, lands ? rerun->pending : NULL, output);
+    touches->landed += lands && record->touch;
+    touches->different += differs;
+    if (differs && touches->different == 1) {
+        touches->first_step = output->step;
+        touches->first_job = input.job;
+    }
+}
+
+struct rerun_touches rerun_touches(const struct rerun *rerun) {
+    return rerun->touches;
 }
 
 void rerun_step_freely(struct rerun *rerun, const struct trace_record *record,

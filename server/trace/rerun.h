@@ -1,5 +1,6 @@
 // A session that is run again from the steps of its record. Jobs are run as the session asks for
-// them, and land where the record says so.
+// them, and land where the record says so. A recorded touch takes the place of the one that the
+// job's match found, so a build whose match is another one still gives the recorded session.
 #pragma once
 
 #include "trace/trace.h"
@@ -18,9 +19,19 @@ void rerun_watch(struct rerun *rerun, void (*landed)(void *user, const struct jo
 void rerun_step(struct rerun *rerun, const struct trace_record *record,
                 struct session_output *out_output);
 
+// Recorded touches that landed, beside those of the match of this build.
+struct rerun_touches {
+    uint64_t landed, different;
+    uint64_t first_step, first_job; // that differs
+    double largest_mm;              // distance between the two
+};
+
+struct rerun_touches rerun_touches(const struct rerun *rerun);
+
 // The same for other settings or another case, where the session may ask for other jobs than the
 // recorded one did. A job lands where the record has a landing, or half a second after it was asked
 // for. In the second case it lands in an extra step before this one, which out_landed describes.
+// Recorded touches do not count.
 void rerun_step_freely(struct rerun *rerun, const struct trace_record *record,
                        struct session_output *out_output, struct landed *out_landed);
 

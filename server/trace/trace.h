@@ -15,7 +15,7 @@
 #define TRACE_VERSION 5
 #define TRACE_OLDEST_VERSION 2    // the oldest that can be read
 #define TRACE_OLDEST_RESUMED 4    // the oldest that a resumed session can be appended to
-#define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT
+#define TRACE_FIRST_WITH_FAULTS 5 // the first with TRACE_FAULT and TRACE_TOUCH
 
 #define TRACE_HASH_SIZE 32
 #define TRACE_CERTIFICATE_MAX 4096
@@ -82,7 +82,8 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
                                 const struct trace_signer *signer, struct trace_writer **out_writer,
                                 struct error *err);
 
-// The caller appends every step, in order. False if the buffer is full: the step is counted as
+// The caller appends every step, in order; before a step at which a job lands it writes the job's
+// touch, if that is of offsets. False if the buffer is full: the step is counted as
 // missing, and a gap record says so as soon as there is room.
 bool trace_append(struct trace_writer *writer, const struct session_input *input,
                   const struct session_output *output);
@@ -95,8 +96,9 @@ bool trace_is_written(const char *path);
 
 struct trace_record;
 
-// Appends a record that was read from another trace: a step, a gap, a past input or a remark. It
-// waits for the disk, so a worker must not call it. RESULT_IO: the disk is full or has failed.
+// Appends a record that was read from another trace: a step or a past input with its touch, a gap
+// or a remark. It waits for the disk, so a worker must not call it. RESULT_IO: the disk is full or
+// has failed.
 enum result trace_append_record(struct trace_writer *writer, const struct trace_record *record,
                                 struct error *err);
 
@@ -127,7 +129,15 @@ enum trace_record_type {
     TRACE_PAST = 4,   // the input of a step before the first recorded one, without its output
     TRACE_RESUME = 5, // the server was started again here
     TRACE_REMARK = 6, // no input of the session
-    TRACE_FAULT = 7   // fdatasync failed here, and the bytes since the last success were rewritten
+    TRACE_FAULT = 7,  // fdatasync failed here, and the bytes since the last success were rewritten
+    TRACE_TOUCH = 8   // part of what the next job to land changes of the touched surface
+};
+
+struct trace_touch_part {
+    uint64_t job;
+    int tissue;
+    uint32_t whole, offset, size; // bytes of all parts, of those before, and of this one
+    const uint8_t *bytes;         // valid until the next record is read
 };
 
 struct trace_record {
@@ -141,6 +151,11 @@ struct trace_record {
     uint64_t records;     // TRACE_END: steps recorded
     int64_t utc_ns;       // TRACE_RESUME, TRACE_FAULT: when
     struct remark remark; // TRACE_REMARK
+    // TRACE_STEP, TRACE_PAST of INPUT_JOB: what the job changed of the touched surface, by offsets.
+    // NULL: nothing, or it is not recorded. Valid until the next record is read.
+    const struct touch_change *touch;
+    int touch_tissue;
+    struct trace_touch_part touch_part; // TRACE_TOUCH
 };
 
 // The place up to which a trace was read.
@@ -173,8 +188,9 @@ uint64_t trace_reader_size(const struct trace_reader *reader);   // of the file 
 // but RESULT_OK, further calls return the same result.
 //
 // A caller may give a step that was read to session_step: its frame is valid, its time is not
-// negative and does not fall, and the header's settings are in range. A trace does not contain the
-// results of jobs, so a replay runs the jobs again (rerun.h).
+// negative and does not fall, and the header's settings are in range. Of a job's result a trace
+// contains the touched surface alone, so a replay runs the jobs again (rerun.h). A touch comes
+// before the step at which its job lands and has the hash that the step tells.
 enum result trace_read(struct trace_reader *reader, struct trace_record *out_record,
                        struct error *err);
 

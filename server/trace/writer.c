@@ -34,13 +34,51 @@ static size_t encode_troubles(struct trace_writer *w, uint8_t *data) {
     return size;
 }
 
+struct touch_source {
+    uint64_t job;
+    int tissue;
+    const struct touch_change *touch; // NULL: none
+};
+
+// By rules before offsets there is none.
+static struct touch_source source_of(const struct trace_writer *w, uint64_t job, int tissue,
+                                     const struct touch_change *touch) {
+    bool recorded = touch && touch->size && w->rules >= RULES_TOUCH_FITTED;
+    return (struct touch_source){job, tissue, recorded ? touch : NULL};
+}
+
+static size_t room_for(const struct touch_source *source) {
+    size_t parts = source->touch ? source->touch->size / TOUCH_PART_MAX + 1 : 0;
+    return (3 + parts) * RECORD_MAX;
+}
+
+static void put_touch(struct trace_writer *w, const struct touch_source *source) {
+    uint8_t data[RECORD_MAX];
+    const struct touch_change *touch = source->touch;
+    struct trace_touch_part part = {source->job, source->tissue, (uint32_t)touch->size, 0, 0, NULL};
+    for (size_t at = 0; at < touch->size; at += part.size) {
+        size_t left = touch->size - at;
+        part.offset = (uint32_t)at;
+        part.size = (uint32_t)(left < TOUCH_PART_MAX ? left : TOUCH_PART_MAX);
+        part.bytes = touch->bytes + at;
+        CHECK(buffer_put(&w->buffer, data, record_encode_touch(&part, &w->chain, data)));
+    }
+}
+
 // Where the buffer is full the chain is as it was.
 static bool append(struct trace_writer *w, const struct session_input *input, bool job_done,
-                   const struct session_output *output) {
+                   const struct touch_source *source, const struct session_output *output) {
     uint8_t data[3 * RECORD_MAX], before[TRACE_HASH_SIZE];
     unsigned told = w->faults_told;
+    if (source->touch && !buffer_has_room(&w->buffer, room_for(source)))
+        return false;
     memcpy(before, w->chain.value, sizeof before);
     size_t size = encode_troubles(w, data);
+    if (source->touch) {
+        CHECK(buffer_put(&w->buffer, data, size));
+        put_touch(w, source);
+        size = 0;
+    }
     size += record_encode_step(input, job_done, output, w->rules, &w->chain, data + size);
     if (!buffer_put(&w->buffer, data, size)) {
         memcpy(w->chain.value, before, sizeof before);
@@ -54,7 +92,10 @@ static bool append(struct trace_writer *w, const struct session_input *input, bo
 
 bool trace_append(struct trace_writer *w, const struct session_input *input,
                   const struct session_output *output) {
-    if (append(w, input, input->kind == INPUT_JOB && input->result, output))
+    const struct job_result *result = input->kind == INPUT_JOB ? input->result : NULL;
+    struct touch_source source =
+        source_of(w, input->job, result ? result->tissue : 0, result ? &result->touch : NULL);
+    if (append(w, input, result, &source, output))
         return true;
     w->gap++;
     count(&w->missing, 1);
@@ -72,8 +113,8 @@ bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
     return false;
 }
 
-static enum result wait_for_room(struct trace_writer *w, struct error *err) {
-    while (!buffer_has_room(&w->buffer, 3 * RECORD_MAX)) {
+static enum result wait_for_room(struct trace_writer *w, size_t size, struct error *err) {
+    while (!buffer_has_room(&w->buffer, size)) {
         if (atomic_load(&w->failing))
             return fail(err, RESULT_IO, "%s: the disk takes no more", w->path);
         disk_hurry();
@@ -82,25 +123,33 @@ static enum result wait_for_room(struct trace_writer *w, struct error *err) {
     return RESULT_OK;
 }
 
+static void append_past(struct trace_writer *w, const struct trace_record *record,
+                        const struct touch_source *source) {
+    uint8_t data[RECORD_MAX];
+    if (source->touch)
+        put_touch(w, source);
+    CHECK(buffer_put(&w->buffer, data,
+                     record_encode_past(&record->input, record->job_done, &w->chain, data)));
+}
+
 enum result trace_append_record(struct trace_writer *w, const struct trace_record *record,
                                 struct error *err) {
-    uint8_t data[RECORD_MAX];
-    enum result result = wait_for_room(w, err);
+    bool is_job = record->input.kind == INPUT_JOB;
+    struct touch_source source =
+        source_of(w, is_job ? record->input.job : 0, record->touch_tissue, record->touch);
+    enum result result = wait_for_room(w, room_for(&source), err);
     if (result != RESULT_OK)
         return result;
-    bool taken = true;
     if (record->type == TRACE_STEP)
-        taken = append(w, &record->input, record->job_done, &record->output);
+        CHECK(append(w, &record->input, record->job_done, &source, &record->output));
     if (record->type == TRACE_PAST)
-        taken = buffer_put(&w->buffer, data,
-                           record_encode_past(&record->input, record->job_done, &w->chain, data));
+        append_past(w, record, &source);
     if (record->type == TRACE_REMARK)
-        taken = trace_append_remark(w, &record->remark);
+        CHECK(trace_append_remark(w, &record->remark));
     if (record->type == TRACE_GAP) {
         w->gap += record->missing;
         count(&w->missing, record->missing);
     }
-    CHECK(taken);
     return RESULT_OK;
 }
 

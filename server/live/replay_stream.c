@@ -231,6 +231,7 @@ static void run_step(struct replay_stream *f, const struct trace_record *record,
         rerun_step_freely(f->rerun, record, output, &landed);
     if (f->own_case && record->type == TRACE_STEP)
         *output = record->output;
+    output->step = record->output.step; // elsewhere a cut may land in a step more
 }
 
 static void show_step(struct replay_stream *f, const struct trace_record *record) {

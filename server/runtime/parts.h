@@ -46,11 +46,12 @@ struct station_runtime {
     pthread_mutex_t tissues_lock; // for copies only; the worker takes no part
     struct tissue_report tissues; // from the cut worker
 
+    atomic_uint_fast64_t job; // on its way, set by the worker; 0: none
+
     // The worker's alone:
     struct session_runtime *session; // NULL: none
     enum session_state state;
-    uint64_t job; // on its way; 0: none
-    bool ending;  // once that job has landed
+    bool ending; // once the job that is on its way has landed
     struct station_connection connection;
     uint32_t udp_connection;
     uint64_t last_frame;

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "net/authority.h"
+#include "runtime/parts.h"
 #include "sessions/parts.h"
 #include "sessions/station_handler.h"
 #include "test.h"
@@ -15,8 +16,7 @@
 
 char hall_dir[FOLDER_MAX];
 
-// ---- sessions
-// --------------------------------------------------------------------------------------
+// ---- sessions -----------------------------------------------------------------------------------
 
 int hall_make(void **state) {
     (void)state;
@@ -154,19 +154,20 @@ void hall_shave_part(struct sessions *sessions, double from, double to) {
     }
 }
 
-#ifdef __SANITIZE_THREAD__
-#define QUIET 80 // a cut takes longer
-#else
-#define QUIET 20
-#endif
+static bool is_cutting(struct sessions *sessions) {
+    const struct station_runtime *station = &sessions_runtime(sessions)->stations[0];
+    return ring_count(station->frames) || atomic_load(&station->job);
+}
 
-// When nothing has come for a while. Tells too early only that the mesh has another number.
+#define QUIET 20
+
+// When no cut is on its way and nothing has come for a while.
 struct tissue_report hall_last_tissues(struct sessions *sessions) {
     struct tissue_report last = hall_tissues(sessions);
     for (int quiet = 0; quiet < QUIET; quiet++) {
         hall_wait_ms(20);
         struct tissue_report now = hall_tissues(sessions);
-        if (now.figures[0].mesh_number != last.figures[0].mesh_number)
+        if (is_cutting(sessions) || now.figures[0].mesh_number != last.figures[0].mesh_number)
             quiet = 0;
         last = now;
     }

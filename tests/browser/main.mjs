@@ -80,7 +80,6 @@ async function main() {
     const world = { testbed, browser, report, quick: options.quick, minutes: Number(options.minutes), users: {} };
     runner = new Runner(report, (test) => attempt(test, world));
     await runner.run(chosen);
-    for (const words of [...browser.errors, ...browser.violations]) say(words);
     report.mark("console_errors", browser.errors.length, "errors", 0);
     report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
   } finally {
@@ -89,9 +88,9 @@ async function main() {
   }
   report.retried = runner.retried;
   report.print(options.json);
-  for (const words of runner.summary) say(words);
+  for (const words of [...browser.errors, ...browser.violations, ...runner.summary, ...report.faults(options.json)]) say(words);
   say(`built in ${minutes(Number(process.env.BUILT_S ?? 0))}, tested in ${minutes((performance.now() - begun) / 1000)}`);
-  return report.holds(options.json) ? 0 : 1;
+  return report.faults(options.json).length ? 1 : 0;
 }
 
 process.exitCode = await main();

@@ -23,8 +23,11 @@ export class Report {
     this.figures.push({ name, value: finite(value), unit });
   }
 
-  holds(timed) {
-    return this.marks.every(({ name, holds }) => holds || (!timed && this.#timed.has(name))) && [...this.#lastAttempts().values()].every(({ passed }) => passed);
+  /** Why the run fails: a line for each mark that does not hold and each test whose last attempt failed. */
+  faults(timed) {
+    const missed = this.marks.filter(({ name, holds }) => !holds && (timed || !this.#timed.has(name)));
+    const failed = [...this.#lastAttempts().values()].filter(({ passed }) => !passed);
+    return [...missed.map(({ name, value, mark }) => `missed: ${name} is ${value}, and may be ${mark}`), ...failed.map(({ name }) => `failed: ${name}`)];
   }
 
   #lastAttempts() {

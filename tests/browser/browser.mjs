@@ -20,6 +20,8 @@ export class Browser {
   #contexts = new Set();
   #pages = new Map(); // page: what it said and heard
 
+  faults = []; // on the pages of this test: errors on their consoles, violations of axe-core's rules
+
   constructor(shared) {
     this.#shared = shared;
   }
@@ -100,7 +102,12 @@ export class Browser {
   }
 
   #complained(heard, words) {
-    if (!heard.may.some((pattern) => pattern.test(words))) this.errors.push(words);
+    if (!heard.may.some((pattern) => pattern.test(words))) this.#note(this.errors, words);
+  }
+
+  #note(kind, words) {
+    kind.push(words);
+    this.faults.push(words);
   }
 
   #listen(socket, heard) {
@@ -127,7 +134,7 @@ export class Browser {
     await page.evaluate(AXE);
     const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] }));
     for (const { id, help, nodes } of violations)
-      this.violations.push(`${name}: ${id}: ${help}: ${nodes.slice(0, 3).map((node) => `${node.target.join(" ")}${node.any[0] ? ` (${node.any[0].message})` : ""}`).join("; ")}`);
+      this.#note(this.violations, `${name}: ${id}: ${help}: ${nodes.slice(0, 3).map((node) => `${node.target.join(" ")}${node.any[0] ? ` (${node.any[0].message})` : ""}`).join("; ")}`);
   }
 
   picturePath(name) {

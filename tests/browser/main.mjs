@@ -1,4 +1,5 @@
 // Runs the tests on one test bed and in one browser, and reports.
+import assert from "node:assert/strict";
 import { existsSync, readdirSync, rmSync } from "node:fs";
 import { resolve } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -55,6 +56,7 @@ async function attempt({ name, run }, world) {
   let fault;
   try {
     await run({ ...world, browser });
+    assert.deepEqual(browser.faults, [], "what its pages complain of");
   } catch (error) {
     fault = error;
     world.testbed.keepLogs(browser.picturePath("failed").replace(/png$/, "log"));
@@ -80,15 +82,15 @@ async function main() {
     const world = { testbed, browser, report, quick: options.quick, minutes: Number(options.minutes), users: {} };
     runner = new Runner(report, (test) => attempt(test, world));
     await runner.run(chosen);
-    report.mark("console_errors", browser.errors.length, "errors", 0);
-    report.mark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
+    report.strictMark("console_errors", browser.errors.length, "errors", 0);
+    report.strictMark("axe_violations", browser.checked ? browser.violations.length : NaN, "violations", 0);
   } finally {
     await browser?.close();
     await testbed.close();
   }
   report.retried = runner.retried;
   report.print(options.json);
-  for (const words of [...browser.errors, ...browser.violations, ...runner.summary, ...report.faults(options.json)]) say(words);
+  for (const words of [...runner.summary, ...report.faults(options.json)]) say(words);
   say(`built in ${minutes(Number(process.env.BUILT_S ?? 0))}, tested in ${minutes((performance.now() - begun) / 1000)}`);
   return report.faults(options.json).length ? 1 : 0;
 }

@@ -228,7 +228,7 @@ async function a_far_server_does_not_make_the_tip_late(world) {
 
 function tell(report, shown, drawn) {
   const errors = shown.map(({ error }) => error);
-  report.timedMark("scope_late_error_mm", mean(errors), "mm", 0.1);
+  report.strictMark("scope_late_error_mm", mean(errors), "mm", 0.1);
   report.figure("scope_late_error_p99", quantile(errors, 0.99), "mm");
   report.figure("scope_late_answer_age", mean(shown.map(({ probe }) => probe.ageMs)), "ms");
   const clockMs = Date.now() - Number(process.hrtime.bigint()) / 1e6; // from monotonic to UTC

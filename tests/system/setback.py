@@ -106,6 +106,8 @@ class SetBack(Bites):
         self.assertIn("there is no station", self.refused("undo", "room-9"))
         self.start_station()
         wait_until("a session", lambda: self.session()["state"] == "running")
+        self.session_command("pause", "room-1")
+        self.session_command("reset", "room-1")  # of what it may have cut before
         self.assertIn("no cut", self.refused("undo", "room-1"))
 
     def test_a_session_is_copied_from_another_ones_trace(self):

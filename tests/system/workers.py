@@ -57,7 +57,7 @@ file = {self.shared.name}/{room}.csv
         for room in ROOMS:
             wait_until(f"cuts in {room}", lambda: self.cuts(room) >= CUTS, 60)
         for room in ROOMS:
-            self.session_command("stop", room)
+            wait_until("time of its worker", lambda: self.session_command("stop", room, code=None)["ok"])
         sessions = {room: (self.session(room)["trace"], self.cuts(room)) for room in ROOMS}
         for station in stations:
             station.end()

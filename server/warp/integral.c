@@ -62,6 +62,17 @@ static struct slanted corrected_square(const struct warp_scene *scene, int body,
                             vec3_scale(2, mat3_apply(mat3_transpose(by_y), off))};
 }
 
+// R_k = √(R² + m²)
+static struct slanted reach_of(const struct field *field, const struct slanted *square) {
+    double reach = sqrt(field->radius_mm * field->radius_mm + square->value);
+    return (struct slanted){reach, vec3_scale(0.5 / reach, square->gradient)};
+}
+
+double integral_reach(const struct warp_scene *scene, const struct field *field, int body, vec3 y) {
+    struct slanted square = corrected_square(scene, body, y);
+    return reach_of(field, &square).value;
+}
+
 // b = 1/(1 + m²/m0²)
 static struct slanted stillness(const struct field *field, const struct slanted *square) {
     double m0 = field->radius_mm / PARTS_OF_RADIUS;
@@ -69,8 +80,8 @@ static struct slanted stillness(const struct field *field, const struct slanted 
     return (struct slanted){b, vec3_scale(-b * b / (m0 * m0), square->gradient)};
 }
 
-static struct slanted least_stillness(const struct warp_scene *scene, const struct field *field,
-                                      vec3 y) {
+static struct slanted largest_square(const struct warp_scene *scene, const struct field *field,
+                                     vec3 y) {
     struct slanted largest = {0};
     for (int i = 0; scene->correction && i < scene->surface_count; i++) {
         if (!field_takes(field, &scene->surfaces[i]))
@@ -79,46 +90,58 @@ static struct slanted least_stillness(const struct warp_scene *scene, const stru
         if (square.value > largest.value)
             largest = square;
     }
-    return stillness(field, &largest);
+    return largest;
 }
 
 // ---- distances ----------------------------------------------------------------------------------
 
-// boost (1/D − 1/R)₊ χ(d)
-static struct slanted open_weight(const struct field *field, const struct warp_contact *c,
-                                  const struct slanted *b) {
+// χ(d/R_k)
+static struct slanted fade_of(const struct warp_contact *c, const struct slanted *reach) {
+    double fading, share = c->distance / reach->value;
+    double fade = 1 - smoothstep(share, FADE_FROM_SHARE, 1 - FADE_FROM_SHARE, &fading);
+    vec3 slope = vec3_add_scaled(c->normal, -share, reach->gradient);
+    return (struct slanted){fade, vec3_scale(-fading / reach->value, slope)};
+}
+
+// 1 + 2 b (1 − e²)₊²
+static struct slanted boost_of(const struct warp_sight *sight, const struct slanted *b) {
+    double closed = fmax(1 - sight->open, 0);
+    vec3 slope = vec3_scale(BETWEEN_SHEETS * closed * closed, b->gradient);
+    slope = vec3_add_scaled(slope, -2 * BETWEEN_SHEETS * b->value * closed, sight->open_slope);
+    return (struct slanted){1 + BETWEEN_SHEETS * b->value * closed * closed, slope};
+}
+
+// boost (1/D − 1/R_k)₊ χ
+static struct slanted open_weight(const struct warp_contact *c, const struct slanted *b,
+                                  const struct slanted *reach) {
     const struct warp_sight *sight = &c->sight;
-    double R = field->radius_mm, fading, inverse = sqrt(sight->weight / PI);
-    double fade =
-        1 - smoothstep(c->distance, FADE_FROM_SHARE * R, (1 - FADE_FROM_SHARE) * R, &fading);
-    double closed = fmax(1 - sight->open, 0), near = inverse - 1 / R;
-    double boost = 1 + BETWEEN_SHEETS * b->value * closed * closed;
-    if (!(near > 0) || !(fade > 0))
+    double R = reach->value, inverse = sqrt(sight->weight / PI), near = inverse - 1 / R;
+    struct slanted fade = fade_of(c, reach), boost = boost_of(sight, b);
+    if (!(near > 0) || !(fade.value > 0))
         return (struct slanted){0};
-    vec3 boost_slope = vec3_scale(BETWEEN_SHEETS * closed * closed, b->gradient);
-    boost_slope =
-        vec3_add_scaled(boost_slope, -2 * BETWEEN_SHEETS * b->value * closed, sight->open_slope);
-    vec3 slope = vec3_scale(near * fade, boost_slope);
-    slope =
-        vec3_add_scaled(slope, 0.5 * boost * fade * inverse / sight->weight, sight->weight_slope);
-    slope = vec3_add_scaled(slope, -boost * near * fading, c->normal);
-    return (struct slanted){boost * near * fade, slope};
+    vec3 near_slope = vec3_scale(0.5 * inverse / sight->weight, sight->weight_slope);
+    near_slope = vec3_add_scaled(near_slope, 1 / (R * R), reach->gradient);
+    vec3 slope = vec3_scale(near * fade.value, boost.gradient);
+    slope = vec3_add_scaled(slope, boost.value * fade.value, near_slope);
+    slope = vec3_add_scaled(slope, boost.value * near, fade.gradient);
+    return (struct slanted){boost.value * near * fade.value, slope};
 }
 
 // D'
-static struct slanted distance_of(const struct warp_scene *scene, const struct field *field,
-                                  const struct warp_contact *c, vec3 y) {
-    double R = field->radius_mm, m0 = R / PARTS_OF_RADIUS, d = c->distance;
+static struct slanted distance_of(const struct field *field, const struct warp_contact *c,
+                                  const struct slanted *square, const struct slanted *reach) {
+    double R = reach->value, m0 = field->radius_mm / PARTS_OF_RADIUS, d = c->distance;
     if (!(d > TOUCH_MM))
         return (struct slanted){d, c->normal};
-    struct slanted square = corrected_square(scene, scene->surfaces[c->surface].body, y);
-    struct slanted b = stillness(field, &square), open = open_weight(field, c, &b);
-    double D = 1 / (open.value + 1 / R), cap = (1 + m0 * m0 / square.value) * d;
-    if (!(square.value > 0) || !(cap < D))
-        return (struct slanted){D, vec3_scale(-D * D, open.gradient)};
-    double by_square = -d * m0 * m0 / (square.value * square.value);
-    return (struct slanted){cap, vec3_add_scaled(vec3_scale(1 + m0 * m0 / square.value, c->normal),
-                                                 by_square, square.gradient)};
+    struct slanted b = stillness(field, square), open = open_weight(c, &b, reach);
+    double D = 1 / (open.value + 1 / R), cap = (1 + m0 * m0 / square->value) * d;
+    if (!(square->value > 0) || !(cap < D)) {
+        vec3 slope = vec3_add_scaled(open.gradient, -1 / (R * R), reach->gradient);
+        return (struct slanted){D, vec3_scale(-D * D, slope)};
+    }
+    double by_square = -d * m0 * m0 / (square->value * square->value);
+    return (struct slanted){cap, vec3_add_scaled(vec3_scale(1 + m0 * m0 / square->value, c->normal),
+                                                 by_square, square->gradient)};
 }
 
 // The skin that the two smallest leave.
@@ -150,12 +173,12 @@ static struct slanted thinned(const struct slanted *d, const struct slanted *ski
         value, vec3_add_scaled(vec3_scale(by_d, d->gradient), by_skin, skin->gradient)};
 }
 
-// 1/φ(D') − 1/φ(R)
-static struct slanted weigh(const struct slanted *thin_d, const struct slanted *thin_radius) {
-    double a = thin_d->value, r = thin_radius->value;
+// 1/φ(D') − 1/φ(R_k)
+static struct slanted weigh(const struct slanted *thin_d, const struct slanted *thin_reach) {
+    double a = thin_d->value, r = thin_reach->value;
     vec3 slope = vec3_scale(-1 / (a * a), thin_d->gradient);
     return (struct slanted){1 / a - 1 / r,
-                            vec3_add_scaled(slope, 1 / (r * r), thin_radius->gradient)};
+                            vec3_add_scaled(slope, 1 / (r * r), thin_reach->gradient)};
 }
 
 // ---- the blend ----------------------------------------------------------------------------------
@@ -168,15 +191,20 @@ struct blend {
 
 static void measure(const struct warp_scene *scene, const struct field *field, vec3 y,
                     const struct warp_contact *contacts, int count, struct blend *out) {
+    struct slanted reaches[WARP_SURFACES_MAX];
     out->touching = 0;
-    for (int i = 0; i < count; i++)
-        out->distances[i] = distance_of(scene, field, &contacts[i], y);
-    struct slanted skin = skin_of(field, out->distances, count);
-    struct slanted radius = {field->radius_mm, {0}}, thin_radius = thinned(&radius, &skin);
     for (int i = 0; i < count; i++) {
+        int body = scene->surfaces[contacts[i].surface].body;
+        struct slanted square = corrected_square(scene, body, y);
+        reaches[i] = reach_of(field, &square);
+        out->distances[i] = distance_of(field, &contacts[i], &square, &reaches[i]);
+    }
+    struct slanted skin = skin_of(field, out->distances, count);
+    for (int i = 0; i < count; i++) {
+        struct slanted thin_reach = thinned(&reaches[i], &skin);
         out->distances[i] = thinned(&out->distances[i], &skin);
         bool touches = out->distances[i].value <= TOUCH_MM;
-        out->weights[i] = touches ? (struct slanted){0} : weigh(&out->distances[i], &thin_radius);
+        out->weights[i] = touches ? (struct slanted){0} : weigh(&out->distances[i], &thin_reach);
         out->touching += touches;
     }
 }
@@ -204,14 +232,17 @@ static void take_touching(const struct blend *blend, const struct warp_contact *
     out->gradient = mat3_add_scaled(out->gradient, 1, mat3_outer(rise, towards));
 }
 
-// ω_0'
-static struct slanted background_of(const struct field *field, const struct slanted *b,
+// ω_0', square: the largest m²
+static struct slanted background_of(const struct field *field, const struct slanted *square,
                                     const struct slanted *sum) {
-    double w0 = field->background_per_mm, scale = field->radius_mm / PARTS_OF_RADIUS;
-    double below = 1 + b->value * sum->value * scale, value = w0 * (1 + b->value) / below;
-    vec3 slope = vec3_scale(w0 - value * sum->value * scale, b->gradient);
-    slope = vec3_add_scaled(slope, -value * b->value * scale, sum->gradient);
-    return (struct slanted){value, vec3_scale(1 / below, slope)};
+    struct slanted b = stillness(field, square), reach = reach_of(field, square);
+    double scale = field->radius_mm / PARTS_OF_RADIUS, below = 1 + b.value * sum->value * scale;
+    double w0 = field->background_per_mm * field->radius_mm / reach.value;
+    double value = w0 * (1 + b.value) / below;
+    vec3 slope = vec3_scale(w0 - value * sum->value * scale, b.gradient);
+    slope = vec3_add_scaled(slope, -value * b.value * scale, sum->gradient);
+    slope = vec3_add_scaled(vec3_scale(1 / below, slope), -value / reach.value, reach.gradient);
+    return (struct slanted){value, slope};
 }
 
 void integral_blend(const struct warp_scene *scene, const struct field *field, vec3 y,
@@ -229,7 +260,8 @@ void integral_blend(const struct warp_scene *scene, const struct field *field, v
         sum.gradient = vec3_add(sum.gradient, blend.weights[i].gradient);
         W = vec3_add_scaled(W, blend.weights[i].value, contacts[i].delta);
     }
-    struct slanted b = least_stillness(scene, field, y), rest = background_of(field, &b, &sum);
+    struct slanted largest = largest_square(scene, field, y);
+    struct slanted rest = background_of(field, &largest, &sum);
     double whole = sum.value + rest.value;
     if (!(whole > 0))
         return;

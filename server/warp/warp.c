@@ -27,6 +27,19 @@ struct field field_default(enum field_kind kind) {
         .kind = kind, .unit_mm = 10, .radius_mm = 15, .background_per_mm = 1.0 / 15, .strength = 1};
 }
 
+double field_reach(const struct warp_scene *scene, const struct field *field, struct box box) {
+    double reach = field->radius_mm;
+    if (field->kind != FIELD_INTEGRAL)
+        return reach + 1.5 * field->skin_mm;
+    for (int i = 0; i < 8; i++) // m² is convex: the largest is in a corner
+        for (int k = 0; k < scene->surface_count; k++) {
+            vec3 corner = {i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
+                           i & 4 ? box.max.z : box.min.z};
+            reach = fmax(reach, integral_reach(scene, field, scene->surfaces[k].body, corner));
+        }
+    return reach;
+}
+
 bool field_takes(const struct field *field, const struct warp_surface *surface) {
     return field->kind != FIELD_INTEGRAL || !surface->gives_way;
 }
@@ -201,10 +214,10 @@ static void hand_over(const struct warp_surface *surface, const struct stance *s
 static bool touch_surface(const struct warp_scene *scene, const struct field *field, int index,
                           vec3 y, struct warp_memory *memory, struct warp_contact *out) {
     // A distance that overflows has no weight and no order: out of reach.
-    double reach = field->kind == FIELD_GAUSSIAN   ? DBL_MAX
-                   : field->kind == FIELD_INTEGRAL ? field->radius_mm
-                                                   : field->radius_mm + 1.5 * field->skin_mm;
     const struct warp_surface *surface = &scene->surfaces[index];
+    double reach = field->kind == FIELD_GAUSSIAN   ? DBL_MAX
+                   : field->kind == FIELD_INTEGRAL ? integral_reach(scene, field, surface->body, y)
+                                                   : field->radius_mm + 1.5 * field->skin_mm;
     if (!field_takes(field, surface))
         return false;
     struct stance stance = stance_of(scene, index);

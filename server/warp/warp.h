@@ -21,10 +21,12 @@
 //
 //     e    = |x̃ − y|/D             1 off a plane, 0 between two sheets
 //     m    = |M_k y − y|,  b = 1/(1 + m²/m0²),  m0 = R/15;  b is 1 where nothing is corrected
-//     ω    = (1 + 2 b (1 − e²)₊²) (1/D − 1/R)₊ χ(d),  χ from 1 at 0.7 R to 0 at R
-//     D'   = min(1/(ω + 1/R), (1 + m0²/m²) d)
-//     ω_k  = 1/φ(D') − 1/φ(R)
-//     ω_0' = ω_0 (1 + b) / (1 + b R Σ ω_k/15),  b of the largest m
+//     R_k  = √(R² + m²): a surface that goes far by its body's correction reaches far, too, so
+//            that space does not fold off it
+//     ω    = (1 + 2 b (1 − e²)₊²) (1/D − 1/R_k)₊ χ(d/R_k),  χ from 1 at 0.7 to 0 at 1
+//     D'   = min(1/(ω + 1/R_k), (1 + m0²/m²) d)
+//     ω_k  = 1/φ(D') − 1/φ(R_k)
+//     ω_0' = ω_0 R/R_k (1 + b) / (1 + b R Σ ω_k/15),  b and R_k of the largest m
 //
 // Its gap is of the two smallest D', and skins are under g/40. At d_k <= 1e-6 it is as the others.
 #pragma once
@@ -53,7 +55,7 @@ bool field_from_name(const char *name, enum field_kind *out_kind);
 struct field {
     enum field_kind kind;
     double unit_mm;           // gaussian: the unit in which Eq. 3 is read; 10 gives the paper's
-    double radius_mm;         // the others: R, beyond which a surface has no weight
+    double radius_mm;         // the others: R, about how far a surface has weight: field_reach
     double background_per_mm; // the others: ω_0, so that the warp fades in open space
     double skin_mm;           // the others: s
     double strength;          // 0 no warp .. 1 the whole: scales every Δ
@@ -90,6 +92,10 @@ struct warp_scene {
     const pose *T_world_body; // B: one for each body
     const pose *correction;   // M: one for each body, in the world; NULL for the identity
 };
+
+// From how far a surface has weight anywhere in the box, in the world. Not for the gaussian field,
+// whose reach has no end.
+double field_reach(const struct warp_scene *scene, const struct field *field, struct box box);
 
 // The last answers of one query point, from which the next search starts. It changes how long a
 // call takes, never its result.

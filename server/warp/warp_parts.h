@@ -46,6 +46,9 @@ double thin(double d, double s, double *out_by_d, double *out_by_s);
 void integral_look(const struct warp_surface *surface, const struct stance *stance, vec3 p,
                    vec3 closest, struct warp_contact *contact);
 
+// R_k of a body's surfaces at y.
+double integral_reach(const struct warp_scene *scene, const struct field *field, int body, vec3 y);
+
 // The blend of contacts, at least one.
 void integral_blend(const struct warp_scene *scene, const struct field *field, vec3 y,
                     const struct warp_contact *contacts, int count, struct warp *out);

@@ -16,7 +16,6 @@
 #define FINE_BOX_MM 6.0
 #define FINE_MM 0.25
 #define SAME_PLACE_MM 1.0
-#define RADIUS_MM 15.0 // of the field: nothing moves farther from what is displaced
 
 struct shipped {
     struct fidelity *fidelity;
@@ -163,6 +162,14 @@ static void look_at_node(struct shipped *s, const struct harmonic_setup *setup, 
     tell_fold(s, contacts, count, y, determinant, harmonic_folds);
 }
 
+// Nothing moves farther from what is displaced.
+static struct box within_reach(const struct warp_scene *scene, struct box box) {
+    struct session_settings settings = session_settings_default();
+    double reach = field_reach(scene, &settings.field, box);
+    vec3 around = {reach, reach, reach};
+    return (struct box){vec3_sub(box.min, around), vec3_add(box.max, around)};
+}
+
 static void look_for_folds(struct shipped *s, const struct joint_angles *angles) {
     struct scene_stance stance;
     struct hull hull;
@@ -172,10 +179,9 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
     if (!(anatomy_largest(&stance.warp, &box) > 1e-3))
         return;
     anatomy_hull(&stance.warp, &hull);
-    vec3 around = {RADIUS_MM, RADIUS_MM, RADIUS_MM};
     struct harmonic_setup setup = {.scene = &stance.warp,
                                    .hollow = s->hollow,
-                                   .box = {vec3_sub(box.min, around), vec3_add(box.max, around)},
+                                   .box = within_reach(&stance.warp, box),
                                    .spacing_mm = s->fidelity->quick ? 2.5 : 1,
                                    .is_within = hull_holds,
                                    .context = &hull};

@@ -20,19 +20,20 @@ static double smooth(double a) {
 }
 
 // One surface that moves with its body alone: D' and Δ.
-static double oracle_distance(const struct warp_scene *scene, int surface, vec3 y,
-                              vec3 *out_delta) {
+static double oracle_distance(const struct warp_scene *scene, int surface, vec3 y, vec3 *out_delta,
+                              double *out_reach) {
     const struct warp_surface *s = &scene->surfaces[surface];
-    const double R = 15;
     pose B = scene->T_world_body[s->body], M = scene->correction[s->body];
     vec3 p = pose_apply_inverse(B, y);
     struct brute_mean mean = brute_integral(s->mesh, s->displacement, p);
     double D = sqrt(3.14159265358979323846 / mean.weight), d = brute_distance(s->mesh, p);
     double m = vec3_distance(pose_apply(M, y), y), e = vec3_distance(mean.point, p) / D;
+    double R = hypot(15, m);
     double boost = 1 + 2 / (1 + m * m) * pow(fmax(1 - e * e, 0), 2);
     double weight = boost * fmax(1 / D - 1 / R, 0) * (1 - smooth((d - 0.7 * R) / (0.3 * R)));
     vec3 moved = pose_apply(B, vec3_add(mean.point, mean.displacement));
     *out_delta = vec3_sub(pose_apply(M, moved), pose_apply(B, mean.point));
+    *out_reach = R;
     return fmin(1 / (weight + 1 / R), (1 + 1 / (m * m)) * d);
 }
 
@@ -41,13 +42,14 @@ static vec3 oracle_warp(const struct warp_scene *scene, vec3 y) {
     vec3 W = {0};
     for (int i = 0; i < scene->surface_count; i++) {
         vec3 delta;
-        double weight = 1 / oracle_distance(scene, i, y, &delta) - 1.0 / 15;
+        double reach, weight = 1 / oracle_distance(scene, i, y, &delta, &reach);
+        weight -= 1 / reach;
         largest = fmax(largest,
                        vec3_distance(pose_apply(scene->correction[scene->surfaces[i].body], y), y));
         W = vec3_add_scaled(W, fmax(weight, 0), delta);
         sum += fmax(weight, 0);
     }
-    double b = 1 / (1 + largest * largest), rest = (1 + b) / 15 / (1 + b * sum);
+    double b = 1 / (1 + largest * largest), rest = (1 + b) / hypot(15, largest) / (1 + b * sum);
     return vec3_scale(1 / (sum + rest), W);
 }
 
@@ -386,6 +388,35 @@ static void beyond_its_reach_there_is_no_warp_and_it_gets_there_smoothly(void **
     bodies_fini(&walls);
 }
 
+// A wall alone that its body's correction takes along its normal, farther than the field reaches
+// off what is not corrected.
+static void off_a_surface_that_goes_far_space_does_not_fold(void **state) {
+    (void)state;
+    struct bodies walls;
+    bodies_walls(&walls, 80, 0);
+    bodies_integrate(&walls);
+    for (int i = 0; i < 2; i++) {
+        pose B = pose_identity(), M = {quat_identity(), {0, 0, i ? -20 : 20}};
+        struct warp_scene scene = {walls.surfaces, 1, &B, &M};
+        struct field field = field_default(FIELD_INTEGRAL);
+        field.skin_mm = 0.1;
+        double least = 1;
+        for (double h = 0.25; h < 30; h += 0.5) {
+            mat3 by_y = world_warp(&scene, &field, (vec3){1, 2, h - 40}).gradient;
+            least = fmin(least, mat3_determinant(mat3_add_scaled(mat3_identity(), 1, by_y)));
+        }
+        assert_true(least > 0.1);
+        struct box place = {{1, 2, -40}, {1, 2, -10}};
+        double reach = field_reach(&scene, &field, place);
+        assert_near(reach, 25, 1e-12); // of 15 and 20
+        struct warp at = world_warp(&scene, &field, (vec3){1, 2, reach - 0.01 - 40});
+        assert_true(at.nearest == 0 && vec3_length(at.displacement) < 0.1);
+        at = world_warp(&scene, &field, (vec3){1, 2, reach + 0.01 - 40});
+        assert_true(at.nearest == -1 && vec3_length(at.displacement) == 0);
+    }
+    bodies_fini(&walls);
+}
+
 // As if it were not there, even where y is on it; the other fields take it.
 static void what_gives_way_is_no_surface_of_it(void **state) {
     (void)state;
@@ -429,6 +460,7 @@ int main(void) {
         cmocka_unit_test(a_body_far_from_its_origin_has_the_same_warp),
         cmocka_unit_test(the_unit_of_length_does_not_matter),
         cmocka_unit_test(beyond_its_reach_there_is_no_warp_and_it_gets_there_smoothly),
+        cmocka_unit_test(off_a_surface_that_goes_far_space_does_not_fold),
         cmocka_unit_test(what_gives_way_is_no_surface_of_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

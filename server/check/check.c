@@ -153,8 +153,7 @@ static enum result walk(const struct case_check *check, const struct scene *scen
     size_t count = space_count(&space);
     for (size_t n = 0; n < count; n++)
         at->places[space.places[n]]++;
-    field_walk(&stance->warp, &check->settings.field, moved, skin_bit(scene_case(scene)), &space,
-               progress, at->field);
+    field_walk(&stance->warp, &check->settings.field, moved, &space, progress, at->field);
     space_fini(&space);
     return RESULT_OK;
 }
@@ -232,7 +231,7 @@ static void sum_up(struct case_check *check) {
         keep_worst(&all->jump, &check->jump_pose, f->jumped, &f->jump, i, false);
         keep_worst(&all->fold, &check->fold_pose, field_own_folds(f), &f->fold, i, true);
         keep_worst(&all->filling, &check->filling_pose, f->filled, &f->filling, i, true);
-        keep_worst(&all->yielding, &check->yielding_pose, f->yielded, &f->yielding, i, true);
+        keep_worst(&all->fading, &check->fading_pose, f->faded, &f->fading, i, true);
         field_counts_add(all, f);
     }
 }
@@ -244,7 +243,7 @@ static struct case_check *begin(const struct check_settings *settings) {
     check->settings = *settings;
     check->field = alloc(1, sizeof *check->field);
     check->gain_pose = check->fold_pose = check->filling_pose = -1;
-    check->yielding_pose = check->jump_pose = -1;
+    check->fading_pose = check->jump_pose = -1;
     return check;
 }
 

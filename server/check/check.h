@@ -16,8 +16,7 @@
 // Warnings: fewer folds; jumps; facing surfaces whose displacements differ by more than their gap;
 // a tibia that sinks in by less; filled gaps in key poses. There, two bones that slide past each
 // other have different displacements and press the tissue between them. The check reports by how
-// much, and counts this among the folds. The skin gives way, so it faces no surface, and folds
-// against it are counted apart.
+// much, and counts this among the folds. The skin gives way, so it faces no surface.
 #pragma once
 
 #include "check/contact.h"
@@ -73,7 +72,7 @@ struct case_check {
     struct check_pose poses[CHECK_POSES_MAX];
     struct field_figures *field; // of all poses together
     // Where the worst of all poses is, -1: nowhere.
-    int gain_pose, fold_pose, filling_pose, yielding_pose, jump_pose;
+    int gain_pose, fold_pose, filling_pose, fading_pose, jump_pose;
     int opening_count;
     struct opening openings[CASE_LIGAMENTS_MAX];
     int group_count; // names of the groups that surfaces stand for

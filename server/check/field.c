@@ -8,6 +8,7 @@
 #define STILL_MM 1e-6
 #define FACING_COSINE (-0.5)
 #define SLAB 8 // nodes of a block along each axis
+#define REACH_STEPS 8
 
 // ---- what is displaced --------------------------------------------------------------------------
 
@@ -62,9 +63,23 @@ static void append(struct mesh *mesh, const struct mesh *from, pose T, const boo
     }
 }
 
+static struct box grown(struct box box, double by) {
+    vec3 around = {by, by, by};
+    return (struct box){vec3_sub(box.min, around), vec3_add(box.max, around)};
+}
+
+// How far it reaches depends on the place, and which places count on how far it reaches.
+static double reach_of(const struct warp_scene *scene, const struct field *field,
+                       const struct mesh *mesh) {
+    double reach = 0;
+    for (int i = 0; i < REACH_STEPS; i++)
+        reach = field_reach(scene, field, grown(mesh_bounds(mesh), reach));
+    return reach;
+}
+
 enum result moved_init(const struct warp_scene *scene, const struct field *field, struct moved *out,
                        struct error *err) {
-    *out = (struct moved){.reach_mm = field->radius_mm + 1.5 * field->skin_mm};
+    *out = (struct moved){0};
     for (int i = 0; i < scene->surface_count; i++) {
         const struct warp_surface *s = &scene->surfaces[i];
         bool *wanted = alloc(s->mesh->triangle_count, sizeof *wanted);
@@ -75,6 +90,7 @@ enum result moved_init(const struct warp_scene *scene, const struct field *field
     }
     if (!out->mesh.triangle_count)
         return RESULT_OK;
+    out->reach_mm = reach_of(scene, field, &out->mesh);
     enum result result = query_create(&out->mesh, &out->query, err);
     if (result != RESULT_OK)
         moved_fini(out);
@@ -87,9 +103,7 @@ void moved_fini(struct moved *moved) {
 }
 
 struct box moved_box(const struct moved *moved) {
-    struct box box = mesh_bounds(&moved->mesh);
-    vec3 reach = {moved->reach_mm, moved->reach_mm, moved->reach_mm};
-    return (struct box){vec3_sub(box.min, reach), vec3_add(box.max, reach)};
+    return grown(mesh_bounds(&moved->mesh), moved->reach_mm);
 }
 
 // ---- one place ----------------------------------------------------------------------------------
@@ -117,7 +131,6 @@ struct field_walk {
     const struct warp_scene *scene;
     const struct field *field;
     const struct moved *moved;
-    uint32_t yielding;
     const struct space *space;
     struct field_figures *slabs;
 };
@@ -161,13 +174,6 @@ static bool is_filled(const struct field_spot *spot) {
     return spot->gap_mm > 0 && spot->left_mm <= (1 - FILLED_SHARE) * spot->gap_mm;
 }
 
-static bool is_against(const struct field_slab *slab, const struct field_spot *spot) {
-    for (int i = 0; i < 2; i++)
-        if (spot->nearest[i] >= 0 && slab->walk->yielding >> spot->nearest[i] & 1)
-            return true;
-    return false;
-}
-
 static void keep_lesser(struct field_spot *spot, bool had, const struct field_spot *other) {
     if (!had || other->value < spot->value)
         *spot = *other;
@@ -176,8 +182,8 @@ static void keep_lesser(struct field_spot *spot, bool had, const struct field_sp
 static void take_fold(struct field_slab *slab, vec3 y, double determinant) {
     struct field_figures *f = slab->figures;
     struct field_spot spot = spot_of(slab, y, determinant);
-    if (is_against(slab, &spot))
-        keep_lesser(&f->yielding, f->yielded++, &spot);
+    if (spot.nearest[1] < 0)
+        keep_lesser(&f->fading, f->faded++, &spot);
     else if (is_filled(&spot))
         keep_lesser(&f->filling, f->filled++, &spot);
     else
@@ -351,7 +357,7 @@ void field_counts_add(struct field_figures *sum, const struct field_figures *fig
     sum->still += figures->still;
     sum->close += figures->close;
     sum->folded += figures->folded;
-    sum->yielded += figures->yielded;
+    sum->faded += figures->faded;
     sum->filled += figures->filled;
     sum->jumped += figures->jumped;
     for (int i = 0; i < GAIN_BINS; i++)
@@ -363,8 +369,8 @@ static void add(struct field_figures *f, const struct field_figures *g) {
         keep_larger(&f->gain, f->looked, &g->gain);
     if (g->jumped)
         keep_larger(&f->jump, f->jumped, &g->jump);
-    if (g->yielded)
-        keep_lesser(&f->yielding, f->yielded, &g->yielding);
+    if (g->faded)
+        keep_lesser(&f->fading, f->faded, &g->fading);
     if (g->filled)
         keep_lesser(&f->filling, f->filled, &g->filling);
     if (field_own_folds(g))
@@ -373,11 +379,11 @@ static void add(struct field_figures *f, const struct field_figures *g) {
 }
 
 void field_walk(const struct warp_scene *scene, const struct field *field,
-                const struct moved *moved, uint32_t yielding, const struct space *space,
+                const struct moved *moved, const struct space *space,
                 const struct progress *progress, struct field_figures *figures) {
     CHECK(moved->query);
     int slabs = (space->size[2] + SLAB - 1) / SLAB;
-    struct field_walk walk = {scene, field, moved, yielding, space, NULL};
+    struct field_walk walk = {scene, field, moved, space, NULL};
     walk.slabs = alloc((size_t)slabs, sizeof *walk.slabs);
     parallel_for(slabs, walk_slab, &walk, progress);
     for (int i = 0; i < slabs; i++)

@@ -46,12 +46,12 @@ struct field_figures {
     uint64_t still;         // W is 0
     uint64_t close;         // left out: closer than SECOND_GROUP_MM to a second surface
     uint64_t folded;        // det(I + ∇W) <= 0; of these,
-    uint64_t yielded;       // those against a surface that gives way, and of the others
+    uint64_t faded;         // those with one surface in reach, off which the field fades, and
     uint64_t filled;        // those where a gap is filled
     uint64_t jumped;        // pairs of neighbours between which W jumps
     struct field_spot gain; // the largest |∇W|
-    // The least determinant where a surface gives way, where a gap is filled, and elsewhere.
-    struct field_spot yielding, filling, fold;
+    // The least determinant where the field fades, where a gap is filled, and elsewhere.
+    struct field_spot fading, filling, fold;
     struct field_spot jump;    // the largest change of W over JUMP_WAY_MM; nearest[0]: the surface
                                // whose part in it changes most
     uint64_t gains[GAIN_BINS]; // of |∇W|; the last: all beyond
@@ -59,19 +59,20 @@ struct field_figures {
 
 // By |∇W| (largest singular value): change of warp for each millimetre of hand. A jump: W changes
 // by more than JUMP_MM over JUMP_WAY_MM, and a surface's Δ by half of that or more, found by
-// halving the way between neighbours that differ by more than both gradients explain. yielding: bit
-// k: surface k gives way, as skin does; a place is against it where it is one of the two nearest.
+// halving the way between neighbours that differ by more than both gradients explain. In the
+// integral field only a ligament that bridges two bones has a Δ that may jump.
 // Figures are added to those that are there. Threads inside; the figures depend on none of it.
 void field_walk(const struct warp_scene *scene, const struct field *field,
-                const struct moved *moved, uint32_t yielding, const struct space *space,
+                const struct moved *moved, const struct space *space,
                 const struct progress *progress, struct field_figures *figures);
 
 // Adds the counts, not the spots.
 void field_counts_add(struct field_figures *sum, const struct field_figures *figures);
 
-// Folds that neither a surface that gives way nor a filled gap explains.
+// Folds that neither a surface displaced by as much as the field reaches nor a filled gap explains:
+// between sheets that are close the integral field is steeper than straight from one to the other.
 static inline uint64_t field_own_folds(const struct field_figures *figures) {
-    return figures->folded - figures->yielded - figures->filled;
+    return figures->folded - figures->faded - figures->filled;
 }
 
 // The gain that a share of what was looked at does not exceed; 0 where nothing was.

@@ -33,7 +33,7 @@ static bool is_filled_at_rest(const struct case_check *check) {
 static void find_folds(struct case_check *check) {
     const struct field_figures *f = check->field;
     char where[256];
-    bool many = share(check, f->folded - f->yielded) > FOLDS_MAX;
+    bool many = share(check, f->folded) > FOLDS_MAX;
     if (f->filled) {
         describe(check, &f->filling, check->filling_pose, where);
         inspection_note(&check->findings,
@@ -49,12 +49,13 @@ static void find_folds(struct case_check *check) {
                         "%.3g %% of the warped space folds, det(I + dW) = %.3g at %s",
                         100 * share(check, field_own_folds(f)), f->fold.value, where);
     }
-    if (f->yielded) {
-        describe(check, &f->yielding, check->yielding_pose, where);
-        inspection_note(&check->findings, FINDING_WARNING, "skin",
-                        "%.3g %% of the warped space folds against the skin, which gives way, "
-                        "det(I + dW) = %.3g at %s",
-                        100 * share(check, f->yielded), f->yielding.value, where);
+    if (f->faded) {
+        describe(check, &f->fading, check->fading_pose, where);
+        inspection_note(&check->findings, many ? FINDING_FAULT : FINDING_WARNING,
+                        group_of(check, f->fading.nearest[0]),
+                        "is displaced by about as much as the field reaches: %.3g %% of the warped "
+                        "space folds off it, where nothing else is near, det(I + dW) = %.3g at %s",
+                        100 * share(check, f->faded), f->fading.value, where);
     }
 }
 
@@ -71,20 +72,16 @@ static void find_gain(struct case_check *check) {
                     field_gain_within(f, MOST), where);
 }
 
-static void find_jumps(struct case_check *check, const struct knee_case *knee) {
+static void find_jumps(struct case_check *check) {
     const struct field_figures *f = check->field;
     char where[256];
     if (!f->jumped)
         return;
-    int surface = f->jump.nearest[0];
-    enum field_kind kind = check->settings.field.kind;
-    bool cured = kind != FIELD_SMOOTH && kind != FIELD_INTEGRAL && surface >= 0 &&
-                 knee->groups[surface].warp && !knee->groups[surface].bridges;
     describe(check, &f->jump, check->jump_pose, where);
-    inspection_note(&check->findings, FINDING_WARNING, group_of(check, surface),
-                    "is hollow: where its closest point jumps, the displacement jumps by up to "
-                    "%.2f mm, at %s%s",
-                    f->jump.value, where, cured ? "; not in the integral field" : "");
+    inspection_note(&check->findings, FINDING_WARNING, group_of(check, f->jump.nearest[0]),
+                    "is hollow and follows two bones: where its closest point jumps, the "
+                    "displacement jumps by up to %.2f mm, at %s",
+                    f->jump.value, where);
 }
 
 static void find_touch(struct case_check *check) {
@@ -228,7 +225,7 @@ void findings_gather(struct case_check *check, const struct knee_case *knee) {
     find_left_out(check);
     find_folds(check);
     find_gain(check);
-    find_jumps(check, knee);
+    find_jumps(check);
     find_touch(check);
     for (int a = 0; a < check->group_count; a++)
         for (int b = a + 1; b < check->group_count; b++)

@@ -41,7 +41,7 @@ static json_t *field(const struct field_figures *f) {
     set(object, "still", count(f->still));
     set(object, "close", count(f->close));
     set(object, "folded", count(f->folded));
-    set(object, "folded_against_skin", count(f->yielded));
+    set(object, "folded_fading", count(f->faded));
     set(object, "folded_by_case", count(f->filled));
     set(object, "jumps", count(f->jumped));
     if (f->looked) {
@@ -60,8 +60,8 @@ static void set_spots(json_t *object, const struct case_check *check,
         set(object, "worst_fold", spot(check, &f->fold));
     if (f->filled)
         set(object, "worst_fold_by_case", spot(check, &f->filling));
-    if (f->yielded)
-        set(object, "worst_fold_against_skin", spot(check, &f->yielding));
+    if (f->faded)
+        set(object, "worst_fold_fading", spot(check, &f->fading));
     if (f->jumped)
         set(object, "largest_jump", spot(check, &f->jump));
 }

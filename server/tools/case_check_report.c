@@ -105,16 +105,17 @@ static void write_pose(FILE *file, const struct check_pose *at) {
             "<td class=\"n\">%.2f</td></tr>\n",
             (unsigned long long)f->looked, f->gain.value, field_gain_within(f, MOST),
             per_cent(field_own_folds(f), f->looked), per_cent(f->filled, f->looked),
-            per_cent(f->yielded, f->looked), f->jumped ? f->jump.value : 0);
+            per_cent(f->faded, f->looked), f->jumped ? f->jump.value : 0);
 }
 
 static void write_poses(const struct check_page *page) {
     fputs("<h2>Poses</h2>\n<p>Shares are of the reachable space in which something is displaced. A "
           "gap is filled where displacements leave less than a tenth of it: no field could do "
-          "without a fold there.</p>\n"
+          "without a fold there. The field fades where only one surface is near; it folds there if "
+          "that is displaced by as much as the field reaches.</p>\n"
           "<table>\n<tr><th>pose</th><th class=\"n\">places</th><th class=\"n\">largest gain</th>"
           "<th class=\"n\">99.9 % within</th><th class=\"n\">folds, %</th>"
-          "<th class=\"n\">gap filled, %</th><th class=\"n\">against skin, %</th>"
+          "<th class=\"n\">gap filled, %</th><th class=\"n\">fading, %</th>"
           "<th class=\"n\">jump, mm</th></tr>\n",
           page->file);
     for (int i = 0; i < page->check->pose_count; i++)

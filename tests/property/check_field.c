@@ -26,23 +26,23 @@ static struct space whole(struct box box, double spacing) {
 
 // The caller frees them.
 static struct field_figures *walk(const struct warp_scene *scene, const struct field *field,
-                                  uint32_t yielding, const struct space *space) {
+                                  const struct space *space) {
     struct field_figures *figures = alloc(1, sizeof *figures);
     struct moved moved;
     struct error err;
     assert_int_equal(moved_init(scene, field, &moved, &err), RESULT_OK);
-    field_walk(scene, field, &moved, yielding, space, NULL, figures);
+    field_walk(scene, field, &moved, space, NULL, figures);
     moved_fini(&moved);
     return figures;
 }
 
-static struct field_figures *walk_walls(double gap, double rise, uint32_t yielding) {
+static struct field_figures *walk_walls(double gap, double rise) {
     struct bodies bodies;
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
     bodies_walls(&bodies, gap, rise);
     struct warp_scene scene = scene_of(&bodies);
     struct space space = whole((struct box){{-6, -6, -0.49 * gap}, {6, 6, 0.49 * gap}}, 0.25);
-    struct field_figures *figures = walk(&scene, &field, yielding, &space);
+    struct field_figures *figures = walk(&scene, &field, &space);
     space_fini(&space);
     bodies_fini(&bodies);
     return figures;
@@ -50,21 +50,17 @@ static struct field_figures *walk_walls(double gap, double rise, uint32_t yieldi
 
 static void a_bump_that_fills_its_gap_folds_for_the_cases_fault(void **state) {
     (void)state;
-    struct field_figures *f = walk_walls(2, 2.1, 0);
+    struct field_figures *f = walk_walls(2, 2.1);
     assert_true(f->folded > 0.8 * (double)f->looked);
     assert_int_equal(f->filled, f->folded);
     assert_near(f->filling.gap_mm, 2, 1e-6);
     assert_near(f->filling.left_mm, -0.1, 1e-6);
     assert_int_equal(f->close, 0);
     free(f);
-    f = walk_walls(0.7, 0.3, 0); // with one at hand, the other is too near in the middle only
+    f = walk_walls(0.7, 0.3); // with one at hand, the other is too near in the middle only
     assert_true(f->close > 0 && f->looked > 0);
     free(f);
-    f = walk_walls(2, 2.1, 2);
-    assert_int_equal(f->yielded, f->folded);
-    assert_int_equal(f->filled, 0);
-    free(f);
-    f = walk_walls(2, 1, 0);
+    f = walk_walls(2, 1);
     assert_int_equal(f->folded, 0);
     assert_near(f->gain.value, 0.5, 0.05); // 1 mm over 2 mm, and the background
     assert_near(field_gain_within(f, 1), f->gain.value, 1e-9);
@@ -76,6 +72,29 @@ static void a_bump_that_fills_its_gap_folds_for_the_cases_fault(void **state) {
     f->looked /= 3;
     assert_true(field_gain_within(f, 0.1) <= f->gain.value);
     free(f);
+}
+
+// A wall is displaced by more than the field reaches, and nothing else is near.
+static void a_field_that_fades_too_fast_folds_off_one_surface(void **state) {
+    (void)state;
+    for (int far = 0; far < 2; far++) {
+        struct bodies bodies;
+        bodies_walls(&bodies, 40, far ? 16 : 6);
+        bodies_integrate(&bodies);
+        struct warp_scene scene = scene_of(&bodies);
+        struct field field = field_default(FIELD_INTEGRAL);
+        struct space space = whole((struct box){{-3, -3, -18}, {3, 3, -10}}, 0.5);
+        struct field_figures *f = walk(&scene, &field, &space);
+        assert_true(f->looked > 1000);
+        assert_int_equal(f->faded, f->folded);
+        assert_int_equal(field_own_folds(f), 0);
+        assert_true(far ? f->faded > f->looked / 2 : f->faded == 0);
+        if (far)
+            assert_true(f->fading.value < 0 && f->fading.nearest[0] == 0);
+        space_fini(&space);
+        bodies_fini(&bodies);
+        free(f);
+    }
 }
 
 // By central differences, with kinks between: nodes near them may count either way.
@@ -116,7 +135,7 @@ static void folds_agree_with_central_differences(void **state) {
     struct warp_scene scene = scene_of(&bodies);
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
     struct space space = whole((struct box){{-30, -20, -8}, {30, 20, 8}}, 1.1);
-    struct field_figures *f = walk(&scene, &field, 0, &space);
+    struct field_figures *f = walk(&scene, &field, &space);
     uint64_t looked = 0, folds = count_folds(&scene, &field, &space, &looked);
     assert_int_equal(f->looked, looked);
     assert_true(folds > 50);
@@ -180,7 +199,7 @@ static void jumps_of_the_closest_point_are_told_and_measured(void **state) {
     struct warp_scene scene = scene_of(&bodies);
     struct field field = field_default(FIELD_INVERSE_DISTANCE);
     struct space space = whole((struct box){{-1.7, -4, -4}, {1.7, 4, 4}}, 0.5);
-    struct field_figures *f = walk(&scene, &field, 0, &space);
+    struct field_figures *f = walk(&scene, &field, &space);
     double weight = 1.0 / 2 - 1 / field.radius_mm;
     assert_true(f->jumped > 100);
     assert_near(f->jump.value, 2 * weight / (weight + field.background_per_mm), 0.02);
@@ -190,7 +209,7 @@ static void jumps_of_the_closest_point_are_told_and_measured(void **state) {
     bodies_smooth(&bodies);
     field.kind = FIELD_SMOOTH;
     scene = scene_of(&bodies);
-    f = walk(&scene, &field, 0, &space);
+    f = walk(&scene, &field, &space);
     assert_int_equal(f->jumped, 0);
     free(f);
     space_fini(&space);
@@ -320,6 +339,7 @@ static void concentric_shells_tell_where_and_by_how_much(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bump_that_fills_its_gap_folds_for_the_cases_fault),
+        cmocka_unit_test(a_field_that_fades_too_fast_folds_off_one_surface),
         cmocka_unit_test(folds_agree_with_central_differences),
         cmocka_unit_test(nothing_is_displaced_beyond_the_reach_of_what_moved),
         cmocka_unit_test(jumps_of_the_closest_point_are_told_and_measured),

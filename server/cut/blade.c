@@ -5,6 +5,7 @@
 // The upper jaw of a punch turns about a hinge on the shaft's axis, from the closed lower jaw
 // towards y. It takes tissue between jaw_root and jaw_length from the hinge.
 static const double jaw_length = 6, jaw_root = 1, jaw_half_width = 1.75, jaw_full_deg = 35;
+static const double jaw_tremor_mm = 0.5; // what goes farther between two moves bites anew
 static const double burr_radius = 2;
 static const vec3 knife_low = {-0.1, -1.25, -3.5},
                   knife_high = {0.1, 1.25, 0}; // its kerf is along x
@@ -68,7 +69,18 @@ static vec3 jaw_direction(double opening) {
     return (vec3){0, sin(angle), cos(angle)};
 }
 
-// A wedge about the hinge, from the opening before to that after.
+// How far the jaw's farthest point has gone from one pose to the other.
+static double jaw_way_mm(pose from, pose to) {
+    double farthest = 0;
+    for (int i = 0; i < 4; i++) {
+        vec3 p = {i & 1 ? jaw_half_width : -jaw_half_width, 0, i & 2 ? 0 : -jaw_length};
+        farthest = fmax(farthest, vec3_distance(pose_apply(from, p), pose_apply(to, p)));
+    }
+    return farthest;
+}
+
+// A wedge about the hinge, from the opening before to that after. A hand that trembles as it closes
+// the jaw leaves no film between one move and the next: the wedge goes back to where the jaw was.
 static int punch_parts(const struct blade_move *move, struct convex *out_parts, struct error *err) {
     double high = move->opening[0], low = move->opening[1];
     if (high - low < 1e-3)
@@ -86,6 +98,12 @@ static int punch_parts(const struct blade_move *move, struct convex *out_parts, 
             body.points[body.point_count++] =
                 pose_apply(at, vec3_add_scaled(from, jaw_length, directions[i]));
         }
+    bool trembled = jaw_way_mm(move->T_mesh_tip[0], at) < jaw_tremor_mm;
+    for (int i = 0; i < 4 && trembled; i++) {
+        vec3 from = {i & 1 ? jaw_half_width : -jaw_half_width, 0, -jaw_length};
+        vec3 p = vec3_add_scaled(from, i & 2 ? jaw_root : jaw_length, directions[2]);
+        body.points[body.point_count++] = pose_apply(move->T_mesh_tip[0], p);
+    }
     vec3 across = {1, 0, 0};
     add_both(&body, quat_rotate(at.rotation, across));
     add_normal(&body, quat_rotate(at.rotation, vec3_cross(across, directions[0])));

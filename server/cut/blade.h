@@ -19,7 +19,8 @@ struct blade_move {
 
 // The convex parts that the move takes, at most CUT_PARTS_MAX:
 //   punch   what the upper jaw sweeps as it closes, where the tip is after the move: nothing while
-//           it opens or stands still
+//           it opens or stands still. If the tip has moved by less than 0.5 mm, from where the jaw
+//           was before, so that a hand that trembles leaves no film between two moves
 //   shaver  the burr, swept along the move; where it stands, the burr itself
 //   knife   the wedge behind the edge, swept along the move, as wide as its kerf
 // The number of parts, 0 where the move takes nothing. -1 where a part cannot be made: the error

@@ -192,12 +192,20 @@ static uint64_t hash_on(uint64_t before, uint64_t hash) {
     return XXH3_64bits_withSeed(&before, sizeof before, hash);
 }
 
+// Under older rules all of a bite is where the tip is after it.
+static struct blade_move move_under(int rules, const struct blade_move *move) {
+    struct blade_move out = *move;
+    if (rules < RULES_WITHOUT_FILMS && move->kind == BLADE_PUNCH)
+        out.T_mesh_tip[0] = move->T_mesh_tip[1];
+    return out;
+}
+
 static void cut_move(struct operation *operation, struct operated_tissue *t, uint32_t stroke,
                      const struct blade_move *move, struct job_result *result) {
-    struct past_cut past = {operation->cuts + 1, stroke, *move, t->now.figures,
+    struct past_cut past = {operation->cuts + 1, stroke, move_under(t->rules, move), t->now.figures,
                             t->fitting ? fitting_count(t->fitting) : 0};
     keep(t, t->cut_count, stroke);
-    tissue_state_cut(&t->now, t->scene, move, result);
+    tissue_state_cut(&t->now, t->scene, &past.move, result);
     if (result->outcome == JOB_REFUSED)
         t->now.figures.refused++;
     if (result->outcome != JOB_DONE)

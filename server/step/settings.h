@@ -24,11 +24,13 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      (match/conform.h), and where touch and sight still differ is measured. Before, it had a
 //      blend for each vertex (match/match.h).
 //   4  Torn ligaments open along a straighter ramp (warp/adaptive.h).
-#define RULES_NEWEST 4
+//   5  A punch that trembles as its jaw closes leaves no film between two moves (cut/blade.h).
+#define RULES_NEWEST 5
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
 #define RULES_WITH_STRAIGHT_RAMP 4
+#define RULES_WITHOUT_FILMS 5
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

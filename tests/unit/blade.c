@@ -85,6 +85,29 @@ static void a_punch_takes_what_its_jaw_closes_over(void **state) {
     }
 }
 
+// The face of the jaw where the move before ended is taken, unless the hand has gone on.
+static void a_punch_that_trembles_leaves_no_film(void **state) {
+    (void)state;
+    struct random r = {10};
+    struct convex parts[CUT_PARTS_MAX];
+    for (int round = 0; round < 200; round++) {
+        struct blade_move move = random_move(&r, BLADE_PUNCH);
+        bool gone = round % 2;
+        vec3 up = quat_rotate(move.T_mesh_tip[0].rotation, (vec3){0, 1, 0});
+        quat turn = quat_from_axis_angle(random_direction(&r), gone ? 0 : 0.02);
+        move.T_mesh_tip[1].rotation = quat_multiply(move.T_mesh_tip[0].rotation, turn);
+        move.T_mesh_tip[1].translation =
+            vec3_add_scaled(move.T_mesh_tip[0].translation, gone ? -0.6 : -0.2, up);
+        int count = blade_parts(&move, parts, NULL);
+        for (int i = 0; i < 30; i++) {
+            double angle = move.opening[0] * 35 * RAD_PER_DEG - 1e-9;
+            double along = random_between(&r, 1.01, 5.9), beside = random_between(&r, -1.7, 1.7);
+            vec3 p = {beside, along * sin(angle), along * cos(angle) - 6};
+            assert_int_equal(contained(parts, count, pose_apply(move.T_mesh_tip[0], p)), !gone);
+        }
+    }
+}
+
 static void a_knife_takes_its_kerf_along_its_way(void **state) {
     (void)state;
     struct convex parts[CUT_PARTS_MAX];
@@ -118,6 +141,7 @@ int main(void) {
         cmocka_unit_test(every_part_is_within_reach),
         cmocka_unit_test(a_burr_takes_what_it_sweeps),
         cmocka_unit_test(a_punch_takes_what_its_jaw_closes_over),
+        cmocka_unit_test(a_punch_that_trembles_leaves_no_film),
         cmocka_unit_test(a_knife_takes_its_kerf_along_its_way),
         cmocka_unit_test(a_blade_that_cannot_be_made_is_told_with_its_place),
     };

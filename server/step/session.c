@@ -2,9 +2,11 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "step/bones.h"
 #include "step/cutting.h"
 #include "step/easing.h"
 #include "step/fields.h"
+#include "step/samples.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -23,9 +25,7 @@ struct session {
     uint64_t step;
     int64_t time_ns;
     uint64_t hash;
-    // The newest sample of each channel and kind; known says whether there was ever one.
-    struct sample samples[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
-    bool known[CHANNEL_COUNT][SAMPLE_KIND_COUNT];
+    struct samples samples;
     bool in_contact[INSTRUMENT_COUNT];
     struct avatar_memory memory[INSTRUMENT_COUNT];
     int portals[INSTRUMENT_COUNT]; // that each goes through: index in the case
@@ -45,7 +45,7 @@ struct session {
 };
 
 static void forget(struct session *s) {
-    memset(s->known, 0, sizeof s->known);
+    memset(s->samples.known, 0, sizeof s->samples.known);
     memset(s->in_contact, 0, sizeof s->in_contact);
     memset(s->seen, 0, sizeof s->seen);
     memset(s->portals, -1, sizeof s->portals);
@@ -135,42 +135,8 @@ static uint32_t change_state(struct session *s, enum input_kind kind) {
     return s->state != before ? EVENT_STATE : 0;
 }
 
-static bool is_too_old(const struct session *s, const struct sample *sample) {
-    return s->time_ns - sample->time_ns > s->settings.hold_ns;
-}
-
-// The last good value stays when a sample is lost. A time ahead of ours is clock error: taken as
-// now, so that no sample is held for longer than another.
-static uint32_t take_sample(struct session *s, const struct sample *sample) {
-    struct sample *newest = &s->samples[sample->channel][sample->kind];
-    bool *known = &s->known[sample->channel][sample->kind];
-    bool was_lost = *known && newest->validity == VALIDITY_LOST;
-    bool is_lost = sample->validity == VALIDITY_LOST || is_too_old(s, sample);
-    if (is_lost) {
-        newest->validity = VALIDITY_LOST;
-        return *known && !was_lost ? EVENT_DEVICE_LOST : 0;
-    }
-    *newest = *sample;
-    if (newest->time_ns > s->time_ns)
-        newest->time_ns = s->time_ns;
-    *known = true;
-    return was_lost ? EVENT_DEVICE_BACK : 0;
-}
-
-// A sample that stopped coming is held, then lost.
 static uint32_t age_samples(struct session *s) {
-    uint32_t events = 0;
-    for (int c = 0; c < CHANNEL_COUNT; c++)
-        for (int k = 0; k < SAMPLE_KIND_COUNT; k++) {
-            struct sample *sample = &s->samples[c][k];
-            if (!s->known[c][k] || sample->validity == VALIDITY_LOST)
-                continue;
-            if (is_too_old(s, sample)) {
-                sample->validity = VALIDITY_LOST;
-                events |= EVENT_DEVICE_LOST;
-            }
-        }
-    return events;
+    return samples_age(&s->samples, s->time_ns, s->settings.hold_ns);
 }
 
 // A cut that was asked for before the tissue was restored changes nothing any more.
@@ -210,56 +176,12 @@ static uint32_t take_input(struct session *s, const struct session_input *input,
     CHECK(frame_is_valid(&input->frame));
     uint32_t events = 0;
     for (int i = 0; i < input->frame.count; i++)
-        events |= take_sample(s, &input->frame.samples[i]);
+        events |=
+            samples_take(&s->samples, &input->frame.samples[i], s->time_ns, s->settings.hold_ns);
     return events | age_samples(s);
 }
 
 // ---- bones --------------------------------------------------------------------------------------
-
-static bool pose_is_known(const struct session *s, enum channel channel) {
-    return s->known[channel][SAMPLE_POSE];
-}
-
-static pose last_pose(const struct session *s, enum channel channel) {
-    return s->samples[channel][SAMPLE_POSE].T_mockup_body;
-}
-
-static enum validity pose_validity(const struct session *s, enum channel channel) {
-    return s->samples[channel][SAMPLE_POSE].validity;
-}
-
-static enum validity worse(enum validity a, enum validity b) {
-    return a > b ? a : b;
-}
-
-// A tracked tibia wins over the joint's encoders, unless it is lost and they are not.
-static bool tibia_is_tracked(const struct session *s) {
-    if (!pose_is_known(s, CHANNEL_TIBIA))
-        return false;
-    bool encoders_good = s->known[CHANNEL_JOINT][SAMPLE_JOINT] &&
-                         s->samples[CHANNEL_JOINT][SAMPLE_JOINT].validity != VALIDITY_LOST;
-    return pose_validity(s, CHANNEL_TIBIA) != VALIDITY_LOST || !encoders_good;
-}
-
-static void place_tibia(const struct session *s, struct session_output *out) {
-    const struct joint_frame *joint = &s->scene->knee->joint;
-    const struct sample *encoders = &s->samples[CHANNEL_JOINT][SAMPLE_JOINT];
-    pose *bodies = out->T_mockup_body;
-    if (tibia_is_tracked(s)) {
-        bodies[BODY_TIBIA] = last_pose(s, CHANNEL_TIBIA);
-        pose T_mockup_femur = bodies[BODY_FEMUR];
-        out->joint =
-            joint_from_pose(joint, pose_compose(pose_inverse(T_mockup_femur), bodies[BODY_TIBIA]));
-        out->joint_validity = pose_validity(s, CHANNEL_TIBIA);
-        if (pose_is_known(s, CHANNEL_FEMUR))
-            out->joint_validity = worse(out->joint_validity, pose_validity(s, CHANNEL_FEMUR));
-        return;
-    }
-    bool known = s->known[CHANNEL_JOINT][SAMPLE_JOINT];
-    out->joint = known ? encoders->joint : (struct joint_angles){0};
-    out->joint_validity = known ? encoders->validity : VALIDITY_LOST;
-    bodies[BODY_TIBIA] = pose_compose(bodies[BODY_FEMUR], joint_to_pose(joint, &out->joint));
-}
 
 // The corrections are kept: instruments need them.
 static void correct_bones(struct session *s, struct session_output *out) {
@@ -273,19 +195,6 @@ static void correct_bones(struct session *s, struct session_output *out) {
     out->torn_count = s->scene->knee->torn_count;
     memcpy(out->opening, adaptive.opening, sizeof out->opening);
     memcpy(out->share, adaptive.share, sizeof out->share);
-}
-
-// An untracked femur is the mock-up's own frame. What is lost stays where it was last seen: a bone
-// that jumped would take the surfaces under the instruments with it.
-static void place_bones(const struct session *s, struct session_output *out) {
-    pose *bodies = out->T_mockup_body;
-    bodies[BODY_FEMUR] =
-        pose_is_known(s, CHANNEL_FEMUR) ? last_pose(s, CHANNEL_FEMUR) : pose_identity();
-    place_tibia(s, out);
-    pose T_femur_patella = case_patella_pose(s->scene->knee, out->joint.flexion_deg);
-    bodies[BODY_PATELLA] = pose_is_known(s, CHANNEL_PATELLA)
-                               ? last_pose(s, CHANNEL_PATELLA)
-                               : pose_compose(bodies[BODY_FEMUR], T_femur_patella);
 }
 
 // ---- easing -------------------------------------------------------------------------------------
@@ -420,15 +329,17 @@ static uint32_t feel_contact(struct session *s, int instrument, double distance_
 static void place_instrument(struct session *s, int instrument, struct session_output *out) {
     enum channel channel = (enum channel)(CHANNEL_FIRST_INSTRUMENT + instrument);
     struct instrument_output *o = &out->instruments[instrument];
-    if (!pose_is_known(s, channel) || pose_validity(s, channel) == VALIDITY_LOST)
+    const struct sample *tip = samples_last(&s->samples, channel, SAMPLE_POSE);
+    const struct sample *handle = samples_last(&s->samples, channel, SAMPLE_HANDLE);
+    if (!tip || tip->validity == VALIDITY_LOST)
         return;
     o->present = true;
-    o->validity = pose_validity(s, channel);
-    o->T_mockup_tip = last_pose(s, channel);
+    o->validity = tip->validity;
+    o->T_mockup_tip = tip->T_mockup_body;
     o->handle_validity = VALIDITY_LOST;
-    if (s->known[channel][SAMPLE_HANDLE]) {
-        o->handle = s->samples[channel][SAMPLE_HANDLE].handle;
-        o->handle_validity = s->samples[channel][SAMPLE_HANDLE].validity;
+    if (handle) {
+        o->handle = handle->handle;
+        o->handle_validity = handle->validity;
     }
     warp_instrument(s, out, instrument);
 }
@@ -515,7 +426,7 @@ void session_step(struct session *s, const struct session_input *input,
     out->frame_number = input->kind == INPUT_FRAME ? input->frame.number : 0;
     out->time_ns = s->time_ns;
     out->state = s->state;
-    place_bones(s, out);
+    bones_place(&s->samples, s->scene->knee, out);
     correct_bones(s, out);
     if (shows_instruments(s))
         out->events |= move_instruments(s, s->time_ns - before_ns, out);

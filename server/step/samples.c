@@ -1,0 +1,42 @@
+#include "step/samples.h"
+
+#include "step/output.h"
+
+// The last good value stays when a sample is lost. A time ahead of ours is clock error: taken as
+// now, so that no sample is held for longer than another.
+uint32_t samples_take(struct samples *samples, const struct sample *sample, int64_t now_ns,
+                      int64_t hold_ns) {
+    struct sample *newest = &samples->newest[sample->channel][sample->kind];
+    bool *known = &samples->known[sample->channel][sample->kind];
+    bool was_lost = *known && newest->validity == VALIDITY_LOST;
+    if (sample->validity == VALIDITY_LOST || now_ns - sample->time_ns > hold_ns) {
+        newest->validity = VALIDITY_LOST;
+        return *known && !was_lost ? EVENT_DEVICE_LOST : 0;
+    }
+    *newest = *sample;
+    if (newest->time_ns > now_ns)
+        newest->time_ns = now_ns;
+    *known = true;
+    return was_lost ? EVENT_DEVICE_BACK : 0;
+}
+
+// A sample that stopped coming is held, then lost.
+uint32_t samples_age(struct samples *samples, int64_t now_ns, int64_t hold_ns) {
+    uint32_t events = 0;
+    for (int c = 0; c < CHANNEL_COUNT; c++)
+        for (int k = 0; k < SAMPLE_KIND_COUNT; k++) {
+            struct sample *newest = &samples->newest[c][k];
+            if (!samples->known[c][k] || newest->validity == VALIDITY_LOST)
+                continue;
+            if (now_ns - newest->time_ns > hold_ns) {
+                newest->validity = VALIDITY_LOST;
+                events |= EVENT_DEVICE_LOST;
+            }
+        }
+    return events;
+}
+
+const struct sample *samples_last(const struct samples *samples, enum channel channel,
+                                  enum sample_kind kind) {
+    return samples->known[channel][kind] ? &samples->newest[channel][kind] : NULL;
+}

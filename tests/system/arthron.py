@@ -54,6 +54,11 @@ def call_json(name, *arguments, code=0):
     return json.loads(call(name, *arguments, "--json", code=code).stdout)
 
 
+def text_of(path):
+    with open(path) as f:
+        return f.read()
+
+
 def wait_until(what, condition, seconds=PATIENCE_S):
     end = time.monotonic() + seconds
     while time.monotonic() < end:

@@ -8,7 +8,7 @@ import socket
 import time
 import unittest
 
-from arthron import SystemTest, call, call_json, free_port, program, wait_until
+from arthron import SystemTest, call, call_json, free_port, program, text_of, wait_until
 
 
 class Path(SystemTest):
@@ -275,7 +275,7 @@ class Configs(SystemTest):
             self.assertIn(text, done.stderr)
 
     def test_bad_server_configs_are_refused_by_file_line_section_and_key(self):
-        good = open(self.server_config()).read()
+        good = text_of(self.server_config())
         for change, texts in (
             (("port = ", "prot = "), ("server.ini", "line", "[server]", "prot")),
             ((f"port = {self.port}", "port = 70000"), ("[server]", "port", "70000")),
@@ -289,7 +289,7 @@ class Configs(SystemTest):
 
     def test_bad_station_configs_are_refused_by_section_and_key(self):
         self.modbus = self.tracker = "127.0.0.1:1"
-        good = open(self.station_config()).read()
+        good = text_of(self.station_config())
         for change, texts in (
             (("rate_hz = 200", "rate_hz = -1"), ("encoders", "rate_hz")),
             (("driver = tracker", "driver = telepathy"), ("tracker", "telepathy")),
@@ -308,10 +308,10 @@ class Configs(SystemTest):
     def test_a_truncated_case_is_refused_by_name(self):
         bad = self.path("bad")
         os.mkdir(bad)
-        for name in ("case.json", "anatomy.glb"):
-            data = open(f"{self.cases}/healthy/{name}", "rb").read()
-            open(f"{bad}/{name}", "wb").write(data[: len(data) // 2] if name.endswith("glb") else data)
-        config = self.write("server.ini", open(self.server_config()).read().replace(f"{self.cases}/healthy", bad))
+        shutil.copy(f"{self.cases}/healthy/case.json", bad)
+        shutil.copy(f"{self.cases}/healthy/anatomy.glb", bad)
+        os.truncate(f"{bad}/anatomy.glb", os.path.getsize(f"{bad}/anatomy.glb") // 2)
+        config = self.write("server.ini", text_of(self.server_config()).replace(f"{self.cases}/healthy", bad))
         self.refused(config, "healthy", "anatomy.glb")
 
 

@@ -71,6 +71,26 @@ size_t buffer_span(const struct buffer *b, uint64_t at, const uint8_t **out_data
     return (size_t)(left < edge ? left : edge);
 }
 
+void buffer_read(const struct buffer *b, uint64_t at, uint8_t *out, size_t size) {
+    for (const uint8_t *data; size;) {
+        size_t span = buffer_span(b, at, &data), part = span < size ? span : size;
+        memcpy(out, data, part);
+        out += part;
+        at += part;
+        size -= part;
+    }
+}
+
+void buffer_change(struct buffer *b, uint64_t at, const uint8_t *data, size_t size) {
+    for (const uint8_t *place; size;) {
+        size_t span = buffer_span(b, at, &place), part = span < size ? span : size;
+        memcpy(place_of(b, at), data, part);
+        data += part;
+        at += part;
+        size -= part;
+    }
+}
+
 void buffer_release(struct buffer *b, uint64_t before) {
     for (; b->kept + BUFFER_CHUNK <= before; b->kept += BUFFER_CHUNK) {
         int place = b->places[b->kept / BUFFER_CHUNK % BUFFER_CHUNKS];

@@ -33,6 +33,10 @@ bool buffer_has_room(const struct buffer *buffer, size_t size);
 uint64_t buffer_head(const struct buffer *buffer);
 // The contiguous bytes from a position on, at most up to the head. Returns their number.
 size_t buffer_span(const struct buffer *buffer, uint64_t at, const uint8_t **out_data);
+// The same into the caller's memory, and other bytes in the place of those. For the thread that
+// reads them; they are there, and not released.
+void buffer_read(const struct buffer *buffer, uint64_t at, uint8_t *out, size_t size);
+void buffer_change(struct buffer *buffer, uint64_t at, const uint8_t *data, size_t size);
 // Frees the bytes before the position.
 void buffer_release(struct buffer *buffer, uint64_t before);
 // Touches memory ahead, so that the appender never waits for a new page.

@@ -51,10 +51,13 @@ static void write_out(struct trace_writer *w) {
         atomic_store(&w->written, synced > kept ? synced : kept);
         atomic_store(&w->rewrite, false);
     }
+    writer_seal(w);
     uint64_t at = atomic_load(&w->written);
-    while (at != buffer_head(&w->buffer)) {
+    while (at != w->sealed) {
         const uint8_t *data;
         size_t size = buffer_span(&w->buffer, at, &data);
+        if (size > w->sealed - at)
+            size = (size_t)(w->sealed - at);
         ssize_t done = pwrite(w->fd, data, size, (off_t)(w->offset + at));
         if (done < 0 && errno == EINTR)
             continue;

@@ -17,14 +17,16 @@ struct trace_writer {
     // For the appender:
     uint64_t gap; // steps dropped since the last record
     unsigned faults_told;
-    struct chain chain; // through the records in the buffer
     const struct trace_signer *signer;
     // The appender writes these, any thread reads them:
     atomic_uint_fast64_t records, missing;
-    // For the two threads. `writing` guards the file and the release of bytes. Bytes after `synced`
-    // stay in the buffer and are written again after a failed fdatasync: the kernel may have marked
+    // For the two threads. `writing` guards the file, the chain and the release of bytes. Records
+    // are appended without their hashes; up to `sealed` they have them. Bytes after `synced` stay
+    // in the buffer and are written again after a failed fdatasync: the kernel may have marked
     // their pages as clean and lost them.
     pthread_mutex_t writing;
+    struct chain chain;
+    uint64_t sealed;
     atomic_uint_fast64_t written, synced;
     atomic_bool rewrite, failing;
     atomic_uint_fast64_t failed_head; // what had been appended when the disk failed last
@@ -47,5 +49,7 @@ void disk_end(struct trace_writer *writer);
 // Writes now, because an appender waits for room.
 void disk_hurry(void);
 
-// Appends the end record (writer.c).
+// Gives all records in the buffer their hashes; under `writing` (writer.c).
+void writer_seal(struct trace_writer *writer);
+// Appends the end record.
 void writer_put_end(struct trace_writer *writer);

@@ -133,8 +133,10 @@ static struct writer begin_record(enum trace_record_type type, uint8_t *out) {
 static size_t end_record(struct writer *w, struct chain *chain) {
     struct writer prefix = {w->data, 4, 0, false};
     write_u32(&prefix, (uint32_t)(w->used - RECORD_PREFIX));
-    chain_add(chain, w->data, w->used);
-    write_bytes(w, chain->value, sizeof chain->value);
+    static const uint8_t none[TRACE_HASH_SIZE];
+    if (chain)
+        chain_add(chain, w->data, w->used);
+    write_bytes(w, chain ? chain->value : none, sizeof none);
     CHECK(!w->overflow);
     return w->used;
 }

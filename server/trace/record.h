@@ -37,8 +37,8 @@ struct trace_layout {
     int rules; // of the header's settings
 };
 
-// Each returns the size of the whole record and adds the record to the chain. `out` holds
-// HEADER_MAX or RECORD_MAX bytes.
+// Each returns the size of the whole record and adds the record to the chain; chain NULL: zeros are
+// in the place of its hash. `out` holds HEADER_MAX or RECORD_MAX bytes.
 size_t header_encode(const struct trace_header *header, struct chain *chain, uint8_t *out);
 size_t record_encode_step(const struct session_input *input, bool job_done,
                           const struct session_output *output, int rules, struct chain *chain,

@@ -51,9 +51,9 @@ bool trace_header_is_copied(const struct trace_header *header);
 // ---- writing
 //
 // One thread calls trace_append, which copies into a buffer of 4 MB. It allocates nothing and never
-// waits for a disk: another thread writes the buffers of all writers every 20 ms, and a third one
-// calls fdatasync every second. Bytes stay in the buffer until fdatasync has succeeded. If it
-// fails, they are written again.
+// waits for a disk: another thread hashes and writes the buffers of all writers every 20 ms, and a
+// third one calls fdatasync every second. Bytes stay in the buffer until fdatasync has succeeded.
+// If it fails, they are written again.
 
 struct trace_writer;
 

@@ -1,3 +1,4 @@
+#include "base/bytes.h"
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -27,9 +28,9 @@ static size_t encode_troubles(struct trace_writer *w, uint8_t *data) {
     size_t size = 0;
     unsigned faults = atomic_load(&w->faults);
     if (faults != w->faults_told && w->version >= TRACE_FIRST_WITH_FAULTS)
-        size += record_encode_fault(atomic_load(&w->fault_utc_ns), &w->chain, data);
+        size += record_encode_fault(atomic_load(&w->fault_utc_ns), NULL, data);
     if (w->gap)
-        size += record_encode_gap(w->gap, &w->chain, data + size);
+        size += record_encode_gap(w->gap, NULL, data + size);
     w->faults_told = faults;
     return size;
 }
@@ -61,27 +62,24 @@ static void put_touch(struct trace_writer *w, const struct touch_source *source)
         part.offset = (uint32_t)at;
         part.size = (uint32_t)(left < TOUCH_PART_MAX ? left : TOUCH_PART_MAX);
         part.bytes = touch->bytes + at;
-        CHECK(buffer_put(&w->buffer, data, record_encode_touch(&part, &w->chain, data)));
+        CHECK(buffer_put(&w->buffer, data, record_encode_touch(&part, NULL, data)));
     }
 }
 
-// Where the buffer is full the chain is as it was.
 static bool append(struct trace_writer *w, const struct session_input *input, bool job_done,
                    const struct touch_source *source, const struct session_output *output) {
-    uint8_t data[3 * RECORD_MAX], before[TRACE_HASH_SIZE];
+    uint8_t data[3 * RECORD_MAX];
     unsigned told = w->faults_told;
     if (source->touch && !buffer_has_room(&w->buffer, room_for(source)))
         return false;
-    memcpy(before, w->chain.value, sizeof before);
     size_t size = encode_troubles(w, data);
     if (source->touch) {
         CHECK(buffer_put(&w->buffer, data, size));
         put_touch(w, source);
         size = 0;
     }
-    size += record_encode_step(input, job_done, output, w->rules, &w->chain, data + size);
+    size += record_encode_step(input, job_done, output, w->rules, NULL, data + size);
     if (!buffer_put(&w->buffer, data, size)) {
-        memcpy(w->chain.value, before, sizeof before);
         w->faults_told = told;
         return false;
     }
@@ -104,13 +102,9 @@ bool trace_append(struct trace_writer *w, const struct session_input *input,
 
 // A gap before it stays where it is: steps are missing behind the last one, whatever was said.
 bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
-    uint8_t data[RECORD_MAX], before[TRACE_HASH_SIZE];
+    uint8_t data[RECORD_MAX];
     CHECK(remark_is_valid(remark));
-    memcpy(before, w->chain.value, sizeof before);
-    if (buffer_put(&w->buffer, data, record_encode_remark(remark, &w->chain, data)))
-        return true;
-    memcpy(w->chain.value, before, sizeof before);
-    return false;
+    return buffer_put(&w->buffer, data, record_encode_remark(remark, NULL, data));
 }
 
 static enum result wait_for_room(struct trace_writer *w, size_t size, struct error *err) {
@@ -129,7 +123,7 @@ static void append_past(struct trace_writer *w, const struct trace_record *recor
     if (source->touch)
         put_touch(w, source);
     CHECK(buffer_put(&w->buffer, data,
-                     record_encode_past(&record->input, record->job_done, &w->chain, data)));
+                     record_encode_past(&record->input, record->job_done, NULL, data)));
 }
 
 enum result trace_append_record(struct trace_writer *w, const struct trace_record *record,
@@ -162,6 +156,26 @@ struct trace_status trace_writer_status(const struct trace_writer *w) {
     };
 }
 
+// ---- hashes
+
+static size_t size_of_record(const struct trace_writer *w, uint64_t at) {
+    uint8_t bytes[RECORD_PREFIX];
+    buffer_read(&w->buffer, at, bytes, sizeof bytes);
+    struct reader r = {bytes, sizeof bytes, 0, false};
+    return RECORD_PREFIX + (size_t)read_u32(&r);
+}
+
+void writer_seal(struct trace_writer *w) {
+    uint8_t data[RECORD_MAX];
+    for (uint64_t head = buffer_head(&w->buffer); w->sealed < head;) {
+        size_t size = size_of_record(w, w->sealed);
+        buffer_read(&w->buffer, w->sealed, data, size);
+        chain_add(&w->chain, data, size);
+        buffer_change(&w->buffer, w->sealed + size, w->chain.value, sizeof w->chain.value);
+        w->sealed += size + sizeof w->chain.value;
+    }
+}
+
 // ---- the end
 
 static void sign(struct trace_writer *w, struct trace_end *end) {
@@ -183,11 +197,14 @@ void writer_put_end(struct trace_writer *w) {
     uint8_t data[3 * RECORD_MAX];
     struct trace_status status = trace_writer_status(w);
     struct trace_end end = {.records = status.records, .missing = status.missing};
-    size_t size = encode_troubles(w, data);
+    bool put = buffer_put(&w->buffer, data, encode_troubles(w, data));
+    pthread_mutex_lock(&w->writing);
+    writer_seal(w);
+    pthread_mutex_unlock(&w->writing);
     if (w->signer)
         sign(w, &end);
-    size += record_encode_end(&end, &w->chain, data + size);
-    if (!buffer_put(&w->buffer, data, size))
+    put = put && buffer_put(&w->buffer, data, record_encode_end(&end, NULL, data));
+    if (!put)
         log_error("trace", "%s: its end is lost because the disk is full or fails", w->path);
 }
 

@@ -47,7 +47,15 @@ struct recorder {
     struct trace_writer *writer;
     uint64_t from;                           // the first step that `change` sees
     void (*change)(struct session_output *); // of what is recorded, or NULL
+    uint64_t bytes;                          // on disk, at the last wait
 };
+
+// No session is so fast that a disk cannot follow.
+static void wait_for_disk(struct recorder *r) {
+    while (trace_writer_status(r->writer).bytes == r->bytes)
+        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    r->bytes = trace_writer_status(r->writer).bytes;
+}
 
 static void record_step(void *context, const struct session_input *input,
                         const struct session_output *output) {
@@ -56,8 +64,8 @@ static void record_step(void *context, const struct session_input *input,
     if (r->change && output->step >= r->from)
         r->change(&recorded);
     assert_true(trace_append(r->writer, input, &recorded));
-    if (output->step % 500 == 0) // no session is so fast that a disk cannot follow
-        nanosleep(&(struct timespec){.tv_nsec = 30000000}, NULL);
+    if (output->step % 500 == 0)
+        wait_for_disk(r);
     recorded_steps = output->step;
 }
 

@@ -120,6 +120,24 @@ static void compare(const struct scene_of_lesion *scene, enum variant variant,
     samples_fini(&gains);
 }
 
+// What the derivative of the harmonic itself leaves out over the way to the next node: half of its
+// second difference. No late reply can do much better.
+static double harmonic_bend(const struct nodes *nodes) {
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < nodes->count; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            const uint32_t *near = nodes->harmonic.neighbours[nodes->of[i]] + 2 * axis;
+            if (next_node(nodes, i, axis) == HARMONIC_NONE || near[0] == HARMONIC_NONE ||
+                nodes->place[near[0]] == HARMONIC_NONE)
+                continue;
+            const vec3 *W = nodes->harmonic.values;
+            vec3 both = vec3_add(W[near[0]], W[near[1]]);
+            sum += 0.5 * vec3_length(vec3_add_scaled(both, -2, W[nodes->of[i]]));
+            count++;
+        }
+    return count > 0 ? sum / count : 0;
+}
+
 static void report_harmonic(const struct scene_of_lesion *scene, const struct nodes *nodes,
                             struct samples *gains) {
     struct report *report = scene->fidelity->report;
@@ -139,6 +157,7 @@ static void report_harmonic(const struct scene_of_lesion *scene, const struct no
                   scene->name, h);
     report_figure(report, (double)folds / (double)nodes->count, "share", "%s/harmonic/%g mm/folds",
                   scene->name, h);
+    report_figure(report, harmonic_bend(nodes), "mm", "%s/harmonic/%g mm/bend", scene->name, h);
 }
 
 static void compare_all(const struct scene_of_lesion *scene, const struct nodes *nodes) {

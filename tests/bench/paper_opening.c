@@ -175,7 +175,7 @@ static bool is_clear(const struct touch *touch, vec3 p) {
 static void touch_plateau(const struct touch *touch, struct samples *out_off_mm) {
     const struct mesh *mesh = touch->surfaces[BODY_TIBIA].mesh;
     struct warp_scene scene = {touch->surfaces, BODY_COUNT, touch->T_world_body, touch->correction};
-    struct field field = field_default(FIELD_INVERSE_DISTANCE);
+    struct field field = field_default(FIELD_INTEGRAL);
     field.skin_mm = 0.1;
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = pose_apply(touch->T_world_body[BODY_TIBIA], mesh_vertex(mesh, v));

@@ -37,13 +37,11 @@ static const struct variant {
 } variants[] = {
     {"warped, gaussian in cm (the paper's)", "gaussian", "gaussian, cm", FIELD_GAUSSIAN, 0,
      PLOT_ORANGE, PLOT_SOLID},
-    {"warped, inverse distance", "inverse distance", "inverse-distance", FIELD_INVERSE_DISTANCE,
-     0.1, PLOT_BLUE, PLOT_SOLID},
-    {"warped, smooth", "smooth", "smooth", FIELD_SMOOTH, 0.1, PLOT_PURPLE, PLOT_DASHED},
+    {"warped, integral", "integral", "integral", FIELD_INTEGRAL, 0.1, PLOT_BLUE, PLOT_SOLID},
 };
 
 #define VARIANT_COUNT (sizeof variants / sizeof variants[0])
-#define DEFAULT_VARIANT 1
+#define SESSIONS_VARIANT 1
 
 struct way {
     double y[POSE_COUNT], height[POSE_COUNT]; // above the plateau's mean, in the tibia's frame
@@ -54,8 +52,8 @@ struct way {
 struct fig7 {
     struct knee_case *knee;
     struct query *queries[CASE_GROUPS_MAX];
-    struct surface_tree *trees[CASE_GROUPS_MAX];
-    struct surface_mean *means[CASE_GROUPS_MAX];
+    struct surface_blocks *blocks[CASE_GROUPS_MAX];
+    struct surface_integral *integrals[CASE_GROUPS_MAX];
     struct warp_surface all[CASE_GROUPS_MAX], bones[BODY_COUNT];
     int bone_count;
     pose T_world_body[BODY_COUNT];
@@ -65,7 +63,7 @@ struct fig7 {
     double plateau_z;                                                // mean along the line
     double y[POSE_COUNT], physical[POSE_COUNT], patient[POSE_COUNT]; // profiles
     struct way straight, ways[VARIANT_COUNT];
-    struct samples whole_us; // of a whole hook, by inverse distance
+    struct samples whole_us; // of a whole hook, in the sessions' field
 };
 
 // ---- the knee ----
@@ -75,15 +73,14 @@ static enum result add_surfaces(struct fig7 *fig, struct error *err) {
     for (int i = 0; result == RESULT_OK && i < fig->knee->group_count; i++) {
         const struct case_group *group = &fig->knee->groups[i];
         result = query_create(&group->mesh, &fig->queries[i], err);
-        if (group->warp) {
-            fig->trees[i] = surface_tree_create(&group->mesh);
-            fig->means[i] = surface_mean_create(fig->trees[i], group->warp);
-        }
+        fig->blocks[i] = surface_blocks_create(&group->mesh);
+        fig->integrals[i] = surface_integral_create(fig->blocks[i], group->warp);
         fig->all[i] = (struct warp_surface){.mesh = &group->mesh,
                                             .query = fig->queries[i],
                                             .displacement = group->warp,
                                             .body = (int)group->body,
-                                            .mean = fig->means[i]};
+                                            .integral = fig->integrals[i],
+                                            .gives_way = case_group_is_skin(group)};
         if (!strcmp(group->name, body_name(group->body)))
             fig->bones[fig->bone_count++] = fig->all[i];
     }
@@ -219,7 +216,7 @@ static void time_way(const struct fig7 *fig, const struct variant *variant, int 
 // The hook turned about its portal, so that it touches with its shaft, too (section 6).
 static void time_whole(struct fig7 *fig, int rounds) {
     struct warp_scene scene = {fig->all, fig->knee->group_count, fig->T_world_body, NULL};
-    struct field field = field_of(&variants[DEFAULT_VARIANT]);
+    struct field field = field_of(&variants[SESSIONS_VARIANT]);
     vec3 portal = fig->knee->portals[0].position;
     struct avatar_point points[HOOK_POINTS] = {0};
     struct avatar_body body = {AVATAR_RIGID, points, HOOK_POINTS};
@@ -324,7 +321,7 @@ static void write_rows(struct fig7 *fig, struct paper_page *page) {
         snprintf(what, sizeof what, "the hook’s tip, %s", variants[k].label);
         write_time(page, what, &fig->ways[k].us);
     }
-    write_time(page, "the whole hook in its portal, inverse distance", &fig->whole_us);
+    write_time(page, "the whole hook in its portal, integral", &fig->whole_us);
 }
 
 // ---- the picture ----
@@ -343,7 +340,7 @@ static enum result draw(const struct fig7 *fig, bool patient, struct picture *ou
     const struct colour bone = {0.94, 0.89, 0.77}, green = {0, 0.6, 0.35}, red = {0.84, 0.25, 0};
     struct mesh straight, warped;
     rods(fig, &fig->straight, &straight);
-    rods(fig, &fig->ways[DEFAULT_VARIANT], &warped);
+    rods(fig, &fig->ways[SESSIONS_VARIANT], &warped);
     pose at = pose_identity();
     const struct render_surface surfaces[] = {
         {.mesh = patient ? &fig->virtual : &fig->tibia->mesh,
@@ -375,7 +372,7 @@ static enum result write_picture(const struct fig7 *fig, struct paper_page *page
             "The medial plateau of the tibia, with the way of the hook's tip",
             patient
                 ? "What the trainee sees: the patient's plateau, and the way that the warp makes "
-                  "(red; inverse distance) of the straight one (green)"
+                  "(red; integral) of the straight one (green)"
                 : "What the hand does: the mock-up's plateau, and a straight line above it",
             err);
     picture_fini(&picture);
@@ -457,8 +454,8 @@ static void fig7_fini(struct fig7 *fig) {
     query_destroy(&fig->virtual_query);
     mesh_fini(&fig->virtual);
     for (int i = 0; i < CASE_GROUPS_MAX; i++) {
-        surface_mean_destroy(&fig->means[i]);
-        surface_tree_destroy(&fig->trees[i]);
+        surface_integral_destroy(&fig->integrals[i]);
+        surface_blocks_destroy(&fig->blocks[i]);
         query_destroy(&fig->queries[i]);
     }
     case_destroy(&fig->knee);

@@ -18,6 +18,7 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->dirty, count);
     NEW(c->before, count);
     NEW(c->dirty_before, count);
+    NEW(c->sound, count);
     NEW(c->kept, count);
     NEW(c->factor, count);
     NEW(c->normals, count);
@@ -72,14 +73,14 @@ void conform_destroy(struct conform **conform) {
     struct conform *c = *conform;
     if (!c)
         return;
-    void *const arrays[] = {
-        c->positions, c->dirty,    c->dirty_before,   c->before,    c->kept,     c->factor,
-        c->normals,   c->slot,     c->trust,          c->bend,      c->reach,    c->ring,
-        c->tied,      c->active,   c->changed,        c->queue,     c->first,    c->columns,
-        c->blocks,    c->diagonal, c->inverse,        c->bending,   c->gradient, c->step,
-        c->along,     c->residual, c->preconditioned, c->direction, c->product,  c->bent,
-        c->live_of,   c->live,     c->near,           c->pulls,     c->rows,     c->samples,
-        c->contacts};
+    void *const arrays[] = {c->positions, c->dirty,    c->dirty_before,   c->before,    c->sound,
+                            c->kept,      c->factor,   c->normals,        c->slot,      c->trust,
+                            c->bend,      c->reach,    c->ring,           c->tied,      c->active,
+                            c->changed,   c->queue,    c->first,          c->columns,   c->blocks,
+                            c->diagonal,  c->inverse,  c->bending,        c->gradient,  c->step,
+                            c->along,     c->residual, c->preconditioned, c->direction, c->product,
+                            c->bent,      c->live_of,  c->live,           c->near,      c->pulls,
+                            c->rows,      c->samples,  c->contacts};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free(arrays[i]);
     soup_fini(&c->target);
@@ -133,6 +134,7 @@ void conform_to(struct conform *conform, const struct conform_target *target,
     CHECK(isfinite(target->volume_mm3));
     double volume = conform_volume(c);
     memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
+    memcpy(c->sound, c->positions, c->surface->vertex_count * sizeof *c->sound);
     memcpy(c->dirty_before, c->dirty, c->surface->vertex_count * sizeof *c->dirty_before);
     *out_report = (struct conform_report){.volume_mm3 = volume, .changed = c->changed};
     c->active_count = c->live_count = 0;

@@ -40,9 +40,9 @@ static int side_of(vec3 a, vec3 b, vec3 c, vec3 d) {
     return long_side_of(a, b, c, d);
 }
 
-// What rounding leaves open counts as through, but not an edge that lies in the plane.
-static bool pierces(vec3 from, vec3 to, const vec3 c[3]) {
-    int one = side_of(c[0], c[1], c[2], from), other = side_of(c[0], c[1], c[2], to);
+// Whether an edge goes through a triangle, given the sides of its plane that the ends lie on. What
+// rounding leaves open counts as through, but not an edge that lies in the plane.
+static bool pierces(vec3 from, vec3 to, int one, int other, const vec3 c[3]) {
     if (one * other > 0 || (!one && !other))
         return false;
     int u = side_of(from, to, c[0], c[1]), v = side_of(from, to, c[1], c[2]);
@@ -59,10 +59,16 @@ static bool has_corner(const uint32_t *triangle, uint32_t vertex) {
 static bool edges_pierce(const struct conform *c, uint32_t a, uint32_t b) {
     const uint32_t *va = c->surface->triangles + 3 * (size_t)c->self.at[a].id;
     const uint32_t *vb = c->surface->triangles + 3 * (size_t)c->self.at[b].id;
+    const vec3 *from = c->self.at[a].corners, *through = c->self.at[b].corners;
+    bool shared[3];
+    int sides[3];
     for (int i = 0; i < 3; i++) {
-        uint32_t from = va[i], to = va[(i + 1) % 3];
-        if (!has_corner(vb, from) && !has_corner(vb, to) &&
-            pierces(c->positions[from], c->positions[to], c->self.at[b].corners))
+        shared[i] = has_corner(vb, va[i]);
+        sides[i] = shared[i] ? 0 : side_of(through[0], through[1], through[2], from[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int k = (i + 1) % 3;
+        if (!shared[i] && !shared[k] && pierces(from[i], from[k], sides[i], sides[k], through))
             return true;
     }
     return false;

@@ -71,6 +71,7 @@ struct conform {
     // The call that runs. By vertex:
     vec3 *before; // S'' before it,
     uint8_t *dirty_before;
+    vec3 *sound;    // S'' when it last had no crossing
     vec3 *kept;     // S'' at some stage
     double *factor; // of a way back
     vec3 *normals;  // of vertices near it, unit
@@ -148,8 +149,9 @@ void conform_advance(struct conform *c, double stiffness, const struct conform_g
 void conform_untangle(struct conform *c, const struct conform_goal *goal,
                       struct conform_report *out_report);
 
-// Back towards S'' before the cut where it crosses, at last all of it. How many vertices went.
-uint32_t conform_go_back(struct conform *c);
+// Back towards the sound S'' where it crosses: half of the way some times, then all of it, at last
+// everywhere. How many vertices went. It is then sound.
+uint32_t conform_go_back(struct conform *c, int halvings);
 
 // ---- crossings: conform_cross.c ----
 // Pairs of triangles that run through one another, one of them live; their vertices get tied.

@@ -5,11 +5,12 @@
 #include <string.h>
 
 #define SOFT 0.03 // stiffness of the last steps
-#define ROUNDS 12
-#define REFITS 4
-#define HALVINGS 4
-#define BACK_ROUNDS 10
-#define SETTLE_ROUNDS 6
+#define ROUNDS 9
+#define REFITS 6
+#define HALVINGS 5
+#define BACK_ROUNDS 5 // after the halvings
+#define SETTLE_ROUNDS 12
+#define STILL_MM 0.02 // a step as short changes nothing
 
 void conform_advance(struct conform *c, double stiffness, const struct conform_goal *goal) {
     conform_find_rows(c, stiffness);
@@ -58,75 +59,67 @@ static void soften(struct conform *c, int round) {
     spread(c, round < 3 ? 1 : round - 1);
     for (uint32_t i = 0; i < c->active_count; i++) {
         uint32_t v = c->active[i];
-        if (!c->tied[v] && round < 9)
+        if (!c->tied[v])
             continue;
         c->trust[v] = lower(c->trust[v], trust[level]);
         c->bend[v] = higher(c->bend[v], bend[level]);
     }
 }
 
-static void keep(struct conform *c) {
+static void take_as_sound(struct conform *c) {
     for (uint32_t i = 0; i < c->active_count; i++)
-        c->kept[c->active[i]] = c->positions[c->active[i]];
+        c->sound[c->active[i]] = c->positions[c->active[i]];
 }
 
-static void take_kept(struct conform *c) {
-    for (uint32_t i = 0; i < c->active_count; i++)
-        c->positions[c->active[i]] = c->kept[c->active[i]];
-}
-
-// The fit again, where smoothing has left S'' off T; a part that would cross takes less of it.
-static bool refit(struct conform *c, const struct conform_goal *goal) {
-    keep(c);
-    conform_advance(c, SOFT, goal);
-    uint32_t crossings = conform_cross(c);
-    for (int i = 0; crossings && i < HALVINGS; i++) {
-        spread(c, 1);
-        for (uint32_t k = 0; k < c->active_count; k++) {
-            uint32_t v = c->active[k];
-            if (c->tied[v])
-                c->positions[v] = vec3_lerp(c->kept[v], c->positions[v], 0.5);
-        }
-        crossings = conform_cross(c);
-    }
-    if (crossings)
-        take_kept(c);
-    return !crossings;
-}
-
-uint32_t conform_go_back(struct conform *c) {
+uint32_t conform_go_back(struct conform *c, int halvings) {
     uint32_t count = 0;
-    keep(c);
-    for (uint32_t i = 0; i < c->active_count; i++)
+    for (uint32_t i = 0; i < c->active_count; i++) {
+        c->kept[c->active[i]] = c->positions[c->active[i]];
         c->factor[c->active[i]] = 1;
-    for (int round = 0; round < BACK_ROUNDS && conform_cross(c); round++) {
+    }
+    for (int round = 0; round < halvings + BACK_ROUNDS && conform_cross(c); round++) {
         spread(c, 1 + round / 2);
         for (uint32_t i = 0; i < c->active_count; i++) {
             uint32_t v = c->active[i];
-            if (!c->tied[v] && round < BACK_ROUNDS - 1)
+            if (!c->tied[v] && round < halvings + BACK_ROUNDS - 1)
                 continue;
-            c->factor[v] = round < BACK_ROUNDS / 2 ? 0.5 * c->factor[v] : 0;
+            c->factor[v] = round < halvings ? 0.5 * c->factor[v] : 0;
             c->positions[v] =
-                c->factor[v] > 0 ? vec3_lerp(c->before[v], c->kept[v], c->factor[v]) : c->before[v];
+                c->factor[v] > 0 ? vec3_lerp(c->sound[v], c->kept[v], c->factor[v]) : c->sound[v];
         }
     }
     for (uint32_t i = 0; i < c->active_count; i++)
         count += c->factor[c->active[i]] < 1;
+    take_as_sound(c);
     return count;
+}
+
+// The fit again, where smoothing has left S'' off T; a part that would cross takes less of it.
+// False: it is at its end.
+static bool refit(struct conform *c, const struct conform_goal *goal) {
+    double longest = 0;
+    conform_advance(c, SOFT, goal);
+    for (uint32_t i = 0; i < c->active_count; i++)
+        longest = higher(longest, vec3_length(c->step[i]));
+    return conform_go_back(c, HALVINGS) < c->active_count && longest > STILL_MM;
+}
+
+static bool is_reached(const struct conform *c, const struct conform_goal *goal) {
+    return fabs(goal->live_mm3 - conform_live_volume(c)) <= goal->tolerance_mm3;
 }
 
 // What would cross for the sake of the volume stays where it is.
 static void settle(struct conform *c, const struct conform_goal *goal) {
-    keep(c);
+    if (is_reached(c, goal))
+        return;
     conform_find_rows(c, SOFT);
     for (int round = 0; round < SETTLE_ROUNDS; round++) {
         conform_settle(c, goal->live_mm3, goal->tolerance_mm3);
-        if (!conform_cross(c))
+        uint32_t back = conform_go_back(c, 0);
+        if (back == c->active_count || (!back && is_reached(c, goal)))
             return;
-        take_kept(c);
-        spread(c, 1 + round);
         for (uint32_t i = 0; i < c->active_count; i++)
-            if (c->tied[c->active[i]])
+            if (c->factor[c->active[i]] < 1)
                 c->trust[c->active[i]] = 0;
     }
 }
@@ -142,11 +135,10 @@ void conform_untangle(struct conform *c, const struct conform_goal *goal,
         out_report->repairs++;
     }
     trust_all(c);
-    if (crossings)
-        out_report->reverted_count = conform_go_back(c);
-    else
-        for (int i = 0; out_report->repairs && i < REFITS && refit(c, goal); i++)
-            ;
+    out_report->reverted_count = crossings ? conform_go_back(c, HALVINGS) : 0;
+    take_as_sound(c);
+    for (int i = 0; out_report->repairs && i < REFITS && refit(c, goal); i++)
+        ;
     settle(c, goal);
     trust_all(c);
 }

@@ -72,6 +72,7 @@ void case_destroy(struct knee_case **knee) {
         free(group->warp);
         free(group->maxcut);
         free(group->other_share);
+        free(group->covered);
         free(group->lesion.tear.parts);
         free(group->lesion.damage.parts);
         free(group->lesion.plan.parts);
@@ -121,6 +122,9 @@ static void append_mesh(struct case_group *group, const struct mesh *mesh) {
     if (group->bridges)
         group->other_share =
             append_floats(group->other_share, joined->vertex_count, NULL, mesh->vertex_count);
+    if (group->covered)
+        group->covered =
+            append_floats(group->covered, joined->vertex_count, NULL, mesh->vertex_count);
     size_t corners = 3 * (size_t)joined->triangle_count;
     size_t more_corners = 3 * (size_t)mesh->triangle_count;
     joined->triangles =
@@ -174,6 +178,28 @@ float *case_group_need_maxcut(struct case_group *group) {
     if (!group->maxcut)
         group->maxcut = alloc(3 * (size_t)group->mesh.vertex_count, sizeof *group->maxcut);
     return group->maxcut;
+}
+
+float *case_group_need_covered(struct case_group *group) {
+    if (!group->covered)
+        group->covered = alloc(group->mesh.vertex_count, sizeof *group->covered);
+    return group->covered;
+}
+
+static bool is_covered(const struct case_group *group, uint32_t triangle) {
+    const uint32_t *v = group->mesh.triangles + 3 * (size_t)triangle;
+    return group->covered && group->covered[v[0]] > 0 && group->covered[v[1]] > 0 &&
+           group->covered[v[2]] > 0;
+}
+
+void case_group_surface(const struct case_group *group, struct mesh *out_mesh) {
+    mesh_copy(out_mesh, &group->mesh);
+    uint32_t count = 0;
+    for (uint32_t t = 0; t < group->mesh.triangle_count; t++)
+        if (!is_covered(group, t))
+            memcpy(out_mesh->triangles + 3 * (size_t)count++, group->mesh.triangles + 3 * (size_t)t,
+                   3 * sizeof *out_mesh->triangles);
+    out_mesh->triangle_count = count;
 }
 
 void case_group_bridge(struct case_group *group, enum body other) {
@@ -231,6 +257,23 @@ static enum result check_bridge(const struct case_group *group, struct error *er
             return fail(err, RESULT_INVALID, "group %s: other_share of vertex %u is not 0 to 1",
                         group->name, v);
     return RESULT_OK;
+}
+
+static enum result check_covered(const struct case_group *group, struct error *err) {
+    uint32_t bare = 0;
+    if (!group->covered)
+        return RESULT_OK;
+    if (group->cuttable)
+        return fail(err, RESULT_INVALID, "group %s is cuttable, so nothing of it can be covered",
+                    group->name);
+    for (uint32_t v = 0; v < group->mesh.vertex_count; v++)
+        if (group->covered[v] != 0 && group->covered[v] != 1)
+            return fail(err, RESULT_INVALID, "group %s: covered of vertex %u is neither 0 nor 1",
+                        group->name, v);
+    for (uint32_t t = 0; t < group->mesh.triangle_count; t++)
+        bare += !is_covered(group, t);
+    return bare ? RESULT_OK
+                : fail(err, RESULT_INVALID, "group %s: all of it is covered", group->name);
 }
 
 static enum result check_cuttable(const struct case_group *group, struct error *err) {
@@ -298,6 +341,8 @@ static enum result check_group(const struct case_group *group, struct error *err
         result = check_displacement(group, "maxcut", group->maxcut, err);
     if (result == RESULT_OK)
         result = check_bridge(group, err);
+    if (result == RESULT_OK)
+        result = check_covered(group, err);
     if (result == RESULT_OK && group->cuttable)
         result = check_cuttable(group, err);
     if (result == RESULT_OK)

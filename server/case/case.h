@@ -53,10 +53,12 @@ struct case_group {
     enum body other_body;
     float *other_share; // where it bridges: for each vertex, 0 at its body .. 1 at the other
                         // (generate/bridge.h); else NULL
-    bool cuttable;      // must be one closed, manifold, oriented part that bridges nothing
-    struct mesh mesh;   // all parts, joined
-    float *warp;        // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
-    float *maxcut;      // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
+    float *covered;   // for each vertex: 1 where the group's other parts hide all of its triangles
+                      // (import/cover.h), else 0; NULL where none is
+    bool cuttable;    // must be one closed, manifold, oriented part that bridges nothing
+    struct mesh mesh; // all parts, joined
+    float *warp;      // 3 * vertex_count, mm: S' − S; NULL where nothing is displaced
+    float *maxcut;    // 3 * vertex_count, mm: what a whole resection adds to S + warp; or NULL
     struct case_lesion lesion;
     int part_count;
     struct case_part parts[CASE_PARTS_MAX];
@@ -130,7 +132,8 @@ enum result case_load(const char *dir, const struct case_limits *limits,
 // component facing outwards; a lesion of a group that is not cuttable, or a part of it that lies
 // beside the virtual mesh; a displacement, pose, portal or patella key that is not finite or out of
 // order; a landmark without a valid and new name or with a place or error that is none; shares
-// outside 0 to 1, or of a bridge from a body to itself; a torn ligament without a key
+// outside 0 to 1, or of a bridge from a body to itself; a group of which all or something that can
+// be cut is covered; a torn ligament without a key
 // or with another's name, or a key of none; a group without a mesh. The error names group or key.
 enum result case_validate(const struct knee_case *knee, struct error *err);
 
@@ -152,10 +155,10 @@ void case_destroy(struct knee_case **knee); // NULL inside is fine; *knee become
 // and new. Earlier pointers to groups stay good.
 struct case_group *case_add_group(struct knee_case *knee, const char *name, enum body body);
 
-// Joins a mesh to a group as a part (copied). Displacements and shares that the group has get
-// zeros. A part
-// may bear its group's name: its node in the file is then `group`, otherwise `group/part`. Refused:
-// what mesh_validate refuses, a bad or second name, more than CASE_PARTS_MAX.
+// Joins a mesh to a group as a part (copied). Displacements, shares and what is covered get zeros
+// where the group has them. A part may bear its group's name: its node in the file is then `group`,
+// otherwise `group/part`. Refused: what mesh_validate refuses, a bad or second name, more than
+// CASE_PARTS_MAX.
 enum result case_add_part(struct case_group *group, const char *name, const struct mesh *mesh,
                           struct error *err);
 
@@ -163,9 +166,14 @@ struct case_group *case_group(struct knee_case *knee, const char *name); // NULL
 
 bool case_group_is_skin(const struct case_group *group); // what surrounds the knee and gives way
 
+// The outer surface of a group, which instruments can touch: its mesh without the triangles of
+// which all corners are covered. All vertices stay. The caller releases it with mesh_fini.
+void case_group_surface(const struct case_group *group, struct mesh *out_mesh);
+
 // The displacement arrays of a group, made of zeros where there is none. The group has a part.
 float *case_group_need_warp(struct case_group *group);
 float *case_group_need_maxcut(struct case_group *group);
+float *case_group_need_covered(struct case_group *group); // as these
 
 // Makes the group bridge from its body to another one, with shares of 0. It must not do so yet.
 void case_group_bridge(struct case_group *group, enum body other);

@@ -1,8 +1,8 @@
 #include "base/check.h"
 #include "case/case.h"
+#include "case/files.h"
 #include "case/gltf.h"
 #include "case/manifest.h"
-#include "case/files.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -84,6 +84,9 @@ static enum result take_node(struct knee_case *knee, const struct gltf_node *nod
         take_displacement(group, case_group_need_warp(group), node->warp);
     if (node->maxcut)
         take_displacement(group, case_group_need_maxcut(group), node->maxcut);
+    if (node->covered)
+        memcpy(case_group_need_covered(group) + group->parts[group->part_count - 1].first_vertex,
+               node->covered, node->vertex_count * sizeof *group->covered);
     return take_shares(group, node, err);
 }
 
@@ -170,6 +173,7 @@ static struct gltf_node node_of_part(const struct case_group *group, const struc
         .warp = group->warp ? group->warp + vertex : NULL,
         .maxcut = group->maxcut ? group->maxcut + vertex : NULL,
         .other_share = group->bridges ? group->other_share + part->first_vertex : NULL,
+        .covered = group->covered ? group->covered + part->first_vertex : NULL,
     };
     if (strcmp(group->name, part->name) == 0)
         snprintf(node.name, sizeof node.name, "%s", group->name);
@@ -222,7 +226,7 @@ enum result case_save(struct knee_case *knee, const char *dir, struct error *err
     result = encode(knee, &bytes, err);
     if (result == RESULT_OK) {
         struct named_bytes files[] = {{ANATOMY_FILE, bytes.anatomy, bytes.anatomy_size},
-                                     {MANIFEST_FILE, bytes.manifest, bytes.manifest_size}};
+                                      {MANIFEST_FILE, bytes.manifest, bytes.manifest_size}};
         result = files_write(dir, files, 2, err);
     } else {
         fail_in(err, result, "%s: ", dir);

@@ -27,7 +27,7 @@ std::vector<float> read_vectors(const gltf_elements &from) {
 
 struct loaded_node {
     gltf_node view;
-    std::vector<float> positions, warp, maxcut, other_share;
+    std::vector<float> positions, warp, maxcut, other_share, covered;
     std::vector<uint32_t> triangles;
 };
 
@@ -67,15 +67,23 @@ void read_targets(const tinygltf::Model &model, const tinygltf::Mesh &mesh, load
     }
 }
 
-void read_other_share(const tinygltf::Model &model, int index, loaded_node &node) {
-    gltf_elements from = gltf_locate_floats(model, index, TINYGLTF_TYPE_SCALAR, gltf_other_share);
-    if (from.count != node.view.vertex_count)
-        throw gltf_refusal{RESULT_FORMAT, gltf_accessor_name(gltf_other_share, index) + ": " +
+// One float for each vertex; nothing where there is no such attribute.
+std::vector<float> read_attribute(const tinygltf::Model &model,
+                                  const tinygltf::Primitive &primitive, const char *name,
+                                  uint32_t vertex_count) {
+    auto attribute = primitive.attributes.find(name);
+    if (attribute == primitive.attributes.end())
+        return {};
+    int index = attribute->second;
+    gltf_elements from = gltf_locate_floats(model, index, TINYGLTF_TYPE_SCALAR, name);
+    if (from.count != vertex_count)
+        throw gltf_refusal{RESULT_FORMAT, gltf_accessor_name(name, index) + ": " +
                                               std::to_string(from.count) + " shares for " +
-                                              std::to_string(node.view.vertex_count) + " vertices"};
-    node.other_share.resize(from.count);
+                                              std::to_string(vertex_count) + " vertices"};
+    std::vector<float> values(from.count);
     for (size_t i = 0; i < from.count; i++)
-        memcpy(&node.other_share[i], from.first + i * from.stride, sizeof(float));
+        memcpy(&values[i], from.first + i * from.stride, sizeof(float));
+    return values;
 }
 
 void refuse_transform(const tinygltf::Node &node) {
@@ -120,9 +128,8 @@ void read_node(const tinygltf::Model &model, const tinygltf::Node &from, uint32_
     node.view.vertex_count = (uint32_t)positions.count;
     node.view.triangle_count = (uint32_t)(node.triangles.size() / 3);
     read_targets(model, mesh, node);
-    auto share = primitive.attributes.find(gltf_other_share);
-    if (share != primitive.attributes.end())
-        read_other_share(model, share->second, node);
+    node.other_share = read_attribute(model, primitive, gltf_other_share, node.view.vertex_count);
+    node.covered = read_attribute(model, primitive, gltf_covered, node.view.vertex_count);
 }
 
 void publish(loaded_node &node) {
@@ -131,6 +138,7 @@ void publish(loaded_node &node) {
     node.view.warp = node.warp.empty() ? nullptr : node.warp.data();
     node.view.maxcut = node.maxcut.empty() ? nullptr : node.maxcut.data();
     node.view.other_share = node.other_share.empty() ? nullptr : node.other_share.data();
+    node.view.covered = node.covered.empty() ? nullptr : node.covered.data();
 }
 
 // A mesh for two nodes would cost memory that the file's size does not bound.
@@ -179,7 +187,7 @@ static void decode(const uint8_t *bytes, size_t size, const gltf_limits &limits,
         }
         // Accessors that share bytes must not multiply them; 16-bit indices double theirs.
         size_t used = (node.positions.size() + node.warp.size() + node.maxcut.size() +
-                       node.other_share.size()) *
+                       node.other_share.size() + node.covered.size()) *
                           4 +
                       node.triangles.size() * 2;
         if (used > budget)

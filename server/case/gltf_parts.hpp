@@ -12,7 +12,9 @@ class Model;
 }
 
 constexpr double gltf_mm_per_m = 1000;
-constexpr const char *gltf_other_share = "_OTHER_SHARE"; // the attribute of a group that bridges
+// Attributes: of a group that bridges; of one whose parts hide each other.
+constexpr const char *gltf_other_share = "_OTHER_SHARE";
+constexpr const char *gltf_covered = "_COVERED";
 
 // Thrown inside of this room only: gltf_decode and gltf_encode make a result of it.
 struct gltf_refusal {

@@ -28,10 +28,11 @@ struct check_settings check_settings_default(bool quick) {
 void check_roles(const struct scene *scene, struct space_surface out_surfaces[CASE_GROUPS_MAX]) {
     const struct knee_case *knee = scene_case(scene);
     for (int i = 0; i < knee->group_count; i++) {
-        struct topology t = topology_of(&knee->groups[i].mesh);
+        const struct mesh *whole = &knee->groups[i].mesh;
+        struct topology t = topology_of(whole);
         bool is_skin = case_group_is_skin(&knee->groups[i]);
-        out_surfaces[i] =
-            (struct space_surface){is_skin ? SPACE_SKIN : SPACE_SOLID, !t.closed || !t.oriented};
+        out_surfaces[i] = (struct space_surface){is_skin ? SPACE_SKIN : SPACE_SOLID,
+                                                 !t.closed || !t.oriented, whole};
     }
 }
 

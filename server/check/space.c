@@ -164,11 +164,10 @@ static void count_backs(const struct space *s, const struct lines *lines, int8_t
     }
 }
 
-static void vote(const struct space *s, const struct warp_surface *surface, pose T, bool open,
-                 int8_t *votes) {
+static void vote(const struct space *s, const struct mesh *mesh, pose T, bool open, int8_t *votes) {
     memset(votes, open ? 1 - OPEN_VOTES : 0, space_count(s));
     for (int axis = open ? 0 : 2; axis < 3; axis++) {
-        struct lines lines = lines_meet(s, axis, surface->mesh, T);
+        struct lines lines = lines_meet(s, axis, mesh, T);
         if (open)
             count_backs(s, &lines, votes);
         else
@@ -226,8 +225,10 @@ enum result space_init(const struct space_setup *setup, struct space *out, struc
     int8_t *votes = alloc(space_count(out), 1);
     for (int i = 0; i < scene->surface_count; i++) {
         const struct warp_surface *surface = &scene->surfaces[i];
-        vote(out, surface, scene->T_world_body[surface->body], setup->surfaces[i].open, votes);
-        mark(out, setup->surfaces[i].role, votes);
+        const struct space_surface *as = &setup->surfaces[i];
+        vote(out, as->whole ? as->whole : surface->mesh, scene->T_world_body[surface->body],
+             as->open, votes);
+        mark(out, as->role, votes);
     }
     free(votes);
     mark_planes(out, setup->planes, setup->plane_count);

@@ -12,7 +12,8 @@ enum space_role { SPACE_SOLID, SPACE_SKIN };
 
 struct space_surface {
     enum space_role role;
-    bool open; // not closed or not oriented (mesh/topology.h)
+    bool open;                // not closed or not oriented (mesh/topology.h)
+    const struct mesh *whole; // what bounds it, or NULL: the surface of the scene
 };
 
 struct space_setup {

@@ -94,13 +94,16 @@ static enum result touch(struct plan *plan, struct hand *hand, const struct moti
 
 static enum result palpate(struct plan *plan, struct hand *hand, const struct motion_step *step) {
     struct case_group *group;
+    struct mesh outer;
     struct query *surface;
     if (find_group(plan, step->name, &group) != RESULT_OK)
         return RESULT_MISSING;
-    enum result result = query_create(&group->mesh, &surface, plan->err);
+    case_group_surface(group, &outer);
+    enum result result = query_create(&outer, &surface, plan->err);
     if (result == RESULT_OK)
         result = touch(plan, hand, step, group, surface);
     query_destroy(&surface);
+    mesh_fini(&outer);
     return result;
 }
 

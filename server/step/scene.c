@@ -128,17 +128,19 @@ void scene_stand(const struct scene *scene, enum adaptive_kind kind,
 
 static enum result add_group(struct scene *scene, int index, struct error *err) {
     const struct case_group *group = &scene->knee->groups[index];
-    enum result result = query_create(&group->mesh, &scene->queries[index], err);
+    struct mesh *outer = &scene->outer[index];
+    case_group_surface(group, outer);
+    enum result result = query_create(outer, &scene->queries[index], err);
     if (result != RESULT_OK)
         return result;
-    scene->blocks[index] = surface_blocks_create(&group->mesh);
+    scene->blocks[index] = surface_blocks_create(outer);
     scene->integrals[index] = surface_integral_create(scene->blocks[index], group->warp);
     if (group->warp || group->maxcut)
-        scene->trees[index] = surface_tree_create(&group->mesh);
+        scene->trees[index] = surface_tree_create(outer);
     if (group->warp)
         scene->means[index] = surface_mean_create(scene->trees[index], group->warp);
     scene->surfaces[index] = (struct warp_surface){
-        .mesh = &group->mesh,
+        .mesh = outer,
         .query = scene->queries[index],
         .displacement = group->warp,
         .body = group->body,
@@ -183,6 +185,7 @@ void scene_destroy(struct scene **scene) {
         return;
     for (int i = 0; i < CASE_GROUPS_MAX; i++) {
         query_destroy(&s->queries[i]);
+        mesh_fini(&s->outer[i]);
         surface_integral_destroy(&s->integrals[i]);
         surface_blocks_destroy(&s->blocks[i]);
         surface_mean_destroy(&s->means[i]);

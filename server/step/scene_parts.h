@@ -22,6 +22,7 @@ struct scene_tissue {
 
 struct scene {
     struct knee_case *knee;
+    struct mesh outer[CASE_GROUPS_MAX]; // of each group, what instruments can touch
     struct query *queries[CASE_GROUPS_MAX];
     struct surface_tree *trees[CASE_GROUPS_MAX]; // of groups with a displacement, now or after cuts
     struct surface_mean *means[CASE_GROUPS_MAX]; // of groups with S'

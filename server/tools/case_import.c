@@ -4,6 +4,7 @@
 #include "case_commands.h"
 #include "check/inspect.h"
 #include "generate/bridge.h"
+#include "import/cover.h"
 
 #include <getopt.h>
 #include <stdio.h>
@@ -231,6 +232,31 @@ static enum result mark_groups(struct knee_case *knee, const struct import_reque
     return RESULT_OK;
 }
 
+static void say_covered(const struct import_request *request, const struct case_group *group) {
+    struct mesh outer;
+    case_group_surface(group, &outer);
+    uint32_t all = group->mesh.triangle_count, covered = all - outer.triangle_count;
+    mesh_fini(&outer);
+    if (request->as_json)
+        json_array_append_new(request->covered,
+                              json_pack("{s:s, s:I, s:I}", "group", group->name, "triangles",
+                                        (json_int_t)all, "covered", (json_int_t)covered));
+    else
+        printf("%s: %d parts, one outer surface: %u of %u triangles are covered by another part\n",
+               group->name, group->part_count, covered, all);
+}
+
+static enum result cover_groups(struct knee_case *knee, const struct import_request *request,
+                                struct error *err) {
+    enum result result = RESULT_OK;
+    for (int i = 0; i < knee->group_count && result == RESULT_OK; i++) {
+        result = cover_parts(&knee->groups[i], err);
+        if (result == RESULT_OK && knee->groups[i].covered)
+            say_covered(request, &knee->groups[i]);
+    }
+    return result;
+}
+
 static enum body bridge_of(const struct import_request *request, const struct case_group *group) {
     for (int i = 0; i < request->bridge_count; i++)
         if (strcmp(request->bridges[i].group, group->name) == 0)
@@ -270,6 +296,8 @@ static enum result fill(struct knee_case *knee, struct import_request *request, 
     if (result == RESULT_OK)
         result = mark_groups(knee, request, err);
     if (result == RESULT_OK)
+        result = cover_groups(knee, request, err);
+    if (result == RESULT_OK)
         result = bridge_groups(knee, request, err);
     if (result == RESULT_OK)
         result = case_validate(knee, err);
@@ -284,10 +312,12 @@ static int run(struct import_request *request) {
     request->judged = json_object();
     request->specks = json_array();
     request->meshes = json_array();
+    request->covered = json_array();
     enum result result = fill(knee, request, &err);
     case_destroy(&knee);
     json_object_set_new(request->judged, "specks", request->specks);
     json_object_set_new(request->judged, "meshes", request->meshes);
+    json_object_set_new(request->judged, "covered", request->covered);
     if (result == RESULT_OK && request->as_json) {
         json_dumpf(request->judged, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
         puts("");

@@ -39,7 +39,7 @@ struct import_request {
     const char *cuttable[CASE_GROUPS_MAX];
     struct case_portal portals[CASE_PORTALS_MAX]; // in the scan's frame, turned as the case
     bool as_json;
-    json_t *judged, *specks, *meshes; // what is said as JSON
+    json_t *judged, *specks, *meshes, *covered; // what is said as JSON
 };
 
 // Reads all files, judges unit, axes and side, finds the joint's centre, and puts every mesh into

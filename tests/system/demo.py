@@ -1,5 +1,6 @@
 """./demo and ./check before they build: what they look at first, and what they say. Nothing is built or installed."""
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -85,6 +86,31 @@ class Tree(unittest.TestCase):
         self.assertEqual(self.calls().count("cmake"), 1)
         self.fake_cmake("exit 1")
         self.assertIn("the build failed", self.run_script("demo").stderr)  # the first one's end frees the folder
+
+    def test_a_demo_that_ends_while_it_generates_cases_leaves_no_process(self):
+        self.fake_cmake("mkdir -p build/release/bin\n"
+                        "printf '#!/bin/sh\\n: >generating\\nexec sleep 60\\n' >build/release/bin/arthron-case\n"
+                        "chmod 755 build/release/bin/arthron-case")
+        generating = os.path.join(self.tree, "run/generating")
+        demo = subprocess.Popen(**self.command("demo"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.wait_until(lambda: os.path.exists(generating))
+        demo.terminate()
+        self.assertEqual(demo.wait(timeout=60), 130)
+        with open(os.path.join(self.tree, "run/lock")) as lock:
+            self.wait_until(lambda: self.can_lock(lock))
+
+    def wait_until(self, holds):
+        end = time.monotonic() + 30
+        while not holds():
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.02)
+
+    def can_lock(self, file):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            return False
 
     def test_a_build_folder_of_another_place_is_begun_anew(self):
         for program, preset in (("demo", "release"), ("check", "release"), ("check --asan", "asan")):

@@ -1,6 +1,7 @@
 #include "generate/deform.h"
 
 #include "base/check.h"
+#include "generate/refine.h"
 
 // 1 in the middle, 0 from the radius on. Its steepest slope is 1.72 / radius: the map stays one to
 // one while depth < 0.58 radius.
@@ -66,17 +67,30 @@ static enum result check_cavity(const struct deform_cavity *cavity, struct error
     return RESULT_OK;
 }
 
-static void dent(struct case_group *group, vec3 middle, vec3 normal,
-                 const struct deform_cavity *cavity) {
+struct dent {
+    vec3 middle, normal;
+    const struct deform_cavity *cavity;
+};
+
+static vec3 dent_at(const void *context, vec3 p) {
+    const struct dent *dent = context;
+    double share = falloff(vec3_distance(p, dent->middle), dent->cavity->radius_mm);
+    return vec3_scale(-dent->cavity->depth_mm * share, dent->normal);
+}
+
+static void make_dent(struct case_group *group, const struct dent *dent) {
+    struct refine_map map = {dent_at, dent, dent->middle, dent->cavity->radius_mm};
+    if (dent->cavity->refines)
+        refine_group(group, &map);
     for (uint32_t v = 0; v < group->mesh.vertex_count; v++) {
-        double distance = vec3_distance(displaced_vertex(group, v), middle);
-        double depth = cavity->depth_mm * falloff(distance, cavity->radius_mm);
-        if (depth == 0)
+        vec3 p = displaced_vertex(group, v);
+        if (vec3_distance(p, dent->middle) >= dent->cavity->radius_mm)
             continue;
+        vec3 by = dent_at(dent, p);
         float *warp = case_group_need_warp(group) + 3 * (size_t)v;
-        warp[0] -= (float)(depth * normal.x);
-        warp[1] -= (float)(depth * normal.y);
-        warp[2] -= (float)(depth * normal.z);
+        warp[0] += (float)by.x;
+        warp[1] += (float)by.y;
+        warp[2] += (float)by.z;
     }
 }
 
@@ -98,8 +112,8 @@ enum result deform_cavity_add(struct case_group *const *groups, int group_count,
     if (vec3_length(normal) == 0)
         return fail(err, RESULT_INVALID, "cavity: %s has no normal at vertex %u", groups[0]->name,
                     vertex);
-    vec3 middle = displaced_vertex(groups[0], vertex);
+    struct dent dent = {displaced_vertex(groups[0], vertex), normal, cavity};
     for (int i = 0; i < group_count; i++)
-        dent(groups[i], middle, normal, cavity);
+        make_dent(groups[i], &dent);
     return RESULT_OK;
 }

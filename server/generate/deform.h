@@ -8,6 +8,7 @@ struct deform_cavity {
     vec3 at;          // rest pose, femur's frame; the first group's nearest vertex is the middle
     double radius_mm; // of the ball outside which nothing moves
     double depth_mm;  // in the middle, against the surface's normal there; at most radius_mm / 2
+    bool refines;     // halves triangles that are too long for it before (generate/refine.h)
 };
 
 // Adds the dent to the `warp` of all groups given (1 or more). Points of S + warp follow one map of

@@ -73,6 +73,7 @@ static enum result add_cavity(struct knee_case *knee, const struct pathology_cav
             return fail(err, RESULT_INVALID,
                         "%s has a tear or a plan, which would not follow: make the cavity before",
                         groups[i]->name);
+    dent.refines = knee->has_scan; // a recipe's triangles are small and even
     result = deform_cavity_add(groups, count, &dent, err);
     for (int i = 0; i < count && result == RESULT_OK; i++)
         if (groups[i]->maxcut && may_move(groups[i], &dent))

@@ -49,8 +49,9 @@ static enum result deform(struct knee_case *knee, const struct deform_request *r
                         request->groups[i]);
     }
     for (int i = 0; i < request->cavity_count; i++) {
-        enum result result =
-            deform_cavity_add(groups, request->group_count, &request->cavities[i], err);
+        struct deform_cavity cavity = request->cavities[i];
+        cavity.refines = knee->has_scan;
+        enum result result = deform_cavity_add(groups, request->group_count, &cavity, err);
         if (result != RESULT_OK)
             return result;
     }

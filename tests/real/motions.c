@@ -97,6 +97,8 @@ static void the_motions_play_on(const char *name, bool with_stress) {
     assert_int_equal(tour.touches, 6);
     assert_int_equal(lesson.touches, 2);
     assert_true(lesson.bites >= 4 && lesson.shaving_rows > 0);
+    struct seen resection = play(knee, "resection", 0);
+    assert_true(resection.bites >= 4 && resection.shaving_rows > 0);
     if (with_stress) // the knee has no cruciate ligament to touch, but twice a bone
         assert_int_equal(play(knee, "stress", 2).touches, 2);
     case_destroy(&knee);

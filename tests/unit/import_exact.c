@@ -1,6 +1,6 @@
 // Coordinates arrive as the file has them: with more digits than a float holds.
-#include "case_knee.h"
 #include "import/reader.h"
+#include "mesh_files.h"
 #include "test.h"
 
 #include <stdbool.h>
@@ -15,22 +15,7 @@ static const double places[4][3] = {{1500.1234567890125, -1200.0000001, 900.0000
                                     {1500.1234567890125, -1200.0000001, 903.00000325}};
 static const uint32_t corners[12] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
 
-static char folder[FOLDER_MAX];
-
-static int make(void **state) {
-    (void)state;
-    folder_make(folder);
-    return 0;
-}
-
-static int clear(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
-}
-
 static void read_surface(const char *name, struct import_arrays *out) {
-    struct error err;
     char path[300];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     assert_ok(import_reader_read(path, 1000, out, &err));
@@ -147,7 +132,8 @@ static void corners_of_a_text_stl_that_a_float_does_not_tell_apart_are_one(void 
     import_arrays_fini(&arrays);
 }
 
-#define with_folder(test) cmocka_unit_test_setup_teardown(test, make, clear)
+#define with_folder(test)                                                                          \
+    cmocka_unit_test_setup_teardown(test, mesh_folder_make, mesh_folder_remove)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

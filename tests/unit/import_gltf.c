@@ -1,6 +1,5 @@
 // Scenes of glTF as surfaces: transforms, both forms of file, and what is refused.
-#include "case_knee.h"
-#include "import/import.h"
+#include "mesh_files.h"
 #include "test.h"
 
 #include <stdio.h>
@@ -11,21 +10,6 @@
 static const float places[12] = {0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3};
 static const uint16_t corners[12] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
 #define BIN_SIZE 72
-
-static struct error err;
-static char folder[FOLDER_MAX];
-
-static int make(void **state) {
-    (void)state;
-    folder_make(folder);
-    return 0;
-}
-
-static int clear(void **state) {
-    (void)state;
-    folder_remove(folder);
-    return 0;
-}
 
 #define HEAD "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":["
 #define REST                                                                                       \
@@ -170,7 +154,8 @@ static void a_file_cut_anywhere_is_refused(void **state) {
     }
 }
 
-#define with_folder(test) cmocka_unit_test_setup_teardown(test, make, clear)
+#define with_folder(test)                                                                          \
+    cmocka_unit_test_setup_teardown(test, mesh_folder_make, mesh_folder_remove)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

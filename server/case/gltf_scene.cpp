@@ -1,5 +1,6 @@
 #include "case/gltf_scene.h"
 
+#include "case/copy_out.hpp"
 #include "case/gltf_parts.hpp"
 
 #include <array>
@@ -168,14 +169,6 @@ void collect(const tinygltf::Model &model, collected &to) {
     gltf_check_the_rest(model);
     if (to.triangles.empty())
         throw gltf_refusal{RESULT_FORMAT, "the scene holds no triangle"};
-}
-
-template <typename T> T *copy_out(const std::vector<T> &values) {
-    T *copy = static_cast<T *>(malloc(values.size() * sizeof(T)));
-    if (!copy)
-        throw std::bad_alloc();
-    memcpy(copy, values.data(), values.size() * sizeof(T));
-    return copy;
 }
 
 void read_scene(const uint8_t *bytes, size_t size, uint32_t triangles_max, gltf_scene &out) {

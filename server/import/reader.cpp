@@ -1,5 +1,6 @@
 #include "import/reader.h"
 
+#include "case/copy_out.hpp"
 #include "case/files.h"
 #include "case/gltf_scene.h"
 #include "import/claim.h"
@@ -126,14 +127,6 @@ class collector final : public IO::BaseImporter {
     BaseKernel kernel_;
     uint32_t triangles_max_;
 };
-
-template <typename T> T *copy_out(const std::vector<T> &values) {
-    T *copy = static_cast<T *>(malloc(values.size() * sizeof(T)));
-    if (!copy)
-        throw std::bad_alloc();
-    memcpy(copy, values.data(), values.size() * sizeof(T));
-    return copy;
-}
 
 // What a reader leaves out by itself counts as dropped.
 enum result compare(const char *path, collector &from, const import_claim &claim,

@@ -1,11 +1,9 @@
 // The script of a resection on a torn knee.
 #include "generate/generate.h"
-#include "motion/motion.h"
 #include "mesh/query.h"
-#include "test.h"
+#include "motion_scripts.h"
 #include "winding.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 
 static struct knee_case *torn; // a right knee with a radial tear
@@ -35,24 +33,6 @@ static void plan_file(const char *path, struct knee_case *on, double tremor_mm,
 
 static void plan_resection(struct knee_case *on, double tremor_mm, struct motion *out_motion) {
     plan_file(ARTHRON_SOURCE "/cases/motions/resection.ini", on, tremor_mm, out_motion);
-}
-
-static int tool_index(const struct motion *motion, enum channel channel) {
-    int i = 0;
-    while (i < motion->tool_count && motion->tools[i].channel != channel)
-        i++;
-    assert_true(i < motion->tool_count);
-    return i;
-}
-
-static char *written(const struct motion *motion) {
-    char *text;
-    size_t size;
-    FILE *file = open_memstream(&text, &size);
-    struct error err;
-    assert_int_equal(motion_write(motion, file, &err), RESULT_OK);
-    fclose(file);
-    return text;
 }
 
 static bool is_planned(const struct case_group *group, vec3 p) {

@@ -6,7 +6,7 @@
 
 #define SOFT 0.03 // stiffness of the last steps
 #define ROUNDS 9
-#define REFITS 6
+#define REFITS 4
 #define HALVINGS 5
 #define BACK_ROUNDS 5 // after the halvings
 #define SETTLE_ROUNDS 12

@@ -6,7 +6,6 @@
 #include "unit/motion_scripts.h"
 #include "winding.h"
 
-#include <string.h>
 
 static struct knee_case *knee; // healthy, right
 

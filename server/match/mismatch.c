@@ -1,6 +1,7 @@
 #include "match/mismatch.h"
 
 #include "base/check.h"
+#include "match/soup.h"
 #include "mesh/columns.h"
 
 #include <math.h>
@@ -115,4 +116,130 @@ void mismatch_measure(const struct mismatch_setting *s, struct mismatch *out) {
     for (int i = 0; i < MESHES; i++)
         columns_fini(&columns[i]);
     free(clefts);
+}
+
+// ---- at vertices --------------------------------------------------------------------------------
+
+#define WALL_MM 1e-3     // a cleft's wall lies so far from it at most
+#define WEIGHT_MIN 1e-12 // less is none
+#define SAME_MM 1e-5     // of a vertex where nothing has moved
+
+// S'', and the triangles around each of its vertices: of vertex v those from fans[first[v]] on.
+struct around {
+    const struct mesh *mesh;
+    struct soup soup;
+    uint32_t *first, *fans;
+};
+
+static vec3 normal_of(const struct mesh *mesh, uint32_t triangle) {
+    vec3 corners[3];
+    for (int i = 0; i < 3; i++)
+        corners[i] = mesh_corner(mesh, triangle, i);
+    return vec3_unit_or(soup_area2(corners), (vec3){0});
+}
+
+static void around_init(struct around *a, const struct mesh *mesh) {
+    *a = (struct around){.mesh = mesh};
+    a->first = alloc((size_t)mesh->vertex_count + 2, sizeof *a->first);
+    a->fans = alloc(3 * (size_t)mesh->triangle_count, sizeof *a->fans);
+    for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
+        a->first[mesh->triangles[i] + 2]++;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        a->first[v + 2] += a->first[v + 1];
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        vec3 corners[3];
+        for (int i = 0; i < 3; i++) {
+            corners[i] = mesh_corner(mesh, t, i);
+            a->fans[a->first[mesh->triangles[3 * (size_t)t + (size_t)i] + 1]++] = t;
+        }
+        soup_add(&a->soup, corners, t, false);
+    }
+    soup_build(&a->soup);
+}
+
+static void around_fini(struct around *a) {
+    soup_fini(&a->soup);
+    free(a->first);
+    free(a->fans);
+}
+
+static double angle_in(const struct mesh *mesh, uint32_t triangle, int corner) {
+    vec3 p = mesh_corner(mesh, triangle, corner);
+    vec3 u = vec3_sub(mesh_corner(mesh, triangle, (corner + 1) % 3), p);
+    vec3 v = vec3_sub(mesh_corner(mesh, triangle, (corner + 2) % 3), p);
+    return atan2(vec3_length(vec3_cross(u, v)), vec3_dot(u, v));
+}
+
+static int corner_at(const struct mesh *mesh, uint32_t triangle, uint32_t vertex) {
+    for (int i = 0; i < 3; i++)
+        if (mesh->triangles[3 * (size_t)triangle + (size_t)i] == vertex)
+            return i;
+    return -1;
+}
+
+// Of the edge from one vertex to another; where both are the same, of that vertex, weighted by
+// angle (Bærentzen and Aanæs 2005).
+static vec3 normal_around(const struct around *a, uint32_t from, uint32_t to) {
+    vec3 sum = {0};
+    for (uint32_t i = a->first[from]; i < a->first[from + 1]; i++) {
+        uint32_t t = a->fans[i];
+        int corner = corner_at(a->mesh, t, to);
+        if (corner >= 0)
+            sum = vec3_add_scaled(sum, from == to ? angle_in(a->mesh, t, corner) : 1,
+                                  normal_of(a->mesh, t));
+    }
+    return sum;
+}
+
+static vec3 pseudo_normal(const struct around *a, const struct soup_closest *at) {
+    const struct soup_triangle *triangle = &a->soup.at[at->index];
+    const uint32_t *corners = a->mesh->triangles + 3 * (size_t)triangle->id;
+    uint32_t ends[3];
+    int count = 0;
+    for (int i = 0; i < 3; i++)
+        if (at->weights[i] > WEIGHT_MIN)
+            ends[count++] = corners[i];
+    return count == 3 ? triangle->normal : normal_around(a, ends[0], ends[count - 1]);
+}
+
+static double signed_mm(struct around *a, vec3 p, uint32_t *hint) {
+    struct soup_search search = {.point = p, .least = -1, .within = INFINITY, .hint = *hint};
+    struct soup_closest at;
+    if (!soup_closest(&a->soup, &search, &at))
+        return 0;
+    *hint = at.index;
+    double mm = fmin(at.distance, MISMATCH_REACH_MM);
+    return vec3_dot(vec3_sub(p, at.point), pseudo_normal(a, &at)) < 0 ? mm : -mm;
+}
+
+static bool is_in_cleft(const struct mismatch_setting *s, vec3 p) {
+    for (int i = 0; i < s->cleft_count; i++) {
+        const struct convex *cleft = &s->clefts[i];
+        double outside = -INFINITY;
+        for (int k = 0; k < cleft->plane_count; k++)
+            outside = fmax(outside, vec3_dot(cleft->planes[k].normal, p) - cleft->planes[k].offset);
+        if (outside <= WALL_MM)
+            return true;
+    }
+    return false;
+}
+
+static bool has_stayed(const struct mismatch_setting *s, uint32_t vertex, uint32_t id) {
+    return id < s->touched->vertex_count &&
+           vec3_distance(mesh_vertex(s->touched, id), mesh_vertex(s->tissue, vertex)) <= SAME_MM;
+}
+
+void mismatch_at_vertices(const struct mismatch_setting *s, const uint32_t *ids, double *out_mm) {
+    struct around around = {0};
+    uint32_t hint = MESH_NONE;
+    for (uint32_t v = 0; v < s->tissue->vertex_count; v++) {
+        vec3 p = mesh_vertex(s->tissue, v);
+        out_mm[v] = 0;
+        if (has_stayed(s, v, ids[v]) || is_in_cleft(s, p))
+            continue;
+        if (!around.mesh)
+            around_init(&around, s->touched);
+        out_mm[v] = signed_mm(&around, p, &hint);
+    }
+    around_fini(&around);
 }

@@ -1,4 +1,4 @@
-// Where the touched surface S'' and the tissue that is seen differ, in volume.
+// Where the touched surface S'' and the tissue that is seen differ: in volume, and at each vertex.
 #pragma once
 
 #include "mesh/convex.h"
@@ -18,3 +18,13 @@ struct mismatch_setting {
 };
 
 void mismatch_measure(const struct mismatch_setting *setting, struct mismatch *out_mismatch);
+
+#define MISMATCH_REACH_MM 10.0 // farther counts as so far
+
+// How far S'' lies from the tissue's surface at each of its vertices, mm: from the vertex to the
+// nearest point of S''. Positive where the vertex is inside S'': touched where nothing is seen.
+// Negative outside: seen where nothing is touched. 0 in a cleft and on its walls. step_mm is not
+// used. ids: of each vertex of the tissue the one of S'' that it was made from, or a number that
+// no vertex of S'' has.
+void mismatch_at_vertices(const struct mismatch_setting *setting, const uint32_t *ids,
+                          double *out_mm);

@@ -223,6 +223,7 @@ bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthro
         return true;
     struct mesh_request request = {.station = viewer->station,
                                    .session = viewer->session,
+                                   .mismatch = viewer->watch.mismatch,
                                    .asks = message->which_message == arthron_Page_mesh_ask_tag};
     if (request.asks)
         request.ask = message->message.mesh_ask;

@@ -48,6 +48,7 @@ bool chunk_say(const struct mesh_payload *payload, uint32_t index, arthron_MeshC
     chunk->size = (uint32_t)payload->size;
     chunk->hash = payload->hash;
     chunk->index = index;
+    chunk->mismatch_size = (uint32_t)payload->mismatch_size;
     chunk->data.size = (pb_size_t)(left < WIRE_CHUNK_DATA ? left : WIRE_CHUNK_DATA);
     memcpy(chunk->group, payload->group, sizeof chunk->group);
     memcpy(chunk->data.bytes, payload->bytes + at, chunk->data.size);

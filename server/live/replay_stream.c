@@ -1,6 +1,7 @@
 #include "live/replay_stream.h"
 
 #include "base/check.h"
+#include "runtime/mismatch_feed.h"
 #include "runtime/reply.h"
 #include "runtime/tissue_delta.h"
 #include "store/store.h"
@@ -29,6 +30,7 @@ struct replay_stream {
     int64_t due_ns, period_ns;
     struct mesh_feed *feeds[TISSUES_MAX];
     struct mesh_cursor cursors[TISSUES_MAX];
+    struct mismatch_feed mismatch;
     bool shows_meshes; // from the first step on
     bool landed;       // a job landed at this step: its moment is sent at any rate
     struct metrics metrics;
@@ -166,6 +168,8 @@ static void say_mesh(struct replay_stream *f, int tissue) {
     while (!f->gone && (payload = mesh_feed_next(f->feeds[tissue], &f->cursors[tissue]))) {
         const struct tissue *now = mesh_feed_tissue(f->feeds[tissue]);
         arthron_MeshState ack = {.number = now->number, .hash = now->hash};
+        if (f->watch->mismatch)
+            payload = mismatch_feed_add(&f->mismatch, rerun_operation(f->rerun), tissue, payload);
         f->gone = !f->sink->say_mesh(f->sink->user, payload);
         mesh_cursor_ack(&f->cursors[tissue], &ack);
         mesh_payload_release(&payload);
@@ -330,6 +334,7 @@ static enum result show(struct replay_stream *f, const char *path) {
         show_end(f, end, &why);
     for (int i = 0; i < TISSUES_MAX; i++)
         mesh_feed_destroy(&f->feeds[i]);
+    mismatch_feed_fini(&f->mismatch);
     rerun_destroy(&f->rerun);
     return f->gone ? RESULT_CLOSED : RESULT_OK;
 }

@@ -14,6 +14,7 @@ struct mesh_payload {
     uint32_t base, number; // as in arthron_MeshChunk
     uint64_t hash;         // of the bytes
     size_t size;
+    size_t mismatch_size; // of the bytes, at their end: as in arthron_MeshChunk
     uint8_t bytes[];
 };
 
@@ -22,6 +23,11 @@ struct mesh_payload {
 struct mesh_payload *mesh_payload_create(const char *group, uint32_t base, uint32_t number,
                                          size_t size);
 void mesh_payload_seal(struct mesh_payload *payload); // sets the hash
+
+// Another payload: the first one's changes, with the mismatch behind them. Sealed; the reference is
+// the caller's.
+struct mesh_payload *mesh_payload_with_mismatch(const struct mesh_payload *changes,
+                                                const uint8_t *mismatch, size_t size);
 
 struct mesh_payload *mesh_payload_hold(struct mesh_payload *payload); // one reference more
 void mesh_payload_release(struct mesh_payload **payload); // one less; NULL inside is fine

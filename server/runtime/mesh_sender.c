@@ -26,7 +26,8 @@ static void send_meshes(struct mesh_sender *s) {
             control_send_mesh(s->control, s->peer, payload);
         mesh_payload_release(&payload);
     }
-    mesh_subscribers_serve(&s->subscribers, s->session->serial, s->feeds);
+    struct mesh_offer offer = {s->session->serial, s->session->operation, s->feeds, &s->mismatch};
+    mesh_subscribers_serve(&s->subscribers, &offer);
 }
 
 static void send_figures(struct mesh_sender *s, int tissue) {
@@ -67,11 +68,13 @@ void mesh_sender_close(struct mesh_sender *s) {
         mesh_feed_destroy(&s->feeds[i]);
     memset(s->cursors, 0, sizeof s->cursors);
     mesh_subscribers_forget(&s->subscribers);
+    mismatch_feed_fini(&s->mismatch);
     s->session = NULL;
 }
 
 void mesh_sender_fini(struct mesh_sender *s) {
     mesh_subscribers_fini(&s->subscribers);
+    mismatch_feed_fini(&s->mismatch);
 }
 
 // ---- what a job changed -------------------------------------------------------------------------

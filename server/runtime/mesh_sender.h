@@ -14,6 +14,7 @@ struct mesh_sender {
     struct mesh_feed *feeds[TISSUES_MAX];
     struct mesh_cursor cursors[TISSUES_MAX]; // of the station
     struct mesh_subscribers subscribers;
+    struct mismatch_feed mismatch;
 };
 
 void mesh_sender_open(struct mesh_sender *sender, struct control *control,

@@ -40,6 +40,8 @@ void mesh_subscribers_take(struct mesh_subscribers *list, const struct mesh_requ
     struct mesh_subscriber *subscriber = find(list, request->mailbox);
     if (!subscriber && (subscriber = find(list, NULL)))
         subscriber->mailbox = mailbox_hold(request->mailbox);
+    if (subscriber)
+        subscriber->mismatch = request->mismatch;
     for (int i = 0; subscriber && i < count; i++) {
         if (request->asks)
             mesh_cursor_ask(&subscriber->cursors[i], groups[i], &request->ask);
@@ -48,16 +50,20 @@ void mesh_subscribers_take(struct mesh_subscribers *list, const struct mesh_requ
     }
 }
 
-void mesh_subscribers_serve(struct mesh_subscribers *list, uint64_t session,
-                            struct mesh_feed *const feeds[TISSUES_MAX]) {
+static void serve(struct mesh_subscriber *subscriber, const struct mesh_offer *offer, int tissue) {
+    struct mesh_payload *payload =
+        mesh_feed_next(offer->feeds[tissue], &subscriber->cursors[tissue]);
+    if (payload && subscriber->mismatch)
+        payload = mismatch_feed_add(offer->mismatch, offer->operation, tissue, payload);
+    if (payload)
+        mailbox_put(subscriber->mailbox, tissue, offer->session, payload);
+    mesh_payload_release(&payload);
+}
+
+void mesh_subscribers_serve(struct mesh_subscribers *list, const struct mesh_offer *offer) {
     drop_left(list);
     for (int i = 0; i < MESH_SUBSCRIBERS_MAX; i++)
-        for (int t = 0; list->all[i].mailbox && t < TISSUES_MAX; t++) {
-            if (!feeds[t])
-                continue;
-            struct mesh_payload *payload = mesh_feed_next(feeds[t], &list->all[i].cursors[t]);
-            if (payload)
-                mailbox_put(list->all[i].mailbox, t, session, payload);
-            mesh_payload_release(&payload);
-        }
+        for (int t = 0; list->all[i].mailbox && t < TISSUES_MAX; t++)
+            if (offer->feeds[t])
+                serve(&list->all[i], offer, t);
 }

@@ -4,6 +4,7 @@
 
 #include "net/mesh_feed.h"
 #include "runtime/mailbox.h"
+#include "runtime/mismatch_feed.h"
 
 #define MESH_SUBSCRIBERS_MAX 16 // of one station
 
@@ -12,6 +13,7 @@ struct mesh_request {
     int station;
     uint64_t session; // serial of the page's session; a request for another session is dropped
     struct mailbox *mailbox; // a reference; the receiver of the request releases it
+    bool mismatch;           // is to come with the meshes
     bool asks;               // else it acknowledges
     union {
         arthron_MeshAsk ask;
@@ -22,6 +24,7 @@ struct mesh_request {
 struct mesh_subscribers {
     struct mesh_subscriber {
         struct mailbox *mailbox; // NULL: free
+        bool mismatch;
         struct mesh_cursor cursors[TISSUES_MAX];
     } all[MESH_SUBSCRIBERS_MAX];
 };
@@ -34,6 +37,13 @@ void mesh_subscribers_fini(struct mesh_subscribers *subscribers);
 void mesh_subscribers_take(struct mesh_subscribers *subscribers, const struct mesh_request *request,
                            const char *const groups[TISSUES_MAX], int count);
 
-// Puts into each mailbox what its page lacks and can take now. feeds: or NULL inside.
-void mesh_subscribers_serve(struct mesh_subscribers *subscribers, uint64_t session,
-                            struct mesh_feed *const feeds[TISSUES_MAX]);
+// What pages get: of a session, its meshes and how they differ from the touch.
+struct mesh_offer {
+    uint64_t session; // serial
+    const struct operation *operation;
+    struct mesh_feed *const *feeds; // TISSUES_MAX, or NULL inside
+    struct mismatch_feed *mismatch;
+};
+
+// Puts into each mailbox what its page lacks and can take now.
+void mesh_subscribers_serve(struct mesh_subscribers *subscribers, const struct mesh_offer *offer);

@@ -347,13 +347,21 @@ static void undo(struct operation *operation, struct job_result *result) {
 
 #define COLUMN_MM 0.25
 
+static vec3 touched_at(const struct operated_tissue *t, uint32_t vertex) {
+    return t->fitting ? fitting_vertex(t->fitting, vertex) : match_vertex(t->now.match, vertex);
+}
+
+static void touched_mesh(const struct operated_tissue *t, struct mesh *out_mesh) {
+    mesh_copy(out_mesh, &t->group->mesh);
+    for (uint32_t i = 0; i < out_mesh->vertex_count; i++)
+        mesh_set_vertex(out_mesh, i, touched_at(t, i));
+}
+
 // Where the touch and the tissue still differ.
 static void measure_mismatch(struct operated_tissue *t) {
     struct mesh touched, tissue;
     struct mismatch mismatch;
-    mesh_copy(&touched, &t->group->mesh);
-    for (uint32_t i = 0; i < touched.vertex_count; i++)
-        mesh_set_vertex(&touched, i, fitting_vertex(t->fitting, i));
+    touched_mesh(t, &touched);
     cut_mesh_flatten(t->now.mesh, &tissue, NULL, NULL);
     const struct case_region *tear = &t->group->lesion.tear;
     struct mismatch_setting setting = {&touched, &tissue, tear->parts, tear->part_count, COLUMN_MM};
@@ -492,8 +500,32 @@ void operation_touch(const struct operation *operation, int tissue, uint32_t ver
 }
 
 vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex) {
+    return touched_at(&operation->tissues[tissue], vertex);
+}
+
+// Clefts are touched as if they were closed, until the touch has to follow them.
+bool operation_mismatch(const struct operation *operation, int tissue, double *out_mm) {
     const struct operated_tissue *t = &operation->tissues[tissue];
-    return t->fitting ? fitting_vertex(t->fitting, vertex) : match_vertex(t->now.match, vertex);
+    const struct case_region *tear = &t->group->lesion.tear;
+    bool closed = !t->fitting || t->now.solid;
+    struct mesh touched, seen;
+    uint32_t *ids;
+    if (!touch_width(t))
+        return false;
+    touched_mesh(t, &touched);
+    cut_mesh_flatten(t->now.mesh, &seen, &ids, NULL);
+    struct mismatch_setting setting = {&touched, &seen, tear->parts, closed ? tear->part_count : 0,
+                                       COLUMN_MM};
+    double *mm = alloc(seen.vertex_count, sizeof *mm);
+    mismatch_at_vertices(&setting, ids, mm);
+    memset(out_mm, 0, cut_mesh_vertex_bound(t->now.mesh) * sizeof *out_mm);
+    for (uint32_t v = 0; v < seen.vertex_count; v++)
+        out_mm[ids[v]] = mm[v];
+    free(mm);
+    free(ids);
+    mesh_fini(&touched);
+    mesh_fini(&seen);
+    return true;
 }
 
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {

@@ -39,4 +39,8 @@ int operation_touch_width(const struct operation *operation, int tissue);
 void operation_touch(const struct operation *operation, int tissue, uint32_t vertex,
                      double out_values[3]);
 vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex);
+// How far S'' lies from the mesh at each vertex, by its id; 0 for those that are not alive
+// (match/mismatch.h). False: the group never gives way. It takes milliseconds and allocates.
+// out_mm: as many as cut_mesh_vertex_bound.
+bool operation_mismatch(const struct operation *operation, int tissue, double *out_mm);
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue);

@@ -2,6 +2,7 @@
 
 #include "base/bytes.h"
 #include "base/check.h"
+#include "wire/varint.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -114,17 +115,11 @@ enum result mesh_delta_validate(const struct mesh_delta *delta, struct error *er
 
 // ---- encoding -----------------------------------------------------------------------------------
 
-static void write_varint(struct writer *w, uint32_t value) {
-    for (; value >= 0x80; value >>= 7)
-        write_u8(w, (uint8_t)(value | 0x80));
-    write_u8(w, (uint8_t)value);
-}
-
 // The difference from the value before, small where either is a little larger than the other.
 static void write_difference(struct writer *w, uint32_t value, uint32_t *last) {
     uint32_t difference = value - *last;
     *last = value;
-    write_varint(w, difference << 1 ^ (difference >> 31 ? UINT32_MAX : 0));
+    write_varint(w, zigzag(difference));
 }
 
 static void write_floats(struct writer *w, const float *values, size_t count) {

@@ -67,7 +67,7 @@ class Live(Bites):
         self.start_station()
         wait_until("a session", lambda: self.session()["state"] == "running")
         page, other = self.open(), self.open()
-        page.watch(STATION, station="room-1")
+        page.watch(STATION, station="room-1", mismatch=True)
         page.read_until(lambda: page.resections.get(MENISCUS, {}).get("cuts", 0) >= 2)
         self.assertEqual(page.order[page.order.index("moment") - 1] != "moment" and page.sessions[0]["id"],
                          self.session()["id"])
@@ -79,6 +79,8 @@ class Live(Bites):
         other.watch(STATION, station="room-1")  # comes late
         self.assert_is_shown(other)
         self.assertEqual(len(other.meshes[MENISCUS][1]), 1)
+        self.assertFalse(other.mismatches)  # it did not ask
+        self.assert_mismatch_goes_with_the_mesh(page)
         self.assertTrue(page.note("Here", marker=(1, (1, 2, 3)))["ok"])
         self.assertFalse(page.note("two\nlines")["ok"])
         for p in (page, other):
@@ -90,6 +92,17 @@ class Live(Bites):
         self.assertTrue(page.command(STOP)["ok"])
         page.read_until(lambda: page.moments[-1]["state"] == CLOSED)
         self.assertFalse(page.troubles)
+
+    def assert_mismatch_goes_with_the_mesh(self, page):
+        """Each mesh has one: none while it is whole, and none once all cuts are undone."""
+        told = page.mismatches[MENISCUS]
+        self.assertEqual([number for number, _ in told], page.meshes[MENISCUS][1])
+        self.assertTrue(any(mm for _, mm in told))
+        self.assertTrue(all(0 < abs(x) <= 10 for _, mm in told for x in mm.values()))
+        while page.command(UNDO)["ok"]:
+            pass
+        self.assert_is_shown(page)
+        self.assertEqual(page.mismatches[MENISCUS][-1], (page.meshes[MENISCUS][0], {}))
 
     def record(self):
         """A session that was cut in, as it was in the end."""
@@ -123,9 +136,11 @@ class Live(Bites):
     def test_a_recorded_session_is_seen_again(self):
         resection, session = self.record()
         page = self.open()
-        page.watch(RECORDED, session=session["id"], rate_hz=20)
+        page.watch(RECORDED, session=session["id"], rate_hz=20, mismatch=True)
         page.read_until(lambda: page.done)
         self.assertEqual(page.troubles, [])
+        self.assertEqual([number for number, _ in page.mismatches[MENISCUS]], page.meshes[MENISCUS][1])
+        self.assertTrue(any(mm for _, mm in page.mismatches[MENISCUS]))
         self.assertEqual((page.sessions[0]["id"], page.sessions[0]["recorded"]), (session["id"], True))
         self.assertEqual(page.meshes[MENISCUS][2], resection["mesh_hash"])
         self.assertEqual(page.meshes[MENISCUS][1], list(range(1, resection["mesh_number"] + 1)))

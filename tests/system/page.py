@@ -47,6 +47,26 @@ def text(data):
     return (data or b"").decode()
 
 
+def varints(data):
+    value = shift = 0
+    for byte in data:
+        value |= (byte & 127) << shift
+        shift += 7
+        if byte < 128:
+            yield value
+            value = shift = 0
+
+
+def mismatch(data):
+    """How far touch and sight differ at each vertex, mm."""
+    step, *numbers = varints(data)
+    found, vertex = {}, -1
+    for gap, code in zip(numbers[::2], numbers[1::2]):
+        vertex += gap + 1
+        found[vertex] = (code >> 1 ^ -(code & 1)) * step / 1000
+    return found
+
+
 class Browser:
     """Who signed in: with the cookie that the server gave."""
 
@@ -93,6 +113,7 @@ class Page(Connection):
         self.places, self.sessions, self.moments, self.resections, self.remarks = {}, [], [], {}, {}
         self.replies, self.troubles, self.metrics, self.order = [], [], None, []
         self.meshes, self.payloads, self.done, self.share = {}, {}, False, 0
+        self.mismatches = {}  # group: of each mesh that came its number, and by vertices the mm
         self.trouble_kinds, self.beats = [], 0
 
     # ---- the socket
@@ -120,10 +141,10 @@ class Page(Connection):
 
     # ---- what it says
 
-    def watch(self, what, station="", session="", case="", rate_hz=30, meshes=True):
+    def watch(self, what, station="", session="", case="", rate_hz=30, meshes=True, mismatch=False):
         self.forget()
         self.say(1, number(1, what) + piece(2, station) + piece(3, session) + piece(4, case) + number(5, rate_hz) +
-                 number(6, meshes))
+                 number(6, meshes) + number(7, mismatch))
 
     def command(self, kind, station="room-1", case="", more=b""):
         count = len(self.replies)
@@ -200,6 +221,10 @@ class Page(Connection):
         payload = self.payloads[group] = (b"" if v.get(6, 0) == 0 else self.payloads[group]) + v[7]
         if len(payload) < size:
             return
+        changes = size - v.get(8, 0)
+        if v.get(8, 0):
+            self.mismatches.setdefault(group, []).append((to, mismatch(payload[changes:])))
+        payload = payload[:changes]
         number_before, chain, last = self.meshes.get(group, (0, [], ""))
         if base not in (0, number_before):
             raise AssertionError(f"{group}: a change of {base}, and here is {number_before}")

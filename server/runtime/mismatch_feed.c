@@ -1,0 +1,39 @@
+#include "runtime/mismatch_feed.h"
+
+#include "base/check.h"
+#include "wire/mismatch.h"
+
+#include <stdlib.h>
+
+void mismatch_feed_fini(struct mismatch_feed *feed) {
+    for (int i = 0; i < TISSUES_MAX; i++)
+        free(feed->of[i].bytes);
+    *feed = (struct mismatch_feed){0};
+}
+
+static void measure(struct mismatch_bytes *b, const struct operation *operation, int tissue) {
+    uint32_t count = cut_mesh_vertex_bound(operation_mesh(operation, tissue));
+    double *mm = alloc(count, sizeof *mm);
+    b->size = 0;
+    if (operation_mismatch(operation, tissue, mm)) {
+        size_t bound = wire_mismatch_bound(count);
+        b->bytes = alloc_resize(b->bytes, bound, 1);
+        b->size = wire_mismatch_encode(mm, count, b->bytes, bound);
+    }
+    free(mm);
+}
+
+struct mesh_payload *mismatch_feed_add(struct mismatch_feed *feed,
+                                       const struct operation *operation, int tissue,
+                                       struct mesh_payload *payload) {
+    struct mismatch_bytes *b = &feed->of[tissue];
+    if (b->number != payload->number) {
+        measure(b, operation, tissue);
+        b->number = payload->number;
+    }
+    if (!b->size)
+        return payload;
+    struct mesh_payload *both = mesh_payload_with_mismatch(payload, b->bytes, b->size);
+    mesh_payload_release(&payload);
+    return both;
+}

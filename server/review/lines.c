@@ -22,8 +22,9 @@ static void lines_init(struct report_lines *lines) {
             thin_init(&lines->tips[i].lines[k]);
     }
     for (int i = 0; i < TISSUES_MAX; i++) {
-        lines->volume_mm3[i] = NAN;
-        thin_init(&lines->volume[i]);
+        lines->tissues[i].landed = false;
+        for (int k = 0; k < TISSUE_LINE_COUNT; k++)
+            thin_init(&lines->tissues[i].lines[k]);
     }
 }
 
@@ -69,13 +70,18 @@ static void add_joint(struct report_lines *lines, struct moment at,
     lines->joint_joined = true;
 }
 
-// A staircase: the volume stays until the next job lands.
-static void add_volume(struct report_lines *lines, struct moment at, const struct landed *landed) {
-    double *last = &lines->volume_mm3[landed->tissue];
-    if (!isnan(*last))
-        thin_add(&lines->volume[landed->tissue], at.order - A_LITTLE, at.s, *last);
-    *last = landed->figures.volume_mm3;
-    thin_add(&lines->volume[landed->tissue], at.order, at.s, *last);
+// A staircase: figures stay until the next job lands.
+static void add_landing(struct tissue_lines *t, struct moment at, const struct tissue_figures *f) {
+    const double now[TISSUE_LINE_COUNT] = {[TISSUE_VOLUME] = f->volume_mm3,
+                                           [TISSUE_TOUCHED_UNSEEN] = f->touched_unseen_mm3,
+                                           [TISSUE_SEEN_UNTOUCHED] = f->seen_untouched_mm3};
+    for (int i = 0; i < TISSUE_LINE_COUNT; i++) {
+        if (t->landed)
+            thin_add(&t->lines[i], at.order - A_LITTLE, at.s, t->last[i]);
+        thin_add(&t->lines[i], at.order, at.s, now[i]);
+        t->last[i] = now[i];
+    }
+    t->landed = true;
 }
 
 static void add_step(struct report_lines *lines, struct moment at,
@@ -90,7 +96,7 @@ static void add_step(struct report_lines *lines, struct moment at,
         }
     }
     if (output->landed.job)
-        add_volume(lines, at, &output->landed);
+        add_landing(&lines->tissues[output->landed.tissue], at, &output->landed.figures);
 }
 
 struct lines_reader {
@@ -132,7 +138,9 @@ void report_lines_read(struct trace_reader *reader, const struct survey *survey,
         .user = &r, .step = on_step, .resume = on_resume, .progress = progress};
     lines_init(lines);
     trace_play(reader, &player, NULL);
-    for (int i = 0; i < TISSUES_MAX; i++)
-        if (!isnan(lines->volume_mm3[i]))
-            thin_add(&lines->volume[i], 1, survey_seconds(survey), lines->volume_mm3[i]);
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        struct tissue_lines *t = &lines->tissues[i];
+        for (int k = 0; t->landed && k < TISSUE_LINE_COUNT; k++)
+            thin_add(&t->lines[k], 1, survey_seconds(survey), t->last[k]);
+    }
 }

@@ -20,6 +20,9 @@ enum tip_line {
     TIP_LINE_COUNT
 };
 
+// Of a tissue after each job, mm³: what is left, and where touch and sight differ.
+enum tissue_line { TISSUE_VOLUME, TISSUE_TOUCHED_UNSEEN, TISSUE_SEEN_UNTOUCHED, TISSUE_LINE_COUNT };
+
 struct report_lines {
     struct tip_lines {
         bool joined; // present at the step before
@@ -27,8 +30,11 @@ struct report_lines {
     } tips[INSTRUMENT_COUNT];
     bool joint_joined;
     struct thin flexion, varus;
-    struct thin volume[TISSUES_MAX]; // after each job, mm³
-    double volume_mm3[TISSUES_MAX];  // the last; NaN: no job landed
+    struct tissue_lines {
+        bool landed; // a job
+        double last[TISSUE_LINE_COUNT];
+        struct thin lines[TISSUE_LINE_COUNT];
+    } tissues[TISSUES_MAX];
 };
 
 // Reads the steps from the reader's place on, whose survey is known; `metrics` were begun.

@@ -7,6 +7,7 @@
 #include "report/strip.h"
 #include "review/cohort.h"
 #include "review/plots.h"
+#include "step/settings.h"
 
 #include <inttypes.h>
 #include <jansson.h>
@@ -121,6 +122,15 @@ static bool is_resected(const struct review_page *page, int tissue) {
     return f->mesh_number || f->refused;
 }
 
+// Sessions of earlier rules did not measure it.
+static bool tells_mismatch(const struct review_page *page) {
+    return page->header->settings.rules >= RULES_TOUCH_FITTED;
+}
+
+static void write_value(FILE *file, double value) {
+    fprintf(file, "<td class=\"n\">%.2f</td>", fabs(value) < 0.005 ? 0 : value); // never -0.00
+}
+
 static void write_resection_row(const struct review_page *page, int tissue) {
     const struct tissue_figures *f = &page->survey.tissues[tissue];
     const double figures[] = {
@@ -136,16 +146,39 @@ static void write_resection_row(const struct review_page *page, int tissue) {
             "</td><td class=\"n\">%" PRIu32 "</td>",
             f->cuts, f->refused, f->pieces);
     for (size_t i = 0; i < sizeof figures / sizeof figures[0]; i++)
-        fprintf(page->file, "<td class=\"n\">%.2f</td>",
-                fabs(figures[i]) < 0.005 ? 0 : figures[i]); // never -0.00
+        write_value(page->file, figures[i]);
     fputs("</tr>\n", page->file);
 }
 
-static void write_volume(const struct review_page *page, int tissue) {
-    char title[SUBJECT_MAX + 16], name[SUBJECT_MAX];
+static void write_tissue_plots(const struct review_page *page, int tissue) {
+    char title[SUBJECT_MAX + 32], name[SUBJECT_MAX];
+    const struct tissue_lines *lines = &page->lines.tissues[tissue];
     subject_tissue(page->knee, tissue, name);
     snprintf(title, sizeof title, "Volume of %s", name);
-    report_plot_volume(page->file, title, &page->lines.volume[tissue]);
+    report_plot_volume(page->file, title, lines);
+    snprintf(title, sizeof title, "Touch and sight of %s", name);
+    if (tells_mismatch(page))
+        report_plot_mismatch(page->file, title, lines);
+}
+
+static void write_mismatch(const struct review_page *page) {
+    fputs("<table>\n<tr><th>tissue</th><th class=\"n\">touched where nothing is seen, mm³</th>"
+          "<th class=\"n\">seen where nothing is touched, mm³</th></tr>\n",
+          page->file);
+    for (int i = 0; i < TISSUES_MAX; i++) {
+        const struct tissue_figures *f = &page->survey.tissues[i];
+        char name[SUBJECT_MAX];
+        if (!is_resected(page, i))
+            continue;
+        subject_tissue(page->knee, i, name);
+        fputs("<tr><td>", page->file);
+        html_text(page->file, name);
+        fputs("</td>", page->file);
+        write_value(page->file, f->touched_unseen_mm3);
+        write_value(page->file, f->seen_untouched_mm3);
+        fputs("</tr>\n", page->file);
+    }
+    fputs("</table>\n", page->file);
 }
 
 static void write_resection(const struct review_page *page) {
@@ -167,10 +200,13 @@ static void write_resection(const struct review_page *page) {
     for (int i = 0; i < TISSUES_MAX; i++)
         if (is_resected(page, i))
             write_resection_row(page, i);
-    fputs("</table>\n<div class=\"row\">\n", page->file);
+    fputs("</table>\n", page->file);
+    if (tells_mismatch(page))
+        write_mismatch(page);
+    fputs("<div class=\"row\">\n", page->file);
     for (int i = 0; i < TISSUES_MAX; i++)
-        if (!isnan(page->lines.volume_mm3[i]))
-            write_volume(page, i);
+        if (page->lines.tissues[i].landed)
+            write_tissue_plots(page, i);
     fputs("</div>\n", page->file);
 }
 

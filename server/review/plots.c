@@ -132,8 +132,22 @@ void report_plot_joint(FILE *file, const struct report_lines *lines) {
     drawing_finish(file, d, "Valgus is negative.");
 }
 
-void report_plot_volume(FILE *file, const char *title, const struct thin *volume) {
+void report_plot_volume(FILE *file, const char *title, const struct tissue_lines *tissue) {
     struct drawing *d = drawing_create(title, "time, s", "mm³");
-    draw_line(d, NULL, volume, PLOT_BLUE, PLOT_SOLID);
+    draw_line(d, NULL, &tissue->lines[TISSUE_VOLUME], PLOT_BLUE, PLOT_SOLID);
     drawing_finish(file, d, "What is left after each cut, from the first that landed.");
+}
+
+void report_plot_mismatch(FILE *file, const char *title, const struct tissue_lines *tissue) {
+    struct drawing *d = drawing_create(title, "time, s", "mm³");
+    draw_line(d, "touched, not seen", &tissue->lines[TISSUE_TOUCHED_UNSEEN], PLOT_ORANGE,
+              PLOT_SOLID);
+    draw_line(d, "seen, not touched", &tissue->lines[TISSUE_SEEN_UNTOUCHED], PLOT_BLUE,
+              PLOT_DASHED);
+    d->plot.y.max = 1;
+    for (int i = 0; i < 2; i++)
+        range_of(d->y[i], d->lines[i].count, &d->plot.y.min, &d->plot.y.max);
+    drawing_finish(file, d,
+                   "What the warped mock-up and the cut tissue do not have in common after each "
+                   "cut, without clefts of tears.");
 }

@@ -89,6 +89,8 @@ static void a_session_becomes_a_page_of_its_own(void **state) {
                                          "Flexion",
                                          "Varus",
                                          "<h2>Resection</h2>",
+                                         "touched where nothing is seen, mm³",
+                                         "Touch and sight of ",
                                          "<h2>Figures</h2>",
                                          "path_hand",
                                          ">whole<",

@@ -189,7 +189,7 @@ function readDelta(r: Reader): Delta {
 
 // ---- a mesh that is kept by changes ----------------------------------------------------------------
 
-type Numbers = Float32Array | Uint32Array;
+type Numbers = Float32Array | Uint32Array | Int16Array;
 
 function grown<T extends Numbers>(items: T, count: number): T {
   if (items.length >= count) return items;
@@ -208,6 +208,9 @@ export class Tissue {
   positions = new Float32Array(0);
   corners = new Uint32Array(0); // of a dead triangle three times 0
   labels = new Uint32Array(0); // number of the cut that made the surface; 0: the original one
+  // How far the touched surface lies from this one at each vertex, in steps; positive: touched where nothing is seen.
+  mismatch = new Int16Array(0);
+  mismatchStep = 0; // mm; 0: it is not told
   pieces: Piece[] = []; // that came off with the last payload
   before = 0; // number before that; 0: it was a whole mesh
   private uses = new Uint32Array(0);
@@ -220,6 +223,8 @@ export class Tissue {
     this.corners = new Uint32Array(0);
     this.labels = new Uint32Array(0);
     this.uses = new Uint32Array(0);
+    this.mismatch = new Int16Array(0);
+    this.mismatchStep = 0;
     this.pieces = [];
   }
 
@@ -230,11 +235,12 @@ export class Tissue {
     copy.corners = this.corners.slice(0, 3 * this.triangleBound);
     copy.labels = this.labels.slice(0, this.triangleBound);
     copy.uses = this.uses.slice(0, this.vertexBound);
+    copy.mismatch = this.mismatch.slice(0, this.vertexBound);
     return copy;
   }
 
   get bytes(): number {
-    return this.positions.byteLength + this.corners.byteLength + this.labels.byteLength + this.uses.byteLength;
+    return [this.positions, this.corners, this.labels, this.uses, this.mismatch].reduce((sum, { byteLength }) => sum + byteLength, 0);
   }
 
   // Inside the surface, mm³.
@@ -258,15 +264,17 @@ export class Tissue {
   }
 
   // Makes changes that were made before, to the same mesh: what was hashed then is not hashed again.
-  applyAgain(payload: Uint8Array): void {
+  applyAgain(payload: Uint8Array, mismatchSize = 0): void {
     this.hashes = false;
-    this.apply(payload);
+    this.apply(payload, mismatchSize);
     this.hashes = true;
   }
 
   // Makes a payload's changes. Where that fails with a MeshError nothing is left, but where it is `missing`.
-  apply(payload: Uint8Array): void {
-    const reader = new Reader(payload);
+  // `mismatchSize`: so many bytes at its end are the mismatch.
+  apply(payload: Uint8Array, mismatchSize = 0): void {
+    const size = payload.length - mismatchSize;
+    const reader = new Reader(payload.subarray(0, size));
     const pieces: Piece[] = [];
     let before = this.number;
     try {
@@ -278,12 +286,25 @@ export class Tissue {
         if (this.hash !== delta.hash) throw new MeshError("the mesh's hash is not the one told");
         pieces.push(...delta.pieces);
       }
+      this.readMismatch(payload.subarray(size));
     } catch (error) {
       if (!(error instanceof MeshError && error.missing)) this.clear();
       throw error;
     }
     this.pieces = pieces;
     this.before = before;
+  }
+
+  private readMismatch(bytes: Uint8Array): void {
+    const reader = new Reader(bytes);
+    this.mismatchStep = bytes.length ? reader.varint() / 1000 : 0;
+    this.mismatch = grown(this.mismatch, bytes.length ? this.vertexBound : 0);
+    this.mismatch.fill(0);
+    for (let vertex = -1; !reader.done; ) {
+      vertex = id(vertex, reader.varint());
+      if (!this.uses[vertex]) throw new MeshError(`a mismatch of vertex ${vertex}, which is not alive`);
+      this.mismatch[vertex] = reader.diff(0);
+    }
   }
 
   private change(delta: Delta): void {

@@ -12,6 +12,7 @@ export interface Chunk {
   hash: bigint;
   index: number;
   data: Uint8Array;
+  mismatchSize: number;
 }
 
 export interface Have {
@@ -27,6 +28,7 @@ interface Transfer {
   number: number;
   hash: bigint;
   bytes: Uint8Array;
+  mismatchSize: number; // of the bytes, at their end
   index: number; // of the chunk that is next
   used: number;
 }
@@ -42,7 +44,7 @@ const FAILURES_MAX = 4;
 // The meshes of one session. `onPayload` gets each payload that was made, as it came.
 export class Meshes {
   private readonly groups = new Map<string, GroupState>();
-  onPayload: (group: string, tissue: Tissue, payload: Uint8Array) => void = () => {};
+  onPayload: (group: string, tissue: Tissue, payload: Uint8Array, mismatchSize: number) => void = () => {};
 
   // Of another case: all meshes are void.
   clear(): void {
@@ -92,6 +94,7 @@ export class Meshes {
       number: chunk.number,
       hash: chunk.hash,
       bytes: new Uint8Array(size),
+      mismatchSize: Math.min(chunk.mismatchSize, size),
       index: 0,
       used: 0,
     };
@@ -101,13 +104,13 @@ export class Meshes {
     const { tissue } = state;
     if (transfer.number <= tissue.number && transfer.base) return { ack: have(group, tissue) };
     try {
-      tissue.apply(transfer.bytes);
+      tissue.apply(transfer.bytes, transfer.mismatchSize);
     } catch (error) {
       if (!(error instanceof MeshError)) throw error;
       return this.failed(state);
     }
     state.failures = 0;
-    this.onPayload(group, tissue, transfer.bytes);
+    this.onPayload(group, tissue, transfer.bytes, transfer.mismatchSize);
     return { ack: have(group, tissue) };
   }
 
@@ -143,6 +146,7 @@ export const LIVE_MESH_BYTES = 16 << 20;
 interface MeshVersion {
   time: number; // s
   payload: Uint8Array; // empty: only `after` is left
+  mismatchSize: number; // of its bytes, at their end
   after: Tissue | undefined; // the whole mesh, of every 16th
 }
 
@@ -160,10 +164,10 @@ export class MeshHistory {
   constructor(private readonly most = Infinity) {}
 
   // `tissue` is the mesh with that payload. A time of Infinity is not known yet.
-  push(time: number, tissue: Tissue, payload: Uint8Array): void {
+  push(time: number, tissue: Tissue, payload: Uint8Array, mismatchSize = 0): void {
     const whole = this.untilWhole === 0;
     this.untilWhole = whole ? KEPT_EVERY - 1 : this.untilWhole - 1;
-    const landing = { time, payload, after: whole ? tissue.clone() : undefined };
+    const landing = { time, payload, mismatchSize, after: whole ? tissue.clone() : undefined };
     this.versions.push(landing);
     this.bytes += bytesOf(landing);
     if (this.bytes > this.most) this.thin();
@@ -181,7 +185,10 @@ export class MeshHistory {
     while (wanted > 0 && this.versions[wanted - 1]!.time > time) wanted--;
     if (wanted === 0) return undefined;
     this.start(wanted);
-    while (this.made < wanted) this.shown.applyAgain(this.versions[this.made++]!.payload);
+    for (; this.made < wanted; this.made++) {
+      const { payload, mismatchSize } = this.versions[this.made]!;
+      this.shown.applyAgain(payload, mismatchSize);
+    }
     return this.shown;
   }
 

@@ -1,9 +1,10 @@
 // What stands over the joint's picture: where to look from, what is shown, colour maps and their legend.
+import { showLegend } from "./legend";
 import type { ColourMap, MapName } from "./scene/colours";
 import { TOOL_COLOURS, type Show } from "./scene/joint";
 import { PRESETS, type PresetName } from "./scene/orbit";
-import { format, text } from "./text";
-import { add, button, fill, h, select } from "./ui";
+import { text } from "./text";
+import { button, h, select } from "./ui";
 
 export interface ToolbarActions {
   show(show: Show): void;
@@ -66,24 +67,7 @@ export class Toolbar {
   }
 
   showLegend(name: MapName, map: ColourMap | undefined): void {
-    this.legend.hidden = !map || name === "none";
-    if (!map || name === "none") return;
-    const bar = h("div", { class: "legend-bar" });
-    bar.style.background = `linear-gradient(to right, ${map.table.map(([r, g, b]) => `rgb(${r} ${g} ${b})`).join(", ")})`;
-    const at = (value: number): string => `${(100 * (value - map.from)) / (map.to - map.from)}%`;
-    for (const value of map.marks ?? []) {
-      const mark = h("i", { class: "legend-mark" });
-      mark.style.left = at(value);
-      bar.append(mark);
-    }
-    const ticks = h("div", { class: "legend-ticks" });
-    const digits = Math.max(...map.ticks.map((value) => (Number.isInteger(value) ? 0 : Number.isInteger(10 * value) ? 1 : 2)));
-    for (const value of map.ticks) {
-      const tick = h("span", {}, format.number(value, digits));
-      tick.style.left = at(value);
-      add(ticks, tick);
-    }
-    fill(this.legend, h("p", {}, h("strong", {}, text.session.maps[name]), map.unit && ` ${map.unit}`), bar, ticks, h("p", { class: "legend-hint" }, text.session.mapHints[name]));
+    showLegend(this.legend, name, map);
   }
 }
 

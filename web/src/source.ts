@@ -110,7 +110,7 @@ export class FeedSource implements Source {
 
   private constructor(private readonly feed: Feed, readonly recorded: boolean, watch: WatchInit, limits?: Limits) {
     this.history = new History(limits);
-    this.meshes.onPayload = (group, tissue, payload) => this.keepMesh(group, tissue, payload);
+    this.meshes.onPayload = (group, tissue, payload, mismatchSize) => this.keepMesh(group, tissue, payload, mismatchSize);
     this.ends = [
       feed.onLink(({ state }) => {
         if (state === "open") this.note = ""; // the server repeats it if it still holds
@@ -129,12 +129,12 @@ export class FeedSource implements Source {
 
   /** What is kept is bounded: of older moments, meshes and figures only some. */
   static live(feed: Feed, station: string, rateHz: number, limits = LIVE_LIMITS): FeedSource {
-    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true }, limits);
+    return new FeedSource(feed, false, { what: Watch_What.STATION, station, rateHz, meshes: true, mismatch: true }, limits);
   }
 
   /** caseName: another case to replay the same hands on; "": its own. */
   static recorded(feed: Feed, session: string, rateHz: number, caseName = ""): FeedSource {
-    return new FeedSource(feed, true, { what: Watch_What.RECORDED, session, caseName, rateHz, meshes: true });
+    return new FeedSource(feed, true, { what: Watch_What.RECORDED, session, caseName, rateHz, meshes: true, mismatch: true });
   }
 
   close(): void {
@@ -232,10 +232,10 @@ export class FeedSource implements Source {
     return this.recorded ? Infinity : this.history.end;
   }
 
-  private keepMesh(group: string, tissue: Tissue, payload: Uint8Array): void {
+  private keepMesh(group: string, tissue: Tissue, payload: Uint8Array, mismatchSize: number): void {
     const landed = this.meshHistories.get(group) ?? new MeshHistory(this.recorded ? Infinity : LIVE_MESH_BYTES);
     this.meshHistories.set(group, landed);
-    landed.push(this.arrivalTime, tissue, payload);
+    landed.push(this.arrivalTime, tissue, payload, mismatchSize);
     this.tell("mesh");
   }
 

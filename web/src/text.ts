@@ -284,13 +284,14 @@ export const text = {
     },
     map: "Colours",
     maps: {
-      none: "Tissue", displacement: "Displacement", gain: "Gain along the path", plan: "Resection and plan", contact: "Collisions",
+      none: "Tissue", displacement: "Displacement", gain: "Gain along the path", plan: "Resection and plan", contact: "Collisions", mismatch: "Touch and sight",
     },
     mapHints: {
       displacement: "distance between the patient's and the mock-up's surface",
       gain: "motion of the shown tip divided by that of the hand, where the tip was",
       plan: "left: planned, not removed · right: removed beyond the plan",
       contact: "penetration depth, where the tip was",
+      mismatch: "left: seen where nothing is touched · right: touched where nothing is seen",
     },
     instruments: ["Probe", "Punch", "Shaver", "Knife", "Scope"],
     backToLive: "Back to live",
@@ -484,8 +485,9 @@ export const text = {
     field: "Field of view",
     post: "Light post",
     postHint: "Rotation relative to the camera",
-    keys: "Keys: F frame time, O optic 30° or 70°, comma and full stop rotate the light post, S settings, Escape back",
+    keys: "Keys: F frame time, O optic 30° or 70°, comma and full stop rotate the light post, T colours of touch and sight, S settings, Escape back",
     frame: (ms: string, most: string, age: string) => `frame ${ms} ms · slowest ${most} ms · pose age ${age} ms`,
     marker: "Touch the marked point",
+    colours: (name: string) => `Colours: ${name}`,
   },
 };

@@ -40,6 +40,38 @@ test("a change of another mesh is missing its base and changes nothing", () => {
   check(tissue, second!);
 });
 
+test("the mismatch goes with the mesh, forth and back", () => {
+  const [first, second] = steps();
+  const history = new MeshHistory();
+  const tissue = new Tissue();
+  const alive = (mesh: Tissue): number[] => [...new Set([...mesh.corners.subarray(0, 3 * mesh.triangleBound)].filter((_, i) => mesh.lives(Math.floor(i / 3))))].sort((a, b) => a - b);
+  const push = (step: Step, mismatch: (vertices: number[]) => number[]): void => {
+    const probe = tissue.clone();
+    probe.apply(step.payload);
+    const bytes = mismatch(alive(probe));
+    const payload = Uint8Array.from([...step.payload, ...bytes]);
+    tissue.apply(payload, bytes.length);
+    history.push(step.number, tissue, payload, bytes.length);
+  };
+  push(first!, () => [20]); // nothing differs
+  assert.equal(tissue.mismatchStep, 0.02);
+  assert.ok(tissue.mismatch.length >= tissue.vertexBound && tissue.mismatch.every((steps) => steps === 0));
+  push(second!, ([a, b]) => [20, a!, 49, b! - a! - 1, 0xe8, 7]);
+  const [a, b] = alive(tissue);
+  for (let round = 0; round < 2; round++) {
+    const then = history.at(second!.number)!;
+    check(then, second!);
+    assert.deepEqual([then.mismatch[a!], then.mismatch[b!]], [-25, 500]);
+    const before = history.at(first!.number)!;
+    check(before, first!);
+    assert.ok(before.mismatch.every((steps) => steps === 0));
+  }
+  tissue.apply(steps()[2]!.payload); // of a server that tells none
+  assert.equal(tissue.mismatchStep, 0);
+  const dead = tissue.clone();
+  assert.throws(() => dead.apply(Uint8Array.from([...steps()[3]!.payload, 20, 255, 255, 3, 2]), 5), MeshError);
+});
+
 test("a copy has no room to spare, and can be changed as the original can", () => {
   const tissue = new Tissue();
   let copy = tissue;
@@ -91,6 +123,7 @@ function chunks(step: Step, base: number, part = 32768): Chunk[] {
       hash: 1n,
       index,
       data: step.payload.subarray(index * part, (index + 1) * part),
+      mismatchSize: 0,
     });
   return all;
 }

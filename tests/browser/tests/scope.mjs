@@ -272,7 +272,29 @@ async function a_pause_leaves_the_trainee_the_picture(world) {
   assert.ok(Math.max(...shown.map(({ tip }) => distance(tip, shown[0].tip))) > 1, "it stands still");
 }
 
+// They hide the tissue.
+async function colours_of_touch_and_sight_are_off_until_they_are_asked_for(world) {
+  await world.testbed.runStation("room-2");
+  const page = await open(world, "room-2");
+  const legend = page.locator(".legend", { hasText: "touched where nothing is seen" });
+  assert.equal(await legend.count(), 0);
+  await page.keyboard.press("t");
+  await legend.waitFor();
+  await world.browser.picture(page, "scope-touch-and-sight");
+  await world.browser.check(page, "scope, touch and sight");
+  await page.reload();
+  await page.locator("canvas[data-drawn]").waitFor();
+  assert.equal(await legend.count(), 0);
+  await page.keyboard.press("s");
+  await page.getByLabel("Colours", { exact: true }).selectOption("Touch and sight");
+  await page.getByRole("button", { name: "Save" }).click();
+  await legend.waitFor();
+  await page.keyboard.press("t");
+  await legend.waitFor({ state: "hidden" });
+}
+
 export const tests = [
+  colours_of_touch_and_sight_are_off_until_they_are_asked_for,
   a_marker_is_where_an_independent_projection_says, near_bone_and_far_from_it_the_picture_is_neither_white_nor_black,
   what_stands_is_drawn_finely, a_far_server_does_not_make_the_tip_late, the_place_of_one_station_is_not_asked_for_another,
   a_pause_leaves_the_trainee_the_picture,

@@ -5,13 +5,15 @@ import {
 } from "three";
 import { HAS_WARPED, LOST, SCOPE, SEEN, TIP, toolAt, WARPED, type Row } from "../history";
 import { Exposure, TONE } from "./exposure";
-import type { Joint } from "./joint";
+import type { MapName } from "./colours";
+import type { Joint, Show } from "./joint";
 import { cameraFieldDeg, cameraInTip, type Optic } from "./optic";
 import { AdaptiveResolution, newRenderer } from "./view3d";
 
 const LIGHT = 260; // at 1 mm, before it fades with distance
 const FADE = 1.4; // less than the square: water and walls scatter some of it back
 const BEYOND_DEG = 17; // how far the light's cone reaches beyond what the optic sees
+const SHOW: Show = { ghost: false, raw: false, trails: false, femur: true, patella: true, ligaments: true, skin: true, seeThrough: false, map: "none" };
 const DEPTH = 0x2a1210; // where no light comes back from
 ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.replace(/vec3 CustomToneMapping\([^}]*\}/, TONE);
 
@@ -36,7 +38,7 @@ export class Arthroscope {
     this.lamp.target.position.set(0.4, 0.5, -1);
     this.camera.add(this.lamp, this.lamp.target);
     this.scene.add(this.camera, new HemisphereLight(0xffd9c4, 0xa04a38, 0.12), joint.root);
-    joint.setShow({ ghost: false, raw: false, trails: false, femur: true, patella: true, ligaments: true, skin: true, seeThrough: false, map: "none" });
+    joint.setShow(SHOW);
     this.setOptic(optic);
   }
 
@@ -52,6 +54,10 @@ export class Arthroscope {
     this.camera.fov = cameraFieldDeg(optic);
     this.camera.updateProjectionMatrix();
     this.lamp.angle = ((cameraFieldDeg(optic) / 2 + BEYOND_DEG) * Math.PI) / 180;
+  }
+
+  setMap(map: MapName): void {
+    this.joint.setShow({ ...SHOW, map });
   }
 
   /** px of the page. */

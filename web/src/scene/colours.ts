@@ -24,7 +24,7 @@ export function sample(table: Table, share: number, out: Colour): Colour {
   return out;
 }
 
-export type MapName = "none" | "displacement" | "gain" | "plan" | "contact";
+export type MapName = "none" | "displacement" | "gain" | "plan" | "contact" | "mismatch";
 
 export interface ColourMap {
   table: Table;
@@ -39,6 +39,7 @@ export const MAPS: Record<Exclude<MapName, "none">, ColourMap> = {
   displacement: { table: VIRIDIS, from: 0, to: 3, unit: text.units.mm, ticks: [0, 1, 2, 3] },
   gain: { table: LESS_MORE, from: 0.5, to: 1.5, unit: "", ticks: [0.5, 0.75, 1, 1.25, 1.5], marks: [0.88, 1.07] },
   plan: { table: LESS_MORE, from: -2, to: 2, unit: text.units.mm, ticks: [-2, -1, 0, 1, 2] },
+  mismatch: { table: LESS_MORE, from: -0.5, to: 0.5, unit: text.units.mm, ticks: [-0.5, 0, 0.5] },
   contact: { table: CIVIDIS, from: 0, to: 1, unit: text.units.mm, ticks: [0, 0.25, 0.5, 0.75, 1] },
 };
 

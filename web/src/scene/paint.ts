@@ -58,6 +58,7 @@ export interface Canvas {
   colours: Uint8Array; // four of each vertex, linear
   cut: (vertex: number) => boolean;
   measured: Float32Array; // of each vertex what was measured there; NaN: nothing
+  mismatch: Float32Array | undefined; // of each vertex how far the touched surface lies from it, mm
 }
 
 const scratch: Colour = [0, 0, 0];
@@ -87,6 +88,16 @@ export function paintMeasured(canvas: Canvas, map: ColourMap): void {
     const value = canvas.measured[i]!;
     put(canvas.colours, i, Number.isNaN(value) ? PLAIN : sample(map.table, share(map, value), scratch));
   }
+}
+
+/** By how far the touched surface lies from this one. In the scope what nobody tells it of looks as it is. */
+export function paintMismatch(canvas: Canvas): void {
+  const { mismatch, inside, count, colours } = canvas;
+  if (!mismatch && inside) {
+    paintTissue(canvas);
+    return;
+  }
+  for (let i = 0; i < count; i++) put(colours, i, mismatch ? sample(MAPS.mismatch.table, share(MAPS.mismatch, mismatch[i]!), scratch) : PLAIN);
 }
 
 /** Cut surfaces by how far they lie beyond the plan; what is planned and still there by how deep it is. */

@@ -6,7 +6,7 @@ import type { Tissue } from "../mesh";
 import { addNormals, type Group } from "./anatomy";
 import type { ColourMap, MapName } from "./colours";
 import { grainOf, tissueMaterial } from "./materials";
-import { displacements, Grid, GRID_MM, paintMeasured, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
+import { displacements, Grid, GRID_MM, paintMeasured, paintMismatch, paintPlan, paintTissue, REACH, type Canvas } from "./paint";
 
 const GHOST = 0x4aa3ff;
 
@@ -76,12 +76,19 @@ export class Surface {
       const shift = tissue.labels[t] ? this.twin : 0;
       for (let k = 0; k < 3; k++) index[count++] = tissue.corners[3 * t + k]! + shift;
     }
+    this.takeMismatch(tissue);
     addNormals(positions, index, count, geometry.getAttribute("normal").array as Float32Array);
     geometry.setDrawRange(0, count);
     for (const name of ["position", "normal"]) geometry.getAttribute(name).needsUpdate = true;
     geometry.index!.needsUpdate = true;
     this.grid = undefined;
     return true;
+  }
+
+  private takeMismatch({ mismatch, mismatchStep, vertexBound }: Tissue): void {
+    this.canvas.mismatch = mismatchStep ? (this.canvas.mismatch ?? new Float32Array(this.canvas.count)) : undefined;
+    for (let i = 0; this.canvas.mismatch && i < vertexBound; i++)
+      this.canvas.mismatch[i] = this.canvas.mismatch[i + this.twin] = mismatchStep * mismatch[i]!;
   }
 
   private makeRoom(tissue: Tissue): void {
@@ -104,7 +111,7 @@ export class Surface {
 
   private newCanvas(positions: Float32Array, count: number, cut: (vertex: number) => boolean): Canvas {
     const colours = this.shown.geometry.getAttribute("color").array as Uint8Array;
-    return { group: this.group, inside: this.inScope, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN) };
+    return { group: this.group, inside: this.inScope, count, positions, colours, cut, measured: new Float32Array(count).fill(NaN), mismatch: undefined };
   }
 
   // ---- maps -----------------------------------------------------------------------------------------
@@ -150,6 +157,7 @@ export class Surface {
   paint(name: MapName, map?: ColourMap): void {
     if (name === "none") paintTissue(this.canvas);
     else if (name === "plan") paintPlan(this.canvas);
+    else if (name === "mismatch") paintMismatch(this.canvas);
     else if (map) paintMeasured(this.canvas, map);
     this.shown.geometry.getAttribute("color").needsUpdate = true;
   }

@@ -7,6 +7,7 @@ import { QUIET_MS } from "../live";
 import { routeTo, type Route } from "../router";
 import { loadKnee, type Knee } from "../scene/anatomy";
 import { Arthroscope } from "../scene/arthroscope";
+import type { MapName } from "../scene/colours";
 import { Joint } from "../scene/joint";
 import { notchAngle, USUAL_OPTIC, type Optic } from "../scene/optic";
 import { NoWebGl } from "../scene/view3d";
@@ -79,6 +80,7 @@ class Scope {
   private readonly picture: Picture;
   private readonly source: FeedSource;
   private settings: Settings;
+  private map: MapName = "none"; // it hides the tissue, so each visit begins without
   private station: StationView | undefined;
   private knee = ""; // which one is shown, or asked for
   private shown: { joint: Joint; optic: Arthroscope } | undefined;
@@ -87,6 +89,7 @@ class Scope {
   private heard = 0; // when the last moment came
   private timing = false;
   private readonly tell = announcer();
+  private readonly tellMap = announcer();
   private readonly row = newRow(); // of the server
   private readonly near = newRow(); // the poses to draw: the station's own if it sends any, else the server's
   private readonly drawn = newRow();
@@ -188,6 +191,7 @@ class Scope {
       return;
     }
     this.shown.optic.setSide(this.picture.side);
+    this.shown.optic.setMap(this.map);
     this.soon();
   }
 
@@ -288,6 +292,15 @@ class Scope {
     });
   }
 
+  private colour(map: MapName): void {
+    if (map === this.map) return;
+    this.map = map;
+    this.shown?.optic.setMap(map);
+    this.picture.showLegend(map);
+    this.tellMap(map, text.scope.colours(text.session.maps[map]));
+    this.soon();
+  }
+
   private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
     const { optic, settings } = this;
@@ -295,8 +308,12 @@ class Scope {
     else if (event.key === "o") this.choose({ ...optic, tiltDeg: optic.tiltDeg === 30 ? 70 : 30 });
     else if (event.key === ",") this.choose({ ...optic, postDeg: optic.postDeg - POST_STEP_DEG });
     else if (event.key === ".") this.choose({ ...optic, postDeg: optic.postDeg + POST_STEP_DEG });
+    else if (event.key === "t") this.colour(this.map === "none" ? "mismatch" : "none");
     else if (event.key === "Escape") location.hash = routeTo("station", [this.name]);
-    else if (event.key === "s") ask(optic, settings.place, (next, place) => this.choose(next, place));
+    else if (event.key === "s") ask({ optic, place: settings.place, map: this.map }, ({ optic: next, place, map }) => {
+      this.choose(next, place);
+      this.colour(map);
+    });
     else return;
     event.preventDefault();
     this.showState();
@@ -308,15 +325,22 @@ function runs(row: Row): boolean {
   return false;
 }
 
-function ask(now: Optic, place: ViewAddress | undefined, change: (next: Optic, place: ViewAddress | undefined) => void): void {
+interface Choice {
+  optic: Optic;
+  place: ViewAddress | undefined;
+  map: MapName;
+}
+
+function ask({ optic: now, place, map }: Choice, change: (next: Choice) => void): void {
   const port = h("input", { inputmode: "numeric", value: place?.port ?? "", autocomplete: "off" });
   const token = h("input", { value: place?.token ?? "", autocomplete: "off", spellcheck: "false", class: "mono" });
   const tilts = [...new Set([0, 30, 70, now.tiltDeg])].sort((a, b) => a - b);
   const tilt = select(tilts.map((deg) => [String(deg), text.scope.optic(deg)]), String(now.tiltDeg));
   const angle = h("input", { type: "number", min: FIELD.least, max: FIELD.most, step: "any", value: now.fieldDeg });
   const post = h("input", { type: "number", min: -180, max: 180, step: POST_STEP_DEG, value: now.postDeg });
+  const maps = select((["none", "mismatch"] as const).map((name) => [name, text.session.maps[name]]), map);
   formDialog(text.scope.settings, [
-    field(text.scope.tilt, tilt), field(text.scope.field, angle), field(text.scope.post, post, text.scope.postHint),
+    field(text.session.map, maps), field(text.scope.tilt, tilt), field(text.scope.field, angle), field(text.scope.post, post, text.scope.postHint),
     field(text.scope.port, port, text.scope.portHint), field(text.scope.token, token, text.scope.tokenHint),
   ], text.save, async () => {
     const wanted = port.value.trim() !== "";
@@ -326,10 +350,11 @@ function ask(now: Optic, place: ViewAddress | undefined, change: (next: Optic, p
     setFault(port, badPort ? text.scope.portWrong : "");
     setFault(token, badToken ? text.scope.tokenWrong : "");
     if (badPort || badToken) throw new Error("");
-    change({
+    const optic = {
       tiltDeg: Number(tilt.value),
       fieldDeg: Math.min(FIELD.most, Math.max(FIELD.least, Number(angle.value) || now.fieldDeg)),
       postDeg: Number(post.value) || 0,
-    }, wanted ? { port: number, token: token.value.trim() } : undefined);
+    };
+    change({ optic, place: wanted ? { port: number, token: token.value.trim() } : undefined, map: maps.value as MapName });
   });
 }

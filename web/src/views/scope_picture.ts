@@ -1,4 +1,6 @@
-// What is on the scope's screen: the round picture, words over it, or words instead of it.
+// What is on the scope's screen: the round picture, words and a legend over it, or words instead of it.
+import { showLegend } from "../legend";
+import { MAPS, type MapName } from "../scene/colours";
 import { text } from "../text";
 import { fill, h, setClass, setText } from "../ui";
 
@@ -12,6 +14,7 @@ export class Picture {
   private readonly notch = h("i", { class: "scope-notch", "aria-hidden": "true" });
   private readonly state = h("div", { class: "scope-state" });
   private readonly timing = h("p", { class: "scope-timing number", hidden: true });
+  private readonly legend = h("div", { class: "legend", hidden: true });
   private readonly signs: Record<Sign, HTMLElement>;
   private readonly size: ResizeObserver;
   private told: HTMLElement | undefined;
@@ -23,7 +26,7 @@ export class Picture {
     this.signs = { stale: sign("stale"), state: sign("state"), note: sign("note"), marker: sign("marker"), source: sign("source") };
     this.round = h("div", { class: "scope-round" }, this.canvas, h("i", { class: "scope-edge", "aria-hidden": "true" }), this.notch);
     root.append(this.round, this.state, h("div", { class: "scope-top" }, this.signs.stale, this.signs.state),
-      h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing),
+      h("div", { class: "scope-bottom" }, this.signs.marker, this.signs.note), h("div", { class: "scope-corner" }, this.signs.source, this.timing), this.legend,
       h("h1", { class: "unseen" }, name), h("p", { class: "unseen" }, text.scope.keys));
     this.size = new ResizeObserver(() => this.measure());
     this.size.observe(root);
@@ -60,6 +63,10 @@ export class Picture {
 
   sign(kind: Sign, words: string): void {
     setText(this.signs[kind], words);
+  }
+
+  showLegend(map: MapName): void {
+    showLegend(this.legend, map, map === "none" ? undefined : MAPS[map]);
   }
 
   turnNotch(angle: number): void {

@@ -70,6 +70,31 @@ async function a_cut_changes_mesh_and_figures_and_is_set_back(world) {
   await said(page, "done");
 }
 
+// Pixels of the palette's blue and orange: tissue and bone are paler. What else is blue stays.
+function strong({ data }) {
+  let count = 0;
+  for (let at = 0; at < data.length; at += 4) {
+    const [r, b] = [data[at], data[at + 2]];
+    if (Math.max(r, b) > 60 && Math.min(r, b) < 0.8 * Math.max(r, b)) count++;
+  }
+  return count;
+}
+
+// How much of the picture tells that touch and sight differ. Leaves the tissue's own colours.
+async function mismatchSeen({ browser }, page, name) {
+  const colours = page.getByLabel("Colours", { exact: true });
+  await colours.selectOption("Touch and sight");
+  const legend = page.locator(".legend", { hasText: "touched where nothing is seen" });
+  await legend.waitFor();
+  await browser.picture(page, name);
+  await browser.check(page, name);
+  await legend.evaluate((element) => (element.style.visibility = "hidden")); // it lies over the picture
+  const seen = strong(await scene(page));
+  await legend.evaluate((element) => (element.style.visibility = ""));
+  await colours.selectOption("Tissue");
+  return seen;
+}
+
 // The hands rest in all three pictures, so that nothing but the tissue can differ.
 async function a_cut_is_seen_in_the_picture_until_it_is_undone(world) {
   const { testbed } = world;
@@ -87,11 +112,14 @@ async function a_cut_is_seen_in_the_picture_until_it_is_undone(world) {
     await testbed.moveHands("room-1", "rest");
     await sameMesh(world, page, "room-1");
     const cut = difference(whole, await scene(page));
+    const mismatch = await mismatchSeen(world, page, "station-touch-and-sight");
     await undoAll(testbed);
     await sameMesh(world, page, "room-1");
     const undone = difference(whole, await scene(page));
+    const agreed = await mismatchSeen(world, page, "station-touch-and-sight-agree");
     assert.ok(cut > 2 * ALIKE, `${cut} of the picture is another after the cuts`);
     assert.ok(undone < ALIKE, `${undone} of it is another after their undo`);
+    assert.ok(mismatch > agreed + 40, `${mismatch} pixels are blue or orange, and ${agreed} after the undo`);
   } finally {
     await testbed.moveHands("room-1", "bites");
     await testbed.session("start", "room-1");
@@ -258,7 +286,8 @@ async function a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_
 }
 
 export const tests = [
-  a_cut_changes_mesh_and_figures_and_is_set_back, a_cut_is_seen_in_the_picture_until_it_is_undone, a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
+  a_cut_changes_mesh_and_figures_and_is_set_back, a_cut_is_seen_in_the_picture_until_it_is_undone,
+  a_refusal_is_shown_in_the_servers_words, a_note_and_a_marker_reach_the_scope_and_the_trace,
   a_session_is_started_stopped_and_given_another_case, a_reset_makes_the_tissue_whole,
   a_trainee_is_told_that_a_session_is_anothers_and_sees_it_once_it_is_not,
 ];

@@ -323,14 +323,22 @@ static enum result read_section(struct reader *r, const char *name) {
     return RESULT_OK;
 }
 
+// Up to the data of points and cells.
 static enum result read_sections(struct reader *r) {
     char word[WORD_MAX];
     enum result result = read_header(r);
     while (result == RESULT_OK && next_word(r, word)) {
         if (strcmp(word, "POINT_DATA") == 0 || strcmp(word, "CELL_DATA") == 0)
-            break;
+            return RESULT_OK;
         result = read_section(r, word);
     }
+    if (result == RESULT_OK && r->at != r->end)
+        return refuse(r, RESULT_FORMAT, "what follows the last section is the name of none", "");
+    return result;
+}
+
+static enum result read_file(struct reader *r) {
+    enum result result = read_sections(r);
     if (result != RESULT_OK)
         return result;
     for (size_t i = 0; i < 3 * (size_t)r->out->triangle_count; i++)
@@ -366,7 +374,7 @@ enum result vtk_read(const char *path, uint32_t triangles_max, struct import_arr
                             .end = bytes + size,
                             .triangles_max = triangles_max,
                             .out = out_arrays};
-    enum result result = read_sections(&reader);
+    enum result result = read_file(&reader);
     free(bytes);
     return result;
 }

@@ -107,9 +107,22 @@ static void binary_of_both_forms_is_read_and_refused_where_it_is_cut(void **stat
     }
 }
 
+static void a_binary_file_of_more_cells_than_it_says_is_refused(void **state) {
+    (void)state;
+    char bytes[2048];
+    size_t size = vtk_bytes(false, bytes);
+    memcpy(bytes + size - 16 * 4 - 14, "POLYGONS 3 12", 13);
+    write_file(folder, "b.vtk", bytes, size);
+    struct mesh mesh;
+    struct repair_report report;
+    assert_int_equal(read_mesh("b.vtk", as_it_is, &mesh, &report), RESULT_FORMAT);
+    assert_non_null(strstr(err.text, "b.vtk: what follows the last section"));
+}
+
 static void a_file_at_fault_is_refused_with_what(void **state) {
     (void)state;
 #define POINTS_3 VTK("3.0", "ASCII") "POINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
+#define WORD_64 "a_word_of_64_letters_is_longer_than_the_name_of_any_section_is__"
 #define POINTS_5 VTK("5.1", "ASCII") "POINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
     static const struct {
         const char *text, *says;
@@ -128,6 +141,7 @@ static void a_file_at_fault_is_refused_with_what(void **state) {
         {POINTS_3 "CUBES 1 4\n", "unknown section: CUBES"},
         {POINTS_5 "POLYGONS 2 3\nOFFSETS int\n0 4\nCONNECTIVITY int\n0 1 2\n", "do not rise"},
         {POINTS_5 "POLYGONS 2 3\nOFFSETS float\n0 3\nCONNECTIVITY int\n0 1 2\n", "POLYGONS"},
+        {POINTS_3 "POLYGONS 1 4\n3 0 1 2\n" WORD_64, "the name of none"},
         {VTK("3.0", "ASCII") "POINTS 3 float\n0 0 0 nan 0 0 0 1 0\n", "point 1: a coordinate"},
         {VTK("3.0", "ASCII") "POINTS 99999999 float\n0 0 0\n", "more triangles or vertices"},
         {VTK("3.0", "ASCII") "POINTS 3 bit\n0 0 0\n", "a count and a type"},
@@ -151,6 +165,7 @@ int main(void) {
         with_folder(text_of_both_forms_is_read),
         with_folder(text_cut_anywhere_is_refused_or_read_but_never_does_harm),
         with_folder(binary_of_both_forms_is_read_and_refused_where_it_is_cut),
+        with_folder(a_binary_file_of_more_cells_than_it_says_is_refused),
         with_folder(a_file_at_fault_is_refused_with_what),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -47,9 +47,9 @@ enum body import_default_body(const char *group);
 // BODY_COUNT: of no other.
 enum body import_default_bridge(const char *group, enum body body);
 
-// RESULT_INVALID where a tibia or femur is too small or large for a knee: the middle one of the
-// three sides of its box is 40 to 130 mm. The text names the unit, of mm, cm and m, that would fit
-// a file read with mm_per_unit.
+// Of all its parts: RESULT_INVALID where a tibia or femur is too small or large for a knee: the
+// middle one of the three sides of its box is 40 to 130 mm. The text names the unit, of mm, cm and
+// m, that would fit a file read with mm_per_unit.
 enum result import_check_bone(const struct case_group *bone, double mm_per_unit, struct error *err);
 
 // Where the joint frame lies in the femur's frame, from the distal 35 mm of the femur in the case's

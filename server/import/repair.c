@@ -83,23 +83,13 @@ static void place_edges(const struct mesh *mesh, struct repair_report *report) {
     free(sides);
 }
 
-static void drop_unused(struct mesh *mesh) {
-    uint32_t *place = alloc(mesh->vertex_count, sizeof *place);
-    memset(place, 0xff, mesh->vertex_count * sizeof *place);
-    for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
-        place[mesh->triangles[i]] = 0;
-    uint32_t count = 0;
-    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        if (place[v] == MESH_NONE)
-            continue;
-        place[v] = count;
-        memmove(mesh->positions + 3 * (size_t)count++, mesh->positions + 3 * (size_t)v,
-                3 * sizeof *mesh->positions);
-    }
-    for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
-        mesh->triangles[i] = place[mesh->triangles[i]];
-    mesh->vertex_count = count;
-    free(place);
+void repair_look(const struct mesh *mesh, struct repair_report *report) {
+    for (int kind = REPAIR_VOID; kind <= REPAIR_CROWDED; kind++)
+        report->places[kind].somewhere = false;
+    repair_voids(mesh, report);
+    report->flat_triangles = count_flat(mesh, report);
+    place_edges(mesh, report);
+    report->after = topology_of(mesh);
 }
 
 bool repair_mesh(struct mesh *mesh, const struct repair_settings *settings,
@@ -117,17 +107,15 @@ bool repair_mesh(struct mesh *mesh, const struct repair_settings *settings,
     bool *turned = alloc(mesh->triangle_count, sizeof *turned);
     repair_sheets(mesh, turned, &report);
     repair_islands(mesh, settings->island_share, turned, &report);
-    repair_outward(mesh, turned, &report);
+    repair_outward(mesh, turned);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         if (turned[t]) {
             repair_at_triangle(&report, REPAIR_TURNED, mesh, t);
             report.turned_triangles++;
         }
     free(turned);
-    drop_unused(mesh);
-    report.flat_triangles = count_flat(mesh, &report);
-    place_edges(mesh, &report);
-    report.after = topology_of(mesh);
+    mesh_drop_unused(mesh);
+    repair_look(mesh, &report);
     *out_report = report;
     return mesh->triangle_count > 0;
 }

@@ -79,3 +79,6 @@ struct repair_report {
 // gives the same result. O(n log n) but for step 7, which is O(n) for each component left.
 bool repair_mesh(struct mesh *mesh, const struct repair_settings *settings,
                  struct repair_report *out_report);
+
+// Of a mesh that was changed since: after, voids, flat_triangles and the places of what remains.
+void repair_look(const struct mesh *mesh, struct repair_report *report);

@@ -163,25 +163,33 @@ static void turn(struct mesh *mesh, uint32_t t, bool *turned) {
     turned[t] ^= true;
 }
 
-void repair_outward(struct mesh *mesh, bool *turned, struct repair_report *report) {
+void repair_outward(struct mesh *mesh, bool *turned) {
     if (!mesh->triangle_count)
         return;
     struct pieces pieces = pieces_of(mesh);
     bool *turns = alloc(pieces.count, sizeof *turns);
-    for (uint32_t i = 0; i < pieces.count; i++) {
-        if (pieces.all[i].open_edges)
-            continue;
-        bool inwards = is_void(mesh, &pieces, i);
-        report->voids += inwards;
-        if (inwards) {
-            repair_at(report, REPAIR_VOID, pieces.all[i].box.min);
-            repair_at(report, REPAIR_VOID, pieces.all[i].box.max);
-        }
-        turns[i] = inwards ? pieces.all[i].volume > 0 : pieces.all[i].volume < 0;
-    }
+    for (uint32_t i = 0; i < pieces.count; i++)
+        if (!pieces.all[i].open_edges)
+            turns[i] =
+                is_void(mesh, &pieces, i) ? pieces.all[i].volume > 0 : pieces.all[i].volume < 0;
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         if (turns[pieces.of_triangle[t]])
             turn(mesh, t, turned);
     free(turns);
+    pieces_fini(&pieces);
+}
+
+void repair_voids(const struct mesh *mesh, struct repair_report *report) {
+    report->voids = 0;
+    if (!mesh->triangle_count)
+        return;
+    struct pieces pieces = pieces_of(mesh);
+    for (uint32_t i = 0; i < pieces.count; i++) {
+        if (pieces.all[i].open_edges || !is_void(mesh, &pieces, i))
+            continue;
+        report->voids++;
+        repair_at(report, REPAIR_VOID, pieces.all[i].box.min);
+        repair_at(report, REPAIR_VOID, pieces.all[i].box.max);
+    }
     pieces_fini(&pieces);
 }

@@ -25,4 +25,7 @@ void repair_sheets(struct mesh *mesh, bool *turned, struct repair_report *report
 
 // Steps 6 and 7.
 void repair_islands(struct mesh *mesh, double share, bool *turned, struct repair_report *report);
-void repair_outward(struct mesh *mesh, bool *turned, struct repair_report *report);
+void repair_outward(struct mesh *mesh, bool *turned);
+
+// Counts closed components inside of another one.
+void repair_voids(const struct mesh *mesh, struct repair_report *report);

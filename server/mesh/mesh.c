@@ -59,6 +59,25 @@ void mesh_set_vertex(struct mesh *mesh, uint32_t vertex, vec3 position) {
     p[2] = (float)position.z;
 }
 
+void mesh_drop_unused(struct mesh *mesh) {
+    uint32_t *place = alloc(mesh->vertex_count, sizeof *place);
+    memset(place, 0xff, mesh->vertex_count * sizeof *place);
+    for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
+        place[mesh->triangles[i]] = 0;
+    uint32_t count = 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        if (place[v] == MESH_NONE)
+            continue;
+        place[v] = count;
+        memmove(mesh->positions + 3 * (size_t)count++, mesh->positions + 3 * (size_t)v,
+                3 * sizeof *mesh->positions);
+    }
+    for (size_t i = 0; i < 3 * (size_t)mesh->triangle_count; i++)
+        mesh->triangles[i] = place[mesh->triangles[i]];
+    mesh->vertex_count = count;
+    free(place);
+}
+
 struct box mesh_bounds(const struct mesh *mesh) {
     CHECK(mesh->vertex_count > 0);
     struct box box = {mesh_vertex(mesh, 0), mesh_vertex(mesh, 0)};

@@ -34,6 +34,9 @@ static inline vec3 mesh_vertex(const struct mesh *mesh, uint32_t vertex) {
 
 void mesh_set_vertex(struct mesh *mesh, uint32_t vertex, vec3 position);
 
+// Leaves out the vertices that no triangle uses; the others keep their order.
+void mesh_drop_unused(struct mesh *mesh);
+
 // Corner 0..2 of a triangle.
 static inline vec3 mesh_corner(const struct mesh *mesh, uint32_t triangle, int corner) {
     return mesh_vertex(mesh, mesh->triangles[3 * (size_t)triangle + (size_t)corner]);

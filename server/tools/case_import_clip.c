@@ -41,23 +41,27 @@ static enum result cut_off(struct mesh *mesh, double distance_mm, int way, struc
     return outcome == CUT_REFUSED ? RESULT_REFUSED : RESULT_OK;
 }
 
-// Vertices that are no longer used stay.
+static double reach_of(const struct mesh *mesh, uint32_t triangle, int way) {
+    double reach = -INFINITY;
+    for (int i = 0; i < 3; i++)
+        reach = fmax(reach, way * mesh_corner(mesh, triangle, i).z);
+    return reach;
+}
+
 static void leave_out(struct mesh *mesh, double distance_mm, int way) {
     uint32_t kept = 0;
-    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
-        double reach = -INFINITY;
-        for (int i = 0; i < 3; i++)
-            reach = fmax(reach, way * mesh_corner(mesh, t, i).z);
-        if (reach <= distance_mm)
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        if (reach_of(mesh, t, way) <= distance_mm)
             memmove(mesh->triangles + 3 * (size_t)kept++, mesh->triangles + 3 * (size_t)t,
                     3 * sizeof *mesh->triangles);
-    }
     mesh->triangle_count = kept;
+    mesh_drop_unused(mesh);
 }
 
 // The cut's vertices lie in the plane, as far as floats tell.
 static struct clip_plane find_cap(const struct mesh *mesh, double z) {
-    struct clip_plane plane = {z, true, {{INFINITY, INFINITY, z}, {-INFINITY, -INFINITY, z}}};
+    struct clip_plane plane = {
+        .z = z, .capped = true, .cap = {{INFINITY, INFINITY, z}, {-INFINITY, -INFINITY, z}}};
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         vec3 p = mesh_vertex(mesh, v);
         if (fabs(p.z - z) > NEAR_PLANE_MM)
@@ -68,27 +72,32 @@ static struct clip_plane find_cap(const struct mesh *mesh, double z) {
     return plane;
 }
 
+static struct clip_plane clip_at(struct mesh *mesh, double distance_mm, int way) {
+    struct clip_plane plane = {.z = way * distance_mm};
+    struct topology t = topology_of(mesh);
+    if (!t.closed || !t.manifold || !t.oriented)
+        fail(&plane.why, RESULT_INVALID, "the mesh is %s",
+             t.closed ? "no manifold, or its triangles face different ways" : "not closed");
+    else if (cut_off(mesh, distance_mm, way, &plane.why) == RESULT_OK)
+        return find_cap(mesh, plane.z);
+    leave_out(mesh, distance_mm, way);
+    return plane;
+}
+
 enum result import_clip(struct mesh *mesh, double distance_mm, struct clip_report *out_report,
                         struct error *err) {
     *out_report = (struct clip_report){0};
-    uint32_t before = mesh->triangle_count;
     struct box box = mesh_bounds(mesh);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        out_report->far_triangles +=
+            fmax(reach_of(mesh, t, -1), reach_of(mesh, t, 1)) > distance_mm;
     for (int way = -1; way <= 1; way += 2) {
         if ((way < 0 ? -box.min.z : box.max.z) <= distance_mm)
             continue;
-        struct topology t = topology_of(mesh);
-        bool closed = t.closed && t.manifold && t.oriented;
-        struct error why;
-        bool capped = closed && cut_off(mesh, distance_mm, way, &why) == RESULT_OK;
-        if (!capped)
-            leave_out(mesh, distance_mm, way);
-        out_report->planes[out_report->plane_count++] =
-            capped ? find_cap(mesh, way * distance_mm) : (struct clip_plane){way * distance_mm};
+        out_report->planes[out_report->plane_count++] = clip_at(mesh, distance_mm, way);
         if (!mesh->triangle_count)
             return fail(err, RESULT_INVALID, "it lies wholly more than %g mm %s the joint",
                         distance_mm, way < 0 ? "below" : "above");
     }
-    out_report->removed_triangles =
-        before > mesh->triangle_count ? before - mesh->triangle_count : 0;
     return RESULT_OK;
 }

@@ -156,13 +156,13 @@ static void print_islands(const struct import_said *said) {
 
 static void print_clip(const struct import_said *said) {
     if (said->clip->plane_count)
-        printf("  clipped: %u triangles left out far from the joint\n",
-               said->clip->removed_triangles);
+        printf("  clipped: %u triangles reached too far from the joint\n",
+               said->clip->far_triangles);
     for (int i = 0; i < said->clip->plane_count; i++) {
         const struct clip_plane *plane = &said->clip->planes[i];
         vec3 size = vec3_sub(plane->cap.max, plane->cap.min);
         if (!plane->capped) {
-            printf("           no cap at z = %.1f mm, for the mesh is not closed\n", plane->z);
+            printf("           no cap at z = %.1f mm: %s\n", plane->z, plane->why.text);
             continue;
         }
         printf("           a cap made: %.1f by %.1f mm, ", size.x, size.y);
@@ -233,8 +233,9 @@ static json_t *clip_json(const struct import_said *said) {
     for (int i = 0; i < said->clip->plane_count; i++) {
         const struct clip_plane *plane = &said->clip->planes[i];
         json_t *one = json_pack("{s:f}", "z_mm", plane->z);
-        if (plane->capped)
-            json_object_set_new(one, "cap", box_json(said, plane->cap));
+        json_object_set_new(one, plane->capped ? "cap" : "no_cap",
+                            plane->capped ? box_json(said, plane->cap)
+                                          : json_string(plane->why.text));
         json_array_append_new(array, one);
     }
     return array;

@@ -222,6 +222,12 @@ static void say_mesh(struct import_request *request, const struct import_said *s
         import_print(said);
 }
 
+static enum result clip_mesh(const struct surface_source *from, double distance_mm,
+                             struct mesh *mesh, struct clip_report *out_report, struct error *err) {
+    enum result result = import_clip(mesh, distance_mm, out_report, err);
+    return result == RESULT_OK ? result : fail_in(err, result, "%s: ", from->path);
+}
+
 static enum result add_mesh(struct import_request *request, struct knee_case *knee,
                             const struct scan *scan, int i, struct error *err) {
     const struct surface_source *from = &request->sources[i];
@@ -236,11 +242,13 @@ static enum result add_mesh(struct import_request *request, struct knee_case *kn
     struct clip_report clip = {0};
     enum result result = import_make(&source, &scan->surfaces[i].arrays, &mesh, &repair, err);
     if (result == RESULT_OK)
-        result = import_clip(&mesh, request->clip_mm, &clip, err);
+        result = clip_mesh(from, request->clip_mm, &mesh, &clip, err);
     if (result != RESULT_OK) {
         mesh_fini(&mesh);
         return fail_in(err, result, "--group %s: ", from->group);
     }
+    if (clip.plane_count)
+        repair_look(&mesh, &repair);
     char part[CASE_NAME_MAX];
     part_name(request, from, part);
     result = case_add_part(group, part, &mesh, err);
@@ -248,9 +256,21 @@ static enum result add_mesh(struct import_request *request, struct knee_case *kn
         say_mesh(request,
                  &(struct import_said){from->group, from->path, &mesh, &repair, &clip, knee});
     mesh_fini(&mesh);
-    bool bone = strcmp(group->name, "tibia") == 0 || strcmp(group->name, "femur") == 0;
-    if (result == RESULT_OK && bone && group->part_count == 1)
-        result = import_check_bone(group, source.mm_per_unit, err);
+    return result;
+}
+
+// All parts of a bone together.
+static enum result check_bones(const struct import_request *request, const struct scan *scan,
+                               struct knee_case *knee, struct error *err) {
+    static const char *const bones[] = {"tibia", "femur"};
+    enum result result = RESULT_OK;
+    for (int i = 0; i < 2 && result == RESULT_OK; i++) {
+        const struct import_surface *main =
+            import_main_surface(scan->surfaces, request->source_count, bones[i]);
+        result = import_check_bone(case_group(knee, bones[i]), main->mm_per_unit, err);
+        if (result != RESULT_OK)
+            fail_in(err, result, "%s: ", main->path);
+    }
     return result;
 }
 
@@ -341,6 +361,8 @@ enum result import_scan(struct import_request *request, struct knee_case *knee, 
         say_left_out(request, &scan, knee);
     for (int i = 0; i < request->source_count && result == RESULT_OK; i++)
         result = add_mesh(request, knee, &scan, i, err);
+    if (result == RESULT_OK)
+        result = check_bones(request, &scan, knee, err);
     for (int i = 0; i < request->source_count; i++)
         import_arrays_fini(&scan.surfaces[i].arrays);
     return result;

@@ -28,8 +28,8 @@ static void place_tibia_by_encoders(const struct sample *encoders, const struct 
     bodies[BODY_TIBIA] = pose_compose(bodies[BODY_FEMUR], joint_to_pose(joint, &out->joint));
 }
 
-void bones_place(const struct samples *samples, const struct knee_case *knee,
-                 struct session_output *out) {
+void step_bones_place(const struct samples *samples, const struct knee_case *knee,
+                      struct session_output *out) {
     const struct sample *femur = samples_last(samples, CHANNEL_FEMUR, SAMPLE_POSE);
     const struct sample *tibia = samples_last(samples, CHANNEL_TIBIA, SAMPLE_POSE);
     const struct sample *patella = samples_last(samples, CHANNEL_PATELLA, SAMPLE_POSE);

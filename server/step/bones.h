@@ -8,5 +8,5 @@
 // Fills in T_mockup_body, joint and joint_validity. An untracked femur is the mock-up's own frame.
 // What is lost stays where it was last seen: a bone that jumped would take the surfaces under the
 // instruments with it.
-void bones_place(const struct samples *samples, const struct knee_case *knee,
-                 struct session_output *out);
+void step_bones_place(const struct samples *samples, const struct knee_case *knee,
+                      struct session_output *out);

@@ -426,7 +426,7 @@ void session_step(struct session *s, const struct session_input *input,
     out->frame_number = input->kind == INPUT_FRAME ? input->frame.number : 0;
     out->time_ns = s->time_ns;
     out->state = s->state;
-    bones_place(&s->samples, s->scene->knee, out);
+    step_bones_place(&s->samples, s->scene->knee, out);
     correct_bones(s, out);
     if (shows_instruments(s))
         out->events |= move_instruments(s, s->time_ns - before_ns, out);

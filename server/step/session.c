@@ -31,7 +31,8 @@ struct session {
     int portals[INSTRUMENT_COUNT]; // that each goes through: index in the case
     pose correction[BODY_COUNT];   // M of this step, in the mock-up's frame
     bool seen[INSTRUMENT_COUNT];   // at the step before, with its tip at `tips`
-    vec3 tips[INSTRUMENT_COUNT];
+    pose tips[INSTRUMENT_COUNT];   // T_mockup_tip
+    pose bodies[BODY_COUNT];       // T_mockup_body at the step before
     struct warp_surface surfaces[CASE_GROUPS_MAX];
     struct easing *easings[TISSUES_MAX]; // NULL where the tissue has no S'_max
     struct cutting cutting;
@@ -207,19 +208,19 @@ static void correct_bones(struct session *s, struct session_output *out) {
 static double allowance_mm(const struct session *s, int instrument, int64_t passed_ns, vec3 tip) {
     if (!s->seen[instrument])
         return INFINITY;
-    double way = vec3_distance(tip, s->tips[instrument]);
+    double way = vec3_distance(tip, s->tips[instrument].translation);
     double floor_mm = s->settings.ease_mm_s * (double)passed_ns / NS_PER_S;
     return EASE_ROUNDING * (s->settings.ease_share * way + floor_mm);
 }
 
 // How much the displacement that an instrument feels would still change: its tip, or any point.
-static double rest_mm(const struct session *s, const struct session_output *out, int instrument,
-                      int tissue) {
+static double rest_mm(const struct session *s, int instrument, int tissue, const pose *bodies,
+                      pose T_mockup_tip) {
     const struct instrument_body *body = &s->settings.bodies[instrument];
     int group = s->scene->tissues[tissue].group;
     int count = s->settings.avatar == AVATAR_TIP ? 1 : body->point_count;
-    pose T_group_mockup = pose_inverse(out->T_mockup_body[s->scene->knee->groups[group].body]);
-    pose T_group_tip = pose_compose(T_group_mockup, out->instruments[instrument].T_mockup_tip);
+    pose T_group_mockup = pose_inverse(bodies[s->scene->knee->groups[group].body]);
+    pose T_group_tip = pose_compose(T_group_mockup, T_mockup_tip);
     double rest = 0;
     for (int i = 0; i < count; i++) {
         vec3 p = pose_apply(T_group_tip, body->points[i].at);
@@ -227,6 +228,16 @@ static double rest_mm(const struct session *s, const struct session_output *out,
         rest = fmax(rest, easing_rest_mm(s->easings[tissue], p, triangle));
     }
     return rest;
+}
+
+// A hand that trembles comes back to where it was.
+static double rest_here_and_before_mm(const struct session *s, const struct session_output *out,
+                                      int instrument, int tissue) {
+    double here = rest_mm(s, instrument, tissue, out->T_mockup_body,
+                          out->instruments[instrument].T_mockup_tip);
+    if (!s->seen[instrument] || s->settings.rules < RULES_EASED_BEHIND)
+        return here;
+    return fmax(here, rest_mm(s, instrument, tissue, s->bodies, s->tips[instrument]));
 }
 
 // The share of what is left that a tissue's blends may go: what bounds the change that each tip
@@ -238,7 +249,7 @@ static double ease_share(const struct session *s, int tissue, int active, int64_
         const struct instrument_output *o = &out->instruments[i];
         if (!o->present)
             continue;
-        double rest = rest_mm(s, out, i, tissue);
+        double rest = rest_here_and_before_mm(s, out, i, tissue);
         double allowed = allowance_mm(s, i, passed_ns, o->T_mockup_tip.translation) / active;
         if (allowed < share * rest)
             share = allowed / rest;
@@ -356,8 +367,9 @@ static uint32_t move_instruments(struct session *s, int64_t passed_ns, struct se
         const struct instrument_output *o = &out->instruments[i];
         events |= feel_contact(s, i, o->present ? o->warp.nearest_mm : INFINITY);
         s->seen[i] = o->present;
-        s->tips[i] = o->T_mockup_tip.translation;
+        s->tips[i] = o->T_mockup_tip;
     }
+    memcpy(s->bodies, out->T_mockup_body, sizeof s->bodies);
     return events;
 }
 

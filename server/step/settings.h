@@ -25,12 +25,14 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      blend for each vertex (match/match.h).
 //   4  Torn ligaments open along a straighter ramp (warp/adaptive.h).
 //   5  A punch that trembles as its jaw closes leaves no film between two moves (cut/blade.h).
+//      What a cut changes of the touch is eased in so that a hand that comes back feels no jump.
 #define RULES_NEWEST 5
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
 #define RULES_WITH_STRAIGHT_RAMP 4
 #define RULES_WITHOUT_FILMS 5
+#define RULES_EASED_BEHIND 5
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -8,12 +8,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define LARGE_MAX (4 * IMPORT_PARTS_MAX) // parts, and voids in them
+
 struct component {
     uint32_t triangles;
     double area, volume; // in the file's units
     struct box box;
     uint32_t set;    // the vertex that stands for it
     uint32_t joined; // index of the component that it stays with; its own
+    uint32_t part;   // MESH_NONE: left out
 };
 
 static vec3 corner(const struct import_arrays *arrays, size_t i) {
@@ -54,12 +57,13 @@ static bool box_holds(const struct box *outer, const struct box *inner) {
            outer->max.y > inner->max.y && outer->max.z > inner->max.z;
 }
 
-// The smallest one around it.
-static void join_voids(struct component *all, uint32_t count) {
+// Each with the smallest of the large ones around it that runs the other way round.
+static void join_voids(struct component *all, uint32_t count, uint32_t large) {
     for (uint32_t i = 0; i < count; i++) {
         all[i].joined = i;
-        for (uint32_t k = 0; k < i && all[i].volume < 0; k++)
-            if (all[k].volume > 0 && box_holds(&all[k].box, &all[i].box))
+        for (uint32_t k = 0; k < i && k < large; k++)
+            if (all[k].joined == k && all[k].volume * all[i].volume < 0 &&
+                box_holds(&all[k].box, &all[i].box))
                 all[i].joined = k;
     }
 }
@@ -90,11 +94,58 @@ static void take_out(const struct import_arrays *from, const uint32_t *part_of_s
     free(place);
 }
 
+struct placed {
+    double at[3];
+    uint32_t vertex;
+};
+
+static int compare_places(const void *a, const void *b) {
+    const struct placed *s = a, *t = b;
+    for (int i = 0; i < 3; i++)
+        if (s->at[i] != t->at[i])
+            return s->at[i] < t->at[i] ? -1 : 1;
+    return 0;
+}
+
+static bool *open_vertices(const struct import_arrays *arrays) {
+    struct mesh mesh = {arrays->vertex_count, arrays->triangle_count, NULL, arrays->triangles};
+    size_t count = 3 * (size_t)arrays->triangle_count;
+    bool *open = alloc(arrays->vertex_count, sizeof *open);
+    struct triangle_side *sides = edges_sorted(&mesh);
+    for (size_t i = 0, end; i < count; i = end) {
+        end = edges_end(sides, i, count);
+        if (end - i == 1)
+            open[sides[i].low] = open[sides[i].high] = true;
+    }
+    free(sides);
+    return open;
+}
+
+// Closed surfaces that touch stay apart.
+static void join_seams(const struct import_arrays *arrays, uint32_t *sets) {
+    bool *open = open_vertices(arrays);
+    struct placed *placed = alloc(arrays->vertex_count, sizeof *placed);
+    uint32_t count = 0;
+    for (uint32_t v = 0; v < arrays->vertex_count; v++) {
+        if (!open[v])
+            continue;
+        memcpy(placed[count].at, arrays->positions + 3 * (size_t)v, sizeof placed->at);
+        placed[count++].vertex = v;
+    }
+    qsort(placed, count, sizeof *placed, compare_places);
+    for (uint32_t i = 1; i < count; i++)
+        if (compare_places(&placed[i - 1], &placed[i]) == 0)
+            sets_join(sets, placed[i].vertex, placed[i - 1].vertex);
+    free(placed);
+    free(open);
+}
+
 static uint32_t find_components(const struct import_arrays *arrays, uint32_t *sets,
                                 struct component *all) {
     uint32_t count = 0;
     for (size_t i = 0; i < 3 * (size_t)arrays->triangle_count; i++)
         sets_join(sets, arrays->triangles[i - i % 3], arrays->triangles[i]);
+    join_seams(arrays, sets);
     for (uint32_t t = 0; t < arrays->triangle_count; t++) {
         uint32_t set = sets_find(sets, arrays->triangles[3 * (size_t)t]);
         all[set].set = set;
@@ -114,29 +165,36 @@ static void leave_out(const struct component *c, struct import_parts *parts) {
     parts->left_out++;
 }
 
+static uint32_t number_parts(struct component *all, uint32_t count, uint32_t large,
+                             struct import_parts *out_parts) {
+    uint32_t parts = 0;
+    join_voids(all, count, large);
+    for (uint32_t i = 0; i < count; i++) {
+        bool own = all[i].joined == i;
+        all[i].part = own ? i < large ? parts++ : MESH_NONE : all[all[i].joined].part;
+        if (all[i].part == MESH_NONE)
+            leave_out(&all[i], out_parts);
+    }
+    return parts;
+}
+
 enum result import_split(const struct import_arrays *arrays, struct import_parts *out_parts,
                          struct error *err) {
     uint32_t *sets = sets_create(arrays->vertex_count);
     struct component *all = alloc(arrays->vertex_count, sizeof *all);
     uint32_t *part_of_set = alloc(arrays->vertex_count, sizeof *part_of_set);
-    uint32_t *part_of = alloc(arrays->vertex_count, sizeof *part_of);
     *out_parts = (struct import_parts){0};
     memset(part_of_set, 0xff, arrays->vertex_count * sizeof *part_of_set); // MESH_NONE: unused
-    uint32_t count = find_components(arrays, sets, all), parts = 0;
-    join_voids(all, count);
-    for (uint32_t i = 0; i < count; i++) {
-        bool kept = all[i].area >= IMPORT_PART_SHARE * all[0].area;
-        bool own = all[i].joined == i;
-        part_of[i] = own ? kept ? parts++ : MESH_NONE : part_of[all[i].joined];
-        part_of_set[all[i].set] = part_of[i];
-        if (part_of[i] == MESH_NONE)
-            leave_out(&all[i], out_parts);
-    }
+    uint32_t count = find_components(arrays, sets, all), large = 0;
+    while (large < count && all[large].area >= IMPORT_PART_SHARE * all[0].area)
+        large++;
+    uint32_t parts = large <= LARGE_MAX ? number_parts(all, count, large, out_parts) : large;
+    for (uint32_t i = 0; i < count; i++)
+        part_of_set[all[i].set] = all[i].part;
     if (parts <= IMPORT_PARTS_MAX)
         for (; out_parts->count < (int)parts; out_parts->count++)
             take_out(arrays, part_of_set, sets, (uint32_t)out_parts->count,
                      &out_parts->parts[out_parts->count]);
-    free(part_of);
     free(part_of_set);
     free(all);
     free(sets);

@@ -24,8 +24,9 @@ struct import_parts {
     char names[IMPORT_PARTS_MAX][64]; // "" before import_name_parts
 };
 
-// Components are connected by shared vertices. A surface inside of another one that faces inwards,
-// as around marrow, stays with it. RESULT_LIMIT: more than IMPORT_PARTS_MAX. The caller releases
+// Components are connected by shared vertices, and by those of open edges that lie in one place, as
+// where normals differ. A surface inside of another one that runs the other way round, as around
+// marrow, stays with it. RESULT_LIMIT: more than IMPORT_PARTS_MAX. The caller releases
 // *out_parts with import_parts_fini, also after an error.
 enum result import_split(const struct import_arrays *arrays, struct import_parts *out_parts,
                          struct error *err);

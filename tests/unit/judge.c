@@ -166,6 +166,70 @@ static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **stat
     import_arrays_fini(&joined);
 }
 
+// As files with a normal for each triangle have it: no triangle shares a vertex.
+static void take_apart(struct import_arrays *arrays) {
+    uint32_t count = 3 * arrays->triangle_count;
+    double *positions = malloc(3 * count * sizeof *positions);
+    for (uint32_t i = 0; i < count; i++) {
+        memcpy(positions + 3 * i, arrays->positions + 3 * arrays->triangles[i], 3 * sizeof(double));
+        arrays->triangles[i] = i;
+    }
+    free(arrays->positions);
+    arrays->positions = positions;
+    arrays->vertex_count = count;
+}
+
+static void assert_splits_into(struct import_arrays *joined, int count) {
+    static struct import_parts parts;
+    assert_ok(import_split(joined, &parts, &err));
+    assert_int_equal(parts.count, count);
+    import_parts_fini(&parts);
+    import_arrays_fini(joined);
+}
+
+static void triangles_that_share_places_are_one_part(void **state) {
+    (void)state;
+    struct import_arrays joined;
+    join_boxes(&joined);
+    take_apart(&joined);
+    assert_splits_into(&joined, BOXES);
+}
+
+static void voids_stay_with_their_bone_in_a_mirrored_file(void **state) {
+    (void)state;
+    struct import_arrays joined;
+    join_boxes(&joined);
+    for (uint32_t v = 0; v < joined.vertex_count; v++)
+        joined.positions[3 * v] *= -1;
+    assert_splits_into(&joined, BOXES);
+}
+
+static struct import_arrays row_of_boxes(int count, double apart) {
+    struct import_arrays joined = {.positions = malloc((size_t)count * 24 * sizeof(double)),
+                                   .triangles = malloc((size_t)count * 36 * sizeof(uint32_t))};
+    for (int i = 0; i < count; i++)
+        join_box(&joined, (vec3){apart * i, 0, 0}, (vec3){1, 1, 1}, false);
+    return joined;
+}
+
+static void closed_parts_that_touch_stay_apart(void **state) {
+    (void)state;
+    struct import_arrays joined = row_of_boxes(3, 2);
+    assert_splits_into(&joined, 3);
+}
+
+static void too_many_parts_are_refused(void **state) {
+    (void)state;
+    static struct import_parts parts;
+    for (int count = 33; count < 1000; count += 900) {
+        struct import_arrays joined = row_of_boxes(count, 3);
+        assert_int_equal(import_split(&joined, &parts, &err), RESULT_LIMIT);
+        assert_non_null(strstr(err.text, count == 33 ? "33 parts, more" : "933 parts, more"));
+        import_parts_fini(&parts);
+        import_arrays_fini(&joined);
+    }
+}
+
 // Cartilage of the femur has a larger area than the tibia.
 static void a_bone_is_found_behind_larger_cartilage(void **state) {
     (void)state;
@@ -191,6 +255,10 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
         cmocka_unit_test(a_file_of_several_parts_is_split_and_its_parts_get_names),
+        cmocka_unit_test(triangles_that_share_places_are_one_part),
+        cmocka_unit_test(voids_stay_with_their_bone_in_a_mirrored_file),
+        cmocka_unit_test(closed_parts_that_touch_stay_apart),
+        cmocka_unit_test(too_many_parts_are_refused),
         cmocka_unit_test(a_bone_is_found_behind_larger_cartilage),
         cmocka_unit_test(axes_and_side_are_those_of_the_knee),
     };

@@ -78,12 +78,10 @@ static bool bone_fits(double middle_mm) {
 static enum result find_unit(const struct import_surface *femur, const struct import_surface *tibia,
                              double *out_mm, struct import_judgement *out, struct error *err) {
     double width[2] = {middle_side(box_of(femur, 1)), middle_side(box_of(tibia, 1))};
-    const struct import_surface *bones[] = {femur, tibia};
     for (size_t u = 0; u < 3; u++) {
         bool fits = true;
         for (int i = 0; i < 2; i++)
-            fits &= bones[i]->mm_per_unit > 0 ? bones[i]->mm_per_unit == units[u].mm
-                                              : bone_fits(width[i] * units[u].mm);
+            fits &= bone_fits(width[i] * units[u].mm);
         if (!fits)
             continue;
         *out_mm = units[u].mm;
@@ -147,23 +145,34 @@ static enum result check_against_bones(const struct import_surface *surface, str
     return RESULT_OK;
 }
 
+static void name_given_unit(const struct import_surface *surfaces, int count,
+                            struct import_judgement *out) {
+    bool same = true;
+    for (int i = 1; i < count; i++)
+        same &= surfaces[i].mm_per_unit == surfaces[0].mm_per_unit;
+    for (size_t u = 0; u < 3; u++)
+        if (surfaces[0].mm_per_unit == units[u].mm)
+            snprintf(out->value, sizeof out->value, "%s", same ? units[u].name : "several");
+}
+
 enum result import_judge_unit(struct import_surface *surfaces, int count,
                               struct import_judgement *out, struct error *err) {
     const struct import_surface *femur = import_main_surface(surfaces, count, "femur");
     const struct import_surface *tibia = import_main_surface(surfaces, count, "tibia");
-    *out = (struct import_judgement){.trust = TRUST_GIVEN, .value = "given"};
+    *out = (struct import_judgement){.trust = TRUST_GIVEN};
     if (!femur || !tibia)
         return fail(err, RESULT_MISSING, "there is no group %s", tibia ? "femur" : "tibia");
-    bool judged = false;
-    for (int i = 0; i < count; i++)
-        judged |= surfaces[i].mm_per_unit <= 0;
-    double mm = 1;
-    enum result result = judged ? find_unit(femur, tibia, &mm, out, err) : RESULT_OK;
+    double mm = femur->mm_per_unit;
+    enum result result = RESULT_OK;
+    if (mm > 0)
+        name_given_unit(surfaces, count, out);
+    else
+        result = find_unit(femur, tibia, &mm, out, err);
+    if (result != RESULT_OK)
+        return result;
     for (int i = 0; i < count; i++)
         if (surfaces[i].mm_per_unit <= 0)
             surfaces[i].mm_per_unit = mm;
-    if (result != RESULT_OK)
-        return result;
     struct box boxes[2] = {box_of(femur, femur->mm_per_unit), box_of(tibia, tibia->mm_per_unit)};
     bool bones_fit = bone_fits(middle_side(boxes[0])) && bone_fits(middle_side(boxes[1]));
     for (int i = 0; i < count && bones_fit && result == RESULT_OK; i++)

@@ -22,10 +22,11 @@ struct import_judgement {
     char why[200]; // from what
 };
 
-// Sets the unit of the surfaces that have none: mm, cm or m, that of which tibia and femur have the
-// size of a knee. Then refuses, by group and path, a surface that disagrees with the others: one
-// far from the bones, or whose length is not that of its kind, with the unit that would fit. Needs
-// a tibia and a femur; refused where no unit fits them.
+// Where the femur has a unit, that is given: says it, or "several" where not all have the same.
+// Else sets that of all surfaces: mm, cm or m, that of which tibia and femur have the size of a
+// knee. Then refuses, by group and path, a surface that disagrees with the others: one far from the
+// bones, or whose length is not that of its kind, with the unit that would fit. Needs a tibia and a
+// femur; refused where no unit fits them.
 enum result import_judge_unit(struct import_surface *surfaces, int count,
                               struct import_judgement *out, struct error *err);
 

@@ -68,15 +68,15 @@ static const char help[] =
     "  --name NAME        the name of the case: letters, digits and \"_-.\"\n"
     "\n"
     "Give all bones as they lie in extension. The import repairs each mesh where that is safe.\n"
-    "It joins vertices of open edges in one place (within 0.001 mm where triangles share none,\n"
-    "as in STL). It removes bad and duplicate triangles, fins of less than 1 mm2, and components\n"
-    "of less than 2 % of the area. It turns triangles outwards, and splits sheets that touch in a "
-    "vertex or an edge. It\n"
-    "moves and fills nothing else. For each mesh it prints what was wrong, what it did, and\n"
-    "what remains. Open meshes can be warped and touched, but not cut.\n"
+    "It joins vertices of open edges in one place. (In a file whose triangles share none, as in\n"
+    "STL, 0.001 mm count as one place.) It removes bad and duplicate triangles, fins of less\n"
+    "than 1 mm2, and components of less than 2 % of the area. It turns triangles outwards. It\n"
+    "splits sheets that touch in a vertex or an edge. It moves and fills nothing else. For each\n"
+    "mesh it prints what was wrong, what it did, and what remains. Open meshes can be warped and\n"
+    "touched, but not cut.\n"
     "\n"
     "It refuses a file that is misread, and a knee of 4 cm or 40 m, with the unit that would\n"
-    "fit. It also refuses a case with a fault of `arthron-case check`, and writes nothing.\n";
+    "fit. It also refuses a case with wrong sizes or places. Then it writes nothing.\n";
 
 // ---- the command line ---------------------------------------------------------------------------
 
@@ -213,8 +213,7 @@ static bool take_option(int option, char *text, struct import_request *request) 
     }
 }
 
-// ---- the case
-// ------------------------------------------------------------------------------------
+// ---- the case -----------------------------------------------------------------------------------
 
 static enum result mark_groups(struct knee_case *knee, const struct import_request *request,
                                struct error *err) {

@@ -35,6 +35,7 @@ struct import_request {
     struct part_rename {
         char from[CASE_NAME_MAX];
         const char *to;
+        bool used;
     } renames[CASE_GROUPS_MAX]; // of parts of --parts
     const char *cuttable[CASE_GROUPS_MAX];
     struct case_portal portals[CASE_PORTALS_MAX]; // in the scan's frame, turned as the case

@@ -80,7 +80,7 @@ static enum result judge_unit(struct import_request *request, struct scan *scan,
                               struct error *err) {
     struct import_judgement judged;
     enum result result = import_judge_unit(scan->surfaces, request->source_count, &judged, err);
-    if (result == RESULT_OK && judged.trust != TRUST_GIVEN)
+    if (result == RESULT_OK)
         say_judged(request, "unit", &judged);
     return result;
 }
@@ -178,6 +178,7 @@ static void say_speck(struct import_request *request, const struct scan *scan,
 
 static void say_left_out(struct import_request *request, const struct scan *scan,
                          const struct knee_case *knee) {
+    json_int_t specks = 0;
     for (int i = 0; i < scan->left_out_count; i++) {
         const struct left_out *left_out = &scan->left_out[i];
         for (uint32_t k = 0; k < left_out->count && k < IMPORT_SPECKS_MAX; k++)
@@ -185,7 +186,10 @@ static void say_left_out(struct import_request *request, const struct scan *scan
                       &left_out->specks[k]);
         if (left_out->count > IMPORT_SPECKS_MAX && !request->as_json)
             printf("        and %u more\n", left_out->count - IMPORT_SPECKS_MAX);
+        specks += left_out->count;
     }
+    if (request->as_json)
+        json_object_set_new(request->judged, "speck_count", json_integer(specks));
 }
 
 // ---- meshes to groups ---------------------------------------------------------------------------
@@ -274,11 +278,28 @@ static enum result check_bones(const struct import_request *request, const struc
     return result;
 }
 
-static const char *name_of(const struct import_request *request, const char *proposed) {
-    for (int i = 0; i < request->rename_count; i++)
-        if (strcmp(request->renames[i].from, proposed) == 0)
-            return request->renames[i].to;
+static const char *name_of(struct import_request *request, const char *proposed) {
+    for (int i = 0; i < request->rename_count; i++) {
+        if (strcmp(request->renames[i].from, proposed) != 0)
+            continue;
+        request->renames[i].used = true;
+        return request->renames[i].to;
+    }
     return proposed;
+}
+
+static enum result check_renames(const struct import_request *request, struct error *err) {
+    char names[256] = "";
+    for (int i = 0; i < request->source_count; i++)
+        if (request->sources[i].part[0])
+            snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s",
+                     names[0] ? ", " : "", request->sources[i].part);
+    for (int i = 0; i < request->rename_count; i++)
+        if (!request->renames[i].used)
+            return fail(err, RESULT_MISSING, "--rename %s: there is no such part; %s%s",
+                        request->renames[i].from, names[0] ? "there are " : "--parts names parts",
+                        names);
+    return RESULT_OK;
 }
 
 // Each part becomes a source of its own; the first one takes the place of the file.
@@ -328,8 +349,11 @@ static enum result read_surface(struct import_request *request, struct scan *sca
                                        .mm_per_unit = mm,
                                        .T_common_file = source->T_common_file};
     enum result result = import_read(source->path, &limits, &surface->arrays, err);
-    if (result != RESULT_OK || !source->several)
-        return result == RESULT_OK ? result : fail_in(err, result, "--group %s: ", source->group);
+    if (result != RESULT_OK)
+        return source->several ? fail_in(err, result, "--parts: ")
+                               : fail_in(err, result, "--group %s: ", source->group);
+    if (!source->several)
+        return RESULT_OK;
     struct import_arrays arrays = surface->arrays;
     surface->arrays = (struct import_arrays){0};
     result = take_parts(request, scan, i, &arrays, err);
@@ -342,7 +366,7 @@ static enum result read_surfaces(struct import_request *request, struct scan *sc
     enum result result = RESULT_OK;
     for (int i = 0, files = request->source_count; i < files && result == RESULT_OK; i++)
         result = read_surface(request, scan, i, err);
-    return result;
+    return result == RESULT_OK ? check_renames(request, err) : result;
 }
 
 enum result import_scan(struct import_request *request, struct knee_case *knee, struct error *err) {

@@ -46,7 +46,7 @@ static void find_targets(struct knee_case *knee, struct targets *out) {
     int count = knee->landmark_count;
     memcpy(kept, knee->landmarks, sizeof kept);
     spread_targets(knee, out);
-    if (out->count == 0 && landmarks_find(knee, &none) == RESULT_OK)
+    if (out->count == 0 && landmarks_find(knee, NULL, &none) == RESULT_OK)
         spread_targets(knee, out);
     memcpy(knee->landmarks, kept, sizeof kept);
     knee->landmark_count = count;

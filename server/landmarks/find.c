@@ -3,6 +3,7 @@
 #include "landmarks/joint.h"
 #include "mesh/query.h"
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -21,18 +22,32 @@ struct finder {
     struct profile bottom, tibia;
     vec3 plateaus[COMPARTMENT_COUNT]; // local
     double notch_x;
+    struct landmarks_notes *notes;
     struct error *err;
     enum result result;
 };
+
+void landmarks_note(struct landmarks_notes *notes, const char *format, ...) {
+    if (!notes || notes->count == LANDMARKS_NOTES_MAX)
+        return;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(notes->texts[notes->count++], sizeof notes->texts[0], format, arguments);
+    va_end(arguments);
+}
 
 static void put(struct finder *f, const char *name, enum body body, vec3 local, double error_mm) {
     const struct case_landmark *known = case_landmark(f->knee, name);
     struct case_landmark landmark = {
         .body = body, .at = from_local(&f->condyles.local, local), .error_mm = error_mm};
     snprintf(landmark.name, sizeof landmark.name, "%s", name);
-    if (f->result == RESULT_OK && !(known && known->by_hand) && vec3_is_finite(local) &&
-        isfinite(error_mm))
+    if (f->result != RESULT_OK || (known && known->by_hand))
+        return;
+    if (vec3_is_finite(local) && isfinite(error_mm))
         f->result = case_landmark_set(f->knee, &landmark, f->err);
+    else
+        landmarks_note(f->notes, "%s is not found: the %s has no surface there", name,
+                       body_name(body));
 }
 
 static void put_side(struct finder *f, const char *name, int side, enum body body, vec3 local,
@@ -203,7 +218,8 @@ static vec3 on_surface(const struct finder *f, const char *group, vec3 local) {
     struct query *query;
     struct closest closest = {0};
     struct error why;
-    if (query_create(&case_group(f->knee, group)->mesh, &query, &why) != RESULT_OK)
+    if (!vec3_is_finite(local) ||
+        query_create(&case_group(f->knee, group)->mesh, &query, &why) != RESULT_OK)
         return (vec3){NAN, NAN, NAN};
     bool found =
         query_closest(query, from_local(&f->condyles.local, local), INFINITY, MESH_NONE, &closest);
@@ -232,22 +248,27 @@ static vec3 on_inner_wall(const struct finder *f, int side, double anterior, dou
     return on_surface(f, "femur", (vec3){x, anterior * r, up * r});
 }
 
-static void find_ligaments(struct finder *f) {
-    const struct case_group *acl = case_group(f->knee, "acl"), *pcl = case_group(f->knee, "pcl");
-    if (acl) {
-        put_ends(f, "acl", &acl->mesh);
-    } else {
+// The feet of ligaments that have no mesh.
+static void find_feet(struct finder *f) {
+    if (!case_group(f->knee, "acl")) {
         put(f, "acl_tibia", BODY_TIBIA, between_plateaus(f, acl_depth), footprint_error);
         put(f, "acl_femur", BODY_FEMUR, on_inner_wall(f, COMPARTMENT_LATERAL, -acl_behind, acl_up),
             footprint_error);
     }
-    if (pcl) {
-        put_ends(f, "pcl", &pcl->mesh);
-    } else {
+    if (!case_group(f->knee, "pcl")) {
         vec3 back = vec3_add_scaled(between_plateaus(f, pcl_depth), -pcl_below, (vec3){0, 0, 1});
         put(f, "pcl_tibia", BODY_TIBIA, on_surface(f, "tibia", back), footprint_error);
         put(f, "pcl_femur", BODY_FEMUR, on_inner_wall(f, COMPARTMENT_MEDIAL, pcl_before, pcl_up),
             footprint_error);
+    }
+}
+
+static void find_ligaments(struct finder *f) {
+    static const char *const names[] = {"acl", "pcl"};
+    for (int i = 0; i < 2; i++) {
+        const struct case_group *ligament = case_group(f->knee, names[i]);
+        if (ligament)
+            put_ends(f, names[i], &ligament->mesh);
     }
 }
 
@@ -276,8 +297,12 @@ static void find_menisci(struct finder *f) {
         const struct case_group *group = case_group(f->knee, names[i]);
         struct arc *arc;
         struct error why;
-        if (!group || arc_create(&group->mesh, f->knee->joint.T_tibia_joint, &arc, &why))
+        if (!group)
             continue;
+        if (arc_create(&group->mesh, f->knee->joint.T_tibia_joint, &arc, &why) != RESULT_OK) {
+            landmarks_note(f->notes, "no landmarks of %s are found: %s", names[i], why.text);
+            continue;
+        }
         for (size_t k = 0; k < sizeof meniscus_places / sizeof *meniscus_places; k++) {
             double along = meniscus_places[k].along;
             vec3 place = in_meniscus(f, arc, along);
@@ -308,22 +333,24 @@ static void find_patella(struct finder *f) {
         vec3_distance(middle, vec3_lerp(box.min, box.max, 0.5)));
 }
 
-enum result landmarks_find(struct knee_case *knee, struct error *err) {
-    struct finder f = {.knee = knee, .err = err};
-    f.result = condyles_fit(&f.condyles, knee, err);
-    if (f.result == RESULT_OK) {
+enum result landmarks_find(struct knee_case *knee, struct landmarks_notes *notes,
+                           struct error *err) {
+    struct finder f = {.knee = knee, .notes = notes, .err = err};
+    enum result fitted = condyles_fit(&f.condyles, knee, err);
+    if (fitted == RESULT_OK) {
         profile_bottom(&f.bottom, &f.condyles.local, &case_group(knee, "femur")->mesh);
         profile_top(&f.tibia, &f.condyles.local, &case_group(knee, "tibia")->mesh);
         find_condyles(&f);
         find_notch(&f);
         find_trochlea(&f);
         find_plateaus(&f);
-        find_ligaments(&f);
-        find_menisci(&f);
-        find_patella(&f);
+        find_feet(&f);
         profile_fini(&f.bottom);
         profile_fini(&f.tibia);
     }
+    find_ligaments(&f);
+    find_menisci(&f);
+    find_patella(&f);
     condyles_fini(&f.condyles);
-    return f.result;
+    return f.result == RESULT_OK ? fitted : f.result;
 }

@@ -55,12 +55,28 @@ enum result landmarks_fit_rest(struct knee_case *knee, struct path_fit *fit, str
 // in extension, but 0.3 mm at least. Sets the case's patella keys; none without a patella.
 enum result landmarks_fit_patella(struct knee_case *knee, struct path_fit *fit, struct error *err);
 
+// What could not be found, and why; more is left out.
+#define LANDMARKS_NOTES_MAX 32
+
+struct landmarks_notes {
+    int count;
+    char texts[LANDMARKS_NOTES_MAX][192];
+};
+
+// Adds a note, cut at the text's end. notes: NULL is fine.
+void landmarks_note(struct landmarks_notes *notes, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
 // Finds the landmarks of which the meshes are there and puts them into the case; those by hand
-// stay. RESULT_INVALID as landmarks_fit_joint.
-enum result landmarks_find(struct knee_case *knee, struct error *err);
+// stay. Notes those that it does not find; notes: NULL is fine. RESULT_INVALID as
+// landmarks_fit_joint: then only the landmarks that need no condyles are found.
+enum result landmarks_find(struct knee_case *knee, struct landmarks_notes *notes,
+                           struct error *err);
 
 // Anterolateral and anteromedial, beside the patellar tendon at the joint line, towards the notch,
 // where the straight line from outside to the notch is clear of all bones by 2 mm or else as far as
-// it can. out_clear_mm: how far, of both. Needs the landmarks. Replaces the case's portals.
+// it can. out_clear_mm: how far, of both. Replaces the case's portals.
+// RESULT_MISSING without the landmarks notch, plateau_medial and plateau_lateral; RESULT_INVALID
+// where no bone lies about them.
 enum result landmarks_find_portals(struct knee_case *knee, double out_clear_mm[2],
                                    struct error *err);

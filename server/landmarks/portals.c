@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 // By the field's convention: a finger's breadth beside the patellar tendon, about 1 cm above the
 // joint line.
@@ -130,24 +131,43 @@ static void try_aim(const struct bones *b, double side, vec3 aim, double joint_l
         }
 }
 
-static double find_portal(const struct bones *b, double side, const struct aims *aims,
-                          struct case_portal *out_portal) {
+static enum result find_portal(const struct bones *b, double side, const struct aims *aims,
+                               struct case_portal *portal, double *out_clear_mm,
+                               struct error *err) {
     struct choice best = {.worth = -INFINITY};
     double height = aims->notch.z - aims->joint_line;
     double front = front_of(b, aims->notch.x + side * usual_beside, aims->joint_line + usual_above);
+    if (!isfinite(front)) {
+        vec3 notch = case_landmark(b->knee, "notch")->at;
+        return fail(err, RESULT_INVALID,
+                    "%s: no bone is near: notch (%.1f %.1f %.1f mm) does not lie in the knee",
+                    portal->name, notch.x, notch.y, notch.z);
+    }
     for (double y = 3; y <= 21; y += 3)
         for (double share = 0.1; share < 0.8; share += 0.15) {
             vec3 aim = {aims->notch.x, aims->middle_y + y, aims->joint_line + share * height};
             try_aim(b, side, aim, aims->joint_line, front, &best);
         }
-    out_portal->position = best.from;
-    out_portal->direction = vec3_unit_or(vec3_sub(best.aim, best.from), (vec3){0, -1, 0});
-    return best.clear;
+    portal->position = best.from;
+    portal->direction = vec3_unit_or(vec3_sub(best.aim, best.from), (vec3){0, -1, 0});
+    *out_clear_mm = best.clear;
+    return RESULT_OK;
 }
 
-static vec3 place_of(const struct bones *b, const char *name) {
-    const struct case_landmark *landmark = case_landmark(b->knee, name);
-    return landmark ? to_local(&b->local, landmark->at) : (vec3){NAN, NAN, NAN};
+static enum result find_aims(const struct bones *b, struct aims *out, struct error *err) {
+    static const char *const names[] = {"notch", "plateau_medial", "plateau_lateral"};
+    vec3 at[3];
+    for (int i = 0; i < 3; i++) {
+        const struct case_landmark *landmark = case_landmark(b->knee, names[i]);
+        if (!landmark)
+            return fail(err, RESULT_MISSING,
+                        "the landmark %s is not known: give it with arthron-case landmarks "
+                        "--landmark",
+                        names[i]);
+        at[i] = to_local(&b->local, landmark->at);
+    }
+    *out = (struct aims){at[0], (at[1].y + at[2].y) / 2, (at[1].z + at[2].z) / 2};
+    return RESULT_OK;
 }
 
 enum result landmarks_find_portals(struct knee_case *knee, double out_clear_mm[2],
@@ -155,19 +175,17 @@ enum result landmarks_find_portals(struct knee_case *knee, double out_clear_mm[2
     static const char *const names[] = {"anterolateral", "anteromedial"};
     struct bones b;
     enum result result = bones_init(&b, knee, err);
+    struct aims aims = {0};
+    struct case_portal portals[2] = {0};
+    if (result == RESULT_OK)
+        result = find_aims(&b, &aims, err);
+    for (int i = 0; i < 2 && result == RESULT_OK; i++) {
+        snprintf(portals[i].name, sizeof portals[i].name, "%s", names[i]);
+        result = find_portal(&b, i ? -1 : 1, &aims, &portals[i], &out_clear_mm[i], err);
+    }
     if (result == RESULT_OK) {
-        vec3 notch = place_of(&b, "notch"), medial = place_of(&b, "plateau_medial"),
-             lateral = place_of(&b, "plateau_lateral");
-        struct aims aims = {notch, (medial.y + lateral.y) / 2, (medial.z + lateral.z) / 2};
-        if (!isfinite(notch.x) || !isfinite(aims.joint_line))
-            result = fail(err, RESULT_MISSING, "the notch or a plateau is not known");
-        for (int i = 0; i < 2 && result == RESULT_OK; i++) {
-            struct case_portal *portal = &knee->portals[i];
-            *portal = (struct case_portal){0};
-            snprintf(portal->name, sizeof portal->name, "%s", names[i]);
-            out_clear_mm[i] = find_portal(&b, i ? -1 : 1, &aims, portal);
-            knee->portal_count = i + 1;
-        }
+        memcpy(knee->portals, portals, sizeof portals);
+        knee->portal_count = 2;
     }
     bones_fini(&b);
     return result;

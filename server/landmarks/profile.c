@@ -83,7 +83,7 @@ static double column_top(const struct columns *c, int i, int j) {
 }
 
 static double height_at(const struct columns *c, double x, double y) {
-    if (!c->first)
+    if (!c->first || isnan(x) || isnan(y))
         return NAN;
     double u = (x - c->x) / c->step, v = (y - c->y) / c->step;
     int i = (int)floor(u), j = (int)floor(v);

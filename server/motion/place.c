@@ -16,7 +16,7 @@ enum result place_prepare(struct knee_case *knee, const struct motion_script *sc
     if (complete)
         return RESULT_OK;
     double clear_mm[2];
-    enum result result = landmarks_find(knee, err);
+    enum result result = landmarks_find(knee, NULL, err);
     if (result == RESULT_OK && knee->portal_count == 0)
         result = landmarks_find_portals(knee, clear_mm, err);
     if (result != RESULT_OK)

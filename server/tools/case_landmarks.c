@@ -168,7 +168,7 @@ static enum result propose(struct knee_case *knee, struct request *request,
     if (result == RESULT_OK && !keep->patella)
         result = landmarks_fit_patella(knee, &said->path, err);
     if (result == RESULT_OK)
-        result = landmarks_find(knee, err);
+        result = landmarks_find(knee, &said->notes, err);
     if (result == RESULT_OK && !keep->portals)
         result = landmarks_find_portals(knee, said->clear_mm, err);
     for (int i = 0; i < request->portal_count && result == RESULT_OK; i++)

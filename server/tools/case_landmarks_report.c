@@ -47,6 +47,8 @@ void landmarks_print(const struct landmarks_said *said) {
         else
             printf("± %.1f mm\n", l->error_mm);
     }
+    for (int i = 0; i < said->notes.count; i++)
+        printf("note: %s\n", said->notes.texts[i]);
     for (int i = 0; i < knee->portal_count; i++) {
         const struct case_portal *p = &knee->portals[i];
         printf("portal %-16s %.1f %.1f %.1f towards %.2f %.2f %.2f", p->name, p->position.x,

@@ -12,6 +12,7 @@ struct landmarks_said {
     struct landmarks_kept kept;
     struct joint_fit joint;
     struct path_fit path; // without points where the rest path was kept
+    struct landmarks_notes notes;
     double clear_mm[2];   // of the portals proposed
 };
 

@@ -36,7 +36,7 @@ static void take_fit(struct knee_case *knee, struct joint_fit *out_fit) {
     struct error err;
     assert_ok(landmarks_fit_joint(knee, out_fit, &err));
     knee->joint.T_femur_joint = knee->joint.T_tibia_joint = out_fit->T_femur_joint;
-    assert_ok(landmarks_find(knee, &err));
+    assert_ok(landmarks_find(knee, NULL, &err));
 }
 
 static void landmarks_lie_as_in_a_knee(void **state) {
@@ -101,8 +101,8 @@ static void landmarks_go_with_a_knee_that_is_moved_or_mirrored(void **state) {
         struct knee_case *knee = scanned(i / 2), *moved = scanned(i / 2);
         struct error err;
         move_knee(moved, T, i % 2);
-        assert_ok(landmarks_find(knee, &err));
-        assert_ok(landmarks_find(moved, &err));
+        assert_ok(landmarks_find(knee, NULL, &err));
+        assert_ok(landmarks_find(moved, NULL, &err));
         assert_int_equal(moved->landmark_count, knee->landmark_count);
         for (int k = 0; k < knee->landmark_count; k++) {
             const struct case_landmark *l = &knee->landmarks[k];

@@ -27,7 +27,7 @@ static struct knee_case *prepared(const char *name) {
     knee->joint.T_femur_joint = knee->joint.T_tibia_joint = joint.T_femur_joint;
     assert_ok(landmarks_fit_rest(knee, &path, &err));
     assert_ok(landmarks_fit_patella(knee, &path, &err));
-    assert_ok(landmarks_find(knee, &err));
+    assert_ok(landmarks_find(knee, NULL, &err));
     assert_ok(landmarks_find_portals(knee, clear, &err));
     assert_ok(pathology_apply(knee, &tear, 3.5, &err));
     return knee;

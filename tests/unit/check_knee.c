@@ -39,7 +39,7 @@ static int make_knee(void **state) {
     struct knee_case *knee = plain_knee(SIDE_RIGHT, 3, 0);
     struct error err;
     folder_make(folder);
-    assert_ok(landmarks_find(knee, &err));
+    assert_ok(landmarks_find(knee, NULL, &err));
     assert_ok(case_save(knee, folder, &err));
     case_destroy(&knee);
     return 0;

@@ -56,7 +56,7 @@ static void assert_place(vec3 a, vec3 b, double within, const char *what) {
 
 static void find_all(struct knee_case *knee) {
     struct error err;
-    if (landmarks_find(knee, &err) != RESULT_OK)
+    if (landmarks_find(knee, NULL, &err) != RESULT_OK)
         fail_msg("%s", err.text);
 }
 
@@ -425,6 +425,57 @@ static void a_case_with_a_bad_landmark_is_refused(void **state) {
     case_destroy(&knee);
 }
 
+// As a scan of which the tibia is 40 mm to the side.
+static void a_tibia_that_lies_beside_the_femur_has_no_plateau(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *tibia = &case_group(knee, "tibia")->mesh;
+    struct landmarks_notes notes = {0};
+    double clear[2];
+    struct error err;
+    for (int i = 0; i < knee->group_count; i++)
+        if (strcmp(knee->groups[i].name, "acl") == 0 || strcmp(knee->groups[i].name, "pcl") == 0)
+            knee->groups[i].name[0] = 'x';
+    for (uint32_t v = 0; v < tibia->vertex_count; v++)
+        mesh_set_vertex(tibia, v, vec3_add(mesh_vertex(tibia, v), (vec3){50, 0, 0}));
+    assert_ok(landmarks_find(knee, &notes, &err));
+    assert_null(case_landmark(knee, "plateau_medial"));
+    assert_non_null(case_landmark(knee, "notch"));
+    assert_non_null(strstr(notes.texts[0], "plateau_medial is not found"));
+    assert_int_equal(landmarks_find_portals(knee, clear, &err), RESULT_MISSING);
+    assert_non_null(strstr(err.text, "plateau_medial is not known"));
+    case_destroy(&knee);
+}
+
+static void a_meniscus_that_is_no_c_is_named(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct landmarks_notes notes = {0};
+    struct error err;
+    case_group(knee, "meniscus_medial")->name[0] = 'x';
+    strcpy(case_group(knee, "patella")->name, "meniscus_medial");
+    assert_ok(landmarks_find(knee, &notes, &err));
+    assert_int_equal(notes.count, 1);
+    assert_non_null(strstr(notes.texts[0], "meniscus_medial are found: not a C in plan"));
+    case_destroy(&knee);
+}
+
+static void a_notch_far_from_the_bones_gives_no_portals(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct case_landmark far = {.name = "notch", .at = {200, 0, 0}, .by_hand = true};
+    int portal_count = knee->portal_count;
+    double clear[2];
+    struct error err;
+    assert_ok(case_landmark_set(knee, &far, &err));
+    find_all(knee);
+    assert_non_null(case_group(knee, "skin"));
+    assert_int_equal(landmarks_find_portals(knee, clear, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "notch (200.0 0.0 0.0 mm)"));
+    assert_int_equal(knee->portal_count, portal_count);
+    case_destroy(&knee);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_fit_finds_the_axis_that_the_condyles_were_made_round),
@@ -438,6 +489,9 @@ int main(void) {
         cmocka_unit_test(gaps_that_are_too_small_are_opened),
         cmocka_unit_test(portals_are_in_the_skin_with_a_clear_way_to_the_notch),
         cmocka_unit_test(portals_that_no_free_way_leads_from_are_told),
+        cmocka_unit_test(a_tibia_that_lies_beside_the_femur_has_no_plateau),
+        cmocka_unit_test(a_meniscus_that_is_no_c_is_named),
+        cmocka_unit_test(a_notch_far_from_the_bones_gives_no_portals),
         cmocka_unit_test(landmarks_are_kept_in_the_case),
         cmocka_unit_test(a_case_with_a_bad_landmark_is_refused),
     };

@@ -17,6 +17,12 @@ static void set(json_t *object, const char *key, json_t *value) {
     CHECK(json_object_set_new(object, key, value) == 0);
 }
 
+// What is quoted of a file or a folder's name need not be UTF-8.
+static json_t *quoted(const char *text) {
+    json_t *string = json_string(text);
+    return string ? string : json_string("not UTF-8");
+}
+
 static json_t *count(uint64_t value) {
     return json_integer((json_int_t)value);
 }
@@ -180,11 +186,8 @@ static json_t *findings(const struct inspection *inspection) {
     json_t *array = json_array();
     for (int i = 0; i < inspection->count; i++) {
         const struct check_finding *f = &inspection->findings[i];
-        // What is quoted of a broken file need not be UTF-8.
-        json_t *text = json_string(f->text);
-        json_array_append_new(array,
-                              json_pack("{s:s, s:s, s:o}", "level", levels[f->level], "where",
-                                        f->where, "text", text ? text : json_string("not UTF-8")));
+        json_array_append_new(array, json_pack("{s:s, s:o, s:o}", "level", levels[f->level],
+                                               "where", quoted(f->where), "text", quoted(f->text)));
     }
     return array;
 }
@@ -199,7 +202,7 @@ static json_t *whole(const struct case_check *check, int64_t utc_s) {
     json_t *root = json_object();
     set(root, "format", json_string(GRADE_FORMAT));
     set(root, "version", json_integer(GRADE_VERSION));
-    set(root, "case", json_string(check->case_name));
+    set(root, "case", quoted(check->case_name));
     set(root, "hash", json_string(hash));
     set(root, "grade", json_string(grade_name(check->grade)));
     set(root, "date", json_string(date));

@@ -241,6 +241,12 @@ static json_t *clip_json(const struct import_said *said) {
     return array;
 }
 
+// A path need not be UTF-8.
+static json_t *quoted(const char *path) {
+    json_t *string = json_string(path);
+    return string ? string : json_string("not UTF-8");
+}
+
 json_t *import_json(const struct import_said *said) {
     const struct repair_report *r = said->report;
     struct counts was = wrong(r), did = done(r), left = remains(r);
@@ -252,8 +258,8 @@ json_t *import_json(const struct import_said *said) {
     json_object_set_new(all, "island_area_mm2", json_real(r->island_area_mm2));
     json_object_set_new(all, "islands", islands_json(said, r->islands, r->island_count));
     json_object_set_new(all, "fins", islands_json(said, r->fins, r->fin_count));
-    return json_pack("{s:s, s:s, s:I, s:I, s:b, s:o, s:o, s:o, s:o, s:o}", "group", said->group,
-                     "file", said->file, "vertices", (json_int_t)said->mesh->vertex_count,
+    return json_pack("{s:s, s:o, s:I, s:I, s:b, s:o, s:o, s:o, s:o, s:o}", "group", said->group,
+                     "file", quoted(said->file), "vertices", (json_int_t)said->mesh->vertex_count,
                      "triangles", (json_int_t)said->mesh->triangle_count, "cuttable",
                      can_be_cut(&r->after), "clipped", clip_json(said), "wrong", counts_json(&was),
                      "done", all, "remains", counts_json(&left), "places", places);

@@ -48,11 +48,14 @@ struct path_fit {
 };
 
 // Both compartments keep the gap that they have in extension, but 0.2 mm at least: the tibia moves
-// along its axis and turns in varus as much as that takes. Sets the case's rest path.
+// along its axis and turns in varus as much as that takes. Sets the case's rest path, and
+// patella_gap_mm to NAN. RESULT_INVALID as landmarks_fit_joint, or where a condyle has no surface
+// that meets the tibia at a flexion of the path.
 enum result landmarks_fit_rest(struct knee_case *knee, struct path_fit *fit, struct error *err);
 
 // The patella turns about the trochlea's axis by half of the flexion, and keeps the gap that it has
 // in extension, but 0.3 mm at least. Sets the case's patella keys; none without a patella.
+// RESULT_INVALID as landmarks_fit_joint, or where the femur has no trochlea.
 enum result landmarks_fit_patella(struct knee_case *knee, struct path_fit *fit, struct error *err);
 
 // What could not be found, and why; more is left out.

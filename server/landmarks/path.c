@@ -89,31 +89,55 @@ static pose with_gaps(const struct knee_case *knee, const struct condyles *c,
     return T;
 }
 
-static void walk(struct knee_case *knee, const struct condyles *c, const struct solid *tibia,
-                 struct path_fit *fit) {
-    struct sampled femur = sample(c);
+// Where a condyle has no surface about where it meets the tibia, there is no gap to keep.
+static enum result look_for_condyles(const struct sampled *femur, struct error *err) {
+    static const char *const names[] = {"medial", "lateral"};
+    for (int k = 0; k < LANDMARKS_PATH_MAX; k++) {
+        double flexion_deg = k * LANDMARKS_FLEXION_STEP;
+        bool seen[COMPARTMENT_COUNT] = {false};
+        for (int i = 0; i < femur->count; i++)
+            seen[femur->points[i].side] |=
+                fabs(femur->points[i].angle_deg - flexion_deg) <= seen_deg;
+        for (int side = 0; side < COMPARTMENT_COUNT; side++)
+            if (!seen[side])
+                return fail(err, RESULT_INVALID,
+                            "the %s condyle has no surface that meets the tibia at %g degrees of "
+                            "flexion",
+                            names[side], flexion_deg);
+    }
+    return RESULT_OK;
+}
+
+static void walk(struct knee_case *knee, const struct condyles *c, const struct sampled *femur,
+                 const struct solid *tibia, struct path_fit *fit) {
     double wanted[COMPARTMENT_COUNT];
-    gaps_of(&femur, tibia, pose_identity(), 0, wanted);
+    gaps_of(femur, tibia, pose_identity(), 0, wanted);
     for (int i = 0; i < COMPARTMENT_COUNT; i++)
         wanted[i] = fmax(wanted[i], least_gap);
     knee->rest_count = 0;
     for (fit->count = 0; fit->count < LANDMARKS_PATH_MAX; fit->count++) {
         struct path_point *point = &fit->points[fit->count];
         point->flexion_deg = fit->count * LANDMARKS_FLEXION_STEP;
+        point->patella_gap_mm = NAN;
         knee->rest[knee->rest_count++] =
-            with_gaps(knee, c, &femur, tibia, point->flexion_deg, wanted, point);
+            with_gaps(knee, c, femur, tibia, point->flexion_deg, wanted, point);
     }
-    free(femur.points);
 }
 
 enum result landmarks_fit_rest(struct knee_case *knee, struct path_fit *fit, struct error *err) {
     struct condyles c;
     struct solid tibia = {0};
+    struct sampled femur = {0};
     enum result result = condyles_fit(&c, knee, err);
     if (result == RESULT_OK)
         result = solid_init(&tibia, &case_group(knee, "tibia")->mesh, err);
+    if (result == RESULT_OK) {
+        femur = sample(&c);
+        result = look_for_condyles(&femur, err);
+    }
     if (result == RESULT_OK)
-        walk(knee, &c, &tibia, fit);
+        walk(knee, &c, &femur, &tibia, fit);
+    free(femur.points);
     solid_fini(&tibia);
     condyles_fini(&c);
     return result;

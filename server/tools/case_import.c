@@ -305,6 +305,14 @@ static enum result fill(struct knee_case *knee, struct import_request *request, 
     return result == RESULT_OK ? case_save(knee, request->out, err) : result;
 }
 
+// What was given by hand is not to be replaced by proposals.
+static void print_next(const struct import_request *request) {
+    static const char *const keeps[2][2] = {{"", " --keep portals"},
+                                            {" --keep joint", " --keep joint,portals"}};
+    printf("saved   %s; next: arthron-case landmarks %s%s --out %s\n", request->out, request->out,
+           keeps[request->has_joint][request->portal_count > 0], request->out);
+}
+
 static int run(struct import_request *request) {
     struct knee_case *knee = case_create(request->name, request->title);
     struct error err;
@@ -321,9 +329,8 @@ static int run(struct import_request *request) {
         json_dumpf(request->judged, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
         puts("");
     }
-    if (result == RESULT_OK && !request->as_json && !request->portal_count)
-        printf("saved   %s; next: arthron-case landmarks %s --out %s\n", request->out, request->out,
-               request->out);
+    if (result == RESULT_OK && !request->as_json)
+        print_next(request);
     json_decref(request->judged);
     return result == RESULT_OK ? EXIT_OK : failed("import", &err);
 }

@@ -11,8 +11,10 @@
 static const char help[] =
     "Usage: arthron-case landmarks DIR [--out DIR] [OPTION...]\n"
     "\n"
-    "Proposes what an imported knee lacks, and prints it with residuals. With --out it writes\n"
-    "the case with the proposals; DIR itself may be the folder.\n"
+    "Proposes joint, paths, landmarks and portals of a knee, and prints them with residuals. They\n"
+    "replace those of the case, also those given to `import`, unless --keep names them. With "
+    "--out\n"
+    "it writes the case with the proposals; DIR itself may be the folder.\n"
     "\n"
     "  joint      the flexion axis, from a circle about each posterior condyle\n"
     "  rest       the tibia over flexion: both compartments keep their gap of extension\n"
@@ -129,12 +131,14 @@ static bool take_option(int option, struct request *request) {
 
 // ---- the proposals ------------------------------------------------------------------------------
 
-static void put_portal(struct knee_case *knee, const struct case_portal *portal) {
+static void put_portal(struct landmarks_said *said, const struct case_portal *portal) {
+    struct knee_case *knee = said->knee;
     int i = 0;
     while (i < knee->portal_count && strcmp(knee->portals[i].name, portal->name) != 0)
         i++;
     if (i < CASE_PORTALS_MAX) {
         knee->portals[i] = *portal;
+        said->by_hand[i] = true;
         knee->portal_count += i == knee->portal_count;
     }
 }
@@ -151,6 +155,38 @@ static enum result give(struct knee_case *knee, const struct request *request, s
     return result;
 }
 
+// The fit is needed for the joint alone: one that is kept needs none.
+static enum result fit_joint(struct landmarks_said *said, struct error *err) {
+    struct knee_case *knee = said->knee;
+    enum result result = landmarks_fit_joint(knee, &said->joint, err);
+    said->has_fit = result == RESULT_OK;
+    if (said->has_fit && !said->kept.joint)
+        knee->joint.T_femur_joint = knee->joint.T_tibia_joint = said->joint.T_femur_joint;
+    if (said->has_fit || !said->kept.joint)
+        return result == RESULT_OK ? RESULT_OK
+                                   : fail_in(err, result, "joint (give it with --joint): ");
+    landmarks_note(&said->notes, "%s", err->text);
+    return RESULT_OK;
+}
+
+static enum result find_landmarks(struct landmarks_said *said, struct error *err) {
+    enum result result = landmarks_find(said->knee, &said->notes, err);
+    return result == RESULT_INVALID && !said->has_fit ? RESULT_OK : result;
+}
+
+static enum result find_portals(struct landmarks_said *said, struct error *err) {
+    struct knee_case *knee = said->knee;
+    int before = knee->portal_count;
+    enum result result = landmarks_find_portals(knee, said->clear_mm, err);
+    if (result != RESULT_OK)
+        return fail_in(err, result, "portals (--keep portals leaves them as they are): ");
+    if (before)
+        landmarks_note(&said->notes,
+                       "replaces the %d portal%s of the case; --keep portals keeps %s", before,
+                       before > 1 ? "s" : "", before > 1 ? "them" : "it");
+    return RESULT_OK;
+}
+
 static enum result propose(struct knee_case *knee, struct request *request,
                            struct landmarks_said *said, struct error *err) {
     struct landmarks_kept *keep = &request->keep;
@@ -160,19 +196,23 @@ static enum result propose(struct knee_case *knee, struct request *request,
     said->kept = *keep;
     enum result result = give(knee, request, err);
     if (result == RESULT_OK)
-        result = landmarks_fit_joint(knee, &said->joint, err);
-    if (result == RESULT_OK && !keep->joint)
-        knee->joint.T_femur_joint = knee->joint.T_tibia_joint = said->joint.T_femur_joint;
-    if (result == RESULT_OK && !keep->rest)
+        result = fit_joint(said, err);
+    if (result == RESULT_OK && !keep->rest) {
         result = landmarks_fit_rest(knee, &said->path, err);
-    if (result == RESULT_OK && !keep->patella)
+        if (result != RESULT_OK)
+            return fail_in(err, result, "rest path (--keep rest leaves it as it is): ");
+    }
+    if (result == RESULT_OK && !keep->patella) {
         result = landmarks_fit_patella(knee, &said->path, err);
+        if (result != RESULT_OK)
+            return fail_in(err, result, "patella (--keep patella leaves it as it is): ");
+    }
     if (result == RESULT_OK)
-        result = landmarks_find(knee, &said->notes, err);
+        result = find_landmarks(said, err);
     if (result == RESULT_OK && !keep->portals)
-        result = landmarks_find_portals(knee, said->clear_mm, err);
+        result = find_portals(said, err);
     for (int i = 0; i < request->portal_count && result == RESULT_OK; i++)
-        put_portal(knee, &request->portals[i]);
+        put_portal(said, &request->portals[i]);
     return result == RESULT_OK ? case_validate(knee, err) : result;
 }
 

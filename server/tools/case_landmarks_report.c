@@ -10,6 +10,10 @@
 
 static const char *const sides[] = {"medial", "lateral"};
 
+static bool is_proposed(const struct landmarks_said *said, int portal) {
+    return !said->kept.portals && portal < 2 && !said->by_hand[portal];
+}
+
 static void print_path(const struct landmarks_said *said) {
     puts("flexion  gap on the axis   gap on the path   distraction  varus  patella's gap");
     puts("    deg  medial lateral    medial lateral             mm    deg             mm");
@@ -24,16 +28,39 @@ static void print_path(const struct landmarks_said *said) {
     }
 }
 
-void landmarks_print(const struct landmarks_said *said) {
-    const struct knee_case *knee = said->knee;
+static void print_joint(const struct landmarks_said *said) {
+    if (!said->has_fit) {
+        puts("joint: kept");
+        return;
+    }
     for (int i = 0; i < COMPARTMENT_COUNT; i++) {
         const struct condyle_fit *fit = &said->joint.condyles[i];
         printf("condyle %-8s centre %.1f %.1f %.1f, radius %.1f mm, residual %.2f mm\n", sides[i],
                fit->centre.x, fit->centre.y, fit->centre.z, fit->radius_mm, fit->rms_mm);
     }
-    printf("joint: %s turned by %.1f degrees, moved by %.1f mm\n",
+    printf("joint: %s turned by %.1f degrees, moved by %.1f mm%s\n",
            said->kept.joint ? "kept; the fit would be" : "from the condyles,",
-           said->joint.turned_deg, said->joint.moved_mm);
+           said->joint.turned_deg, said->joint.moved_mm,
+           said->kept.joint ? "" : "; it replaces the case's (--keep joint keeps that)");
+}
+
+static void print_portals(const struct landmarks_said *said) {
+    const struct knee_case *knee = said->knee;
+    for (int i = 0; i < knee->portal_count; i++) {
+        const struct case_portal *p = &knee->portals[i];
+        printf("portal %-16s %.1f %.1f %.1f towards %.2f %.2f %.2f", p->name, p->position.x,
+               p->position.y, p->position.z, p->direction.x, p->direction.y, p->direction.z);
+        if (said->by_hand[i])
+            printf(", by hand");
+        else if (is_proposed(said, i))
+            printf(", %.1f mm clear of bones", said->clear_mm[i]);
+        puts("");
+    }
+}
+
+void landmarks_print(const struct landmarks_said *said) {
+    const struct knee_case *knee = said->knee;
+    print_joint(said);
     if (said->path.count)
         print_path(said);
     else
@@ -49,14 +76,7 @@ void landmarks_print(const struct landmarks_said *said) {
     }
     for (int i = 0; i < said->notes.count; i++)
         printf("note: %s\n", said->notes.texts[i]);
-    for (int i = 0; i < knee->portal_count; i++) {
-        const struct case_portal *p = &knee->portals[i];
-        printf("portal %-16s %.1f %.1f %.1f towards %.2f %.2f %.2f", p->name, p->position.x,
-               p->position.y, p->position.z, p->direction.x, p->direction.y, p->direction.z);
-        if (!said->kept.portals && i < 2)
-            printf(", %.1f mm clear of bones", said->clear_mm[i]);
-        puts("");
-    }
+    print_portals(said);
 }
 
 // ---- JSON ---------------------------------------------------------------------------------------
@@ -67,6 +87,11 @@ static json_t *vector(vec3 v) {
 
 static json_t *json_joint(const struct landmarks_said *said) {
     pose T = said->knee->joint.T_femur_joint;
+    json_t *joint = json_pack("{s:b, s:[f, f, f, f, f, f, f]}", "kept", (int)said->kept.joint,
+                              "T_femur_joint", T.translation.x, T.translation.y, T.translation.z,
+                              T.rotation.w, T.rotation.x, T.rotation.y, T.rotation.z);
+    if (!said->has_fit)
+        return joint;
     json_t *condyles = json_object();
     for (int i = 0; i < COMPARTMENT_COUNT; i++) {
         const struct condyle_fit *fit = &said->joint.condyles[i];
@@ -74,11 +99,10 @@ static json_t *json_joint(const struct landmarks_said *said) {
                             json_pack("{s:o, s:f, s:f}", "centre", vector(fit->centre), "radius_mm",
                                       fit->radius_mm, "rms_mm", fit->rms_mm));
     }
-    return json_pack("{s:b, s:[f, f, f, f, f, f, f], s:f, s:f, s:o}", "kept", (int)said->kept.joint,
-                     "T_femur_joint", T.translation.x, T.translation.y, T.translation.z,
-                     T.rotation.w, T.rotation.x, T.rotation.y, T.rotation.z, "turned_deg",
-                     said->joint.turned_deg, "moved_mm", said->joint.moved_mm, "condyles",
-                     condyles);
+    json_object_set_new(joint, "turned_deg", json_real(said->joint.turned_deg));
+    json_object_set_new(joint, "moved_mm", json_real(said->joint.moved_mm));
+    json_object_set_new(joint, "condyles", condyles);
+    return joint;
 }
 
 static json_t *json_path(const struct landmarks_said *said) {
@@ -98,7 +122,7 @@ static json_t *json_path(const struct landmarks_said *said) {
 
 void landmarks_print_json(const struct landmarks_said *said) {
     const struct knee_case *knee = said->knee;
-    json_t *landmarks = json_array(), *portals = json_array();
+    json_t *landmarks = json_array(), *portals = json_array(), *notes = json_array();
     for (int i = 0; i < knee->landmark_count; i++) {
         const struct case_landmark *l = &knee->landmarks[i];
         json_array_append_new(landmarks,
@@ -110,12 +134,17 @@ void landmarks_print_json(const struct landmarks_said *said) {
         const struct case_portal *p = &knee->portals[i];
         json_t *row = json_pack("{s:s, s:o, s:o}", "name", p->name, "position", vector(p->position),
                                 "direction", vector(p->direction));
-        if (!said->kept.portals && i < 2)
+        if (said->by_hand[i])
+            json_object_set_new(row, "by", json_string("hand"));
+        else if (is_proposed(said, i))
             json_object_set_new(row, "clear_mm", json_real(said->clear_mm[i]));
         json_array_append_new(portals, row);
     }
-    json_t *root = json_pack("{s:o, s:o, s:o, s:o}", "joint", json_joint(said), "path",
-                             json_path(said), "landmarks", landmarks, "portals", portals);
+    for (int i = 0; i < said->notes.count; i++)
+        json_array_append_new(notes, json_string(said->notes.texts[i]));
+    json_t *root =
+        json_pack("{s:o, s:o, s:o, s:o, s:o}", "joint", json_joint(said), "path", json_path(said),
+                  "landmarks", landmarks, "portals", portals, "notes", notes);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     puts("");
     json_decref(root);
@@ -124,6 +153,10 @@ void landmarks_print_json(const struct landmarks_said *said) {
 // ---- the page -----------------------------------------------------------------------------------
 
 static void write_condyles(FILE *file, const struct landmarks_said *said) {
+    if (!said->has_fit) {
+        fputs("<p>The joint is kept as it was. No condyles are fitted.</p>\n", file);
+        return;
+    }
     fprintf(file,
             "<p>The joint is %s. Against the frame before, the fit is turned by %.1f degrees and "
             "moved by %.1f mm.</p>\n<table>\n"
@@ -184,12 +217,22 @@ static void write_places(FILE *file, const struct landmarks_said *said) {
         fprintf(file, "<tr><td>%s</td><td>%.1f %.1f %.1f</td><td>%.2f %.2f %.2f</td>", p->name,
                 p->position.x, p->position.y, p->position.z, p->direction.x, p->direction.y,
                 p->direction.z);
-        if (!said->kept.portals && i < 2)
+        if (said->by_hand[i])
+            fputs("<td>given by hand</td></tr>\n", file);
+        else if (is_proposed(said, i))
             fprintf(file, "<td>%.1f</td></tr>\n", said->clear_mm[i]);
         else
             fputs("<td></td></tr>\n", file);
     }
     fputs("</table>\n", file);
+}
+
+static void write_notes(FILE *file, const struct landmarks_said *said) {
+    for (int i = 0; i < said->notes.count; i++) {
+        fputs("<p>Note: ", file);
+        html_text(file, said->notes.texts[i]);
+        fputs("</p>\n", file);
+    }
 }
 
 static enum result write_page(FILE *file, const struct landmarks_said *said, struct error *err) {
@@ -200,6 +243,7 @@ static enum result write_page(FILE *file, const struct landmarks_said *said, str
     enum result result = landmarks_pictures(file, said->knee, err);
     write_places(file, said);
     write_path(file, said);
+    write_notes(file, said);
     html_end(file);
     return result;
 }

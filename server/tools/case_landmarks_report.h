@@ -10,10 +10,12 @@ struct landmarks_kept {
 struct landmarks_said {
     struct knee_case *knee; // with the proposals
     struct landmarks_kept kept;
+    bool has_fit; // with a joint that is kept, the fit may fail
     struct joint_fit joint;
     struct path_fit path; // without points where the rest path was kept
     struct landmarks_notes notes;
-    double clear_mm[2];   // of the portals proposed
+    double clear_mm[2];             // of the portals proposed
+    bool by_hand[CASE_PORTALS_MAX]; // portals
 };
 
 void landmarks_print(const struct landmarks_said *said);

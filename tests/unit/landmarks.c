@@ -281,6 +281,7 @@ static void the_path_keeps_bones_apart_where_the_axis_does_not(void **state) {
     assert_int_equal(solid_init(&tibia, &case_group(knee, "tibia")->mesh, &err), RESULT_OK);
     assert_int_equal(solid_init(&patella, &case_group(knee, "patella")->mesh, &err), RESULT_OK);
     assert_int_equal(landmarks_fit_rest(knee, &fit, &err), RESULT_OK);
+    assert_true(isnan(fit.points[3].patella_gap_mm)); // the patella's path is not asked for
     assert_int_equal(landmarks_fit_patella(knee, &fit, &err), RESULT_OK);
     const struct mesh *femur = &case_group(knee, "femur")->mesh;
     double worst_axis = 0;
@@ -460,6 +461,28 @@ static void a_meniscus_that_is_no_c_is_named(void **state) {
     case_destroy(&knee);
 }
 
+// As a sheet of a scan that ends below the axis.
+static void a_femur_of_posterior_condyles_alone_has_no_rest_path(void **state) {
+    (void)state;
+    struct knee_case *knee = made(SIDE_RIGHT, 1);
+    struct mesh *femur = &case_group(knee, "femur")->mesh;
+    struct path_fit fit = {0};
+    struct error err;
+    uint32_t kept = 0;
+    for (uint32_t t = 0; t < femur->triangle_count; t++) {
+        vec3 p = mesh_corner(femur, t, 0);
+        if (p.y < -14 && p.z > -9 && p.z < 20) {
+            memmove(femur->triangles + 3 * (size_t)kept, femur->triangles + 3 * (size_t)t,
+                    3 * sizeof *femur->triangles);
+            kept++;
+        }
+    }
+    femur->triangle_count = kept;
+    assert_int_equal(landmarks_fit_rest(knee, &fit, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "degrees of flexion"));
+    case_destroy(&knee);
+}
+
 static void a_notch_far_from_the_bones_gives_no_portals(void **state) {
     (void)state;
     struct knee_case *knee = made(SIDE_RIGHT, 1);
@@ -491,6 +514,7 @@ int main(void) {
         cmocka_unit_test(portals_that_no_free_way_leads_from_are_told),
         cmocka_unit_test(a_tibia_that_lies_beside_the_femur_has_no_plateau),
         cmocka_unit_test(a_meniscus_that_is_no_c_is_named),
+        cmocka_unit_test(a_femur_of_posterior_condyles_alone_has_no_rest_path),
         cmocka_unit_test(a_notch_far_from_the_bones_gives_no_portals),
         cmocka_unit_test(landmarks_are_kept_in_the_case),
         cmocka_unit_test(a_case_with_a_bad_landmark_is_refused),

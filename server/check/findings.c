@@ -38,8 +38,8 @@ static void find_folds(struct case_check *check) {
         describe(check, &f->filling, check->filling_pose, where);
         inspection_note(&check->findings,
                         many || is_filled_at_rest(check) ? FINDING_FAULT : FINDING_WARNING, "case",
-                        "%.3g %% of the warped space folds for the case's fault, in any field: it "
-                        "fills a gap; of %.2f mm %.2f are left at %s",
+                        "%.3g %% of the warped space folds, in any field, because displacements "
+                        "close a gap. A gap of %.2f mm becomes %.2f mm at %s",
                         100 * share(check, f->filled), f->filling.gap_mm, f->filling.left_mm,
                         where);
     }
@@ -173,11 +173,21 @@ static void find_ligament_gain(struct case_check *check, const struct check_pose
                     at->name, at->gain);
 }
 
+static void find_rest(struct case_check *check) {
+    if (check->rest_mm > REST_MAX_MM)
+        inspection_note(&check->findings, FINDING_FAULT, "joint",
+                        "with intact ligaments at rest the shown tibia is moved by %.2g mm; the "
+                        "bound is %.2g mm",
+                        check->rest_mm, REST_MAX_MM);
+    else
+        inspection_note(&check->findings, FINDING_NOTE, "joint",
+                        "each key is met; at rest the tibia is moved by at most %.2g mm",
+                        check->rest_mm);
+}
+
 static void find_ligaments(struct case_check *check, const struct knee_case *knee) {
     if (knee->torn_count)
-        inspection_note(
-            &check->findings, check->rest_mm > REST_MAX_MM ? FINDING_FAULT : FINDING_NOTE, "joint",
-            "each key is met; at rest the tibia is moved by at most %.2g mm", check->rest_mm);
+        find_rest(check);
     for (int i = 0; i < check->pose_count; i++) {
         const struct check_pose *at = &check->poses[i];
         if (at->key >= 0)

@@ -73,7 +73,7 @@ void landmarks_look(const struct knee_case *knee, const struct touching *touchin
 // ---- findings -----------------------------------------------------------------------------------
 
 #define REMEDY                                                                                     \
-    "; give it by hand (arthron-case landmarks --landmark), or take it out of case.json and let "  \
+    ". Give it by hand (arthron-case landmarks --landmark). Or take it out of case.json, and let " \
     "that command find it"
 
 static void inspect_one(const struct case_landmark *landmark, double off_mm, vec3 local,

@@ -133,8 +133,9 @@ static void look_inside(const struct knee_case *knee, const struct touching *tou
     }
 }
 
-static bool is_anterior(const struct case_portal *portal) {
-    return strncmp(portal->name, "antero", 6) == 0;
+// From behind and from above, bone lies before the notch.
+static bool leads_to_notch(const struct case_portal *portal) {
+    return strncmp(portal->name, "postero", 7) != 0 && strncmp(portal->name, "supero", 6) != 0;
 }
 
 void portals_look(struct knee_case *knee, const struct touching *touching,
@@ -145,14 +146,18 @@ void portals_look(struct knee_case *knee, const struct touching *touching,
     for (int i = 0; i < knee->portal_count; i++) {
         out[i] = (struct portal_look){0};
         look_inside(knee, touching, knee->portals[i].position, &out[i]);
-        if (out[i].depth_mm <= 0 && targets.count && is_anterior(&knee->portals[i]))
+        if (out[i].depth_mm > 0 || !leads_to_notch(&knee->portals[i]))
+            continue;
+        if (targets.count)
             look_for_way(knee, touching, &targets, knee->portals[i].position, &out[i]);
+        else
+            out[i].has_no_notch = true;
     }
 }
 
 #define REMEDY                                                                                     \
-    "move it beside the patellar tendon at the joint line, or let arthron-case landmarks propose " \
-    "portals"
+    "Move the portal to beside the patellar tendon at the joint line, or let arthron-case "        \
+    "landmarks propose portals"
 
 static void inspect_way(const struct knee_case *knee, const struct case_portal *portal,
                         const struct portal_look *look, struct inspection *inspection) {
@@ -160,15 +165,15 @@ static void inspect_way(const struct knee_case *knee, const struct case_portal *
     if (look->clear_mm < 0)
         inspection_note(
             inspection, FINDING_FAULT, portal->name,
-            "no straight way from the portal to the notch is free of bone: at %g "
-            "degrees the best one goes %.1f mm deep through %s (%.1f %.1f %.1f); " REMEDY,
+            "no straight way from the portal to the notch is free of bone. At %g "
+            "degrees the best one goes %.1f mm deep through %s (%.1f %.1f %.1f). " REMEDY,
             look->flexion_deg, -look->clear_mm, bone, look->place.x, look->place.y, look->place.z);
     else if (look->clear_mm < PORTAL_ROOM_MM)
         inspection_note(inspection, FINDING_WARNING, portal->name,
-                        "the best way from the portal to the notch, at %g degrees, leaves %.1f mm "
-                        "beside %s (%.1f %.1f %.1f), and an instrument needs %g mm; " REMEDY,
-                        look->flexion_deg, look->clear_mm, bone, look->place.x, look->place.y,
-                        look->place.z, PORTAL_ROOM_MM);
+                        "an instrument needs %g mm beside its way to the notch. At %g degrees the "
+                        "best way leaves %.1f mm beside %s (%.1f %.1f %.1f). " REMEDY,
+                        PORTAL_ROOM_MM, look->flexion_deg, look->clear_mm, bone, look->place.x,
+                        look->place.y, look->place.z);
 }
 
 void portals_inspect(const struct knee_case *knee, const struct portal_look *looks,
@@ -177,9 +182,13 @@ void portals_inspect(const struct knee_case *knee, const struct portal_look *loo
         const struct case_portal *portal = &knee->portals[i];
         if (looks[i].depth_mm > 0)
             inspection_note(inspection, FINDING_FAULT, portal->name,
-                            "the portal is %.1f mm inside %s: " REMEDY, looks[i].depth_mm,
+                            "the portal is %.1f mm inside %s. " REMEDY, looks[i].depth_mm,
                             knee->groups[looks[i].depth_group].name);
         if (looks[i].has_way)
             inspect_way(knee, portal, &looks[i], inspection);
+        if (looks[i].has_no_notch)
+            inspection_note(inspection, FINDING_NOTE, portal->name,
+                            "the way to the notch is not examined, because the notch or a plateau "
+                            "is not known. Give them with arthron-case landmarks --landmark");
     }
 }

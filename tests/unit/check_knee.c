@@ -183,14 +183,27 @@ static void a_portal_without_a_way_to_the_notch_is_unfit(void **state) {
     struct knee_case *knee = made_knee();
     knee->portals[0].position = (vec3){60, -5, -18};
     knee->portals[0].direction = (vec3){-1, 0, 0};
-    expect_unfit(knee, "anterolateral", "no straight way from the portal to the notch");
+    strcpy(knee->portals[0].name, "al"); // any name but those from behind and from above
+    expect_unfit(knee, "al", "no straight way from the portal to the notch");
     knee = made_knee();
     knee->portals[1].position = (vec3){-30, 45, 0};
     struct case_check *check = check_knee(knee);
     const struct check_finding *found =
-        find_finding(check, FINDING_WARNING, "anteromedial", "and an instrument needs 2 mm");
+        find_finding(check, FINDING_WARNING, "anteromedial", "an instrument needs 2 mm");
     assert_non_null(found);
     assert_non_null(strstr(found->text, "arthron-case landmarks"));
+    check_destroy(&check);
+}
+
+static void a_portal_whose_way_cannot_be_examined_is_told(void **state) {
+    (void)state;
+    struct knee_case *knee = made_knee();
+    knee->landmark_count = 0;
+    move_group(knee, "tibia", (vec3){50, 0, 0}); // no plateau below the medial condyle
+    strcpy(knee->portals[1].name, "superomedial");
+    struct case_check *check = check_knee(knee);
+    assert_non_null(find_finding(check, FINDING_NOTE, "anterolateral", "is not examined"));
+    assert_null(find_finding(check, FINDING_NOTE, "superomedial", "is not examined"));
     check_destroy(&check);
 }
 
@@ -415,6 +428,7 @@ int main(void) {
         cmocka_unit_test(a_knee_laid_on_its_side_or_called_by_the_other_side_is_unfit),
         cmocka_unit_test(a_portal_inside_the_femur_is_unfit),
         cmocka_unit_test(a_portal_without_a_way_to_the_notch_is_unfit),
+        cmocka_unit_test(a_portal_whose_way_cannot_be_examined_is_told),
         cmocka_unit_test(landmarks_that_are_not_where_their_names_say_make_a_case_unfit),
         cmocka_unit_test(a_landmark_somewhat_off_its_surface_is_told),
         cmocka_unit_test(sizes_and_places_that_no_knee_has_are_unfit),

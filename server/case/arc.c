@@ -11,6 +11,7 @@
 #define SAMPLES 256
 
 static const double lattice_step = 0.2, ray_step = 0.05, beside_mm = 3;
+static const double widest = 200;        // mm: of a meniscus, whatever its scan
 static const double least_width = 0.5;   // of tissue on a ray that meets the C
 static const double smoothing_deg = 2.5; // of the margins
 
@@ -183,6 +184,19 @@ static void begin_anterior(struct arc *arc) {
     }
 }
 
+static enum result check_size(const vec3 *points, uint32_t count, struct error *err) {
+    vec3 low = points[0], high = points[0];
+    for (uint32_t v = 1; v < count; v++) {
+        low = (vec3){fmin(low.x, points[v].x), fmin(low.y, points[v].y), 0};
+        high = (vec3){fmax(high.x, points[v].x), fmax(high.y, points[v].y), 0};
+    }
+    double size = fmax(high.x - low.x, high.y - low.y);
+    if (size <= widest)
+        return RESULT_OK;
+    return fail(err, RESULT_INVALID, "%.3g mm wide, where a meniscus has at most %g mm", size,
+                widest);
+}
+
 // ---- making -------------------------------------------------------------------------------------
 
 enum result arc_create(const struct mesh *mesh, pose T_mesh_joint, struct arc **out_arc,
@@ -193,14 +207,19 @@ enum result arc_create(const struct mesh *mesh, pose T_mesh_joint, struct arc **
     arc->T_mesh_joint = T_mesh_joint;
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         points[v] = pose_apply_inverse(T_mesh_joint, mesh_vertex(mesh, v));
-    arc->middle = fit_middle(mesh, points);
-    columns_init(&columns, mesh, points, lattice_step);
-    take_heights(arc, &columns);
-    enum result result = find_margins(arc, err);
-    begin_anterior(arc);
-    spread(arc, arc->lower);
-    spread(arc, arc->upper);
-    columns_fini(&columns);
+    enum result result = check_size(points, mesh->vertex_count, err);
+    if (result == RESULT_OK) {
+        arc->middle = fit_middle(mesh, points);
+        columns_init(&columns, mesh, points, lattice_step);
+        take_heights(arc, &columns);
+        columns_fini(&columns);
+        result = find_margins(arc, err);
+    }
+    if (result == RESULT_OK) {
+        begin_anterior(arc);
+        spread(arc, arc->lower);
+        spread(arc, arc->upper);
+    }
     free(points);
     if (result != RESULT_OK)
         arc_destroy(&arc);

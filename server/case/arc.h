@@ -16,7 +16,8 @@ struct arc_place {
 };
 
 // mesh: closed. T_mesh_joint: the tibia's joint frame (x right, y anterior, z proximal) in the
-// mesh's. RESULT_INVALID where it is no C: nothing in the middle, one gap. The caller destroys it.
+// mesh's. RESULT_INVALID where it is no C: nothing in the middle, one gap; or more than
+// 200 mm wide. The caller destroys it.
 enum result arc_create(const struct mesh *mesh, pose T_mesh_joint, struct arc **out_arc,
                        struct error *err);
 void arc_destroy(struct arc **arc); // NULL inside is fine

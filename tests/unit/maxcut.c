@@ -326,6 +326,19 @@ static void columns_through_edges_count_once(void **state) {
 
 // ---- the arc ------------------------------------------------------------------------------------
 
+static void a_meniscus_of_metres_is_refused(void **state) {
+    (void)state;
+    struct mesh mesh;
+    struct arc *arc;
+    struct error err;
+    mesh_copy(&mesh, &case_group(knee, menisci[0])->mesh);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        mesh_set_vertex(&mesh, v, vec3_scale(100, mesh_vertex(&mesh, v)));
+    assert_int_equal(arc_create(&mesh, pose_identity(), &arc, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "where a meniscus has at most 200 mm"));
+    mesh_fini(&mesh);
+}
+
 static void an_arc_runs_from_the_anterior_end_and_knows_its_margins(void **state) {
     (void)state;
     struct error err;
@@ -371,6 +384,7 @@ int main(void) {
         cmocka_unit_test(a_triangle_folded_on_its_neighbour_is_found),
         cmocka_unit_test(columns_hold_the_volume_and_always_leave),
         cmocka_unit_test(columns_through_edges_count_once),
+        cmocka_unit_test(a_meniscus_of_metres_is_refused),
         cmocka_unit_test(an_arc_runs_from_the_anterior_end_and_knows_its_margins),
     };
     return cmocka_run_group_tests(tests, make_knee, destroy_knee);

@@ -8,8 +8,9 @@
 #include <strings.h>
 #include <sys/stat.h>
 
-#define BONE_MIDDLE_MIN_MM 40
-#define BONE_MIDDLE_MAX_MM 130
+// The middle one of the sides of the box of a bone's part at the knee.
+#define KNEE_BONE_MIN_MM 40
+#define KNEE_BONE_MAX_MM 130
 #define FAR_UNITS 1e30 // what a float can hold
 
 static double middle_side(const struct mesh *mesh) {
@@ -25,8 +26,8 @@ static const char *unit_that_fits(double middle_in_units) {
         double mm;
     } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
     for (int i = 0; i < 3; i++)
-        if (middle_in_units * units[i].mm >= BONE_MIDDLE_MIN_MM &&
-            middle_in_units * units[i].mm <= BONE_MIDDLE_MAX_MM)
+        if (middle_in_units * units[i].mm >= KNEE_BONE_MIN_MM &&
+            middle_in_units * units[i].mm <= KNEE_BONE_MAX_MM)
             return units[i].name;
     return NULL;
 }
@@ -159,11 +160,11 @@ enum body import_default_bridge(const char *group, enum body body) {
 enum result import_check_bone(const struct case_group *bone, double mm_per_unit,
                               struct error *err) {
     double middle = middle_side(&bone->mesh);
-    if (middle >= BONE_MIDDLE_MIN_MM && middle <= BONE_MIDDLE_MAX_MM)
+    if (middle >= KNEE_BONE_MIN_MM && middle <= KNEE_BONE_MAX_MM)
         return RESULT_OK;
     const char *unit = unit_that_fits(middle / mm_per_unit);
     return fail(err, RESULT_INVALID, "%s: %.3g mm wide, where a knee has %d to %d mm; %s%s",
-                bone->name, middle, BONE_MIDDLE_MIN_MM, BONE_MIDDLE_MAX_MM,
+                bone->name, middle, KNEE_BONE_MIN_MM, KNEE_BONE_MAX_MM,
                 unit ? "the unit that would fit is " : "neither mm, cm nor m would fit",
                 unit ? unit : "");
 }

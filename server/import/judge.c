@@ -5,8 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define BONE_MIN_MM 30 // the middle one of the sides of a bone's box; whole bones are bowed
-#define BONE_MAX_MM 250
+// The middle one of the sides of the box of a bone that need not end at the knee and may be bowed.
+#define WHOLE_BONE_MIN_MM 30
+#define WHOLE_BONE_MAX_MM 250
 #define FAR_MM 100 // between the boxes of a surface and of the bones
 #define NEAR_JOINT_MM 60
 
@@ -72,7 +73,7 @@ static double middle_side(struct box box) {
 }
 
 static bool bone_fits(double middle_mm) {
-    return middle_mm >= BONE_MIN_MM && middle_mm <= BONE_MAX_MM;
+    return middle_mm >= WHOLE_BONE_MIN_MM && middle_mm <= WHOLE_BONE_MAX_MM;
 }
 
 static enum result find_unit(const struct import_surface *femur, const struct import_surface *tibia,
@@ -131,11 +132,10 @@ static enum result check_against_bones(const struct import_surface *surface, str
     if (!(length >= kind->min && length <= kind->max)) {
         const char *unit = unit_for(kind, length / surface->mm_per_unit, surface->mm_per_unit);
         return fail(err, RESULT_INVALID,
-                    "%s: %s disagrees with the bones: it is %.3g mm long, where %g to %g would "
-                    "be right%s%s%s",
+                    "%s: %s disagrees with the bones: it is %.3g mm long, not %g to %g mm%s%s%s",
                     surface->path, surface->group, length, kind->min, kind->max,
-                    unit ? "; its unit would be " : "", unit ? unit : "",
-                    unit ? ": give --unit before it, and again before the next" : "");
+                    unit ? ". Its unit would be " : "", unit ? unit : "",
+                    unit ? ": give --unit before it, and again before the next file" : "");
     }
     if (apart > FAR_MM)
         return fail(err, RESULT_INVALID,
@@ -308,23 +308,25 @@ static bool right_of(const struct import_surface *surfaces, int count,
 enum result import_judge_side(const struct import_surface *surfaces, int count,
                               const struct import_frame *frame, struct import_judgement *out,
                               struct error *err) {
-    static const char *const pairs[][2] = {{"meniscus_lateral", "meniscus_medial"},
-                                           {"lcl", "mcl"},
-                                           {"fibula", "tibia"},
-                                           {"lcl", "tibia"},
-                                           {"tibia", "mcl"}};
+    static const struct {
+        const char *lateral, *medial, *tells; // tells: of which the place shows the side
+    } pairs[] = {{"meniscus_lateral", "meniscus_medial", "meniscus_lateral"},
+                 {"lcl", "mcl", "lcl"},
+                 {"fibula", "tibia", "fibula"},
+                 {"lcl", "tibia", "lcl"},
+                 {"tibia", "mcl", "mcl"}};
     const char *by[2] = {NULL, NULL}; // a left, a right knee, by what
     int votes[2] = {0, 0};
     *out = (struct import_judgement){.trust = TRUST_ASSUMED};
     for (size_t i = 0; i < sizeof pairs / sizeof pairs[0]; i++) {
         double lateral, medial;
-        if (!right_of(surfaces, count, frame, pairs[i][0], &lateral) ||
-            !right_of(surfaces, count, frame, pairs[i][1], &medial) || lateral == medial)
+        if (!right_of(surfaces, count, frame, pairs[i].lateral, &lateral) ||
+            !right_of(surfaces, count, frame, pairs[i].medial, &medial) || lateral == medial)
             continue;
         bool right = lateral > medial;
         votes[right]++;
         if (!by[right])
-            by[right] = pairs[i][0];
+            by[right] = pairs[i].tells;
     }
     if (votes[0] && votes[1])
         return fail(err, RESULT_INVALID,

@@ -251,6 +251,27 @@ static void a_bone_is_found_behind_larger_cartilage(void **state) {
     import_arrays_fini(&joined);
 }
 
+// Without menisci and lcl, the mcl shows the side, and not the tibia.
+static void the_part_that_shows_the_side_is_named(void **state) {
+    (void)state;
+    struct import_surface surfaces[BOXES];
+    struct import_judgement judged;
+    struct import_frame frame;
+    make_surfaces(surfaces, 1);
+    assert_ok(import_judge_unit(surfaces, BOXES, &judged, &err));
+    assert_true(import_axes("RAS", &frame));
+    assert_string_equal(surfaces[3].group, "meniscus_medial");
+    surfaces[3].group = "mcl";
+    surfaces[4].group = "acl";
+    assert_ok(import_judge_side(surfaces, BOXES, &frame, &judged, &err));
+    assert_string_equal(judged.why, "mcl lies on the side of a right knee; 1 of such pairs agree");
+    surfaces[2].group = "mcl"; // medial of the tibia's middle by 2 mm
+    surfaces[3].group = "fibula";
+    assert_int_equal(import_judge_side(surfaces, BOXES, &frame, &judged, &err), RESULT_INVALID);
+    assert_non_null(strstr(err.text, "fibula lies as in a left knee, mcl as in a right one"));
+    release(surfaces);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
@@ -261,6 +282,7 @@ int main(void) {
         cmocka_unit_test(too_many_parts_are_refused),
         cmocka_unit_test(a_bone_is_found_behind_larger_cartilage),
         cmocka_unit_test(axes_and_side_are_those_of_the_knee),
+        cmocka_unit_test(the_part_that_shows_the_side_is_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

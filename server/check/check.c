@@ -321,7 +321,7 @@ static enum result look_at_knee(struct case_check *check, struct knee_case *knee
 enum result check_case(struct knee_case **knee, const struct check_settings *settings,
                        struct case_check **out_check, struct scene **out_scene, struct error *err) {
     struct case_check *check = begin(settings);
-    snprintf(check->case_name, sizeof check->case_name, "%s", (*knee)->name);
+    snprintf(check->case_or_folder, sizeof check->case_or_folder, "%s", (*knee)->name);
     check->hash = (*knee)->hash;
     check->group_count = (*knee)->group_count;
     for (int i = 0; i < check->group_count; i++)
@@ -344,10 +344,10 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
     return result;
 }
 
-struct case_check *check_of_none(const char *name, const struct check_settings *settings,
+struct case_check *check_of_none(const char *folder, const struct check_settings *settings,
                                  const struct error *why) {
     struct case_check *check = begin(settings);
-    snprintf(check->case_name, sizeof check->case_name, "%s", name);
+    snprintf(check->case_or_folder, sizeof check->case_or_folder, "%s", folder);
     inspection_note(&check->findings, FINDING_FAULT, "files", "%s", why->text);
     findings_grade(check);
     return check;

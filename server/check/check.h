@@ -62,7 +62,7 @@ struct check_pose {
 
 struct case_check {
     struct check_settings settings;
-    char case_name[CASE_NAME_MAX];
+    char case_or_folder[CASE_NAME_MAX]; // the name of a case, or the folder that holds none
     uint64_t hash;
     struct inspection findings;
     struct contacts contacts; // at rest
@@ -86,8 +86,8 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
                        struct case_check **out_check, struct scene **out_scene, struct error *err);
 void check_destroy(struct case_check **check); // NULL inside is fine
 
-// A check of a case that cannot be loaded: one fault, why.
-struct case_check *check_of_none(const char *name, const struct check_settings *settings,
+// A check of a folder without a case that can be loaded: one fault, why.
+struct case_check *check_of_none(const char *folder, const struct check_settings *settings,
                                  const struct error *why);
 
 // Roles of the scene's surfaces in its reachable space, and for a case without a skin the planes

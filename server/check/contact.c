@@ -113,7 +113,7 @@ static void measure(void *context, int index) {
     state->overlap = overlap_of(a, b, T_a_b);
     state->overlap.place = pose_apply(T_femur_a, state->overlap.place);
     if (contact->has_gap && state->overlap.depth_mm <= 0) {
-        state->gap = gap_of(a, b, T_a_b, INFINITY);
+        state->gap = gap_of(a, b, T_a_b);
         state->gap.place = pose_apply(T_femur_a, state->gap.place);
     }
 }

@@ -298,19 +298,17 @@ static void look_near(const struct mesh *mesh, uint32_t stride, pose T_to_mesh,
     }
 }
 
-struct gap gap_of(const struct touching *a, const struct touching *b, pose T_a_b, double most_mm) {
+struct gap gap_of(const struct touching *a, const struct touching *b, pose T_a_b) {
     if (!a->shell_count || !b->shell_count)
         return (struct gap){.mm = INFINITY};
     const struct shell *on_a = touching_surface(a), *on_b = touching_surface(b);
-    struct nearest of_b = {.mm = most_mm}, of_a = {.mm = most_mm};
+    struct nearest of_b = {.mm = INFINITY}, of_a = {.mm = INFINITY};
     for (int pass = 0; pass < 2; pass++) {
         uint32_t stride = pass ? 1 : FIRST_STRIDE;
         look_near(&on_b->mesh, stride, T_a_b, on_a, &of_b);
         of_a.mm = fmin(of_a.mm, of_b.mm);
         look_near(&on_a->mesh, stride, pose_inverse(T_a_b), on_b, &of_a);
     }
-    if (of_a.mm >= most_mm)
-        return (struct gap){.mm = INFINITY};
     return of_a.mm < of_b.mm ? (struct gap){of_a.mm, pose_apply(T_a_b, of_a.vertex)}
                              : (struct gap){of_b.mm, of_b.point};
 }

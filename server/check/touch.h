@@ -68,5 +68,5 @@ double touching_distance(const struct touching *touching, vec3 p, struct touchin
 #define OVERLAP_CUBES_MAX 40000
 struct overlap overlap_of(const struct touching *a, const struct touching *b, pose T_a_b);
 
-// The least distance from a vertex of either to the other; INFINITY from `most_mm` on.
-struct gap gap_of(const struct touching *a, const struct touching *b, pose T_a_b, double most_mm);
+// The least distance from a vertex of either to the other; INFINITY where one has no shell.
+struct gap gap_of(const struct touching *a, const struct touching *b, pose T_a_b);

@@ -202,7 +202,7 @@ static json_t *whole(const struct case_check *check, int64_t utc_s) {
     json_t *root = json_object();
     set(root, "format", json_string(GRADE_FORMAT));
     set(root, "version", json_integer(GRADE_VERSION));
-    set(root, "case", quoted(check->case_name));
+    set(root, "case", quoted(check->case_or_folder));
     set(root, "hash", json_string(hash));
     set(root, "grade", json_string(grade_name(check->grade)));
     set(root, "date", json_string(date));

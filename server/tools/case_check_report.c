@@ -303,7 +303,7 @@ enum result check_report(const struct case_check *check, const struct scene *sce
     if (!page.file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     page.gain_most = fmax(1, ceil(field_gain_within(check->field, MOST)));
-    snprintf(title, sizeof title, "Case %s, checked", check->case_name);
+    snprintf(title, sizeof title, "Case %s, checked", check->case_or_folder);
     html_begin(page.file, title);
     enum result result = write_page(&page, err);
     html_end(page.file);

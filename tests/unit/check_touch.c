@@ -173,13 +173,12 @@ static void the_gap_is_where_two_surfaces_are_nearest(void **state) {
     prepare(&a, &mesh);
     shape_box(&mesh, (vec3){30, 30, 5});
     prepare(&b, &mesh);
-    struct gap found = gap_of(&a, &b, moved(4, 3, -28), INFINITY);
+    struct gap found = gap_of(&a, &b, moved(4, 3, -28));
     assert_near(found.mm, 3, 1e-4);
     assert_vec3_near(found.place, ((vec3){0, 0, -20}), 0.1);
-    found = gap_of(&b, &a, moved(-4, -3, 28), INFINITY);
+    found = gap_of(&b, &a, moved(-4, -3, 28));
     assert_near(found.mm, 3, 1e-4);
     assert_vec3_near(found.place, ((vec3){-4, -3, 5}), 0.1);
-    assert_true(isinf(gap_of(&a, &b, moved(0, 0, -28), 2).mm));
     touching_fini(&a);
     touching_fini(&b);
 }

@@ -4,7 +4,6 @@
 #include "generate/tube.h"
 #include "match/conform_parts.h"
 #include "match/mismatch.h"
-#include "mesh/query.h"
 #include "random.h"
 #include "scene/shapes.h"
 #include "test.h"

@@ -180,7 +180,8 @@ class Records(SystemTest):
         self.session_command("stop", "room-1")
         self.session_command("pause", "room-1", code=1)
         self.in_state("closed", 2)
-        said = wait_until("the audit log", lambda: [(a["action"], a["subject"]) for a in self.rows("audit")][-4:])
+        wait_until("the stop in the audit log", lambda: self.rows("audit")[-1]["action"] == "stop")
+        said = [(a["action"], a["subject"]) for a in self.rows("audit")][-4:]
         of_it = f"session {session}"
         self.assertEqual(said, [("case", f"station room-1 case healthy {of_it}"),
                                 ("pause", f"station room-1 {of_it}"),

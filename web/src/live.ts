@@ -108,7 +108,7 @@ export class Feed {
 
   /** False where it could not be sent. */
   send(message: Page["message"]): boolean {
-    if (this.link.state !== "open" || !this.socket) return false;
+    if (this.link.state !== "open" || !this.socket || this.socket.readyState > this.socket.OPEN) return false; // it may be closing
     this.socket.send(toBinary(PageSchema, create(PageSchema, { message })));
     return true;
   }

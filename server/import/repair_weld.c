@@ -17,19 +17,6 @@ struct cell {
     int64_t at[3];
 };
 
-static bool *open_vertices(const struct mesh *mesh) {
-    size_t count = 3 * (size_t)mesh->triangle_count;
-    bool *open = alloc(mesh->vertex_count, sizeof *open);
-    struct triangle_side *sides = edges_sorted(mesh);
-    for (size_t i = 0, end; i < count; i = end) {
-        end = edges_end(sides, i, count);
-        if (end - i == 1)
-            open[sides[i].low] = open[sides[i].high] = true;
-    }
-    free(sides);
-    return open;
-}
-
 // In steps of 2^-40 mm a cell is one place for any coordinate that a float tells apart.
 static struct cell cell_of(const struct cells *cells, vec3 p) {
     double size = cells->size > 0 ? cells->size : 0x1p-40;
@@ -87,7 +74,7 @@ static struct cells cells_for(uint32_t vertex_count, double size) {
 }
 
 void repair_weld(struct mesh *mesh, double weld_mm, struct repair_report *report) {
-    bool *open = open_vertices(mesh);
+    bool *open = edges_open_vertices(mesh);
     uint32_t *becomes = sets_create(mesh->vertex_count);
     struct cells cells = cells_for(mesh->vertex_count, weld_mm);
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {

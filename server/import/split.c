@@ -107,23 +107,10 @@ static int compare_places(const void *a, const void *b) {
     return 0;
 }
 
-static bool *open_vertices(const struct import_arrays *arrays) {
-    struct mesh mesh = {arrays->vertex_count, arrays->triangle_count, NULL, arrays->triangles};
-    size_t count = 3 * (size_t)arrays->triangle_count;
-    bool *open = alloc(arrays->vertex_count, sizeof *open);
-    struct triangle_side *sides = edges_sorted(&mesh);
-    for (size_t i = 0, end; i < count; i = end) {
-        end = edges_end(sides, i, count);
-        if (end - i == 1)
-            open[sides[i].low] = open[sides[i].high] = true;
-    }
-    free(sides);
-    return open;
-}
-
 // Closed surfaces that touch stay apart.
 static void join_seams(const struct import_arrays *arrays, uint32_t *sets) {
-    bool *open = open_vertices(arrays);
+    struct mesh mesh = {arrays->vertex_count, arrays->triangle_count, NULL, arrays->triangles};
+    bool *open = edges_open_vertices(&mesh);
     struct placed *placed = alloc(arrays->vertex_count, sizeof *placed);
     uint32_t count = 0;
     for (uint32_t v = 0; v < arrays->vertex_count; v++) {

@@ -52,6 +52,19 @@ size_t edges_end(const struct triangle_side *sides, size_t start, size_t count) 
     return end;
 }
 
+bool *edges_open_vertices(const struct mesh *mesh) {
+    size_t count = 3 * (size_t)mesh->triangle_count;
+    bool *open = alloc(mesh->vertex_count, sizeof *open);
+    struct triangle_side *sides = edges_sorted(mesh);
+    for (size_t i = 0, end; i < count; i = end) {
+        end = edges_end(sides, i, count);
+        if (end - i == 1)
+            open[sides[i].low] = open[sides[i].high] = true;
+    }
+    free(sides);
+    return open;
+}
+
 static uint32_t corner_of(const struct mesh *mesh, uint32_t triangle, uint32_t vertex) {
     uint32_t corner = 3 * triangle;
     while (mesh->triangles[corner] != vertex)

@@ -18,6 +18,9 @@ struct triangle_side *edges_sorted(const struct mesh *mesh);
 // The end of the sides that share an edge with the one at `start`.
 size_t edges_end(const struct triangle_side *sides, size_t start, size_t count);
 
+// Of each vertex whether it is an end of an edge that only one triangle has. The caller frees it.
+bool *edges_open_vertices(const struct mesh *mesh);
+
 // Disjoint sets: each of 0 .. count - 1 alone. The caller frees the array.
 uint32_t *sets_create(uint32_t count);
 uint32_t sets_find(uint32_t *sets, uint32_t i); // the one that stands for i's set

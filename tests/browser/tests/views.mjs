@@ -30,7 +30,7 @@ async function settled(page) {
 async function pictures({ browser, quick }, page, name) {
   for (const [size, viewport] of Object.entries(SIZES)) {
     await page.setViewportSize(viewport);
-    for (const colorScheme of ["light", "dark"]) {
+    for (const colorScheme of size === "wide" || !quick ? ["light", "dark"] : ["light"]) {
       await page.emulateMedia({ colorScheme });
       await settled(page);
       await browser.picture(page, `${name}-${size}-${colorScheme}`);

@@ -1,6 +1,7 @@
 #include "import/import.h"
 
 #include "base/check.h"
+#include "import/judge.h"
 #include "import/reader.h"
 
 #include <stdlib.h>
@@ -21,14 +22,10 @@ static double middle_side(const struct mesh *mesh) {
 }
 
 static const char *unit_that_fits(double middle_in_units) {
-    static const struct {
-        const char *name;
-        double mm;
-    } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
-    for (int i = 0; i < 3; i++)
-        if (middle_in_units * units[i].mm >= KNEE_BONE_MIN_MM &&
-            middle_in_units * units[i].mm <= KNEE_BONE_MAX_MM)
-            return units[i].name;
+    for (int i = 0; i < IMPORT_UNITS; i++)
+        if (middle_in_units * import_units[i].mm >= KNEE_BONE_MIN_MM &&
+            middle_in_units * import_units[i].mm <= KNEE_BONE_MAX_MM)
+            return import_units[i].name;
     return NULL;
 }
 

@@ -11,10 +11,7 @@
 #define FAR_MM 100 // between the boxes of a surface and of the bones
 #define NEAR_JOINT_MM 60
 
-static const struct unit {
-    const char *name;
-    double mm;
-} units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
+const struct import_unit import_units[IMPORT_UNITS] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
 
 // How long the box of a part of a knee is, in mm.
 static const struct kind {
@@ -79,17 +76,17 @@ static bool bone_fits(double middle_mm) {
 static enum result find_unit(const struct import_surface *femur, const struct import_surface *tibia,
                              double *out_mm, struct import_judgement *out, struct error *err) {
     double width[2] = {middle_side(box_of(femur, 1)), middle_side(box_of(tibia, 1))};
-    for (size_t u = 0; u < 3; u++) {
+    for (size_t u = 0; u < IMPORT_UNITS; u++) {
         bool fits = true;
         for (int i = 0; i < 2; i++)
-            fits &= bone_fits(width[i] * units[u].mm);
+            fits &= bone_fits(width[i] * import_units[u].mm);
         if (!fits)
             continue;
-        *out_mm = units[u].mm;
+        *out_mm = import_units[u].mm;
         out->trust = TRUST_SURE;
-        snprintf(out->value, sizeof out->value, "%s", units[u].name);
+        snprintf(out->value, sizeof out->value, "%s", import_units[u].name);
         snprintf(out->why, sizeof out->why, "femur and tibia are %.3g and %.3g %s wide", width[0],
-                 width[1], units[u].name);
+                 width[1], import_units[u].name);
         return RESULT_OK;
     }
     return fail(err, RESULT_INVALID,
@@ -106,10 +103,10 @@ static const struct kind *kind_of(const char *group) {
 }
 
 static const char *unit_for(const struct kind *kind, double length_units, double but_mm) {
-    for (size_t u = 0; u < 3; u++)
-        if (units[u].mm != but_mm && length_units * units[u].mm >= kind->min &&
-            length_units * units[u].mm <= kind->max)
-            return units[u].name;
+    for (size_t u = 0; u < IMPORT_UNITS; u++)
+        if (import_units[u].mm != but_mm && length_units * import_units[u].mm >= kind->min &&
+            length_units * import_units[u].mm <= kind->max)
+            return import_units[u].name;
     return NULL;
 }
 
@@ -150,9 +147,9 @@ static void name_given_unit(const struct import_surface *surfaces, int count,
     bool same = true;
     for (int i = 1; i < count; i++)
         same &= surfaces[i].mm_per_unit == surfaces[0].mm_per_unit;
-    for (size_t u = 0; u < 3; u++)
-        if (surfaces[0].mm_per_unit == units[u].mm)
-            snprintf(out->value, sizeof out->value, "%s", same ? units[u].name : "several");
+    for (size_t u = 0; u < IMPORT_UNITS; u++)
+        if (surfaces[0].mm_per_unit == import_units[u].mm)
+            snprintf(out->value, sizeof out->value, "%s", same ? import_units[u].name : "several");
 }
 
 enum result import_judge_unit(struct import_surface *surfaces, int count,

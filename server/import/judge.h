@@ -5,6 +5,12 @@
 #include "import/frame.h"
 #include "import/reader.h"
 
+#define IMPORT_UNITS 3
+extern const struct import_unit {
+    const char *name;
+    double mm;
+} import_units[IMPORT_UNITS]; // of a file: mm, cm, m
+
 struct import_surface {
     const char *group, *path;
     double mm_per_unit; // 0: not known yet

@@ -227,15 +227,24 @@ void find_space(const char *path, char out_space[4]) {
     }
 }
 
+struct scene_holder {
+    gltf_scene scene = {};
+    ~scene_holder() {
+        free(scene.positions);
+        free(scene.triangles);
+    }
+};
+
 enum result read_gltf(const char *path, uint32_t triangles_max, import_arrays &out,
                       struct error *err) {
     uint8_t *bytes = nullptr;
     size_t size;
-    gltf_scene scene;
+    scene_holder held;
+    const gltf_scene &scene = held.scene;
     enum result result = files_read(path, UINT32_MAX, &bytes, &size, err);
     if (result != RESULT_OK)
         return result;
-    result = gltf_read_scene(bytes, size, triangles_max, &scene, err);
+    result = gltf_read_scene(bytes, size, triangles_max, &held.scene, err);
     free(bytes);
     if (result != RESULT_OK)
         return fail_in(err, result, "%s: ", path);
@@ -245,8 +254,6 @@ enum result read_gltf(const char *path, uint32_t triangles_max, import_arrays &o
         const uint32_t *v = scene.triangles + 3 * (size_t)t;
         all.add_face({VertexHandle((int)v[0]), VertexHandle((int)v[1]), VertexHandle((int)v[2])});
     }
-    free(scene.positions);
-    free(scene.triangles);
     return hand_over(path, all, out, err);
 }
 

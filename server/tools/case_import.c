@@ -94,13 +94,9 @@ static char *split_name(char *text, char *out_name) {
 }
 
 static bool parse_unit(const char *text, struct import_request *request) {
-    static const struct {
-        const char *name;
-        double mm;
-    } units[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
-    for (int i = 0; i < 3; i++) {
-        if (strcmp(text, units[i].name) == 0) {
-            request->unit = units[i].mm;
+    for (int i = 0; i < IMPORT_UNITS; i++) {
+        if (strcmp(text, import_units[i].name) == 0) {
+            request->unit = import_units[i].mm;
             if (!request->first_unit)
                 request->first_unit = request->unit;
             return true;
@@ -166,10 +162,15 @@ static bool parse_portal(char *text, struct import_request *request) {
     return vec3_length(portal->direction) > 0;
 }
 
-static bool take_option(int option, char *text, struct import_request *request) {
+static bool parse_cuttable(const char *text, struct import_request *request) {
+    if (request->cuttable_count == CASE_GROUPS_MAX)
+        return false;
+    request->cuttable[request->cuttable_count++] = text;
+    return true;
+}
+
+static bool take_text(int option, const char *text, struct import_request *request) {
     switch (option) {
-    case 'u':
-        return parse_unit(text, request);
     case 'n':
         request->name = text;
         return case_name_is_valid(text);
@@ -179,31 +180,9 @@ static bool take_option(int option, char *text, struct import_request *request) 
     case 's':
         request->side = text;
         return strcmp(text, "left") == 0 || strcmp(text, "right") == 0;
-    case 'g':
-        return request->source_count < SOURCES_MAX && parse_source(text, request);
-    case 'P':
-        return request->source_count < SOURCES_MAX && parse_parts(text, request);
-    case 'R':
-        return request->rename_count < CASE_GROUPS_MAX && parse_rename(text, request);
     case 'a':
         request->axes = text;
         return import_axes(text, &(struct import_frame){0});
-    case 'C':
-        return number_double(text, CLIP_MIN_MM, CLIP_MAX_MM, &request->clip_mm);
-    case 'b':
-        return request->body_count < CASE_GROUPS_MAX && parse_body(text, request);
-    case 'B':
-        return request->bridge_count < CASE_GROUPS_MAX && parse_bridge(text, request);
-    case 'c':
-        if (request->cuttable_count == CASE_GROUPS_MAX)
-            return false;
-        request->cuttable[request->cuttable_count++] = text;
-        return true;
-    case 'p':
-        return request->portal_count < CASE_PORTALS_MAX && parse_portal(text, request);
-    case 'j':
-        request->has_joint = true;
-        return number_pose(text, &request->T_femur_joint);
     case 'J':
         request->as_json = true;
         return true;
@@ -211,6 +190,47 @@ static bool take_option(int option, char *text, struct import_request *request) 
         request->out = text;
         return true;
     }
+}
+
+static bool take_option(int option, char *text, struct import_request *request) {
+    switch (option) {
+    case 'u':
+        return parse_unit(text, request);
+    case 'g':
+        return request->source_count < SOURCES_MAX && parse_source(text, request);
+    case 'P':
+        return request->source_count < SOURCES_MAX && parse_parts(text, request);
+    case 'R':
+        return request->rename_count < CASE_GROUPS_MAX && parse_rename(text, request);
+    case 'C':
+        return number_double(text, CLIP_MIN_MM, CLIP_MAX_MM, &request->clip_mm);
+    case 'b':
+        return request->body_count < CASE_GROUPS_MAX && parse_body(text, request);
+    case 'B':
+        return request->bridge_count < CASE_GROUPS_MAX && parse_bridge(text, request);
+    case 'c':
+        return parse_cuttable(text, request);
+    case 'p':
+        return request->portal_count < CASE_PORTALS_MAX && parse_portal(text, request);
+    case 'j':
+        request->has_joint = true;
+        return number_pose(text, &request->T_femur_joint);
+    default:
+        return take_text(option, text, request);
+    }
+}
+
+static int refuse_option(const struct option *option, const char *text) {
+    static const char *const sides[] = {"left", "right", NULL};
+    const char *units[IMPORT_UNITS + 1] = {NULL};
+    for (int i = 0; i < IMPORT_UNITS; i++)
+        units[i] = import_units[i].name;
+    if (option->val == 's')
+        return unknown_choice("import", "--side", text, sides);
+    if (option->val == 'u')
+        return unknown_choice("import", "--unit", text, units);
+    return usage_error("import", "--%s %s: not of the form that --help shows, or given too often",
+                       option->name, text);
 }
 
 // ---- the case -----------------------------------------------------------------------------------
@@ -346,8 +366,6 @@ int command_import(int argc, char **argv) {
         {"joint", required_argument, NULL, 'j'},    {"clip", required_argument, NULL, 'C'},
         {"out", required_argument, NULL, 'o'},      {"json", no_argument, NULL, 'J'},
         {"help", no_argument, NULL, 'h'},           {0}};
-    static const char *const sides[] = {"left", "right", NULL};
-    static const char *const units[] = {"mm", "cm", "m", NULL};
     static struct import_request request;
     request = (struct import_request){.title = "", .clip_mm = CLIP_DEFAULT_MM};
     int option, which = 0;
@@ -358,15 +376,8 @@ int command_import(int argc, char **argv) {
         }
         if (option == '?')
             return EXIT_USAGE;
-        if (take_option(option, optarg, &request))
-            continue;
-        if (option == 's')
-            return unknown_choice("import", "--side", optarg, sides);
-        if (option == 'u')
-            return unknown_choice("import", "--unit", optarg, units);
-        return usage_error("import",
-                           "--%s %s: not of the form that --help shows, or given too often",
-                           options[which].name, optarg);
+        if (!take_option(option, optarg, &request))
+            return refuse_option(&options[which], optarg);
     }
     if (optind != argc)
         return usage_error("import", "unexpected argument \"%s\"", argv[optind]);

@@ -2,17 +2,15 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "base/source.h"
 
-#include <arpa/inet.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/socket.h>
 
 #define ADDRESSES_MAX 1024 // more than connections, to remember addresses after they disconnect
 
 struct rate_limit {
     bool known;
-    struct in6_addr address;
+    struct source source;
     int connections;
     struct bucket requests;
     int64_t left_ns;
@@ -25,16 +23,6 @@ struct rate_limits {
 
 _Static_assert(ADDRESSES_MAX > WEB_CONNECTIONS_MAX, "there is always one without a connection");
 
-bool bucket_take(struct bucket *bucket, double per_s, double most, int64_t now_ns) {
-    double back = per_s * (double)(now_ns - bucket->checked_ns) / (double)NS_PER_S;
-    bucket->spent = back < bucket->spent ? bucket->spent - back : 0;
-    bucket->checked_ns = now_ns;
-    if (bucket->spent + 1 > most)
-        return false;
-    bucket->spent += 1;
-    return true;
-}
-
 struct rate_limits *rate_limits_create(void) {
     return alloc(1, sizeof(struct rate_limits));
 }
@@ -42,23 +30,6 @@ struct rate_limits *rate_limits_create(void) {
 void rate_limits_destroy(struct rate_limits **limits) {
     free(*limits);
     *limits = NULL;
-}
-
-static bool read_address(int fd, struct in6_addr *out) {
-    struct sockaddr_storage address = {0};
-    socklen_t size = sizeof address;
-    if (getpeername(fd, (struct sockaddr *)&address, &size))
-        return false;
-    memset(out, 0, sizeof *out);
-    if (address.ss_family == AF_INET) {
-        memset(out->s6_addr + 10, 0xff, 2);
-        memcpy(out->s6_addr + 12, &((const struct sockaddr_in *)&address)->sin_addr, 4);
-    } else if (address.ss_family == AF_INET6) {
-        *out = ((const struct sockaddr_in6 *)&address)->sin6_addr;
-        if (!IN6_IS_ADDR_V4MAPPED(out))
-            memset(out->s6_addr + 8, 0, 8);
-    }
-    return true;
 }
 
 // The one that was gone longest; one that was never used before any other.
@@ -73,16 +44,16 @@ static struct rate_limit *find_place(struct rate_limits *limits) {
 }
 
 struct rate_limit *rate_limits_find(struct rate_limits *limits, int fd) {
-    struct in6_addr address;
-    if (!read_address(fd, &address))
+    struct source source;
+    if (!source_of(fd, &source))
         return NULL;
     for (int i = 0; i < ADDRESSES_MAX; i++) {
         struct rate_limit *limit = &limits->limits[i];
-        if (limit->known && !memcmp(&limit->address, &address, sizeof address))
+        if (limit->known && source_is(&limit->source, &source))
             return limit;
     }
     struct rate_limit *limit = find_place(limits);
-    *limit = (struct rate_limit){.known = true, .address = address};
+    *limit = (struct rate_limit){.known = true, .source = source};
     return limit;
 }
 

@@ -1,22 +1,12 @@
 // Limits of each address: connections, and requests over time. For one thread.
 #pragma once
 
-#include <stdbool.h>
-#include <stdint.h>
+#include "base/bucket.h"
 
 #define WEB_CONNECTIONS_MAX 256
 #define WEB_CONNECTIONS_PER_ADDRESS 96
 #define WEB_REQUESTS_PER_S 40
 #define WEB_REQUESTS_BURST 200
-
-// Tokens that come back over time: a zeroed one is full.
-struct bucket {
-    double spent;
-    int64_t checked_ns;
-};
-
-// Takes one of `most` tokens, of which `per_s` come back each second; false where none is left.
-bool bucket_take(struct bucket *bucket, double per_s, double most, int64_t now_ns);
 
 struct rate_limits;
 struct rate_limit; // an IPv4 address, or an IPv6 network of 64 bits

@@ -50,7 +50,7 @@ bool secret_read_code(const char *typed, char out_code[SECRET_CODE_MAX]) {
 void secret_hash(const char *secret, char out_hash[SECRET_MAX]) {
     uint8_t hash[32];
     int done = EVP_Digest(secret, strlen(secret), hash, NULL, EVP_sha256(), NULL);
-    CHECK(done == 1);
+    NEED(done == 1, "memory");
     write_hex(hash, out_hash);
 }
 

@@ -298,7 +298,7 @@ static void make_report(struct api_call *call, const struct api_report *about) {
     char *page = NULL;
     size_t size = 0;
     FILE *file = open_memstream(&page, &size);
-    CHECK(file);
+    NEED(file, "memory");
     enum result result = call->api->config.report(about, file, &err);
     fclose(file);
     if (result == RESULT_MISSING && about->course) {

@@ -56,7 +56,8 @@ static enum result read_entries(const json_t *json, struct recorded_keys *out, s
     return RESULT_OK;
 }
 
-enum result recorded_keys_load(const char *dir, struct recorded_keys *out_record, struct error *err) {
+enum result recorded_keys_load(const char *dir, struct recorded_keys *out_record,
+                               struct error *err) {
     char path[PATH_MAX];
     uint8_t *bytes;
     size_t size;
@@ -88,12 +89,13 @@ static char *text_of(const struct recorded_keys *record) {
     }
     json_t *json = json_pack("{s:i, s:o}", "format", RECORD_FORMAT, "physical", array);
     char *text = json_dumps(json, JSON_INDENT(2) | JSON_REAL_PRECISION(17));
-    CHECK(text);
+    NEED(text, "memory");
     json_decref(json);
     return text;
 }
 
-enum result recorded_keys_save(const char *dir, const struct recorded_keys *record, struct error *err) {
+enum result recorded_keys_save(const char *dir, const struct recorded_keys *record,
+                               struct error *err) {
     if (record->count == 0) {
         char path[PATH_MAX];
         snprintf(path, sizeof path, "%s/" RECORD_FILE, dir);
@@ -156,7 +158,7 @@ static int nearest_key(const struct knee_case *knee, const char *ligament, pose 
 }
 
 enum result recorded_keys_physical(const struct knee_case *knee, struct recorded_keys *record,
-                            const char *ligament, pose T_femur_tibia, struct error *err) {
+                                   const char *ligament, pose T_femur_tibia, struct error *err) {
     if (!case_name_is_valid(ligament))
         return fail(err, RESULT_INVALID, "\"%.80s\" cannot be a ligament's name", ligament);
     int at = nearest_waiting(knee, record, ligament, T_femur_tibia, RECORDED_SAME_DEG);
@@ -231,8 +233,9 @@ static enum result check_goes_on(const struct knee_case *knee, pose physical, po
                 turned, moved);
 }
 
-enum result recorded_keys_target(struct knee_case *knee, struct recorded_keys *record, const char *ligament,
-                          pose T_femur_tibia, int *out_key, struct error *err) {
+enum result recorded_keys_target(struct knee_case *knee, struct recorded_keys *record,
+                                 const char *ligament, pose T_femur_tibia, int *out_key,
+                                 struct error *err) {
     int at = nearest_waiting(knee, record, ligament, T_femur_tibia, RECORDED_PAIR_DEG);
     if (at < 0) {
         *out_key = nearest_key(knee, ligament, T_femur_tibia, RECORDED_PAIR_DEG);

@@ -228,7 +228,7 @@ char *verdict_text(const struct case_check *check, int64_t utc_s) {
     json_t *root = whole(check, utc_s);
     char *text = json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(9));
     json_decref(root);
-    CHECK(text);
+    NEED(text, "memory");
     return text;
 }
 

@@ -6,6 +6,7 @@
 #include "commands/known_stations.h"
 #include "config/config.h"
 #include "sessions/sessions.h"
+#include "trace/trace.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -18,6 +19,7 @@
 #include <unistd.h>
 
 #define OVERRIDES_MAX 32
+#define MEMORY_KEPT_BACK ((size_t)64 << 20) // more than all that may be under way at once takes
 
 static const char help[] =
     "Usage: arthron-server run --config FILE [--set SECTION.KEY=VALUE ...]\n"
@@ -70,7 +72,7 @@ static void catch_ends(void) {
     pthread_sigmask(SIG_BLOCK, &set, NULL);
     signal(SIGPIPE, SIG_IGN);
     int failed = pthread_create(&waiting, NULL, wait_for_end, &set);
-    CHECK(!failed);
+    NEED(!failed, "thread");
     pthread_detach(waiting);
 }
 
@@ -125,6 +127,8 @@ static int serve(const struct request *request) {
                     field_name(request->field));
     field->kind = request->field;
     catch_ends();
+    memory_keep_back(MEMORY_KEPT_BACK);
+    need_before_end(trace_write_last);
     return serve_until_end(&config);
 }
 

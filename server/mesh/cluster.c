@@ -168,10 +168,9 @@ static float *triangle_middles(const struct mesh *mesh) {
 
 struct cluster *clusters_create(const struct mesh *mesh, uint32_t *out_count) {
     size_t most = ((size_t)mesh->triangle_count + CLUSTER_SIZE - 1) / CLUSTER_SIZE;
-    struct cluster *clusters = aligned_alloc(64, (most * sizeof *clusters + 63) / 64 * 64);
+    struct cluster *clusters = alloc_aligned(64, most * sizeof *clusters);
     struct placed *placed = alloc(mesh->triangle_count, sizeof *placed);
     float *middles = triangle_middles(mesh);
-    CHECK(clusters);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         placed[t].triangle = t;
     struct splitter splitter = {mesh, middles, clusters, 0, 1};

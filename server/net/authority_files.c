@@ -44,11 +44,13 @@ enum result authority_lock(const char *dir, bool waits, int *out_fd, struct erro
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     }
     while (flock(fd, waits ? LOCK_EX : LOCK_EX | LOCK_NB)) {
-        CHECK(errno == EINTR || errno == EWOULDBLOCK);
-        if (errno == EWOULDBLOCK) {
-            close(fd);
-            return fail(err, RESULT_TIMEOUT, "%s: another process is using these keys", path);
-        }
+        int reason = errno;
+        if (reason == EINTR)
+            continue;
+        close(fd);
+        return reason == EWOULDBLOCK
+                   ? fail(err, RESULT_TIMEOUT, "%s: another process is using these keys", path)
+                   : fail(err, RESULT_IO, "%s: %s", path, strerror(reason));
     }
     *out_fd = fd;
     return RESULT_OK;
@@ -162,13 +164,14 @@ enum result records_write(const char *dir, const char *name, const struct record
     char *text = NULL;
     size_t size = 0;
     FILE *memory = open_memstream(&text, &size);
-    CHECK(memory);
+    if (!memory)
+        return fail(err, RESULT_LIMIT, "%s/%s: no memory", dir, name);
     for (int i = 0; i < records->count; i++)
         fprintf(memory, "%s %" PRId64 " %s\n", records->items[i].key, records->items[i].utc_s,
                 records->items[i].station);
-    fclose(memory);
-    CHECK(text);
-    enum result result = authority_write(dir, name, text, size, err);
+    bool whole = fclose(memory) == 0 && text;
+    enum result result = whole ? authority_write(dir, name, text, size, err)
+                               : fail(err, RESULT_LIMIT, "%s/%s: no memory", dir, name);
     free(text);
     return result;
 }

@@ -19,18 +19,18 @@ static enum result write_memory(const char *dir, const char *name, BIO *memory, 
 enum result authority_write_key(const char *dir, const char *name, EVP_PKEY *key,
                                 struct error *err) {
     BIO *memory = BIO_new(BIO_s_secmem());
-    CHECK(memory);
+    NEED(memory, "memory");
     int written = PEM_write_bio_PrivateKey(memory, key, NULL, NULL, 0, NULL, NULL);
-    CHECK(written == 1);
+    NEED(written == 1, "memory");
     return write_memory(dir, name, memory, err);
 }
 
 enum result authority_write_certificate(const char *dir, const char *name, X509 *certificate,
                                         struct error *err) {
     BIO *memory = BIO_new(BIO_s_mem());
-    CHECK(memory);
+    NEED(memory, "memory");
     int written = PEM_write_bio_X509(memory, certificate);
-    CHECK(written == 1);
+    NEED(written == 1, "memory");
     return write_memory(dir, name, memory, err);
 }
 

@@ -34,7 +34,7 @@ static enum result check_name(const char *station, struct error *err) {
 static enum result write_der(X509 *certificate, uint8_t *out_der, size_t *in_out_size,
                              struct error *err) {
     int size = i2d_X509(certificate, NULL);
-    CHECK(size > 0);
+    NEED(size > 0, "memory");
     if ((size_t)size > *in_out_size)
         return fail(err, RESULT_LIMIT, "the certificate takes %d bytes, more than %zu", size,
                     *in_out_size);
@@ -45,7 +45,7 @@ static enum result write_der(X509 *certificate, uint8_t *out_der, size_t *in_out
 static void fingerprint_of(X509 *certificate, uint8_t out[CODE_FINGERPRINT_SIZE]) {
     unsigned char *der = NULL;
     int size = i2d_X509(certificate, &der);
-    CHECK(size > 0);
+    NEED(size > 0, "memory");
     code_fingerprint(der, (size_t)size, out);
     OPENSSL_free(der);
 }
@@ -55,7 +55,7 @@ static void fingerprint_of(X509 *certificate, uint8_t out[CODE_FINGERPRINT_SIZE]
 static void hash_secret(const struct code *code, char out_hex[RECORD_KEY_MAX]) {
     uint8_t hash[32];
     int done = EVP_Digest(code->secret, sizeof code->secret, hash, NULL, EVP_sha256(), NULL);
-    CHECK(done == 1);
+    NEED(done == 1, "memory");
     for (int i = 0; i < 32; i++)
         snprintf(out_hex + 2 * i, 3, "%02x", hash[i]);
 }
@@ -98,7 +98,7 @@ enum result authority_issue_code(const char *dir, const char *station,
         return fail(err, RESULT_MISSING, "%s: authority.pem is missing or unreadable", dir);
     struct code code;
     int made = RAND_bytes(code.secret, sizeof code.secret);
-    CHECK(made == 1);
+    NEED(made == 1, "memory");
     fingerprint_of(certificate, code.fingerprint);
     X509_free(certificate);
     int lock;

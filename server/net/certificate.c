@@ -15,16 +15,16 @@
 
 EVP_PKEY *certificate_key(void) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
-    CHECK(key);
+    NEED(key, "memory");
     return key;
 }
 
 static void set_serial(X509 *certificate) {
     BIGNUM *number = BN_new();
     int made = BN_rand(number, 128, BN_RAND_TOP_ONE, BN_RAND_BOTTOM_ANY);
-    CHECK(made == 1);
+    NEED(made == 1, "memory");
     ASN1_INTEGER *set = BN_to_ASN1_INTEGER(number, X509_get_serialNumber(certificate));
-    CHECK(set);
+    NEED(set, "memory");
     BN_free(number);
 }
 
@@ -32,14 +32,14 @@ static void set_subject(X509 *certificate, const char *common_name) {
     X509_NAME *name = X509_get_subject_name(certificate);
     int added = X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_UTF8,
                                            (const unsigned char *)common_name, -1, -1, 0);
-    CHECK(added == 1);
+    NEED(added == 1, "memory");
 }
 
 static void extend(X509 *certificate, X509V3_CTX *context, int nid, const char *value) {
     X509_EXTENSION *extension = X509V3_EXT_conf_nid(NULL, context, nid, value);
-    CHECK(extension);
+    NEED(extension, "memory");
     int added = X509_add_ext(certificate, extension, -1);
-    CHECK(added == 1);
+    NEED(added == 1, "memory");
     X509_EXTENSION_free(extension);
 }
 
@@ -64,7 +64,7 @@ static void extend_for(enum certificate_use use, const char *alternative_names, 
 X509 *certificate_make(enum certificate_use use, const char *common_name,
                        const char *alternative_names, EVP_PKEY *key, const struct issuer *issuer) {
     X509 *certificate = X509_new();
-    CHECK(certificate);
+    NEED(certificate, "memory");
     X509_set_version(certificate, X509_VERSION_3);
     set_serial(certificate);
     long days = use == CERTIFICATE_AUTHORITY ? CERTIFICATE_AUTHORITY_DAYS : CERTIFICATE_DAYS;
@@ -79,7 +79,7 @@ X509 *certificate_make(enum certificate_use use, const char *common_name,
     X509_set_pubkey(certificate, key);
     extend_for(use, alternative_names, certificate, by);
     int size = X509_sign(certificate, issuer ? issuer->key : key, EVP_sha256());
-    CHECK(size > 0);
+    NEED(size > 0, "memory");
     return certificate;
 }
 
@@ -142,7 +142,8 @@ int certificate_hosts(const X509 *certificate, char (*out_hosts)[256], int max) 
 void certificate_serial(const X509 *certificate, char out_hex[CERTIFICATE_SERIAL_SIZE]) {
     BIGNUM *number = ASN1_INTEGER_to_BN(X509_get0_serialNumber(certificate), NULL);
     char *text = number ? BN_bn2hex(number) : NULL;
-    CHECK(text && strlen(text) < CERTIFICATE_SERIAL_SIZE);
+    NEED(text, "memory");
+    CHECK(strlen(text) < CERTIFICATE_SERIAL_SIZE);
     strcpy(out_hex, text);
     OPENSSL_free(text);
     BN_free(number);

@@ -93,7 +93,7 @@ static void *run_long_command(void *argument) {
     return NULL;
 }
 
-// False where there are too many already.
+// False where there are too many already, or no thread.
 static bool start_long_command(struct console *console, struct exchange *x, struct lws *socket) {
     if (console->long_count == LONG_COMMANDS_MAX)
         return false;
@@ -104,11 +104,14 @@ static bool start_long_command(struct console *console, struct exchange *x, stru
     command->asked = console->asked.message.command;
     command->answer.which_message = arthron_Console_command_reply_tag;
     name_caller(socket, command->actor);
+    if (pthread_create(&command->thread, NULL, run_long_command, command) != 0) {
+        free(command);
+        return false;
+    }
     command->next = console->long_commands;
     console->long_commands = command;
     console->long_count++;
     x->waits = true;
-    CHECK(pthread_create(&command->thread, NULL, run_long_command, command) == 0);
     return true;
 }
 
@@ -151,7 +154,7 @@ static int answer(struct console *console, struct exchange *x, struct lws *socke
     console->answer = (arthron_Console){.which_message = arthron_Console_command_reply_tag};
     if (long_one)
         strcpy(console->answer.message.command_reply.text,
-               "too many undos and copies are running; try again");
+               "too many undos and copies are running, or the system gives no thread; try again");
     else if (commands)
         answer_command(console, socket);
     else if (console->asked.which_message == arthron_Console_metrics_ask_tag)
@@ -218,7 +221,8 @@ static enum result check_path(const char *path, struct error *err) {
     if (lstat(path, &status) == 0 && !S_ISSOCK(status.st_mode))
         return fail(err, RESULT_REFUSED, "%s exists and is not a socket", path);
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    CHECK(fd >= 0);
+    if (fd < 0)
+        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     bool answers = connect(fd, (struct sockaddr *)&address, sizeof address) == 0;
     bool is_foreign = !answers && errno == EACCES;
     close(fd);

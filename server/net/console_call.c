@@ -103,7 +103,7 @@ static void make_call(struct console_call *call) {
     };
     lws_set_log_level(0, NULL);
     struct lws_context *context = lws_create_context(&info);
-    CHECK(context);
+    NEED(context, "memory");
     snprintf(address, sizeof address, "+%s", call->path); // "+": a UNIX socket
     struct lws_client_connect_info to = {
         .context = context,

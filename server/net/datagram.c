@@ -109,7 +109,7 @@ static int bound_port(int fd) {
     int failed = getsockname(fd, (struct sockaddr *)&storage, &size) ||
                  getnameinfo((struct sockaddr *)&storage, size, NULL, 0, service, sizeof service,
                              NI_NUMERICSERV | NI_DGRAM);
-    CHECK(!failed);
+    NEED(!failed, "memory");
     return atoi(service);
 }
 
@@ -178,7 +178,7 @@ static void epoch_end(struct epoch *epoch) {
 
 static void random_bytes(void *data, int size) {
     int done = RAND_bytes(data, size);
-    CHECK(done == 1);
+    NEED(done == 1, "random bytes");
 }
 
 static void epoch_start(struct datagram_connection *c, uint8_t number, int64_t now_ns,

@@ -49,7 +49,7 @@ static bool copy_certificate(X509 *certificate, uint8_t *out, size_t *in_out_siz
 
 static bool sign(EVP_PKEY *key, const uint8_t *message, size_t size, uint8_t *out, size_t *in_out) {
     EVP_MD_CTX *context = EVP_MD_CTX_new();
-    CHECK(context);
+    NEED(context, "memory");
     bool done = EVP_DigestSignInit(context, NULL, EVP_sha256(), NULL, key) == 1 &&
                 EVP_DigestSign(context, out, in_out, message, size) == 1;
     EVP_MD_CTX_free(context);

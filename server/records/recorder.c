@@ -426,7 +426,7 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     int failed = pthread_create(&r->thread, NULL, run, r);
-    CHECK(!failed);
+    NEED(!failed, "thread");
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     return r;
 }

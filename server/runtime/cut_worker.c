@@ -203,7 +203,7 @@ struct cut_worker *cut_worker_create(struct worker *worker) {
     struct cut_worker *c = alloc(1, sizeof *c);
     c->worker = worker;
     c->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    CHECK(c->wake_fd >= 0);
+    NEED(c->wake_fd >= 0, "descriptor");
     c->tasks = ring_create(TASKS_MAX, sizeof(struct cut_task));
     c->mesh_requests = ring_create(TASKS_MAX, sizeof(struct mesh_request));
     c->done = ring_create(TASKS_MAX, sizeof(struct job_done));
@@ -211,7 +211,7 @@ struct cut_worker *cut_worker_create(struct worker *worker) {
     for (int i = 0; i < STATIONS_MAX; i++)
         mesh_inbox_init(&c->inboxes[i]);
     int failed = pthread_create(&c->thread, NULL, work, c);
-    CHECK(!failed);
+    NEED(!failed, "thread");
     return c;
 }
 

@@ -239,12 +239,12 @@ enum result worker_start(struct runtime *runtime, int index, struct error *err) 
     if (result != RESULT_OK)
         return result;
     worker->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    CHECK(worker->wake_fd >= 0);
+    NEED(worker->wake_fd >= 0, "descriptor");
     worker->requests = ring_create(REQUESTS_MAX, sizeof(struct worker_request));
     worker->notices = ring_create(NOTICES_MAX, sizeof(struct runtime_notice));
     worker->cut_worker = cut_worker_create(worker);
     int failed = pthread_create(&worker->thread, NULL, work, worker);
-    CHECK(!failed);
+    NEED(!failed, "thread");
     return RESULT_OK;
 }
 

@@ -148,8 +148,10 @@ enum result fork_create(struct sessions *s, int station, const char *from, doubl
     f->station = station;
     struct making m = {f, from, at_s, RESULT_OK, err};
     pthread_t thread;
-    CHECK(pthread_create(&thread, NULL, run, &m) == 0);
-    pthread_join(thread, NULL);
+    if (pthread_create(&thread, NULL, run, &m) == 0)
+        pthread_join(thread, NULL);
+    else
+        m.result = fail(err, RESULT_LIMIT, "the system gives no thread to make the copy");
     if (m.result != RESULT_OK)
         fork_destroy(&f);
     *out_fork = f;

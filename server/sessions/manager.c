@@ -184,7 +184,7 @@ void manager_create(struct sessions *s) {
 void manager_start(struct sessions *s) {
     atomic_store(&s->manager->opens, true);
     int failed = pthread_create(&s->manager->thread, NULL, manage, s);
-    CHECK(!failed);
+    NEED(!failed, "thread");
 }
 
 void manager_stop(struct sessions *s) {

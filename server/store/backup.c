@@ -125,7 +125,12 @@ enum result store_backup(struct store *store, const char *out_path, struct error
     if (result == RESULT_OK && link(part, out_path))
         result = fail(err, RESULT_IO, "%s: %s", out_path, strerror(errno));
     unlink(part);
-    return result == RESULT_OK ? sync_file_and_folder(out_path, err) : result;
+    if (result != RESULT_OK)
+        return result;
+    result = sync_file_and_folder(out_path, err);
+    if (result != RESULT_OK) // whoever is told that there is no backup finds none
+        unlink(out_path);
+    return result;
 }
 
 // ---- restoring ----------------------------------------------------------------------------------

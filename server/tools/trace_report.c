@@ -50,7 +50,7 @@ static int report(const struct report_request *request) {
     size_t size = 0;
     bool whole = false;
     FILE *memory = open_memstream(&page, &size);
-    CHECK(memory);
+    NEED(memory, "memory");
     enum result result = make_page(request, memory, &whole, &err);
     fclose(memory);
     if (result == RESULT_OK)

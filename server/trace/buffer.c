@@ -7,16 +7,21 @@
 
 #define AHEAD 2 // chunks
 
-void buffer_init(struct buffer *b) {
+bool buffer_init(struct buffer *b) {
     memset(b, 0, sizeof *b);
     b->memory = mmap(NULL, BUFFER_SIZE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    CHECK(b->memory != MAP_FAILED);
+    if (b->memory == MAP_FAILED) {
+        b->memory = NULL;
+        return false;
+    }
     atomic_store(&b->free, UINT64_MAX);
     buffer_touch_ahead(b);
+    return true;
 }
 
 void buffer_fini(struct buffer *b) {
-    munmap(b->memory, BUFFER_SIZE);
+    if (b->memory)
+        munmap(b->memory, BUFFER_SIZE);
 }
 
 // Chunks that so many bytes more would begin.

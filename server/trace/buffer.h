@@ -23,7 +23,7 @@ struct buffer {
     uint64_t touched; // number of places
 };
 
-void buffer_init(struct buffer *buffer);
+bool buffer_init(struct buffer *buffer); // false: no memory
 void buffer_fini(struct buffer *buffer);
 
 // For the appender. False if there is no room for all bytes; at most a chunk at once.

@@ -9,7 +9,7 @@ void chain_init(struct chain *chain) {
     memset(chain, 0, sizeof *chain);
     chain->context = EVP_MD_CTX_new();
     chain->sha256 = EVP_MD_fetch(NULL, "SHA256", NULL);
-    CHECK(chain->context && chain->sha256);
+    NEED(chain->context && chain->sha256, "memory");
     chain_add(chain, NULL, 0); // the context takes its memory with the first
     memset(chain->value, 0, sizeof chain->value);
 }

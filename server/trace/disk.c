@@ -44,8 +44,7 @@ static void make_room(struct trace_writer *w) {
 }
 
 // A write that fails leaves its bytes in the buffer, so the file stays a whole stream.
-static void write_out(struct trace_writer *w) {
-    pthread_mutex_lock(&w->writing);
+static void write_out_locked(struct trace_writer *w) {
     if (atomic_load(&w->rewrite)) {
         uint64_t synced = atomic_load(&w->synced), kept = w->buffer.kept;
         atomic_store(&w->written, synced > kept ? synced : kept);
@@ -69,6 +68,11 @@ static void write_out(struct trace_writer *w) {
         atomic_store(&w->written, at);
         make_room(w);
     }
+}
+
+static void write_out(struct trace_writer *w) {
+    pthread_mutex_lock(&w->writing);
+    write_out_locked(w);
     pthread_mutex_unlock(&w->writing);
 }
 
@@ -202,28 +206,16 @@ static void init_condition(pthread_cond_t *condition) {
     pthread_condattr_destroy(&monotonic);
 }
 
-// Signals are for the program's other threads; a file size limit then is an error like a full disk.
-static void start_threads(void) {
-    init_condition(&disk.tick);
-    init_condition(&disk.look);
-    init_condition(&disk.released);
-    disk.stop = false;
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    CHECK(pthread_create(&disk.writing, NULL, write_all, NULL) == 0);
-    CHECK(pthread_create(&disk.syncing, NULL, sync_all, NULL) == 0);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-}
-
-static void stop_threads(void) {
+static void stop_threads(bool writes, bool syncs) {
     pthread_mutex_lock(&disk.lock);
     disk.stop = true;
     pthread_cond_signal(&disk.tick);
     pthread_cond_signal(&disk.look);
     pthread_mutex_unlock(&disk.lock);
-    pthread_join(disk.writing, NULL);
-    pthread_join(disk.syncing, NULL);
+    if (writes)
+        pthread_join(disk.writing, NULL);
+    if (syncs)
+        pthread_join(disk.syncing, NULL);
     pthread_cond_destroy(&disk.tick);
     pthread_cond_destroy(&disk.look);
     pthread_cond_destroy(&disk.released);
@@ -231,15 +223,34 @@ static void stop_threads(void) {
     disk.writers = NULL;
 }
 
-void disk_begin(struct trace_writer *w) {
+// Signals are for the program's other threads; a file size limit then is an error like a full disk.
+static bool start_threads(void) {
+    init_condition(&disk.tick);
+    init_condition(&disk.look);
+    init_condition(&disk.released);
+    disk.stop = false;
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    bool writes = pthread_create(&disk.writing, NULL, write_all, NULL) == 0;
+    bool syncs = writes && pthread_create(&disk.syncing, NULL, sync_all, NULL) == 0;
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (!syncs)
+        stop_threads(writes, false);
+    return syncs;
+}
+
+bool disk_begin(struct trace_writer *w) {
     pthread_mutex_lock(&disk.changing);
-    if (disk.count == 0)
-        start_threads();
-    pthread_mutex_lock(&disk.lock);
-    disk.writers = alloc_resize(disk.writers, (size_t)disk.count + 1, sizeof *disk.writers);
-    disk.writers[disk.count++] = w;
-    pthread_mutex_unlock(&disk.lock);
+    bool runs = disk.count > 0 || start_threads();
+    if (runs) {
+        pthread_mutex_lock(&disk.lock);
+        disk.writers = alloc_resize(disk.writers, (size_t)disk.count + 1, sizeof *disk.writers);
+        disk.writers[disk.count++] = w;
+        pthread_mutex_unlock(&disk.lock);
+    }
     pthread_mutex_unlock(&disk.changing);
+    return runs;
 }
 
 static void forget(struct trace_writer *w) {
@@ -264,7 +275,7 @@ void disk_end(struct trace_writer *w) {
     bool last = disk.count == 0;
     pthread_mutex_unlock(&disk.lock);
     if (last)
-        stop_threads();
+        stop_threads(true, true);
     pthread_mutex_unlock(&disk.changing);
 }
 
@@ -273,4 +284,33 @@ void disk_hurry(void) {
     pthread_cond_signal(&disk.tick);
     pthread_cond_signal(&disk.look);
     pthread_mutex_unlock(&disk.lock);
+}
+
+// ---- the program is about to end ----------------------------------------------------------------
+
+#define LAST_LOCK_NS (200 * NS_PER_MS)
+#define LAST_APPENDS_NS (2 * NS_PER_MS)
+
+atomic_bool disk_ends;
+
+// Who holds it may be this very thread, or one that waits for the program's end.
+static bool lock_soon(pthread_mutex_t *mutex) {
+    int64_t when_ns = clock_now_ns() + LAST_LOCK_NS;
+    struct timespec when = {when_ns / NS_PER_S, when_ns % NS_PER_S};
+    return pthread_mutex_clocklock(mutex, CLOCK_MONOTONIC, &when) == 0;
+}
+
+void trace_write_last(void) {
+    atomic_store(&disk_ends, true);
+    nanosleep(&(struct timespec){0, LAST_APPENDS_NS}, NULL); // those that are under way
+    bool locked = lock_soon(&disk.lock);                     // else nobody changes the list
+    for (int i = 0; i < disk.count; i++) {
+        struct trace_writer *w = disk.writers[i];
+        if (w->ended || !lock_soon(&w->writing))
+            continue;
+        write_out_locked(w);
+        pthread_mutex_unlock(&w->writing);
+    }
+    if (locked)
+        pthread_mutex_unlock(&disk.lock);
 }

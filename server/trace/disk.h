@@ -39,12 +39,15 @@ struct trace_writer {
     bool leaves; // without an end record
 };
 
-// Hands the writer to the threads.
-void disk_begin(struct trace_writer *writer);
+// Hands the writer to the threads. False: the system gives no thread.
+bool disk_begin(struct trace_writer *writer);
 
 // Call it after the last append. Returns once the end is on disk or lost, and the threads no longer
 // use the writer.
 void disk_end(struct trace_writer *writer);
+
+// The program is about to end (trace_write_last).
+extern atomic_bool disk_ends;
 
 // Writes now, because an appender waits for room.
 void disk_hurry(void);

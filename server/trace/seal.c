@@ -35,7 +35,7 @@ static enum result read_authority(const char *path, X509 **out, struct error *er
 static bool was_given_by(X509 *certificate, X509 *authority, int64_t utc_ns) {
     X509_STORE *store = X509_STORE_new();
     X509_STORE_CTX *context = X509_STORE_CTX_new();
-    CHECK(store && context);
+    NEED(store && context, "memory");
     bool good = X509_STORE_add_cert(store, authority) == 1 &&
                 X509_STORE_CTX_init(context, store, certificate, NULL) == 1;
     if (good) {
@@ -75,7 +75,7 @@ static void name_of(const X509 *certificate, char out[TRACE_SIGNED_BY_MAX]) {
 
 static bool signature_is_good(X509 *certificate, const struct trace_seal *seal) {
     EVP_MD_CTX *context = EVP_MD_CTX_new();
-    CHECK(context);
+    NEED(context, "memory");
     bool good = EVP_DigestVerifyInit(context, NULL, EVP_sha256(), NULL,
                                      X509_get0_pubkey(certificate)) == 1 &&
                 EVP_DigestVerify(context, seal->signature, seal->signature_size, seal->message,

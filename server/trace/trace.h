@@ -112,6 +112,11 @@ struct trace_status {
 // From any thread.
 struct trace_status trace_writer_status(const struct trace_writer *writer);
 
+// For need_before_end (base/check.h): writes what all writers hold, with a bounded wait for their
+// locks. From then on no step and no remark is taken, so that none is answered and lost: who
+// appends waits for the program's end.
+void trace_write_last(void);
+
 // Writes the rest of the buffer and an end record, and closes the file. Waits for the disk. If the
 // disk is full, the rest is lost, and the log says so. *writer becomes NULL; NULL inside is fine.
 void trace_writer_destroy(struct trace_writer **writer);

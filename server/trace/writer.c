@@ -88,23 +88,32 @@ static bool append(struct trace_writer *w, const struct session_input *input, bo
     return true;
 }
 
+static void wait_where_all_ends(void) {
+    while (atomic_load_explicit(&disk_ends, memory_order_relaxed))
+        pause();
+}
+
 bool trace_append(struct trace_writer *w, const struct session_input *input,
                   const struct session_output *output) {
     const struct job_result *result = input->kind == INPUT_JOB ? input->result : NULL;
     struct touch_source source =
         source_of(w, input->job, result ? result->tissue : 0, result ? &result->touch : NULL);
-    if (append(w, input, result, &source, output))
-        return true;
-    w->gap++;
-    count(&w->missing, 1);
-    return false;
+    bool done = append(w, input, result, &source, output);
+    if (!done) {
+        w->gap++;
+        count(&w->missing, 1);
+    }
+    wait_where_all_ends();
+    return done;
 }
 
 // A gap before it stays where it is: steps are missing behind the last one, whatever was said.
 bool trace_append_remark(struct trace_writer *w, const struct remark *remark) {
     uint8_t data[RECORD_MAX];
     CHECK(remark_is_valid(remark));
-    return buffer_put(&w->buffer, data, record_encode_remark(remark, NULL, data));
+    bool done = buffer_put(&w->buffer, data, record_encode_remark(remark, NULL, data));
+    wait_where_all_ends();
+    return done;
 }
 
 static enum result wait_for_room(struct trace_writer *w, size_t size, struct error *err) {
@@ -229,20 +238,6 @@ static enum result put_on_disk(int fd, const char *path, const uint8_t *data, si
     return RESULT_OK;
 }
 
-static struct trace_writer *writer_of(int fd, const char *path, const struct trace_signer *signer) {
-    struct trace_writer *w = aligned_alloc(64, sizeof *w);
-    CHECK(w);
-    memset(w, 0, sizeof *w);
-    w->fd = fd;
-    w->path = alloc_text(path);
-    w->signer = signer;
-    w->synced_ns = clock_now_ns();
-    pthread_mutex_init(&w->writing, NULL);
-    chain_init(&w->chain);
-    buffer_init(&w->buffer);
-    return w;
-}
-
 static void release(struct trace_writer *w) {
     close(w->fd);
     pthread_mutex_destroy(&w->writing);
@@ -250,6 +245,30 @@ static void release(struct trace_writer *w) {
     buffer_fini(&w->buffer);
     free(w->path);
     free(w);
+}
+
+// NULL: no memory; the file is closed then.
+static struct trace_writer *writer_of(int fd, const char *path, const struct trace_signer *signer,
+                                      struct error *err) {
+    struct trace_writer *w = alloc_aligned(64, sizeof *w);
+    memset(w, 0, sizeof *w);
+    w->fd = fd;
+    w->path = alloc_text(path);
+    w->signer = signer;
+    w->synced_ns = clock_now_ns();
+    pthread_mutex_init(&w->writing, NULL);
+    chain_init(&w->chain);
+    if (buffer_init(&w->buffer))
+        return w;
+    fail(err, RESULT_LIMIT, "%s: there is no memory for the trace", path);
+    release(w);
+    return NULL;
+}
+
+static enum result begin(struct trace_writer *w, struct error *err) {
+    return disk_begin(w)
+               ? RESULT_OK
+               : fail(err, RESULT_LIMIT, "%s: the system gives no thread that writes it", w->path);
 }
 
 // Two writers would spoil a file for good.
@@ -263,20 +282,25 @@ enum result trace_writer_create(const char *path, const struct trace_header *hea
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    struct trace_writer *w = writer_of(fd, path, signer);
+    struct trace_writer *w = writer_of(fd, path, signer, err);
+    if (!w) {
+        unlink(path);
+        return RESULT_LIMIT;
+    }
     w->version = TRACE_VERSION;
     w->rules = header->settings.rules;
     uint8_t data[HEADER_MAX];
     size_t size = header_encode(header, &w->chain, data);
     enum result result = lock(fd) ? put_on_disk(fd, path, data, size, err)
                                   : fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    w->offset = size;
+    if (result == RESULT_OK)
+        result = begin(w, err);
     if (result != RESULT_OK) {
         unlink(path);
         release(w);
         return result;
     }
-    w->offset = size;
-    disk_begin(w);
     *out_writer = w;
     return RESULT_OK;
 }
@@ -304,7 +328,9 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     int fd = open(path, O_WRONLY | O_CLOEXEC);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    struct trace_writer *w = writer_of(fd, path, signer);
+    struct trace_writer *w = writer_of(fd, path, signer, err);
+    if (!w)
+        return RESULT_LIMIT;
     w->version = end->version;
     w->rules = end->rules;
     memcpy(w->chain.value, end->hash, sizeof end->hash);
@@ -313,14 +339,15 @@ enum result trace_writer_resume(const char *path, const struct trace_place *end,
     enum result result = cut_back(fd, path, end->offset, err);
     if (result == RESULT_OK)
         result = put_on_disk(fd, path, data, size, err);
+    w->offset = end->offset + size;
+    count(&w->records, end->records);
+    count(&w->missing, end->missing);
+    if (result == RESULT_OK)
+        result = begin(w, err);
     if (result != RESULT_OK) {
         release(w);
         return result;
     }
-    w->offset = end->offset + size;
-    count(&w->records, end->records);
-    count(&w->missing, end->missing);
-    disk_begin(w);
     *out_writer = w;
     return RESULT_OK;
 }

@@ -204,9 +204,7 @@ static void list_bottoms(struct surface_blocks *out) {
 }
 
 static void *alloc_lanes(size_t count, size_t size) {
-    void *memory = aligned_alloc(sizeof(lanes8), count * size);
-    CHECK(memory);
-    return memset(memory, 0, count * size);
+    return memset(alloc_aligned(sizeof(lanes8), count * size), 0, count * size);
 }
 
 struct surface_blocks *surface_blocks_create(const struct mesh *mesh) {

@@ -36,8 +36,7 @@ struct surface_integral *surface_integral_create(const struct surface_blocks *bl
     if (!displacement)
         return integral;
     size_t size = blocks->count * sizeof *integral->moments;
-    integral->moments = aligned_alloc(sizeof(lanes8), size);
-    CHECK(integral->moments);
+    integral->moments = alloc_aligned(sizeof(lanes8), size);
     memset(integral->moments, 0, size);
     integral->is_stale = alloc(blocks->count, sizeof *integral->is_stale);
     for (uint32_t i = 0; i < blocks->count; i++)

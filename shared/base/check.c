@@ -1,8 +1,12 @@
 #include "base/check.h"
 
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 _Noreturn void check_failed(const char *condition, const char *file, int line,
                             const char *function) {
@@ -10,22 +14,114 @@ _Noreturn void check_failed(const char *condition, const char *file, int line,
     abort();
 }
 
-static void *or_die(void *memory) {
-    if (!memory) {
-        fputs("arthron: out of memory\n", stderr);
-        abort();
+// ---- what the system does not give --------------------------------------------------------------
+
+static void (*_Atomic last_words)(void);
+
+void need_before_end(void (*last)(void)) {
+    atomic_store(&last_words, last);
+}
+
+static _Noreturn void end_without(const char *what, const char *where) {
+    static atomic_flag ends = ATOMIC_FLAG_INIT;
+    static _Thread_local bool ends_here;
+    if (ends_here)
+        _exit(1);
+    while (atomic_flag_test_and_set(&ends)) // another thread is about to end the program
+        pause();
+    ends_here = true;
+    dprintf(STDERR_FILENO, "arthron: the system gives no %s (%s); the program ends\n", what, where);
+    void (*last)(void) = atomic_load(&last_words);
+    if (last)
+        last();
+    _exit(1);
+}
+
+_Noreturn void need_failed(const char *what, const char *file, int line, const char *function) {
+    char where[256];
+    snprintf(where, sizeof where, "%s:%d, %s", file, line, function);
+    end_without(what, where);
+}
+
+// ---- memory -------------------------------------------------------------------------------------
+
+static struct {
+    pthread_mutex_t lock;
+    void *room; // MAP_FAILED: given up
+    size_t size;
+} kept = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
+// Nothing is ever written there: it costs addresses, which a limit counts, and no memory.
+static void *map_room(size_t size) {
+    return mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+}
+
+void memory_keep_back(size_t size) {
+    pthread_mutex_lock(&kept.lock);
+    kept.size = size;
+    kept.room = map_room(size);
+    pthread_mutex_unlock(&kept.lock);
+}
+
+bool memory_is_short(void) {
+    pthread_mutex_lock(&kept.lock);
+    if (kept.size && kept.room == MAP_FAILED)
+        kept.room = map_room(kept.size);
+    bool is_short = kept.size && kept.room == MAP_FAILED;
+    pthread_mutex_unlock(&kept.lock);
+    return is_short;
+}
+
+static void give_up_room(void) {
+    pthread_mutex_lock(&kept.lock);
+    if (kept.size && kept.room != MAP_FAILED) {
+        munmap(kept.room, kept.size);
+        kept.room = MAP_FAILED;
     }
-    return memory;
+    pthread_mutex_unlock(&kept.lock);
+}
+
+static _Noreturn void end_without_memory(unsigned long count, unsigned long size) {
+    char where[64];
+    snprintf(where, sizeof where, "%lu times %lu bytes", count, size);
+    end_without("memory", where);
 }
 
 void *alloc(unsigned long count, unsigned long size) {
-    return or_die(calloc(count ? count : 1, size));
+    void *memory = calloc(count ? count : 1, size);
+    if (!memory) {
+        give_up_room();
+        memory = calloc(count ? count : 1, size);
+    }
+    if (!memory)
+        end_without_memory(count, size);
+    return memory;
 }
 
 void *alloc_resize(void *memory, unsigned long count, unsigned long size) {
-    return or_die(reallocarray(memory, count ? count : 1, size));
+    void *resized = reallocarray(memory, count ? count : 1, size);
+    if (!resized) {
+        give_up_room();
+        resized = reallocarray(memory, count ? count : 1, size);
+    }
+    if (!resized)
+        end_without_memory(count, size);
+    return resized;
+}
+
+void *alloc_aligned(size_t alignment, size_t size) {
+    size_t whole = (size + alignment - 1) / alignment * alignment;
+    void *memory = aligned_alloc(alignment, whole);
+    if (!memory) {
+        give_up_room();
+        memory = aligned_alloc(alignment, whole);
+    }
+    if (!memory)
+        end_without_memory(1, whole);
+    return memory;
 }
 
 char *alloc_text(const char *text) {
-    return or_die(strdup(text));
+    size_t size = strlen(text) + 1;
+    return memcpy(alloc(size, 1), text, size);
 }

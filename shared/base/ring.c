@@ -17,8 +17,7 @@ struct ring {
 struct ring *ring_create(size_t capacity, size_t item_size) {
     CHECK(capacity && (capacity & (capacity - 1)) == 0 && item_size);
     size_t size = sizeof(struct ring) + capacity * item_size;
-    struct ring *ring = aligned_alloc(64, (size + 63) / 64 * 64);
-    CHECK(ring);
+    struct ring *ring = alloc_aligned(64, size);
     memset(ring, 0, size);
     ring->capacity = capacity;
     ring->item_size = item_size;

@@ -139,7 +139,7 @@ static void start_threads(struct task_pool *pool) {
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     for (int i = 0; i < pool->thread_count; i++)
-        CHECK(pthread_create(&pool->threads[i], NULL, serve, pool) == 0);
+        NEED(pthread_create(&pool->threads[i], NULL, serve, pool) == 0, "thread");
     pthread_sigmask(SIG_SETMASK, &before, NULL);
 }
 

@@ -99,7 +99,7 @@ static enum result read_files(const struct tls_files *files, struct tls_credenti
     if (access(key, R_OK))
         return fail(err, RESULT_MISSING, "%s: %s", key, strerror(errno));
     SSL_CTX *context = SSL_CTX_new(TLS_server_method());
-    CHECK(context);
+    NEED(context, "memory");
     enum result result = RESULT_OK;
     if (SSL_CTX_use_certificate_chain_file(context, certificate) != 1)
         result = fail(err, RESULT_FORMAT, "%s: no certificate can be read", certificate);

@@ -64,7 +64,7 @@ static void *serve(void *argument) {
 }
 
 void ws_server_start(struct ws_server *server) {
-    CHECK(pthread_create(&server->thread, NULL, serve, server) == 0);
+    NEED(pthread_create(&server->thread, NULL, serve, server) == 0, "thread");
 }
 
 void ws_server_wake(struct ws_server *server) {
@@ -132,13 +132,12 @@ enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_
     server->handler = *handler;
     if (kind == WS_SERVER_TLS) {
         server->no_client = SSL_CTX_new(TLS_client_method());
-        CHECK(server->no_client);
+        NEED(server->no_client, "memory");
     }
     complete(server, kind, &whole);
     lws_set_log_level(0, NULL);
     server->context = lws_create_context(&whole);
-    CHECK(server->context);
-    struct lws_vhost *vhost = lws_create_vhost(server->context, &whole);
+    struct lws_vhost *vhost = server->context ? lws_create_vhost(server->context, &whole) : NULL;
     enum result result = vhost ? RESULT_OK : fail_to_listen(kind, &whole, errno, err);
     if (vhost)
         server->port = lws_get_vhost_listen_port(vhost);
@@ -152,7 +151,8 @@ void ws_server_destroy(struct ws_server **server) {
     struct ws_server *s = *server;
     if (!s)
         return;
-    lws_context_destroy(s->context);
+    if (s->context)
+        lws_context_destroy(s->context);
     SSL_CTX_free(s->no_client);
     free(s);
     *server = NULL;

@@ -18,7 +18,7 @@ static const char alphabet[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ234567";
 
 static void sha256(const void *data, size_t size, uint8_t out_hash[32]) {
     int done = EVP_Digest(data, size, out_hash, NULL, EVP_sha256(), NULL);
-    CHECK(done == 1);
+    NEED(done == 1, "memory");
 }
 
 static uint8_t check_byte(const uint8_t bytes[BYTES]) {

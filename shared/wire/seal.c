@@ -23,9 +23,9 @@ struct seal {
 
 static EVP_CIPHER_CTX *keyed_context(const uint8_t key[SEAL_KEY_SIZE], int sealing) {
     EVP_CIPHER_CTX *context = EVP_CIPHER_CTX_new();
-    CHECK(context);
+    NEED(context, "memory");
     int done = EVP_CipherInit_ex(context, EVP_aes_128_gcm(), NULL, key, NULL, sealing);
-    CHECK(done == 1);
+    NEED(done == 1, "memory");
     return context;
 }
 

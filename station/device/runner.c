@@ -386,7 +386,7 @@ static void start_device(struct device *d) {
     for (int i = 0; i < d->slot_count; i++)
         d->logged_lost[i] = true;
     d->second_ns = clock_now_ns();
-    CHECK(pthread_create(&d->thread, NULL, device_thread, d) == 0);
+    NEED(pthread_create(&d->thread, NULL, device_thread, d) == 0, "thread");
 }
 
 enum result runner_create(const struct device_config *configs, int count,

@@ -138,7 +138,7 @@ static void converse(struct enrol_client *e) {
     };
     lws_set_log_level(0, NULL);
     e->context = lws_create_context(&info);
-    CHECK(e->context);
+    NEED(e->context, "memory");
     struct lws_client_connect_info to = {
         .context = e->context,
         .address = e->host,
@@ -165,7 +165,7 @@ static void converse(struct enrol_client *e) {
 
 static size_t encode_request(EVP_PKEY *key, const char *station, uint8_t *der, size_t size) {
     X509_REQ *request = X509_REQ_new();
-    CHECK(request);
+    NEED(request, "memory");
     X509_NAME *name = X509_REQ_get_subject_name(request);
     int made = X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_UTF8, (const uint8_t *)station, -1,
                                           -1, 0) == 1 &&
@@ -230,7 +230,7 @@ static enum result write_files(const struct enrol_client *e, EVP_PKEY *key, cons
 static enum result exchange(struct enrol_client *e, const char *code, const char *station,
                             const char *keys_dir, struct error *err) {
     EVP_PKEY *key = EVP_EC_gen("P-256");
-    CHECK(key);
+    NEED(key, "memory");
     enum result result = prepare(e, code, station, key, err);
     if (result == RESULT_OK) {
         converse(e);

@@ -202,8 +202,8 @@ static struct link *prepare(const struct link_config *config) {
     link->frames = ring_create(FRAMES_QUEUED, sizeof(struct control_message));
     link->arrivals = ring_create(ARRIVALS_QUEUED, sizeof(struct arrival));
     link->arrival_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    CHECK(link->arrival_fd >= 0);
-    CHECK(RAND_bytes((unsigned char *)&link->id, sizeof link->id) == 1);
+    NEED(link->arrival_fd >= 0, "descriptor");
+    NEED(RAND_bytes((unsigned char *)&link->id, sizeof link->id) == 1, "random bytes");
     pthread_mutex_init(&link->lock, NULL);
     atomic_store(&link->path, LINK_CONTROL);
     udp_init(&link->sender.udp);
@@ -241,7 +241,7 @@ enum result link_create(const struct link_config *config, struct link **out_link
     const struct renewal_handler handler = {link, may_renew, note_change};
     if (!config->visit)
         link->renewal = renewal_create(&link->config, &handler);
-    CHECK(pthread_create(&link->thread, NULL, serve, link) == 0);
+    NEED(pthread_create(&link->thread, NULL, serve, link) == 0, "thread");
     *out_link = link;
     return RESULT_OK;
 }

@@ -98,7 +98,7 @@ struct renewal *renewal_create(const struct link_config *config,
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_cond_init(&r->wake, &monotonic);
     pthread_condattr_destroy(&monotonic);
-    CHECK(pthread_create(&r->thread, NULL, work, r) == 0);
+    NEED(pthread_create(&r->thread, NULL, work, r) == 0, "thread");
     return r;
 }
 

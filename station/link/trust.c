@@ -28,7 +28,7 @@ static bool is_named_by(const struct code *code, X509 *certificate) {
 static STACK_OF(X509) * authorities(const struct code *code, X509_STORE_CTX *chain) {
     STACK_OF(X509) *shown = X509_STORE_CTX_get0_untrusted(chain);
     STACK_OF(X509) *named = sk_X509_new_null();
-    CHECK(named);
+    NEED(named, "memory");
     for (int i = 0; i < sk_X509_num(shown); i++)
         if (is_named_by(code, sk_X509_value(shown, i)))
             sk_X509_push(named, sk_X509_value(shown, i));
@@ -127,7 +127,7 @@ static enum result expect_host(SSL_CTX *context, const char *host, struct error 
 static enum result begin(struct trust *trust, const char *host, struct error *err) {
     trust->host = host;
     trust->context = SSL_CTX_new(TLS_client_method());
-    CHECK(trust->context);
+    NEED(trust->context, "memory");
     SSL_CTX_set_min_proto_version(trust->context, TLS1_3_VERSION);
     SSL_CTX_set_verify(trust->context, SSL_VERIFY_PEER, NULL);
     SSL_CTX_set_cert_verify_callback(trust->context, verify, trust);

@@ -264,7 +264,7 @@ static void parse_options(struct mockup *m, int argc, char **argv) {
 // ---- running ------------------------------------------------------------------------------------
 
 static void start_thread(struct mockup *m, void *(*run)(void *), void *what) {
-    CHECK(pthread_create(&m->threads[m->thread_count++], NULL, run, what) == 0);
+    NEED(pthread_create(&m->threads[m->thread_count++], NULL, run, what) == 0, "thread");
 }
 
 static enum result open_all(struct mockup *m, struct error *err) {

@@ -16,7 +16,7 @@ static struct sockaddr_in address_of(int port) {
 
 static int open_socket(void) {
     int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    CHECK(fd >= 0);
+    NEED(fd >= 0, "descriptor");
     return fd;
 }
 

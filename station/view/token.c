@@ -13,7 +13,7 @@
 
 static void make_token(char out[TOKEN_LENGTH + 1]) {
     unsigned char bits[TOKEN_LENGTH / 2];
-    CHECK(RAND_bytes(bits, sizeof bits) == 1);
+    NEED(RAND_bytes(bits, sizeof bits) == 1, "random bytes");
     for (size_t i = 0; i < sizeof bits; i++)
         snprintf(out + 2 * i, 3, "%02x", bits[i]);
 }

@@ -129,6 +129,7 @@ static int serve(const struct request *request) {
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
     need_before_end(trace_write_last);
+    log_limit_lines();
     return serve_until_end(&config);
 }
 

@@ -1,8 +1,13 @@
 #include "base/log.h"
 
+#include "base/bucket.h"
+#include "base/clock.h"
+
+#include <inttypes.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -32,24 +37,90 @@ void log_answered(void) {
     pthread_mutex_unlock(&lock);
 }
 
+// ---- too many lines -----------------------------------------------------------------------------
+
+#define KINDS_MAX 256
+#define LINES_PER_S 5
+#define LINES_BURST 200
+#define TOLD_NS (10 * NS_PER_S)
+
+static bool limited;
+static struct kind { // of line
+    const char *room, *format;
+    struct bucket lines;
+    uint64_t left_out;
+    int64_t left_out_ns; // the first of them
+} kinds[KINDS_MAX];
+static int kind_count;
+
+static struct kind *find_kind(const char *room, const char *format) {
+    for (int i = 0; i < kind_count; i++)
+        if (kinds[i].format == format && !strcmp(kinds[i].room, room))
+            return &kinds[i];
+    if (kind_count == KINDS_MAX)
+        return NULL;
+    kinds[kind_count] = (struct kind){.room = room, .format = format};
+    return &kinds[kind_count++];
+}
+
+static bool is_left_out(const char *room, const char *format, int64_t now_ns) {
+    struct kind *kind = find_kind(room, format);
+    if (!kind || bucket_take(&kind->lines, LINES_PER_S, LINES_BURST, now_ns))
+        return false;
+    if (!kind->left_out++)
+        kind->left_out_ns = now_ns;
+    return true;
+}
+
+static void tell_left_out(const char *when, int64_t now_ns) {
+    for (int i = 0; i < kind_count; i++) {
+        struct kind *kind = &kinds[i];
+        if (!kind->left_out || now_ns - kind->left_out_ns < TOLD_NS)
+            continue;
+        fprintf(stderr, "%s warning %s: %" PRIu64 " lines were left out like \"%s\"\n", when,
+                kind->room, kind->left_out, kind->format);
+        kind->left_out = 0;
+    }
+}
+
+void log_limit_lines(void) {
+    limited = true;
+}
+
+// ---- lines --------------------------------------------------------------------------------------
+
+// Under the lock.
+static void print(const char *when, const char *level, const char *room, const char *text) {
+    bool shown_again = open_question[0] && isatty(STDERR_FILENO);
+    fprintf(stderr, "%s%s %s %s: %s\n%s", question_is_last ? "\n" : "", when, level, room, text,
+            shown_again ? open_question : "");
+    question_is_last = shown_again;
+}
+
+static void write_time(char out[40]) {
+    struct timespec now;
+    struct tm utc;
+    clock_gettime(CLOCK_REALTIME, &now);
+    gmtime_r(&now.tv_sec, &utc);
+    size_t used = strftime(out, 40, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(out + used, 40 - used, ".%03ldZ", now.tv_nsec / 1000000);
+}
+
 void log_write(enum log_level level, const char *room, const char *format, ...) {
     static const char *const names[] = {"error", "warning", "info", "debug"};
     if (level > shown)
         return;
-    struct timespec now;
-    clock_gettime(CLOCK_REALTIME, &now);
-    struct tm utc;
-    gmtime_r(&now.tv_sec, &utc);
-    char when[32], text[1024];
-    strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
+    char when[40], text[1024];
+    int64_t now_ns = clock_now_ns();
+    write_time(when);
     va_list args;
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     pthread_mutex_lock(&lock);
-    bool shown_again = open_question[0] && isatty(STDERR_FILENO);
-    fprintf(stderr, "%s%s.%03ldZ %s %s: %s\n%s", question_is_last ? "\n" : "", when,
-            now.tv_nsec / 1000000, names[level], room, text, shown_again ? open_question : "");
-    question_is_last = shown_again;
+    if (limited)
+        tell_left_out(when, now_ns);
+    if (!limited || !is_left_out(room, format, now_ns))
+        print(when, names[level], room, text);
     pthread_mutex_unlock(&lock);
 }

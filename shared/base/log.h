@@ -9,6 +9,11 @@ enum log_level { LOG_ERROR, LOG_WARNING, LOG_INFO, LOG_DEBUG };
 // The lowest level that is printed; LOG_INFO at the start. Call it before other threads run.
 void log_set_level(enum log_level level);
 
+// For programs that run for long: of the lines of one kind (room and format) 200 are printed at
+// once and then 5 a second. Those left out are counted, and told later. Call it before other
+// threads run.
+void log_limit_lines(void);
+
 // room: the source of the message ("sessions", "modbus"). The text needs no newline.
 void log_write(enum log_level level, const char *room, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

@@ -91,6 +91,7 @@ static int run(const struct run_arguments *arguments) {
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     signal(SIGPIPE, SIG_IGN);
+    log_limit_lines();
     enum result result = loop_run(config, &arguments->loop, &stop, &err);
     station_config_destroy(&config);
     if (result == RESULT_OK)

@@ -1,0 +1,82 @@
+// Lines of the log, and what becomes of too many of them.
+#include "base/log.h"
+
+#include "base/clock.h"
+#include "folder.h"
+#include "test.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+int64_t __wrap_clock_now_ns(void);
+
+static int64_t now_ns = 1000 * NS_PER_S;
+
+int64_t __wrap_clock_now_ns(void) {
+    return now_ns;
+}
+
+static char folder[FOLDER_MAX], path[FOLDER_MAX + 8];
+static int kept_stderr;
+
+static void begin(void) {
+    folder_make(folder);
+    snprintf(path, sizeof path, "%s/log", folder);
+    fflush(stderr);
+    kept_stderr = dup(STDERR_FILENO);
+    assert_non_null(freopen(path, "w", stderr));
+}
+
+static void end(void) {
+    fflush(stderr);
+    dup2(kept_stderr, STDERR_FILENO);
+    close(kept_stderr);
+    folder_remove(folder);
+}
+
+// Lines that contain the text.
+static int count_lines(const char *text) {
+    char line[2048];
+    int count = 0;
+    fflush(stderr);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file))
+        count += strstr(line, text) != NULL;
+    fclose(file);
+    return count;
+}
+
+static void
+lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole(void **state) {
+    (void)state;
+    begin();
+    for (int i = 0; i < 500; i++)
+        log_info("a", "not limited %d", i);
+    int whole = count_lines("not limited");
+    log_limit_lines();
+    for (int i = 0; i < 1000; i++)
+        log_info("a", "flood %d", i);
+    log_info("b", "another kind");
+    int first = count_lines("a: flood"), other = count_lines("b: another kind");
+    now_ns += 20 * NS_PER_S;
+    log_info("b", "another kind");
+    int told = count_lines("a: 800 lines were left out like \"flood %d\"");
+    for (int i = 0; i < 1000; i++)
+        log_info("a", "flood %d", i);
+    int second = count_lines("a: flood");
+    end();
+    assert_int_equal(whole, 500);
+    assert_int_equal(first, 200);
+    assert_int_equal(other, 1);
+    assert_int_equal(told, 1);
+    assert_int_equal(second, 300); // 5 a second in 20 s
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

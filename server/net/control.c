@@ -5,14 +5,20 @@
 #include "net/control_parts.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <openssl/ssl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
-#define STRANGERS_MAX 64 // connections that have not said Hello yet
-#define HANDSHAKE_S 5
+#define HANDSHAKE_S 3
+#define SPARE_FDS 8 // the listening socket, the one that wakes
+#define SAID_NS (10 * NS_PER_S)
+#define MESSAGES_PER_S 4000 // of one peer; a station sends 2000 frames at most
+#define MESSAGES_BURST 2000
+#define SLOWED_US (20 * LWS_US_PER_MS)
 
 // ---- queues -------------------------------------------------------------------------------------
 
@@ -133,6 +139,8 @@ static void serve_slots(struct control *control, bool all) {
 
 static void on_wake(void *user) {
     struct control *control = user;
+    if (registrar_take_revoked(control->registrar))
+        peer_refuse_revoked(control);
     serve_slots(control, false);
     hand_out_answers(control);
     take_certificate(control);
@@ -146,9 +154,40 @@ static bool is_empty(void *user) {
     return ((const struct control *)user)->connections == 0;
 }
 
+// ---- connections --------------------------------------------------------------------------------
+
+static void shut(void *connection) {
+    shutdown(lws_get_socket_fd(connection), SHUT_RDWR); // it then ends like one that the peer ended
+}
+
+static void tell_of_shut(struct control *control, int64_t now_ns) {
+    struct source source;
+    char text[SOURCE_TEXT_SIZE];
+    if (control->shut_said_ns && now_ns - control->shut_said_ns < SAID_NS)
+        return;
+    uint64_t count = door_take_shut(control->door, &source);
+    if (!count)
+        return;
+    control->shut_said_ns = now_ns;
+    atomic_fetch_add(&control->shut, count);
+    source_write(&source, text);
+    log_warning("control",
+                "too many connections without a certificate: %" PRIu64
+                " were closed, the last one from %s",
+                count, text);
+}
+
+static int let_in(struct control *control, int fd) {
+    int64_t now_ns = clock_now_ns();
+    struct source source;
+    bool may = !ws_server_stops(control->server) && source_of(fd, &source) &&
+               door_let_in(control->door, &source, now_ns);
+    tell_of_shut(control, now_ns);
+    return may ? 0 : -1;
+}
+
 static int open_peer(struct control *control, struct peer *peer, struct lws *wsi, bool enrols) {
-    if (ws_server_stops(control->server) ||
-        control->connections == CONTROL_PEERS_MAX + STRANGERS_MAX)
+    if (ws_server_stops(control->server))
         return -1;
     peer->control = control;
     peer->wsi = wsi;
@@ -168,6 +207,20 @@ static int close_peer(struct peer *peer) {
     return 0;
 }
 
+// What comes too fast waits in the network: nothing is lost, and the sender slows down.
+static void slow_down(struct peer *peer, int64_t now_ns) {
+    if (!peer->agreed || peer->closing ||
+        bucket_take(&peer->messages, MESSAGES_PER_S, MESSAGES_BURST, now_ns))
+        return;
+    if (!peer->slow_said_ns || now_ns - peer->slow_said_ns > SAID_NS)
+        log_warning("control", "station %s sends more than %d messages a second: it is slowed down",
+                    peer->identity.name, MESSAGES_PER_S);
+    peer->slow_said_ns = now_ns;
+    peer->slowed = true;
+    lws_rx_flow_control(peer->wsi, 0);
+    lws_set_timer_usecs(peer->wsi, SLOWED_US);
+}
+
 static int receive(struct peer *peer, const void *bytes, size_t size) {
     int64_t now_ns = clock_now_ns();
     if (peer->closing)
@@ -182,6 +235,7 @@ static int receive(struct peer *peer, const void *bytes, size_t size) {
         return 0;
     peer_receive(peer, now_ns);
     peer->used = 0;
+    slow_down(peer, now_ns);
     return 0;
 }
 
@@ -217,9 +271,15 @@ static int write_next(struct peer *peer) {
 }
 
 static int tick(struct peer *peer) {
-    int64_t next_us;
-    if (!peer_tick(peer, clock_now_ns(), &next_us))
-        return -1;
+    int64_t now_ns = clock_now_ns(), next_us = (peer->tick_ns - now_ns) / 1000;
+    if (peer->slowed)
+        lws_rx_flow_control(peer->wsi, 1);
+    peer->slowed = false;
+    if (next_us <= 0 || peer->closing) {
+        if (!peer_tick(peer, now_ns, &next_us))
+            return -1;
+        peer->tick_ns = peer->agreed ? now_ns + 1000 * next_us : 0;
+    }
     lws_set_timer_usecs(peer->wsi, next_us);
     return 0;
 }
@@ -253,6 +313,14 @@ static int on_other(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS:
         control->tls = user;
         identity_ask(user, &control->refused_certificates);
+        return 0;
+    case LWS_CALLBACK_FILTER_NETWORK_CONNECTION:
+        return let_in(control, (int)(intptr_t)bytes);
+    case LWS_CALLBACK_WSI_CREATE:
+        door_open(control->door, wsi, clock_now_ns());
+        return 0;
+    case LWS_CALLBACK_WSI_DESTROY:
+        door_close(control->door, wsi);
         return 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: // else to HTTP/2, and nobody would time it out
         return strcasecmp(bytes, "websocket") ? -1 : 0;
@@ -304,7 +372,7 @@ static enum result listen_at(struct control *control, const struct control_confi
         .ssl_cert_filepath = paths->certificate,
         .ssl_private_key_filepath = paths->key,
         .timeout_secs = HANDSHAKE_S,
-        .fd_limit_per_thread = CONTROL_PEERS_MAX + 2 * STRANGERS_MAX,
+        .fd_limit_per_thread = DOOR_PLACES_MAX + SPARE_FDS,
         .vhost_name = "control",
     };
     const struct ws_server_handler handler = {
@@ -321,6 +389,7 @@ static enum result open_files(const struct server_files *paths, struct tls_files
 
 static void release(struct control *control) {
     pthread_mutex_destroy(&control->lock);
+    door_destroy(&control->door);
     free(control->software);
     free(control);
 }
@@ -332,7 +401,7 @@ enum result control_create(const struct control_config *config,
     control->handler = *handler;
     control->software = alloc_text(config->software);
     control->hello_timeout_ns = config->hello_timeout_ns;
-    control->enrol_checked_ns = -(1LL << 62); // all of the budget is there
+    control->door = door_create(shut);
     pthread_mutex_init(&control->lock, NULL);
     *out_control = NULL;
     const struct server_files paths = paths_in(config->authority_dir);
@@ -370,5 +439,6 @@ struct control_counts control_counts(const struct control *control) {
         .malformed_messages = atomic_load(&control->malformed_messages),
         .refused_certificates = atomic_load(&control->refused_certificates),
         .replies_dropped = atomic_load(&control->replies_dropped),
+        .shut = atomic_load(&control->shut),
     };
 }

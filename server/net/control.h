@@ -6,7 +6,7 @@
 #include "net/mesh_payload.h"
 #include "wire/wire.h"
 
-#define CONTROL_PEERS_MAX 64
+#define CONTROL_PEERS_MAX 128 // 64 stations, each with a visit
 
 struct control;
 
@@ -76,6 +76,7 @@ struct control_counts {
     uint64_t malformed_messages; // after each the peer was refused and closed
     uint64_t refused_certificates;
     uint64_t replies_dropped;
+    uint64_t shut; // connections turned away or shut because too many proved no certificate
 };
 
 struct control_counts control_counts(const struct control *control);

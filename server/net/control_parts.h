@@ -2,8 +2,10 @@
 // and peer.c (the protocol). They belong to the control thread unless a comment says otherwise.
 #pragma once
 
+#include "base/bucket.h"
 #include "base/clock.h"
 #include "net/control.h"
+#include "net/door.h"
 #include "net/identity.h"
 #include "net/outbox.h"
 #include "net/registrar.h"
@@ -26,15 +28,22 @@ struct peer {
     bool meshes;  // named that capability
     bool enrols;  // speaks the subprotocol of enrolment
     bool applies; // and waits for the registrar's answer
+    bool visit;   // its Hello only asks
     bool agreed;  // Hello was good: it has a slot
     bool closing; // sends its last message, and receives nothing any more
     bool done;    // has sent it
+    bool slowed;  // nothing more is read until the next tick
     struct control_peer handle;
     struct clock_offset clock;
     int pings;
     int64_t pong_ns;  // the last Pong
     int64_t warned_s; // that its certificate ends; 0: not yet
-    size_t used;      // of incoming
+    int64_t tick_ns;  // when the next tick is due, once agreed
+    int64_t slow_said_ns;
+    struct bucket messages, asks;
+    bool asks_late; // late_ask waits for its turn
+    arthron_MeshAsk late_ask;
+    size_t used; // of incoming
     uint8_t incoming[WIRE_CONTROL_MAX];
     struct outgoing urgent; // goes before the outbox: Welcome, Refusal, Enrolled; size 0: none
 };
@@ -61,20 +70,20 @@ struct peer_slot {
 struct control {
     struct control_handler handler;
     struct registrar *registrar;
+    struct door *door;
+    int64_t shut_said_ns; // when the log last told of connections that were shut
     char *software;
     int64_t hello_timeout_ns;
     struct ws_server *server;
     SSL_CTX *tls; // of the connections to come; libwebsockets'
     int connections;
-    int64_t enrol_budget_ns; // time saved up for attempts to enrol
-    int64_t enrol_checked_ns;
     arthron_Control message; // the one being read
     arthron_MeshChunk chunk; // the one being written
     struct outgoing_chunk chunk_bytes;
     pthread_mutex_t lock; // held for a copy of one message at most
     struct peer_slot slots[CONTROL_PEERS_MAX];
     atomic_uint_fast64_t unknown_messages, malformed_messages, refused_certificates,
-        replies_dropped;
+        replies_dropped, shut;
 };
 
 // ---- control.c: queues --------------------------------------------------------------------------
@@ -103,10 +112,13 @@ void peer_receive(struct peer *peer, int64_t now_ns); // a whole message is in p
 void peer_answered(struct peer *peer, const arthron_Control *answer); // by the registrar
 void peer_gone(struct peer *peer);
 
+// Every agreed peer whose certificate is revoked.
+void peer_refuse_revoked(struct control *control);
+
 // Timeouts, pings, revocation. False: close it at once. *out_next_us: when to call again.
 bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us);
 
-// Tells the peer why, and closes.
+// Tells the peer why, and closes. It has lost its slot when this returns.
 void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

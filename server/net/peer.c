@@ -11,9 +11,9 @@
 #define SILENCE_NS (5 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
 #define DAY_S 86400
-#define ENROL_COST_NS NS_PER_S
-#define ENROL_BUDGET_NS (10 * NS_PER_S)
 #define ENROL_WAIT_NS (10 * NS_PER_S)
+#define ASKS_PER_S 2 // for meshes
+#define ASKS_BURST 32
 
 static const char *const capabilities[] = {"datagrams", "meshes"};
 
@@ -21,6 +21,16 @@ static void cancel_application(struct peer *peer) {
     if (peer->applies && peer->control->registrar) // none: the server has stopped
         registrar_withdraw(peer->control->registrar, peer);
     peer->applies = false;
+}
+
+// The session is told at once, however long the connection takes to close.
+static void leave(struct peer *peer) {
+    struct control_handler *handler = &peer->control->handler;
+    if (!peer->agreed)
+        return;
+    peer->agreed = false;
+    control_free_slot(peer);
+    handler->on_gone(handler->user, peer->handle);
 }
 
 void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *format, ...) {
@@ -36,6 +46,7 @@ void peer_refuse(struct peer *peer, arthron_Refusal_Reason reason, const char *f
     else
         log_debug("control", "an unknown client is refused: %s", refusal->text);
     cancel_application(peer);
+    leave(peer);
     control_send_urgent(peer, &message, true);
 }
 
@@ -48,29 +59,35 @@ static bool is_revoked(const struct peer *peer) {
     return registrar_is_revoked(peer->control->registrar, peer->identity.serial);
 }
 
+static void refuse_identity(struct peer *peer, const char *why) {
+    atomic_fetch_add(&peer->control->refused_certificates, 1);
+    peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "%s", why);
+}
+
+void peer_refuse_revoked(struct control *control) {
+    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+        struct peer *peer = control->slots[i].peer; // of this thread
+        if (peer && is_revoked(peer))
+            refuse_identity(peer, "this certificate is revoked");
+    }
+}
+
 void peer_opened(struct peer *peer) {
     struct control *control = peer->control;
     identity_of(lws_get_ssl(peer->wsi), &peer->identity);
-    if (peer->enrols)
+    bool is_good = peer->identity.certified && !is_revoked(peer);
+    if (is_good && !door_prove(control->door, peer->wsi, peer->identity.serial, clock_now_ns()))
+        peer_refuse(peer, arthron_Refusal_Reason_BUSY,
+                    "this station connects too often; try again in a minute");
+    if (is_good || peer->enrols)
         return;
-    const char *why = NULL;
-    if (!peer->identity.certified)
-        why = "a station needs a certificate: enrol first";
-    else if (is_revoked(peer))
-        why = "this certificate is revoked";
-    if (!why)
-        return;
-    atomic_fetch_add(&control->refused_certificates, 1);
-    peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "%s", why);
+    refuse_identity(peer, peer->identity.certified ? "this certificate is revoked"
+                                                   : "a station needs a certificate: enrol first");
 }
 
 void peer_gone(struct peer *peer) {
     cancel_application(peer);
-    if (!peer->agreed)
-        return;
-    struct control_handler *handler = &peer->control->handler;
-    control_free_slot(peer);
-    handler->on_gone(handler->user, peer->handle);
+    leave(peer);
 }
 
 // ---- hello --------------------------------------------------------------------------------------
@@ -118,6 +135,18 @@ static bool hello_is_good(struct peer *peer, const arthron_Hello *hello, uint32_
     return true;
 }
 
+// A station has one connection, and another to ask whether it would be welcome.
+static void replace_older(struct peer *newer) {
+    struct control *control = newer->control;
+    for (int i = 0; i < CONTROL_PEERS_MAX; i++) {
+        struct peer *peer = control->slots[i].peer; // of this thread
+        if (peer && peer != newer && peer->visit == newer->visit &&
+            !strcmp(peer->identity.name, newer->identity.name))
+            peer_refuse(peer, arthron_Refusal_Reason_BUSY,
+                        "a newer connection of this station has taken its place");
+    }
+}
+
 static void handle_hello(struct peer *peer, const arthron_Hello *hello, int64_t now_ns) {
     struct control *control = peer->control;
     arthron_Control answer = {.which_message = arthron_Control_welcome_tag};
@@ -139,26 +168,19 @@ static void handle_hello(struct peer *peer, const arthron_Hello *hello, int64_t 
     agree_capabilities(hello, welcome);
     snprintf(welcome->software, sizeof welcome->software, "%s", control->software);
     peer->agreed = true;
+    peer->visit = hello->visit;
     peer->pong_ns = now_ns;
+    door_keep(control->door, peer->wsi);
+    replace_older(peer);
     control_send_urgent(peer, &answer, false);
     lws_set_timer_usecs(peer->wsi, 0);
 }
 
 // ---- enrolment ----------------------------------------------------------------------------------
 
-// Attempts are paid from time that has gone by: one a second, ten at once.
-static bool may_try_to_enrol(struct control *control, int64_t now_ns) {
-    int64_t budget = control->enrol_budget_ns + (now_ns - control->enrol_checked_ns);
-    control->enrol_checked_ns = now_ns;
-    control->enrol_budget_ns = budget < ENROL_BUDGET_NS ? budget : ENROL_BUDGET_NS;
-    if (control->enrol_budget_ns < ENROL_COST_NS)
-        return false;
-    control->enrol_budget_ns -= ENROL_COST_NS;
-    return true;
-}
-
 static void handle_enrol(struct peer *peer, const arthron_Enrol *enrol, int64_t now_ns) {
-    if (!may_try_to_enrol(peer->control, now_ns)) {
+    bool renews = peer->identity.certified && !enrol->code[0];
+    if (!renews && !door_may_enrol(peer->control->door, peer->wsi, now_ns)) {
         peer_refuse(peer, arthron_Refusal_Reason_BUSY, "too many attempts, try again in a minute");
         return;
     }
@@ -224,12 +246,40 @@ static void handle_first(struct peer *peer, const arthron_Control *message, int6
                                           : "the first message must be Hello");
 }
 
-static void handle_mesh(struct peer *peer, const arthron_Control *message) {
+static void pass_on(struct peer *peer, const arthron_Control *message) {
     struct control_handler *handler = &peer->control->handler;
-    if (peer->meshes)
-        handler->on_message(handler->user, peer->handle, message);
-    else
+    handler->on_message(handler->user, peer->handle, message);
+}
+
+// Whoever asks for meshes too often waits. The last ask counts.
+static void handle_ask(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+    if (!peer->asks_late && bucket_take(&peer->asks, ASKS_PER_S, ASKS_BURST, now_ns)) {
+        pass_on(peer, message);
+        return;
+    }
+    if (!peer->asks_late)
+        log_warning("control", "station %s asks for its meshes too often, so it waits for them",
+                    peer->identity.name);
+    peer->asks_late = true;
+    peer->late_ask = message->message.mesh_ask;
+}
+
+static void pass_on_late_ask(struct peer *peer, int64_t now_ns) {
+    arthron_Control message = {.which_message = arthron_Control_mesh_ask_tag};
+    if (!peer->asks_late || !bucket_take(&peer->asks, ASKS_PER_S, ASKS_BURST, now_ns))
+        return;
+    peer->asks_late = false;
+    message.message.mesh_ask = peer->late_ask;
+    pass_on(peer, &message);
+}
+
+static void handle_mesh(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
+    if (!peer->meshes)
         peer_malformed(peer, "this message needs the capability meshes");
+    else if (message->which_message == arthron_Control_mesh_ask_tag)
+        handle_ask(peer, message, now_ns);
+    else
+        pass_on(peer, message);
 }
 
 static void handle_message(struct peer *peer, const arthron_Control *message, int64_t now_ns) {
@@ -245,11 +295,11 @@ static void handle_message(struct peer *peer, const arthron_Control *message, in
         handler->on_frame(handler->user, peer->handle, &message->message.frame, now_ns);
         break;
     case arthron_Control_udp_path_tag:
-        handler->on_message(handler->user, peer->handle, message);
+        pass_on(peer, message);
         break;
     case arthron_Control_mesh_ask_tag:
     case arthron_Control_mesh_ack_tag:
-        handle_mesh(peer, message);
+        handle_mesh(peer, message, now_ns);
         break;
     default:
         peer_malformed(peer, "a station may not send this message now");
@@ -299,10 +349,10 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
         return false;
     }
     if (is_revoked(peer)) {
-        atomic_fetch_add(&peer->control->refused_certificates, 1);
-        peer_refuse(peer, arthron_Refusal_Reason_IDENTITY, "this certificate is revoked");
+        refuse_identity(peer, "this certificate is revoked");
         return true;
     }
+    pass_on_late_ask(peer, now_ns);
     warn_of_certificate(peer);
     send_ping(peer);
     *out_next_us = (peer->pings < FAST_PINGS ? FAST_PING_NS : PING_NS) / 1000;

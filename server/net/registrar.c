@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LOOK_NS (500 * NS_PER_MS) // at the record of revocations and the server's certificate
+#define LOOK_NS (250 * NS_PER_MS) // at the record of revocations and the server's certificate
 #define RETRY_NS (50 * NS_PER_MS) // while another process holds the keys
 #define USED_MAX 64               // a station that is not among them is the next time that it comes
 
@@ -45,6 +45,7 @@ struct registrar {
     pthread_mutex_t lock;        // never held over a file; guards what follows
     struct application applications[REGISTRAR_APPLICANTS_MAX];
     struct revocations *revocations; // replaced by the thread alone
+    bool is_new;                     // since registrar_take_revoked
     struct used_certificate used[USED_MAX];
     struct tls_credentials *credentials; // that nobody has taken yet, or NULL
 };
@@ -238,6 +239,7 @@ static int64_t look_at_files(void *data) {
     pthread_mutex_lock(&r->lock);
     if (now) {
         r->revocations = now;
+        r->is_new = true;
         revocations_release(&before);
     }
     if (credentials) {
@@ -245,7 +247,7 @@ static int64_t look_at_files(void *data) {
         r->credentials = credentials;
     }
     pthread_mutex_unlock(&r->lock);
-    if (credentials)
+    if (credentials || now)
         r->on_news(r->user);
     return LOOK_NS;
 }
@@ -257,6 +259,14 @@ bool registrar_is_revoked(struct registrar *r, const char *serial_hex) {
     bool revoked = revocations_contain(r->revocations, serial_hex);
     pthread_mutex_unlock(&r->lock);
     return revoked;
+}
+
+bool registrar_take_revoked(struct registrar *r) {
+    pthread_mutex_lock(&r->lock);
+    bool is_new = r->is_new;
+    r->is_new = false;
+    pthread_mutex_unlock(&r->lock);
+    return is_new;
 }
 
 struct registrar *registrar_create(const char *authority_dir, struct tls_files *tls_files,

@@ -38,9 +38,12 @@ void registrar_withdraw(struct registrar *registrar, const struct peer *applican
 bool registrar_next_answer(struct registrar *registrar, struct peer **out_applicant,
                            arthron_Control *out_answer);
 
-// Whether a certificate's serial number (hex) is revoked. The list is at most half a second old,
-// plus the time to read it.
+// Whether a certificate's serial number (hex) is revoked. The list is at most a quarter of a second
+// old, plus the time to read it.
 bool registrar_is_revoked(struct registrar *registrar, const char *serial_hex);
+
+// Whether the list is another one than at the last call.
+bool registrar_take_revoked(struct registrar *registrar);
 
 // A station has connected with this certificate: those issued to it before will be revoked.
 void registrar_used(struct registrar *registrar, const struct identity *identity);

@@ -19,8 +19,8 @@ class Siege(SystemTest):
         print(f"{type(self).__name__}: {name}: {shown} {unit}".rstrip(), flush=True)
 
     def attack(self, *arguments):
-        """Runs this siege's own file in another process as its attacker: `if attacker(...)` in its main. It is ended
-        with the test, if it has not ended before."""
+        """Runs this siege's own file with --attack and these arguments, in another process. It is ended with the
+        test, if it has not ended before."""
         process = subprocess.Popen([sys.executable, sys.modules[type(self).__module__].__file__, "--attack",
                                     *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
         self.addCleanup(end, process)

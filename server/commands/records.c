@@ -2,6 +2,7 @@
 #include "commands/commands.h"
 #include "commands/records_password.h"
 #include "commands/records_rows.h"
+#include "commands/records_verify.h"
 #include "commands/records_xapi.h"
 
 #include <getopt.h>
@@ -24,6 +25,7 @@ static const char help[] =
     "       arthron-server records --file FILE enrol TRAINEE COURSE\n"
     "       arthron-server records --file FILE export --csv DIR | --xapi FILE [--site URL]\n"
     "       arthron-server records --file FILE erase TRAINEE [--json]\n"
+    "       arthron-server records --file FILE verify [--keys DIR] [--entry NUMBER:HASH] [--json]\n"
     "\n"
     "Reads and changes the records. The server may run at the same time.\n"
     "\n"
@@ -39,6 +41,7 @@ static const char help[] =
     "  export    writes every list as a CSV file, or the ended sessions as xAPI statements\n"
     "  erase     replaces a trainee's name by a pseudonym. Sessions and results stay. Lists the\n"
     "            traces that still hold the name\n"
+    "  verify    calculates the hashes of the audit log again, and checks its signature\n"
     "\n"
     "  -f, --file FILE      the records, as in the server's config\n"
     "      --full-name TEXT the trainee's full name\n"
@@ -48,6 +51,8 @@ static const char help[] =
     "                       reads stdin. Without it a terminal asks for one. A new account that\n"
     "                       has none cannot sign in\n"
     "      --csv DIR, --xapi FILE   where to export to\n"
+    "      --keys DIR       the keys of the server that signed the audit log\n"
+    "      --entry N:HASH   an entry that the log must have, from the server's log or a backup\n"
     "      --site URL       names your accounts and cases in xAPI (https://HOST/arthron)\n"
     "      --json           print JSON, with hashes and times in ns\n"
     "      --help           show this\n";
@@ -55,7 +60,7 @@ static const char help[] =
 static const char program[] = "arthron-server records";
 
 struct records_request {
-    const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site;
+    const char *file, *full_name, *role, *trainee, *password, *csv, *xapi, *site, *keys, *entry;
     bool json;
     char **words;
     int count;
@@ -260,6 +265,8 @@ static int export(struct store *store, const struct records_request *r) {
         return argument_wrong(program, "export needs --csv DIR or --xapi FILE");
     if (r->csv)
         result = rows_export_csv(store, r->csv, &err);
+    if (result == RESULT_OK)
+        result = store_note(store, "export", "records", &err);
     if (result == RESULT_OK && r->xapi)
         result = export_statements(store, r, &err);
     return done(result, &err, "wrote %s%s%s", r->csv ? r->csv : "",
@@ -299,6 +306,18 @@ static int erase(struct store *store, const struct records_request *r) {
     return report(result, &err);
 }
 
+static int verify(struct store *store, const struct records_request *r) {
+    struct error err;
+    json_t *said;
+    enum result result = records_verify(store, r->keys, r->entry, &said, &err);
+    if (result == RESULT_OK && r->json)
+        print_json(said);
+    else if (result == RESULT_OK)
+        records_verify_print(said);
+    json_decref(said);
+    return report(result, &err);
+}
+
 // ---- arguments ----------------------------------------------------------------------------------
 
 static const struct verb {
@@ -315,6 +334,7 @@ static const struct verb {
     {"enrol", "enrol TRAINEE COURSE", 3, STORE_THERE, enrol},
     {"export", "export --csv DIR | --xapi FILE", 1, STORE_THERE, export},
     {"erase", "erase TRAINEE", 2, STORE_THERE, erase},
+    {"verify", "verify", 1, STORE_THERE, verify},
 };
 
 enum { VERB_COUNT = sizeof verbs / sizeof *verbs };
@@ -350,7 +370,8 @@ static int find_and_run(const struct records_request *r) {
 static bool take_option(int option, struct records_request *r) {
     const char **const texts[] = {
         ['f'] = &r->file,     ['n'] = &r->full_name, ['r'] = &r->role, ['t'] = &r->trainee,
-        ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi, ['s'] = &r->site};
+        ['p'] = &r->password, ['c'] = &r->csv,       ['x'] = &r->xapi, ['s'] = &r->site,
+        ['k'] = &r->keys,     ['e'] = &r->entry};
     if (option == 'j')
         return r->json = true;
     if (option <= 0 || (size_t)option >= sizeof texts / sizeof *texts || !texts[option])
@@ -369,6 +390,8 @@ int command_records(int argc, char **argv) {
         {"csv", required_argument, NULL, 'c'},
         {"xapi", required_argument, NULL, 'x'},
         {"site", required_argument, NULL, 's'},
+        {"keys", required_argument, NULL, 'k'},
+        {"entry", required_argument, NULL, 'e'},
         {"json", no_argument, NULL, 'j'},
         {"help", no_argument, NULL, 'h'},
         {0},

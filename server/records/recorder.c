@@ -3,6 +3,7 @@
 #include "base/check.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "records/audit_seal.h"
 #include "records/audit_spool.h"
 
 #include <dirent.h>
@@ -18,6 +19,7 @@
 
 #define LIVE_MAX 256
 #define ACTOR "server"
+#define SIGN_NS (60 * NS_PER_S)
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still read when the server ends
 
 struct waiting {
@@ -33,6 +35,7 @@ struct recorder {
     char *records, *traces_dir, *authority;
     scene_finder find;
     void *user;
+    struct trace_signer signer;
     int64_t start_utc_ns;
     pthread_t thread;
     pthread_mutex_t mutex; // of all below
@@ -41,7 +44,8 @@ struct recorder {
     struct store_session live[LIVE_MAX]; // sessions that go on; without a trace: a free place
     bool stop;
     // The thread's own.
-    bool took_over, failing;
+    bool took_over, failing, unsigned_told;
+    int64_t signed_ns;          // when it looked for something to sign
     size_t spooled;             // of an earlier server, before all else that waits
     struct store_identity file; // that was written last
 };
@@ -248,6 +252,26 @@ static bool write_all(struct recorder *r) {
     return true;
 }
 
+// ---- the audit log's signature ------------------------------------------------------------------
+
+// The log of the server is a witness outside the records.
+static void look_at_audit(struct recorder *r, bool tell) {
+    struct store *store;
+    struct store_audit_head head = {0};
+    struct error err;
+    r->signed_ns = clock_now_ns();
+    if (!r->signer.sign || store_open(r->records, STORE_THERE, ACTOR, &store, &err) != RESULT_OK)
+        return;
+    enum result result = audit_seal_renew(store, &r->signer, r->authority, &head, &err);
+    store_close(&store);
+    if (result == RESULT_OK && tell && head.entry)
+        log_info("records", "the audit log is signed up to entry %lld, %s", (long long)head.entry,
+                 head.hash);
+    if (result != RESULT_OK && result != RESULT_TIMEOUT && !r->unsigned_told)
+        log_error("records", "the audit log is not signed any more: %s", err.text);
+    r->unsigned_told = result != RESULT_OK && result != RESULT_TIMEOUT;
+}
+
 // ---- taking over --------------------------------------------------------------------------------
 
 static bool is_trace(const char *name) {
@@ -399,10 +423,13 @@ static void *run(void *argument) {
         bool wrote = write_all(r);
         if (!r->took_over)
             r->took_over = wrote && take_over(r);
+        if (wrote && clock_now_ns() - r->signed_ns > SIGN_NS)
+            look_at_audit(r, r->signed_ns < 0);
         wait_for_work(r, !wrote || !r->took_over);
     }
     if (!write_all(r))
         leave_the_rest(r);
+    look_at_audit(r, true);
     return NULL;
 }
 
@@ -413,6 +440,8 @@ struct recorder *recorder_start(const struct recorder_config *config) {
     r->authority = alloc_text(config->authority);
     r->find = config->find;
     r->user = config->user;
+    r->signer = config->signer;
+    r->signed_ns = -SIGN_NS;
     r->start_utc_ns = clock_utc_ns();
     r->end = &r->first;
     pthread_condattr_t monotonic;

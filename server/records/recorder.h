@@ -19,6 +19,7 @@ struct recorder_config {
     const char *authority;  // a PEM file: only traces signed under it give results
     scene_finder find;      // called from the recorder's thread
     void *user;
+    struct trace_signer signer; // of the audit log, each minute; sign NULL: it stays unsigned
 };
 
 // Adds the sessions in traces_dir that have no end in the records, then waits for more. Does the

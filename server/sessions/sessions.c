@@ -140,6 +140,7 @@ static void start_recorder(struct sessions *s) {
         .authority = authority,
         .find = find_scene,
         .user = s,
+        .signer = s->trace_signer,
     };
     s->recorder = recorder_start(&config);
 }

@@ -289,6 +289,8 @@ enum result store_open(const char *path, enum store_mode mode, const char *actor
                            "PRAGMA foreign_keys = ON; PRAGMA secure_delete = ON;",
                            err);
     if (result == RESULT_OK)
+        result = store_add_functions(store, err);
+    if (result == RESULT_OK)
         result = migrate(store, err);
     if (result != RESULT_OK)
         store_close(&store);

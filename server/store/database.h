@@ -89,5 +89,8 @@ enum result store_end_added(struct store *store, enum result result, const char 
 enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,
                         struct error *err);
 
+// Functions that the statements of this room call.
+enum result store_add_functions(struct store *store, struct error *err);
+
 // RESULT_INVALID if argon2 has not encoded it.
 enum result store_check_password(const char *password, struct error *err);

@@ -173,24 +173,6 @@ enum result store_last_audit(struct store *store, int limit, store_row_handler t
     return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
 }
 
-enum result store_figures_on(struct store *store, const char *case_name, const char *course,
-                             bool hide_few, store_row_handler take, void *user, struct error *err) {
-    sqlite3_stmt *statement;
-    enum result result = store_prepare(
-        store,
-        "WITH figure AS (SELECT r.metric, r.subject, r.version, r.unit, r.value, s.trainee_id "
-        "FROM result r JOIN session s ON s.id = r.session_id JOIN knee_case c ON c.id = s.case_id "
-        "WHERE c.name = ?1 AND s.state = 'closed' AND r.value IS NOT NULL AND "
-        "(?2 IS NULL OR s.trainee_id IN (SELECT trainee_id FROM enrolment WHERE course_id = "
-        "(SELECT id FROM course WHERE name = ?2)))) "
-        "SELECT metric, subject, version, unit, value FROM figure "
-        "JOIN (SELECT metric, subject, version, unit FROM figure GROUP BY 1, 2, 3, 4 "
-        "HAVING count(DISTINCT trainee_id) >= ?3) USING (metric, subject, version, unit) "
-        "ORDER BY 1, 2, 3, 4, 5",
-        &statement, err, "tti", case_name, course, (int64_t)(hide_few ? STORE_TRAINEES_MIN : 0));
-    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
-}
-
 enum result store_trainees_in(struct store *store, const char *course, store_row_handler take,
                               void *user, struct error *err) {
     return read_all(store,

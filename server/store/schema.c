@@ -97,6 +97,31 @@ static const char tokens[] = "CREATE TABLE token ("
                              "CREATE INDEX token_account ON token (account_id);"
                              "CREATE INDEX token_trainee ON token (trainee_id);";
 
+#define NO_HASH "0000000000000000000000000000000000000000000000000000000000000000"
+
+// Chains the audit log (audit.c has audit_hash), with a place for the signature of its end. Ends
+// codes, whose hashes had no key, with their cookies.
+static const char chained_audit[] =
+    "DROP TRIGGER audit_is_not_changed;"
+    "ALTER TABLE audit ADD COLUMN hash TEXT;"
+    "WITH RECURSIVE chain (id, hash) AS ("
+    "  SELECT id, audit_hash('" NO_HASH "', id, utc_ns, actor, action, subject) FROM audit"
+    "    WHERE id = (SELECT min(id) FROM audit)"
+    "  UNION ALL SELECT a.id, audit_hash(chain.hash, a.id, utc_ns, actor, action, subject)"
+    "    FROM chain JOIN audit a ON a.id = (SELECT min(id) FROM audit WHERE id > chain.id))"
+    "  UPDATE audit SET hash = chain.hash FROM chain WHERE chain.id = audit.id;"
+    "CREATE TRIGGER audit_is_not_changed BEFORE UPDATE ON audit"
+    "  BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;"
+    "CREATE TABLE audit_seal ("
+    "  id INTEGER PRIMARY KEY CHECK (id = 1),"
+    "  entry INTEGER NOT NULL,"
+    "  hash TEXT NOT NULL,"
+    "  utc_ns INTEGER NOT NULL,"
+    "  certificate TEXT NOT NULL,"
+    "  signature TEXT NOT NULL"
+    ") STRICT;"
+    "DELETE FROM token WHERE trainee_id IS NOT NULL;";
+
 const char *const schema_steps[] = {sessions_and_results, accounts_and_audit, hash_of_the_record,
-                                    tokens};
+                                    tokens, chained_audit};
 const int schema_version = sizeof schema_steps / sizeof *schema_steps;

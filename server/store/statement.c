@@ -1,8 +1,6 @@
 // Statements: prepared once for each connection, bound, run, and ended as a transaction.
 #include "base/check.h"
-#include "base/clock.h"
 #include "store/database.h"
-#include "store/text.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -159,33 +157,4 @@ enum result store_end(struct store *store, enum result result, struct error *err
     if (result != RESULT_OK && !sqlite3_get_autocommit(store->db))
         sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
     return result;
-}
-
-static const char add_to_audit[] =
-    "INSERT INTO audit (utc_ns, actor, action, subject) VALUES (?, ?, ?, ?)";
-
-enum result store_put_audit(struct store *store, const struct store_audit_entry *entry,
-                            struct error *err) {
-    enum result result = text_check(entry->actor, "actor", sizeof entry->actor, err);
-    if (result == RESULT_OK)
-        result = text_check(entry->action, "action", sizeof entry->action, err);
-    if (result == RESULT_OK)
-        result = text_check(entry->subject, "action's subject", sizeof entry->subject, err);
-    if (result == RESULT_OK)
-        result = store_do(store, add_to_audit, err, "ittt", entry->utc_ns, entry->actor,
-                          entry->action, entry->subject);
-    return result;
-}
-
-enum result store_audit(struct store *store, const char *action, const char *kind, int64_t id,
-                        struct error *err) {
-    char subject[STORE_NAME_MAX];
-    snprintf(subject, sizeof subject, id ? "%s %lld" : "%s", kind, (long long)id);
-    return store_note(store, action, subject, err);
-}
-
-enum result store_note(struct store *store, const char *action, const char *subject,
-                       struct error *err) {
-    return store_do(store, add_to_audit, err, "ittt", clock_utc_ns(), store->actor, action,
-                    subject);
 }

@@ -20,7 +20,8 @@
 
 #define STORE_NAME_MAX 64 // bytes of UTF-8 with the 0 at the end
 #define STORE_TEXT_MAX 256
-#define STORE_ID_MAX 33 // 32 hexadecimal digits
+#define STORE_ID_MAX 33   // 32 hexadecimal digits
+#define STORE_HASH_MAX 65 // a SHA-256 in hexadecimal digits
 
 struct store;
 
@@ -102,8 +103,6 @@ enum result store_erase_trainee(struct store *store, const char *name,
 
 // ---- signing in ---------------------------------------------------------------------------------
 
-#define STORE_HASH_MAX 65 // a SHA-256 in hexadecimal digits
-
 enum store_token_kind {
     // Of a browser: ends 12 h after its last use, and a week after the sign-in. After a sign-in
     // with a code it also ends with that code, or when the trainee gets a new code.
@@ -121,6 +120,7 @@ struct store_principal {
     char actor[STORE_NAME_MAX];    // for the audit log: a trainee by number, staff by name
     char password[STORE_TEXT_MAX]; // encoded, of an account; empty: it cannot sign in
     bool by_account;               // false: by a trainee's code
+    int64_t number;                // of the account, or of the trainee who uses a code
     int64_t token;                 // number of the token or code that was looked up; else 0
 };
 
@@ -233,6 +233,39 @@ struct store_audit_entry {
 enum result store_put_audit(struct store *store, const struct store_audit_entry *entry,
                             struct error *err);
 
+// Each entry has a SHA-256 over itself and the hash of the entry before it. So an entry and its
+// hash stand for all entries up to it.
+struct store_audit_head {
+    int64_t entry; // its number, from 1; 0: there is none
+    char hash[STORE_HASH_MAX];
+};
+
+// The last entry.
+enum result store_audit_head(struct store *store, struct store_audit_head *out_head,
+                             struct error *err);
+// RESULT_MISSING if the log has no such entry with this hash.
+enum result store_audit_has(struct store *store, const struct store_audit_head *head,
+                            struct error *err);
+// Calculates all hashes again. RESULT_CORRUPT names the first entry that is missing or was changed.
+enum result store_verify_audit(struct store *store, struct store_audit_head *out_head,
+                               struct error *err);
+
+// What a server signed last; certificate and signature (DER) in hexadecimal digits.
+#define STORE_CERTIFICATE_MAX 4097
+#define STORE_SIGNATURE_MAX 257
+struct store_audit_seal {
+    struct store_audit_head head;
+    int64_t utc_ns;
+    char certificate[STORE_CERTIFICATE_MAX], signature[STORE_SIGNATURE_MAX];
+};
+
+// Replaces the previous seal.
+enum result store_put_audit_seal(struct store *store, const struct store_audit_seal *seal,
+                                 struct error *err);
+// RESULT_MISSING if no server has signed the log.
+enum result store_audit_seal(struct store *store, struct store_audit_seal *out_seal,
+                             struct error *err);
+
 // ---- reading ------------------------------------------------------------------------------------
 
 enum store_list {
@@ -297,8 +330,13 @@ enum result store_last_audit(struct store *store, int limit, store_row_handler t
 
 // The figures of all closed sessions on a case, of the trainees of a course (NULL: of all
 // trainees): metric, subject, version, unit and value, sorted in this order. Leaves out figures
-// without a value. hide_few: also leaves out a metric, subject, version and unit of fewer than
-// STORE_TRAINEES_MIN trainees.
+// without a value.
+//
+// hide_few: for a trainee. Leaves out a metric, subject, version and unit of fewer than
+// STORE_TRAINEES_MIN trainees. Of the others it gives averages (microaggregation): it divides the
+// sorted figures into groups of at least STORE_TRAINEES_MIN trainees, and replaces each figure by
+// the mean of its group. It rounds the means to a tenth of the range, up to 1, 2 or 5 times a power
+// of ten. So neither a figure nor the change by a session tells what somebody else achieved.
 enum result store_figures_on(struct store *store, const char *case_name, const char *course,
                              bool hide_few, store_row_handler take, void *user, struct error *err);
 

@@ -40,6 +40,7 @@ static void read_principal(sqlite3_stmt *statement, struct store_principal *out)
         store_role_from_name((const char *)sqlite3_column_text(statement, ROLE), &out->role);
     long long account = sqlite3_column_int64(statement, ACCOUNT_ID);
     long long trainee = sqlite3_column_int64(statement, TRAINEE_ID);
+    out->number = out->by_account ? account : trainee;
     if (sqlite3_column_count(statement) > TOKEN)
         out->token = sqlite3_column_int64(statement, TOKEN);
     if (out->role != ROLE_TRAINEE)

@@ -68,13 +68,33 @@ static const char version_2[] =
 static const char version_3[] =
     "PRAGMA user_version = 3; ALTER TABLE session ADD COLUMN trace_hash TEXT;";
 
+// Version 4: another table.
+static const char version_4[] =
+    "PRAGMA user_version = 4;"
+    "CREATE TABLE token (  id INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  kind TEXT NOT NULL CHECK (kind IN ('cookie', 'token', 'code')),"
+    "  hash TEXT NOT NULL UNIQUE CHECK (length(hash) = 64),  account_id INTEGER REFERENCES account,"
+    "  trainee_id INTEGER REFERENCES trainee,  name TEXT,  created_utc_ns INTEGER NOT NULL,"
+    "  until_utc_ns INTEGER NOT NULL,  used_utc_ns INTEGER,"
+    "  CHECK ((account_id IS NULL) <> (trainee_id IS NULL))) STRICT;"
+    "CREATE INDEX token_account ON token (account_id);"
+    "CREATE INDEX token_trainee ON token (trainee_id);"
+    "INSERT INTO token VALUES (1, 'token', printf('%064d', 1), 5, NULL, 'night', 1, 2, 3),"
+    "(2, 'code', printf('%064d', 2), NULL, 7, NULL, 1, 2, NULL),"
+    "(3, 'cookie', printf('%064d', 3), NULL, 7, NULL, 1, 2, NULL);"
+    "INSERT INTO audit VALUES (1, 11, 'grace', 'add', 'trainee 7'), "
+    "(2, 12, 'server', 'open', 'station room-1'), (3, 13, 'grace', 'erase', 'trainee 9');";
+
 // Each older version, and what is only in those from it on.
-static const char *const versions[][3] = {
-    {version_1, "", ""}, {version_1, version_2, ""}, {version_1, version_2, version_3}};
+#define PARTS 4
+static const char *const versions[][PARTS] = {{version_1, "", "", ""},
+                                              {version_1, version_2, "", ""},
+                                              {version_1, version_2, version_3, ""},
+                                              {version_1, version_2, version_3, version_4}};
 #define OLDER (sizeof versions / sizeof *versions)
 
 static void make_version(const char *name, size_t older) {
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < PARTS; i++)
         assert_true(sql_passes(name, versions[older][i]));
 }
 
@@ -108,7 +128,7 @@ static void rows_of_every_version_are_as_they_were(void **state) {
                             "subject=meniscus_medial|version=1|unit=mm|value=|details={}\n");
         assert_int_equal(store_add_account(store, "eve", ROLE_INSTRUCTOR, NULL, NULL, &err),
                          RESULT_OK);
-        assert_int_equal(row_count(store, LIST_AUDIT), 1);
+        assert_int_equal(row_count(store, LIST_AUDIT), i < 3 ? 1 : 4);
         assert_int_equal(row_count(store, LIST_ACCOUNTS), i ? 2 : 1);
         store_close(&store);
     }
@@ -147,6 +167,30 @@ static void every_version_lands_at_the_tables_of_a_new_file(void **state) {
         schema_of("old.db", climbed, sizeof climbed);
         assert_string_equal(climbed, fresh);
     }
+}
+
+// Entries of an older program are chained as they are; codes whose hashes had no key end.
+static void the_audit_log_of_an_older_file_is_chained(void **state) {
+    (void)state;
+    struct store *store;
+    struct store_audit_head head;
+    struct error err = {""};
+    make_version("old.db", OLDER - 1);
+    assert_int_equal(store_open(in_folder("old.db"), STORE_THERE, "tester", &store, &err),
+                     RESULT_OK);
+    assert_int_equal(store_verify_audit(store, &head, &err), RESULT_OK);
+    assert_int_equal(head.entry, 3);
+    assert_string_equal(rows_of(store, LIST_AUDIT, NULL),
+                        "utc_ns=11|actor=grace|action=add|subject=trainee 7\n"
+                        "utc_ns=12|actor=server|action=open|subject=station room-1\n"
+                        "utc_ns=13|actor=grace|action=erase|subject=trainee 9\n");
+    assert_int_equal(row_count(store, LIST_TOKENS), 1);
+    assert_int_equal(store_add_course(store, "winter", &err), RESULT_OK);
+    assert_int_equal(store_verify_audit(store, &head, &err), RESULT_OK);
+    assert_int_equal(head.entry, 4);
+    store_close(&store);
+    assert_false(sql_passes("old.db", "UPDATE audit SET actor = 'eve'"));
+    assert_false(sql_passes("old.db", "DELETE FROM audit"));
 }
 
 static void a_step_that_fails_leaves_the_older_version_as_it_was(void **state) {
@@ -210,12 +254,12 @@ static void a_newer_file_is_refused_and_left_alone(void **state) {
     char aside[STORE_TEXT_MAX];
     struct store *store = open_records();
     store_close(&store);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 5"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 6"));
     assert_int_equal(store_open(store_path, STORE_MAKE, "tester", &store, &err), RESULT_VERSION);
-    assert_non_null(strstr(err.text, "version 5; this one reads up to 4"));
+    assert_non_null(strstr(err.text, "version 6; this one reads up to 5"));
     assert_int_equal(store_restore(store_path, in_folder("other.db"), "tester", aside, &err),
                      RESULT_VERSION);
-    assert_true(sql_passes("records.db", "PRAGMA user_version = 4"));
+    assert_true(sql_passes("records.db", "PRAGMA user_version = 5"));
     store = open_records();
     store_close(&store);
 }
@@ -225,6 +269,7 @@ int main(void) {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, store_folder_begin, store_folder_end)
         TEST(rows_of_every_version_are_as_they_were),
         TEST(every_version_lands_at_the_tables_of_a_new_file),
+        TEST(the_audit_log_of_an_older_file_is_chained),
         TEST(a_step_that_fails_leaves_the_older_version_as_it_was),
         TEST(several_programs_may_meet_an_older_file_at_once),
         TEST(several_programs_may_make_the_same_file_at_once),

@@ -65,12 +65,32 @@ static void clear_sendings(struct viewer *viewer) {
         mesh_payload_release(&viewer->sendings[i].payload);
 }
 
-void follow_end(struct viewer *viewer) {
+static void leave_meshes(struct viewer *viewer) {
     clear_sendings(viewer);
-    if (viewer->mailbox) {
-        mailbox_leave(viewer->mailbox);
-        mailbox_release(&viewer->mailbox);
-    }
+    if (!viewer->mailbox)
+        return;
+    mailbox_leave(viewer->mailbox);
+    mailbox_release(&viewer->mailbox);
+}
+
+// Only for one who may see the session: places for meshes are few.
+static void follow_its_meshes(struct live_server *live, struct viewer *viewer) {
+    int watching = 0;
+    if (!viewer->watch.meshes || viewer->mailbox)
+        return;
+    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
+        watching += live->viewers[i].used && live->viewers[i].mailbox &&
+                    live->viewers[i].station == viewer->station;
+    if (watching < MESH_SUBSCRIBERS_MAX)
+        viewer->mailbox = mailbox_create(live_news, live);
+    else
+        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
+                       "%d pages follow the meshes of %s already: this one gets none",
+                       MESH_SUBSCRIBERS_MAX, viewer->watch.station);
+}
+
+void follow_end(struct viewer *viewer) {
+    leave_meshes(viewer);
     viewer->station = -1;
     viewer->introduced = viewer->barred = false;
     viewer->turn = 0;
@@ -105,6 +125,11 @@ static bool may_see(const struct viewer *viewer, const struct session_about *abo
            !strcmp(viewer->account.trainee, about->trainee);
 }
 
+void follow_bar(struct viewer *viewer, const char *station) {
+    viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE, "there is no session of yours at %s",
+                   station);
+}
+
 // A new session, from its first step on: then its cut worker knows of it, too.
 static bool introduce(struct live_server *live, struct viewer *viewer, struct live_batch *batch) {
     const struct station_cache *cache = &live->cache[viewer->station];
@@ -112,9 +137,8 @@ static bool introduce(struct live_server *live, struct viewer *viewer, struct li
         return true;
     if (!may_see(viewer, &cache->about)) {
         if (!viewer->barred)
-            viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
-                           "there is no session of yours at %s",
-                           sessions_config(live->sessions)->stations[viewer->station].name);
+            follow_bar(viewer, viewer->watch.station);
+        leave_meshes(viewer);
         viewer->barred = true;
         return viewer->introduced = false;
     }
@@ -125,6 +149,7 @@ static bool introduce(struct live_server *live, struct viewer *viewer, struct li
     if (!batch_say(batch, &live->item))
         return false;
     clear_sendings(viewer);
+    follow_its_meshes(live, viewer);
     viewer->introduced = true;
     viewer->barred = false;
     viewer->session = cache->about.serial;

@@ -87,8 +87,32 @@ static void drop_answers(struct viewer *viewer) {
         free(parcel);
 }
 
-struct viewer *live_server_join(struct live_server *live, const struct live_account *account) {
+static bool is_trainee(const struct live_account *account) {
+    return !strcmp(account->role, store_role_name(ROLE_TRAINEE));
+}
+
+static bool is_same_person(const struct live_account *a, const struct live_account *b) {
+    if (is_trainee(a) != is_trainee(b))
+        return false;
+    return a->trainee[0] || b->trainee[0] ? !strcmp(a->trainee, b->trainee)
+                                          : !strcmp(a->name, b->name);
+}
+
+static bool has_room(const struct live_server *live, const struct live_account *account) {
+    int own = 0, trainees = 0;
     for (int i = 0; i < LIVE_VIEWERS_MAX; i++) {
+        const struct viewer *viewer = &live->viewers[i];
+        own += viewer->used && is_same_person(&viewer->account, account);
+        trainees += viewer->used && is_trainee(&viewer->account);
+    }
+    return is_trainee(account)
+               ? own < LIVE_VIEWERS_OF_TRAINEE && trainees < LIVE_VIEWERS_OF_TRAINEES
+               : own < LIVE_VIEWERS_OF_STAFF;
+}
+
+struct viewer *live_server_join(struct live_server *live, const struct live_account *account) {
+    bool room = has_room(live, account);
+    for (int i = 0; room && i < LIVE_VIEWERS_MAX; i++) {
         struct viewer *viewer = &live->viewers[i];
         if (viewer->used)
             continue;
@@ -121,23 +145,15 @@ void live_server_leave(struct live_server *live, struct viewer *viewer) {
 
 static bool watch_station(struct live_server *live, struct viewer *viewer) {
     const arthron_Watch *watch = &viewer->watch;
-    int watching = 0;
     viewer->station = sessions_find_station(sessions_config(live->sessions), watch->station);
-    if (viewer->station < 0) {
+    if (viewer->station >= 0)
+        return true;
+    if (is_staff(viewer))
         viewer_trouble(viewer, arthron_Trouble_Kind_NOT_THERE,
                        "there is no station %s in the server's config", watch->station);
-        return false;
-    }
-    for (int i = 0; i < LIVE_VIEWERS_MAX; i++)
-        watching += live->viewers[i].used && live->viewers[i].mailbox &&
-                    live->viewers[i].station == viewer->station;
-    if (watch->meshes && watching >= MESH_SUBSCRIBERS_MAX)
-        viewer_trouble(viewer, arthron_Trouble_Kind_NOTE,
-                       "%d pages follow the meshes of %s already: this one gets none",
-                       MESH_SUBSCRIBERS_MAX, watch->station);
-    else if (watch->meshes)
-        viewer->mailbox = mailbox_create(live_news, live);
-    return true;
+    else
+        follow_bar(viewer, watch->station);
+    return false;
 }
 
 static bool watch_recorded(struct live_server *live, struct viewer *viewer) {

@@ -11,7 +11,10 @@
 #include "wire/wire.h"
 
 #define LIVE_VIEWERS_MAX 64
-#define LIVE_BATCH_MAX 65536 // bytes
+#define LIVE_VIEWERS_OF_STAFF 24    // of one account
+#define LIVE_VIEWERS_OF_TRAINEE 6   // of one trainee, by account and by code
+#define LIVE_VIEWERS_OF_TRAINEES 48 // of all trainees together
+#define LIVE_BATCH_MAX 65536        // bytes
 
 struct live_server;
 struct viewer;
@@ -41,7 +44,7 @@ void live_server_destroy(struct live_server **live);
 // It must not wait. NULL ends this; no call is under way when the function returns.
 void live_server_on_news(struct live_server *live, void (*on_news)(void *user), void *user);
 
-// NULL if there are LIVE_VIEWERS_MAX viewers.
+// NULL if there are LIVE_VIEWERS_MAX viewers, or the account has as many as it may.
 struct viewer *live_server_join(struct live_server *live, const struct live_account *account);
 void live_server_leave(struct live_server *live, struct viewer *viewer);
 

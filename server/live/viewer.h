@@ -154,6 +154,8 @@ int64_t follow_wall(struct live_server *live, struct viewer *viewer, int64_t now
 int64_t follow_station(struct live_server *live, struct viewer *viewer, int64_t now_ns,
                        struct live_batch *batch);
 void follow_end(struct viewer *viewer); // the viewer no longer watches this
+// Says that the viewer may not see what is at a station, if there is one.
+void follow_bar(struct viewer *viewer, const char *station);
 // Takes a page's message about its meshes. False: too busy.
 bool follow_meshes(struct live_server *live, struct viewer *viewer, const arthron_Page *message);
 

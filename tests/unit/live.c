@@ -727,6 +727,108 @@ static void a_recorded_session_waits_for_its_page_and_not_for_others(void **stat
     sessions_destroy(&sessions);
 }
 
+static struct live_account trainee_number(int number) {
+    struct live_account account = {.role = "trainee"};
+    snprintf(account.name, sizeof account.name, "trainee %d", number);
+    snprintf(account.trainee, sizeof account.trainee, "t%d", number);
+    return account;
+}
+
+static void nobody_takes_all_places(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    struct live_account by_code = {.name = "anna", .role = "trainee", .trainee = "anna"},
+                        by_account = {.name = "anna.a", .role = "trainee", .trainee = "anna"};
+    for (int i = 0; i < LIVE_VIEWERS_OF_TRAINEE; i++)
+        assert_non_null(live_server_join(live, i % 2 ? &by_code : &by_account));
+    assert_null(live_server_join(live, &by_code));
+    assert_null(live_server_join(live, &by_account));
+    int joined = LIVE_VIEWERS_OF_TRAINEE;
+    for (int number = 0; number < LIVE_VIEWERS_MAX; number++) {
+        struct live_account account = trainee_number(number);
+        joined += live_server_join(live, &account) != NULL;
+    }
+    assert_int_equal(joined, LIVE_VIEWERS_OF_TRAINEES);
+    joined = 0;
+    while (live_server_join(live, &instructor))
+        joined++;
+    assert_int_equal(joined, LIVE_VIEWERS_MAX - LIVE_VIEWERS_OF_TRAINEES);
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
+static void an_instructors_pages_leave_places_for_others(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    struct viewer *last = NULL;
+    for (int i = 0; i < LIVE_VIEWERS_OF_STAFF; i++)
+        assert_non_null(last = live_server_join(live, &instructor));
+    assert_null(live_server_join(live, &instructor));
+    assert_non_null(live_server_join(live, &technician));
+    live_server_leave(live, last);
+    assert_non_null(live_server_join(live, &instructor));
+    live_server_destroy(&live);
+    sessions_destroy(&sessions);
+}
+
+// Sixteen pages have a place for the meshes of a station.
+static void who_may_not_see_a_session_takes_no_place_for_its_meshes(void **state) {
+    (void)state;
+    enum { OTHERS = 20 };
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    static struct page others[OTHERS];
+    struct page page;
+    hall_join(sessions);
+    for (int i = 0; i < OTHERS; i++) {
+        struct live_account account = trainee_number(i);
+        open_page(&others[i], live, &account);
+        watch(&others[i], arthron_Watch_What_STATION, "room-1", 100);
+        draw_until(&others[i], &others[i].troubles, 1);
+        assert_int_equal(others[i].trouble_kind, arthron_Trouble_Kind_NOT_THERE);
+    }
+    hall_shave(sessions);
+    struct tissue_report report = hall_last_tissues(sessions);
+    open_page(&page, live, &instructor);
+    watch(&page, arthron_Watch_What_STATION, "room-1", 100);
+    draw_until_shown(&page, &report);
+    assert_int_equal(page.troubles, 0);
+    assert_int_equal(page.tissue.hash, report.mesh_hashes[0]);
+    for (int i = 0; i < OTHERS; i++)
+        close_page(&others[i]);
+    close_page(&page);
+    live_server_destroy(&live);
+    hall_leave(sessions);
+    sessions_destroy(&sessions);
+}
+
+static void a_trainee_is_told_the_same_of_anothers_station_and_of_none(void **state) {
+    (void)state;
+    struct sessions *sessions = hall_open();
+    struct live_server *live = open_live(sessions);
+    static const char *const names[] = {"room-1", "room-x"};
+    char told[2][256];
+    hall_join(sessions);
+    for (int i = 0; i < 2; i++) {
+        struct live_account account = trainee_number(7);
+        struct page page;
+        open_page(&page, live, &account);
+        watch(&page, arthron_Watch_What_STATION, names[i], 100);
+        draw_until(&page, &page.troubles, 1);
+        assert_int_equal(page.trouble_kind, arthron_Trouble_Kind_NOT_THERE);
+        memcpy(told[i], page.trouble, sizeof told[i]);
+        close_page(&page);
+    }
+    *strstr(told[1], "room-x") = '\0';
+    *strstr(told[0], "room-1") = '\0';
+    assert_string_equal(told[0], told[1]);
+    live_server_destroy(&live);
+    hall_leave(sessions);
+    sessions_destroy(&sessions);
+}
+
 static atomic_int rung;
 
 static void ring(void *user) {
@@ -770,6 +872,10 @@ int main(void) {
         cmocka_unit_test(trainees_see_their_own_sessions_only),
         cmocka_unit_test(a_recorded_session_comes_to_what_it_came_to),
         cmocka_unit_test(a_recorded_session_waits_for_its_page_and_not_for_others),
+        cmocka_unit_test(nobody_takes_all_places),
+        cmocka_unit_test(an_instructors_pages_leave_places_for_others),
+        cmocka_unit_test(who_may_not_see_a_session_takes_no_place_for_its_meshes),
+        cmocka_unit_test(a_trainee_is_told_the_same_of_anothers_station_and_of_none),
         cmocka_unit_test(a_page_is_rung_for_what_it_waits_for),
     };
     return cmocka_run_group_tests_name("live", tests, hall_make, hall_remove);

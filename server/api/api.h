@@ -53,3 +53,10 @@ const char *api_first_secret(const struct api *api);
 // one for a report takes seconds.
 void api_answer(void *api, const struct web_request *request, struct web_response *out_response);
 enum result api_enter(void *api, const char *token, struct web_account *out_account);
+
+// is_slow of a web_handler: passwords and reports.
+bool api_is_slow(const char *method, const char *path);
+
+// Notes in the audit log that somebody looks at a trainee's session, once in an hour. actor: as
+// store_principal's.
+void api_note_reading(struct api *api, const char *actor, const char *session);

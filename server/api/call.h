@@ -2,6 +2,8 @@
 #pragma once
 
 #include "api/api.h"
+#include "api/secret.h"
+#include "api/tally.h"
 #include "api/throttle.h"
 #include "store/store.h"
 
@@ -10,11 +12,16 @@
 
 struct case_summaries; // case_summary.h
 
+#define API_REPORTS_MAX 2 // at a time
+
 struct api {
     struct api_config config;
     int64_t started_ns;
+    struct secret_key key; // of codes and device cookies
     struct throttle throttle;
-    atomic_flag reporting;
+    struct tally tally;
+    pthread_mutex_t reports_lock;
+    char reporting[API_REPORTS_MAX][STORE_NAME_MAX]; // who waits for a report; empty: a free place
     atomic_bool failing; // the log says that accounts cannot be looked up
     struct case_summaries *summaries;
     pthread_mutex_t first_lock;

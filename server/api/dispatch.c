@@ -38,10 +38,13 @@ enum result api_create(const struct api_config *config, struct api **out_api, st
     api->config = *config;
     api->started_ns = clock_now_ns();
     api->summaries = case_summaries_create(config->cases, config->case_count);
-    atomic_flag_clear(&api->reporting);
+    pthread_mutex_init(&api->reports_lock, NULL);
     pthread_mutex_init(&api->throttle.lock, NULL);
+    pthread_mutex_init(&api->tally.lock, NULL);
     pthread_mutex_init(&api->first_lock, NULL);
-    enum result result = look_for_instructor(api, err);
+    enum result result = secret_key_load(config->keys_dir, &api->key, err);
+    if (result == RESULT_OK)
+        result = look_for_instructor(api, err);
     if (result != RESULT_OK)
         api_destroy(&api);
     *out_api = api;
@@ -53,7 +56,9 @@ void api_destroy(struct api **api) {
     if (!a)
         return;
     case_summaries_destroy(&a->summaries);
+    pthread_mutex_destroy(&a->reports_lock);
     pthread_mutex_destroy(&a->throttle.lock);
+    pthread_mutex_destroy(&a->tally.lock);
     pthread_mutex_destroy(&a->first_lock);
     free(a);
     *api = NULL;
@@ -121,6 +126,13 @@ static bool authorize(struct api_call *call, const struct route *route) {
     else
         call_refuse(call, 401, "not_signed_in", NULL, "Sign in first.");
     return false;
+}
+
+bool api_is_slow(const char *method, const char *path) {
+    char args[2][STORE_NAME_MAX];
+    bool there;
+    const struct route *route = routes_find(method, path, args, &there);
+    return route && route->slow;
 }
 
 void api_answer(void *user, const struct web_request *request, struct web_response *response) {

@@ -108,7 +108,7 @@ void post_trainee_code(struct api_call *call) {
     if (!call_take_body(call, fields))
         return;
     secret_make_code(code);
-    secret_hash(code, hash);
+    secret_keyed_hash(&call->api->key, "code", code, hash);
     if (call_check(call, store_add_code(call->store, call->args[0], hash, &until_ns, &err), &err))
         call_answer(call, 201,
                     json_pack("{s:s, s:f}", "code", code, "until_utc_s", call_seconds(until_ns)));

@@ -4,21 +4,22 @@
 
 #define STAFF (INSTRUCTOR | TECHNICIAN)
 #define REVIEW (INSTRUCTOR | TRAINEE)
+#define SLOW true
 
 // clang-format off
 const struct route routes[] = {
-    {"POST",   "/sign-in",                ANYONE,     post_sign_in},
-    {"POST",   "/first",                  ANYONE,     post_first},
+    {"POST",   "/sign-in",                ANYONE,     post_sign_in, SLOW},
+    {"POST",   "/first",                  ANYONE,     post_first, SLOW},
     {"POST",   "/sign-out",               ANYONE,     post_sign_out},
     {"GET",    "/me",                     SIGNED_IN,  get_me},
-    {"PATCH",  "/me",                     SIGNED_IN,  patch_me},
+    {"PATCH",  "/me",                     SIGNED_IN,  patch_me, SLOW},
     {"POST",   "/me/sign-out",            SIGNED_IN,  post_my_sign_out},
     {"GET",    "/tokens",                 SIGNED_IN,  get_tokens},
     {"POST",   "/tokens",                 SIGNED_IN,  post_tokens},
     {"DELETE", "/tokens/*",               SIGNED_IN,  delete_token},
     {"GET",    "/accounts",               STAFF,      get_accounts},
-    {"POST",   "/accounts",               STAFF,      post_accounts},
-    {"PATCH",  "/accounts/*",             STAFF,      patch_account},
+    {"POST",   "/accounts",               STAFF,      post_accounts, SLOW},
+    {"PATCH",  "/accounts/*",             STAFF,      patch_account, SLOW},
     {"DELETE", "/accounts/*",             STAFF,      delete_account},
     {"POST",   "/accounts/*/sign-out",    STAFF,      post_account_sign_out},
     {"GET",    "/trainees",               INSTRUCTOR, get_trainees},
@@ -48,7 +49,7 @@ const struct route routes[] = {
     {"GET",    "/sessions/*",             REVIEW,     get_session},
     {"DELETE", "/sessions/*",             INSTRUCTOR, delete_session},
     {"GET",    "/sessions/*/trace",       REVIEW,     get_session_trace},
-    {"GET",    "/sessions/*/report",      REVIEW,     get_session_report},
+    {"GET",    "/sessions/*/report",      REVIEW,     get_session_report, SLOW},
     {"GET",    "/distributions",          REVIEW,     get_distributions},
     {"GET",    "/audit",                  STAFF,      get_audit},
 };

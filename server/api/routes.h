@@ -20,6 +20,7 @@ struct route {
     const char *path; // behind API_PREFIX; * is one part of any name
     int roles;
     void (*answer)(struct api_call *call); // with the store open
+    bool slow;                             // it encodes a password, or makes a report
 };
 
 extern const struct route routes[];

@@ -110,6 +110,13 @@ static json_t *find_session(struct api_call *call) {
     return NULL;
 }
 
+// Somebody else's session is being read.
+static void note_reading(struct api_call *call, const json_t *row) {
+    const char *trainee = json_string_value(json_object_get(row, "trainee"));
+    if (trainee && trainee[0] && strcmp(trainee, call->principal.trainee) != 0)
+        api_note_reading(call->api, call->principal.actor, call->args[0]);
+}
+
 static void take_result(void *array, const struct store_cell *cells, int count) {
     json_t *row = call_row(cells, count);
     const char *text = json_string_value(json_object_get(row, "details"));
@@ -127,6 +134,7 @@ void get_session(struct api_call *call) {
     json_t *row = find_session(call);
     if (!row)
         return;
+    note_reading(call, row);
     json_object_del(row, "trace");
     json_t *results = json_array();
     enum result result =
@@ -156,6 +164,7 @@ static bool find_trace(struct api_call *call, char out_path[STORE_TEXT_MAX]) {
     json_t *row = find_session(call);
     if (!row)
         return false;
+    note_reading(call, row);
     const char *trace = json_string_value(json_object_get(row, "trace"));
     snprintf(out_path, STORE_TEXT_MAX, "%s", trace ? trace : "");
     json_decref(row);
@@ -292,6 +301,32 @@ static void take_first(void *user, const struct store_cell *cells, int count) {
         snprintf(first, STORE_NAME_MAX, "%s", cells[0].text);
 }
 
+// A place among the reports that are being made, one for each account. NULL: there is none.
+static char *take_place(struct api_call *call) {
+    struct api *api = call->api;
+    const char *actor = call->principal.actor;
+    char *place = NULL;
+    bool waits = false;
+    pthread_mutex_lock(&api->reports_lock);
+    for (int i = 0; i < API_REPORTS_MAX; i++) {
+        waits = waits || !strcmp(api->reporting[i], actor);
+        if (!api->reporting[i][0])
+            place = api->reporting[i];
+    }
+    if (waits)
+        place = NULL;
+    if (place)
+        snprintf(place, STORE_NAME_MAX, "%s", actor);
+    pthread_mutex_unlock(&api->reports_lock);
+    return place;
+}
+
+static void leave_place(struct api *api, char *place) {
+    pthread_mutex_lock(&api->reports_lock);
+    place[0] = '\0';
+    pthread_mutex_unlock(&api->reports_lock);
+}
+
 static void make_report(struct api_call *call, const struct api_report *about) {
     struct web_response *r = call->response;
     struct error err = {""};
@@ -349,11 +384,12 @@ void get_session_report(struct api_call *call) {
     if (!find_trace(call, path) || !choose_course(call, &query, &about, first))
         return;
     call_close_store(call);
-    if (atomic_flag_test_and_set(&call->api->reporting)) {
-        call_refuse(call, 503, "busy", NULL, "The server is making another report.");
+    char *place = take_place(call);
+    if (!place) {
+        call_refuse(call, 503, "busy", NULL, "The server is making other reports, or one for you.");
         call->response->retry_after_s = 2;
         return;
     }
     make_report(call, &about);
-    atomic_flag_clear(&call->api->reporting);
+    leave_place(call->api, place);
 }

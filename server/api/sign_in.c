@@ -1,53 +1,30 @@
+#include "api/device.h"
 #include "api/password.h"
 #include "api/routes.h"
-#include "api/secret.h"
+#include "api/tries.h"
 #include "base/clock.h"
-#include "base/log.h"
 
 #include <stdio.h>
 #include <string.h>
-
-// ---- not too often ------------------------------------------------------------------------------
-
-// One try, by its address and its name (NULL: none).
-struct try {
-    char address[64], name[STORE_NAME_MAX + 8];
-    bool named;
-    int64_t at_ns;
-};
-
-static bool too_many(struct api_call *call, int wait_s) {
-    log_warning("api", "too many failed sign-ins from %s", call->request->address);
-    call_refuse(call, 429, "too_many", NULL, "Too many failed attempts; wait %d s.", wait_s);
-    call->response->retry_after_s = wait_s;
-    return false;
-}
-
-static bool try_begin(struct api_call *call, const char *name, struct try *out) {
-    struct throttle *throttle = &call->api->throttle;
-    int wait_s;
-    *out = (struct try){.named = name, .at_ns = clock_now_ns()};
-    throttle_address(call->request->address, out->address);
-    snprintf(out->name, sizeof out->name, "name %s", name ? name : "");
-    if (!throttle_try(throttle, out->address, THROTTLE_ADDRESS_TRIES, out->at_ns, &wait_s))
-        return too_many(call, wait_s);
-    if (!out->named || throttle_try(throttle, out->name, THROTTLE_NAME_TRIES, out->at_ns, &wait_s))
-        return true;
-    throttle_take_back(throttle, out->address, out->at_ns);
-    return too_many(call, wait_s);
-}
-
-static void try_was_right(struct api_call *call, const struct try *try) {
-    throttle_take_back(&call->api->throttle, try->address, try->at_ns);
-    if (try->named)
-        throttle_take_back(&call->api->throttle, try->name, try->at_ns);
-}
 
 // ---- in -----------------------------------------------------------------------------------------
 
 static json_t *account_json(const struct store_principal *p) {
     return json_pack("{s:s, s:s, s:s}", "name", p->name, "role", store_role_name(p->role),
                      "trainee", p->trainee);
+}
+
+// Unless the browser is known already.
+static void set_device(struct api_call *call) {
+    const char *who = call->principal.by_account ? call->principal.name : "";
+    char device[DEVICE_MAX], id[DEVICE_ID_MAX];
+    int64_t now_ns = clock_utc_ns();
+    if (device_is_known(&call->api->key, call->request->device, who, now_ns, id))
+        return;
+    device_make(&call->api->key, who, now_ns, device);
+    snprintf(call->response->device, sizeof call->response->device,
+             "arthron-device=%s; Path=/api/v1; Max-Age=%d; Secure; HttpOnly; SameSite=Strict",
+             device, DEVICE_S);
 }
 
 // Sets a cookie for the principal. RESULT_MISSING if the password or code has changed meanwhile;
@@ -65,6 +42,8 @@ static enum result set_cookie(struct api_call *call, int status) {
         return result;
     snprintf(call->response->cookie, sizeof call->response->cookie,
              "arthron=%s; Path=/; Secure; HttpOnly; SameSite=Strict", secret);
+    set_device(call);
+    tries_entered(call, call->principal.actor);
     call_answer(call, status, json_pack("{s:o}", "account", account_json(&call->principal)));
     return RESULT_OK;
 }
@@ -73,6 +52,8 @@ static enum result set_cookie(struct api_call *call, int status) {
 static bool find_account(struct api_call *call, const char *name, bool *out_there) {
     struct error err = {""};
     enum result result = store_find_account(call->store, name, &call->principal, &err);
+    if (result == RESULT_MISSING)
+        call->principal = (struct store_principal){0};
     *out_there = result == RESULT_OK && call->principal.password[0];
     return result == RESULT_MISSING || call_check(call, result, &err);
 }
@@ -84,39 +65,60 @@ static bool password_fits(struct api_call *call, bool there, const char *passwor
     return call_open_store(call) && fits;
 }
 
+static void refuse_password(struct api_call *call, const char *field, const char *text) {
+    char subject[STORE_NAME_MAX] = "no account";
+    if (call->response->status)
+        return;
+    if (call->principal.number)
+        snprintf(subject, sizeof subject, "account %lld", (long long)call->principal.number);
+    tries_note_wrong(call, "wrong password", subject);
+    call_refuse(call, 401, "wrong_password", field, "%s", text);
+}
+
 static void sign_in_by_password(struct api_call *call) {
     const char *name, *password;
-    struct try try;
+    struct tries tries;
     bool there;
     if (!call_need_text(call, "name", &name) || !call_need_text(call, "password", &password) ||
-        !find_account(call, name, &there) || !try_begin(call, name, &try))
+        !tries_begin(call, name, &tries))
         return;
+    if (!find_account(call, name, &there) ||
+        (there && !tries_may_enter(call, call->principal.actor))) {
+        tries_was_right(call, &tries); // it was not tried
+        return;
+    }
     enum result result = RESULT_MISSING;
     if (strlen(password) <= PASSWORD_MOST && password_fits(call, there, password))
         result = set_cookie(call, 200);
     if (result != RESULT_MISSING)
-        try_was_right(call, &try);
-    else if (!call->response->status)
-        call_refuse(call, 401, "wrong_password", NULL, "The name or the password is wrong.");
+        tries_was_right(call, &tries);
+    else
+        refuse_password(call, NULL, "The name or the password is wrong.");
 }
 
 static void sign_in_by_code(struct api_call *call, const char *typed) {
     char code[SECRET_CODE_MAX], hash[SECRET_MAX];
     struct error err = {""};
-    struct try try;
+    struct tries tries;
     enum result result = RESULT_MISSING;
-    if (!try_begin(call, NULL, &try))
+    if (!tries_begin(call, NULL, &tries))
         return;
     if (secret_read_code(typed, code)) {
-        secret_hash(code, hash);
+        secret_keyed_hash(&call->api->key, "code", code, hash);
         result = store_find_code(call->store, hash, &call->principal, &err);
     }
+    if (result != RESULT_MISSING)
+        tries_was_right(call, &tries);
+    if (result == RESULT_OK && !tries_may_enter(call, call->principal.actor))
+        return;
     if (result == RESULT_OK)
         result = set_cookie(call, 200);
-    if (result == RESULT_MISSING)
+    if (result == RESULT_MISSING) {
+        tries_note_wrong(call, "wrong code", "code");
         call_refuse(call, 401, "wrong_code", "code", "The code is wrong or has ended.");
-    else if (call->response->status || call_check(call, result, &err))
-        try_was_right(call, &try);
+    } else if (!call->response->status) {
+        call_check(call, result, &err);
+    }
 }
 
 void post_sign_in(struct api_call *call) {
@@ -156,9 +158,11 @@ static bool secret_fits(struct api_call *call, const char *secret) {
     pthread_mutex_lock(&api->first_lock);
     bool fits = api->first_secret[0] && secret_is(api->first_secret, secret);
     pthread_mutex_unlock(&api->first_lock);
-    if (!fits)
+    if (!fits) {
+        tries_note_wrong(call, "wrong link", "first instructor");
         call_refuse(call, 401, "wrong_secret", "secret",
                     "The link is wrong, or somebody has used it.");
+    }
     return fits;
 }
 
@@ -166,11 +170,11 @@ void post_first(struct api_call *call) {
     static const char *const fields[] = {"secret", "name", "password", NULL};
     const char *secret, *name, *password;
     char encoded[PASSWORD_ENCODED];
-    struct try try;
+    struct tries tries;
     if (!call_take_body(call, fields) || !call_need_text(call, "secret", &secret) ||
-        !try_begin(call, NULL, &try) || !secret_fits(call, secret))
+        !tries_begin(call, NULL, &tries) || !secret_fits(call, secret))
         return;
-    try_was_right(call, &try);
+    tries_was_right(call, &tries);
     if (!call_need_name(call, "name", &name) || !call_need_password(call, "password", &password))
         return;
     call_close_store(call);
@@ -236,7 +240,7 @@ void patch_me(struct api_call *call) {
     const char *old, *new;
     char encoded[PASSWORD_ENCODED], name[STORE_NAME_MAX];
     struct error err = {""};
-    struct try try;
+    struct tries tries;
     bool there;
     memcpy(name, call->principal.name, sizeof name);
     if (!call_take_body(call, fields) || !call_need_text(call, "password", &old) ||
@@ -247,14 +251,13 @@ void patch_me(struct api_call *call) {
                     "After a sign-in with a code there is no password to change.");
         return;
     }
-    if (!find_account(call, name, &there) || !try_begin(call, name, &try))
+    if (!tries_begin(call, name, &tries) || !find_account(call, name, &there))
         return;
     if (strlen(old) > PASSWORD_MOST || !password_fits(call, there, old)) {
-        if (!call->response->status)
-            call_refuse(call, 401, "wrong_password", "password", "The old password is wrong.");
+        refuse_password(call, "password", "The old password is wrong.");
         return;
     }
-    try_was_right(call, &try);
+    tries_was_right(call, &tries);
     call_close_store(call);
     password_encode(new, encoded);
     if (!call_open_store(call))

@@ -5,11 +5,12 @@
 #include "base/clock.h"
 
 #include <arpa/inet.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define WINDOW_NS (60 * NS_PER_S)
+#define FORGET_S 60
 
 static uint64_t key_of(const char *who) {
     char hash[SECRET_MAX];
@@ -18,23 +19,6 @@ static uint64_t key_of(const char *who) {
     return strtoull(hash, NULL, 16) | 1; // 0: an empty place
 }
 
-static int64_t newest(const struct throttle_key *k) {
-    int64_t ns = 0;
-    for (int i = 0; i < THROTTLE_NAME_TRIES; i++)
-        if (k->tried_ns[i] > ns)
-            ns = k->tried_ns[i];
-    return ns;
-}
-
-static int oldest(const struct throttle_key *k, int most) {
-    int found = 0;
-    for (int i = 1; i < most; i++)
-        if (k->tried_ns[i] < k->tried_ns[found])
-            found = i;
-    return found;
-}
-
-// Its place, or NULL.
 static struct throttle_key *find(struct throttle *t, uint64_t key) {
     for (int i = 0; i < THROTTLE_KEYS; i++)
         if (t->keys[i].key == key)
@@ -42,40 +26,79 @@ static struct throttle_key *find(struct throttle *t, uint64_t key) {
     return NULL;
 }
 
-// If all places are taken, the one that was unused for the longest time.
+static bool is_less(const struct throttle_key *a, const struct throttle_key *b) {
+    if (!a->key || !b->key)
+        return !a->key && b->key;
+    return a->count != b->count ? a->count < b->count : a->last_ns < b->last_ns;
+}
+
+// If all places are taken, that of the fewest tries: many new keys do not push out one that waits.
 static struct throttle_key *find_or_make(struct throttle *t, uint64_t key) {
     struct throttle_key *place = find(t, key);
     if (place)
         return place;
     place = &t->keys[0];
-    for (int i = 1; i < THROTTLE_KEYS && place->key; i++)
-        if (!t->keys[i].key || newest(&t->keys[i]) < newest(place))
+    for (int i = 1; i < THROTTLE_KEYS; i++)
+        if (is_less(&t->keys[i], place))
             place = &t->keys[i];
     *place = (struct throttle_key){.key = key};
     return place;
 }
 
-bool throttle_try(struct throttle *t, const char *who, int most, int64_t now_ns, int *out_wait_s) {
-    CHECK(most > 0 && most <= THROTTLE_NAME_TRIES);
-    pthread_mutex_lock(&t->lock);
-    struct throttle_key *k = find_or_make(t, key_of(who));
-    int64_t *place = &k->tried_ns[oldest(k, most)];
-    int64_t left_ns = *place ? *place + WINDOW_NS - now_ns : 0;
-    if (left_ns <= 0)
-        *place = now_ns;
-    pthread_mutex_unlock(&t->lock);
-    *out_wait_s = left_ns > 0 ? (int)((left_ns + NS_PER_S - 1) / NS_PER_S) : 0;
-    return left_ns <= 0;
+static int64_t forget_ns(const struct throttle_rule *rule) {
+    int s = 2 * rule->most_s;
+    return (s > FORGET_S ? s : FORGET_S) * NS_PER_S;
 }
 
-void throttle_take_back(struct throttle *t, const char *who, int64_t tried_ns) {
+static int64_t wait_ns(const struct throttle_rule *rule, int count) {
+    if (count < rule->free)
+        return 0;
+    int64_t s = rule->first_s;
+    for (int i = rule->free; i < count && s < rule->most_s; i++)
+        s *= 2;
+    return (s < rule->most_s ? s : rule->most_s) * NS_PER_S;
+}
+
+// How long is left until the next try; 0: none.
+static int64_t left_ns(struct throttle_key *k, const struct throttle_rule *rule, int64_t now_ns) {
+    if (k->count > 0 && now_ns - k->last_ns >= forget_ns(rule))
+        k->count = 0;
+    int64_t left = k->count > 0 ? k->last_ns + wait_ns(rule, k->count) - now_ns : 0;
+    return left > 0 ? left : 0;
+}
+
+static bool ask(struct throttle *t, const char *who, const struct throttle_rule *rule,
+                int64_t now_ns, bool counts, int *out_wait_s) {
+    CHECK(rule->free > 0 && rule->first_s > 0 && rule->most_s >= rule->first_s);
+    uint64_t key = key_of(who);
     pthread_mutex_lock(&t->lock);
-    struct throttle_key *k = find(t, key_of(who));
-    for (int i = 0; k && i < THROTTLE_NAME_TRIES; i++)
-        if (k->tried_ns[i] == tried_ns) {
-            k->tried_ns[i] = 0;
-            break;
-        }
+    struct throttle_key *k = counts ? find_or_make(t, key) : find(t, key);
+    int64_t left = k ? left_ns(k, rule, now_ns) : 0;
+    if (counts && !left) {
+        k->count += k->count < INT_MAX;
+        k->last_ns = now_ns;
+    }
+    pthread_mutex_unlock(&t->lock);
+    *out_wait_s = (int)((left + NS_PER_S - 1) / NS_PER_S);
+    return !left;
+}
+
+bool throttle_try(struct throttle *t, const char *who, const struct throttle_rule *rule,
+                  int64_t now_ns, int *out_wait_s) {
+    return ask(t, who, rule, now_ns, true, out_wait_s);
+}
+
+bool throttle_may(struct throttle *t, const char *who, const struct throttle_rule *rule,
+                  int64_t now_ns, int *out_wait_s) {
+    return ask(t, who, rule, now_ns, false, out_wait_s);
+}
+
+void throttle_take_back(struct throttle *t, const char *who) {
+    uint64_t key = key_of(who);
+    pthread_mutex_lock(&t->lock);
+    struct throttle_key *k = find(t, key);
+    if (k && k->count > 0)
+        k->count--;
     pthread_mutex_unlock(&t->lock);
 }
 

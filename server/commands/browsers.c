@@ -31,6 +31,10 @@ static void on_request(void *user, const struct web_request *request, struct web
     api_answer(((struct browsers *)user)->api, request, out);
 }
 
+static bool is_slow(const char *method, const char *path) {
+    return api_is_slow(method, path);
+}
+
 static enum result on_enter(void *user, const char *token, struct web_account *out_account) {
     return api_enter(((struct browsers *)user)->api, token, out_account);
 }
@@ -69,30 +73,33 @@ static void ring(void *user) {
 
 struct ownership {
     const struct live_account *viewer_account;
-    bool is_own;
+    bool is_own, is_others; // neither: it is nobody's
 };
 
 static void take_row(void *user, const struct store_cell *cells, int count) {
     struct ownership *o = user;
     for (int i = 0; i < count; i++)
-        if (!strcmp(cells[i].column, "trainee") && cells[i].kind == STORE_TEXT)
+        if (!strcmp(cells[i].column, "trainee") && cells[i].kind == STORE_TEXT) {
             o->is_own =
                 o->viewer_account->trainee[0] && !strcmp(cells[i].text, o->viewer_account->trainee);
+            o->is_others = !o->is_own;
+        }
 }
 
-// Instructors see all recorded sessions, trainees their own.
+// Instructors see all recorded sessions, trainees their own. The audit log says who sees others'.
 static bool allowed(void *user, const struct live_account *viewer_account, const char *session) {
     const struct browsers *b = user;
-    struct ownership ownership = {viewer_account, false};
+    struct ownership ownership = {.viewer_account = viewer_account};
     struct store *store;
-    if (!strcmp(viewer_account->role, store_role_name(ROLE_INSTRUCTOR)))
-        return true;
-    if (strcmp(viewer_account->role, store_role_name(ROLE_TRAINEE)) != 0 ||
-        store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) != RESULT_OK)
+    bool is_instructor = !strcmp(viewer_account->role, store_role_name(ROLE_INSTRUCTOR));
+    if (!is_instructor && strcmp(viewer_account->role, store_role_name(ROLE_TRAINEE)) != 0)
         return false;
-    store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL);
+    if (store_open(b->records, STORE_THERE, viewer_account->name, &store, NULL) == RESULT_OK)
+        store_rows(store, LIST_SESSIONS, session, take_row, &ownership, NULL);
     store_close(&store);
-    return ownership.is_own;
+    if (is_instructor && ownership.is_others)
+        api_note_reading(b->api, viewer_account->name, session);
+    return is_instructor || ownership.is_own;
 }
 
 // ---- joining ------------------------------------------------------------------------------------
@@ -160,6 +167,7 @@ static enum result open_web(struct browsers *b, const struct web_settings *setti
     const struct web_handler handler = {
         .user = b,
         .on_request = on_request,
+        .is_slow = is_slow,
         .on_enter = on_enter,
         .on_viewer = on_viewer,
         .on_page = on_page,

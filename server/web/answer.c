@@ -337,6 +337,7 @@ static void put_disposition(struct answer *a, const char *name) {
 static void put_headers(struct answer *a, const struct web_response *r) {
     put_header(a, "Content-Type", r->type[0] ? r->type : "application/json");
     put_header(a, "Set-Cookie", r->cookie);
+    put_header(a, "Set-Cookie", r->device);
     put_etag(a, r->etag, r->compress);
     put_disposition(a, r->download);
     put(a, "Cache-Control: %s\r\n", r->etag[0] ? "private, no-cache" : "no-store");

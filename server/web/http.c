@@ -82,6 +82,13 @@ static bool takes_gzip(const char *accepted) {
     return strncmp(at, ";q=0", 4) || (at[4] == '.' && strspn(at + 5, "0") != strcspn(at + 5, ", "));
 }
 
+static void read_device(struct lws *socket, char out_device[WEB_TOKEN_MAX]) {
+    char text[2048];
+    out_device[0] = '\0';
+    if (header(socket, WSI_TOKEN_HTTP_COOKIE, text, sizeof text))
+        token_of_device(text, out_device);
+}
+
 static void read_options(struct lws *socket, struct answer_options *options) {
     char accepted[128];
     header(socket, WSI_TOKEN_HTTP_ACCEPT_ENCODING, accepted, sizeof accepted);
@@ -243,6 +250,7 @@ int http_begin(struct web_connection *c) {
     struct web_task *task = c->task = web_task_create(WEB_TASK_REQUEST, c);
     read_method(c->socket, task, &uri, &uri_length);
     read_token(c->socket, task->token, &task->by_cookie);
+    read_device(c->socket, task->device);
     read_options(c->socket, &task->options);
     memcpy(task->address, c->address, sizeof task->address);
     bool readable = read_path(task, uri, uri_length) && read_query(c->socket, task);

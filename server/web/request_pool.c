@@ -7,6 +7,8 @@
 #include <stdlib.h>
 
 #define THREADS 2
+#define SLOW_THREADS 3
+#define SLOW_NICE 15    // behind steps and cuts
 #define URGENT_MAX 4096 // one of each connection, and those of connections that have ended
 
 struct request_pool {
@@ -14,7 +16,7 @@ struct request_pool {
     void (*on_done)(void *user);
     void *user;
     struct gzip_cache *cache;
-    struct task_pool *tasks;
+    struct task_pool *tasks, *slow;
     pthread_mutex_t lock; // guards what follows
     struct web_task *first_done, **end_done;
 };
@@ -48,6 +50,7 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
         .size = task->size,
         .token = task->token[0] ? task->token : NULL,
         .by_cookie = task->by_cookie,
+        .device = task->device[0] ? task->device : NULL,
         .address = task->address,
     };
     p->handler.on_request(p->handler.user, &request, &response);
@@ -88,8 +91,11 @@ static void finish(void *data, bool done) {
 bool request_pool_add(struct request_pool *p, struct web_task *task) {
     bool urgent = task->kind != WEB_TASK_REQUEST; // a running download goes before a new request
     task->pool = p;
+    bool slow = task->kind == WEB_TASK_REQUEST && p->handler.is_slow &&
+                p->handler.is_slow(task->method, task->path);
     return task_pool_add(
-        p->tasks, &(struct task){.urgent = urgent, .run = run, .finish = finish, .data = task});
+        slow ? p->slow : p->tasks,
+        &(struct task){.urgent = urgent, .run = run, .finish = finish, .data = task});
 }
 
 struct web_task *request_pool_take_done(struct request_pool *p) {
@@ -109,6 +115,9 @@ struct request_pool *request_pool_create(const struct web_handler *handler,
     const struct task_pool_settings settings = {.threads = THREADS,
                                                 .tasks_max = REQUEST_POOL_WAITING_MAX + THREADS,
                                                 .urgent_max = URGENT_MAX};
+    const struct task_pool_settings slow = {.threads = SLOW_THREADS,
+                                            .tasks_max = REQUEST_POOL_WAITING_MAX + SLOW_THREADS,
+                                            .nice = SLOW_NICE};
     struct request_pool *p = alloc(1, sizeof *p);
     p->handler = *handler;
     p->on_done = on_done;
@@ -117,16 +126,19 @@ struct request_pool *request_pool_create(const struct web_handler *handler,
     p->end_done = &p->first_done;
     pthread_mutex_init(&p->lock, NULL);
     p->tasks = task_pool_create(&settings);
+    p->slow = task_pool_create(&slow);
     return p;
 }
 
 void request_pool_stop(struct request_pool *p) {
     task_pool_stop(p->tasks);
+    task_pool_stop(p->slow);
 }
 
 void request_pool_destroy(struct request_pool **pool) {
     struct request_pool *p = *pool;
     task_pool_destroy(&p->tasks);
+    task_pool_destroy(&p->slow);
     for (struct web_task *task; (task = request_pool_take_done(p));)
         web_task_destroy(&task);
     gzip_cache_destroy(&p->cache);

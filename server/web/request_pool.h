@@ -6,7 +6,7 @@
 #include "web/token.h"
 #include "web/web.h"
 
-#define REQUEST_POOL_WAITING_MAX 64 // requests
+#define REQUEST_POOL_WAITING_MAX 64 // requests, and as many slow ones
 
 enum web_task_kind {
     WEB_TASK_ACCOUNT, // whose token it is
@@ -20,6 +20,7 @@ struct web_task {
     struct web_task *next;
     struct request_pool *pool;
     char token[WEB_TOKEN_MAX];
+    char device[WEB_TOKEN_MAX]; // empty: none
     // WEB_TASK_ACCOUNT
     enum result entry;
     struct web_account account;

@@ -16,16 +16,25 @@ static bool take_token(const char *text, size_t length, char out_token[WEB_TOKEN
     return true;
 }
 
-bool token_of_cookies(const char *cookies, char out_token[WEB_TOKEN_MAX]) {
-    static const char name[] = "arthron=";
+// name: with its "=".
+static bool take_cookie(const char *cookies, const char *name, char out_token[WEB_TOKEN_MAX]) {
+    size_t name_length = strlen(name);
     for (const char *at = cookies; *at;) {
         at += strspn(at, "; ");
         size_t length = strcspn(at, "; ");
-        if (!strncmp(at, name, sizeof name - 1))
-            return take_token(at + sizeof name - 1, length - (sizeof name - 1), out_token);
+        if (!strncmp(at, name, name_length))
+            return take_token(at + name_length, length - name_length, out_token);
         at += length;
     }
     return false;
+}
+
+bool token_of_cookies(const char *cookies, char out_token[WEB_TOKEN_MAX]) {
+    return take_cookie(cookies, "arthron=", out_token);
+}
+
+bool token_of_device(const char *cookies, char out_token[WEB_TOKEN_MAX]) {
+    return take_cookie(cookies, "arthron-device=", out_token);
 }
 
 bool token_of_authorization(const char *authorization, char out_token[WEB_TOKEN_MAX]) {

@@ -26,7 +26,7 @@ struct web_account {
     char trainee[64]; // empty: none
 };
 
-// Texts live until on_request returns. Only `token` may be NULL.
+// Texts live until on_request returns. Only `token` and `device` may be NULL.
 struct web_request {
     const char *method; // "GET" (also for HEAD), "POST", "PATCH", "DELETE"
     const char *path;   // "/api/v1/...": unescaped, without the query
@@ -35,6 +35,7 @@ struct web_request {
     size_t size;
     const char *token;   // of the cookie `arthron` or of `Authorization: Bearer`; NULL: none
     bool by_cookie;      // the token is the cookie's
+    const char *device;  // of the cookie `arthron-device`; NULL: none
     const char *address; // the browser's
 };
 
@@ -50,6 +51,7 @@ struct web_response {
     bool compress;      // with gzip, for browsers that accept it; a compressed file is cached
     char etag[80];      // without quotes; empty: browsers must not store it
     char cookie[256];   // the value of Set-Cookie
+    char device[256];   // the value of another Set-Cookie
     char download[128]; // the file name for a browser's download
     int retry_after_s;
 };
@@ -57,7 +59,7 @@ struct web_response {
 struct web_handler {
     void *user;
 
-    // ---- from two threads at the same time; may take time ---------------------------------------
+    // ---- from several threads at the same time; may take time -----------------------------------
 
     // *out_response is all zero.
     void (*on_request)(void *user, const struct web_request *request,
@@ -88,6 +90,10 @@ struct web_handler {
                        int64_t *out_next_ns);
 
     void (*on_left)(void *user, void *viewer);
+
+    // Whether a request may take long. Such requests have threads of their own, at a low priority.
+    // From the web thread; must not block. NULL: none does.
+    bool (*is_slow)(const char *method, const char *path);
 };
 
 struct web_config {

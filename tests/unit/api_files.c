@@ -13,6 +13,7 @@
 struct api *the_api;
 char api_dir[FOLDER_MAX];
 struct web_response answer;
+const char *device;
 json_t *said;
 
 static struct error err;
@@ -201,6 +202,7 @@ int ask_from(const char *address, const char *method, const char *path, const ch
                                         .size = body ? strlen(body) : 0,
                                         .token = token,
                                         .by_cookie = true,
+                                        .device = device,
                                         .address = address};
     forget_answer();
     api_answer(the_api, &request, &answer);

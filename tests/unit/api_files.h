@@ -35,7 +35,8 @@ const char *token_of_code(const char *trainee); // of a browser that came in by 
 
 // What came back. Its members live until the next request.
 extern struct web_response answer;
-extern json_t *said; // the body where it is JSON, else NULL
+extern const char *device; // the device cookie that requests have, or NULL
+extern json_t *said;       // the body where it is JSON, else NULL
 
 // "GET", "/sessions?limit=3": the status. token, body: or NULL.
 int ask(const char *method, const char *path, const char *token, const char *body);

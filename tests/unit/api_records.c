@@ -254,8 +254,51 @@ static void a_trainee_sees_no_distribution_of_few_trainees(void **state) {
     for (int i = 0; i < sessions; i++) {
         char at[48];
         snprintf(at, sizeof at, "distributions.0.values.%d", i);
-        assert_near(number_at(at), i, 0);
+        assert_near(number_at(at), 8, 0); // the mean of all, 7.5, to steps of 2
     }
+    assert_int_equal(ask("GET", path, token_of("grace"), NULL), 200);
+    assert_near(number_at("distributions.0.values.3"), 3, 0);
+}
+
+// Those of a session that is somebody's, once in an hour.
+static int readings(const char *session) {
+    int count = 0;
+    size_t i;
+    json_t *row;
+    char subject[64];
+    snprintf(subject, sizeof subject, "session %s", session);
+    assert_int_equal(ask("GET", "/audit", token_of("tom"), NULL), 200);
+    json_array_foreach(json_object_get(said, "audit"), i, row) count +=
+        !strcmp(json_string_value(json_object_get(row, "action")), "read") &&
+        !strcmp(json_string_value(json_object_get(row, "subject")), subject);
+    return count;
+}
+
+static void who_reads_a_trainees_session_is_in_the_audit_log(void **state) {
+    (void)state;
+    static const char *const parts[] = {"", "/trace", "/report"};
+    char path[80];
+    char grace[80], ada[80];
+    snprintf(grace, sizeof grace, "%s", token_of("grace"));
+    snprintf(ada, sizeof ada, "%s", token_of("ada.l"));
+    assert_int_equal(ask("GET", "/sessions", grace, NULL), 200);
+    assert_int_equal(readings(SESSION_ADA), 0);
+    for (int i = 0; i < 9; i++) {
+        snprintf(path, sizeof path, "/sessions/" SESSION_ADA "%s", parts[i % 3]);
+        assert_int_equal(ask("GET", path, grace, NULL), 200);
+        assert_int_equal(readings(SESSION_ADA), 1);
+        assert_int_equal(ask("GET", path, ada, NULL), 200);
+        assert_int_equal(readings(SESSION_ADA), 1);
+    }
+    for (int i = 0; i < 3; i++) {
+        snprintf(path, sizeof path, "/sessions/" SESSION_EVE "%s", parts[i]);
+        assert_int_equal(ask("GET", path, ada, NULL), 404);
+    }
+    assert_int_equal(readings(SESSION_EVE), 0);
+    assert_int_equal(ask("GET", "/sessions/" SESSION_EVE "/trace", grace, NULL), 200);
+    assert_int_equal(readings(SESSION_EVE), 1);
+    assert_int_equal(ask("GET", "/sessions/" SESSION_NOBODY, grace, NULL), 200);
+    assert_int_equal(readings(SESSION_NOBODY), 0);
 }
 
 // ---- people -------------------------------------------------------------------------------------
@@ -482,6 +525,7 @@ int main(void) {
         TEST(distributions_have_values_and_no_names),
         TEST(a_trainee_sees_distributions_of_their_own_courses),
         TEST(a_trainee_sees_no_distribution_of_few_trainees),
+        TEST(who_reads_a_trainees_session_is_in_the_audit_log),
         TEST(people_are_added_and_listed),
         TEST(every_change_is_in_the_audit_log_with_who_made_it),
         TEST(many_may_ask_at_once),

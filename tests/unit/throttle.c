@@ -1,7 +1,9 @@
 // How often somebody may be wrong, on a clock of the test's own; and secrets.
 #include "api/throttle.h"
 
+#include "api/device.h"
 #include "api/secret.h"
+#include "api/tally.h"
 #include "base/clock.h"
 #include "test.h"
 
@@ -17,89 +19,97 @@ static int begin(void **state) {
     return 0;
 }
 
+static const struct throttle_rule rule = {.free = 5, .first_s = 5, .most_s = 300};
+
 static bool tries(const char *who, double s) {
     int wait_s;
-    bool may = throttle_try(&throttle, who, 5, 1 + (int64_t)(s * NS_PER_S), &wait_s);
-    assert_true(may ? wait_s == 0 : wait_s >= 1 && wait_s <= 60);
+    bool may = throttle_try(&throttle, who, &rule, (int64_t)(s * NS_PER_S), &wait_s);
+    assert_true(may ? wait_s == 0 : wait_s >= 1 && wait_s <= 300);
     return may;
 }
 
-static void five_wrong_in_a_minute_are_enough(void **state) {
+// 5 s, 10 s, 20 s ... 300 s.
+static void behind_the_free_ones_each_wait_is_twice_as_long(void **state) {
     (void)state;
+    double s = 100;
     int wait_s;
     for (int i = 0; i < 5; i++)
-        assert_true(tries("ada", i));
-    for (double s = 5; s < 59; s += 7)
-        assert_false(tries("ada", s));
-    assert_true(tries("eve", 10));
-    assert_false(throttle_try(&throttle, "ada", 5, 50 * NS_PER_S, &wait_s));
-    assert_in_range(wait_s, 10, 11);
-    assert_true(tries("ada", 60.5));
-    assert_false(tries("ada", 60.7)); // that of the second 1 still counts
-    assert_true(tries("ada", 61.5));
-    for (int i = 0; i < 5; i++)
-        assert_true(tries("ada", 200 + i));
-    assert_false(tries("ada", 205));
+        assert_true(tries("ada", s));
+    for (double wait = 5; s < 5000; wait = wait < 300 ? 2 * wait : 300) {
+        double most = wait < 300 ? wait : 300;
+        assert_false(tries("ada", s + most - 0.1));
+        assert_false(
+            throttle_may(&throttle, "ada", &rule, (int64_t)((s + 0.5) * NS_PER_S), &wait_s));
+        assert_int_equal(wait_s, (int)most);
+        assert_true(tries("eve", s + 1000));
+        throttle_take_back(&throttle, "eve");
+        s += most;
+        assert_true(tries("ada", s));
+    }
 }
 
-static void of_a_name_thirty_are_enough(void **state) {
+static void quiet_makes_it_forget(void **state) {
     (void)state;
-    int wait_s;
-    for (int i = 0; i < 30; i++)
-        assert_true(throttle_try(&throttle, "name ada", 30, (i + 1) * NS_PER_S, &wait_s));
-    assert_false(throttle_try(&throttle, "name ada", 30, 60 * NS_PER_S, &wait_s));
-    assert_int_equal(wait_s, 1);
-    assert_true(throttle_try(&throttle, "name ada", 30, 61 * NS_PER_S, &wait_s));
-    assert_false(throttle_try(&throttle, "name ada", 30, 61 * NS_PER_S + 1, &wait_s));
+    for (int i = 0; i < 5; i++)
+        assert_true(tries("ada", 1));
+    assert_true(tries("ada", 590));
+    assert_false(tries("ada", 591)); // nothing was forgotten
+    assert_true(tries("ada", 1190));
+    for (int i = 0; i < 4; i++)
+        assert_true(tries("ada", 1190));
+    assert_false(tries("ada", 1190));
 }
 
-// At any rate, in no window of a minute are there more than five.
-static void no_rate_gets_more_than_five_through_in_any_minute(void **state) {
+// However fast somebody asks: 5 free ones and 9 that waited in a quarter of an hour.
+static void no_rate_gets_many_through(void **state) {
     (void)state;
     for (int rate = 1; rate < 40; rate += 3) {
-        double let[4096];
         int count = 0;
         begin(NULL);
-        for (int i = 0; i < 400; i++)
-            if (tries("ada", (double)i * rate / 7))
-                let[count++] = (double)i * rate / 7;
-        for (int i = 5; i < count; i++)
-            assert_true(let[i] - let[i - 5] >= 60 - 1e-6);
-        assert_true(count >= 5);
+        for (double s = 0; s < 900; s += (double)rate / 7)
+            count += tries("ada", s + 1);
+        assert_in_range(count, 5, 13);
     }
+}
+
+static void to_ask_does_not_count(void **state) {
+    (void)state;
+    int wait_s;
+    for (int i = 0; i < 100; i++)
+        assert_true(throttle_may(&throttle, "ada", &rule, NS_PER_S, &wait_s));
+    for (int i = 0; i < 5; i++)
+        assert_true(tries("ada", 1));
+    assert_false(throttle_may(&throttle, "ada", &rule, NS_PER_S, &wait_s));
+    assert_int_equal(wait_s, 5);
 }
 
 static void tries_taken_back_do_not_count_and_others_stay(void **state) {
     (void)state;
     for (int i = 0; i < 100; i++) {
         assert_true(tries("ada", 1 + i * 0.1));
-        throttle_take_back(&throttle, "ada", 1 + (int64_t)((1 + i * 0.1) * NS_PER_S));
+        throttle_take_back(&throttle, "ada");
     }
     for (int i = 0; i < 4; i++)
-        assert_true(tries("ada", 20 + i));
-    assert_true(tries("ada", 25));
-    throttle_take_back(&throttle, "ada", 1 + 25 * NS_PER_S);
-    assert_true(tries("ada", 26));
-    assert_false(tries("ada", 27));
-    throttle_take_back(&throttle, "nobody", 1);
-    assert_false(tries("ada", 28));
+        assert_true(tries("ada", 20));
+    assert_true(tries("ada", 20));
+    throttle_take_back(&throttle, "ada");
+    assert_true(tries("ada", 20));
+    assert_false(tries("ada", 21));
+    throttle_take_back(&throttle, "nobody");
+    assert_false(tries("ada", 21));
 }
 
-static void it_knows_a_few_thousand_at_a_time(void **state) {
+// Somebody with many addresses does not make it forget whom they guess at.
+static void many_who_tried_once_do_not_push_out_one_who_waits(void **state) {
     (void)state;
     char who[32];
     for (int i = 0; i < 5; i++)
-        assert_true(tries("ada", i));
-    for (int i = 1; i < THROTTLE_KEYS; i++) {
+        assert_true(tries("ada", 1));
+    for (int i = 1; i < 2 * THROTTLE_KEYS; i++) {
         snprintf(who, sizeof who, "%d", i);
-        assert_true(tries(who, 5 + i * 1e-4));
+        assert_true(tries(who, 1 + i * 1e-5));
     }
-    assert_false(tries("ada", 6));
-    for (int i = THROTTLE_KEYS; i < 3 * THROTTLE_KEYS; i++) { // the oldest makes room
-        snprintf(who, sizeof who, "%d", i);
-        assert_true(tries(who, 6 + i * 1e-4));
-    }
-    assert_true(tries("ada", 9));
+    assert_false(tries("ada", 2));
 }
 
 static void an_address_of_ipv6_counts_with_its_network(void **state) {
@@ -122,6 +132,46 @@ static void an_address_of_ipv6_counts_with_its_network(void **state) {
     }
 }
 
+// ---- what is told -------------------------------------------------------------------------------
+
+static void what_is_told_of_many_is_little(void **state) {
+    (void)state;
+    static struct tally tally = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    int told = 0;
+    for (int i = 0; i < 1000; i++)
+        told += tally_is_told(tally_add(&tally, "ada", NS_PER_S + i));
+    assert_int_equal(told, 10); // 1, 2, 4 ... 512
+    assert_int_equal(tally_add(&tally, "eve", NS_PER_S), 1);
+    assert_int_equal(tally_add(&tally, "ada", 3600 * NS_PER_S), 1001);
+    assert_int_equal(tally_add(&tally, "ada", 3601 * NS_PER_S), 1);
+}
+
+// ---- devices ------------------------------------------------------------------------------------
+
+static void a_device_is_known_for_its_person_alone(void **state) {
+    (void)state;
+    const struct secret_key key = {{1}}, other = {{2}};
+    const int64_t day_ns = 86400 * NS_PER_S, now_ns = 20000 * day_ns;
+    char device[DEVICE_MAX], changed[DEVICE_MAX], id[DEVICE_ID_MAX], again[DEVICE_MAX];
+    device_make(&key, "grace", now_ns, device);
+    device_make(&key, "grace", now_ns, again);
+    assert_string_not_equal(device, again);
+    assert_true(device_is_known(&key, device, "grace", now_ns, id));
+    assert_true(device_is_known(&key, device, "grace", now_ns + 89 * day_ns, id));
+    assert_false(device_is_known(&key, device, "grace", now_ns + 90 * day_ns, id));
+    assert_false(device_is_known(&key, device, "grac", now_ns, id));
+    assert_false(device_is_known(&key, device, "", now_ns, id));
+    assert_false(device_is_known(&other, device, "grace", now_ns, id));
+    assert_false(device_is_known(&key, NULL, "grace", now_ns, id));
+    for (size_t i = 0; i < strlen(device); i++) {
+        memcpy(changed, device, sizeof changed);
+        changed[i] = changed[i] == '0' ? '1' : '0';
+        assert_false(device_is_known(&key, changed, "grace", now_ns, id));
+    }
+    device[DEVICE_MAX - 2] = '\0';
+    assert_false(device_is_known(&key, device, "grace", now_ns, id));
+}
+
 // ---- secrets ------------------------------------------------------------------------------------
 
 static void secrets_differ_and_only_their_hash_is_theirs(void **state) {
@@ -136,6 +186,22 @@ static void secrets_differ_and_only_their_hash_is_theirs(void **state) {
     assert_false(secret_is(a, ""));
     secret_hash("abc", hash); // FIPS 180-2, B.1
     assert_string_equal(hash, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+static void a_keyed_hash_needs_its_key(void **state) {
+    (void)state;
+    struct secret_key key = {{0}};
+    char hash[SECRET_MAX], again[SECRET_MAX], plain[SECRET_MAX];
+    secret_keyed_hash(&key, "code", "ABCDEFGH", hash);
+    // printf 'code\nABCDEFGH' | openssl dgst -sha256 -mac HMAC -macopt hexkey:00...00
+    assert_string_equal(hash, "c526e2ff185ad1b65ae3e1fd81185f5b5ceb6dc24db6be39251cefa10a2bf200");
+    secret_keyed_hash(&key, "device", "ABCDEFGH", again);
+    assert_string_not_equal(hash, again);
+    key.bytes[31] = 1;
+    secret_keyed_hash(&key, "code", "ABCDEFGH", again);
+    assert_string_not_equal(hash, again);
+    secret_hash("ABCDEFGH", plain);
+    assert_string_not_equal(hash, plain);
 }
 
 static void a_code_is_read_as_people_type_it(void **state) {
@@ -160,11 +226,15 @@ static void a_code_is_read_as_people_type_it(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(f) cmocka_unit_test_setup(f, begin)
-        TEST(five_wrong_in_a_minute_are_enough),
-        TEST(of_a_name_thirty_are_enough),
-        TEST(no_rate_gets_more_than_five_through_in_any_minute),
+        TEST(behind_the_free_ones_each_wait_is_twice_as_long),
+        TEST(quiet_makes_it_forget),
+        TEST(no_rate_gets_many_through),
+        TEST(to_ask_does_not_count),
         TEST(tries_taken_back_do_not_count_and_others_stay),
-        TEST(it_knows_a_few_thousand_at_a_time),
+        TEST(many_who_tried_once_do_not_push_out_one_who_waits),
+        TEST(what_is_told_of_many_is_little),
+        TEST(a_device_is_known_for_its_person_alone),
+        TEST(a_keyed_hash_needs_its_key),
         TEST(an_address_of_ipv6_counts_with_its_network),
         TEST(secrets_differ_and_only_their_hash_is_theirs),
         TEST(a_code_is_read_as_people_type_it),

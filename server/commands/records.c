@@ -260,13 +260,11 @@ static enum result export_statements(struct store *store, const struct records_r
 
 static int export(struct store *store, const struct records_request *r) {
     struct error err;
-    enum result result = RESULT_OK;
     if (!r->csv && !r->xapi)
         return argument_wrong(program, "export needs --csv DIR or --xapi FILE");
-    if (r->csv)
+    enum result result = store_note(store, "export", "records", &err); // before it is done
+    if (result == RESULT_OK && r->csv)
         result = rows_export_csv(store, r->csv, &err);
-    if (result == RESULT_OK)
-        result = store_note(store, "export", "records", &err);
     if (result == RESULT_OK && r->xapi)
         result = export_statements(store, r, &err);
     return done(result, &err, "wrote %s%s%s", r->csv ? r->csv : "",

@@ -124,13 +124,19 @@ static void join_boxes(struct import_arrays *out) {
         join_box(out, knee_of_boxes[i].centre, knee_of_boxes[i].half, false);
 }
 
+static struct import_parts split_boxes(struct import_arrays *joined) {
+    struct import_parts parts;
+    join_boxes(joined);
+    assert_ok(import_split(joined, &parts, &err));
+    return parts;
+}
+
 static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **state) {
     (void)state;
     struct import_arrays joined;
-    static struct import_parts parts;
     struct import_frame frame;
-    join_boxes(&joined);
-    assert_ok(import_split(&joined, &parts, &err));
+    static struct import_parts parts;
+    parts = split_boxes(&joined);
     assert_int_equal(parts.count, BOXES);
     assert_int_equal(parts.left_out, 0);
     assert_true(import_axes("RAS", &frame));
@@ -150,7 +156,16 @@ static void a_file_of_several_parts_is_split_and_its_parts_get_names(void **stat
     assert_true(import_axes("RAI", &frame)); // upside down: the other bone is the femur
     assert_ok(import_name_parts(&parts, &frame, "right", &err));
     assert_string_equal(parts.names[0], "tibia");
+    import_parts_fini(&parts);
+    import_arrays_fini(&joined);
+}
+
+static void the_axes_of_a_file_of_several_parts_are_guessed(void **state) {
+    (void)state;
+    struct import_arrays joined;
+    static struct import_parts parts;
     char letters[4];
+    parts = split_boxes(&joined);
     import_guess_axes(&parts, letters);
     assert_string_equal(letters, "RAS");
     import_parts_fini(&parts);
@@ -276,6 +291,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_unit_is_that_of_the_whole_knee_and_a_mesh_of_another_one_is_named),
         cmocka_unit_test(a_file_of_several_parts_is_split_and_its_parts_get_names),
+        cmocka_unit_test(the_axes_of_a_file_of_several_parts_are_guessed),
         cmocka_unit_test(triangles_that_share_places_are_one_part),
         cmocka_unit_test(voids_stay_with_their_bone_in_a_mirrored_file),
         cmocka_unit_test(closed_parts_that_touch_stay_apart),

@@ -1,6 +1,7 @@
 #include "check/check.h"
 
 #include "base/check.h"
+#include "check/eased.h"
 #include "check/findings.h"
 #include "mesh/topology.h"
 
@@ -11,6 +12,8 @@
 #define NEAR_JOINT_MM 60
 #define PLANES_OFF_MM 10
 #define FLEXION_MAX_DEG 120
+#define EASED_EVERY_DEG 60 // of what lies between S' and S'_max, and on a coarser grid
+#define EASED_COARSER 2
 
 struct check_settings check_settings_default(bool quick) {
     struct session_settings session = session_settings_default();
@@ -132,19 +135,27 @@ static void tell(void *context, double share) {
                               (1 - share) * stage->from + share * stage->to);
 }
 
-static enum result walk(const struct case_check *check, const struct scene *scene,
-                        const struct scene_stance *stance, const struct moved *moved,
-                        const struct progress *progress, struct check_pose *at, struct error *err) {
+struct walk {
+    const struct scene_stance *stance;
+    const struct warp_scene *aimed; // as field_walk
+    const struct moved *moved;
+    double spacing_mm;
+};
+
+static enum result walk_space(const struct case_check *check, const struct scene *scene,
+                              const struct walk *walk, const struct progress *progress,
+                              uint64_t places[PLACE_COUNT], struct field_figures *figures,
+                              struct error *err) {
     struct space_surface roles[CASE_GROUPS_MAX];
     struct plane planes[CONVEX_PLANES_MAX];
     check_roles(scene, roles);
     struct space_setup setup = {
-        .scene = &stance->warp,
+        .scene = &walk->stance->warp,
         .surfaces = roles,
         .planes = planes,
-        .plane_count = check_planes(scene, stance, planes),
-        .box = common(moved_box(moved), bounds(scene, stance)),
-        .spacing_mm = check->settings.spacing_mm,
+        .plane_count = check_planes(scene, walk->stance, planes),
+        .box = common(moved_box(walk->moved), bounds(scene, walk->stance)),
+        .spacing_mm = walk->spacing_mm,
     };
     struct space space;
     enum result result = space_init(&setup, &space, err);
@@ -153,14 +164,33 @@ static enum result walk(const struct case_check *check, const struct scene *scen
     space_find_pockets(&space);
     size_t count = space_count(&space);
     for (size_t n = 0; n < count; n++)
-        at->places[space.places[n]]++;
-    field_walk(&stance->warp, &check->settings.field, moved, &space, progress, at->field);
+        places[space.places[n]]++;
+    field_walk(&walk->stance->warp, walk->aimed, &check->settings.field, walk->moved, &space,
+               progress, figures);
     space_fini(&space);
     return RESULT_OK;
 }
 
+static enum result look_eased(const struct case_check *check, const struct scene *scene,
+                              const struct eased *eased, const struct scene_stance *stance,
+                              struct check_pose *at, struct error *err) {
+    struct warp_scene aimed, changed;
+    struct moved moved;
+    uint64_t places[PLACE_COUNT] = {0};
+    eased_stand(eased, stance, &aimed, &changed);
+    enum result result = moved_init(&changed, &check->settings.field, &moved, err);
+    if (result != RESULT_OK || !moved.query)
+        return result;
+    at->eased = alloc(1, sizeof *at->eased);
+    struct walk way = {stance, &aimed, &moved, EASED_COARSER * check->settings.spacing_mm};
+    result = walk_space(check, scene, &way, NULL, places, at->eased, err);
+    moved_fini(&moved);
+    return result;
+}
+
 static enum result look(struct case_check *check, const struct scene *scene,
-                        const struct progress *progress, struct check_pose *at, struct error *err) {
+                        const struct eased *eased, const struct progress *progress,
+                        struct check_pose *at, struct error *err) {
     struct scene_stance stance;
     struct moved moved;
     const struct field *field = &check->settings.field;
@@ -172,7 +202,8 @@ static enum result look(struct case_check *check, const struct scene *scene,
     at->facing = alloc(1, sizeof *at->facing);
     at->is_still = !moved.query;
     if (!at->is_still) {
-        result = walk(check, scene, &stance, &moved, progress, at, err);
+        struct walk way = {&stance, NULL, &moved, check->settings.spacing_mm};
+        result = walk_space(check, scene, &way, progress, at->places, at->field, err);
         field_touch(&stance.warp, field, &at->touch);
         facing_compare(&stance.warp, skin_bit(scene_case(scene)), at->facing);
     }
@@ -181,6 +212,9 @@ static enum result look(struct case_check *check, const struct scene *scene,
         at->gain = ligaments_gain(scene, check->settings.adaptive, at->key);
     }
     moved_fini(&moved);
+    if (result == RESULT_OK && eased && at->key < 0 &&
+        fmod(at->joint.flexion_deg, EASED_EVERY_DEG) == 0)
+        result = look_eased(check, scene, eased, &stance, at, err);
     return result;
 }
 
@@ -224,6 +258,21 @@ static void keep_worst(struct field_spot *spot, int *which, bool has,
     }
 }
 
+static void sum_up_eased(struct case_check *check) {
+    const struct field_spot *worst = NULL;
+    for (int i = 0; i < check->pose_count; i++) {
+        const struct field_figures *f = check->poses[i].eased;
+        if (!f)
+            continue;
+        field_counts_add(check->eased, f);
+        const struct field_spot *spot = field_worst_fold(f);
+        if (spot && (!worst || spot->value < worst->value)) {
+            worst = spot;
+            check->eased_pose = i;
+        }
+    }
+}
+
 static void sum_up(struct case_check *check) {
     struct field_figures *all = check->field;
     for (int i = 0; i < check->pose_count; i++) {
@@ -235,16 +284,20 @@ static void sum_up(struct case_check *check) {
         keep_worst(&all->fading, &check->fading_pose, f->faded, &f->fading, i, true);
         field_counts_add(all, f);
     }
+    sum_up_eased(check);
 }
 
 // ---- the whole ----------------------------------------------------------------------------------
 
-static struct case_check *begin(const struct check_settings *settings) {
+static struct case_check *begin(const struct check_settings *settings, const char *case_or_folder) {
     struct case_check *check = alloc(1, sizeof *check);
     check->settings = *settings;
+    check->case_or_folder = strdup(case_or_folder);
+    CHECK(check->case_or_folder);
     check->field = alloc(1, sizeof *check->field);
+    check->eased = alloc(1, sizeof *check->eased);
     check->gain_pose = check->fold_pose = check->filling_pose = -1;
-    check->fading_pose = check->jump_pose = -1;
+    check->fading_pose = check->jump_pose = check->eased_pose = -1;
     return check;
 }
 
@@ -276,6 +329,7 @@ static enum result look_at_poses(struct case_check *check, const struct scene *s
     choose_poses(check, scene_case(scene));
     struct stage stage = {.settings = settings};
     const struct progress progress = {tell, &stage};
+    struct eased *eased = eased_create(scene);
     double first = overlaps_share(settings);
     int before = 0, count = 0; // of poses where something is displaced
     enum result result = settings->progress ? count_moved(check, scene, &count, err) : RESULT_OK;
@@ -283,9 +337,11 @@ static enum result look_at_poses(struct case_check *check, const struct scene *s
         stage.what = check->poses[i].name;
         stage.from = first + (1 - first) * before / fmax(count, 1);
         stage.to = first + (1 - first) * (before + 1) / fmax(count, 1);
-        result = look(check, scene, settings->progress ? &progress : NULL, &check->poses[i], err);
+        result =
+            look(check, scene, eased, settings->progress ? &progress : NULL, &check->poses[i], err);
         before += !check->poses[i].is_still;
     }
+    eased_destroy(&eased);
     return result;
 }
 
@@ -320,8 +376,7 @@ static enum result look_at_knee(struct case_check *check, struct knee_case *knee
 
 enum result check_case(struct knee_case **knee, const struct check_settings *settings,
                        struct case_check **out_check, struct scene **out_scene, struct error *err) {
-    struct case_check *check = begin(settings);
-    snprintf(check->case_or_folder, sizeof check->case_or_folder, "%s", (*knee)->name);
+    struct case_check *check = begin(settings, (*knee)->name);
     check->hash = (*knee)->hash;
     check->group_count = (*knee)->group_count;
     for (int i = 0; i < check->group_count; i++)
@@ -346,8 +401,7 @@ enum result check_case(struct knee_case **knee, const struct check_settings *set
 
 struct case_check *check_of_none(const char *folder, const struct check_settings *settings,
                                  const struct error *why) {
-    struct case_check *check = begin(settings);
-    snprintf(check->case_or_folder, sizeof check->case_or_folder, "%s", folder);
+    struct case_check *check = begin(settings, folder);
     inspection_note(&check->findings, FINDING_FAULT, "files", "%s", why->text);
     findings_grade(check);
     return check;
@@ -359,9 +413,12 @@ void check_destroy(struct case_check **check) {
         return;
     for (int i = 0; i < c->pose_count; i++) {
         free(c->poses[i].field);
+        free(c->poses[i].eased);
         free(c->poses[i].facing);
     }
+    free(c->case_or_folder);
     free(c->field);
+    free(c->eased);
     free(c);
     *check = NULL;
 }

@@ -13,10 +13,14 @@
 // that fold the field in a wider gap; folds in more than FOLDS_MAX of the warped space; a virtual
 // tibia that sinks more than SUNK_MAX_MM deeper into the femur than the mock-up's.
 //
-// Warnings: fewer folds; jumps; facing surfaces whose displacements differ by more than their gap;
-// a tibia that sinks in by less; filled gaps in key poses. There, two bones that slide past each
-// other have different displacements and press the tissue between them. The check reports by how
-// much, and counts this among the folds. The skin gives way, so it faces no surface.
+// Between S' and maxcut, where cuts leave the touched surface and easing takes it, the surface
+// itself is looked at (check/inspect.h), and the field every 60 degrees on a grid twice as coarse.
+//
+// Warnings: fewer folds; more than FOLDS_MAX of them between S' and maxcut; jumps; facing surfaces
+// whose displacements differ by more than their gap; a tibia that sinks in by less; filled gaps in
+// key poses. There, two bones that slide past each other have different displacements and press the
+// tissue between them. The check reports by how much, and counts this among the folds. The skin
+// gives way, so it faces no surface.
 #pragma once
 
 #include "check/contact.h"
@@ -54,6 +58,7 @@ struct check_pose {
     bool is_still; // nothing is displaced: all figures are 0
     uint64_t places[PLACE_COUNT];
     struct field_figures *field;
+    struct field_figures *eased; // between S' and maxcut; NULL: not looked at
     struct touch_figures touch;
     struct facing_figures *facing;
     struct key_figures bones; // with a key
@@ -62,7 +67,7 @@ struct check_pose {
 
 struct case_check {
     struct check_settings settings;
-    char case_or_folder[CASE_NAME_MAX]; // the name of a case, or the folder that holds none
+    char *case_or_folder; // the name of a case, or the folder that holds none
     uint64_t hash;
     struct inspection findings;
     struct contacts contacts; // at rest
@@ -70,9 +75,9 @@ struct case_check {
     double rest_mm; // the largest displacement of the rest pose by torn ligaments
     int pose_count;
     struct check_pose poses[CHECK_POSES_MAX];
-    struct field_figures *field; // of all poses together
-    // Where the worst of all poses is, -1: nowhere.
-    int gain_pose, fold_pose, filling_pose, fading_pose, jump_pose;
+    struct field_figures *field, *eased; // of all poses together
+    // Where the worst of all poses is, -1: nowhere. eased_pose: of folds between S' and maxcut.
+    int gain_pose, fold_pose, filling_pose, fading_pose, jump_pose, eased_pose;
     int opening_count;
     struct opening openings[CASE_LIGAMENTS_MAX];
     int group_count; // names of the groups that surfaces stand for

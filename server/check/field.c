@@ -9,6 +9,7 @@
 #define FACING_COSINE (-0.5)
 #define SLAB 8 // nodes of a block along each axis
 #define REACH_STEPS 8
+#define EASED_SHARES 16
 
 // ---- what is displaced --------------------------------------------------------------------------
 
@@ -128,7 +129,7 @@ struct field_node {
 };
 
 struct field_walk {
-    const struct warp_scene *scene;
+    const struct warp_scene *scene, *aimed; // aimed: NULL, or what the scene is eased into
     const struct field *field;
     const struct moved *moved;
     const struct space *space;
@@ -191,15 +192,51 @@ static void take_fold(struct field_slab *slab, vec3 y, double determinant) {
     f->folded++;
 }
 
+static double determinant_of(const struct warp *warp) {
+    return mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp->gradient));
+}
+
 static void take(struct field_slab *slab, vec3 y, const struct warp *warp, double norm) {
     struct field_figures *f = slab->figures;
     double bin = norm / GAIN_BIN;
     f->gains[bin < GAIN_BINS - 1 ? (int)bin : GAIN_BINS - 1]++;
     if (!f->looked++ || norm > f->gain.value)
         f->gain = spot_of(slab, y, norm);
-    double determinant = mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp->gradient));
+    double determinant = determinant_of(warp);
     if (determinant <= 0)
         take_fold(slab, y, determinant);
+}
+
+static struct warp blend(const struct warp *from, const struct warp *to, double share) {
+    struct warp out = *from;
+    out.displacement = vec3_lerp(from->displacement, to->displacement, share);
+    out.gradient = mat3_add_scaled(out.gradient, -share, from->gradient);
+    out.gradient = mat3_add_scaled(out.gradient, share, to->gradient);
+    return out;
+}
+
+// W is linear in the displacements. Takes warp and contacts to the share of the way that folds
+// most; false where it folds from the beginning.
+static bool ease(struct field_slab *slab, vec3 y, struct warp *warp) {
+    const struct field_walk *w = slab->walk;
+    struct warp_contact contacts[WARP_SURFACES_MAX];
+    struct warp from = *warp, to;
+    if (determinant_of(warp) <= 0)
+        return false;
+    int count = warp_contacts(w->aimed, w->field, y, &slab->memory, &to, contacts);
+    CHECK(count == slab->count);
+    double least = INFINITY, at = 1;
+    for (int i = 1; i <= EASED_SHARES; i++) {
+        struct warp between = blend(&from, &to, (double)i / EASED_SHARES);
+        if (determinant_of(&between) >= least)
+            continue;
+        *warp = between;
+        least = determinant_of(&between);
+        at = (double)i / EASED_SHARES;
+    }
+    for (int i = 0; i < count; i++)
+        slab->contacts[i].delta = vec3_lerp(slab->contacts[i].delta, contacts[i].delta, at);
+    return true;
 }
 
 static struct field_node look(struct field_slab *slab, vec3 y, bool counts) {
@@ -212,6 +249,8 @@ static struct field_node look(struct field_slab *slab, vec3 y, bool counts) {
         slab->figures->close += counts;
         return (struct field_node){0};
     }
+    if (w->aimed && !ease(slab, y, &warp))
+        return (struct field_node){0};
     struct field_node node = {true, warp.displacement, mat3_norm(warp.gradient)};
     bool matters = vec3_length(warp.displacement) > MATTERS || node.norm > MATTERS;
     if (counts && matters)
@@ -314,7 +353,7 @@ static void walk_plane(struct field_slab *slab, int k, bool counts) {
                 continue;
             }
             plane[n] = look(slab, y, counts);
-            if (!plane[n].is_there || !counts)
+            if (!plane[n].is_there || !counts || slab->walk->aimed)
                 continue;
             if (i > 0)
                 compare(slab, y, &plane[n], (vec3){y.x - h, y.y, y.z}, &plane[n - 1]);
@@ -338,7 +377,7 @@ static void walk_slab(void *context, int index) {
     slab.is_near = alloc((size_t)(slab.blocks[0] * slab.blocks[1]), sizeof *slab.is_near);
     warp_memory_init(&slab.memory);
     find_near(&slab, index * SLAB);
-    if (index > 0)
+    if (index > 0 && !walk->aimed)
         walk_plane(&slab, index * SLAB - 1, false);
     for (int k = index * SLAB; k < (index + 1) * SLAB && k < s->size[2]; k++)
         walk_plane(&slab, k, true);
@@ -378,17 +417,27 @@ static void add(struct field_figures *f, const struct field_figures *g) {
     field_counts_add(f, g);
 }
 
-void field_walk(const struct warp_scene *scene, const struct field *field,
-                const struct moved *moved, const struct space *space,
+void field_walk(const struct warp_scene *scene, const struct warp_scene *aimed,
+                const struct field *field, const struct moved *moved, const struct space *space,
                 const struct progress *progress, struct field_figures *figures) {
     CHECK(moved->query);
     int slabs = (space->size[2] + SLAB - 1) / SLAB;
-    struct field_walk walk = {scene, field, moved, space, NULL};
+    struct field_walk walk = {scene, aimed, field, moved, space, NULL};
     walk.slabs = alloc((size_t)slabs, sizeof *walk.slabs);
     parallel_for(slabs, walk_slab, &walk, progress);
     for (int i = 0; i < slabs; i++)
         add(figures, &walk.slabs[i]);
     free(walk.slabs);
+}
+
+const struct field_spot *field_worst_fold(const struct field_figures *f) {
+    const struct field_spot *worst = NULL;
+    const struct field_spot *spots[] = {&f->fold, &f->filling, &f->fading};
+    const uint64_t counts[] = {field_own_folds(f), f->filled, f->faded};
+    for (int i = 0; i < 3; i++)
+        if (counts[i] && (!worst || spots[i]->value < worst->value))
+            worst = spots[i];
+    return worst;
 }
 
 double field_gain_within(const struct field_figures *figures, double share) {

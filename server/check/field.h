@@ -61,9 +61,12 @@ struct field_figures {
 // by more than JUMP_MM over JUMP_WAY_MM, and a surface's Δ by half of that or more, found by
 // halving the way between neighbours that differ by more than both gradients explain. In the
 // integral field only a ligament that bridges two bones has a Δ that may jump.
-// Figures are added to those that are there. Threads inside; the figures depend on none of it.
-void field_walk(const struct warp_scene *scene, const struct field *field,
-                const struct moved *moved, const struct space *space,
+// aimed: NULL, or the same surfaces with displacements that the scene's are eased into. Then a
+// place counts as it is at the share of the way that folds most, in sixteenths; one that folds from
+// the beginning is left out, and jumps are not looked for. Figures are added to those that are
+// there. Threads inside; the figures depend on none of it.
+void field_walk(const struct warp_scene *scene, const struct warp_scene *aimed,
+                const struct field *field, const struct moved *moved, const struct space *space,
                 const struct progress *progress, struct field_figures *figures);
 
 // Adds the counts, not the spots.
@@ -74,6 +77,9 @@ void field_counts_add(struct field_figures *sum, const struct field_figures *fig
 static inline uint64_t field_own_folds(const struct field_figures *figures) {
     return figures->folded - figures->faded - figures->filled;
 }
+
+// Where the least determinant is; NULL where nothing folds.
+const struct field_spot *field_worst_fold(const struct field_figures *figures);
 
 // The gain that a share of what was looked at does not exceed; 0 where nothing was.
 double field_gain_within(const struct field_figures *figures, double share);

@@ -59,6 +59,20 @@ static void find_folds(struct case_check *check) {
     }
 }
 
+static void find_eased(struct case_check *check) {
+    const struct field_figures *f = check->eased;
+    char where[256];
+    if (check->eased_pose < 0)
+        return;
+    const struct field_spot *spot = field_worst_fold(check->poses[check->eased_pose].eased);
+    double share = (double)f->folded / (double)f->looked;
+    describe(check, spot, check->eased_pose, where);
+    inspection_note(&check->findings, share > FOLDS_MAX ? FINDING_WARNING : FINDING_NOTE, "field",
+                    "between S' and maxcut, as cuts leave it, %.3g %% of the warped space folds, "
+                    "det(I + dW) = %.3g at %s",
+                    100 * share, spot->value, where);
+}
+
 static void find_gain(struct case_check *check) {
     const struct field_figures *f = check->field;
     char where[256];
@@ -234,6 +248,7 @@ void findings_grade(struct case_check *check) {
 void findings_gather(struct case_check *check, const struct knee_case *knee) {
     find_left_out(check);
     find_folds(check);
+    find_eased(check);
     find_gain(check);
     find_jumps(check);
     find_touch(check);

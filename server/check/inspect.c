@@ -15,6 +15,7 @@
 #define PORTAL_OFF_SKIN_MAX_MM 5
 #define OUT_MAX_MM 0.5
 #define PLAN_BEYOND_MAX 0.1
+#define WAY_PARTS 4
 
 void inspection_note(struct inspection *inspection, enum finding_level level, const char *where,
                      const char *format, ...) {
@@ -150,6 +151,39 @@ static void inspect_budget(const struct case_group *group, const struct maxcut_r
                         "%.0f mm3 of the plan lie within tissue that must stay", beyond);
 }
 
+static uint32_t more(uint32_t after, uint32_t before) {
+    return after > before ? after - before : 0;
+}
+
+// A cut in a part of the tissue leaves the touched surface between S' and S'_max, and so does
+// easing.
+static void inspect_way(const struct case_group *group, struct inspection *out) {
+    struct mesh whole, between;
+    struct folds worst = {0};
+    int at = 0;
+    case_group_virtual(group, &whole);
+    mesh_copy(&between, &whole);
+    struct folds before = folds_of(&whole, NULL);
+    for (int part = 1; part < WAY_PARTS; part++) {
+        for (size_t i = 0; i < 3 * (size_t)whole.vertex_count; i++)
+            between.positions[i] = whole.positions[i] + (float)part / WAY_PARTS * group->maxcut[i];
+        struct folds folds = folds_of(&between, NULL);
+        folds = (struct folds){more(folds.crossed, before.crossed),
+                               more(folds.creased, before.creased)};
+        if (folds.crossed + folds.creased <= worst.crossed + worst.creased)
+            continue;
+        worst = folds;
+        at = part;
+    }
+    mesh_fini(&whole);
+    mesh_fini(&between);
+    if (at > 0)
+        inspection_note(out, FINDING_FAULT, group->name,
+                        "maxcut: at %d %% of the way to it folded, %u pairs of triangles cross and "
+                        "%u lie on one another",
+                        100 * at / WAY_PARTS, worst.crossed, worst.creased);
+}
+
 static void inspect_maxcut(const struct case_group *group, struct inspection *out) {
     struct maxcut_report report;
     struct error err;
@@ -173,6 +207,7 @@ static void inspect_maxcut(const struct case_group *group, struct inspection *ou
         inspection_note(out, FINDING_FAULT, group->name,
                         "maxcut: folded, %u pairs of triangles cross and %u lie on one another",
                         report.folds.crossed, report.folds.creased);
+    inspect_way(group, out);
     inspect_budget(group, &report, out);
 }
 

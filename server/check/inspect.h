@@ -29,10 +29,11 @@ void inspection_note(struct inspection *inspection, enum finding_level level, co
 // a displacement of more than 30 mm, a portal off the skin or pointing away from the joint, bones
 // or menisci that do not lie as the side and the frame (x right, y anterior, z proximal) say, a
 // joint centre outside of the knee, an S'_max that is folded or sticks more than 0.5 mm out of its
-// S'. Warnings: open or not manifold surfaces, unusual sizes and places, groups that a
-// session could use but are not there, a cuttable group without a maxcut, an S'_max that sticks out
-// by less, a plan of which a tenth or more may not go. Notes: the cut budget. The case must have
-// passed case_validate.
+// S', a surface that is folded a quarter, half or three quarters of the way from S' to it.
+// Warnings: open or not manifold surfaces, unusual sizes and places, groups that a session could
+// use but are not there, a cuttable group without a maxcut, an S'_max that sticks out by less, a
+// plan of which a tenth or more may not go. Notes: the cut budget. The case must have passed
+// case_validate.
 void inspect_case(struct knee_case *knee, struct inspection *out_inspection);
 
 // The largest length of a displacement, mm; 0 for NULL.

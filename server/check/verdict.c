@@ -72,6 +72,15 @@ static void set_spots(json_t *object, const struct case_check *check,
         set(object, "largest_jump", spot(check, &f->jump));
 }
 
+static json_t *eased(const struct case_check *check, const struct field_figures *f) {
+    json_t *object =
+        json_pack("{s:o, s:o}", "warped", count(f->looked), "folded", count(f->folded));
+    const struct field_spot *worst = field_worst_fold(f);
+    if (worst)
+        set(object, "worst_fold", spot(check, worst));
+    return object;
+}
+
 static json_t *facing_spot(const struct facing_spot *s) {
     return json_pack("{s:o, s:f, s:f, s:f}", "place_mm", place(s->place), "gap_mm", s->gap_mm,
                      "closed_mm", s->closed_mm, "apart_mm", s->apart_mm);
@@ -106,6 +115,8 @@ static json_t *pose_object(const struct case_check *check, const struct check_po
         set(object, "virtual_bones_overlap_mm", json_real(at->bones.virtual_mm));
         set(object, "ligament_gain", json_real(at->gain));
     }
+    if (at->eased)
+        set(object, "to_maxcut", eased(check, at->eased));
     if (at->is_still)
         return object;
     set(object, "in_solids", count(at->places[PLACE_SOLID]));

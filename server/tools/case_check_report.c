@@ -4,6 +4,7 @@
 #include "report/html.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -298,7 +299,7 @@ static enum result write_page(const struct check_page *page, struct error *err) 
 
 enum result check_report(const struct case_check *check, const struct scene *scene,
                          const char *path, struct error *err) {
-    char title[CASE_NAME_MAX + 16];
+    char title[PATH_MAX + 16];
     struct check_page page = {check, scene, fopen(path, "we"), 0};
     if (!page.file)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));

@@ -31,7 +31,7 @@ static struct field_figures *walk(const struct warp_scene *scene, const struct f
     struct moved moved;
     struct error err;
     assert_int_equal(moved_init(scene, field, &moved, &err), RESULT_OK);
-    field_walk(scene, field, &moved, space, NULL, figures);
+    field_walk(scene, NULL, field, &moved, space, NULL, figures);
     moved_fini(&moved);
     return figures;
 }
@@ -72,6 +72,66 @@ static void a_bump_that_fills_its_gap_folds_for_the_cases_fault(void **state) {
     f->looked /= 3;
     assert_true(field_gain_within(f, 0.1) <= f->gain.value);
     free(f);
+}
+
+// Walls whose displacements scale x by `x` and y by `y`: what is between them folds where x y < 0.
+static void scale_walls(struct bodies *bodies, double x, double y) {
+    bodies_walls(bodies, 2, 0);
+    for (int i = 0; i < 2; i++) {
+        struct mesh *mesh = &bodies->meshes[i];
+        float *d = alloc(3 * (size_t)mesh->vertex_count, sizeof *d);
+        for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+            vec3 p = mesh_vertex(mesh, v);
+            d[3 * (size_t)v] = (float)((x - 1) * p.x);
+            d[3 * (size_t)v + 1] = (float)((y - 1) * p.y);
+        }
+        free(bodies->displacements[i]);
+        bodies->displacements[i] = d;
+        bodies->surfaces[i].displacement = d;
+    }
+    bodies_integrate(bodies);
+}
+
+static struct field_figures *walk_scaled(const struct space *space, double share, bool eased) {
+    struct bodies still_walls, bodies;
+    struct field field = field_default(FIELD_INTEGRAL);
+    struct field_figures *figures = alloc(1, sizeof *figures);
+    struct moved moved;
+    struct error err;
+    scale_walls(&still_walls, 1, 1);
+    scale_walls(&bodies, 1 - 3 * share, 1 - 1.5 * share);
+    struct warp_scene from = scene_of(&still_walls), to = scene_of(&bodies);
+    assert_ok(moved_init(&to, &field, &moved, &err));
+    if (eased)
+        field_walk(&from, &to, &field, &moved, space, NULL, figures);
+    else
+        field_walk(&to, NULL, &field, &moved, space, NULL, figures);
+    moved_fini(&moved);
+    bodies_fini(&still_walls);
+    bodies_fini(&bodies);
+    return figures;
+}
+
+// In the end two axes are turned over, on the way first one alone.
+static void folds_between_the_ends_of_an_easing_are_found(void **state) {
+    (void)state;
+    struct space space = whole((struct box){{-2, -2, -0.4}, {2, 2, 0.4}}, 0.25);
+    struct field_figures *end = walk_scaled(&space, 1, false);
+    struct field_figures *half = walk_scaled(&space, 0.5, false);
+    struct field_figures *eased = walk_scaled(&space, 1, true);
+    struct field_figures *little = walk_scaled(&space, 0.25, true);
+    assert_int_equal(end->folded, 0);
+    assert_int_equal(half->folded, half->looked);
+    assert_int_equal(eased->folded, eased->looked);
+    assert_true(eased->looked > 500 && little->looked > 500);
+    assert_true(field_worst_fold(eased)->value <= field_worst_fold(half)->value + 1e-9);
+    assert_int_equal(little->folded, 0);
+    assert_null(field_worst_fold(little));
+    free(end);
+    free(half);
+    free(eased);
+    free(little);
+    space_fini(&space);
 }
 
 // A wall is displaced by more than the field reaches, and nothing else is near.
@@ -339,6 +399,7 @@ static void concentric_shells_tell_where_and_by_how_much(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bump_that_fills_its_gap_folds_for_the_cases_fault),
+        cmocka_unit_test(folds_between_the_ends_of_an_easing_are_found),
         cmocka_unit_test(a_field_that_fades_too_fast_folds_off_one_surface),
         cmocka_unit_test(folds_agree_with_central_differences),
         cmocka_unit_test(nothing_is_displaced_beyond_the_reach_of_what_moved),

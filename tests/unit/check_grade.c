@@ -7,6 +7,7 @@
 #include "test.h"
 
 #include <jansson.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -25,14 +26,19 @@ static int teardown(void **state) {
     return 0;
 }
 
-static struct case_check *check_knee(struct knee_case *knee, struct scene **out_scene) {
+static struct case_check *check_on_grid(struct knee_case *knee, double spacing_mm,
+                                        struct scene **out_scene) {
     struct check_settings settings = check_settings_default(true);
-    settings.spacing_mm = 4;
+    settings.spacing_mm = spacing_mm;
     struct case_check *check;
     struct error err;
     assert_int_equal(check_case(&knee, &settings, &check, out_scene, &err), RESULT_OK);
     assert_null(knee);
     return check;
+}
+
+static struct case_check *check_knee(struct knee_case *knee, struct scene **out_scene) {
+    return check_on_grid(knee, 4, out_scene);
 }
 
 // Boxes of a knee without torn ligaments and without displacements.
@@ -241,50 +247,63 @@ static void a_case_that_cannot_be_prepared_is_unfit_and_says_why(void **state) {
     check_destroy(&check);
 }
 
-static void a_broken_record_is_refused_and_says_where(void **state) {
+static const char good_record[] = "{\"format\":\"arthron-check\",\"version\":1,\"grade\":\"unfit\","
+                                  "\"hash\":\"0123456789abcdef\",\"quick\":false,"
+                                  "\"settings\":{\"field\":\"smooth\"},\"findings\":["
+                                  "{\"level\":\"note\",\"where\":\"a\",\"text\":\"b\"},"
+                                  "{\"level\":\"fault\",\"where\":\"femur\",\"text\":\"faces\"}]}";
+
+static void a_record_of_an_unfit_case_gives_the_first_fault(void **state) {
     (void)state;
-    const char *good = "{\"format\":\"arthron-check\",\"version\":1,\"grade\":\"unfit\","
-                       "\"hash\":\"0123456789abcdef\",\"quick\":false,"
-                       "\"settings\":{\"field\":\"smooth\"},\"findings\":["
-                       "{\"level\":\"note\",\"where\":\"a\",\"text\":\"b\"},"
-                       "{\"level\":\"fault\",\"where\":\"femur\",\"text\":\"faces\"}]}";
-    const struct {
-        const char *from, *to;
-        enum result result;
-        const char *says;
-    } rows[] = {
-        {"arthron-check", "arthron-cheque", RESULT_FORMAT, "format"},
-        {"\"version\":1", "\"version\":2", RESULT_VERSION, "version"},
-        {"\"version\":1", "\"version\":\"1\"", RESULT_VERSION, "version"},
-        {"unfit", "splendid", RESULT_INVALID, "grade"},
-        {"\"grade\":\"unfit\",", "", RESULT_INVALID, "grade"},
-        {"\"grade\":\"unfit\"", "\"grade\":2", RESULT_INVALID, "grade"},
-        {"0123456789abcdef", "123456789abcdef", RESULT_INVALID, "hash"},
-        {"0123456789abcdef", "-123456789abcdef", RESULT_INVALID, "hash"},
-        {"0123456789abcdef", "0123456789ABCDEF", RESULT_INVALID, "hash"},
-        {"\"quick\":false", "\"quick\":0", RESULT_INVALID, "quick"},
-        {"\"field\":\"smooth\"", "\"field\":[]", RESULT_INVALID, "settings.field"},
-        {"smooth", "a name that is longer than the name of any field", RESULT_INVALID,
-         "settings.field"},
-        {"{\"format\"", "[\"format\"", RESULT_FORMAT, "line 1"},
-        {"\"quick\":false", "\"quick\":false,\"quick\":true", RESULT_FORMAT, "line 1"},
-        {"}]}", "}]", RESULT_FORMAT, "line 1"},
-    };
     struct case_grade grade;
     struct error err;
-    write_file(folder, GRADE_FILE, good, strlen(good));
+    write_file(folder, GRADE_FILE, good_record, strlen(good_record));
     assert_int_equal(grade_read(folder, &grade, &err), RESULT_OK);
     assert_int_equal(grade.grade, GRADE_UNFIT);
     assert_true(grade.hash == 0x0123456789abcdef && !grade.quick);
     assert_string_equal(grade.reason, "femur: faces");
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        char text[1024];
-        const char *at = strstr(good, rows[i].from);
-        assert_non_null(at);
-        snprintf(text, sizeof text, "%.*s%s%s", (int)(at - good), good, rows[i].to,
-                 at + strlen(rows[i].from));
-        write_file(folder, GRADE_FILE, text, strlen(text));
-        if (grade_read(folder, &grade, &err) != rows[i].result || !strstr(err.text, rows[i].says) ||
+}
+
+static const struct broken {
+    const char *from, *to;
+    enum result result;
+    const char *says;
+} broken_records[] = {
+    {"arthron-check", "arthron-cheque", RESULT_FORMAT, "format"},
+    {"\"version\":1", "\"version\":2", RESULT_VERSION, "version"},
+    {"\"version\":1", "\"version\":\"1\"", RESULT_VERSION, "version"},
+    {"unfit", "splendid", RESULT_INVALID, "grade"},
+    {"\"grade\":\"unfit\",", "", RESULT_INVALID, "grade"},
+    {"\"grade\":\"unfit\"", "\"grade\":2", RESULT_INVALID, "grade"},
+    {"0123456789abcdef", "123456789abcdef", RESULT_INVALID, "hash"},
+    {"0123456789abcdef", "-123456789abcdef", RESULT_INVALID, "hash"},
+    {"0123456789abcdef", "0123456789ABCDEF", RESULT_INVALID, "hash"},
+    {"\"quick\":false", "\"quick\":0", RESULT_INVALID, "quick"},
+    {"\"field\":\"smooth\"", "\"field\":[]", RESULT_INVALID, "settings.field"},
+    {"smooth", "a name that is longer than the name of any field", RESULT_INVALID,
+     "settings.field"},
+    {"{\"format\"", "[\"format\"", RESULT_FORMAT, "line 1"},
+    {"\"quick\":false", "\"quick\":false,\"quick\":true", RESULT_FORMAT, "line 1"},
+    {"}]}", "}]", RESULT_FORMAT, "line 1"},
+};
+
+static void write_broken(const struct broken *row) {
+    char text[1024];
+    const char *at = strstr(good_record, row->from);
+    assert_non_null(at);
+    snprintf(text, sizeof text, "%.*s%s%s", (int)(at - good_record), good_record, row->to,
+             at + strlen(row->from));
+    write_file(folder, GRADE_FILE, text, strlen(text));
+}
+
+static void a_broken_record_is_refused_and_says_where(void **state) {
+    (void)state;
+    struct case_grade grade;
+    struct error err;
+    for (size_t i = 0; i < sizeof broken_records / sizeof broken_records[0]; i++) {
+        const struct broken *row = &broken_records[i];
+        write_broken(row);
+        if (grade_read(folder, &grade, &err) != row->result || !strstr(err.text, row->says) ||
             !strstr(err.text, GRADE_FILE))
             fail_msg("row %zu: %s", i, err.text);
         assert_int_equal(grade.reason[0], 0);
@@ -293,6 +312,67 @@ static void a_broken_record_is_refused_and_says_where(void **state) {
     assert_int_equal(grade_read(folder, &grade, &err), RESULT_FORMAT);
     write_file(folder, GRADE_FILE, "", 0);
     assert_int_not_equal(grade_read(folder, &grade, &err), RESULT_OK);
+}
+
+// Longer than the name of a case may be, and not plain ASCII at its 63rd byte.
+static void a_folder_without_a_case_keeps_its_whole_name(void **state) {
+    (void)state;
+    const char *name = "knees/of-the-third-series/left/after-segmentation-and-smoothing-é/2026";
+    struct case_check *check =
+        check_of_none(name, &(struct check_settings){0}, &(struct error){"no"});
+    char *text = verdict_text(check, 0);
+    json_t *root = json_loads(text, 0, NULL);
+    assert_string_equal(json_string_value(json_object_get(root, "case")), name);
+    json_decref(root);
+    free(text);
+    check_destroy(&check);
+}
+
+// The tissue is two boxes, one of which passes through the other on the way to maxcut.
+static void tissue_that_crosses_itself_between_its_ends_makes_a_case_unfit(void **state) {
+    (void)state;
+    static const double ways[] = {-24, 4};
+    for (int i = 0; i < 2; i++) {
+        struct knee_case *knee = plain_knee();
+        struct case_group *meniscus = case_group(knee, "meniscus_medial");
+        struct mesh box;
+        struct error err;
+        box_mesh((vec3){-15, 1, -13}, (vec3){2, 2, 2}, &box);
+        assert_ok(case_add_part(meniscus, "flap", &box, &err));
+        mesh_fini(&box);
+        float *maxcut = case_group_need_maxcut(meniscus);
+        for (uint32_t v = 8; v < 16; v++)
+            maxcut[3 * v] = (float)ways[i];
+        struct scene *scene;
+        struct case_check *check = check_knee(knee, &scene);
+        const struct check_finding *found = find_finding(check, FINDING_FAULT, "meniscus_medial",
+                                                         "maxcut: at 50 % of the way to it folded");
+        assert_int_equal(found != NULL, i == 0);
+        assert_null(find_finding(check, FINDING_FAULT, "meniscus_medial", "maxcut: folded"));
+        scene_destroy(&scene);
+        check_destroy(&check);
+    }
+}
+
+// Maxcut turns the tissue's front to its back, or moves it a little.
+static void a_resection_that_folds_the_space_is_told(void **state) {
+    (void)state;
+    for (int turns = 0; turns < 2; turns++) {
+        struct knee_case *knee = plain_knee();
+        struct case_group *meniscus = case_group(knee, "meniscus_medial");
+        float *maxcut = case_group_need_maxcut(meniscus);
+        for (uint32_t v = 0; v < meniscus->mesh.vertex_count; v++)
+            maxcut[3 * v] = turns ? -2 * (meniscus->mesh.positions[3 * v] + 25) : 0.5f;
+        struct scene *scene;
+        struct case_check *check = check_on_grid(knee, 1, &scene);
+        const char *text = "between S' and maxcut";
+        assert_int_equal(find_finding(check, FINDING_WARNING, "field", text) != NULL, turns);
+        assert_null(find_finding(check, FINDING_NOTE, "field", text));
+        assert_non_null(find_finding(check, FINDING_NOTE, "field", "nothing is displaced"));
+        assert_true(check->eased->looked > 20);
+        scene_destroy(&scene);
+        check_destroy(&check);
+    }
 }
 
 static void a_record_that_is_too_large_is_not_read(void **state) {
@@ -369,6 +449,11 @@ int main(void) {
         cmocka_unit_test(a_ligament_that_opens_too_steeply_makes_a_case_unfit),
         cmocka_unit_test(findings_for_which_there_is_no_room_count_all_the_same),
         cmocka_unit_test(a_case_that_cannot_be_prepared_is_unfit_and_says_why),
+        cmocka_unit_test_setup_teardown(a_record_of_an_unfit_case_gives_the_first_fault, setup,
+                                        teardown),
+        cmocka_unit_test(a_folder_without_a_case_keeps_its_whole_name),
+        cmocka_unit_test(a_resection_that_folds_the_space_is_told),
+        cmocka_unit_test(tissue_that_crosses_itself_between_its_ends_makes_a_case_unfit),
         cmocka_unit_test_setup_teardown(a_broken_record_is_refused_and_says_where, setup, teardown),
         cmocka_unit_test_setup_teardown(a_record_that_is_too_large_is_not_read, setup, teardown),
     };

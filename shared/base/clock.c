@@ -3,6 +3,7 @@
 #include <time.h>
 
 #define DRIFT_PER_NS 1e-4
+#define STEP_NS NS_PER_MS // less is no step
 
 static int64_t read_clock(clockid_t id) {
     struct timespec now;
@@ -18,12 +19,29 @@ int64_t clock_utc_ns(void) {
     return read_clock(CLOCK_REALTIME);
 }
 
+static int64_t uncertainty_of(const struct clock_exchange *e, int64_t now_ns) {
+    int64_t age = now_ns > e->local_ns ? now_ns - e->local_ns : 0;
+    return e->round_trip_ns / 2 + (int64_t)((double)age * DRIFT_PER_NS);
+}
+
+// Each exchange bounds the offset from both sides.
+static bool is_stepped(const struct clock_offset *o, int64_t offset_ns, int64_t round_trip_ns,
+                       int64_t now_ns) {
+    int64_t known_ns, uncertainty_ns;
+    if (!clock_offset_get(o, now_ns, &known_ns, &uncertainty_ns))
+        return false;
+    int64_t apart_ns = offset_ns > known_ns ? offset_ns - known_ns : known_ns - offset_ns;
+    return apart_ns > uncertainty_ns + round_trip_ns / 2 + STEP_NS;
+}
+
 bool clock_offset_add(struct clock_offset *o, int64_t sent_ns, int64_t remote_received_ns,
                       int64_t remote_sent_ns, int64_t received_ns) {
     int64_t round_trip = (received_ns - sent_ns) - (remote_sent_ns - remote_received_ns);
     if (round_trip < 0 || received_ns < sent_ns || remote_sent_ns < remote_received_ns)
         return false;
     int64_t offset = ((remote_received_ns - sent_ns) + (remote_sent_ns - received_ns)) / 2;
+    if (is_stepped(o, offset, round_trip, received_ns))
+        *o = (struct clock_offset){0};
     o->exchanges[o->next] = (struct clock_exchange){offset, round_trip, received_ns};
     o->next = (o->next + 1) % CLOCK_OFFSET_WINDOW;
     if (o->count < CLOCK_OFFSET_WINDOW)
@@ -40,11 +58,6 @@ int64_t clock_offset_round_trip_ns(const struct clock_offset *o) {
         sorted[at] = o->exchanges[i].round_trip_ns;
     }
     return o->count ? sorted[(o->count - 1) / 2] : 0;
-}
-
-static int64_t uncertainty_of(const struct clock_exchange *e, int64_t now_ns) {
-    int64_t age = now_ns > e->local_ns ? now_ns - e->local_ns : 0;
-    return e->round_trip_ns / 2 + (int64_t)((double)age * DRIFT_PER_NS);
 }
 
 bool clock_offset_get(const struct clock_offset *o, int64_t now_ns, int64_t *out_offset_ns,

@@ -26,7 +26,8 @@ struct clock_offset {
 
 // A zeroed struct clock_offset knows nothing.
 // sent and received on the local clock, remote_received and remote_sent on the remote one.
-// An exchange that contradicts itself (negative round trip) is ignored and false returned.
+// An exchange that contradicts itself (negative round trip) is ignored and false returned. One that
+// no drift reconciles with those before tells that a clock was stepped: it replaces them.
 bool clock_offset_add(struct clock_offset *offset, int64_t sent_ns, int64_t remote_received_ns,
                       int64_t remote_sent_ns, int64_t received_ns);
 

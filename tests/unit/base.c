@@ -168,7 +168,7 @@ static void history_says_how_it_knows_a_pose(void **state) {
 // Whatever the delays of an exchange are, the true offset lies within the uncertainty.
 static void add_ping(struct clock_offset *o, int64_t *now_ns, int64_t round_trip_ns) {
     int64_t received_ns = *now_ns + round_trip_ns + 500;
-    assert_true(clock_offset_add(o, *now_ns, 7000, 7500, received_ns));
+    assert_true(clock_offset_add(o, *now_ns, *now_ns + 7000, *now_ns + 7500, received_ns));
     *now_ns = received_ns + NS_PER_S;
 }
 
@@ -205,6 +205,24 @@ static void clock_offset_lies_within_its_uncertainty(void **state) {
             assert_true(llabs(offset - truth) <= uncertainty);
         }
         assert_false(clock_offset_add(&o, now, now, now + 100, now + 50));
+    }
+}
+
+// The first exchange after a step tells of it, whichever way was the shortest before.
+static void a_step_of_a_clock_is_noticed_at_once(void **state) {
+    (void)state;
+    static const int64_t steps_ms[] = {-2000, -150, 150, 2000};
+    struct random r = {6};
+    for (unsigned s = 0; s < sizeof steps_ms / sizeof *steps_ms; s++) {
+        struct clock_offset o = {0};
+        int64_t now = NS_PER_S, offset, uncertainty;
+        for (int i = 0; i < 20; i++, now += NS_PER_S) {
+            int64_t there = 100000 + (int64_t)random_between(&r, 0, i < 10 ? 1e6 : 20e6);
+            int64_t truth = NS_PER_S * 70 + (i < 10 ? 0 : steps_ms[s] * NS_PER_MS);
+            clock_offset_add(&o, now, now + there + truth, now + there + truth, now + 2 * there);
+            assert_true(clock_offset_get(&o, now, &offset, &uncertainty));
+            assert_true(llabs(offset - truth) <= uncertainty);
+        }
     }
 }
 
@@ -288,6 +306,7 @@ int main(void) {
         cmocka_unit_test(joint_angles_have_their_clinical_signs),
         cmocka_unit_test(history_says_how_it_knows_a_pose),
         cmocka_unit_test(clock_offset_lies_within_its_uncertainty),
+        cmocka_unit_test(a_step_of_a_clock_is_noticed_at_once),
         cmocka_unit_test(bytes_come_back_and_stay_in_bounds),
         cmocka_unit_test(a_ring_gives_back_in_order_and_refuses_when_full),
         cmocka_unit_test(frames_from_outside_are_checked),

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define TRAVEL_MAX_NS NS_PER_S
 #define CONTACT_MM 0.2
 #define RELEASE_MM 0.4
 
@@ -24,6 +25,7 @@ struct session {
     enum session_state state;
     uint64_t step;
     int64_t time_ns;
+    int64_t travel_ns; // of the newest frame: no age of its samples
     uint64_t hash;
     struct samples samples;
     bool in_contact[INSTRUMENT_COUNT];
@@ -137,7 +139,19 @@ static uint32_t change_state(struct session *s, enum input_kind kind) {
 }
 
 static uint32_t age_samples(struct session *s) {
-    return samples_age(&s->samples, s->time_ns, s->settings.hold_ns);
+    return samples_age(&s->samples, s->time_ns - s->travel_ns, s->settings.hold_ns);
+}
+
+static uint32_t take_samples(struct session *s, const struct frame *frame) {
+    uint32_t events = 0;
+    int64_t travel_ns = s->time_ns - frame->time_ns;
+    if (s->settings.rules < RULES_WITHOUT_TRAVEL || travel_ns < 0)
+        travel_ns = 0;
+    s->travel_ns = travel_ns < TRAVEL_MAX_NS ? travel_ns : TRAVEL_MAX_NS;
+    for (int i = 0; i < frame->count; i++)
+        events |= samples_take(&s->samples, &frame->samples[i], s->time_ns - s->travel_ns,
+                               s->settings.hold_ns);
+    return events;
 }
 
 // A cut that was asked for before the tissue was restored changes nothing any more.
@@ -175,11 +189,7 @@ static uint32_t take_input(struct session *s, const struct session_input *input,
     if (input->kind != INPUT_FRAME)
         return change_state(s, input->kind) | age_samples(s);
     CHECK(frame_is_valid(&input->frame));
-    uint32_t events = 0;
-    for (int i = 0; i < input->frame.count; i++)
-        events |=
-            samples_take(&s->samples, &input->frame.samples[i], s->time_ns, s->settings.hold_ns);
-    return events | age_samples(s);
+    return take_samples(s, &input->frame) | age_samples(s);
 }
 
 // ---- bones --------------------------------------------------------------------------------------

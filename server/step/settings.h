@@ -26,13 +26,16 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //   4  Torn ligaments open along a straighter ramp (warp/adaptive.h).
 //   5  A punch that trembles as its jaw closes leaves no film between two moves (cut/blade.h).
 //      What a cut changes of the touch is eased in so that a hand that comes back feels no jump.
-#define RULES_NEWEST 5
+//   6  A sample is as old as it was when its frame was closed, plus the time since that frame
+//      came. So the frame's way, up to 1 s of it, makes no device silent.
+#define RULES_NEWEST 6
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
 #define RULES_WITH_STRAIGHT_RAMP 4
 #define RULES_WITHOUT_FILMS 5
 #define RULES_EASED_BEHIND 5
+#define RULES_WITHOUT_TRAVEL 6
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -321,6 +321,45 @@ static void a_key_that_is_not_met_is_refused(void **state) {
     case_destroy(&knee);
 }
 
+// A frame of 10 ms each, closed `way_ns` before its step; then none. Returns the steps until the
+// instrument is lost.
+static int steps_until_lost(int rules, int64_t way_ns) {
+    struct session_settings settings = session_settings_default();
+    settings.rules = rules;
+    struct hand h;
+    start(&h, &settings);
+    h.input.time_ns = 2 * NS_PER_S;
+    int steps = 0;
+    for (int i = 0; i < 20; i++) {
+        struct frame *frame = &h.input.frame;
+        h.input.kind = INPUT_FRAME;
+        h.input.time_ns += STEP_NS;
+        *frame = (struct frame){.number = (uint64_t)i + 1, .count = 1};
+        frame->time_ns = h.input.time_ns - way_ns;
+        frame->samples[0] = (struct sample){.channel = CHANNEL_PROBE,
+                                            .kind = SAMPLE_POSE,
+                                            .time_ns = frame->time_ns - NS_PER_MS,
+                                            .T_mockup_body = tip_at((vec3){0, 0, 200})};
+        session_step(h.session, &h.input, &h.out);
+        steps += h.out.instruments[0].present;
+    }
+    for (h.input.kind = INPUT_EMPTY; h.out.instruments[0].present; steps++) {
+        h.input.time_ns += STEP_NS;
+        session_step(h.session, &h.input, &h.out);
+    }
+    session_destroy(&h.session);
+    return steps;
+}
+
+static void the_way_of_a_frame_makes_no_device_silent(void **state) {
+    (void)state;
+    assert_int_equal(steps_until_lost(RULES_NEWEST, 0), 30);
+    assert_int_equal(steps_until_lost(RULES_NEWEST, 300 * NS_PER_MS), 30);
+    assert_int_equal(steps_until_lost(RULES_NEWEST, NS_PER_S), 30);
+    assert_int_equal(steps_until_lost(RULES_NEWEST, 1200 * NS_PER_MS), 0); // too old
+    assert_int_equal(steps_until_lost(RULES_WITHOUT_TRAVEL - 1, 300 * NS_PER_MS), 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_touch_of_the_tibia_is_one_of_the_virtual_tibia),
@@ -331,6 +370,7 @@ int main(void) {
         cmocka_unit_test(an_instrument_keeps_its_portal_while_it_is_inside),
         cmocka_unit_test(a_cut_is_made_on_the_virtual_tibia),
         cmocka_unit_test(a_key_that_is_not_met_is_refused),
+        cmocka_unit_test(the_way_of_a_frame_makes_no_device_silent),
     };
     return cmocka_run_group_tests_name("session", tests, make_scene, drop_scene);
 }

@@ -2,6 +2,10 @@
 
 #include "base/clock.h"
 
+#include <math.h>
+
+#define CLOCK_BACK_NS (50 * NS_PER_MS) // no value was measured so long after now
+
 // A source's pauses beyond this are pauses, not its rate.
 static const double longest_interval_ns = 250e6;
 
@@ -80,7 +84,18 @@ enum slot_verdict slot_take(struct slot *slot, const struct sample *sample) {
     return verdict;
 }
 
+// What comes now is measured before what came: the clock went back.
+static void begin_anew(struct slot *slot, int64_t now_ns) {
+    slot->newest.time_ns = now_ns - (int64_t)fmax(2 * slot->interval_ns, NS_PER_MS);
+    slot->silent_ns = now_ns;
+    slot->filter.time_ns = 0;
+    slot->noise = (struct noise){0};
+    guard_forget(&slot->guard);
+}
+
 bool slot_age(struct slot *slot, int64_t now_ns) {
+    if (slot->newest.time_ns > now_ns + CLOCK_BACK_NS)
+        begin_anew(slot, now_ns);
     if (slot->validity == VALIDITY_LOST || now_ns < slot->silent_ns)
         return false;
     slot->validity = VALIDITY_HELD;

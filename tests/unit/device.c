@@ -190,6 +190,21 @@ static void a_slow_source_is_not_called_silent_between_its_samples(void **state)
     }
 }
 
+static void values_go_on_when_the_clock_goes_back(void **state) {
+    (void)state;
+    struct slot slot = probe_slot(100);
+    for (int64_t ms = 5000; ms <= 5500; ms += 10) {
+        struct sample s = probe(ms, 1);
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+    }
+    for (int64_t ms = 3500; ms <= 4000; ms += 10) {
+        struct sample s = probe(ms, 2);
+        slot_age(&slot, ms * NS_PER_MS);
+        assert_int_equal(SLOT_USED, slot_take(&slot, &s));
+        assert_int_equal(VALIDITY_OK, slot.validity);
+    }
+}
+
 // ---- recordings ---------------------------------------------------------------------------------
 
 static char folder[FOLDER_MAX];
@@ -554,6 +569,7 @@ int main(void) {
         cmocka_unit_test(a_sample_that_its_source_calls_lost_is_held_first),
         cmocka_unit_test(values_that_no_frame_may_have_are_malformed),
         cmocka_unit_test(a_slow_source_is_not_called_silent_between_its_samples),
+        cmocka_unit_test(values_go_on_when_the_clock_goes_back),
         cmocka_unit_test(recordings_that_are_wrong_are_refused_with_their_place),
         cmocka_unit_test(a_line_or_a_row_without_end_is_refused),
         cmocka_unit_test(a_motion_file_is_read_and_interpolated),

@@ -16,6 +16,8 @@
 #define FAST_PING_US (20 * LWS_US_PER_MS)
 #define PING_US LWS_USEC_PER_SEC
 #define SILENCE_NS (5 * NS_PER_S)
+#define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
+#define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
 #define CONNECT_S 5
 #define QUEUE_LENGTH 16
 #define UTC_MAX_S (INT64_C(1) << 40)
@@ -288,12 +290,20 @@ static int hear(struct link *link, const void *bytes, size_t size) {
     return hear_message(link, &control->message, now_ns);
 }
 
+// While replies come by datagram, the session lives without this connection for a while.
+static bool is_silent(struct link *link, int64_t now_ns) {
+    int64_t silence_ns = now_ns - link->control.heard_ns;
+    bool beside = now_ns - atomic_load(&link->datagram_ns) < DATAGRAMS_LIVE_NS;
+    return silence_ns > (beside ? SILENCE_BESIDE_DATAGRAMS_NS : SILENCE_NS);
+}
+
 static int tick(struct link *link) {
     struct control_connection *control = &link->control;
     arthron_Control message = {.which_message = arthron_Control_ping_tag};
     int64_t now_ns = clock_now_ns();
-    if (control->pings && now_ns - control->heard_ns > SILENCE_NS) {
-        log_warning("link", "no answer from the server for 5 s");
+    if (control->pings && is_silent(link, now_ns)) {
+        log_warning("link", "no answer from the server for %d s",
+                    (int)((now_ns - control->heard_ns) / NS_PER_S));
         return -1;
     }
     if (atomic_load(&link->keys_changed)) { // only a new connection can show them

@@ -59,7 +59,9 @@ static bool take_arrivals(struct link *link, arthron_Reply *out_reply) {
 static bool take_datagram(struct link *link, arthron_Reply *out_reply) {
     struct sender *sender = &link->sender;
     while (udp_receive(&sender->udp, out_reply)) {
-        path_answered(&sender->path, clock_now_ns());
+        int64_t now_ns = clock_now_ns();
+        path_answered(&sender->path, out_reply->frame_time_ns, now_ns);
+        atomic_store(&link->datagram_ns, now_ns);
         if (is_awaited(link, out_reply))
             return true;
     }
@@ -79,12 +81,14 @@ static void wait_for_either(struct link *link, int64_t nanoseconds) {
 }
 
 bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply) {
+    int64_t before_ns = INT64_MAX;
     for (;;) {
         if (take_arrivals(link, out_reply) || take_datagram(link, out_reply))
             return true;
         int64_t left_ns = until_ns - clock_now_ns();
-        if (left_ns <= 0)
+        if (left_ns <= 0 || left_ns > before_ns) // or the clock went back
             return false;
+        before_ns = left_ns;
         wait_for_either(link, left_ns);
     }
 }

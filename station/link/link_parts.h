@@ -15,7 +15,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#define FRAMES_REMEMBERED 1024 // a power of two
+#define FRAMES_REMEMBERED 2048 // a power of two
 
 struct control_message {
     uint32_t size;
@@ -75,11 +75,12 @@ struct link {
     struct control_connection control;
     struct sender sender;
     struct meshes *meshes;
-    struct ring *frames;   // caller to control thread: struct control_message
-    struct ring *arrivals; // control thread to caller: struct arrival
-    int arrival_fd;        // eventfd, signalled behind each arrival
-    atomic_bool ready;     // the clock is known and the session is open: frames may go
-    atomic_int path;       // enum link_path while ready
+    struct ring *frames;             // caller to control thread: struct control_message
+    struct ring *arrivals;           // control thread to caller: struct arrival
+    int arrival_fd;                  // eventfd, signalled behind each arrival
+    atomic_bool ready;               // the clock is known and the session is open: frames may go
+    atomic_int path;                 // enum link_path while ready
+    atomic_int_fast64_t datagram_ns; // when the last reply came by datagram
     atomic_uint_fast64_t connects, frames_sent, replies, unknown_messages;
     pthread_mutex_t lock;
     struct link_status status;   // under the lock: all that is not atomic above

@@ -72,10 +72,15 @@ static void take_reply(struct loop *loop, const arthron_Reply *reply) {
     predict_reply(loop->predict, reply);
 }
 
-static void take_replies(struct loop *loop, int64_t until_ns) {
+// For at most so long, even if the clock goes back.
+static void take_replies(struct loop *loop, int64_t until_ns, int64_t most_ns) {
     arthron_Reply reply;
-    while (link_wait(loop->link, until_ns, &reply))
+    for (;;) {
+        int64_t latest_ns = clock_now_ns() + most_ns;
+        if (!link_wait(loop->link, until_ns < latest_ns ? until_ns : latest_ns, &reply))
+            return;
         take_reply(loop, &reply);
+    }
 }
 
 // ---- what a person sees -------------------------------------------------------------------------
@@ -213,11 +218,11 @@ static void run(struct loop *loop) {
         }
         send_frame(loop);
         tick_ns += period_ns;
-        if (tick_ns < now_ns - period_ns)
+        if (tick_ns < now_ns - period_ns || tick_ns > now_ns + period_ns)
             tick_ns = now_ns;
-        take_replies(loop, tick_ns);
+        take_replies(loop, tick_ns, period_ns);
     }
-    take_replies(loop, clock_now_ns() + LAST_REPLIES_NS);
+    take_replies(loop, clock_now_ns() + LAST_REPLIES_NS, LAST_REPLIES_NS);
 }
 
 // ---- making and releasing -----------------------------------------------------------------------

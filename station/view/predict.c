@@ -13,6 +13,8 @@ _Static_assert((int)_arthron_Body_ARRAYSIZE == BONE_COUNT &&
                    (int)arthron_Body_BODY_PATELLA == BONE_PATELLA,
                "bones are the bodies on the wire");
 
+#define WAY_MEMORY 128 // answers
+
 #define EVENT_BITS (sizeof((arthron_View){0}.events) / sizeof(uint32_t))
 
 // A frame that was sent.
@@ -41,6 +43,7 @@ struct predict {
     struct bone_place places[BONE_COUNT];
     uint64_t answered;   // number of the newest frame that was
     int64_t answered_ns; // its time
+    int64_t way_ns;      // how old answers have lately been when they came
     struct prediction answers[INSTRUMENT_COUNT];
     pose T_body_virtual[BONE_COUNT];
     double warp_mm;
@@ -53,6 +56,7 @@ struct predict {
 static void forget_answers(struct predict *p) {
     memset(p->answers, 0, sizeof p->answers);
     memset(p->sent, 0, sizeof p->sent);
+    p->way_ns = 0;
     for (int i = 0; i < BONE_COUNT; i++)
         p->T_body_virtual[i] = pose_identity();
     p->warp_mm = 0;
@@ -145,6 +149,14 @@ static void take_instrument(struct predict *p, const struct sent_frame *sent,
     p->warp_mm = fmax(p->warp_mm, warp_mm);
 }
 
+// The longest way counts at once, and is forgotten slowly.
+static void note_way(struct predict *p, int64_t sent_ns) {
+    int64_t way_ns = p->frame.time_ns - sent_ns;
+    if (way_ns > PREDICT_WAY_MAX_NS)
+        way_ns = PREDICT_WAY_MAX_NS;
+    p->way_ns = way_ns > p->way_ns ? way_ns : p->way_ns - (p->way_ns - way_ns) / WAY_MEMORY;
+}
+
 bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     const struct sent_frame *sent = &p->sent[reply->frame_number % PREDICT_REMEMBERED];
     count_events(p, reply);
@@ -154,6 +166,7 @@ bool predict_reply(struct predict *p, const arthron_Reply *reply) {
     p->state = reply->state;
     p->answered = sent->number;
     p->answered_ns = sent->time_ns;
+    note_way(p, sent->time_ns);
     p->warp_mm = 0;
     memset(p->answers, 0, sizeof p->answers);
     for (pb_size_t i = 0; i < reply->instruments_count; i++)
@@ -172,7 +185,8 @@ double predict_warp_mm(const struct predict *p) {
 
 // ---- the view -----------------------------------------------------------------------------------
 
-static arthron_Validity answer_validity(int64_t age_ns) {
+static arthron_Validity answer_validity(const struct predict *p) {
+    int64_t age_ns = p->frame.time_ns - p->answered_ns - p->way_ns;
     return age_ns <= PREDICT_GOOD_NS   ? arthron_Validity_OK
            : age_ns <= PREDICT_LOST_NS ? arthron_Validity_HELD
                                        : arthron_Validity_LOST;
@@ -181,7 +195,7 @@ static arthron_Validity answer_validity(int64_t age_ns) {
 static void show_warp(const struct predict *p, const struct prediction *answer, pose T_mockup_tip,
                       arthron_ViewInstrument *out) {
     int64_t age_ns = p->frame.time_ns - p->answered_ns;
-    out->warp_validity = answer->known ? answer_validity(age_ns) : arthron_Validity_LOST;
+    out->warp_validity = answer->known ? answer_validity(p) : arthron_Validity_LOST;
     if (out->warp_validity == arthron_Validity_LOST)
         return;
     const struct avatar_extrapolation *extrapolation = &answer->extrapolation;

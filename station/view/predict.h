@@ -10,10 +10,12 @@
 #include "wire/wire.h"
 
 // An answer is good for so long; until it is lost, the avatar is held: it still goes on with it.
+// How old answers usually are when they come, up to PREDICT_WAY_MAX_NS, does not count.
 #define PREDICT_GOOD_NS (100 * INT64_C(1000000))
 #define PREDICT_LOST_NS (1000 * INT64_C(1000000))
+#define PREDICT_WAY_MAX_NS (500 * INT64_C(1000000))
 
-#define PREDICT_REMEMBERED 512 // frames that are sent and not answered: a power of two
+#define PREDICT_REMEMBERED 2048 // frames that are sent and not answered: a power of two
 
 struct predict;
 

@@ -265,6 +265,28 @@ static void an_answer_grows_old_then_is_lost(void **state) {
     assert_int_equal(view_now().instruments[0].warp_validity, arthron_Validity_OK);
 }
 
+// Each answer comes 400 ms after its frame: it is held from 100 ms after the next one was due.
+static void a_long_way_makes_no_answer_old(void **state) {
+    (void)state;
+    struct random random = {8};
+    struct moment m = some_moment(&random);
+    struct avatar_extrapolation extrapolation = some_extrapolation(&random, AVATAR_TIP);
+    uint64_t number = 1;
+    for (; number <= 100; number++) {
+        arthron_Reply reply = reply_to(number < 40 ? 0 : number - 40, &m, &extrapolation);
+        pass(&m, number, (int64_t)number * 10 * NS_PER_MS, true);
+        if (predict_reply(predict, &reply))
+            assert_int_equal(view_now().instruments[0].warp_validity, arthron_Validity_OK);
+    }
+    for (int more = 0; more < 120; more++, number++) {
+        pass(&m, number, (int64_t)number * 10 * NS_PER_MS, true);
+        assert_int_equal(view_now().instruments[0].warp_validity, more < 10 ? arthron_Validity_OK
+                                                                  : more < 100
+                                                                      ? arthron_Validity_HELD
+                                                                      : arthron_Validity_LOST);
+    }
+}
+
 static void answers_to_forgotten_unsent_or_older_frames_are_dropped(void **state) {
     (void)state;
     struct random random = {6};
@@ -522,6 +544,7 @@ int main(void) {
         WITH_A_KNEE(poses_in_the_frame_of_a_bone_stay_on_it),
         WITH_A_KNEE(past_the_trust_radius_the_way_is_cut),
         WITH_A_KNEE(an_answer_grows_old_then_is_lost),
+        WITH_A_KNEE(a_long_way_makes_no_answer_old),
         WITH_A_KNEE(answers_to_forgotten_unsent_or_older_frames_are_dropped),
         WITH_A_KNEE(events_are_counted_even_of_dropped_answers),
         WITH_A_KNEE(a_lost_reply_loses_no_event),

@@ -9,6 +9,8 @@
 #define FAST_PING_NS (20 * NS_PER_MS)
 #define PING_NS NS_PER_S
 #define SILENCE_NS (5 * NS_PER_S)
+#define SILENCE_BESIDE_DATAGRAMS_NS (60 * NS_PER_S)
+#define DATAGRAMS_LIVE_NS (2 * NS_PER_S)
 #define CLOSING_NS NS_PER_S
 #define DAY_S 86400
 #define ENROL_WAIT_NS (10 * NS_PER_S)
@@ -329,6 +331,17 @@ static void warn_of_certificate(struct peer *peer) {
                 peer->identity.name, (int)(left_s / DAY_S));
 }
 
+// While the station's frames come by datagram, its session lives without this connection for a
+// while.
+static bool is_silent(const struct peer *peer, int64_t now_ns) {
+    const struct control_handler *handler = &peer->control->handler;
+    if (now_ns - peer->pong_ns <= SILENCE_NS)
+        return false;
+    bool beside = handler->datagram_ns &&
+                  now_ns - handler->datagram_ns(handler->user, peer->handle) < DATAGRAMS_LIVE_NS;
+    return !beside || now_ns - peer->pong_ns > SILENCE_BESIDE_DATAGRAMS_NS;
+}
+
 bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
     *out_next_us = CLOSING_NS / 1000;
     if (peer->closing)
@@ -343,9 +356,9 @@ bool peer_tick(struct peer *peer, int64_t now_ns, int64_t *out_next_us) {
                     peer->enrols ? "Enrol" : "Hello");
         return true;
     }
-    if (now_ns - peer->pong_ns > SILENCE_NS) {
-        log_warning("control", "station %s: no answer for 5 s, its connection is closed",
-                    peer->identity.name);
+    if (is_silent(peer, now_ns)) {
+        log_warning("control", "station %s: no answer for %d s, its connection is closed",
+                    peer->identity.name, (int)((now_ns - peer->pong_ns) / NS_PER_S));
         return false;
     }
     if (is_revoked(peer)) {

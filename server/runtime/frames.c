@@ -1,6 +1,6 @@
 #include "runtime/frames.h"
 
-#include "base/check.h"
+#include "base/clock.h"
 #include "runtime/reply.h"
 #include "runtime/stepping.h"
 
@@ -47,26 +47,60 @@ static void watch_drift(const struct worker *worker, struct station_runtime *sta
 
 // ---- one frame ----------------------------------------------------------------------------------
 
-// On true the frame is the newest of its connection.
-static bool accept_frame(struct station_runtime *station, const struct frame *frame) {
+// On true the frame is the newest of its connection, with what late ones told.
+static bool accept_frame(struct worker *worker, struct station_runtime *station,
+                         struct frame *frame, int64_t received_ns) {
     if (!station->connection.clock_known || !station->session) {
         count(&station->counts.frames_early, 1);
         return false;
     }
-    if (frame->number <= station->last_frame) {
+    uint64_t lost;
+    enum frame_place place = frame_order_note(&station->order, frame->number, received_ns, &lost);
+    count(&station->counts.frames_lost, lost);
+    switch (place) {
+    case FRAME_NEWEST:
+        late_frames_merge(&station->late, frame, worker->runtime->config.hold_ns);
+        return true;
+    case FRAME_LATE:
+        count(&station->counts.frames_late, 1);
+        late_frames_keep(&station->late, frame);
+        return false;
+    case FRAME_OLD:
         count(&station->counts.frames_old, 1);
         return false;
+    case FRAME_WRONG:
+        count(&station->counts.frames_invalid, 1);
+        return false;
     }
-    if (station->last_frame)
-        count(&station->counts.frames_lost, frame->number - station->last_frame - 1);
-    station->last_frame = frame->number;
-    return true;
+    return false;
+}
+
+void frames_end_order(struct station_runtime *station) {
+    count(&station->counts.frames_lost, frame_order_end(&station->order));
+    memset(&station->late, 0, sizeof station->late);
+    memset(&station->bridge, 0, sizeof station->bridge);
+}
+
+void frames_settle(struct station_runtime *station) {
+    count(&station->counts.frames_lost, frame_order_settle(&station->order, clock_now_ns()));
 }
 
 static void onto_session_clock(struct frame *frame, int64_t offset_ns) {
     frame->time_ns += offset_ns;
     for (int i = 0; i < frame->count; i++)
         frame->samples[i].time_ns += offset_ns;
+}
+
+static int64_t offset_of(struct station_runtime *station, const struct frame *frame,
+                         int64_t received_ns) {
+    int64_t step_ns;
+    int64_t offset_ns = clock_bridge_offset(&station->bridge, frame->time_ns, received_ns,
+                                            station->connection.clock_offset_ns, &step_ns);
+    if (step_ns) {
+        atomic_store(&station->counts.clock_step_ns, step_ns);
+        count(&station->counts.clock_steps, 1);
+    }
+    return offset_ns;
 }
 
 static void answer(struct worker *worker, struct station_runtime *station, enum reply_path path) {
@@ -93,12 +127,14 @@ static void take_events(struct station_runtime *station) {
 }
 
 static void take_frame(struct worker *worker, struct station_runtime *station, enum reply_path path,
-                       const struct frame *frame, int64_t received_ns) {
+                       struct frame *frame, int64_t received_ns) {
+    if (path == PATH_DATAGRAM)
+        atomic_store_explicit(&station->counts.datagram_ns, received_ns, memory_order_relaxed);
     if (is_second_copy(station, frame)) {
         answer(worker, station, path);
         return;
     }
-    if (!accept_frame(station, frame))
+    if (!accept_frame(worker, station, frame, received_ns))
         return;
     devices_step(&station->device_watch, frame, station->counts.devices);
     const struct knee_case *knee = scene_case(station->session->scene);
@@ -106,7 +142,7 @@ static void take_frame(struct worker *worker, struct station_runtime *station, e
     struct session_input input = {
         .kind = INPUT_FRAME, .time_ns = received_ns + ahead_ns, .frame = *frame};
     struct session_output output;
-    onto_session_clock(&input.frame, station->connection.clock_offset_ns + ahead_ns);
+    onto_session_clock(&input.frame, offset_of(station, frame, received_ns) + ahead_ns);
     station->last_frame_ns = received_ns;
     step_input(worker, station, &input, &output);
     watch_drift(worker, station, &output);

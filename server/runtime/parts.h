@@ -5,7 +5,10 @@
 #include "base/ring.h"
 #include "net/control.h"
 #include "net/datagram.h"
+#include "runtime/clock_bridge.h"
 #include "runtime/drift.h"
+#include "runtime/frame_order.h"
+#include "runtime/late_frames.h"
 #include "runtime/types.h"
 
 #include <pthread.h>
@@ -54,8 +57,10 @@ struct station_runtime {
     bool ending; // once the job that is on its way has landed
     struct station_connection connection;
     uint32_t udp_connection;
-    uint64_t last_frame;
-    arthron_Reply reply;                // to last_frame
+    struct frame_order order;
+    struct late_frames late;
+    struct clock_bridge bridge;
+    arthron_Reply reply;                // to the newest frame
     uint32_t events;                    // of all steps since
     uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
     int64_t last_step_ns, last_frame_ns;

@@ -189,6 +189,7 @@ void step_results(struct worker *worker) {
 static void clear_counts(struct station_runtime *station) {
     struct station_counts *counts = &station->counts;
     atomic_store(&counts->frames_lost, 0);
+    atomic_store(&counts->frames_late, 0);
     atomic_store(&counts->frames_old, 0);
     atomic_store(&counts->frames_early, 0);
     atomic_store(&counts->frames_invalid, 0);
@@ -216,7 +217,9 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     memset(&station->undo, 0, sizeof station->undo);
     station->job = 0;
     station->ending = false;
-    station->last_frame = 0;
+    frame_order_end(&station->order);
+    memset(&station->late, 0, sizeof station->late);
+    memset(&station->bridge, 0, sizeof station->bridge);
     station->events = 0;
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);

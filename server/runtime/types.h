@@ -24,6 +24,7 @@ struct runtime_config {
     int udp_port;          // worker i listens on udp_port + i; 0: any free port
     int workers;           // at least 1
     int wait_s;            // how long a session waits for its station
+    int64_t hold_ns;       // how long a sample is valid: what a late frame told too
     double touch_reach_mm; // a tip in contact counts as no farther off the surface than this
     int station_count;
     struct runtime_station stations[STATIONS_MAX];
@@ -63,7 +64,8 @@ struct session_runtime {
 struct station_counts {
     atomic_uint_fast64_t steps;
     atomic_uint_fast64_t frames_lost;  // numbers that never came
-    atomic_uint_fast64_t frames_old;   // older than one that came before: dropped
+    atomic_uint_fast64_t frames_late;  // behind a newer one: what they alone told was used
+    atomic_uint_fast64_t frames_old;   // came before, or too late: dropped
     atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
     atomic_uint_fast64_t frames_invalid; // values out of range: dropped
     atomic_uint_fast64_t frames_excess;  // over TCP, faster than the worker takes them: dropped
@@ -71,6 +73,9 @@ struct station_counts {
     atomic_int_fast64_t drift_nm;        // of the instrument that is farthest off
     atomic_uint_fast64_t trace_missing;  // as of trace_status
     atomic_bool trace_failing;
+    atomic_uint_fast64_t clock_steps;  // of the station's clock
+    atomic_int_fast64_t clock_step_ns; // the last one
+    atomic_int_fast64_t datagram_ns;   // when the newest frame came by datagram
     struct device_counts devices[WIRE_DEVICES_MAX];
     atomic_int_fast64_t warp_nm; // the largest at any tip since the last runtime_take_warp_mm
 };

@@ -43,7 +43,7 @@ static void forget_keys(struct worker *worker, struct station_runtime *station) 
 
 static void station_joined(struct worker *worker, struct station_runtime *station) {
     forget_keys(worker, station);
-    station->last_frame = 0;
+    frames_end_order(station);
     station->reply.frame_number = 0;
     for (int bit = 0; bit < EVENT_COUNT; bit++) // those that no reply has told yet are its first
         station->event_counts[bit] = station->events >> bit & 1;
@@ -145,6 +145,7 @@ static void watch_time(struct worker *worker, struct station_runtime *station) {
     if (!station->session)
         return;
     publish_trace(station);
+    frames_settle(station);
     if (step_is_deserted(worker, station))
         step_end(worker, station);
     else if (step_now_ns(station) - station->last_step_ns >= EMPTY_STEP_NS &&

@@ -24,6 +24,7 @@ struct manager {
     sem_t wake;
     struct task_pool *pool;
     bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
+    uint64_t clock_steps[STATIONS_MAX]; // that were told
 };
 
 void manager_notify(void *user) {
@@ -138,6 +139,15 @@ static void warn_of_trace(struct sessions *s, int station) {
     *warned = is_incomplete;
 }
 
+static void warn_of_clock(struct sessions *s, int station) {
+    const struct station_counts *counts = runtime_counts(s->runtime, station);
+    uint64_t steps = atomic_load(&counts->clock_steps);
+    if (steps > s->manager->clock_steps[station])
+        log_warning("sessions", "station %s: its clock was stepped by %.3f s; its frames go on",
+                    station_name(s, station), (double)atomic_load(&counts->clock_step_ns) / 1e9);
+    s->manager->clock_steps[station] = steps;
+}
+
 // ---- the thread ---------------------------------------------------------------------------------
 
 static void look_after(struct sessions *s) {
@@ -145,6 +155,7 @@ static void look_after(struct sessions *s) {
     for (int i = 0; i < s->config.station_count; i++) {
         warn_of_drift(s, i);
         warn_of_trace(s, i);
+        warn_of_clock(s, i);
     }
 }
 

@@ -15,6 +15,7 @@
 static void tell_counts(const struct station_counts *counts, arthron_SessionInfo *out) {
     out->steps = atomic_load(&counts->steps);
     out->frames_lost = atomic_load(&counts->frames_lost);
+    out->frames_late = atomic_load(&counts->frames_late);
     out->frames_old = atomic_load(&counts->frames_old);
     out->frames_early = atomic_load(&counts->frames_early);
     out->frames_invalid = atomic_load(&counts->frames_invalid);

@@ -87,6 +87,7 @@ static enum result start_runtime(struct sessions *s, struct error *err) {
         .udp_port = s->config.udp_port,
         .workers = sessions_worker_count(&s->config),
         .wait_s = s->config.wait_s,
+        .hold_ns = s->config.settings.hold_ns,
         .touch_reach_mm = s->config.settings.field.radius_mm,
         .station_count = s->config.station_count,
         .control = &s->control,

@@ -153,6 +153,12 @@ static void on_gone(void *user, struct control_peer peer) {
     log_info("sessions", "station %s disconnected; its session waits", station_name(s, station));
 }
 
+static int64_t datagram_ns(void *user, struct control_peer peer) {
+    struct sessions *s = user;
+    int station = find_station(s, peer);
+    return station < 0 ? 0 : atomic_load(&runtime_counts(s->runtime, station)->datagram_ns);
+}
+
 struct control_handler station_handler(struct sessions *s) {
     return (struct control_handler){
         .user = s,
@@ -161,5 +167,6 @@ struct control_handler station_handler(struct sessions *s) {
         .on_frame = on_frame,
         .on_message = on_message,
         .on_gone = on_gone,
+        .datagram_ns = datagram_ns,
     };
 }

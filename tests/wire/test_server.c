@@ -87,7 +87,12 @@ static void on_gone(void *user, struct control_peer peer) {
 }
 
 void test_server_start(struct test_server *d) {
-    struct control_handler handler = {d, on_hello, on_clock, on_frame, on_message, on_gone};
+    struct control_handler handler = {.user = d,
+                                      .on_hello = on_hello,
+                                      .on_clock = on_clock,
+                                      .on_frame = on_frame,
+                                      .on_message = on_message,
+                                      .on_gone = on_gone};
     struct control_config config = {
         .address = "127.0.0.1",
         .port = d->port,

@@ -1,6 +1,7 @@
 #include "base/argument.h"
 #include "base/check.h"
 #include "base/log.h"
+#include "base/service.h"
 #include "commands/browsers.h"
 #include "commands/commands.h"
 #include "commands/known_stations.h"
@@ -94,9 +95,11 @@ static int serve_until_end(const struct server_config *config) {
     }
     known_stations_write(&config->sessions);
     atomic_store(&is_ready, true);
+    service_notify("READY=1");
     log_info("server", "ready on port %d", config->sessions.port);
     while (sem_wait(&end) && errno == EINTR)
         ;
+    service_notify("STOPPING=1");
     sessions_break_off(sessions);
     browsers_destroy(&browsers);
     if (atomic_load(&ended) == SIGUSR1)

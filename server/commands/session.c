@@ -123,16 +123,17 @@ static json_t *info_to_json(const arthron_SessionInfo *info) {
     for (int i = 0; i < 16; i++)
         snprintf(id + 2 * i, 3, "%02x", info->id[i]);
     return json_pack(
-        "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
+        "{s:s, s:s, s:s, s:s, s:b, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:o, "
         "s:I, s:o, s:s, s:I, s:b, s:s, s:s, s:o}",
         "station", info->station, "id", id, "case", info->case_name, "state", state_name(info),
         "connected", info->connected, "start_utc_s", (double)info->start_utc_ns / 1e9, "steps",
         (json_int_t)info->steps, "frames_lost", (json_int_t)info->frames_lost, "frames_late",
         (json_int_t)info->frames_late, "frames_old", (json_int_t)info->frames_old, "frames_early",
         (json_int_t)info->frames_early, "frames_invalid", (json_int_t)info->frames_invalid,
-        "rtt_us", info->rtt_p50_us, "clock_uncertainty_us", info->clock_uncertainty_us, "trace",
-        info->trace, "calibration", calibration_to_json(info), "touches", (json_int_t)info->touches,
-        "drift_mm", drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
+        "frames_excess", (json_int_t)info->frames_excess, "rtt_us", info->rtt_p50_us,
+        "clock_uncertainty_us", info->clock_uncertainty_us, "trace", info->trace, "calibration",
+        calibration_to_json(info), "touches", (json_int_t)info->touches, "drift_mm",
+        drift_to_json(info), "case_grade", info->case_grade, "trace_missing",
         (json_int_t)info->trace_missing, "trace_failing", info->trace_failing, "trainee",
         info->trainee, "next_trainee", info->next_trainee, "certificate_until_utc_s",
         end_to_json(info->certificate_until_utc_s));

@@ -10,6 +10,7 @@
 
 #define LOSS_SHARE 0.05f
 #define UNCERTAIN_US 5000
+#define EXCESS_FRAMES 1000
 #define DAY_S 86400
 #define CERTIFICATE_WARNING_S (30 * DAY_S)
 
@@ -37,6 +38,9 @@ static void warn_of_link(arthron_Place *place) {
         warn(place, URGENCY_NOW, "its station is away, the session waits for it");
     if (place->loss_share > LOSS_SHARE)
         warn(place, URGENCY_ACT, "%.0f %% of its frames are lost", 100 * (double)place->loss_share);
+    if (place->loss_share <= LOSS_SHARE && info->frames_excess > EXCESS_FRAMES)
+        warn(place, URGENCY_LOOK, "it sends more than its share: %" PRIu64 " frames were left out",
+             info->frames_excess);
     if (info->clock_uncertainty_us > UNCERTAIN_US)
         warn(place, URGENCY_LOOK, "its clock is known to %.0f ms only",
              info->clock_uncertainty_us / 1000);

@@ -1,6 +1,7 @@
 #include "runtime/cut_worker.h"
 
 #include "base/check.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "runtime/mesh_sender.h"
 
@@ -41,6 +42,7 @@ struct cut_worker {
     pthread_t thread;
     atomic_bool stop;
     int wake_fd;
+    struct progress progress;
     struct ring *tasks;         // of struct cut_task
     struct ring *mesh_requests; // of struct mesh_request
     struct ring *done;          // of struct job_done, to the worker
@@ -135,7 +137,13 @@ static void close_session(struct cut_worker *c, const struct cut_task *task) {
                                        .end = task->end});
 }
 
+static const char *const doing[] = {[TASK_OPEN] = "show a session's meshes",
+                                    [TASK_RUN] = "run a cut, an undo or a restore",
+                                    [TASK_RELEASE] = "release a result",
+                                    [TASK_CLOSE] = "end a session"};
+
 static void take_task(struct cut_worker *c, struct cut_task *task) {
+    progress_note(&c->progress, doing[task->kind], task->station);
     switch (task->kind) {
     case TASK_OPEN:
         open_session(c, task);
@@ -160,15 +168,17 @@ static void take_task(struct cut_worker *c, struct cut_task *task) {
 static void take_round(struct cut_worker *c) {
     bool said[STATIONS_MAX];
     for (int i = 0; i < STATIONS_MAX; i++)
-        said[i] = mesh_inbox_take(&c->inboxes[i], &c->words[i]);
+        said[i] = mesh_inbox_take(&c->inboxes[i], clock_now_ns(), &c->words[i]);
     size_t requests = ring_count(c->mesh_requests), tasks = ring_count(c->tasks);
     struct cut_task task;
     struct mesh_request request;
     for (; tasks && ring_pop(c->tasks, &task); tasks--)
         take_task(c, &task);
     for (int i = 0; i < STATIONS_MAX; i++)
-        if (said[i])
+        if (said[i]) {
+            progress_note(&c->progress, "send meshes", i);
             mesh_sender_take(&c->senders[i], &c->words[i]);
+        }
     for (; requests && ring_pop(c->mesh_requests, &request); requests--) {
         mesh_sender_request(&c->senders[request.station], &request);
         mailbox_release(&request.mailbox);
@@ -187,8 +197,10 @@ static void *work(void *argument) {
     struct cut_worker *c = argument;
     struct pollfd fd = {.fd = c->wake_fd, .events = POLLIN};
     lower_priority();
+    progress_begin(&c->progress, "cut worker", c->worker->index);
     bool stop = false;
     while (!stop) {
+        progress_note(&c->progress, "wait for cuts", -1);
         poll(&fd, 1, ROUND_MS);
         uint64_t wakes;
         if (fd.revents && read(c->wake_fd, &wakes, sizeof wakes) < 0)
@@ -196,7 +208,12 @@ static void *work(void *argument) {
         stop = atomic_load(&c->stop);
         take_round(c);
     }
+    progress_end(&c->progress);
     return NULL;
+}
+
+struct progress *cut_worker_progress(struct cut_worker *c) {
+    return &c->progress;
 }
 
 struct cut_worker *cut_worker_create(struct worker *worker) {

@@ -6,7 +6,8 @@
 #include "runtime/mesh_subscribers.h"
 #include "runtime/parts.h"
 
-struct cut_worker *cut_worker_create(struct worker *worker); // starts the thread
+struct cut_worker *cut_worker_create(struct worker *worker);         // starts the thread
+struct progress *cut_worker_progress(struct cut_worker *cut_worker); // of its thread
 // After the worker's thread: finishes what was asked for.
 void cut_worker_stop(struct cut_worker *cut_worker);
 void cut_worker_destroy(struct cut_worker **cut_worker); // NULL inside is fine

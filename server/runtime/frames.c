@@ -47,6 +47,19 @@ static void watch_drift(const struct worker *worker, struct station_runtime *sta
 
 // ---- one frame ----------------------------------------------------------------------------------
 
+// A frame that is beyond the station's share is left out, and no lost one.
+static bool is_in_share(struct worker *worker, struct station_runtime *station,
+                        int64_t received_ns) {
+    if (fair_share_take(&station->share, received_ns))
+        return true;
+    count(&station->counts.frames_excess, 1);
+    if (fair_share_tells(&station->share, received_ns))
+        step_tell(worker, station,
+                  "the station sends more than its share of the server: frames "
+                  "are left out. Lower its rate_hz");
+    return false;
+}
+
 // On true the frame is the newest of its connection, with what late ones told.
 static bool accept_frame(struct worker *worker, struct station_runtime *station,
                          struct frame *frame, int64_t received_ns) {
@@ -59,6 +72,8 @@ static bool accept_frame(struct worker *worker, struct station_runtime *station,
     count(&station->counts.frames_lost, lost);
     switch (place) {
     case FRAME_NEWEST:
+        if (!is_in_share(worker, station, received_ns))
+            return false;
         late_frames_merge(&station->late, frame, worker->runtime->config.hold_ns);
         return true;
     case FRAME_LATE:
@@ -175,6 +190,7 @@ void frames_take_datagrams(struct worker *worker) {
     for (int i = 0; i < received; i++) {
         struct station_runtime *station = batch[i].user;
         struct frame frame;
+        progress_note(&worker->progress, "take a datagram", station->index);
         if (batch[i].path_challenge)
             ask_for_path(worker, station, batch[i].path_challenge);
         if (wire_frame_to(&batch[i].message, &frame, NULL) != RESULT_OK)
@@ -191,6 +207,7 @@ bool frames_take_tcp(struct worker *worker, struct station_runtime *station) {
     for (int i = 0; i < TCP_FRAMES_AT_ONCE; i++) {
         if (!ring_pop(station->frames, &next))
             return false;
+        progress_note(&worker->progress, "take a frame of the control connection", station->index);
         if (station->connection.connected && next.joins == station->connection.joins)
             take_frame(worker, station, PATH_CONTROL, &next.frame, next.received_ns);
     }

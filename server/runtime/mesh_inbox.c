@@ -2,6 +2,9 @@
 
 #include <string.h>
 
+#define ASKS_HZ 1
+#define ASKS_BURST 10
+
 void mesh_inbox_init(struct mesh_inbox *inbox) {
     memset(inbox, 0, sizeof *inbox);
     pthread_mutex_init(&inbox->lock, NULL);
@@ -46,9 +49,10 @@ void mesh_inbox_leave(struct mesh_inbox *inbox) {
     pthread_mutex_unlock(&inbox->lock);
 }
 
-bool mesh_inbox_take(struct mesh_inbox *inbox, struct mesh_words *out_words) {
+bool mesh_inbox_take(struct mesh_inbox *inbox, int64_t now_ns, struct mesh_words *out_words) {
     pthread_mutex_lock(&inbox->lock);
-    bool filled = inbox->filled;
+    bool filled = inbox->filled &&
+                  (!inbox->words.asks || bucket_take(&inbox->asks, ASKS_HZ, ASKS_BURST, now_ns));
     if (filled) {
         *out_words = inbox->words;
         inbox->words = (struct mesh_words){.left = false};

@@ -3,6 +3,7 @@
 // that of the same group.
 #pragma once
 
+#include "base/bucket.h"
 #include "net/control.h"
 #include "step/job.h"
 
@@ -21,6 +22,7 @@ struct mesh_words {
 struct mesh_inbox {
     pthread_mutex_t lock; // held for copies only
     bool filled;
+    struct bucket asks; // so that no station keeps the cut worker busy with whole meshes
     struct mesh_words words;
 };
 
@@ -32,5 +34,5 @@ void mesh_inbox_put(struct mesh_inbox *inbox, struct control_peer peer,
                     const arthron_Control *message);
 void mesh_inbox_leave(struct mesh_inbox *inbox); // the station has gone
 
-// False if there is nothing new.
-bool mesh_inbox_take(struct mesh_inbox *inbox, struct mesh_words *out_words);
+// False if there is nothing new, or only another ask too soon: that waits, or the next one does.
+bool mesh_inbox_take(struct mesh_inbox *inbox, int64_t now_ns, struct mesh_words *out_words);

@@ -7,8 +7,10 @@
 #include "net/datagram.h"
 #include "runtime/clock_bridge.h"
 #include "runtime/drift.h"
+#include "runtime/fair_share.h"
 #include "runtime/frame_order.h"
 #include "runtime/late_frames.h"
+#include "runtime/progress.h"
 #include "runtime/types.h"
 
 #include <pthread.h>
@@ -60,6 +62,7 @@ struct station_runtime {
     struct frame_order order;
     struct late_frames late;
     struct clock_bridge bridge;
+    struct fair_share share;
     arthron_Reply reply;                // to the newest frame
     uint32_t events;                    // of all steps since
     uint32_t event_counts[EVENT_COUNT]; // of each bit, since the connection began
@@ -100,6 +103,7 @@ struct worker {
     struct cut_worker *cut_worker;
     struct datagram_endpoint *endpoint;
     int wake_fd;
+    struct progress progress;
     pthread_mutex_t request_lock; // of the producers; the worker takes no part
     struct ring *requests;        // of struct worker_request
     struct ring *notices;         // of struct runtime_notice
@@ -113,6 +117,7 @@ struct runtime {
     struct station_runtime stations[STATIONS_MAX];
     struct worker *workers;
     int worker_count;
+    struct watchdog *watchdog;
     bool hand_over; // before stop is set
     atomic_bool stop;
 };

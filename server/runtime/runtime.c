@@ -3,8 +3,10 @@
 #include "base/check.h"
 #include "base/log.h"
 #include "runtime/cut_worker.h"
+#include "runtime/watchdog.h"
 #include "runtime/worker.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 // ---- begin and end ------------------------------------------------------------------------------
@@ -31,6 +33,26 @@ static void close_station(struct station_runtime *station) {
     pthread_mutex_destroy(&station->tissues_lock);
 }
 
+static const char *name_of(const void *user, int station) {
+    return ((const struct runtime *)user)->config.stations[station].name;
+}
+
+static void watch_workers(struct runtime *r) {
+    struct watched *watched = alloc(2 * (size_t)r->worker_count, sizeof *watched);
+    char(*names)[32] = alloc(2 * (size_t)r->worker_count, sizeof *names);
+    for (int i = 0; i < r->worker_count; i++) {
+        snprintf(names[2 * i], sizeof *names, "worker %d", i);
+        snprintf(names[2 * i + 1], sizeof *names, "cut worker %d", i);
+        watched[2 * i] =
+            (struct watched){names[2 * i], &r->workers[i].progress, WATCHDOG_WORKER_NS};
+        watched[2 * i + 1] = (struct watched){
+            names[2 * i + 1], cut_worker_progress(r->workers[i].cut_worker), WATCHDOG_CUTS_NS};
+    }
+    r->watchdog = watchdog_create(watched, 2 * r->worker_count, name_of, r);
+    free(names);
+    free(watched);
+}
+
 enum result runtime_create(const struct runtime_config *config, struct runtime **out_runtime,
                            struct error *err) {
     struct runtime *r = alloc(1, sizeof *r);
@@ -42,6 +64,8 @@ enum result runtime_create(const struct runtime_config *config, struct runtime *
     r->worker_count = config->workers;
     for (int i = 0; i < config->workers && result == RESULT_OK; i++)
         result = worker_start(r, i, err);
+    if (result == RESULT_OK)
+        watch_workers(r);
     if (result != RESULT_OK) {
         runtime_stop(r, false);
         runtime_destroy(&r);
@@ -57,6 +81,7 @@ void runtime_stop(struct runtime *r, bool hand_over) {
     atomic_store(&r->stop, true);
     for (int i = 0; i < r->worker_count; i++)
         worker_stop(&r->workers[i]);
+    watchdog_destroy(&r->watchdog);
 }
 
 void runtime_destroy(struct runtime **runtime) {

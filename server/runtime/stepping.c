@@ -6,19 +6,26 @@
 #include "runtime/reply.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #define METRICS_NS (NS_PER_S / 4)
 
 // ---- what others learn --------------------------------------------------------------------------
 
-void step_announce(struct worker *worker, const struct station_runtime *station) {
+void step_tell(struct worker *worker, const struct station_runtime *station, const char *text) {
     if (!station->connection.connected || !station->connection.clock_known || !station->session)
         return;
     arthron_Control message = {.which_message = arthron_Control_session_change_tag};
     reply_session(station->state, scene_case(station->session->scene),
                   &message.message.session_change);
+    snprintf(message.message.session_change.text, sizeof message.message.session_change.text, "%s",
+             text);
     control_send(*worker->runtime->config.control, station->connection.peer, &message);
+}
+
+void step_announce(struct worker *worker, const struct station_runtime *station) {
+    step_tell(worker, station, "");
 }
 
 static void change_state(struct worker *worker, struct station_runtime *station,
@@ -92,10 +99,13 @@ void step_input(struct worker *worker, struct station_runtime *station, struct s
     if (input->time_ns < station->last_step_ns)
         input->time_ns = station->last_step_ns;
     station->last_step_ns = input->time_ns;
+    progress_note(&worker->progress, "compute a step", station->index);
     session_step(station->session->session, input, output);
+    progress_note(&worker->progress, "record a step", station->index);
     trace_append(station->session->trace, input, output);
     struct trace_status recorded = trace_writer_status(station->session->trace);
     atomic_store_explicit(&station->counts.steps, recorded.records, memory_order_relaxed);
+    fair_share_record(&station->share, recorded.bytes);
     publish_metrics(station, input, output);
     publish_snapshot(station, output);
     count_events(station, output->events);
@@ -220,6 +230,7 @@ void step_begin(struct worker *worker, struct station_runtime *station,
     frame_order_end(&station->order);
     memset(&station->late, 0, sizeof station->late);
     memset(&station->bridge, 0, sizeof station->bridge);
+    memset(&station->share, 0, sizeof station->share);
     station->events = 0;
     station->last_step_ns = session->last_ns;
     newest_put(station->metrics, &session->metrics);

@@ -27,6 +27,8 @@ bool step_is_deserted(const struct worker *worker, const struct station_runtime 
 
 // Sends a station its session. After the first one the station begins to send frames.
 void step_announce(struct worker *worker, const struct station_runtime *station);
+// The same, with a text for a person.
+void step_tell(struct worker *worker, const struct station_runtime *station, const char *text);
 
 // Begins a new or resumed session.
 void step_begin(struct worker *worker, struct station_runtime *station,

@@ -68,7 +68,7 @@ struct station_counts {
     atomic_uint_fast64_t frames_old;   // came before, or too late: dropped
     atomic_uint_fast64_t frames_early; // before the clock offset or the session was known: dropped
     atomic_uint_fast64_t frames_invalid; // values out of range: dropped
-    atomic_uint_fast64_t frames_excess;  // over TCP, faster than the worker takes them: dropped
+    atomic_uint_fast64_t frames_excess;  // beyond the station's share of its worker: dropped
     atomic_uint_fast64_t touches;        // of this session
     atomic_int_fast64_t drift_nm;        // of the instrument that is farthest off
     atomic_uint_fast64_t trace_missing;  // as of trace_status

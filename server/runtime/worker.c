@@ -205,8 +205,11 @@ static void *work(void *argument) {
         {.fd = worker->wake_fd, .events = POLLIN},
     };
     bool left = false;
+    progress_begin(&worker->progress, "worker", worker->index);
     while (!atomic_load(&worker->runtime->stop)) {
+        progress_note(&worker->progress, "wait for frames and requests", -1);
         wait_for_work(fds, left);
+        progress_note(&worker->progress, "take connections and requests", -1);
         take_connections(worker);
         take_requests(worker);
         step_results(worker);
@@ -215,9 +218,11 @@ static void *work(void *argument) {
     }
     take_requests(worker);
     while (!end_sessions(worker)) {
+        progress_note(&worker->progress, "wait for the last cuts", -1);
         wait_for_work(fds, false);
         step_results(worker);
     }
+    progress_end(&worker->progress);
     return NULL;
 }
 

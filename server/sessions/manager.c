@@ -5,15 +5,18 @@
 #include "base/log.h"
 #include "base/task_pool.h"
 #include "runtime/drift.h"
+#include "runtime/fair_share.h"
 #include "sessions/opening.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <semaphore.h>
 #include <stdlib.h>
 #include <time.h>
 
 #define ROUND_NS NS_PER_S
 #define RETRY_NS NS_PER_S
+#define EXCESS_WARNING 100 // frames a second: a burst after a pause is none
 #define POOL_THREADS 4
 #define POOL_TASKS (4 * STATIONS_MAX)
 
@@ -25,6 +28,8 @@ struct manager {
     struct task_pool *pool;
     bool drift_warned[STATIONS_MAX], trace_warned[STATIONS_MAX];
     uint64_t clock_steps[STATIONS_MAX]; // that were told
+    uint64_t excess[STATIONS_MAX];      // frames, as of the last look
+    int64_t excess_told_ns[STATIONS_MAX];
 };
 
 void manager_notify(void *user) {
@@ -148,6 +153,21 @@ static void warn_of_clock(struct sessions *s, int station) {
     s->manager->clock_steps[station] = steps;
 }
 
+static void warn_of_share(struct sessions *s, int station) {
+    uint64_t excess = atomic_load(&runtime_counts(s->runtime, station)->frames_excess);
+    uint64_t *before = &s->manager->excess[station];
+    int64_t now_ns = clock_now_ns(), *told_ns = &s->manager->excess_told_ns[station];
+    uint64_t more = excess < *before ? excess : excess - *before;
+    *before = excess;
+    if (more <= EXCESS_WARNING || (*told_ns && now_ns - *told_ns < FAIR_TELL_NS))
+        return;
+    *told_ns = now_ns;
+    log_warning("sessions",
+                "station %s sends more than its share: %" PRIu64 " frames of the last second were "
+                "left out",
+                station_name(s, station), more);
+}
+
 // ---- the thread ---------------------------------------------------------------------------------
 
 static void look_after(struct sessions *s) {
@@ -156,6 +176,7 @@ static void look_after(struct sessions *s) {
         warn_of_drift(s, i);
         warn_of_trace(s, i);
         warn_of_clock(s, i);
+        warn_of_share(s, i);
     }
 }
 

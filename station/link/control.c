@@ -152,11 +152,14 @@ static void hear_change(struct link *link, const arthron_SessionChange *change) 
     if (opens && link->control.meshes)
         ask_for_meshes(link);
     pthread_mutex_lock(&link->lock);
+    bool is_new = change->text[0] && strcmp(link->status.refusal, change->text) != 0;
     link->status.state = (arthron_SessionState)change->state;
     snprintf(link->status.session_case, sizeof link->status.session_case, "%s", change->case_name);
     snprintf(link->status.refusal, sizeof link->status.refusal, "%s", change->text);
     keep_session(link, change);
     pthread_mutex_unlock(&link->lock);
+    if (is_new)
+        log_warning("link", "the server says: %s", change->text);
     atomic_fetch_add(&link->session_changes, 1);
     update_ready(link);
 }

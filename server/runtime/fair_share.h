@@ -1,0 +1,28 @@
+// What one station may take of its worker: frames, and bytes of trace. What is beyond that is left
+// out, and the station's session goes on. Plain state of the worker; the same for each station.
+#pragma once
+
+#include "base/bucket.h"
+
+// Stations send up to 1,000 frames a second. After a pause of the network many come at once.
+#define FAIR_FRAMES_HZ 1500
+#define FAIR_FRAMES_BURST 1000
+#define FAIR_TRACE_BYTES_S 4e6
+#define FAIR_TRACE_BYTES_BURST 32e6 // a large cut may take 10 MB
+#define FAIR_TELL_NS 60000000000LL
+
+struct fair_share {
+    struct bucket frames, bytes;
+    uint64_t trace_bytes; // of the session's trace, when last looked at
+    int64_t told_ns;      // when the station was last told; 0: never
+};
+
+// Takes a frame of the share. False: there is none left.
+bool fair_share_take(struct fair_share *share, int64_t now_ns);
+
+// The trace has so many bytes now.
+void fair_share_record(struct fair_share *share, uint64_t trace_bytes);
+
+// True where the station is to be told that it has exceeded its share: not more often than each
+// FAIR_TELL_NS.
+bool fair_share_tells(struct fair_share *share, int64_t now_ns);

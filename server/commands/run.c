@@ -17,6 +17,7 @@
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #define OVERRIDES_MAX 32
@@ -109,6 +110,15 @@ static int serve_until_end(const struct server_config *config) {
     return 0;
 }
 
+// Two for each station, and those of browsers: more than the 1024 that many systems begin with.
+static void raise_descriptors(void) {
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit))
+        return;
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 struct request {
     const char *path;
     struct setting_override overrides[OVERRIDES_MAX];
@@ -129,6 +139,7 @@ static int serve(const struct request *request) {
         log_warning("server", "the field of sessions is %s, for a bench",
                     field_name(request->field));
     field->kind = request->field;
+    raise_descriptors();
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
     need_before_end(trace_write_last);

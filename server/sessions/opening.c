@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "sessions/audit.h"
+#include "sessions/resources.h"
 #include "trace/catalogue.h"
 
 #include <math.h>
@@ -107,7 +108,9 @@ static enum result open_session(struct sessions *s, int station, struct error *e
     station_slot_status(&s->slots[station], &status);
     opening_header(s, station, status.session_id, status.scene, status.strength, status.trainee,
                    &header);
-    enum result result = opening_trace_path(s, &header, path, err);
+    enum result result = resources_allow_session(err);
+    if (result == RESULT_OK)
+        result = opening_trace_path(s, &header, path, err);
     if (result == RESULT_OK)
         result = trace_writer_create(path, &header, &s->trace_signer, &trace, err);
     if (result != RESULT_OK)

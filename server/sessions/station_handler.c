@@ -4,6 +4,7 @@
 #include "base/log.h"
 #include "sessions/calibration.h"
 #include "sessions/manager.h"
+#include "sessions/resources.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -69,6 +70,13 @@ static enum result receive_visit(struct sessions *s, int station, arthron_Welcom
     return RESULT_OK;
 }
 
+// A station that has a session comes back to it whatever is left.
+static enum result allow_session(struct sessions *s, int station, struct error *err) {
+    struct station_status status;
+    station_slot_status(&s->slots[station], &status);
+    return status.phase == SLOT_EMPTY ? resources_allow_session(err) : RESULT_OK;
+}
+
 // The claim comes before Welcome, so that Welcome has the id of the session that is opened. An
 // opening that the station finds under way was begun for another connection of its own.
 static enum result receive(struct sessions *s, int station, struct control_peer peer,
@@ -92,17 +100,19 @@ static enum result receive(struct sessions *s, int station, struct control_peer 
 static enum result on_hello(void *user, struct control_peer peer, const arthron_Hello *hello,
                             arthron_Welcome *welcome, arthron_Refusal *refusal) {
     struct sessions *s = user;
-    struct error unfit;
+    struct error why;
     int station = sessions_find_station(&s->config, hello->station);
     if (station < 0)
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE,
                       "station %s has no case: the server's config does not name it",
                       hello->station);
-    if (allow_case(s, station, &unfit) != RESULT_OK)
+    if (allow_case(s, station, &why) != RESULT_OK)
         return refuse(refusal, arthron_Refusal_Reason_NO_CASE, "station %s: %s", hello->station,
-                      unfit.text);
+                      why.text);
     if (hello->visit)
         return receive_visit(s, station, welcome);
+    if (allow_session(s, station, &why) != RESULT_OK)
+        return refuse(refusal, arthron_Refusal_Reason_BUSY, "%s", why.text);
     return receive(s, station, peer, hello, welcome, refusal);
 }
 

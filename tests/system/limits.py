@@ -1,0 +1,86 @@
+"""What the system does not give: a session that does not fit is refused with its reason, and the others go on."""
+
+import os
+import re
+import resource
+import unittest
+
+from arthron import SystemTest, call_json, text_of, wait_until
+
+ROOMS = [f"room-{i}" for i in range(1, 8)]
+MB = 1 << 20
+
+
+class Limits(SystemTest):
+    def setUp(self):
+        super().setUp()
+        self.server = self.start_server("".join(f"[station {room}]\ncase = healthy\n" for room in ROOMS))
+        self.stations = {}
+        for room in ROOMS:
+            self.enrol(room)
+
+    def limit(self, what, value):
+        """Of the running server, so that the test knows how much is left."""
+        resource.prlimit(self.server.process.pid, what, (value, resource.prlimit(self.server.process.pid, what)[1]))
+
+    def start_rooms(self, rooms):
+        for room in rooms:
+            config = self.write(room + ".ini", f"""
+[station]
+name = {room}
+server = 127.0.0.1:{self.port}
+keys = keys-{room}
+[device hands]
+driver = simulated
+rate_hz = 50
+""")
+            self.stations[room] = self.start(room, "arthron-station", "run", "--config", config)
+
+    def running(self):
+        return [s["station"] for s in self.sessions() if s["state"] == "running"]
+
+    def start_first(self):
+        """They are served, and the server's threads have what they need."""
+        self.start_rooms(ROOMS[:3])
+        wait_until("the first run", lambda: len(self.running()) == 3)
+
+    def some_are_served_and_the_rest_is_told(self, reason):
+        self.start_rooms(ROOMS[3:])
+        wait_until("each station has an answer", lambda: all(
+            room in self.running() or re.search(reason, self.stations[room].log()) for room in ROOMS))
+        served = self.running()
+        self.assertGreaterEqual(len(served), 3)
+        self.assertLess(len(served), len(ROOMS))
+        before = {s["station"]: s["steps"] for s in self.sessions()}
+        wait_until("they go on", lambda: all(s["steps"] > before[s["station"]] + 20 for s in self.sessions()
+                                             if s["station"] in served))
+        self.assertIsNone(self.server.process.poll())
+
+    def all_are_served_in_the_end(self):
+        wait_until("all", lambda: len(self.running()) == len(ROOMS))
+
+    def test_without_descriptors(self):
+        self.start_first()
+        open_now = len(os.listdir(f"/proc/{self.server.process.pid}/fd"))
+        before = resource.prlimit(self.server.process.pid, resource.RLIMIT_NOFILE)[0]
+        self.limit(resource.RLIMIT_NOFILE, open_now + 16 + 4)
+        self.some_are_served_and_the_rest_is_told("descriptors left and keeps them for its console")
+        self.limit(resource.RLIMIT_NOFILE, before)
+        self.all_are_served_in_the_end()
+
+    def test_without_memory(self):
+        self.start_first()
+        size_kb = int(re.search(r"VmSize:\s*(\d+)", text_of(f"/proc/{self.server.process.pid}/status"))[1])
+        self.limit(resource.RLIMIT_AS, size_kb * 1024 + (48 + 12) * MB)
+        self.some_are_served_and_the_rest_is_told("no memory left for another session")
+        self.limit(resource.RLIMIT_AS, resource.RLIM_INFINITY)
+        self.all_are_served_in_the_end()
+        for room in ROOMS:
+            self.stations[room].end()
+        self.assertEqual(self.server.end(), 0)
+        for trace in os.listdir(self.traces):
+            self.assertEqual(call_json("arthron-trace", "replay", os.path.join(self.traces, trace))["different"], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

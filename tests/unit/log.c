@@ -66,12 +66,17 @@ lines_of_one_kind_are_few_those_left_out_are_counted_and_others_are_whole(void *
     for (int i = 0; i < 1000; i++)
         log_info("a", "flood %d", i);
     int second = count_lines("a: flood");
+    now_ns += 20 * NS_PER_S;
+    log_info("b", "another kind");
+    int told_again = count_lines("a: 900 lines were left out"), times = count_lines("left out");
     end();
     assert_int_equal(whole, 500);
     assert_int_equal(first, 200);
     assert_int_equal(other, 1);
     assert_int_equal(told, 1);
     assert_int_equal(second, 300); // 5 a second in 20 s
+    assert_int_equal(told_again, 1);
+    assert_int_equal(times, 2);
 }
 
 int main(void) {

@@ -18,7 +18,7 @@
 #define SAID_NS (10 * NS_PER_S)
 #define MESSAGES_PER_S 4000 // of one peer; a station sends 2000 frames at most
 #define MESSAGES_BURST 2000
-#define SLOWED_US (20 * LWS_US_PER_MS)
+#define SLOWED_US (50 * LWS_US_PER_MS)
 
 // ---- queues -------------------------------------------------------------------------------------
 
@@ -208,17 +208,29 @@ static int close_peer(struct peer *peer) {
 }
 
 // What comes too fast waits in the network: nothing is lost, and the sender slows down.
+// libwebsockets would never return if it were told so while it hands out what it has read.
 static void slow_down(struct peer *peer, int64_t now_ns) {
-    if (!peer->agreed || peer->closing ||
+    if (!peer->agreed || peer->closing || peer->slows ||
         bucket_take(&peer->messages, MESSAGES_PER_S, MESSAGES_BURST, now_ns))
         return;
     if (!peer->slow_said_ns || now_ns - peer->slow_said_ns > SAID_NS)
         log_warning("control", "station %s sends more than %d messages a second: it is slowed down",
                     peer->identity.name, MESSAGES_PER_S);
     peer->slow_said_ns = now_ns;
-    peer->slowed = true;
-    lws_rx_flow_control(peer->wsi, 0);
-    lws_set_timer_usecs(peer->wsi, SLOWED_US);
+    peer->slows = true;
+    lws_set_timer_usecs(peer->wsi, 1);
+}
+
+// Between two reads. True if nothing is read until the next call.
+static bool pause_reading(struct peer *peer) {
+    bool pauses = peer->slows && !peer->closing;
+    if (pauses || peer->slowed)
+        lws_rx_flow_control(peer->wsi, !pauses);
+    peer->slowed = pauses;
+    peer->slows = false;
+    if (pauses)
+        lws_set_timer_usecs(peer->wsi, SLOWED_US);
+    return pauses;
 }
 
 static int receive(struct peer *peer, const void *bytes, size_t size) {
@@ -272,9 +284,8 @@ static int write_next(struct peer *peer) {
 
 static int tick(struct peer *peer) {
     int64_t now_ns = clock_now_ns(), next_us = (peer->tick_ns - now_ns) / 1000;
-    if (peer->slowed)
-        lws_rx_flow_control(peer->wsi, 1);
-    peer->slowed = false;
+    if (pause_reading(peer))
+        return 0;
     if (next_us <= 0 || peer->closing) {
         if (!peer_tick(peer, now_ns, &next_us))
             return -1;

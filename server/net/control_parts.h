@@ -32,7 +32,8 @@ struct peer {
     bool agreed;  // Hello was good: it has a slot
     bool closing; // sends its last message, and receives nothing any more
     bool done;    // has sent it
-    bool slowed;  // nothing more is read until the next tick
+    bool slows;   // sends too fast: from the next turn on
+    bool slowed;  // nothing of it is read
     struct control_peer handle;
     struct clock_offset clock;
     int pings;

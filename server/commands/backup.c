@@ -1,29 +1,40 @@
 #include "base/argument.h"
 #include "commands/commands.h"
+#include "commands/records_password.h"
+#include "commands/sealed_file.h"
 #include "store/store.h"
 
 #include <getopt.h>
+#include <limits.h>
+#include <openssl/crypto.h>
 #include <stdio.h>
+#include <unistd.h>
 
 static const char backup_help[] =
-    "Usage: arthron-server backup --file FILE --out BACKUP\n"
+    "Usage: arthron-server backup --file FILE --out BACKUP [--passphrase FILE]\n"
     "\n"
     "Copies the records, as they are at one moment, into a new file and checks the copy. The\n"
     "server may run at the same time.\n"
     "\n"
-    "  -f, --file FILE    the records, as in the server's config\n"
-    "  -o, --out BACKUP   a file that does not exist yet\n"
-    "      --help         show this\n";
+    "  -f, --file FILE        the records, as in the server's config\n"
+    "  -o, --out BACKUP       a file that does not exist yet\n"
+    "  -p, --passphrase FILE  encrypts the backup with the first line of this file; - reads stdin\n"
+    "      --help             show this\n";
 
 static const char restore_help[] =
-    "Usage: arthron-server restore BACKUP --file FILE\n"
+    "Usage: arthron-server restore BACKUP --file FILE [--passphrase FILE]\n"
     "\n"
     "Replaces the records by a backup, after it has checked that the backup is whole and of a\n"
     "known version. Keeps the replaced file beside it. The server may run at the same time: its\n"
     "sessions go on, and it restores later sessions from their traces.\n"
     "\n"
-    "  -f, --file FILE  the records, as in the server's config\n"
-    "      --help       show this\n";
+    "  -f, --file FILE        the records, as in the server's config\n"
+    "  -p, --passphrase FILE  of an encrypted backup: a file with its passphrase; - reads stdin\n"
+    "      --help             show this\n";
+
+struct request {
+    const char *file, *out, *passphrase;
+};
 
 static int report(const char *command, enum result result, const struct error *err) {
     if (result == RESULT_OK)
@@ -32,65 +43,130 @@ static int report(const char *command, enum result result, const struct error *e
     return 1;
 }
 
-static int back_up(const char *file, const char *out) {
+// ---- encrypted ----------------------------------------------------------------------------------
+
+// A file beside the records, which are not encrypted either.
+static enum result name_draft(const char *file, char out[PATH_MAX], struct error *err) {
+    if (snprintf(out, PATH_MAX, "%s.backup-draft", file) >= PATH_MAX)
+        return fail(err, RESULT_LIMIT, "%s: the path is too long", file);
+    unlink(out); // of a backup that was interrupted
+    return RESULT_OK;
+}
+
+static enum result back_up_sealed(struct store *store, const struct request *r, struct error *err) {
+    char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
+    enum result result = passphrase_read(r->passphrase, passphrase, err);
+    if (result == RESULT_OK)
+        result = name_draft(r->file, draft, err);
+    if (result == RESULT_OK) {
+        result = store_backup(store, draft, err);
+        if (result == RESULT_OK)
+            result = sealed_file_write(draft, passphrase, r->out, err);
+        unlink(draft);
+    }
+    OPENSSL_cleanse(passphrase, sizeof passphrase);
+    return result;
+}
+
+static enum result put_back_sealed(const char *backup, const struct request *r,
+                                   char out_aside[STORE_TEXT_MAX], struct error *err) {
+    char draft[PATH_MAX], passphrase[PASSPHRASE_MAX];
+    enum result result = passphrase_read(r->passphrase, passphrase, err);
+    if (result == RESULT_OK)
+        result = name_draft(r->file, draft, err);
+    if (result == RESULT_OK) {
+        result = sealed_file_read(backup, passphrase, draft, err);
+        if (result == RESULT_OK)
+            result = store_restore(draft, r->file, records_actor(), out_aside, err);
+        unlink(draft);
+    }
+    OPENSSL_cleanse(passphrase, sizeof passphrase);
+    return result;
+}
+
+// Somebody could put a file of their own in the place of an encrypted one.
+static enum result check_kind(const char *backup, const struct request *r, struct error *err) {
+    bool sealed = sealed_file_is(backup);
+    if (sealed && !r->passphrase)
+        return fail(err, RESULT_INVALID,
+                    "%s: this backup is encrypted; name the file of its passphrase with "
+                    "--passphrase FILE",
+                    backup);
+    if (!sealed && r->passphrase && access(backup, F_OK) == 0)
+        return fail(err, RESULT_INVALID,
+                    "%s: this backup is not encrypted; leave out --passphrase if you trust it",
+                    backup);
+    return RESULT_OK;
+}
+
+// ---- commands -----------------------------------------------------------------------------------
+
+static int back_up(const struct request *r) {
     struct store *store;
     struct error err;
-    enum result result = store_open(file, STORE_THERE, records_actor(), &store, &err);
+    enum result result = store_open(r->file, STORE_THERE, records_actor(), &store, &err);
     if (result == RESULT_OK)
-        result = store_backup(store, out, &err);
+        result = r->passphrase ? back_up_sealed(store, r, &err) : store_backup(store, r->out, &err);
     store_close(&store);
     if (result == RESULT_OK)
-        fprintf(stderr, "arthron-server backup: wrote %s\n", out);
+        fprintf(stderr, "arthron-server backup: wrote %s\n", r->out);
     return report("backup", result, &err);
 }
 
-static int put_back(const char *backup, const char *file) {
-    char aside[STORE_TEXT_MAX];
+static int put_back(const char *backup, const struct request *r) {
+    char aside[STORE_TEXT_MAX] = "";
     struct error err;
-    enum result result = store_restore(backup, file, records_actor(), aside, &err);
+    enum result result = check_kind(backup, r, &err);
+    if (result == RESULT_OK)
+        result = r->passphrase ? put_back_sealed(backup, r, aside, &err)
+                               : store_restore(backup, r->file, records_actor(), aside, &err);
     if (aside[0])
         printf("the replaced file is kept: %s\n", aside);
     if (result == RESULT_OK)
-        fprintf(stderr, "arthron-server restore: wrote %s\n", file);
+        fprintf(stderr, "arthron-server restore: wrote %s\n", r->file);
     return report("restore", result, &err);
 }
 
 int command_backup(int argc, char **argv) {
     static const struct option options[] = {{"file", required_argument, NULL, 'f'},
                                             {"out", required_argument, NULL, 'o'},
+                                            {"passphrase", required_argument, NULL, 'p'},
                                             {"help", no_argument, NULL, 'h'},
                                             {0}};
     static const char program[] = "arthron-server backup";
-    const char *file = NULL, *out = NULL;
-    for (int o; (o = getopt_long(argc, argv, "f:o:", options, NULL)) != -1;) {
+    struct request r = {0};
+    for (int o; (o = getopt_long(argc, argv, "f:o:p:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(backup_help, stdout);
             return 0;
         }
         if (o == '?')
             return argument_help(program);
-        *(o == 'f' ? &file : &out) = optarg;
+        *(o == 'f' ? &r.file : o == 'o' ? &r.out : &r.passphrase) = optarg;
     }
-    if (!file || !out || optind != argc)
-        return argument_wrong(program, "usage: backup --file FILE --out BACKUP");
-    return back_up(file, out);
+    if (!r.file || !r.out || optind != argc)
+        return argument_wrong(program,
+                              "usage: backup --file FILE --out BACKUP [--passphrase FILE]");
+    return back_up(&r);
 }
 
 int command_restore(int argc, char **argv) {
-    static const struct option options[] = {
-        {"file", required_argument, NULL, 'f'}, {"help", no_argument, NULL, 'h'}, {0}};
+    static const struct option options[] = {{"file", required_argument, NULL, 'f'},
+                                            {"passphrase", required_argument, NULL, 'p'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {0}};
     static const char program[] = "arthron-server restore";
-    const char *file = NULL;
-    for (int o; (o = getopt_long(argc, argv, "f:", options, NULL)) != -1;) {
+    struct request r = {0};
+    for (int o; (o = getopt_long(argc, argv, "f:p:", options, NULL)) != -1;) {
         if (o == 'h') {
             fputs(restore_help, stdout);
             return 0;
         }
         if (o == '?')
             return argument_help(program);
-        file = optarg;
+        *(o == 'f' ? &r.file : &r.passphrase) = optarg;
     }
-    if (!file || optind + 1 != argc)
-        return argument_wrong(program, "usage: restore BACKUP --file FILE");
-    return put_back(argv[optind], file);
+    if (!r.file || optind + 1 != argc)
+        return argument_wrong(program, "usage: restore BACKUP --file FILE [--passphrase FILE]");
+    return put_back(argv[optind], &r);
 }

@@ -9,7 +9,9 @@
 #include <termios.h>
 #include <unistd.h>
 
-#define LINE_MAX_LENGTH (PASSWORD_MOST + 64)
+#define LINE_MAX_LENGTH PASSPHRASE_MAX
+
+_Static_assert(PASSPHRASE_MAX > PASSWORD_MOST, "a line holds a password");
 
 static enum result read_line(FILE *file, const char *path, char line[LINE_MAX_LENGTH],
                              struct error *err) {
@@ -77,5 +79,15 @@ enum result records_read_password(const char *path, char out_encoded[STORE_TEXT_
     if (result == RESULT_OK)
         result = encode(line, out_encoded, err);
     OPENSSL_cleanse(line, sizeof line);
+    return result;
+}
+
+enum result passphrase_read(const char *path, char out_passphrase[PASSPHRASE_MAX],
+                            struct error *err) {
+    struct error why;
+    enum result result = read_file(path, out_passphrase, err);
+    if (result == RESULT_OK && password_check(out_passphrase, &why) != RESULT_OK)
+        result = fail(err, RESULT_INVALID, "%s: a passphrase has %d characters at least", path,
+                      PASSWORD_LEAST);
     return result;
 }

@@ -178,6 +178,11 @@ class Api(SystemTest):
         self.ask("POST", "/courses", {"name": "autumn"}, grace, 201)
         call("arthron-server", "restore", self.path("backup.db"), "--file", self.path("records.db"))
         self.assertEqual(self.get("/courses", grace)["courses"], [])
+        self.assertEqual(server.end(), 0)
+        said = call("arthron-server", "records", "--file", self.path("records.db"), "verify", "--keys", self.keys).stdout
+        entries = re.search("the audit log is whole: ([0-9]+) entries", said)[1]
+        self.assertIn(f"it is signed up to entry {entries} by ", said)
+        self.assertIn(f"the audit log is signed up to entry {entries}, ", server.log())
 
 
 if __name__ == "__main__":

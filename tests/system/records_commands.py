@@ -211,6 +211,60 @@ class Commands(unittest.TestCase):
         done = call("arthron-server", "backup", "--file", self.db, "--out", self.path("b.db"))
         self.assertEqual((done.stdout, done.stderr), ("", f"arthron-server backup: wrote {self.path('b.db')}\n"))
 
+    # ---- encrypted backups
+
+    def test_an_encrypted_backup_comes_back_by_its_passphrase_alone(self):
+        right, wrong, backup = self.path("right"), self.path("wrong"), self.path("b.sealed")
+        for path, text in ((right, "correct horse battery\n"), (wrong, "correct horse batterie\n")):
+            with open(path, "w") as f:
+                f.write(text)
+        call("arthron-server", "backup", "--file", self.db, "--out", backup, "--passphrase", right)
+        self.assertEqual(stat.S_IMODE(os.stat(backup).st_mode), 0o600)
+        with open(backup, "rb") as f:
+            whole = f.read()
+        for text in (b"SQLite", b"Lovelace", b"autumn"):
+            self.assertNotIn(text, whole)
+
+        def restore(name=backup, passphrase=right, code=0):
+            options = ("--passphrase", passphrase) if passphrase else ()
+            return call("arthron-server", "restore", name, "--file", self.db, *options, code=code)
+
+        self.run_records("add", "course", "after the backup")
+        self.assertIn("the passphrase is wrong", restore(passphrase=wrong, code=1).stderr)
+        self.assertIn("is encrypted; name the file of its passphrase", restore(passphrase=None, code=1).stderr)
+        with open(self.path("cut"), "wb") as f:
+            f.write(whole[:-100])
+        self.assertIn("was changed, or is cut off", restore(self.path("cut"), code=1).stderr)
+        self.assertEqual(len(self.json("list", "courses")), 2)
+        restore()
+        self.assertEqual([row["name"] for row in self.json("list", "courses")], ["autumn, 2026"])
+        call("arthron-server", "backup", "--file", self.db, "--out", self.path("plain.db"))
+        self.assertIn("is not encrypted; leave out --passphrase", restore(self.path("plain.db"), code=1).stderr)
+        self.assertEqual([name for name in os.listdir(self.folder) if "draft" in name or "part" in name], [])
+
+    # ---- the audit log
+
+    def test_verify_finds_what_was_changed_in_the_audit_log(self):
+        said = self.run_records("verify").stdout
+        last = re.search(r"the audit log is whole: 3 entries; the last one is (3:[0-9a-f]{64})\n", said)[1]
+        self.run_records("add", "course", "spring")
+        self.run_records("verify", "--entry", last)
+        self.assertEqual(json.loads(self.run_records("verify", "--json").stdout)["entries"], 4)
+        keys = self.path("keys")
+        call("arthron-server", "keys", "init", keys)
+        none = call("arthron-server", "records", "--file", self.db, "verify", "--keys", keys, code=1)
+        self.assertIn("no server has signed the audit log", none.stderr)
+        other = call("arthron-server", "records", "--file", self.db, "verify", "--entry", "3:" + 64 * "0", code=1)
+        self.assertIn("entry 3 of the audit log is missing, or was changed", other.stderr)
+        wrong = call("arthron-server", "records", "--file", self.db, "verify", "--entry", "x", code=1)
+        self.assertIn("--entry x is not NUMBER:HASH", wrong.stderr)
+        with sqlite3.connect(self.db) as db:
+            db.execute("DROP TRIGGER audit_is_not_changed")
+            db.execute("UPDATE audit SET actor = 'eve' WHERE id = 2")
+        db.close()
+        changed = call("arthron-server", "records", "--file", self.db, "verify", code=1)
+        self.assertIn("entry 2 of the audit log, or one before it, was changed", changed.stderr)
+
     # ---- exports
 
     def test_csv_is_read_back_as_it_was(self):

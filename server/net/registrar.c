@@ -12,9 +12,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LOOK_NS (250 * NS_PER_MS) // at the record of revocations and the server's certificate
-#define RETRY_NS (50 * NS_PER_MS) // while another process holds the keys
-#define USED_MAX 64               // a station that is not among them is the next time that it comes
+#define LOOK_NS (250 * NS_PER_MS)       // at the record of revocations and the server's certificate
+#define RETRY_NS (50 * NS_PER_MS)       // while another process holds the keys
+#define RENEWAL_S (60 * INT64_C(86400)) // before its end the server's certificate is renewed
+#define RENEWAL_RETRY_S 3600
+#define USED_MAX 64 // a station that is not among them is the next time that it comes
 
 // With the look at the files, and one that has left its place and is being finished.
 #define TASKS_MAX (2 + REGISTRAR_APPLICANTS_MAX + USED_MAX)
@@ -42,6 +44,7 @@ struct registrar {
     void *user;
     struct task_pool *tasks;
     struct tls_files *tls_files; // the thread's
+    int64_t renewed_s;           // the last attempt; the thread's
     pthread_mutex_t lock;        // never held over a file; guards what follows
     struct application applications[REGISTRAR_APPLICANTS_MAX];
     struct revocations *revocations; // replaced by the thread alone
@@ -229,13 +232,30 @@ void registrar_used(struct registrar *r, const struct identity *identity) {
 
 // ---- the authority's files ----------------------------------------------------------------------
 
+// As an operator would; the next look takes the new certificate. Where it fails, the log says why,
+// and tls_files_warn what to do.
+static bool renew_in_time(struct registrar *r) {
+    struct authority_server renewed;
+    struct error err;
+    int64_t now_s = clock_utc_ns() / NS_PER_S;
+    if (tls_files_end_s(r->tls_files) - now_s >= RENEWAL_S ||
+        (r->renewed_s && now_s - r->renewed_s < RENEWAL_RETRY_S))
+        return false;
+    r->renewed_s = now_s;
+    enum result result = authority_renew_server(r->dir, NULL, 0, &renewed, &err);
+    if (result != RESULT_OK)
+        log_warning("control", "the server's certificate cannot be renewed: %s", err.text);
+    return result == RESULT_OK;
+}
+
 static int64_t look_at_files(void *data) {
     struct registrar *r = data;
     struct revocations *before = r->revocations, *now = revocations_read(r->dir, before);
     struct tls_credentials *credentials = tls_files_look(r->tls_files);
     if (credentials)
         log_info("control", "the server's certificate was renewed");
-    tls_files_warn(r->tls_files, "control", r->advice);
+    if (!renew_in_time(r))
+        tls_files_warn(r->tls_files, "control", r->advice);
     pthread_mutex_lock(&r->lock);
     if (now) {
         r->revocations = now;

@@ -165,6 +165,10 @@ struct tls_credentials *tls_files_look(struct tls_files *files) {
     return credentials;
 }
 
+int64_t tls_files_end_s(const struct tls_files *files) {
+    return files->end_s;
+}
+
 void tls_files_warn(struct tls_files *files, const char *room, const char *advice) {
     int64_t now_s = clock_utc_ns() / NS_PER_S, left_s = files->end_s - now_s;
     if (left_s >= TLS_WARNING_DAYS * DAY_S || now_s - files->warned_s < DAY_S)

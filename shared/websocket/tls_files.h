@@ -38,6 +38,9 @@ void tls_files_destroy(struct tls_files **files); // NULL inside is fine
 // once.
 struct tls_credentials *tls_files_look(struct tls_files *files);
 
+// The end of the certificate, in seconds since 1970.
+int64_t tls_files_end_s(const struct tls_files *files);
+
 // Logs, once a day and after each renewal, that the certificate ends within TLS_WARNING_DAYS.
 // room: for the log line; advice: how to renew it, for a person.
 void tls_files_warn(struct tls_files *files, const char *room, const char *advice);

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import time
 import unittest
+from unittest import mock
 
 from arthron import SystemTest, call, call_json, free_port, wait_until
 
@@ -63,11 +64,20 @@ class Certificates(SystemTest):
     def days(self, until_utc_s):
         return (until_utc_s - time.time()) / DAY_S
 
-    def test_the_servers_certificate_is_renewed_while_it_runs(self):
+    def take_the_authority_away(self):
+        os.rename(os.path.join(self.keys, "authority.key"), os.path.join(self.keys, "aside"))
+
+    def bring_the_authority_back(self):
+        os.rename(os.path.join(self.keys, "aside"), os.path.join(self.keys, "authority.key"))
+
+    def test_the_servers_certificate_is_renewed_by_hand_while_it_runs(self):
         self.make_short_server(20)
+        self.take_the_authority_away()
         web = free_port()
         server = self.start_server(extra=f"records = records.db\n[web]\naddress = 127.0.0.1\nport = {web}\n")
+        server.wait_for_log("the server's certificate cannot be renewed: ")
         server.wait_for_log("server.pem ends in ")
+        self.bring_the_authority_back()
         self.enrol("room-1")
         self.start_mockup()
         station = self.start_station()
@@ -86,6 +96,43 @@ class Certificates(SystemTest):
         self.wait_for_steps()
         station.end()
         self.assertEqual(station.log().count("welcomed by"), 1)
+
+    def test_a_running_server_renews_its_certificate_and_no_station_notices(self):
+        self.enrol_and_step()
+        before = shown(self.port)
+        self.make_short(self.path("aside"), "server", "serverAuth", 50, "subjectAltName=DNS:localhost,IP:127.0.0.1")
+        for name in ("server.key", "server.pem"):
+            os.replace(self.path(os.path.join("aside", name)), os.path.join(self.keys, name))
+        wait_until("the renewal", lambda: self.days(self.listed()["certificate_until_utc_s"]) > 700
+                   and shown(self.port) != before)
+        self.wait_for_steps()
+        self.station.end()
+        self.assertEqual(self.station.log().count("welcomed by"), 1)
+
+    def enrol_and_step(self):
+        os.mkdir(self.path("aside"))
+        self.server = self.start_server()
+        self.enrol("room-1")
+        self.start_mockup()
+        self.station = self.start_station()
+        self.wait_for_steps()
+
+    def test_a_hall_goes_on_when_its_certificates_have_come_of_age(self):
+        """Both clocks go ahead by 700 days: 30 are left of each certificate, and soon two years again."""
+        self.enrol_and_step()
+        self.station.end()
+        self.server.end()
+        moved = {"LD_PRELOAD": os.environ["ARTHRON_WRONG_CLOCK"], "WRONG_CLOCK_S": str(700 * DAY_S),
+                 "ASAN_OPTIONS": os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0"}
+        with mock.patch.dict(os.environ, moved):
+            server = self.start("server-later", "arthron-server", "run", "--config", self.server_config())
+            server.wait_for_log("the server's certificate was renewed")
+            station = self.start_station(label="room-1-later")
+            station.wait_for_log("the station's certificate was renewed")
+        wait_until("both for two years more", lambda: self.days(self.listed()["certificate_until_utc_s"]) > 1400
+                   and self.days(self.session()["certificate_until_utc_s"] or 0) > 1400)
+        self.wait_for_steps()
+        self.assertNotIn("certificate ends", self.table())
 
     def test_a_station_renews_its_certificate_while_it_runs(self):
         server = self.start_server()
@@ -108,7 +155,7 @@ class Certificates(SystemTest):
         server = self.start_server()
         self.start_mockup()
         self.make_short_station(20)
-        os.rename(os.path.join(self.keys, "authority.key"), os.path.join(self.keys, "aside"))
+        self.take_the_authority_away()
         station = self.start_station()
         station.wait_for_log("the station's certificate ends in ")
         server.wait_for_log("station room-1: its certificate ends in ")
@@ -119,8 +166,12 @@ class Certificates(SystemTest):
         self.assertFalse(found["certificate"]["good"])
         self.assertRegex(found["certificate"]["text"], "(19|20) days")
         self.assertTrue(found["server's certificate"]["good"])
-        os.rename(os.path.join(self.keys, "aside"), os.path.join(self.keys, "authority.key"))
-        self.make_short_server(10)  # its key is another: a running server takes that too
+        os.mkdir(self.path("other"))
+        self.bring_the_authority_back()
+        self.make_short(self.path("other"), "server", "serverAuth", 10, "subjectAltName=DNS:localhost,IP:127.0.0.1")
+        self.take_the_authority_away()
+        for name in ("server.key", "server.pem"):  # the key is another: a running server takes that too
+            os.replace(self.path(os.path.join("other", name)), os.path.join(self.keys, name))
         server.wait_for_log("the server's certificate was renewed")
         found = self.check_station()
         self.assertFalse(found["server's certificate"]["good"])

@@ -1,6 +1,6 @@
 // The server's own certificate authority: one place for trust. All files live in one folder
-// (authority.key, authority.pem, server.key, server.pem, codes, issued, revoked), readable by the
-// server's user alone. Any number of processes and threads may work on it at once.
+// (authority.key, authority.pem, server.key, server.pem, codes, issued, enrolled, revoked), readable
+// by the server's user alone. Any number of processes and threads may work on it at once.
 //
 // A station's name has letters, digits, '-', '_' and '.', from 1 to 63 of them: else
 // RESULT_INVALID.
@@ -75,8 +75,8 @@ enum result authority_enrol(const char *dir, const char *code,
                             struct authority_answer *out_answer, struct error *err);
 
 // The same for a station that has proved its certificate with this serial number. That certificate
-// stays valid until the new one is used. RESULT_REFUSED: it is revoked, or the station has too many
-// certificates.
+// stays valid until the new one is used. RESULT_REFUSED: it is revoked, the station has been
+// enrolled by code since, or it has too many certificates.
 enum result authority_renew(const char *dir, const char *station, const char *serial_hex,
                             const struct authority_request *request,
                             struct authority_answer *out_answer, struct error *err);

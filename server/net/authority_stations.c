@@ -126,17 +126,19 @@ static int find_code(const struct records *codes, const struct code *code) {
     return found;
 }
 
-static enum result note_issued(const char *dir, const X509 *certificate, const char *station,
-                               struct error *err) {
-    struct records issued;
-    enum result result = records_read(dir, "issued", &issued, err);
+static enum result note(const char *dir, const char *file, const X509 *certificate,
+                        const char *station, bool alone, struct error *err) {
+    struct records records;
+    enum result result = records_read(dir, file, &records, err);
     if (result == RESULT_OK) {
         char serial[CERTIFICATE_SERIAL_SIZE];
         certificate_serial(certificate, serial);
-        records_add(&issued, serial, now_s(), station);
-        result = records_write(dir, "issued", &issued, err);
+        if (alone)
+            remove_station(&records, station);
+        records_add(&records, serial, now_s(), station);
+        result = records_write(dir, file, &records, err);
     }
-    records_release(&issued);
+    records_release(&records);
     return result;
 }
 
@@ -154,7 +156,7 @@ static enum result issue(struct station_enrolment *e, const char *station, struc
         return fail(err, RESULT_REFUSED, "the certificate would be for station %s, not %s", station,
                     e->asked);
     e->certificate = certificate_make(CERTIFICATE_STATION, station, NULL, e->key, &e->authority);
-    return note_issued(e->dir, e->certificate, station, err);
+    return note(e->dir, "issued", e->certificate, station, false, err);
 }
 
 // Under the lock. The certificate is on record before the code is used up, and the code is used up
@@ -168,6 +170,9 @@ static enum result use_code(struct station_enrolment *e, const struct code *code
         int index = find_code(&codes, code);
         result = index < 0 ? fail(err, RESULT_REFUSED, "this code is unknown, used or expired")
                            : issue(e, codes.items[index].station, err);
+        if (result == RESULT_OK)
+            result =
+                note(e->dir, "enrolled", e->certificate, codes.items[index].station, true, err);
         if (result == RESULT_OK) {
             records_remove(&codes, index);
             result = records_write(e->dir, "codes", &codes, err);
@@ -227,9 +232,10 @@ enum result authority_enrol(const char *dir, const char *code_text,
 
 // ---- renewal ------------------------------------------------------------------------------------
 
-// All certificates of stations.
+// All certificates of stations, in the order in which they were issued; and each one's last that
+// came of a code. Keys of earlier programs have no record of these.
 struct certificate_records {
-    struct records issued, revoked;
+    struct records issued, revoked, enrolled;
 };
 
 // Release with release_certificates, after an error too.
@@ -237,12 +243,15 @@ static enum result read_certificates(const char *dir, struct certificate_records
                                      struct error *err) {
     *out = (struct certificate_records){0};
     enum result result = records_read(dir, "issued", &out->issued, err);
-    return result == RESULT_OK ? records_read(dir, "revoked", &out->revoked, err) : result;
+    if (result == RESULT_OK)
+        result = records_read(dir, "revoked", &out->revoked, err);
+    return result == RESULT_OK ? records_read(dir, "enrolled", &out->enrolled, err) : result;
 }
 
 static void release_certificates(struct certificate_records *records) {
     records_release(&records->issued);
     records_release(&records->revoked);
+    records_release(&records->enrolled);
 }
 
 static bool contains(const struct records *records, const char *serial) {
@@ -262,6 +271,23 @@ static int count_good(const struct records *issued, const struct records *revoke
     return count;
 }
 
+static int find_serial(const struct records *issued, const char *serial) {
+    int i = issued->count - 1;
+    while (i >= 0 && strcasecmp(issued->items[i].key, serial) != 0)
+        i--;
+    return i;
+}
+
+// Whether somebody has enrolled the station again since this certificate was issued.
+static bool is_replaced(const struct certificate_records *all, const char *station,
+                        const char *serial) {
+    for (int i = 0; i < all->enrolled.count; i++)
+        if (!strcmp(all->enrolled.items[i].station, station))
+            return find_serial(&all->issued, serial) <
+                   find_serial(&all->issued, all->enrolled.items[i].key);
+    return false;
+}
+
 // Under the lock. A renewal of each renewal would fill the folder.
 static enum result may_renew(const char *dir, const char *station, const char *serial,
                              struct error *err) {
@@ -269,6 +295,8 @@ static enum result may_renew(const char *dir, const char *station, const char *s
     enum result result = read_certificates(dir, &all, err);
     if (result == RESULT_OK && contains(&all.revoked, serial))
         result = fail(err, RESULT_REFUSED, "this certificate is revoked");
+    if (result == RESULT_OK && is_replaced(&all, station, serial))
+        result = fail(err, RESULT_REFUSED, "station %s was enrolled again since", station);
     if (result == RESULT_OK && count_good(&all.issued, &all.revoked, station) >= CERTIFICATES_MAX)
         result = fail(err, RESULT_REFUSED,
                       "station %s has %d certificates: revoke them, and enrol it again", station,
@@ -347,9 +375,7 @@ enum result authority_revoke(const char *dir, const char *station, struct error 
 // Those issued before the one of this serial number; how many were not revoked yet.
 static int revoke_older(const struct records *issued, struct records *revoked, const char *station,
                         const char *serial) {
-    int used = issued->count - 1, count = 0;
-    while (used >= 0 && strcasecmp(issued->items[used].key, serial) != 0)
-        used--;
+    int used = find_serial(issued, serial), count = 0;
     for (int i = 0; i < used; i++)
         if (!strcmp(issued->items[i].station, station) &&
             !contains(revoked, issued->items[i].key)) {

@@ -635,6 +635,30 @@ static void a_station_renews_by_the_certificate_that_it_has(void **state) {
     release_request(&other);
 }
 
+static void once_a_station_is_enrolled_again_its_older_certificates_renew_no_more(void **state) {
+    (void)state;
+    char stolen[64], renewed[64], present[64];
+    struct answer answer;
+    struct request request = make_request(EVP_EC_gen("P-256"), "a");
+    X509 *certificate = enrol_station("a");
+    serial_of(certificate, stolen);
+    X509_free(certificate);
+    assert_int_equal(renew("a", stolen, &request, &answer), RESULT_OK);
+    certificate = enrolled_certificate(&answer);
+    serial_of(certificate, renewed);
+    X509_free(certificate);
+    X509_free(enrol_station("b")); // no affair of a's
+    assert_int_equal(renew("a", renewed, &request, &answer), RESULT_OK);
+    certificate = enrol_station("a");
+    serial_of(certificate, present);
+    X509_free(certificate);
+    assert_int_equal(renew("a", stolen, &request, &answer), RESULT_REFUSED);
+    assert_non_null(strstr(answer.err.text, "enrolled again"));
+    assert_int_equal(renew("a", renewed, &request, &answer), RESULT_REFUSED);
+    assert_int_equal(renew("a", present, &request, &answer), RESULT_OK);
+    release_request(&request);
+}
+
 static void a_station_that_renews_for_ever_is_stopped(void **state) {
     (void)state;
     char serial[64];
@@ -819,6 +843,7 @@ int main(void) {
         with_authority(revoking_a_station_ends_all_its_certificates_and_no_others),
         with_authority(a_certificate_that_is_used_revokes_those_before_it),
         with_authority(a_station_renews_by_the_certificate_that_it_has),
+        with_authority(once_a_station_is_enrolled_again_its_older_certificates_renew_no_more),
         with_authority(a_station_that_renews_for_ever_is_stopped),
         with_authority(the_servers_certificate_is_renewed_for_the_same_key_and_names),
         with_authority(a_renewal_may_change_the_servers_names),

@@ -18,6 +18,8 @@ static void create_by_vertex(struct conform *c, uint32_t count) {
     NEW(c->dirty, count);
     NEW(c->before, count);
     NEW(c->dirty_before, count);
+    NEW(c->laid, count);
+    NEW(c->laid_before, count);
     NEW(c->sound, count);
     NEW(c->kept, count);
     NEW(c->factor, count);
@@ -64,6 +66,8 @@ struct conform *conform_copy(const struct conform *conform) {
     uint32_t count = conform->surface->vertex_count;
     memcpy(copy->positions, conform->positions, count * sizeof *copy->positions);
     memcpy(copy->dirty, conform->dirty, count * sizeof *copy->dirty);
+    memcpy(copy->laid, conform->laid, count * sizeof *copy->laid);
+    memcpy(copy->laid_before, copy->laid, count * sizeof *copy->laid_before);
     memcpy(copy->before, copy->positions, count * sizeof *copy->before);
     memcpy(copy->dirty_before, copy->dirty, count * sizeof *copy->dirty_before);
     return copy;
@@ -73,14 +77,14 @@ void conform_destroy(struct conform **conform) {
     struct conform *c = *conform;
     if (!c)
         return;
-    void *const arrays[] = {c->positions, c->dirty,    c->dirty_before,   c->before,    c->sound,
-                            c->kept,      c->factor,   c->normals,        c->slot,      c->trust,
-                            c->bend,      c->reach,    c->ring,           c->tied,      c->active,
-                            c->changed,   c->queue,    c->first,          c->columns,   c->blocks,
-                            c->diagonal,  c->inverse,  c->bending,        c->gradient,  c->step,
-                            c->along,     c->residual, c->preconditioned, c->direction, c->product,
-                            c->bent,      c->live_of,  c->live,           c->near,      c->pulls,
-                            c->rows,      c->samples,  c->contacts};
+    void *const arrays[] = {
+        c->positions, c->dirty,    c->dirty_before, c->before,         c->sound,     c->kept,
+        c->factor,    c->normals,  c->slot,         c->trust,          c->bend,      c->reach,
+        c->ring,      c->tied,     c->active,       c->changed,        c->queue,     c->first,
+        c->columns,   c->blocks,   c->diagonal,     c->inverse,        c->bending,   c->gradient,
+        c->step,      c->along,    c->residual,     c->preconditioned, c->direction, c->product,
+        c->bent,      c->live_of,  c->live,         c->near,           c->pulls,     c->rows,
+        c->samples,   c->contacts, c->laid,         c->laid_before};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free(arrays[i]);
     soup_fini(&c->target);
@@ -107,11 +111,9 @@ double conform_volume(const struct conform *conform) {
 // ---- a cut --------------------------------------------------------------------------------------
 
 static void report_changes(struct conform *c, struct conform_report *out) {
-    for (uint32_t i = 0; i < c->active_count; i++) {
-        uint32_t v = c->active[i];
+    for (uint32_t v = 0; v < c->surface->vertex_count; v++)
         if (memcmp(&c->positions[v], &c->before[v], sizeof c->positions[v]) != 0)
             c->changed[out->changed_count++] = v;
-    }
 }
 
 static void fit(struct conform *c, const struct conform_goal *goal, struct conform_report *out) {
@@ -132,11 +134,14 @@ void conform_to(struct conform *conform, const struct conform_target *target,
                 struct conform_report *out_report) {
     struct conform *c = conform;
     CHECK(isfinite(target->volume_mm3));
-    double volume = conform_volume(c);
     memcpy(c->before, c->positions, c->surface->vertex_count * sizeof *c->before);
     memcpy(c->sound, c->positions, c->surface->vertex_count * sizeof *c->sound);
     memcpy(c->dirty_before, c->dirty, c->surface->vertex_count * sizeof *c->dirty_before);
-    *out_report = (struct conform_report){.volume_mm3 = volume, .changed = c->changed};
+    memcpy(c->laid_before, c->laid, c->surface->vertex_count * sizeof *c->laid_before);
+    *out_report = (struct conform_report){.changed = c->changed};
+    if (target->lays)
+        conform_lay(c, target->mesh);
+    double volume = conform_volume(c), wanted = target->volume_mm3 + conform_sheet(c);
     c->active_count = c->live_count = 0;
     if (conform_gather(c, target)) {
         conform_make_self(c);
@@ -144,12 +149,13 @@ void conform_to(struct conform *conform, const struct conform_target *target,
         conform_activate(c);
     }
     if (c->active_count) {
-        struct conform_goal goal = {conform_live_volume(c) + target->volume_mm3 - volume,
+        struct conform_goal goal = {conform_live_volume(c) + wanted - volume,
                                     TOLERANCE * c->surface->volume};
         fit(c, &goal, out_report);
-        report_changes(c, out_report);
-        out_report->volume_mm3 = conform_volume(c);
     }
+    report_changes(c, out_report);
+    out_report->volume_mm3 = conform_volume(c);
+    out_report->sheet_mm3 = conform_sheet(c);
     out_report->active_count = c->active_count;
     out_report->left_mm3 = out_report->volume_mm3 - target->volume_mm3;
 }
@@ -157,7 +163,7 @@ void conform_to(struct conform *conform, const struct conform_target *target,
 // ---- back ---------------------------------------------------------------------------------------
 
 static bool has_changed(const struct conform *c, uint32_t v) {
-    return c->dirty[v] != c->dirty_before[v] ||
+    return c->dirty[v] != c->dirty_before[v] || c->laid[v] != c->laid_before[v] ||
            memcmp(&c->positions[v], &c->before[v], sizeof c->positions[v]) != 0;
 }
 
@@ -169,11 +175,13 @@ void conform_past(const struct conform *conform, struct conform_past *out_past) 
     NEW(out_past->vertices, count);
     NEW(out_past->positions, count);
     NEW(out_past->dirty, count);
+    NEW(out_past->laid, count);
     for (uint32_t v = 0; v < conform->surface->vertex_count; v++) {
         if (!has_changed(conform, v))
             continue;
         out_past->vertices[out_past->count] = v;
         out_past->positions[out_past->count] = conform->before[v];
+        out_past->laid[out_past->count] = conform->laid_before[v];
         out_past->dirty[out_past->count++] = conform->dirty_before[v];
     }
 }
@@ -182,6 +190,7 @@ void conform_past_fini(struct conform_past *past) {
     free(past->vertices);
     free(past->positions);
     free(past->dirty);
+    free(past->laid);
     *past = (struct conform_past){0};
 }
 
@@ -190,5 +199,6 @@ void conform_take_back(struct conform *conform, const struct conform_past *past)
         CHECK(past->vertices[i] < conform->surface->vertex_count);
         conform->positions[past->vertices[i]] = past->positions[i];
         conform->dirty[past->vertices[i]] = past->dirty[i];
+        conform->laid[past->vertices[i]] = past->laid[i];
     }
 }

@@ -9,6 +9,13 @@
 // part is smoothed until it does not; at last it goes back to how it was before the cut. So S'' has
 // no crossings where S' has none, whatever T is. The volume inside S'' becomes the wanted one.
 //
+// Where all of T is gone, with a piece of it perhaps, S'' has nothing to be fitted to. Who touches
+// the mock-up there had better see the plateau touched. So what is 8 mm from T in plan (seen along
+// z), and what is beside it, sinks onto the underside of S', to a fiftieth of its height: a sheet
+// of about 0.1 mm, thicker where it would cross itself. No vertex sinks farther than S'_max moves
+// any. The sheet is in the volume of S''. A cut that is shorter leaves a gap, into which both sides
+// of S'' draw back from one another.
+//
 // Loops are bounded. The same calls give the same bits on every x86-64 processor: sums have a fixed
 // order, and of the mathematics library only what is exact is used. Millimetres. A call may
 // allocate.
@@ -32,12 +39,14 @@ void conform_place(struct conform *conform, uint32_t vertex, vec3 place);
 struct conform_target {
     const struct mesh *mesh; // T: closed, oriented, facing outwards, in the frame of S'
     const bool *fresh;       // its triangles that the cut made
-    double volume_mm3;       // that S'' is to have
+    double volume_mm3;       // that S'' is to have, beside the sheet
+    bool lays;               // S'' is laid down where nothing is left
 };
 
 struct conform_report {
     double volume_mm3;        // inside S'' after it
-    double left_mm3;          // volume_mm3 − target; 0 to rounding where nothing was in the way
+    double left_mm3;          // volume_mm3 − target; the sheet where nothing was in the way
+    double sheet_mm3;         // of S'' that is laid down
     uint32_t active_count;    // vertices that were free to move
     uint32_t crossings_first; // pairs of triangles that the fit alone made cross
     int repairs;              // rounds of smoothing
@@ -56,6 +65,7 @@ struct conform_past {
     uint32_t *vertices; // ascending
     vec3 *positions;
     uint8_t *dirty;
+    double *laid;
 };
 
 void conform_past(const struct conform *conform, struct conform_past *out_past);

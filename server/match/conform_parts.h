@@ -67,10 +67,12 @@ struct conform {
     const struct match_surface *surface;
     vec3 *positions; // S''
     uint8_t *dirty;  // cuts for which a vertex that has moved is looked at again
+    double *laid;    // how much of the way down to the sheet a vertex has gone: 0 to 1
 
     // The call that runs. By vertex:
     vec3 *before; // S'' before it,
     uint8_t *dirty_before;
+    double *laid_before;
     vec3 *sound;    // S'' when it last had no crossing
     vec3 *kept;     // S'' at some stage
     double *factor; // of a way back
@@ -116,6 +118,13 @@ void conform_make_self(struct conform *c); // the soup of S'' near the cut, and 
 void conform_seed(struct conform *c);      // the active vertices and live triangles
 void conform_activate(struct conform *c);
 
+// Near the active ones, which have been chosen.
+void conform_gather_active(struct conform *c);
+
+// ---- where nothing is left: conform_sheet.c ----
+void conform_lay(struct conform *c, const struct mesh *tissue);
+double conform_sheet(const struct conform *c); // mm³ in the sheet
+
 // ---- films: conform_films.c ----
 // Fills c->target from c->whole_target.
 void conform_leave_out_films(struct conform *c);
@@ -148,6 +157,9 @@ struct conform_goal {
 void conform_advance(struct conform *c, double stiffness, const struct conform_goal *goal);
 void conform_untangle(struct conform *c, const struct conform_goal *goal,
                       struct conform_report *out_report);
+
+// The neighbours of what is tied, ring by ring.
+void conform_spread(struct conform *c, int rings);
 
 // Back towards the sound S'' where it crosses: half of the way some times, then all of it, at last
 // everywhere. How many vertices went. It is then sound.

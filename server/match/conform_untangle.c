@@ -26,8 +26,7 @@ void conform_advance(struct conform *c, double stiffness, const struct conform_g
         conform_settle(c, goal->live_mm3, goal->tolerance_mm3);
 }
 
-// The neighbours of what is tied, ring by ring.
-static void spread(struct conform *c, int rings) {
+void conform_spread(struct conform *c, int rings) {
     for (int ring = 0; ring < rings; ring++) {
         uint32_t count = 0;
         for (uint32_t i = 0; i < c->active_count; i++) {
@@ -56,7 +55,7 @@ static void trust_all(struct conform *c) {
 static void soften(struct conform *c, int round) {
     static const double trust[] = {0.1, 0.03, 0.01}, bend[] = {0.2, 0.6, 2};
     int level = round < 3 ? 0 : round < 6 ? 1 : 2;
-    spread(c, round < 3 ? 1 : round - 1);
+    conform_spread(c, round < 3 ? 1 : round - 1);
     for (uint32_t i = 0; i < c->active_count; i++) {
         uint32_t v = c->active[i];
         if (!c->tied[v])
@@ -78,7 +77,7 @@ uint32_t conform_go_back(struct conform *c, int halvings) {
         c->factor[c->active[i]] = 1;
     }
     for (int round = 0; round < halvings + BACK_ROUNDS && conform_cross(c); round++) {
-        spread(c, 1 + round / 2);
+        conform_spread(c, 1 + round / 2);
         for (uint32_t i = 0; i < c->active_count; i++) {
             uint32_t v = c->active[i];
             if (!c->tied[v] && round < halvings + BACK_ROUNDS - 1)

@@ -72,6 +72,27 @@ void conform_widen(struct conform *c) {
     gather_near(c);
 }
 
+static struct box box_of_active(const struct conform *c) {
+    struct box box = empty_box();
+    for (uint32_t i = 0; i < c->active_count; i++)
+        extend(&box, c->positions[c->active[i]]);
+    return box;
+}
+
+static void none_live(struct conform *c) {
+    for (uint32_t t = 0; t < c->surface->triangle_count; t++)
+        c->live_of[t] = MESH_NONE;
+}
+
+void conform_gather_active(struct conform *c) {
+    c->zone = grown(box_of_active(c), BESIDE_MM);
+    for (uint32_t v = 0; v < c->surface->vertex_count; v++)
+        c->slot[v] = MESH_NONE;
+    none_live(c);
+    gather_near(c);
+    conform_activate(c);
+}
+
 bool conform_gather(struct conform *c, const struct conform_target *target) {
     struct box fresh = empty_box();
     vec3 corners[3];
@@ -90,8 +111,7 @@ bool conform_gather(struct conform *c, const struct conform_target *target) {
     }
     soup_build(&c->whole_target);
     conform_leave_out_films(c);
-    for (uint32_t t = 0; t < c->surface->triangle_count; t++)
-        c->live_of[t] = MESH_NONE;
+    none_live(c);
     gather_near(c);
     return c->near_count > 0;
 }
@@ -213,7 +233,7 @@ void conform_seed(struct conform *c) {
     c->active_count = 0;
     for (uint32_t v = 0; v < count; v++) {
         c->slot[v] = MESH_NONE;
-        if (isfinite(c->reach[v]))
+        if (isfinite(c->reach[v]) && c->laid[v] < 1)
             c->active[c->active_count++] = v;
     }
 }

@@ -14,12 +14,10 @@ void mismatch_feed_fini(struct mismatch_feed *feed) {
 static void measure(struct mismatch_bytes *b, const struct operation *operation, int tissue) {
     uint32_t count = cut_mesh_vertex_bound(operation_mesh(operation, tissue));
     double *mm = alloc(count, sizeof *mm);
-    b->size = 0;
-    if (operation_mismatch(operation, tissue, mm)) {
-        size_t bound = wire_mismatch_bound(count);
-        b->bytes = alloc_resize(b->bytes, bound, 1);
-        b->size = wire_mismatch_encode(mm, count, b->bytes, bound);
-    }
+    operation_mismatch(operation, tissue, mm);
+    size_t bound = wire_mismatch_bound(count);
+    b->bytes = alloc_resize(b->bytes, bound, 1);
+    b->size = wire_mismatch_encode(mm, count, b->bytes, bound);
     free(mm);
 }
 
@@ -31,8 +29,6 @@ struct mesh_payload *mismatch_feed_add(struct mismatch_feed *feed,
         measure(b, operation, tissue);
         b->number = payload->number;
     }
-    if (!b->size)
-        return payload;
     struct mesh_payload *both = mesh_payload_with_mismatch(payload, b->bytes, b->size);
     mesh_payload_release(&payload);
     return both;

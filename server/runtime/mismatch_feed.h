@@ -16,7 +16,7 @@ struct mismatch_feed { // zeroed: nothing
 void mismatch_feed_fini(struct mismatch_feed *feed); // zeroes it
 
 // payload: of the tissue as the operation has it now. Takes the caller's reference, and returns one
-// to a payload with the mismatch; the same one where the tissue's touch never gives way.
+// to a payload with the mismatch.
 struct mesh_payload *mismatch_feed_add(struct mismatch_feed *feed,
                                        const struct operation *operation, int tissue,
                                        struct mesh_payload *payload);

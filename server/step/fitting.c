@@ -11,16 +11,19 @@
 struct fitting {
     const struct match_surface *surface;
     const struct mesh *mesh;
+    bool lays;
     struct conform *conform;
     vec3 *start; // S'
     struct conform_past *past;
     uint32_t count, room;
 };
 
-struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh) {
+struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
+                               bool lays) {
     struct fitting *f = alloc(1, sizeof *f);
     f->surface = surface;
     f->mesh = mesh;
+    f->lays = lays;
     f->conform = conform_create(surface);
     f->start = alloc(mesh->vertex_count, sizeof *f->start);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
@@ -81,13 +84,14 @@ struct goal {
     struct conform_target target;
 };
 
-static void begin_goal(const struct cut_mesh *target, uint32_t since, struct goal *out) {
+static void begin_goal(const struct fitting *f, const struct cut_mesh *target, uint32_t since,
+                       struct goal *out) {
     uint32_t *ids;
     cut_mesh_flatten(target, &out->mesh, NULL, &ids);
     out->fresh = alloc(out->mesh.triangle_count, sizeof *out->fresh);
     for (uint32_t t = 0; t < out->mesh.triangle_count; t++)
         out->fresh[t] = cut_mesh_label(target, ids[t]) > since;
-    out->target = (struct conform_target){&out->mesh, out->fresh, cut_mesh_volume(target)};
+    out->target = (struct conform_target){&out->mesh, out->fresh, cut_mesh_volume(target), f->lays};
     free(ids);
 }
 
@@ -106,7 +110,7 @@ void fitting_follow(struct fitting *f, const struct cut_mesh *target, uint32_t s
                     struct fitting_report *out_report) {
     struct goal goal;
     struct conform_report report;
-    begin_goal(target, since, &goal);
+    begin_goal(f, target, since, &goal);
     conform_to(f->conform, &goal.target, &report);
     for (uint32_t i = 0; i < report.changed_count; i++)
         fitting_place(f, report.changed[i], fitting_offset(f, report.changed[i]));
@@ -125,7 +129,7 @@ void fitting_follow_as_placed(struct fitting *f, const struct cut_mesh *target, 
     CHECK(f->count > 0);
     conform_past_fini(&f->past[f->count - 1]);
     conform_past(f->conform, &f->past[f->count - 1]);
-    begin_goal(target, since, &goal);
+    begin_goal(f, target, since, &goal);
     *out_report = report_of(f, &goal);
     end_goal(&goal);
 }

@@ -7,8 +7,10 @@
 
 struct fitting;
 
-// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it.
-struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh);
+// S'' = S'. mesh: S, whose triangles S'' has. Both must outlive it. lays: S'' lies down where
+// nothing is left (match/conform.h).
+struct fitting *fitting_create(const struct match_surface *surface, const struct mesh *mesh,
+                               bool lays);
 void fitting_destroy(struct fitting **fitting); // NULL inside is fine
 
 vec3 fitting_vertex(const struct fitting *fitting, uint32_t vertex); // S''

@@ -78,7 +78,8 @@ struct operation *operation_create(const struct scene *scene, int rules) {
         t->rules = rules;
         t->now = tissue_state_whole(t->scene, rules, 1);
         if (t->scene->match && rules >= RULES_TOUCH_FITTED)
-            t->fitting = fitting_create(t->scene->match, &t->group->mesh);
+            t->fitting =
+                fitting_create(t->scene->match, &t->group->mesh, rules >= RULES_TOUCH_LAID);
         t->touch_before =
             alloc((size_t)touch_width(t) * t->group->mesh.vertex_count, sizeof *t->touch_before);
     }
@@ -352,6 +353,10 @@ static vec3 touched_at(const struct operated_tissue *t, uint32_t vertex) {
 }
 
 static void touched_mesh(const struct operated_tissue *t, struct mesh *out_mesh) {
+    if (!touch_width(t)) {
+        case_group_virtual(t->group, out_mesh);
+        return;
+    }
     mesh_copy(out_mesh, &t->group->mesh);
     for (uint32_t i = 0; i < out_mesh->vertex_count; i++)
         mesh_set_vertex(out_mesh, i, touched_at(t, i));
@@ -401,6 +406,8 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
         cut_move(operation, t, job->stroke, &job->moves[0], result);
     else
         cut_way(operation, t, job, result);
+    if (result->outcome == JOB_DONE && !touch_width(t) && t->rules >= RULES_STILL_TOLD)
+        t->now.figures.touched_unseen_mm3 = t->now.figures.left_mm3;
     if (t->fitting && result->outcome == JOB_DONE)
         fit(t, was_solid && !t->now.solid ? 0 : since, result); // 0: tears are new to it
 }
@@ -504,14 +511,12 @@ vec3 operation_touched(const struct operation *operation, int tissue, uint32_t v
 }
 
 // Clefts are touched as if they were closed, until the touch has to follow them.
-bool operation_mismatch(const struct operation *operation, int tissue, double *out_mm) {
+void operation_mismatch(const struct operation *operation, int tissue, double *out_mm) {
     const struct operated_tissue *t = &operation->tissues[tissue];
     const struct case_region *tear = &t->group->lesion.tear;
     bool closed = !t->fitting || t->now.solid;
     struct mesh touched, seen;
     uint32_t *ids;
-    if (!touch_width(t))
-        return false;
     touched_mesh(t, &touched);
     cut_mesh_flatten(t->now.mesh, &seen, &ids, NULL);
     struct mismatch_setting setting = {&touched, &seen, tear->parts, closed ? tear->part_count : 0,
@@ -525,7 +530,6 @@ bool operation_mismatch(const struct operation *operation, int tissue, double *o
     free(ids);
     mesh_fini(&touched);
     mesh_fini(&seen);
-    return true;
 }
 
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {

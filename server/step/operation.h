@@ -40,7 +40,7 @@ void operation_touch(const struct operation *operation, int tissue, uint32_t ver
                      double out_values[3]);
 vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex);
 // How far S'' lies from the mesh at each vertex, by its id; 0 for those that are not alive
-// (match/mismatch.h). False: the group never gives way. It takes milliseconds and allocates.
-// out_mm: as many as cut_mesh_vertex_bound.
-bool operation_mismatch(const struct operation *operation, int tissue, double *out_mm);
+// (match/mismatch.h). Where the group never gives way, S'' is S'. It takes milliseconds and
+// allocates. out_mm: as many as cut_mesh_vertex_bound.
+void operation_mismatch(const struct operation *operation, int tissue, double *out_mm);
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue);

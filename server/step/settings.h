@@ -28,7 +28,10 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 //      What a cut changes of the touch is eased in so that a hand that comes back feels no jump.
 //   6  A sample is as old as it was when its frame was closed, plus the time since that frame
 //      came. So the frame's way, up to 1 s of it, makes no device silent.
-#define RULES_NEWEST 6
+//   7  Where nothing of a tissue is left far and wide, its touch lies down on the plateau
+//      (match/conform.h). Of tissue that never gives way, what cuts took from it is told as touched
+//      where nothing is seen.
+#define RULES_NEWEST 7
 #define RULES_WITH_WAITING_MOVES 2
 #define RULES_SHOWN_WHILE_PAUSED 2
 #define RULES_TOUCH_FITTED 3
@@ -36,6 +39,8 @@ bool instrument_body_is_valid(const struct instrument_body *body);
 #define RULES_WITHOUT_FILMS 5
 #define RULES_EASED_BEHIND 5
 #define RULES_WITHOUT_TRAVEL 6
+#define RULES_TOUCH_LAID 7
+#define RULES_STILL_TOLD 7
 
 struct session_settings {
     int rules; // 1 to RULES_NEWEST

@@ -1,169 +1,12 @@
 // S'' put onto a cut mesh: equal volume, no crossings, the same bits, always an end.
-#include "cut/cut.h"
-#include "cutting/crossings.h"
-#include "generate/tube.h"
+#include "conform_body.h"
 #include "match/conform_parts.h"
 #include "match/mismatch.h"
-#include "random.h"
 #include "scene/shapes.h"
 #include "test.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-// Tissue, its surface, and what a test cuts.
-struct body {
-    struct mesh whole;
-    float *still; // no maxcut
-    struct match_surface *surface;
-    struct conform *conform;
-    struct cut_mesh *cut;
-};
-
-static void body_take(struct body *b, struct mesh mesh) {
-    struct error err;
-    b->whole = mesh;
-    b->still = calloc(3 * (size_t)mesh.vertex_count, sizeof *b->still);
-    b->surface = match_surface_create(&b->whole, NULL, b->still);
-    b->conform = conform_create(b->surface);
-    assert_ok(cut_mesh_create(&b->whole, &b->cut, &err));
-}
-
-static void body_sphere(struct body *b, int n) {
-    struct mesh mesh;
-    shape_sphere(&mesh, 6, n);
-    body_take(b, mesh);
-}
-
-static void body_meniscus(struct body *b) {
-    struct mesh mesh;
-    assert_true(tube_meniscus(false, 2360, 1.2, &mesh));
-    body_take(b, mesh);
-}
-
-// A lens, thin enough for its two sides to hinder one another.
-static void body_lens(struct body *b, int n) {
-    struct mesh mesh;
-    shape_sphere(&mesh, 6, n);
-    for (uint32_t v = 0; v < mesh.vertex_count; v++)
-        mesh.positions[3 * (size_t)v + 2] *= 0.15F;
-    body_take(b, mesh);
-}
-
-static void body_fini(struct body *b) {
-    conform_destroy(&b->conform);
-    match_surface_destroy(&b->surface);
-    cut_mesh_destroy(&b->cut);
-    mesh_fini(&b->whole);
-    free(b->still);
-}
-
-// ---- cuts ---------------------------------------------------------------------------------------
-
-static struct convex cuboid(vec3 centre, quat turn, struct random *r) {
-    struct plane planes[6];
-    struct convex convex;
-    struct error err;
-    for (int i = 0; i < 6; i++) {
-        vec3 axis = {i / 2 == 0, i / 2 == 1, i / 2 == 2};
-        vec3 normal = quat_rotate(turn, vec3_scale(i % 2 ? 1 : -1, axis));
-        planes[i] = (struct plane){normal, vec3_dot(normal, centre) + random_between(r, 0.6, 1.6)};
-    }
-    assert_ok(convex_create(planes, 6, &convex, &err));
-    return convex;
-}
-
-struct cut_state {
-    struct mesh mesh;
-    bool *fresh;
-    double volume;
-};
-
-static void cut_state_fini(struct cut_state *state) {
-    mesh_fini(&state->mesh);
-    free(state->fresh);
-}
-
-static bool is_made(const struct cut_change *change, uint32_t id) {
-    for (uint32_t i = 0; i < change->made_count; i++)
-        if (change->made[i] == id)
-            return true;
-    return false;
-}
-
-// A bite at a random place of T; false where it changed nothing.
-static bool bite(struct body *b, struct random *r, struct cut_state *out) {
-    struct mesh before;
-    struct cut_change change = {0};
-    struct error err;
-    uint32_t *ids;
-    cut_mesh_flatten(b->cut, &before, NULL, NULL);
-    vec3 at = mesh_vertex(&before, (uint32_t)(random_bits(r) % before.vertex_count));
-    struct convex part = cuboid(at, random_pose(r, 0).rotation, r);
-    mesh_fini(&before);
-    if (cut_apply(b->cut, &part, 1, &change, &err) != CUT_CHANGED)
-        return false;
-    cut_mesh_flatten(b->cut, &out->mesh, NULL, &ids);
-    out->fresh = calloc(out->mesh.triangle_count, sizeof *out->fresh);
-    for (uint32_t i = 0; i < out->mesh.triangle_count; i++)
-        out->fresh[i] = cut_mesh_label(b->cut, ids[i]) && is_made(&change, ids[i]);
-    out->volume = change.volume_mm3;
-    free(ids);
-    cut_change_fini(&change);
-    return true;
-}
-
-static struct conform_report follow(struct conform *conform, const struct cut_state *state) {
-    struct conform_target target = {&state->mesh, state->fresh, state->volume};
-    struct conform_report report;
-    conform_to(conform, &target, &report);
-    return report;
-}
-
-// ---- oracles ------------------------------------------------------------------------------------
-
-static void touched_of(const struct body *b, struct snapshot *out) {
-    snapshot_of_mesh(&b->whole, out);
-    for (uint32_t v = 0; v < b->whole.vertex_count; v++)
-        out->vertices[v] = conform_vertex(b->conform, v);
-}
-
-static int crossings_of(const struct body *b) {
-    struct snapshot touched;
-    touched_of(b, &touched);
-    int count = snapshot_crossings(&touched);
-    snapshot_fini(&touched);
-    return count;
-}
-
-static double volume_of(const struct body *b) {
-    struct snapshot touched;
-    touched_of(b, &touched);
-    double volume = snapshot_volume(&touched);
-    snapshot_fini(&touched);
-    return volume;
-}
-
-static bool same_bits(const struct conform *a, const struct conform *b, uint32_t count) {
-    for (uint32_t v = 0; v < count; v++) {
-        vec3 p = conform_vertex(a, v), q = conform_vertex(b, v);
-        if (memcmp(&p, &q, sizeof p) != 0)
-            return false;
-    }
-    return true;
-}
-
-// The volume that is in only one of T and the surface that is touched: S'', or S before any fit.
-static double apart_mm3(const struct body *b, const struct cut_state *state, bool fitted) {
-    struct mesh touched;
-    struct mismatch m;
-    mesh_copy(&touched, &b->whole);
-    for (uint32_t v = 0; fitted && v < touched.vertex_count; v++)
-        mesh_set_vertex(&touched, v, conform_vertex(b->conform, v));
-    mismatch_measure(&(struct mismatch_setting){&state->mesh, &touched, NULL, 0, 0.1}, &m);
-    mesh_fini(&touched);
-    return m.touched_mm3 + m.seen_mm3;
-}
 
 // ---- bites --------------------------------------------------------------------------------------
 
@@ -172,13 +15,13 @@ static void check_bites(struct body *b, uint64_t seed, int bites) {
     double whole = match_surface_volume(b->surface);
     for (int i = 0; i < bites; i++) {
         struct cut_state state;
-        if (!bite(b, &r, &state))
+        if (!body_bite(b, &r, &state))
             continue;
-        struct conform_report report = follow(b->conform, &state);
-        assert_near(volume_of(b), state.volume, 1e-9 * whole);
+        struct conform_report report = follow(b->conform, &state, false);
+        assert_near(body_volume(b), state.volume, 1e-9 * whole);
         assert_near(report.left_mm3, 0, 1e-9 * whole);
-        assert_near(report.volume_mm3, volume_of(b), 1e-9 * whole);
-        assert_int_equal(crossings_of(b), 0);
+        assert_near(report.volume_mm3, body_volume(b), 1e-9 * whole);
+        assert_int_equal(body_crossings(b), 0);
         assert_true(report.repairs <= 12);
         cut_state_fini(&state);
     }
@@ -205,10 +48,10 @@ static void one_bite_is_met_where_it_is(void **state) {
         struct cut_state cut;
         struct body b;
         body_sphere(&b, 40);
-        while (!bite(&b, &r, &cut))
+        while (!body_bite(&b, &r, &cut))
             ;
-        follow(b.conform, &cut);
-        double before = apart_mm3(&b, &cut, false), after = apart_mm3(&b, &cut, true);
+        follow(b.conform, &cut, false);
+        double before = body_apart_mm3(&b, &cut, false), after = body_apart_mm3(&b, &cut, true);
         assert_true(before > 1 && after < before / 2);
         before_all += before;
         after_all += after;
@@ -226,11 +69,12 @@ static void the_same_calls_give_the_same_bits(void **state) {
     struct conform *other = conform_create(b.surface);
     for (int i = 0; i < 4; i++) {
         struct cut_state cut;
-        if (!bite(&b, &r, &cut))
+        if (!body_bite(&b, &r, &cut))
             continue;
         struct conform *copy = conform_copy(b.conform);
-        struct conform_report one = follow(b.conform, &cut), two = follow(other, &cut);
-        follow(copy, &cut);
+        struct conform_report one = follow(b.conform, &cut, false),
+                              two = follow(other, &cut, false);
+        follow(copy, &cut, false);
         assert_memory_equal(&one.volume_mm3, &two.volume_mm3, sizeof one.volume_mm3);
         assert_true(same_bits(b.conform, other, b.whole.vertex_count));
         assert_true(same_bits(b.conform, copy, b.whole.vertex_count));
@@ -253,9 +97,9 @@ static void what_it_followed_can_be_taken_back(void **state) {
     body_sphere(&b, 14);
     after[0] = conform_copy(b.conform);
     for (int i = 0; i < CUTS; i++) {
-        while (!bite(&b, &r, &cuts[i]))
+        while (!body_bite(&b, &r, &cuts[i]))
             ;
-        follow(b.conform, &cuts[i]);
+        follow(b.conform, &cuts[i], false);
         conform_past(b.conform, &past[i]);
         after[i + 1] = conform_copy(b.conform);
         assert_false(same_bits(after[i], after[i + 1], b.whole.vertex_count));
@@ -266,7 +110,7 @@ static void what_it_followed_can_be_taken_back(void **state) {
         assert_memory_equal(b.conform->dirty, after[i]->dirty, b.whole.vertex_count);
     }
     for (int i = CUTS - BACK; i < CUTS; i++) {
-        follow(b.conform, &cuts[i]);
+        follow(b.conform, &cuts[i], false);
         assert_true(same_bits(b.conform, after[i + 1], b.whole.vertex_count));
     }
     for (int i = 0; i < CUTS; i++) {
@@ -284,9 +128,9 @@ static void what_is_far_from_a_cut_stays(void **state) {
     struct cut_state cut;
     struct body b;
     body_meniscus(&b);
-    while (!bite(&b, &r, &cut))
+    while (!body_bite(&b, &r, &cut))
         ;
-    struct conform_report report = follow(b.conform, &cut);
+    struct conform_report report = follow(b.conform, &cut, false);
     assert_true(report.changed_count > 0);
     uint32_t next = 0;
     for (uint32_t v = 0; v < b.whole.vertex_count; v++) {
@@ -323,9 +167,9 @@ static void no_target_makes_it_cross(void **state) {
     for (int i = 0; i < 4; i++) {
         struct cut_state wild;
         crumple(&b, &r, 1.5, &wild);
-        struct conform_report report = follow(b.conform, &wild);
-        assert_int_equal(crossings_of(&b), 0);
-        assert_near(report.left_mm3, volume_of(&b) - wild.volume, 1e-9);
+        struct conform_report report = follow(b.conform, &wild, false);
+        assert_int_equal(body_crossings(&b), 0);
+        assert_near(report.left_mm3, body_volume(&b) - wild.volume, 1e-9);
         assert_true(report.repairs <= 12);
         cut_state_fini(&wild);
     }
@@ -343,10 +187,10 @@ static void equal_volume_where_the_fit_crosses_itself(void **state) {
         for (int i = 0; i < 3; i++) {
             struct cut_state wild;
             crumple(&b, &r, 1.2, &wild);
-            wild.volume = volume_of(&b) * random_between(&r, 0.95, 0.99);
-            crossings += follow(b.conform, &wild).crossings_first;
-            assert_near(volume_of(&b), wild.volume, 1e-9 * match_surface_volume(b.surface));
-            assert_int_equal(crossings_of(&b), 0);
+            wild.volume = body_volume(&b) * random_between(&r, 0.95, 0.99);
+            crossings += follow(b.conform, &wild, false).crossings_first;
+            assert_near(body_volume(&b), wild.volume, 1e-9 * match_surface_volume(b.surface));
+            assert_int_equal(body_crossings(&b), 0);
             cut_state_fini(&wild);
         }
         body_fini(&b);
@@ -362,16 +206,16 @@ static void the_way_back_leaves_no_crossing(void **state) {
         struct cut_state cut;
         struct body b;
         body_sphere(&b, 12);
-        while (!bite(&b, &r, &cut))
+        while (!body_bite(&b, &r, &cut))
             ;
-        follow(b.conform, &cut);
+        follow(b.conform, &cut, false);
         for (uint32_t i = 0; i < b.conform->active_count; i++) {
             vec3 *p = &b.conform->positions[b.conform->active[i]];
             *p = vec3_add(*p, random_in_box(&r, 2));
         }
-        assert_true(crossings_of(&b) > 0);
+        assert_true(body_crossings(&b) > 0);
         assert_true(conform_go_back(b.conform, 5) > 0);
-        assert_int_equal(crossings_of(&b), 0);
+        assert_int_equal(body_crossings(&b), 0);
         cut_state_fini(&cut);
         body_fini(&b);
     }
@@ -383,7 +227,7 @@ static void without_fresh_triangles_nothing_moves(void **state) {
     body_sphere(&b, 8);
     double volume = match_surface_volume(b.surface);
     bool *fresh = calloc(b.whole.triangle_count, sizeof *fresh);
-    struct conform_target target = {&b.whole, fresh, volume - 3};
+    struct conform_target target = {&b.whole, fresh, volume - 3, true};
     struct conform_report report;
     conform_to(b.conform, &target, &report);
     assert_near(report.left_mm3, 3, 1e-9);

@@ -5,6 +5,7 @@
 #include "test.h"
 #include "unit/case_knee.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static struct scene *scene;
@@ -60,6 +61,37 @@ static void a_blade_that_cannot_be_made_counts_as_refused(void **state) {
     operation_destroy(&operation);
 }
 
+// Without S'_max the touch stays, and all that a cut takes is touched and not seen.
+static void what_never_gives_way_is_touched_where_it_is_gone(void **state) {
+    (void)state;
+    struct knee_case *knee = box_knee();
+    struct case_group *group = case_group(knee, "meniscus_medial");
+    struct scene *still;
+    free(group->maxcut);
+    group->maxcut = NULL;
+    assert_int_equal(scene_create(&knee, &still, NULL), RESULT_OK);
+    for (int rules = RULES_STILL_TOLD - 1; rules <= RULES_STILL_TOLD; rules++) {
+        struct operation *operation = operation_create(still, rules);
+        pose tip = {quat_identity(), {-25, 0, -11}};
+        struct job job = {
+            .id = 1, .kind = JOB_CUT, .move_count = 1, .moves = {{BLADE_SHAVER, {tip, tip}, {0}}}};
+        struct job_result *result = operation_run(operation, &job);
+        assert_int_equal(result->outcome, JOB_DONE);
+        assert_near(result->figures.touched_unseen_mm3,
+                    rules < RULES_STILL_TOLD ? 0 : result->figures.removed_mm3, 1e-9);
+        uint32_t count = cut_mesh_vertex_bound(operation_mesh(operation, 0));
+        double *mm = calloc(count, sizeof *mm), deepest = 0;
+        operation_mismatch(operation, 0, mm);
+        for (uint32_t v = 0; v < count; v++)
+            deepest = fmax(deepest, mm[v]);
+        assert_near(deepest, 2, 0.1);
+        free(mm);
+        job_result_destroy(&result);
+        operation_destroy(&operation);
+    }
+    scene_destroy(&still);
+}
+
 static struct blade_move burr_down(double x, double y) {
     pose from = {quat_identity(), {x, y, -10}}, to = {quat_identity(), {x, y, -18}};
     return (struct blade_move){BLADE_SHAVER, {from, to}, {0}};
@@ -107,6 +139,7 @@ int main(void) {
         cmocka_unit_test(the_distance_from_a_cut_to_the_touch_is_that_to_the_nearest_face),
         cmocka_unit_test(a_flap_that_tears_let_come_off_is_no_longer_touched),
         cmocka_unit_test(a_blade_that_cannot_be_made_counts_as_refused),
+        cmocka_unit_test(what_never_gives_way_is_touched_where_it_is_gone),
     };
     return cmocka_run_group_tests_name("operation", tests, make_scene, drop_scene);
 }

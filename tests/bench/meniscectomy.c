@@ -35,6 +35,32 @@ static struct blade_move bite_at(const struct arc *arc, int index) {
     return (struct blade_move){BLADE_PUNCH, {tip, tip}, {1, 0}};
 }
 
+// ---- a section ----
+
+#define BESIDE_MM 3.0 // the section goes so far beyond the margins, above and below
+
+static enum result section_of(const struct arc *arc, struct convex *out, struct error *err) {
+    vec3 up = arc_up(arc), out_ = arc_outward(arc, middle_along), along = vec3_cross(up, out_);
+    double width = arc_width(arc, middle_along), lower, upper;
+    arc_heights(arc, middle_along, 0.3 * width, &lower, &upper);
+    struct arc_place place = {middle_along, 0, lower};
+    vec3 at = arc_point(arc, place);
+    const struct {
+        vec3 normal;
+        double beyond;
+    } sides[6] = {{along, SECTION_MM / 2},
+                  {vec3_scale(-1, along), SECTION_MM / 2},
+                  {out_, BESIDE_MM},
+                  {vec3_scale(-1, out_), width + BESIDE_MM},
+                  {up, 20},
+                  {vec3_scale(-1, up), 20}};
+    struct plane planes[6];
+    for (int i = 0; i < 6; i++)
+        planes[i] =
+            (struct plane){sides[i].normal, vec3_dot(sides[i].normal, at) + sides[i].beyond};
+    return convex_create(planes, 6, out, err);
+}
+
 // ---- the tissue ----
 
 static enum result find_group(struct meniscectomy *m, const struct knee_case *knee,
@@ -59,7 +85,10 @@ enum result meniscectomy_init(struct meniscectomy *m, const struct knee_case *kn
     if (result == RESULT_OK) {
         for (int i = 0; i < BITE_COUNT; i++)
             m->bites[i] = bite_at(arc, i);
+        result = section_of(arc, &m->section, err);
         arc_destroy(&arc);
+    }
+    if (result == RESULT_OK) {
         m->surface = match_surface_create(&m->group->mesh, m->group->warp, m->group->maxcut);
         result = cut_mesh_create(&m->whole, &m->cut, err);
     }

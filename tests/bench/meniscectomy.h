@@ -9,6 +9,7 @@
 #include "match/match.h"
 
 #define BITE_COUNT 15
+#define SECTION_MM 10.0
 #define ALGORITHM_1_MM3 2.0 // its ε: what the paper's volumes differ by
 
 struct meniscectomy {
@@ -16,7 +17,8 @@ struct meniscectomy {
     struct mesh whole; // S'
     struct match_surface *surface;
     struct blade_move bites[BITE_COUNT];
-    struct cut_mesh *cut; // these three as the bites so far have left them
+    struct convex section; // so much of the body, from margin to margin
+    struct cut_mesh *cut;  // these three as the bites so far have left them
     struct match *match;
     struct bisection *bisection;
 };

@@ -9,6 +9,7 @@
 #include "paper.h"
 #include "touch_moves.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -22,7 +23,7 @@ struct scene_of_cuts {
     const struct case_group *group;
     const struct blade_move *moves;
     int move_count;
-    bool is_resection;
+    enum scene_kind kind;
 };
 
 struct touched {
@@ -33,7 +34,7 @@ struct touched {
     struct samples ms, changed;
     int cuts, repairs, reverted;
     uint32_t crossings_first;
-    double error, left_mm3;
+    double error, left_mm3, sheet_mm3;
 };
 
 static double thread_ms(void) {
@@ -86,7 +87,7 @@ static void follow(struct touched *t, const struct cut_change *change) {
     uint32_t *ids;
     cut_mesh_flatten(t->cut, &mesh, NULL, &ids);
     bool *fresh = fresh_of(t->cut, change, ids, mesh.triangle_count);
-    struct conform_target target = {&mesh, fresh, change->volume_mm3};
+    struct conform_target target = {&mesh, fresh, change->volume_mm3, true};
     struct conform_report report;
     double begin = thread_ms();
     conform_to(t->conform, &target, &report);
@@ -96,26 +97,33 @@ static void follow(struct touched *t, const struct cut_change *change) {
     t->repairs += report.repairs;
     t->reverted += report.reverted_count > 0;
     t->crossings_first += report.crossings_first;
-    double left = conform_volume(t->conform) - change->volume_mm3;
-    t->left_mm3 = fmax(t->left_mm3, fabs(report.left_mm3));
+    double left = conform_volume(t->conform) - change->volume_mm3 - report.sheet_mm3;
+    t->left_mm3 = fmax(t->left_mm3, fabs(left));
+    t->sheet_mm3 = report.sheet_mm3;
     t->error = fmax(t->error, fabs(left) / match_surface_volume(t->surface));
     free(fresh);
     free(ids);
     mesh_fini(&mesh);
 }
 
-static enum result cut_by(struct touched *t, const struct blade_move *move, struct error *err) {
-    struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
+static enum result take(struct touched *t, const struct convex *parts, int count,
+                        struct error *err) {
     struct cut_change change = {0};
-    int count = blade_parts(move, parts, err);
-    enum cut_outcome outcome = count < 0 ? CUT_REFUSED : CUT_NOTHING;
-    if (count > 0)
-        outcome = cut_apply(t->cut, parts, count, &change, err);
+    enum cut_outcome outcome = cut_apply(t->cut, parts, count, &change, err);
     if (outcome == CUT_CHANGED)
         follow(t, &change);
     cut_change_fini(&change);
-    free(parts);
     return outcome == CUT_REFUSED ? RESULT_REFUSED : RESULT_OK;
+}
+
+static enum result cut_by(struct touched *t, const struct blade_move *move, struct error *err) {
+    struct convex *parts = alloc(CUT_PARTS_MAX, sizeof *parts);
+    int count = blade_parts(move, parts, err);
+    enum result result = count < 0 ? RESULT_REFUSED : RESULT_OK;
+    if (count > 0)
+        result = take(t, parts, count, err);
+    free(parts);
+    return result;
 }
 
 // ---- what is left of it -------------------------------------------------------------------------
@@ -176,6 +184,8 @@ static void report_scene(struct report *report, const struct scene_of_cuts *scen
     report_figure(report, t->repairs, "rounds", "touch/%s/repairs", name);
     report_figure(report, t->reverted, "cuts", "touch/%s/went back", name);
     report_figure(report, t->left_mm3, "mm3", "touch/%s/volume left, largest", name);
+    if (scene->kind == SCENE_THROUGH)
+        report_figure(report, t->sheet_mm3, "mm3", "touch/%s/laid down as a sheet", name);
     report_figure(report, samples_quantile(&t->changed, 0.5), "vertices", "touch/%s/moved/p50",
                   name);
     report_figure(report, samples_quantile(&t->ms, 0.5), "ms", "touch/%s/p50", name);
@@ -195,12 +205,13 @@ static enum result look_back(const struct scene_of_cuts *scene, struct touched *
     struct mismatch m = mismatch_of(&touched, &cut, &scene->group->lesion.tear);
     double cut_mm3 = mismatch_of(&t->whole, &cut, &scene->group->lesion.tear).touched_mm3;
     double share = (m.touched_mm3 + m.seen_mm3) / cut_mm3;
-    double *at = scene->is_resection ? &worst->share_resections : &worst->share_bites;
-    *at = fmax(*at, share);
-    worst->surface_p95_mm = fmax(worst->surface_p95_mm, samples_quantile(&apart[0], 0.95));
+    worst->share[scene->kind] = fmax(worst->share[scene->kind], share);
+    if (scene->kind != SCENE_THROUGH) {
+        worst->surface_p95_mm = fmax(worst->surface_p95_mm, samples_quantile(&apart[0], 0.95));
+        worst->error = fmax(worst->error, t->error);
+    }
     worst->crossings += crossings_of(t);
-    worst->error = fmax(worst->error, t->error);
-    for (size_t i = 0; i < t->ms.count; i++)
+    for (size_t i = 0; scene->kind != SCENE_THROUGH && i < t->ms.count; i++)
         samples_add(&worst->ms, t->ms.values[i]);
     report_scene(report, scene, t, &m, share, apart);
     samples_fini(&apart[0]);
@@ -213,67 +224,99 @@ static enum result look_back(const struct scene_of_cuts *scene, struct touched *
     return result;
 }
 
-static enum result play(const struct scene_of_cuts *scene, struct report *report,
-                        struct touch_worst *worst, struct error *err) {
-    struct touched t;
-    enum result result = touched_init(&t, scene->group, err);
+static enum result cut_all(const struct scene_of_cuts *scene, struct touched *t,
+                           struct error *err) {
+    enum result result = touched_init(t, scene->group, err);
     for (int i = 0; result == RESULT_OK && i < scene->move_count; i++)
-        result = cut_by(&t, &scene->moves[i], err);
-    if (result == RESULT_OK)
-        result = look_back(scene, &t, report, worst, err);
-    touched_fini(&t);
-    return result == RESULT_OK ? result : fail_in(err, result, "%s: ", scene->name);
+        result = cut_by(t, &scene->moves[i], err);
+    return result;
 }
 
 // ---- the scenes ---------------------------------------------------------------------------------
 
-static enum result fifteen_bites(const struct knee_case *knee, struct report *report,
-                                 struct touch_worst *worst, struct error *err) {
+static const char *const resections[] = {"tear-flap", "tear-radial", "tear-horizontal"};
+#define RESECTION_COUNT (int)(sizeof resections / sizeof resections[0])
+
+// What all scenes of one call have in common.
+struct touring {
+    const struct bench_options *options;
+    struct report *report;
+    struct touch_worst *worst;
+};
+
+static enum result fifteen_bites(const struct touring *tour, const struct knee_case *knee,
+                                 struct error *err) {
     struct meniscectomy m;
+    struct touched t;
+    char name[CASE_NAME_MAX + 16];
     enum result result = meniscectomy_init(&m, knee, err);
     if (result != RESULT_OK)
         return result;
-    struct scene_of_cuts scene = {knee->name, m.group, m.bites, BITE_COUNT, false};
-    result = play(&scene, report, worst, err);
+    snprintf(name, sizeof name, "%s, through", knee->name);
+    struct scene_of_cuts bites = {knee->name, m.group, m.bites, BITE_COUNT, SCENE_BITES};
+    struct scene_of_cuts through = {name, m.group, NULL, 0, SCENE_THROUGH};
+    result = cut_all(&bites, &t, err);
+    if (result == RESULT_OK)
+        result = look_back(&bites, &t, tour->report, tour->worst, err);
+    if (result == RESULT_OK)
+        result = take(&t, &m.section, 1, err);
+    if (result == RESULT_OK)
+        result = look_back(&through, &t, tour->report, tour->worst, err);
+    touched_fini(&t);
     meniscectomy_fini(&m);
     return result;
 }
 
-static enum result resection(const char *recipe, struct report *report, struct touch_worst *worst,
+static enum result play(const struct touring *tour, const struct scene_of_cuts *scene,
+                        struct error *err) {
+    struct touched t;
+    enum result result = cut_all(scene, &t, err);
+    if (result == RESULT_OK)
+        result = look_back(scene, &t, tour->report, tour->worst, err);
+    touched_fini(&t);
+    return result;
+}
+
+// dir: of a case; NULL: the generated knee.
+static enum result resection(const struct touring *tour, const char *dir, const char *recipe,
                              struct error *err) {
     struct knee_case *knee;
     struct touch_moves moves;
-    enum result result = touch_resection(recipe, &knee, &moves, err);
+    char name[2 * CASE_NAME_MAX];
+    enum result result = touch_resection(dir, recipe, &knee, &moves, err);
     if (result != RESULT_OK)
-        return result;
-    struct scene_of_cuts scene = {recipe, case_group(knee, moves.group), moves.moves, moves.count,
-                                  true};
-    result = scene.group ? play(&scene, report, worst, err)
+        return fail_in(err, result, "%s: ", recipe);
+    snprintf(name, sizeof name, "%s%s%s", dir ? knee->name : "", dir ? ", " : "", recipe);
+    struct scene_of_cuts scene = {name, case_group(knee, moves.group), moves.moves, moves.count,
+                                  SCENE_RESECTION};
+    result = scene.group ? play(tour, &scene, err)
                          : fail(err, RESULT_MISSING, "%s: nothing was cut", recipe);
     free(moves.moves);
     case_destroy(&knee);
     return result;
 }
 
+static enum result measure_knee(const struct touring *tour, const char *dir, struct error *err) {
+    struct knee_case *knee;
+    enum result result = dir ? case_load(dir, NULL, &knee, err) : paper_knee("healthy", &knee, err);
+    if (result != RESULT_OK)
+        return result;
+    result = fifteen_bites(tour, knee, err);
+    int count = tour->options->quick ? 1 : RESECTION_COUNT;
+    for (int i = 0; result == RESULT_OK && i < count; i++)
+        result = resection(tour, dir, resections[i], err);
+    if (result != RESULT_OK)
+        result = fail_in(err, result, "%s: ", knee->name);
+    case_destroy(&knee);
+    return result;
+}
+
 enum result touch_measure(const struct bench_options *options, struct report *report,
                           struct touch_worst *out_worst, struct error *err) {
-    static const char *const recipes[] = {"tear-flap", "tear-radial", "tear-horizontal"};
-    struct knee_case *knee;
+    struct touring tour = {options, report, out_worst};
     *out_worst = (struct touch_worst){0};
-    enum result result = paper_knee("healthy", &knee, err);
-    if (result == RESULT_OK) {
-        result = fifteen_bites(knee, report, out_worst, err);
-        case_destroy(&knee);
-    }
-    for (int i = 0; result == RESULT_OK && i < options->input_count; i++) {
-        result = case_load(options->inputs[i], NULL, &knee, err);
-        if (result != RESULT_OK)
-            break;
-        result = fifteen_bites(knee, report, out_worst, err);
-        case_destroy(&knee);
-    }
-    int resections = options->quick ? 1 : 3;
-    for (int i = 0; result == RESULT_OK && i < resections; i++)
-        result = resection(recipes[i], report, out_worst, err);
+    enum result result = measure_knee(&tour, NULL, err);
+    for (int i = 0; result == RESULT_OK && i < options->input_count; i++)
+        result = measure_knee(&tour, options->inputs[i], err);
     return result;
 }

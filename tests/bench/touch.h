@@ -5,11 +5,17 @@
 #include "bench.h"
 #include "samples.h"
 
+enum scene_kind {
+    SCENE_BITES,   // fifteen
+    SCENE_THROUGH, // fifteen, then a section of the meniscus; what lies behind it comes off
+    SCENE_RESECTION,
+    SCENE_KINDS
+};
+
 struct touch_worst {
-    double share_bites, share_resections; // mismatch over what was cut
-    double surface_p95_mm;
-    double crossings; // of S'' with itself, where S' has none
-    double error;     // of the volume, over the whole
+    double share[SCENE_KINDS];    // mismatch over what was cut
+    double surface_p95_mm, error; // of all but SCENE_THROUGH; error of the volume, over the whole
+    double crossings;             // of S'' with itself, where S' has none
     struct samples ms;
 };
 

@@ -2,6 +2,7 @@
 
 #include "base/check.h"
 #include "base/clock.h"
+#include "generate/generate.h"
 #include "motion/motion.h"
 #include "paper.h"
 #include "step/operation.h"
@@ -10,6 +11,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define LEAST_DEPTH_TENTHS 6
 
 static void add_sample(struct frame *frame, struct sample sample) {
     sample.time_ns = frame->time_ns;
@@ -69,7 +72,44 @@ static void play(const struct scene *scene, const struct motion *motion, struct 
     operation_destroy(&operation);
 }
 
-enum result touch_resection(const char *recipe, struct knee_case **out_knee,
+// ---- the lesions of a recipe, on another knee
+// ----------------------------------------------------
+
+// depth: of the tears, as a share of the recipe's.
+static enum result make_alike(const char *dir, const struct recipe *recipe, double depth,
+                              struct knee_case **out_knee, struct error *err) {
+    enum result result = case_load(dir, NULL, out_knee, err);
+    for (int i = 0; result == RESULT_OK && i < recipe->step_count; i++) {
+        struct pathology step = recipe->steps[i];
+        if (step.kind == PATHOLOGY_TEAR)
+            step.tear.tear.depth_mm *= depth;
+        result = pathology_apply(*out_knee, &step, recipe->rim_mm, err);
+    }
+    if (result != RESULT_OK)
+        case_destroy(out_knee);
+    return result;
+}
+
+// A narrow meniscus has no room for a tear as deep: then as deep as it has.
+static enum result make_knee(const char *dir, const char *name, struct knee_case **out_knee,
+                             struct error *err) {
+    char path[4096];
+    struct recipe recipe;
+    if (!dir)
+        return paper_knee(name, out_knee, err);
+    snprintf(path, sizeof path, "%s/%s", CASES, name);
+    enum result result = recipe_load(path, &recipe, err);
+    if (result != RESULT_OK)
+        return result;
+    for (int tenths = 10; tenths >= LEAST_DEPTH_TENTHS; tenths--) {
+        result = make_alike(dir, &recipe, 0.1 * tenths, out_knee, err);
+        if (result != RESULT_INVALID)
+            break;
+    }
+    return result;
+}
+
+enum result touch_resection(const char *dir, const char *recipe, struct knee_case **out_knee,
                             struct touch_moves *out_moves, struct error *err) {
     struct motion_script script;
     struct motion motion = {0};
@@ -77,9 +117,9 @@ enum result touch_resection(const char *recipe, struct knee_case **out_knee,
     struct knee_case *played = NULL;
     *out_moves = (struct touch_moves){0};
     *out_knee = NULL;
-    enum result result = paper_knee(recipe, out_knee, err);
+    enum result result = make_knee(dir, recipe, out_knee, err);
     if (result == RESULT_OK)
-        result = paper_knee(recipe, &played, err);
+        result = make_knee(dir, recipe, &played, err);
     if (result == RESULT_OK)
         result = motion_script_load(CASES "/motions/resection.ini", &script, err);
     if (result == RESULT_OK)

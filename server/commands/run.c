@@ -7,7 +7,6 @@
 #include "commands/known_stations.h"
 #include "config/config.h"
 #include "sessions/sessions.h"
-#include "trace/trace.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -142,7 +141,6 @@ static int serve(const struct request *request) {
     raise_descriptors();
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
-    need_before_end(trace_write_last);
     log_limit_lines();
     return serve_until_end(&config);
 }

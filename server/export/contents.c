@@ -134,8 +134,10 @@ enum result walk_run(struct walk *walk, const struct contents *contents, walk_st
     enum result result = open_trace(walk->request, &walk->reader, err);
     if (result != RESULT_OK)
         return result;
-    trace_play(walk->reader, &player, NULL);
+    struct error why; // of damage and of an early end the first pass has told
+    if (trace_play(walk->reader, &player, &why) == RESULT_IO)
+        result = fail(err, RESULT_IO, "%s", why.text);
     walk->pass++;
     trace_reader_destroy(&walk->reader);
-    return RESULT_OK;
+    return result;
 }

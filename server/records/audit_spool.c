@@ -23,38 +23,47 @@ static enum result path_of(const char *records, const char *end, char out[PATH_M
 }
 
 // Control characters would end the field or the line; no name contains them.
-static void put_field(FILE *file, const char *text, char end) {
+static size_t put_field(char *line, size_t used, const char *text, char end) {
     for (; *text; text++)
-        fputc((unsigned char)*text < ' ' ? '?' : *text, file);
-    fputc(end, file);
+        line[used++] = (unsigned char)*text < ' ' ? '?' : *text;
+    line[used++] = end;
+    return used;
 }
 
-static enum result write_lines(const char *path, const struct store_audit_entry *entries,
-                               size_t count, struct error *err) {
+static bool write_line(int fd, const struct store_audit_entry *entry) {
+    char line[LINE_MAX_BYTES];
+    size_t used = (size_t)snprintf(line, sizeof line, "%" PRId64 "\t", entry->utc_ns);
+    used = put_field(line, used, entry->actor, '\t');
+    used = put_field(line, used, entry->action, '\t');
+    used = put_field(line, used, entry->subject, '\n');
+    errno = ENOSPC; // what a short write means
+    return write(fd, line, used) == (ssize_t)used;
+}
+
+static enum result write_lines(const char *path,
+                               const struct store_audit_entry *(*next)(void *user), void *user,
+                               struct error *err) {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-    FILE *file = fd < 0 ? NULL : fdopen(fd, "w");
-    if (!file)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    for (size_t i = 0; i < count; i++) {
-        fprintf(file, "%" PRId64 "\t", entries[i].utc_ns);
-        put_field(file, entries[i].actor, '\t');
-        put_field(file, entries[i].action, '\t');
-        put_field(file, entries[i].subject, '\n');
-    }
-    bool bad = fflush(file) || fsync(fd);
-    if (fclose(file) || bad)
-        return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
-    return RESULT_OK;
+    bool done = fd >= 0;
+    for (const struct store_audit_entry *entry; done && (entry = next(user));)
+        done = write_line(fd, entry);
+    done = done && fsync(fd) == 0;
+    if (!done)
+        fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return done ? RESULT_OK : RESULT_IO;
 }
 
-enum result audit_spool_write(const char *records, const struct store_audit_entry *entries,
-                              size_t count, struct error *err) {
+enum result audit_spool_write(const char *records,
+                              const struct store_audit_entry *(*next)(void *user), void *user,
+                              struct error *err) {
     char path[PATH_MAX], draft[PATH_MAX];
     enum result result = path_of(records, "", path, err);
     if (result == RESULT_OK)
         result = path_of(records, ".draft", draft, err);
     if (result == RESULT_OK)
-        result = write_lines(draft, entries, count, err);
+        result = write_lines(draft, next, user, err);
     if (result == RESULT_OK && rename(draft, path) != 0)
         result = fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return result;

@@ -4,10 +4,11 @@
 
 #include "store/store.h"
 
-// Replaces the file by `count` entries, in order: a line for each,
-// "NANOSECONDS<tab>actor<tab>action<tab>subject".
-enum result audit_spool_write(const char *records, const struct store_audit_entry *entries,
-                              size_t count, struct error *err);
+// Replaces the file by the entries that `next` gives, in order, until NULL: a line for each,
+// "NANOSECONDS<tab>actor<tab>action<tab>subject". Takes no memory.
+enum result audit_spool_write(const char *records,
+                              const struct store_audit_entry *(*next)(void *user), void *user,
+                              struct error *err);
 
 // Calls `take` for each entry, and returns their number. Logs and leaves out a malformed line.
 size_t audit_spool_read(const char *records,

@@ -389,29 +389,50 @@ static void take_spooled(void *user, const struct store_audit_entry *entry) {
     append(user, &(struct waiting){.is_audit = true, .entry = *entry});
 }
 
+static const struct store_audit_entry *next_entry(void *user) {
+    struct waiting **at = user;
+    while (*at && !(*at)->is_audit)
+        *at = (*at)->next;
+    const struct waiting *found = *at;
+    *at = found ? found->next : NULL;
+    return found ? &found->entry : NULL;
+}
+
 // The traces contain the sessions, but only the spool keeps the audit entries.
 static void leave_the_rest(struct recorder *r) {
     struct error err;
-    struct store_audit_entry *entries = NULL;
     size_t sessions = 0, count = 0;
-    for (struct waiting *w = first_waiting(r); w; w = w->next) {
-        if (!w->is_audit) {
-            sessions++;
-            continue;
-        }
-        entries = alloc_resize(entries, count + 1, sizeof *entries);
-        entries[count++] = w->entry;
-    }
+    struct waiting *first = first_waiting(r), *at = first;
+    for (const struct waiting *w = first; w; w = w->next)
+        w->is_audit ? count++ : sessions++;
     log_error("records",
               "%s: %zu sessions and %zu audit entries are not written: the next start does it",
               r->records, sessions, count);
-    if (count && audit_spool_write(r->records, entries, count, &err) != RESULT_OK) {
-        log_error("records", "the audit entries are lost: %s", err.text);
-        for (size_t i = 0; i < count; i++)
-            log_error("records", "lost: %s %s: %s", entries[i].actor, entries[i].action,
-                      entries[i].subject);
-    }
-    free(entries);
+    if (!count || audit_spool_write(r->records, next_entry, &at, &err) == RESULT_OK)
+        return;
+    log_error("records", "the audit entries are lost: %s", err.text);
+    at = first;
+    for (const struct store_audit_entry *entry; (entry = next_entry(&at));)
+        log_error("records", "lost: %s %s: %s", entry->actor, entry->action, entry->subject);
+}
+
+#define LAST_PATIENCE_NS (500 * NS_PER_MS)
+
+// Whoever holds the lock may be this very thread, in the middle of an append: then the list is
+// whole without it.
+void recorder_write_last(struct recorder *r) {
+    struct error err;
+    int64_t end_ns = clock_now_ns() + LAST_PATIENCE_NS;
+    struct timespec when = {end_ns / NS_PER_S, end_ns % NS_PER_S};
+    bool locked = pthread_mutex_clocklock(&r->mutex, CLOCK_MONOTONIC, &when) == 0;
+    struct waiting *at = r->first;
+    const struct waiting *look = at;
+    while (look && !look->is_audit)
+        look = look->next;
+    if (look)
+        audit_spool_write(r->records, next_entry, &at, &err);
+    if (locked)
+        pthread_mutex_unlock(&r->mutex);
 }
 
 static void *run(void *argument) {

@@ -39,6 +39,10 @@ bool recorder_put_trace(struct recorder *recorder, const char *trace);
 void recorder_note(struct recorder *recorder, const char *actor, const char *action,
                    const char *subject);
 
+// For need_before_end (base/check.h): leaves the audit entries that wait to the next start. One
+// that is just being written may be there twice then.
+void recorder_write_last(struct recorder *recorder);
+
 // Tries once more to write everything that waits. Leaves large traces to the next start. NULL
 // inside is fine.
 void recorder_stop(struct recorder **recorder);

@@ -79,7 +79,9 @@ static enum result copy_inputs(const struct sessions *s, const struct restored *
     enum result result = trace_reader_create(from, &reader, err);
     if (result != RESULT_OK)
         return result;
-    trace_play(reader, &player, NULL);
+    struct error why; // the end and the damage of a recorded session are no fault of its copy
+    if (trace_play(reader, &player, &why) == RESULT_IO && copying.result == RESULT_OK)
+        copying.result = fail(err, RESULT_IO, "%s", why.text);
     trace_reader_destroy(&reader);
     return copying.result;
 }
@@ -148,7 +150,9 @@ enum result fork_create(struct sessions *s, int station, const char *from, doubl
     f->station = station;
     struct making m = {f, from, at_s, RESULT_OK, err};
     pthread_t thread;
-    if (pthread_create(&thread, NULL, run, &m) == 0)
+    if (memory_is_short())
+        m.result = fail(err, RESULT_LIMIT, "the server is short of memory");
+    else if (pthread_create(&thread, NULL, run, &m) == 0)
         pthread_join(thread, NULL);
     else
         m.result = fail(err, RESULT_LIMIT, "the system gives no thread to make the copy");

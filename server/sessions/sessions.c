@@ -11,6 +11,7 @@
 #include "sessions/resume.h"
 #include "sessions/session_list.h"
 #include "sessions/station_handler.h"
+#include "trace/trace.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -146,6 +147,13 @@ static void start_recorder(struct sessions *s) {
     s->recorder = recorder_start(&config);
 }
 
+static void write_last(void *user) {
+    const struct sessions *s = user;
+    trace_write_last();
+    if (s->recorder)
+        recorder_write_last(s->recorder);
+}
+
 // The traces that go on are locked before the recorder looks for those that do not.
 static void begin(struct sessions *s) {
     resume_open_traces(s);
@@ -179,6 +187,7 @@ enum result sessions_create(const struct sessions_config *config, const atomic_b
     struct sessions *s = alloc(1, sizeof *s);
     s->config = *config;
     s->cancelled = cancelled;
+    need_before_end(write_last, s);
     manager_create(s);
     enum result result = open_slots(s, err);
     if (result == RESULT_OK)
@@ -228,6 +237,7 @@ static void end(struct sessions **sessions, bool hand_over) {
     if (s->control)
         control_destroy(&s->control);
     manager_destroy(s);
+    need_before_end(NULL, NULL);
     recorder_stop(&s->recorder);
     release(s);
     *sessions = NULL;

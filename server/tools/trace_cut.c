@@ -45,8 +45,9 @@ static enum result last_hash(const char *file, uint8_t out_hash[TRACE_HASH_SIZE]
     if (trace_reader_header(reader)->version < 3)
         result = fail(err, RESULT_VERSION, "%s: of version %u nothing can be cut", file,
                       trace_reader_header(reader)->version);
-    if (result == RESULT_OK)
-        trace_play(reader, &player, NULL);
+    struct error why;
+    if (result == RESULT_OK && trace_play(reader, &player, &why) == RESULT_IO)
+        result = fail(err, RESULT_IO, "%s", why.text);
     memcpy(out_hash, trace_reader_place(reader).hash, TRACE_HASH_SIZE);
     trace_reader_destroy(&reader);
     return result;

@@ -126,17 +126,22 @@ static void sync_or_finish(struct trace_writer *w, bool ends) {
 
 // ---- all of them --------------------------------------------------------------------------------
 
-// Those that there are now, each held until it was seen to. The caller frees them.
-static int hold_all(struct trace_writer ***out_writers) {
-    int count = 0;
-    *out_writers = alloc((size_t)disk.count + 1, sizeof **out_writers);
-    for (int i = 0; i < disk.count; i++) {
-        if (disk.writers[i]->ended)
-            continue;
-        disk.writers[i]->holds++;
-        (*out_writers)[count++] = disk.writers[i];
+// The next one that is there, held until it was seen to, from *at on; or NULL. While the lock is
+// not held, the list may change, so that a writer is passed over or seen twice in a round.
+static struct trace_writer *hold_next(int *at) {
+    while (*at < disk.count) {
+        struct trace_writer *w = disk.writers[(*at)++];
+        if (!w->ended) {
+            w->holds++;
+            return w;
+        }
     }
-    return count;
+    return NULL;
+}
+
+static void let_go(struct trace_writer *w) {
+    w->holds--;
+    pthread_cond_broadcast(&disk.released);
 }
 
 static void wait_for(pthread_cond_t *condition, int64_t for_ns) {
@@ -149,20 +154,16 @@ static void *write_all(void *context) {
     (void)context;
     pthread_mutex_lock(&disk.lock);
     while (!disk.stop) {
-        struct trace_writer **writers;
-        int count = hold_all(&writers);
+        struct trace_writer *w;
         bool hurry = false;
-        pthread_mutex_unlock(&disk.lock);
-        for (int i = 0; i < count; i++) {
-            write_out(writers[i]);
-            buffer_touch_ahead(&writers[i]->buffer);
-            hurry |= not_on_disk(writers[i]) >= SYNC_BYTES;
+        for (int at = 0; (w = hold_next(&at));) {
+            pthread_mutex_unlock(&disk.lock);
+            write_out(w);
+            buffer_touch_ahead(&w->buffer);
+            hurry |= not_on_disk(w) >= SYNC_BYTES;
+            pthread_mutex_lock(&disk.lock);
+            let_go(w);
         }
-        pthread_mutex_lock(&disk.lock);
-        for (int i = 0; i < count; i++)
-            writers[i]->holds--;
-        free(writers);
-        pthread_cond_broadcast(&disk.released);
         if (hurry)
             pthread_cond_signal(&disk.look);
         if (!disk.stop)
@@ -176,18 +177,15 @@ static void *sync_all(void *context) {
     (void)context;
     pthread_mutex_lock(&disk.lock);
     while (!disk.stop) {
-        struct trace_writer **writers;
-        int count = hold_all(&writers);
-        for (int i = 0; i < count; i++) {
-            bool ends = writers[i]->ends;
+        struct trace_writer *w;
+        for (int at = 0; (w = hold_next(&at));) {
+            bool ends = w->ends;
             pthread_mutex_unlock(&disk.lock);
-            sync_or_finish(writers[i], ends);
+            sync_or_finish(w, ends);
             pthread_mutex_lock(&disk.lock);
-            writers[i]->holds--;
-            writers[i]->ended |= ends;
+            w->ended |= ends;
+            let_go(w);
         }
-        free(writers);
-        pthread_cond_broadcast(&disk.released);
         bool more = false;
         for (int i = 0; i < disk.count; i++)
             more |= disk.writers[i]->ends && !disk.writers[i]->ended;

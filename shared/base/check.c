@@ -16,9 +16,12 @@ _Noreturn void check_failed(const char *condition, const char *file, int line,
 
 // ---- what the system does not give --------------------------------------------------------------
 
-static void (*_Atomic last_words)(void);
+static void (*_Atomic last_words)(void *);
+static void *_Atomic last_context;
 
-void need_before_end(void (*last)(void)) {
+void need_before_end(void (*last)(void *context), void *context) {
+    atomic_store(&last_words, NULL);
+    atomic_store(&last_context, context);
     atomic_store(&last_words, last);
 }
 
@@ -31,9 +34,9 @@ static _Noreturn void end_without(const char *what, const char *where) {
         pause();
     ends_here = true;
     dprintf(STDERR_FILENO, "arthron: the system gives no %s (%s); the program ends\n", what, where);
-    void (*last)(void) = atomic_load(&last_words);
+    void (*last)(void *) = atomic_load(&last_words);
     if (last)
-        last();
+        last(atomic_load(&last_context));
     _exit(1);
 }
 

@@ -18,7 +18,7 @@ _Noreturn void need_failed(const char *what, const char *file, int line, const c
 
 // `last` is called once when a NEED ends the program, on any thread, which may hold any lock. It
 // allocates nothing and returns soon.
-void need_before_end(void (*last)(void));
+void need_before_end(void (*last)(void *context), void *context); // NULL: nothing any more
 
 // malloc-like functions that never return NULL: without memory the program ends as by NEED.
 void *alloc(unsigned long count, unsigned long size);                      // zeroed

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "runtime/reply.h"
 #include "sessions/course.h"
+#include "sessions/resources.h"
 #include "sessions/restore.h"
 #include "trace/catalogue.h"
 #include "trace/player.h"
@@ -150,11 +151,10 @@ enum result fork_create(struct sessions *s, int station, const char *from, doubl
     f->station = station;
     struct making m = {f, from, at_s, RESULT_OK, err};
     pthread_t thread;
-    if (memory_is_short())
-        m.result = fail(err, RESULT_LIMIT, "the server is short of memory");
-    else if (pthread_create(&thread, NULL, run, &m) == 0)
+    m.result = resources_allow_session(err);
+    if (m.result == RESULT_OK && pthread_create(&thread, NULL, run, &m) == 0)
         pthread_join(thread, NULL);
-    else
+    else if (m.result == RESULT_OK)
         m.result = fail(err, RESULT_LIMIT, "the system gives no thread to make the copy");
     if (m.result != RESULT_OK)
         fork_destroy(&f);

@@ -42,6 +42,7 @@ class Outcome:
 class Scenario:
     """A program and what it works on, in a folder of its own for each run."""
     name, program = "", ""
+    in_short = True  # ./check samples it, too
 
     def __init__(self, shared):
         self.shared = shared
@@ -124,6 +125,7 @@ class Enrol(Scenario):
 
 class Generate(Scenario):
     name, program = "case generate", "arthron-case"
+    in_short = False
 
     def prepare(self, folder):
         with open(os.path.join(SOURCE, "cases/healthy/recipe.ini")) as f:
@@ -143,6 +145,7 @@ class Generate(Scenario):
 
 class Show(Scenario):
     name, program = "case info", "arthron-case"
+    in_short = False
 
     def command(self, folder):
         return ["info", CASES + "/healthy"]
@@ -173,6 +176,7 @@ class Verify(OfTrace):
 
 class Replay(OfTrace):
     name = "trace replay"
+    in_short = False
 
     def command(self, folder):
         return ["replay", self.trace, "--case", self.case]
@@ -197,6 +201,7 @@ class Csv(OfTrace):
 
 class Report(OfTrace):
     name = "trace report"
+    in_short = False
 
     def command(self, folder):
         return ["report", self.trace, "--case", self.case, "--out", folder + "/out.html"]

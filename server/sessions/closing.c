@@ -20,7 +20,8 @@
 struct open_trace {
     const struct sessions *sessions;
     bool is_large;
-    struct trace_place place;
+    struct trace_reader *reader;
+    struct trace_place place; // behind the last whole record
     uint32_t remarks;         // the last number
     enum session_state state; // after the last step
 };
@@ -31,6 +32,7 @@ static bool on_record(void *user, const struct trace_record *record) {
         t->remarks = record->remark.number;
     if (record->type == TRACE_STEP)
         t->state = record->output.state;
+    t->place = trace_reader_place(t->reader);
     return !(t->is_large && sessions_are_ending(t->sessions));
 }
 
@@ -46,9 +48,10 @@ static bool read_open(const struct sessions *s, const char *path, struct open_tr
     *out = (struct open_trace){.sessions = s, .is_large = is_large(path)};
     if (trace_reader_create(path, &reader, NULL) != RESULT_OK)
         return false;
-    bool open = !trace_header_is_piece(trace_reader_header(reader)) &&
-                trace_play(reader, &player, NULL) == RESULT_MISSING;
+    out->reader = reader;
     out->place = trace_reader_place(reader);
+    bool open = !trace_header_is_piece(trace_reader_header(reader)) &&
+                (trace_play(reader, &player, NULL) == RESULT_MISSING || trace_ends_torn(reader));
     trace_reader_destroy(&reader);
     return open && out->place.version >= TRACE_OLDEST_RESUMED;
 }

@@ -76,6 +76,8 @@ static bool on_record(void *user, const struct trace_record *record) {
 static enum result run(struct resume_run *r) {
     struct trace_player player = {.user = r, .record = on_record};
     enum result end = trace_play(r->reader, &player, r->err);
+    if (trace_ends_torn(r->reader))
+        end = RESULT_MISSING;
     if (r->result != RESULT_OK || end != RESULT_OK)
         return r->result != RESULT_OK ? r->result : end;
     return RESULT_MISSING;

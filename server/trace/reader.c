@@ -1,4 +1,5 @@
 #include "base/check.h"
+#include "trace/buffer.h"
 #include "trace/record.h"
 
 #include <errno.h>
@@ -33,6 +34,7 @@ struct trace_reader {
     bool landed;  // the gathered touch, with the last record
     bool ended;   // the end record was read
     bool damaged; // records were left out: what is read need not follow from what came before
+    bool foreign; // no writer wrote what stands where reading has ended
     struct trace_end end;
     uint8_t seal[TRACE_SEAL_SIZE];
     enum result state; // anything but OK: reading has ended so
@@ -287,10 +289,12 @@ static enum result read_record(struct trace_reader *r, struct trace_record *out,
     enum result result = read_exactly(r, data, RECORD_PREFIX, err);
     if (result == RESULT_OK)
         result = record_decode_prefix(data, r->header.version, &rest, err);
+    r->foreign = result == RESULT_FORMAT;
     if (result == RESULT_OK)
         result = read_exactly(r, data + RECORD_PREFIX, rest, err);
     if (result == RESULT_OK)
         result = decode(r, data, RECORD_PREFIX + rest, out, err);
+    r->foreign |= result == RESULT_CORRUPT;
     if (result != RESULT_OK)
         return result;
     out->offset = r->place.offset;
@@ -351,6 +355,7 @@ enum result trace_skip_damage(struct trace_reader *r, uint64_t *out_bytes, struc
     fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
     r->state = RESULT_OK;
     r->damaged = true;
+    r->foreign = false;
     forget_touch(r);
     return RESULT_OK;
 }
@@ -391,11 +396,44 @@ bool trace_is_open(const char *path) {
     if (trace_reader_create(path, &r, NULL) != RESULT_OK)
         return false;
     bool open = r->header.version >= TRACE_OLDEST_RESUMED;
+    uint64_t skipped;
     enum result result = open ? skip_to_tail(r, NULL) : RESULT_CLOSED;
-    while (result == RESULT_OK)
+    while (result == RESULT_OK || (r->foreign && trace_skip_damage(r, &skipped, NULL) == RESULT_OK))
         result = trace_read(r, &record, NULL);
     trace_reader_destroy(&r);
     return open && result != RESULT_CLOSED;
+}
+
+#define PAGE 4096 // of a disk; a file's pages are on disk or lost as a whole
+#define LOST_MIN                                                                                   \
+    ((size_t)256) // of a page whose beginning was on disk before: no record is so empty
+
+static bool is_zero(const uint8_t *data, size_t size) {
+    for (size_t i = 0; i < size; i++)
+        if (data[i])
+            return false;
+    return true;
+}
+
+// Whether the record that cannot be read, or what ought to be one, has a lost page in it.
+static bool has_lost_page(struct trace_reader *r) {
+    uint8_t data[RECORD_MAX + 2 * PAGE];
+    fseeko(r->file, (off_t)r->place.offset, SEEK_SET);
+    size_t size = fread(data, 1, sizeof data, r->file), page = PAGE - r->place.offset % PAGE;
+    if (is_zero(data, page < size ? page : size))
+        return true;
+    for (; page < RECORD_MAX + PAGE && page < size; page += PAGE) {
+        size_t rest = size - page < PAGE ? size - page : PAGE;
+        if (is_zero(data + page, rest) ||
+            (page >= LOST_MIN && is_zero(data + page - LOST_MIN, LOST_MIN)))
+            return true;
+    }
+    return false;
+}
+
+bool trace_ends_torn(struct trace_reader *r) {
+    return r->foreign && !r->damaged && r->size - r->place.offset <= BUFFER_SIZE &&
+           has_lost_page(r) && trace_is_open(r->path);
 }
 
 // ---- the seal

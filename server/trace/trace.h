@@ -205,6 +205,11 @@ enum result trace_read(struct trace_reader *reader, struct trace_record *out_rec
 // record.
 enum result trace_skip_damage(struct trace_reader *reader, uint64_t *out_bytes, struct error *err);
 
+// After RESULT_CORRUPT or RESULT_FORMAT: whether that is what a loss of power leaves of a trace that
+// is being written: pages of zeros among the last 4 MB, and no end record. A writer can go on behind
+// the records before. Any other damage is no torn end.
+bool trace_ends_torn(struct trace_reader *reader);
+
 // From now on a record with a tissue, a group or a torn ligament that the scene lacks is
 // RESULT_FORMAT. The scene must be of the case on which the trace was recorded.
 void trace_reader_bind(struct trace_reader *reader, const struct scene *scene);

@@ -314,10 +314,28 @@ bool trace_is_written(const char *path) {
     return written;
 }
 
+// If fdatasync failed before the writer of before ended, the system may hold pages that are not on
+// disk and not to be written any more. So what that writer may not have had on disk is written
+// again.
+static bool write_tail_again(int fd, uint64_t end) {
+    uint8_t bytes[4096];
+    uint64_t at = end > BUFFER_SIZE ? end - BUFFER_SIZE : 0;
+    while (at < end) {
+        size_t size = end - at < sizeof bytes ? (size_t)(end - at) : sizeof bytes;
+        if (pread(fd, bytes, size, (off_t)at) != (ssize_t)size ||
+            pwrite(fd, bytes, size, (off_t)at) != (ssize_t)size)
+            return false;
+        at += size;
+    }
+    return true;
+}
+
 static enum result cut_back(int fd, const char *path, uint64_t offset, struct error *err) {
     if (!lock(fd))
         return fail(err, RESULT_REFUSED, "%s: it is still being written", path);
-    if (ftruncate(fd, (off_t)offset) != 0 || lseek(fd, 0, SEEK_END) < 0)
+    errno = ENOSPC; // what a short write means
+    if (ftruncate(fd, (off_t)offset) != 0 || !write_tail_again(fd, offset) ||
+        lseek(fd, 0, SEEK_END) < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     return RESULT_OK;
 }
@@ -325,7 +343,7 @@ static enum result cut_back(int fd, const char *path, uint64_t offset, struct er
 enum result trace_writer_resume(const char *path, const struct trace_place *end, int64_t utc_ns,
                                 const struct trace_signer *signer, struct trace_writer **out_writer,
                                 struct error *err) {
-    int fd = open(path, O_WRONLY | O_CLOEXEC);
+    int fd = open(path, O_RDWR | O_CLOEXEC);
     if (fd < 0)
         return fail(err, RESULT_IO, "%s: %s", path, strerror(errno));
     struct trace_writer *w = writer_of(fd, path, signer, err);

@@ -268,6 +268,56 @@ static void one_damaged_record_leaves_all_others_readable(void **state) {
     free(data);
 }
 
+// Reads to the end, and tells where that is and whether it is torn.
+static bool ends_torn(uint64_t *out_step) {
+    struct trace_reader *reader = open_trace(copy_path);
+    struct trace_record record;
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        *out_step = trace_reader_place(reader).step;
+    bool torn = trace_ends_torn(reader);
+    trace_reader_destroy(&reader);
+    return torn;
+}
+
+// What a loss of power leaves: a page that never reached the disk, or only its beginning did.
+static void lost_pages_are_the_end_of_a_trace_that_was_open(void **state) {
+    (void)state;
+    static uint8_t kept[4096];
+    write_trace(40);
+    uint8_t *data;
+    uint64_t step = 0;
+    size_t size = slurp(&data), open = size - 1000; // without its end record
+    for (size_t page = 8192; page + 8192 < open; page += 4096)
+        for (size_t from = 0; from < 3500; from += 700) {
+            memcpy(kept, data + page, sizeof kept);
+            memset(data + page + from, 0, sizeof kept - from);
+            write_copy(data, open);
+            assert_true(ends_torn(&step));
+            assert_true(step >= 1 && step < 40);
+            write_copy(data, size); // its end is there: that is damage
+            assert_false(ends_torn(&step));
+            memcpy(data + page, kept, sizeof kept);
+        }
+    write_copy(data, open);
+    assert_false(ends_torn(&step)); // it only ends too early
+    free(data);
+}
+
+static void a_changed_byte_is_no_torn_end(void **state) {
+    (void)state;
+    write_trace(9);
+    uint8_t *data;
+    uint64_t step;
+    size_t open = slurp(&data) - 1000;
+    for (size_t at = open / 2; at < open; at += 61) {
+        data[at] ^= 1;
+        write_copy(data, open);
+        assert_false(ends_torn(&step));
+        data[at] ^= 1;
+    }
+    free(data);
+}
+
 // A session's clock begins at 0 and never falls.
 static void a_time_that_no_session_takes_is_refused(void **state) {
     (void)state;
@@ -382,6 +432,8 @@ int main(void) {
         cmocka_unit_test(bytes_after_the_end_record_are_noticed),
         cmocka_unit_test(a_record_left_out_repeated_or_forged_is_noticed),
         cmocka_unit_test(one_damaged_record_leaves_all_others_readable),
+        cmocka_unit_test(lost_pages_are_the_end_of_a_trace_that_was_open),
+        cmocka_unit_test(a_changed_byte_is_no_torn_end),
         cmocka_unit_test(a_time_that_no_session_takes_is_refused),
         cmocka_unit_test(a_header_that_is_not_ours_is_refused),
         cmocka_unit_test(an_optic_that_none_is_is_refused),

@@ -4,10 +4,10 @@
 
 #include "base/bucket.h"
 
-// Stations send up to 1,000 frames a second. After a pause of the network many come at once.
-#define FAIR_FRAMES_HZ 1500
+// A station sends at most 2,000 frames a second. After a pause of the network many come at once.
+#define FAIR_FRAMES_HZ 2500
 #define FAIR_FRAMES_BURST 1000
-#define FAIR_TRACE_BYTES_S 4e6
+#define FAIR_TRACE_BYTES_S 6e6
 #define FAIR_TRACE_BYTES_BURST 32e6 // a large cut may take 10 MB
 #define FAIR_TELL_NS 60000000000LL
 

@@ -25,6 +25,11 @@ bool wait_until(int64_t due_ns) {
     return wake == due_ns;
 }
 
+int64_t due_within(int64_t due_ns, int64_t most_ns) {
+    int64_t latest_ns = clock_now_ns() + most_ns;
+    return due_ns < latest_ns ? due_ns : latest_ns;
+}
+
 void outputs_add(struct device_outputs *outputs, enum channel channel, enum sample_kind kind) {
     for (int i = 0; i < outputs->count; i++)
         if (outputs->outputs[i].channel == channel && outputs->outputs[i].kind == kind)

@@ -17,5 +17,8 @@ extern const struct device_driver tracker_driver;
 // Sleeps until due_ns, but no longer than POLL_MAX_NS. True: due_ns has come.
 bool wait_until(int64_t due_ns);
 
+// What was due within most_ns is not due later because the clock went back.
+int64_t due_within(int64_t due_ns, int64_t most_ns);
+
 // Adds a line; a line that is there already stays one.
 void outputs_add(struct device_outputs *outputs, enum channel channel, enum sample_kind kind);

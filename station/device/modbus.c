@@ -368,6 +368,7 @@ static struct sample *sample_of(struct device_reading *reading, enum channel cha
 
 // False: not yet, or the slave is left alone.
 static bool is_time(struct modbus_device *d) {
+    d->next_ns = due_within(d->next_ns, d->period_ns);
     if (!wait_until(d->quiet_until_ns ? d->quiet_until_ns : d->next_ns))
         return false;
     int64_t now_ns = clock_now_ns();

@@ -89,6 +89,11 @@ static void add_tool(const struct recorded *d, int tool, int64_t time_ns,
         };
 }
 
+// A recording begins anew at most a second after its end.
+static int64_t pause_before(const struct recording *r, int row) {
+    return row ? (int64_t)((r->t_seconds[row] - r->t_seconds[row - 1]) * NS_PER_S) : NS_PER_S;
+}
+
 static enum result recorded_poll(void *device, struct device_reading *reading, struct error *err) {
     struct recorded *d = device;
     const struct recording *r = &d->recording;
@@ -101,6 +106,9 @@ static enum result recorded_poll(void *device, struct device_reading *reading, s
         return fail(err, RESULT_TIMEOUT, "the recording has ended");
     }
     int64_t time_ns = d->start_ns + (int64_t)((r->t_seconds[d->row] - r->t_seconds[0]) * NS_PER_S);
+    int64_t back_ns = time_ns - due_within(time_ns, pause_before(r, d->row) + NS_PER_MS);
+    d->start_ns -= back_ns; // the clock went back
+    time_ns -= back_ns;
     if (!wait_until(time_ns))
         return RESULT_OK;
     if (r->joints)

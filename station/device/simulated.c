@@ -90,6 +90,9 @@ static pose probe_at(struct simulated *d, double s) {
 static enum result simulated_poll(void *device, struct device_reading *reading, struct error *err) {
     (void)err;
     struct simulated *d = device;
+    int64_t back_ns = d->next_ns - due_within(d->next_ns, d->period_ns);
+    d->start_ns -= back_ns; // the clock went back
+    d->next_ns -= back_ns;
     if (!wait_until(d->next_ns))
         return RESULT_OK;
     double seconds = (double)(d->next_ns - d->start_ns) / NS_PER_S;

@@ -1,0 +1,94 @@
+"""A station that sends without end gets its share of the server, and the other one on its worker loses nothing."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+from arthron import SOURCE, SystemTest, call, call_json, wait_until
+
+made = tempfile.TemporaryDirectory(prefix="arthron-test-")
+subprocess.run(["protoc", "--proto_path", os.path.join(SOURCE, "shared/wire"), "--python_out", made.name,
+                "arthron.proto"], check=True)
+sys.path.insert(0, made.name)
+sys.dont_write_bytecode = True
+spec = importlib.util.spec_from_file_location("example", os.path.join(SOURCE, "docs/examples/station.py"))
+example = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(example)
+pb = example.pb
+
+FLOOD_S = 3
+SHARE_HZ, BURST = 2500, 1000  # server/runtime/fair_share.h
+
+
+class Flood(threading.Thread):
+    def __init__(self, station):
+        super().__init__(daemon=True)
+        self.station, self.sent, self.ends, self.told = station, 0, False, []
+        hear = station.hear_message
+
+        def hear_message(message, received_ns):
+            if message.WhichOneof("message") == "session_change" and message.session_change.text:
+                self.told.append(message.session_change.text)
+            return hear(message, received_ns)
+        station.hear_message = hear_message
+
+    def run(self):
+        samples = example.samples_at(1)
+        while not self.ends:
+            for _ in range(500):
+                self.station.number += 1
+                self.station.datagrams.send(pb.Frame(number=self.station.number, time_ns=time.monotonic_ns(),
+                                                     samples=samples))
+            self.sent += 500
+            self.station.hear(0)
+
+
+class Share(SystemTest):
+    def setUp(self):
+        super().setUp()
+        self.server = self.start_server("[station flood]\ncase = healthy\n[station room-1]\ncase = healthy")
+
+    def start_flood(self):
+        code = call("arthron-server", "keys", "enrol", self.keys, "flood").stdout.strip()
+        folder = self.path("keys-flood")
+        example.enrol("127.0.0.1", self.port, code, "flood", folder)
+        station = example.Station("127.0.0.1", self.port, "flood", folder)
+        wait_until("its session", lambda: station.hear(0.01) or (station.state == pb.RUNNING and station.datagrams))
+        self.addCleanup(station.close)
+        return Flood(station)
+
+    def test_who_sends_without_end_is_told_and_slowed_and_costs_nobody_else(self):
+        self.enrol("room-1")
+        self.start_mockup()
+        self.start_station()
+        flood = self.start_flood()
+        self.wait_for_steps()
+        before = {s["station"]: s for s in self.sessions()}
+        begin = time.monotonic()
+        flood.start()
+        time.sleep(FLOOD_S)
+        flood.ends = True
+        flood.join()
+        passed_s = time.monotonic() - begin
+        flood.station.hear(0.5)
+        after = {s["station"]: s for s in self.sessions()}
+        steps = after["flood"]["steps"] - before["flood"]["steps"]
+        if flood.sent < 1.5 * (SHARE_HZ * passed_s + BURST):
+            self.skipTest(f"{flood.sent} frames in {passed_s:.1f} s are no flood")
+        self.assertLessEqual(steps, SHARE_HZ * (passed_s + 1) + BURST)
+        self.assertGreater(after["flood"]["frames_excess"], 1000)
+        self.assertIn("more than its share", flood.told[0])
+        self.assertIn("station flood sends more than its share", self.server.log())
+        self.assertEqual((after["flood"]["id"], after["flood"]["connected"]), (before["flood"]["id"], True))
+        self.assertLessEqual(after["room-1"]["frames_lost"] - before["room-1"]["frames_lost"],
+                             0.02 * (after["room-1"]["steps"] - before["room-1"]["steps"]))
+        self.assertEqual(call_json("arthron-trace", "replay", after["flood"]["trace"], code=None)["different"], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

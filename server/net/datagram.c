@@ -17,6 +17,7 @@
 #define EPOCH_SEQUENCES ((1ull << 32) - (1ull << 20)) // well before a seal is exhausted
 #define OLD_EPOCH_NS (5 * NS_PER_S)
 #define CHALLENGE_PAUSE_NS (100 * NS_PER_MS)
+#define RECEIVE_ROOM (4 << 20) // bytes: what comes while the worker waits for a processor
 
 struct address {
     struct sockaddr_storage storage;
@@ -75,7 +76,10 @@ static int bind_one(const struct addrinfo *info) {
     int fd = socket(info->ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd < 0)
         return -1;
-    int off = 0;
+    int off = 0, room = RECEIVE_ROOM;
+    // More than the system's limit needs a privilege.
+    if (setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room))
+        setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
     if (info->ai_family == AF_INET6) // one socket for both families
         setsockopt(fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof off);
     if (!bind(fd, info->ai_addr, info->ai_addrlen))

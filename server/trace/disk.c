@@ -14,7 +14,7 @@
 #define LOOK_EVERY_NS (100 * NS_PER_MS)
 #define SYNC_EVERY_NS NS_PER_S
 #define SYNC_BYTES ((uint64_t)1 << 20) // so much is not left to wait for a second
-#define LAST_TRIES 3
+#define LAST_PATIENCE_NS (2 * NS_PER_S)
 
 // The threads run while there are writers.
 static struct {
@@ -100,28 +100,34 @@ static uint64_t not_on_disk(const struct trace_writer *w) {
     return buffer_head(&w->buffer) - atomic_load(&w->synced);
 }
 
-static void finish(struct trace_writer *w) {
-    for (int i = 0; i < LAST_TRIES && (i == 0 || not_on_disk(w)); i++) {
-        write_out(w);
-        put_on_disk(w);
-    }
-    if (!w->leaves)
+// False: the disk fails, and may work again soon. What failed for so long is lost.
+static bool finish(struct trace_writer *w) {
+    int64_t now_ns = clock_now_ns();
+    if (!w->finish_ns)
+        w->finish_ns = now_ns;
+    bool is_last = now_ns - w->finish_ns >= LAST_PATIENCE_NS;
+    write_out(w);
+    put_on_disk(w);
+    if (!w->leaves && !w->end_put && (is_last || !not_on_disk(w))) {
         writer_put_end(w);
-    for (int i = 0; i < LAST_TRIES && not_on_disk(w); i++) {
+        w->end_put = true;
         write_out(w);
         put_on_disk(w);
     }
-    if (not_on_disk(w))
+    if (not_on_disk(w) && is_last)
         log_error("trace", "%s: its last %llu bytes are lost because the disk is full or fails",
                   w->path, (unsigned long long)not_on_disk(w));
+    return is_last || !not_on_disk(w);
 }
 
-static void sync_or_finish(struct trace_writer *w, bool ends) {
+// True: it was finished.
+static bool sync_or_finish(struct trace_writer *w, bool ends) {
     uint64_t waits = atomic_load(&w->written) - atomic_load(&w->synced);
     if (ends)
-        finish(w);
-    else if (waits >= SYNC_BYTES || clock_now_ns() - w->synced_ns >= SYNC_EVERY_NS)
+        return finish(w);
+    if (waits >= SYNC_BYTES || clock_now_ns() - w->synced_ns >= SYNC_EVERY_NS)
         put_on_disk(w);
+    return false;
 }
 
 // ---- all of them --------------------------------------------------------------------------------
@@ -181,14 +187,14 @@ static void *sync_all(void *context) {
         for (int at = 0; (w = hold_next(&at));) {
             bool ends = w->ends;
             pthread_mutex_unlock(&disk.lock);
-            sync_or_finish(w, ends);
+            bool finished = sync_or_finish(w, ends);
             pthread_mutex_lock(&disk.lock);
-            w->ended |= ends;
+            w->ended |= finished;
             let_go(w);
         }
         bool more = false;
         for (int i = 0; i < disk.count; i++)
-            more |= disk.writers[i]->ends && !disk.writers[i]->ended;
+            more |= disk.writers[i]->ends && !disk.writers[i]->finish_ns;
         if (!disk.stop && !more)
             wait_for(&disk.look, LOOK_EVERY_NS);
     }

@@ -33,6 +33,8 @@ struct trace_writer {
     atomic_uint faults;               // failed calls of fdatasync
     atomic_int_fast64_t fault_utc_ns;
     int64_t synced_ns;
+    int64_t finish_ns; // when its end was first tried; 0: not yet
+    bool end_put;      // into the buffer
     // Under the lock of all writers:
     int holds;
     bool ends, ended;

@@ -1,5 +1,5 @@
-// Preloaded into a program: calls of the operating system fail as another process says through a shared file
-// (environment variable ARTHRON_FAILING). failing.py has the other side of struct plan.
+// Preloaded into a program: calls of the operating system fail as another process says through a
+// shared file (environment variable ARTHRON_FAILING). failing.py has the other side of struct plan.
 #include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
@@ -57,33 +57,31 @@ enum door {
 #define FRAMES_MAX 16
 
 struct plan {
-    atomic_int door;      // that fails; -1: none
-    atomic_int on;        // 0: one call, 1: all from then on
-    atomic_int error;     // errno; 0: the door's usual one
-    atomic_int caller;    // number of the caller, 0: the program itself; -1: whoever
-    atomic_llong left;    // calls until the first failure
-    atomic_llong failed;  // how many failed
-    atomic_llong clock_off_ns; // of the time of day
+    atomic_int door;             // that fails; -1: none
+    atomic_int on;               // 0: one call, 1: all from then on
+    atomic_int error;            // errno; 0: the door's usual one
+    atomic_int caller;           // number of the caller, 0: the program itself; -1: whoever
+    atomic_llong left;           // calls until the first failure
+    atomic_llong failed;         // how many failed
+    atomic_llong clock_off_ns;   // of the time of day
     uint64_t frames[FRAMES_MAX]; // who called when the first one failed, addresses in the program
     char callers[CALLERS_MAX][32];
     atomic_llong counts[CALLERS_MAX][DOORS];
 };
 
 static const int usual_errors[DOORS] = {
-    [MEMORY] = ENOMEM,   [MMAP] = ENOMEM,      [OPEN] = EMFILE,       [READ] = EIO,
-    [WRITE] = ENOSPC,    [SYNC] = EIO,         [CLOSE] = EIO,         [RENAME] = EIO,
-    [UNLINK] = EIO,      [MKDIR] = ENOSPC,     [TRUNCATE] = EIO,      [LOCK] = ENOLCK,
-    [SOCKET] = EMFILE,   [BIND] = EADDRINUSE,  [LISTEN] = EADDRINUSE, [ACCEPT] = EMFILE,
-    [CONNECT] = ENETUNREACH, [RECEIVE] = ECONNRESET, [SEND] = ENOBUFS, [OPTION] = ENOBUFS,
-    [RESOLVE] = ENOMEM,  [THREAD] = EAGAIN,    [EVENT] = EMFILE,      [POLL] = EINTR,
+    [MEMORY] = ENOMEM,       [MMAP] = ENOMEM,        [OPEN] = EMFILE,       [READ] = EIO,
+    [WRITE] = ENOSPC,        [SYNC] = EIO,           [CLOSE] = EIO,         [RENAME] = EIO,
+    [UNLINK] = EIO,          [MKDIR] = ENOSPC,       [TRUNCATE] = EIO,      [LOCK] = ENOLCK,
+    [SOCKET] = EMFILE,       [BIND] = EADDRINUSE,    [LISTEN] = EADDRINUSE, [ACCEPT] = EMFILE,
+    [CONNECT] = ENETUNREACH, [RECEIVE] = ECONNRESET, [SEND] = ENOBUFS,      [OPTION] = ENOBUFS,
+    [RESOLVE] = ENOMEM,      [THREAD] = EAGAIN,      [EVENT] = EMFILE,      [POLL] = EINTR,
 };
 
 // ---- who calls ----------------------------------------------------------------------------------
 
 static struct plan *plan;
-static struct range {
-    uintptr_t begin, end;
-} ranges[CALLERS_MAX];
+static struct range { uintptr_t begin, end; } ranges[CALLERS_MAX];
 static int caller_count;
 static uintptr_t program_base;
 
@@ -125,7 +123,8 @@ __attribute__((constructor)) static void begin(void) {
     int fd = path ? (int)syscall(SYS_openat, AT_FDCWD, path, O_RDWR | O_CLOEXEC) : -1;
     if (fd < 0)
         return;
-    void *memory = (void *)syscall(SYS_mmap, NULL, sizeof *plan, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    void *memory =
+        (void *)syscall(SYS_mmap, NULL, sizeof *plan, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     syscall(SYS_close, fd);
     if (memory == MAP_FAILED)
         abort();
@@ -169,10 +168,10 @@ static bool fails_for(enum door door, const void *address) {
 }
 
 #define FAILS(door) fails_for(door, __builtin_return_address(0))
-#define REAL(name) \
-    static __typeof__(&name) real; \
-    if (!real) \
-        real = (__typeof__(&name))dlsym(RTLD_NEXT, #name)
+#define REAL(name)                                                                                 \
+    static __typeof__(&name) real;                                                                 \
+    if (!real)                                                                                     \
+    real = (__typeof__(&name))dlsym(RTLD_NEXT, #name)
 
 static bool is_file(int fd) {
     struct stat status;
@@ -252,13 +251,13 @@ static int open_at(const void *address, int folder, const char *path, int flags,
     return fails_for(OPEN, address) ? -1 : (int)syscall(SYS_openat, folder, path, flags, mode);
 }
 
-#define OPEN_FUNCTION(name) \
-    int name(const char *path, int flags, ...) { \
-        va_list rest; \
-        va_start(rest, flags); \
-        mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(rest, mode_t) : 0; \
-        va_end(rest); \
-        return open_at(__builtin_return_address(0), AT_FDCWD, path, flags, mode); \
+#define OPEN_FUNCTION(name)                                                                        \
+    int name(const char *path, int flags, ...) {                                                   \
+        va_list rest;                                                                              \
+        va_start(rest, flags);                                                                     \
+        mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(rest, mode_t) : 0;                    \
+        va_end(rest);                                                                              \
+        return open_at(__builtin_return_address(0), AT_FDCWD, path, flags, mode);                  \
     }
 OPEN_FUNCTION(open)
 OPEN_FUNCTION(open64)
@@ -334,7 +333,8 @@ static bool transfer_fails(int fd, enum door of_file, enum door of_socket, const
     if (!plan || within)
         return false;
     int before = errno;
-    bool fails = is_file(fd) ? fails_for(of_file, address) : is_socket(fd) && fails_for(of_socket, address);
+    bool fails =
+        is_file(fd) ? fails_for(of_file, address) : is_socket(fd) && fails_for(of_socket, address);
     if (!fails)
         errno = before;
     return fails;
@@ -438,7 +438,8 @@ ssize_t recv(int fd, void *data, size_t size, int flags) {
     return FAILS(RECEIVE) ? -1 : real(fd, data, size, flags);
 }
 
-int recvmmsg(int fd, struct mmsghdr *messages, unsigned count, int flags, struct timespec *timeout) {
+int recvmmsg(int fd, struct mmsghdr *messages, unsigned count, int flags,
+             struct timespec *timeout) {
     REAL(recvmmsg);
     return FAILS(RECEIVE) ? -1 : real(fd, messages, count, flags, timeout);
 }
@@ -457,16 +458,16 @@ int setsockopt(int fd, int level, int name, const void *value, socklen_t size) {
     return FAILS(OPTION) ? -1 : (int)syscall(SYS_setsockopt, fd, level, name, value, size);
 }
 
-int getaddrinfo(const char *restrict host, const char *restrict service, const struct addrinfo *restrict hints,
-                struct addrinfo **restrict out) {
+int getaddrinfo(const char *restrict host, const char *restrict service,
+                const struct addrinfo *restrict hints, struct addrinfo **restrict out) {
     REAL(getaddrinfo);
     return FAILS(RESOLVE) ? EAI_MEMORY : real(host, service, hints, out);
 }
 
 // ---- threads and time ---------------------------------------------------------------------------
 
-int pthread_create(pthread_t *restrict out, const pthread_attr_t *restrict attributes, void *(*run)(void *),
-                   void *restrict argument) {
+int pthread_create(pthread_t *restrict out, const pthread_attr_t *restrict attributes,
+                   void *(*run)(void *), void *restrict argument) {
     REAL(pthread_create);
     return FAILS(THREAD) ? EAGAIN : real(out, attributes, run, argument);
 }
@@ -488,7 +489,8 @@ int poll(struct pollfd *fds, nfds_t count, int timeout_ms) {
     return FAILS(POLL) ? -1 : real(fds, count, timeout_ms);
 }
 
-int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, const sigset_t *signals) {
+int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout,
+          const sigset_t *signals) {
     REAL(ppoll);
     return FAILS(POLL) ? -1 : real(fds, count, timeout, signals);
 }
@@ -496,7 +498,8 @@ int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, cons
 int clock_gettime(clockid_t id, struct timespec *out) {
     int result = (int)syscall(SYS_clock_gettime, id, out);
     if (plan && (id == CLOCK_REALTIME || id == CLOCK_REALTIME_COARSE)) {
-        long long now = out->tv_sec * 1000000000LL + out->tv_nsec + atomic_load(&plan->clock_off_ns);
+        long long now =
+            out->tv_sec * 1000000000LL + out->tv_nsec + atomic_load(&plan->clock_off_ns);
         out->tv_sec = now / 1000000000LL;
         out->tv_nsec = now % 1000000000LL;
     }

@@ -261,7 +261,7 @@ static void a_sync_that_fails_at_the_end_is_tried_again(void **state) {
     atomic_store(&synced_size, (long)trace_writer_status(writer).bytes);
     for (uint64_t n = 1; n <= 100; n++)
         assert_true(append_step(writer, n));
-    atomic_store(&syncs_to_fail, 2);
+    atomic_store(&syncs_to_fail, 8); // almost a second
     trace_writer_destroy(&writer);
     struct outcome o = read_prefix_of_steps(path);
     assert_int_equal(o.end, RESULT_CLOSED);

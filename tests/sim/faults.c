@@ -176,7 +176,7 @@ static void end_server(enum fault fault) {
 
 static void step_clock(int station, bool utc) {
     struct sim_process *process = station_process(station);
-    int64_t by_ns = utc ? between_ms(-100000, 100000) : between_ms(1, 6000);
+    int64_t by_ns = utc ? between_ms(-100000, 100000) : between_ms(-4000, 6000);
     happened("fault: the %s of room-%d steps by %.3f s", utc ? "time of day" : "clock", station + 1,
              (double)by_ns / NS_PER_S);
     faults.counts[utc ? FAULT_UTC_STEP : FAULT_CLOCK_STEP]++;

@@ -40,7 +40,7 @@ struct ledger {
     const struct trace_writer *writer; // NULL: not open
     bool closed;                       // all was put on disk
     bool goes_on;                      // it was open when the server died, and can go on
-    bool has_gap;
+    bool has_gap, left;
     // The disk failed at its end, or as its server died; or its server died and none went on.
     bool spoiled;
     struct entry *entries;
@@ -93,6 +93,14 @@ uint64_t ledger_serial(const struct ledger *ledger) {
     return ledger->serial;
 }
 
+void ledger_leave(struct ledger *ledger) {
+    ledger->left = true;
+}
+
+bool ledger_is_left(const struct ledger *ledger) {
+    return ledger->left;
+}
+
 void ledger_some_id(int station, char out_id[256]) {
     out_id[0] = '\0';
     for (int i = 0; i < ledgers.count; i++)
@@ -139,6 +147,28 @@ void watch_renamed(const char *from, const char *to) {
         snprintf(l->path, sizeof l->path, "%s", to);
 }
 
+static struct ledger *begin_ledger(const char *path, const struct trace_header *header) {
+    CHECK(ledgers.count < LEDGERS);
+    struct ledger *l = alloc(1, sizeof *l);
+    snprintf(l->path, sizeof l->path, "%s", path);
+    for (int i = 0; i < 16; i++)
+        snprintf(l->id + 2 * i, 3, "%02x", header->session_id[i]);
+    l->station = header->station[strlen("room-")] - '1';
+    l->serial = (uint64_t)ledgers.count + 1;
+    ledgers.all[ledgers.count++] = l;
+    return l;
+}
+
+// Of a trace whose server died as it was begun.
+static struct ledger *begin_unseen(const char *path, const struct trace_place *end) {
+    struct trace_reader *reader;
+    if (end->records || trace_reader_create(path, &reader, NULL) != RESULT_OK)
+        broken("a trace that is gone on with was begun", "%s was not", path);
+    struct ledger *l = begin_ledger(path, trace_reader_header(reader));
+    trace_reader_destroy(&reader);
+    return l;
+}
+
 enum result __real_trace_writer_create(const char *path, const struct trace_header *header,
                                        const struct trace_signer *signer,
                                        struct trace_writer **out_writer, struct error *err);
@@ -151,15 +181,8 @@ enum result __wrap_trace_writer_create(const char *path, const struct trace_head
     enum result result = __real_trace_writer_create(path, header, signer, out_writer, err);
     if (result != RESULT_OK || sim_is_dead())
         return result;
-    CHECK(ledgers.count < LEDGERS);
-    struct ledger *l = alloc(1, sizeof *l);
-    snprintf(l->path, sizeof l->path, "%s", path);
-    for (int i = 0; i < 16; i++)
-        snprintf(l->id + 2 * i, 3, "%02x", header->session_id[i]);
-    l->station = header->station[strlen("room-")] - '1';
-    l->serial = (uint64_t)ledgers.count + 1;
+    struct ledger *l = begin_ledger(path, header);
     l->writer = *out_writer;
-    ledgers.all[ledgers.count++] = l;
     happened("session %.8s of room-%d begins", l->id, l->station + 1);
     return result;
 }
@@ -178,7 +201,7 @@ enum result __wrap_trace_writer_resume(const char *path, const struct trace_plac
     if (result != RESULT_OK || sim_is_dead())
         return result;
     if (!l)
-        broken("a trace that is gone on with was begun", "%s was not", path);
+        l = begin_unseen(path, end);
     if (l->writer)
         broken("no session is served by two", "%s has a writer already", l->id);
     if (l->count && !end->missing && end->step != l->entries[l->count - 1].step)
@@ -186,7 +209,7 @@ enum result __wrap_trace_writer_resume(const char *path, const struct trace_plac
                "%s goes on after step %llu instead of %llu", l->id, (unsigned long long)end->step,
                (unsigned long long)l->entries[l->count - 1].step);
     l->writer = *out_writer;
-    l->closed = l->goes_on = l->spoiled = false;
+    l->closed = l->goes_on = l->spoiled = l->left = false;
     ledgers.resumes++;
     happened("session %.8s of room-%d goes on after step %llu", l->id, l->station + 1,
              (unsigned long long)end->step);

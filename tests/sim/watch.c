@@ -8,6 +8,7 @@
 #include "sim/hall.h"
 #include "sim/ledger.h"
 #include "sim/report.h"
+#include "sim/station.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -16,7 +17,8 @@
 
 #define FRAMES 2048 // that are remembered, a power of two
 #define FAIR_AFTER_NS (3 * NS_PER_S)
-#define SHOWN_OFF_MM 1.0 // of a tip that the view leads on, while the network is fair
+#define WAIT_NS (8 * NS_PER_MS) // a frame's way, and a turn of the worker
+#define SHOWN_OFF_MM 1.0        // of a tip that the view leads on, while the network is fair
 
 struct sent_frame {
     uint64_t number, connection;
@@ -34,6 +36,12 @@ static struct {
         int64_t viewed_ns, view_incarnation, last_pose_ns;
         struct ledger *session; // of the last step
         int64_t unfair_ns;      // when the network was last not fair
+        int64_t shown_ahead_ns; // of the station's clock at the last view
+        // How often each event came: at the steps, as shown, and both as the last
+        // connection began.
+        uint32_t events[EVENT_COUNT], shown_events[EVENT_COUNT];
+        uint32_t first_events[EVENT_COUNT], first_shown[EVENT_COUNT];
+        int64_t time_ns;
     } stations[SIM_STATIONS_MAX];
 } watch;
 
@@ -59,6 +67,14 @@ void watch_began(int station) {
     watch.stations[station].last_number = 0;
 }
 
+static bool is_fair(int station) {
+    struct weather fair = net_fair(station);
+    struct watched *w = &watch.stations[station];
+    if (memcmp(&fair, net_weather(station), sizeof fair) || sim_stalls.on || !hall_is_up())
+        w->unfair_ns = sim_now_ns();
+    return sim_now_ns() - w->unfair_ns > FAIR_AFTER_NS;
+}
+
 void watch_sent(int station, int64_t incarnation, uint64_t connection, uint64_t number) {
     struct watched *w = &watch.stations[station];
     struct sent_frame *frame = &w->frames[number % FRAMES];
@@ -71,14 +87,6 @@ void watch_sent(int station, int64_t incarnation, uint64_t connection, uint64_t 
                                  .connection = connection,
                                  .incarnation = incarnation,
                                  .sent_ns = sim_now_ns()};
-}
-
-static bool is_fair(int station) {
-    struct weather fair = net_fair(station);
-    struct watched *w = &watch.stations[station];
-    if (memcmp(&fair, net_weather(station), sizeof fair) || sim_stalls.on || !hall_is_up())
-        w->unfair_ns = sim_now_ns();
-    return sim_now_ns() - w->unfair_ns > FAIR_AFTER_NS;
 }
 
 static void note_shown(struct watched *w, const arthron_View *view) {
@@ -99,11 +107,17 @@ static void note_shown(struct watched *w, const arthron_View *view) {
 void watch_shown(int station, int64_t incarnation, const arthron_View *view) {
     struct watched *w = &watch.stations[station];
     watch.counts.views++;
-    if (w->view_incarnation == incarnation && view->time_ns < w->viewed_ns)
+    is_fair(station); // what is between two frames counts too
+    int64_t ahead_ns = station_process(station)->ahead_ns;
+    bool same_clock = w->view_incarnation == incarnation && w->shown_ahead_ns == ahead_ns;
+    if (same_clock && view->time_ns < w->viewed_ns)
         broken("what is shown never goes back", "room-%d shows %lld ns after %lld", station + 1,
                (long long)view->time_ns, (long long)w->viewed_ns);
     w->viewed_ns = view->time_ns;
     w->view_incarnation = incarnation;
+    w->shown_ahead_ns = ahead_ns;
+    for (int bit = 0; bit < EVENT_COUNT; bit++)
+        w->shown_events[bit] = view->events[bit];
     note_shown(w, view);
 }
 
@@ -139,6 +153,37 @@ static bool has_pose(const struct frame *frame) {
     return false;
 }
 
+// One that is in order.
+static void check_wait(int station, const struct sent_frame *frame) {
+    int64_t took_ns = sim_now_ns() - frame->sent_ns;
+    if (is_fair(station) && took_ns > WAIT_NS)
+        broken("while all is fair no frame waits", "room-%d, frame %llu: %.3f ms", station + 1,
+               (unsigned long long)frame->number, (double)took_ns / 1e6);
+}
+
+void __real_runtime_join(struct runtime *runtime, int station, struct control_peer peer);
+void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer);
+void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer) {
+    struct watched *w = &watch.stations[station];
+    if (!sim_is_dead()) {
+        memcpy(w->first_events, w->events, sizeof w->events);
+        memcpy(w->first_shown, w->shown_events, sizeof w->shown_events);
+    }
+    __real_runtime_join(runtime, station, peer);
+}
+
+// A connection begins with what no reply had told before: once at most.
+static void check_events(int station) {
+    const struct watched *w = &watch.stations[station];
+    for (int bit = 0; bit < EVENT_COUNT; bit++) {
+        int32_t made = (int32_t)(w->events[bit] - w->first_events[bit]);
+        int32_t shown = (int32_t)(w->shown_events[bit] - w->first_shown[bit]);
+        if (shown < made - 1 || shown > made + 1)
+            broken("every event is shown once", "room-%d, event %s: %d made, %d shown", station + 1,
+                   event_name(bit), made, shown);
+    }
+}
+
 static void watch_frame(int station, const struct session_input *input,
                         const struct session_output *output) {
     struct watched *w = &watch.stations[station];
@@ -148,6 +193,7 @@ static void watch_frame(int station, const struct session_input *input,
     if (!frame)
         broken("a step's frame was sent", "room-%d never sent frame %llu", station + 1,
                (unsigned long long)input->frame.number);
+    check_wait(station, frame);
     if (has_pose(&input->frame) && frame->sent_ns < w->last_pose_ns)
         broken("poses never go back in a session", "room-%d: frame %llu is %.3f ms older",
                station + 1, (unsigned long long)frame->number,
@@ -169,17 +215,22 @@ bool __wrap_trace_append(struct trace_writer *writer, const struct session_input
     struct ledger *ledger = ledger_of(writer);
     int station = ledger_station(ledger);
     struct watched *w = &watch.stations[station];
-    if (w->session && w->session != ledger && ledger_serial(ledger) < ledger_serial(w->session))
+    if (ledger_is_left(ledger))
         broken("a station has one session at a time", "room-%d steps in two", station + 1);
+    if (w->session && w->session != ledger)
+        ledger_leave(w->session);
     if (w->session != ledger)
         w->last_pose_ns = 0;
     w->session = ledger;
+    w->time_ns = output->time_ns;
     watch.counts.steps++;
     report_hash(output->hash ^ (uint64_t)station);
     ledger_step(ledger, output, put);
     w->last_answerable = output->frame_number ? output->frame_number : w->last_answerable;
     if (input->kind == INPUT_FRAME)
         watch_frame(station, input, output);
+    for (int bit = 0; bit < EVENT_COUNT; bit++)
+        w->events[bit] += output->events >> bit & 1;
     return put;
 }
 
@@ -257,9 +308,11 @@ struct watch_settled watch_settled(int station, struct link *link, struct sessio
     if (atomic_load(&c->trace_failing))
         broken("after the faults every trace is written", "that of room-%d fails", station + 1);
     check_meshes(station, link, sessions);
+    check_events(station);
     return (struct watch_settled){w->sent, w->accepted,
                                   atomic_load(&c->frames_lost) + atomic_load(&c->frames_late) +
                                       atomic_load(&c->frames_old) + atomic_load(&c->frames_early) +
                                       atomic_load(&c->frames_invalid) +
-                                      atomic_load(&c->frames_excess)};
+                                      atomic_load(&c->frames_excess),
+                                  w->time_ns};
 }

@@ -40,6 +40,7 @@ void watch_renamed(const char *from, const char *to);
 // All stations are served and every count adds up. Call it twice, a few seconds apart.
 struct watch_settled {
     uint64_t sent, accepted, refused;
+    int64_t time_ns; // of the last step, on the session's clock
 };
 struct watch_settled watch_settled(int station, struct link *link, struct sessions *sessions);
 // The server has ended: each trace is whole, and replays to the same hashes.

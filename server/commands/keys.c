@@ -8,8 +8,10 @@
 #include <time.h>
 
 static const char help[] =
-    "Usage: arthron-server keys init DIR [HOST ...]\n"
-    "       arthron-server keys renew DIR [HOST ...]\n"
+    "Usage: arthron-server keys init DIR [HOST ...] [OPTION ...]\n"
+    "       arthron-server keys renew DIR [HOST ...] [OPTION ...]\n"
+    "       arthron-server keys encrypt DIR --new-passphrase FILE [OPTION ...]\n"
+    "       arthron-server keys decrypt DIR [OPTION ...]\n"
     "       arthron-server keys enrol DIR STATION\n"
     "       arthron-server keys revoke DIR STATION\n"
     "\n"
@@ -18,11 +20,18 @@ static const char help[] =
     "renew   makes a new certificate for the server, good for 2 years, under the same authority:\n"
     "        for these host names and addresses, or for the present ones if none is given. A\n"
     "        running server takes it within a second; stations and sessions go on\n"
+    "encrypt encrypts authority.key, or gives it another passphrase\n"
+    "decrypt leaves authority.key in the clear\n"
     "enrol   prints a one-time code, good for 15 minutes; on the station's machine:\n"
     "        arthron-station enrol HOST:PORT CODE --name STATION --keys DIR\n"
     "revoke  refuses all certificates and codes of the station from now on\n"
     "\n"
-    "      --help  show this\n";
+    "      --authority DIR        where authority.key is, if not in the folder of the other keys\n"
+    "      --passphrase FILE      its passphrase: the first line of the file. Default: the "
+    "systemd\n"
+    "                             credential authority-passphrase. init encrypts with it\n"
+    "      --new-passphrase FILE  the same, from now on\n"
+    "      --help                 show this\n";
 
 static int report(enum result result, const struct error *err) {
     if (result == RESULT_OK)
@@ -77,23 +86,59 @@ static int revoke(const char *dir, const char *station) {
     return report(authority_revoke(dir, station, &err), &err);
 }
 
-int command_keys(int argc, char **argv) {
-    static const struct option options[] = {{"help", no_argument, NULL, 'h'}, {0}};
-    int o = getopt_long(argc, argv, "", options, NULL);
-    if (o == 'h') {
-        fputs(help, stdout);
-        return 0;
+static int encrypt(const char *dir, const char *passphrase) {
+    struct error err;
+    return report(authority_change_passphrase(dir, passphrase, &err), &err);
+}
+
+// What is given beside the words.
+struct key_options {
+    struct authority_key_place place;
+    const char *new_passphrase;
+};
+
+// -1: go on; else the exit code.
+static int take_options(int argc, char **argv, struct key_options *out) {
+    static const struct option options[] = {{"authority", required_argument, NULL, 'a'},
+                                            {"passphrase", required_argument, NULL, 'p'},
+                                            {"new-passphrase", required_argument, NULL, 'n'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {0}};
+    for (int o; (o = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (o == 'a')
+            out->place.dir = optarg;
+        else if (o == 'p')
+            out->place.passphrase = optarg;
+        else if (o == 'n')
+            out->new_passphrase = optarg;
+        else {
+            fputs(help, o == 'h' ? stdout : stderr);
+            return o == 'h' ? 0 : 2;
+        }
     }
+    return -1;
+}
+
+int command_keys(int argc, char **argv) {
+    static struct key_options options; // the place's texts live on
+    int code = take_options(argc, argv, &options);
+    if (code >= 0)
+        return code;
+    authority_place_key(&options.place);
     char **rest = argv + optind;
     int count = argc - optind;
     struct hosts hosts = {(const char *const *)(rest + 2), count - 2};
-    if (o == -1 && count >= 2 && !strcmp(rest[0], "init"))
+    if (options.new_passphrase && count == 2 && !strcmp(rest[0], "encrypt"))
+        return encrypt(rest[1], options.new_passphrase);
+    if (!options.new_passphrase && count == 2 && !strcmp(rest[0], "decrypt"))
+        return encrypt(rest[1], NULL);
+    if (!options.new_passphrase && count >= 2 && !strcmp(rest[0], "init"))
         return init(rest[1], hosts);
-    if (o == -1 && count >= 2 && !strcmp(rest[0], "renew"))
+    if (!options.new_passphrase && count >= 2 && !strcmp(rest[0], "renew"))
         return renew(rest[1], hosts);
-    if (o == -1 && count == 3 && !strcmp(rest[0], "enrol"))
+    if (count == 3 && !strcmp(rest[0], "enrol"))
         return enrol(rest[1], rest[2]);
-    if (o == -1 && count == 3 && !strcmp(rest[0], "revoke"))
+    if (count == 3 && !strcmp(rest[0], "revoke"))
         return revoke(rest[1], rest[2]);
     fputs(help, stderr);
     return 2;

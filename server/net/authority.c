@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "net/authority_files.h"
 #include "net/authority_keys.h"
+#include "net/authority_secret.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -82,7 +83,7 @@ static enum result make_all(const char *dir, const char *names, struct error *er
     if (result == RESULT_OK)
         result = authority_write_certificate(dir, "server.pem", server, err);
     if (result == RESULT_OK)
-        result = authority_write_key(dir, "authority.key", authority.key, err);
+        result = authority_secret_write(dir, authority.key, err);
     if (result == RESULT_OK)
         result = authority_write_certificate(dir, "authority.pem", authority.certificate, err);
     X509_free(server);

@@ -1,6 +1,7 @@
 // The server's own certificate authority: one place for trust. All files live in one folder
 // (authority.key, authority.pem, server.key, server.pem, codes, issued, enrolled, revoked), readable
-// by the server's user alone. Any number of processes and threads may work on it at once.
+// by the server's user alone; authority.key may lie in a folder of its own. Any number of processes
+// and threads may work on it at once.
 //
 // A station's name has letters, digits, '-', '_' and '.', from 1 to 63 of them: else
 // RESULT_INVALID.
@@ -42,6 +43,24 @@ enum result authority_server(const char *dir, struct authority_server *out_serve
 // server takes it within a second.
 enum result authority_renew_server(const char *dir, const char *const *hosts, int host_count,
                                    struct authority_server *out_server, struct error *err);
+
+// Where the authority's private key is, and what opens it.
+struct authority_key_place {
+    const char *dir;        // of authority.key; NULL or empty: the authority's own folder
+    const char *passphrase; // the file whose first line opens it; NULL or empty: the file
+                            // authority-passphrase in $CREDENTIALS_DIRECTORY, if it is there
+};
+
+// For this process, before it uses an authority. The texts must live as long.
+void authority_place_key(const struct authority_key_place *place);
+
+// Whether the authority's key can be used. RESULT_MISSING: it is not there. RESULT_INVALID: it is
+// encrypted, and its passphrase is missing or wrong. RESULT_CORRUPT: it is no private key.
+enum result authority_check_key(const char *dir, bool *out_encrypted, struct error *err);
+
+// Encrypts the authority's key from now on with the first line of this file; NULL: it lies in the
+// clear. Errors as authority_check_key, and RESULT_INVALID if the line is too short.
+enum result authority_change_passphrase(const char *dir, const char *passphrase, struct error *err);
 
 // A one-time code for a station of this name, good for 15 minutes. It holds a secret and the
 // authority's fingerprint (wire/code.h), so that the station can trust the server before it has any

@@ -2,12 +2,14 @@
 
 #include "base/check.h"
 #include "net/authority_files.h"
+#include "net/authority_secret.h"
 
 #include <openssl/crypto.h>
 #include <openssl/pem.h>
 #include <stdio.h>
 
-static enum result write_memory(const char *dir, const char *name, BIO *memory, struct error *err) {
+enum result authority_write_memory(const char *dir, const char *name, BIO *memory,
+                                   struct error *err) {
     char *data;
     long size = BIO_get_mem_data(memory, &data);
     enum result result = authority_write(dir, name, data, (size_t)size, err);
@@ -22,7 +24,7 @@ enum result authority_write_key(const char *dir, const char *name, EVP_PKEY *key
     NEED(memory, "memory");
     int written = PEM_write_bio_PrivateKey(memory, key, NULL, NULL, 0, NULL, NULL);
     NEED(written == 1, "memory");
-    return write_memory(dir, name, memory, err);
+    return authority_write_memory(dir, name, memory, err);
 }
 
 enum result authority_write_certificate(const char *dir, const char *name, X509 *certificate,
@@ -31,7 +33,7 @@ enum result authority_write_certificate(const char *dir, const char *name, X509 
     NEED(memory, "memory");
     int written = PEM_write_bio_X509(memory, certificate);
     NEED(written == 1, "memory");
-    return write_memory(dir, name, memory, err);
+    return authority_write_memory(dir, name, memory, err);
 }
 
 static FILE *open_in(const char *dir, const char *name) {
@@ -62,11 +64,14 @@ void issuer_release(struct issuer *issuer) {
 }
 
 enum result issuer_read(const char *dir, struct issuer *out, struct error *err) {
-    *out = (struct issuer){authority_read_certificate(dir, "authority.pem"),
-                           authority_read_key(dir, "authority.key")};
-    if (!out->certificate || !out->key)
+    bool encrypted;
+    *out = (struct issuer){.certificate = authority_read_certificate(dir, "authority.pem")};
+    if (!out->certificate)
         return fail(err, RESULT_MISSING,
                     "%s: authority.pem or authority.key is missing or unreadable", dir);
+    enum result result = authority_secret_read(dir, &out->key, &encrypted, err);
+    if (result != RESULT_OK)
+        return result;
     if (X509_check_private_key(out->certificate, out->key) != 1)
         return fail(err, RESULT_CORRUPT, "%s: authority.key is not the key of authority.pem", dir);
     return RESULT_OK;

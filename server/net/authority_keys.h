@@ -6,6 +6,9 @@
 
 #include <stdint.h>
 
+// Takes the bytes of a BIO of memory, which it frees.
+enum result authority_write_memory(const char *dir, const char *name, BIO *memory,
+                                   struct error *err);
 enum result authority_write_key(const char *dir, const char *name, EVP_PKEY *key,
                                 struct error *err);
 enum result authority_write_certificate(const char *dir, const char *name, X509 *certificate,

@@ -334,7 +334,7 @@ static void make_report(struct api_call *call, const struct api_report *about) {
     size_t size = 0;
     FILE *file = open_memstream(&page, &size);
     NEED(file, "memory");
-    enum result result = call->api->config.report(about, file, &err);
+    enum result result = call->api->config.report(call->api->config.user, about, file, &err);
     fclose(file);
     if (result == RESULT_MISSING && about->course) {
         call_refuse(call, 404, "not_found", NULL, "There is no course '%s'.", about->course);

@@ -350,15 +350,17 @@ static enum result review(struct trace_reader *reader, const struct review_sourc
     struct review_page *page = alloc(1, sizeof *page);
     page->file = file;
     page->header = trace_reader_header(reader);
-    struct knee_case *knee = review_case(page->header, source->case_dir, err);
-    page->knee = knee;
-    enum result result = knee || !source->case_dir ? RESULT_OK : RESULT_INVALID;
+    struct knee_case *read =
+        source->find_case ? NULL : review_case(page->header, source->case_dir, err);
+    page->knee =
+        source->find_case ? source->find_case(source->user, page->header->case_hash) : read;
+    enum result result = page->knee || !source->case_dir ? RESULT_OK : RESULT_INVALID;
     if (result == RESULT_OK)
         result = read_all(reader, source, page, err);
     if (result == RESULT_OK)
         write_page(page);
     *out_whole = page->survey.end == RESULT_CLOSED && !page->survey.missing;
-    case_destroy(&knee);
+    case_destroy(&read);
     cohort_fini(&page->cohort);
     free(page);
     return result;

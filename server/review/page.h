@@ -8,7 +8,11 @@
 
 struct review_source {
     const char *trace;
-    const char *case_dir;     // for the names of groups; NULL: the one that the trace names
+    const char *case_dir; // for the names of groups; NULL: the one that the trace names
+    // Instead of a folder: finds the case of this hash, or NULL. A server reads none that a trace
+    // names.
+    const struct knee_case *(*find_case)(void *user, uint64_t case_hash);
+    void *user;
     survey_progress progress; // or NULL
     struct store
         *records;       // to draw the figures beside those on the same case; NULL: they stand alone

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/task_pool.h"
+#include "sessions/own.h"
 #include "sessions/resume.h"
 #include "trace/catalogue.h"
 #include "trace/player.h"
@@ -113,6 +114,15 @@ static bool is_given_up(const struct sessions *s, const struct trace_entry *entr
     return true;
 }
 
+static void close_if_own(struct sessions *s, const char *path, const char *why) {
+    if (own_traces_have(s, path))
+        closing_close(s, path, why);
+    else
+        log_warning(
+            "sessions",
+            "%s: it stays open and unsigned, because the records know no open session of it", path);
+}
+
 static bool look_at(void *user, const struct trace_entry *entry) {
     struct sessions *s = user;
     struct error why;
@@ -120,7 +130,7 @@ static bool look_at(void *user, const struct trace_entry *entry) {
         return true;
     if (strlen(entry->path) < SESSIONS_PATH_MAX && !trace_is_written(entry->path) &&
         trace_is_open(entry->path) && is_given_up(s, entry, &why))
-        closing_close(s, entry->path, why.text);
+        close_if_own(s, entry->path, why.text);
     return true;
 }
 

@@ -6,6 +6,7 @@
 #include "base/task_pool.h"
 #include "sessions/closing.h"
 #include "sessions/opening.h"
+#include "sessions/own.h"
 #include "sessions/restore.h"
 #include "trace/catalogue.h"
 
@@ -66,7 +67,8 @@ bool resume_is_recent(const struct sessions *s, const char *path) {
 
 static bool find_trace(struct resumed *r) {
     resume_newest(r->sessions, station_name(r->sessions, r->station), r->path);
-    return r->path[0] && resume_is_recent(r->sessions, r->path);
+    return r->path[0] && resume_is_recent(r->sessions, r->path) &&
+           own_traces_have(r->sessions, r->path);
 }
 
 // ---- a trace whose replay ends the program ------------------------------------------------------

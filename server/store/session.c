@@ -234,6 +234,14 @@ enum result store_interrupt_open(struct store *store, int64_t before_utc_ns, str
                     err, "i", before_utc_ns);
 }
 
+enum result store_open_traces(struct store *store, store_row_handler take, void *user,
+                              struct error *err) {
+    sqlite3_stmt *statement;
+    enum result result =
+        store_prepare(store, "SELECT trace FROM session WHERE state = 'open'", &statement, err, "");
+    return result == RESULT_OK ? store_each_row(store, statement, take, user, err) : result;
+}
+
 enum result store_trace_is_done(struct store *store, const char *trace, bool *out_done,
                                 struct error *err) {
     int64_t id;

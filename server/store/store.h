@@ -297,6 +297,10 @@ struct store_cell {
 
 typedef void (*store_row_handler)(void *user, const struct store_cell *cells, int count);
 
+// The traces of open sessions, as a row with the column "trace".
+enum result store_open_traces(struct store *store, store_row_handler take, void *user,
+                              struct error *err);
+
 // Calls `take` for each row, in the order in which they were made. Texts live until it returns.
 // key: a name or id (for results: of their session), or NULL for all rows.
 enum result store_rows(struct store *store, enum store_list list, const char *key,

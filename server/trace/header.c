@@ -196,7 +196,8 @@ enum result header_decode(const uint8_t *data, size_t size, unsigned version, st
                     "its session follows the rules %d, and this program knows 1 to %d",
                     h->settings.rules, RULES_NEWEST);
     if (h->settings.rules < 1 || !settings_are_valid(&h->settings) ||
-        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns))
+        !view_optic_is_valid(&h->optic) || !time_is_sane(h->start_ns) ||
+        !utc_is_sane(h->start_utc_ns))
         return fail(err, RESULT_FORMAT, "a setting in its header is out of range");
     return RESULT_OK;
 }

@@ -297,7 +297,7 @@ static bool read_payload(struct reader *r, struct trace_layout layout, struct tr
     case TRACE_RESUME:
     case TRACE_FAULT:
         out->utc_ns = read_i64(r);
-        return true;
+        return utc_is_sane(out->utc_ns);
     case TRACE_REMARK:
         return read_remark(r, &out->remark);
     case TRACE_TOUCH:

@@ -23,6 +23,11 @@ static inline bool time_is_sane(int64_t time_ns) {
     return time_ns >= -TIME_MAX_NS && time_ns <= TIME_MAX_NS;
 }
 
+// Times of day, since 1970: a session's length is added to them.
+static inline bool utc_is_sane(int64_t utc_ns) {
+    return utc_ns >= 0 && utc_ns <= INT64_MAX / 2;
+}
+
 // The content of an end record. Without a signature both sizes are 0.
 struct trace_end {
     uint64_t records, missing;

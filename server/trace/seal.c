@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
+#include <openssl/x509v3.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -31,7 +32,8 @@ static enum result read_authority(const char *path, X509 **out, struct error *er
     return *out ? RESULT_OK : fail(err, RESULT_IO, "%s: it holds no certificate", path);
 }
 
-// At the session's start: years later the certificate may have run out, and the trace holds.
+// For a server: a station's certificate is the authority's, too, and signs no trace. At the
+// session's start: years later the certificate may have run out, and the trace holds.
 static bool was_given_by(X509 *certificate, X509 *authority, int64_t utc_ns) {
     X509_STORE *store = X509_STORE_new();
     X509_STORE_CTX *context = X509_STORE_CTX_new();
@@ -40,6 +42,7 @@ static bool was_given_by(X509 *certificate, X509 *authority, int64_t utc_ns) {
                 X509_STORE_CTX_init(context, store, certificate, NULL) == 1;
     if (good) {
         X509_STORE_CTX_set_time(context, 0, (time_t)(utc_ns / NS_PER_S));
+        X509_STORE_CTX_set_purpose(context, X509_PURPOSE_SSL_SERVER);
         good = X509_verify_cert(context) == 1;
     }
     X509_STORE_CTX_free(context);
@@ -57,8 +60,9 @@ static enum result ask_authority(X509 *certificate, const char *path, int64_t ut
     X509_free(authority);
     return good ? RESULT_OK
                 : fail(err, RESULT_REFUSED,
-                       "the certificate in its end record was not issued by %s, or was not valid "
-                       "at the session's start",
+                       "the certificate in its end record was not issued to a server by %s, or was "
+                       "not "
+                       "valid at the session's start",
                        path);
 }
 

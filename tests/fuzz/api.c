@@ -61,7 +61,9 @@ static void put_records(void) {
     store_close(&store);
 }
 
-static enum result report(const struct api_report *about, FILE *file, struct error *err) {
+static enum result report(void *user, const struct api_report *about, FILE *file,
+                          struct error *err) {
+    (void)user;
     (void)err;
     fputs(about->trace, file);
     return RESULT_OK;

@@ -85,7 +85,9 @@ static void put_cases(void) {
     assert_int_equal(mkdir(dirs[1], 0700), 0);
 }
 
-static enum result report(const struct api_report *about, FILE *file, struct error *why) {
+static enum result report(void *user, const struct api_report *about, FILE *file,
+                          struct error *why) {
+    (void)user;
     char text[80];
     FILE *in = fopen(about->trace, "r");
     assert_non_null(in);

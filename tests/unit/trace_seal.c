@@ -1,5 +1,6 @@
 #include "folder.h"
 #include "net/authority.h"
+#include "net/authority_keys.h"
 #include "net/signer.h"
 #include "test.h"
 #include "unit/trace_files.h"
@@ -84,6 +85,43 @@ static void a_closed_trace_is_signed_by_the_servers_key(void **state) {
     assert_int_equal(check(path, authority[0], now_ns() + 3 * years, &err), RESULT_REFUSED);
 }
 
+struct holder {
+    X509 *certificate;
+    EVP_PKEY *key;
+};
+
+static bool sign_as_holder(void *context, const uint8_t *message, size_t size,
+                           uint8_t *out_certificate, size_t *in_out_certificate_size, uint8_t *out,
+                           size_t *in_out_size) {
+    const struct holder *holder = context;
+    EVP_MD_CTX *signing = EVP_MD_CTX_new();
+    *in_out_certificate_size = (size_t)i2d_X509(holder->certificate, &out_certificate);
+    bool done = EVP_DigestSignInit(signing, NULL, EVP_sha256(), NULL, holder->key) == 1 &&
+                EVP_DigestSign(signing, out, in_out_size, message, size) == 1;
+    EVP_MD_CTX_free(signing);
+    return done;
+}
+
+static void a_stations_certificate_signs_no_trace(void **state) {
+    (void)state;
+    struct issuer issuer;
+    struct error err = {""};
+    assert_int_equal(issuer_read(keys[0], &issuer, &err), RESULT_OK);
+    for (int use = CERTIFICATE_SERVER; use <= CERTIFICATE_STATION; use++) {
+        struct holder holder = {.key = certificate_key()};
+        struct trace_signer vouch = {sign_as_holder, &holder};
+        holder.certificate = certificate_make((enum certificate_use)use, "Arthron server", NULL,
+                                              holder.key, &issuer);
+        write_signed(&vouch);
+        assert_int_equal(check(path, authority[0], now_ns(), &err),
+                         use == CERTIFICATE_SERVER ? RESULT_OK : RESULT_REFUSED);
+        X509_free(holder.certificate);
+        EVP_PKEY_free(holder.key);
+    }
+    assert_non_null(strstr(err.text, "not issued to a server"));
+    issuer_release(&issuer);
+}
+
 static void a_trace_without_a_signer_has_no_seal(void **state) {
     (void)state;
     write_signed(NULL);
@@ -154,6 +192,7 @@ static void keys_that_do_not_belong_together_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_closed_trace_is_signed_by_the_servers_key),
+        cmocka_unit_test(a_stations_certificate_signs_no_trace),
         cmocka_unit_test(a_trace_without_a_signer_has_no_seal),
         cmocka_unit_test(a_signer_that_fails_leaves_a_whole_trace),
         cmocka_unit_test(a_renewed_certificate_signs_what_is_closed_from_then_on),

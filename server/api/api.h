@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/result.h"
+#include "case/case.h"
 #include "web/web.h"
 
 #include <stdio.h>
@@ -33,8 +34,11 @@ struct api_config {
     const struct api_station *stations;
     int station_count;
     // Writes a session's page, whole or not at all; from one thread at a time.
-    enum result (*report)(const struct api_report *about, FILE *file, struct error *err);
-    int port; // the server's, for stations
+    enum result (*report)(void *user, const struct api_report *about, FILE *file,
+                          struct error *err);
+    int port;                // the server's, for stations
+    void *user;              // of `report`
+    case_checker check_case; // before a case is read here; or NULL
 };
 
 struct api;

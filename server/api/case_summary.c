@@ -30,13 +30,15 @@ struct summary {
 struct case_summaries {
     pthread_mutex_t lock;
     const struct api_case *cases;
+    case_checker check;
     int count;
     struct summary *entries;
 };
 
-struct case_summaries *case_summaries_create(const struct api_case *cases, int count) {
+struct case_summaries *case_summaries_create(const struct api_case *cases, int count,
+                                             case_checker check) {
     struct case_summaries *summaries = alloc(1, sizeof *summaries);
-    *summaries = (struct case_summaries){.cases = cases, .count = count};
+    *summaries = (struct case_summaries){.cases = cases, .check = check, .count = count};
     summaries->entries = alloc((unsigned long)count + 1, sizeof *summaries->entries);
     pthread_mutex_init(&summaries->lock, NULL);
     return summaries;
@@ -79,13 +81,13 @@ static json_t *groups_of(const struct knee_case *knee) {
     return groups;
 }
 
-static void read_case(const struct api_case *about, struct summary *summary) {
+static void read_case(const struct api_case *about, case_checker check, struct summary *summary) {
     struct knee_case *knee;
     struct error err = {""};
     json_decref(summary->row);
     summary->row = json_pack("{s:o}", "name", call_string(about->name));
     summary->hash = 0;
-    if (case_load(about->dir, NULL, &knee, &err) != RESULT_OK) {
+    if (case_load_checked(about->dir, check, &knee, &err) != RESULT_OK) {
         snprintf(summary->broken, sizeof summary->broken, "%s", err.text);
         return;
     }
@@ -126,7 +128,7 @@ json_t *case_summary(struct case_summaries *summaries, int index, char out_hash[
     pthread_mutex_lock(&summaries->lock);
     take_stamps(about->dir, stamps);
     if (!summary->is_read || memcmp(stamps, summary->stamps, sizeof stamps) != 0)
-        read_case(about, summary);
+        read_case(about, summaries->check, summary);
     summary->is_read = true;
     memcpy(summary->stamps, stamps, sizeof stamps);
     json_t *row = json_deep_copy(summary->row);

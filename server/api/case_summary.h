@@ -8,7 +8,9 @@
 
 struct case_summaries;
 
-struct case_summaries *case_summaries_create(const struct api_case *cases, int count);
+// check: as in api_config
+struct case_summaries *case_summaries_create(const struct api_case *cases, int count,
+                                             case_checker check);
 void case_summaries_destroy(struct case_summaries **summaries); // NULL inside is fine
 
 // A new object, as CASE in docs/API.md. out_hash: empty if the case cannot be read.

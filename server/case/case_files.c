@@ -108,6 +108,10 @@ static enum result build(const char *dir, const struct case_bytes *bytes,
                          const struct case_limits *limits, struct knee_case **out_case,
                          struct error *err) {
     uint64_t anatomy_hash;
+    uint64_t hash =
+        hash_of_both(bytes->manifest, bytes->manifest_size, bytes->anatomy, bytes->anatomy_size);
+    if (limits->hash && limits->hash != hash)
+        return fail(err, RESULT_CORRUPT, "%s: the case was changed while it was read", dir);
     enum result result = manifest_read((const char *)bytes->manifest, bytes->manifest_size,
                                        out_case, &anatomy_hash, err);
     if (result != RESULT_OK)
@@ -123,8 +127,7 @@ static enum result build(const char *dir, const struct case_bytes *bytes,
     result = case_validate(*out_case, err);
     if (result != RESULT_OK)
         return fail_in(err, result, "%s: ", dir);
-    (*out_case)->hash =
-        hash_of_both(bytes->manifest, bytes->manifest_size, bytes->anatomy, bytes->anatomy_size);
+    (*out_case)->hash = hash;
     return RESULT_OK;
 }
 
@@ -155,6 +158,14 @@ enum result case_load(const char *dir, const struct case_limits *limits,
     free(bytes.manifest);
     free(bytes.anatomy);
     return result;
+}
+
+enum result case_load_checked(const char *dir, case_checker check, struct knee_case **out_case,
+                              struct error *err) {
+    struct case_limits limits = case_limits_default();
+    *out_case = NULL;
+    enum result result = check ? check(dir, &limits.hash, err) : RESULT_OK;
+    return result == RESULT_OK ? case_load(dir, &limits, out_case, err) : result;
 }
 
 // ---- saving -------------------------------------------------------------------------------------

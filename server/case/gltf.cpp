@@ -214,6 +214,8 @@ enum result gltf_decode(const uint8_t *bytes, size_t size, const struct gltf_lim
         return RESULT_OK;
     } catch (const gltf_refusal &why) {
         result = fail(err, why.code, "%s", why.text.c_str());
+    } catch (const std::bad_alloc &) {
+        result = fail(err, RESULT_LIMIT, "reading it takes more memory than there is");
     } catch (const std::exception &why) {
         result = fail(err, RESULT_FORMAT, "not readable as glTF: %s", why.what());
     }

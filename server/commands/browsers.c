@@ -104,9 +104,23 @@ static bool allowed(void *user, const struct live_account *viewer_account, const
 
 // ---- joining ------------------------------------------------------------------------------------
 
-static enum result write_report(const struct api_report *about, FILE *file, struct error *err) {
-    struct review_source source = {
-        .trace = about->trace, .course = about->course, .hide_few = about->hide_few};
+static const struct knee_case *find_case(void *sessions, uint64_t case_hash) {
+    const struct sessions_config *config = sessions_config(sessions);
+    for (int i = 0; i < config->case_count; i++) {
+        const struct knee_case *knee = scene_case(sessions_scene(sessions, i));
+        if (knee->hash == case_hash)
+            return knee;
+    }
+    return NULL;
+}
+
+static enum result write_report(void *sessions, const struct api_report *about, FILE *file,
+                                struct error *err) {
+    struct review_source source = {.trace = about->trace,
+                                   .find_case = find_case,
+                                   .user = sessions,
+                                   .course = about->course,
+                                   .hide_few = about->hide_few};
     enum result result = RESULT_OK;
     bool whole;
     if (about->records)
@@ -139,8 +153,8 @@ static enum result make_link(const struct web_settings *web, char out[LINK_MAX],
     return RESULT_OK;
 }
 
-static enum result open_api(struct browsers *b, const struct sessions_config *served,
-                            struct error *err) {
+static enum result open_api(struct browsers *b, struct sessions *sessions, struct error *err) {
+    const struct sessions_config *served = sessions_config(sessions);
     for (int i = 0; i < served->case_count; i++)
         b->cases[i] = (struct api_case){served->cases[i].name, served->cases[i].dir};
     for (int i = 0; i < served->station_count; i++) {
@@ -157,6 +171,8 @@ static enum result open_api(struct browsers *b, const struct sessions_config *se
         .stations = b->stations,
         .station_count = served->station_count,
         .report = write_report,
+        .user = sessions,
+        .check_case = served->check_case,
         .port = served->port,
     };
     return api_create(&config, &b->api, err);
@@ -198,7 +214,7 @@ enum result browsers_create(const struct server_config *config, struct sessions 
     open_live(b, sessions);
     enum result result = make_link(&config->web, b->link, err);
     if (result == RESULT_OK)
-        result = open_api(b, &config->sessions, err);
+        result = open_api(b, sessions, err);
     if (result == RESULT_OK)
         result = open_web(b, &config->web, err);
     if (result == RESULT_OK)

@@ -5,7 +5,9 @@
 #include "commands/browsers.h"
 #include "commands/commands.h"
 #include "commands/known_stations.h"
+#include "commands/read_case.h"
 #include "config/config.h"
+#include "net/authority.h"
 #include "sessions/sessions.h"
 
 #include <errno.h>
@@ -125,6 +127,23 @@ struct request {
     enum field_kind field;
 };
 
+// Before a station asks for a certificate: what is wrong with the key is told at the start.
+static enum result look_at_key(const struct sessions_config *config, struct error *err) {
+    const struct authority_key_place place = {config->authority_key_dir,
+                                              config->authority_passphrase};
+    bool encrypted;
+    authority_place_key(&place);
+    enum result result = authority_check_key(config->keys_dir, &encrypted, err);
+    if (result == RESULT_MISSING) {
+        log_warning("server", "%s: so no station can be enrolled, and none renews its certificate",
+                    err->text);
+        return RESULT_OK;
+    }
+    if (result == RESULT_OK && !encrypted)
+        log_warning("server", "authority.key is not encrypted: see arthron-server keys --help");
+    return result;
+}
+
 static int serve(const struct request *request) {
     static struct server_config config;
     struct error err;
@@ -133,6 +152,12 @@ static int serve(const struct request *request) {
         log_error("server", "%s", err.text);
         return 2;
     }
+    if (look_at_key(&config.sessions, &err) != RESULT_OK) {
+        log_error("server", "%s", err.text);
+        return 1;
+    }
+    read_case_limit(config.sessions.case_memory_mb);
+    config.sessions.check_case = read_case_check;
     struct field *field = &config.sessions.settings.field;
     if (request->field != field->kind)
         log_warning("server", "the field of sessions is %s, for a bench",

@@ -191,10 +191,13 @@ static const struct setting_key server_keys[] = {
     {"udp_port", SETTING_INTEGER, SESSIONS(udp_port), 0, 65535},
     {"workers", SETTING_INTEGER, SESSIONS(workers), 0, 64},
     {"keys", SETTING_PATH, SESSIONS(keys_dir)},
+    {"authority", SETTING_PATH, SESSIONS(authority_key_dir)},
+    {"authority_passphrase", SETTING_PATH, SESSIONS(authority_passphrase)},
     {"traces", SETTING_PATH, SESSIONS(traces_dir)},
     {"socket", SETTING_PATH, SESSIONS(socket)},
     {"records", SETTING_PATH, SESSIONS(records)},
     {"unfit", .take = take_unfit, .wanted = "refuse or serve"},
+    {"case_memory_mb", SETTING_INTEGER, SESSIONS(case_memory_mb), 64, 65536},
     {"wait_s", SETTING_INTEGER, SESSIONS(wait_s), 1, 86400},
     {"calibration_days", SETTING_INTEGER, SESSIONS(calibration_days), 1, 3650},
     {"calibration_mm", SETTING_NUMBER, SESSIONS(calibration_mm), 0.01, 100},
@@ -324,6 +327,7 @@ static void set_defaults(struct sessions_config *config) {
     config->port = 4810;
     config->udp_port = 4811;
     config->wait_s = 300;
+    config->case_memory_mb = 1024;
     config->calibration_days = 30;
     config->calibration_mm = 1;
     config->calibration_deg = 1;

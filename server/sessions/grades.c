@@ -14,6 +14,7 @@ struct grades {
     pthread_mutex_t lock;       // of the standings; never held over a file
     uint64_t hashes[SESSIONS_CASES_MAX];
     struct case_standing standings[SESSIONS_CASES_MAX];
+    struct error refused[SESSIONS_CASES_MAX]; // why a case could not be read; empty: it was
 };
 
 static void log_grade(const struct sessions_config *config, const char *name,
@@ -57,12 +58,14 @@ static void log_standing(const struct sessions_config *config, int index,
     }
 }
 
-struct grades *grades_create(const struct sessions_config *config, const uint64_t hashes[]) {
+struct grades *grades_create(const struct sessions_config *config, const uint64_t hashes[],
+                             const struct error refused[]) {
     struct grades *g = alloc(1, sizeof *g);
     g->config = config;
     pthread_mutex_init(&g->refreshing, NULL);
     pthread_mutex_init(&g->lock, NULL);
     memcpy(g->hashes, hashes, (size_t)config->case_count * sizeof *hashes);
+    memcpy(g->refused, refused, (size_t)config->case_count * sizeof *refused);
     grades_refresh(g);
     return g;
 }
@@ -80,7 +83,8 @@ void grades_refresh(struct grades *grades) {
     pthread_mutex_lock(&grades->refreshing);
     for (int i = 0; i < grades->config->case_count; i++) {
         struct case_standing standing = grades->standings[i];
-        if (!standing_refresh(&standing, grades->config->cases[i].dir, grades->hashes[i]))
+        if (grades->refused[i].text[0] ||
+            !standing_refresh(&standing, grades->config->cases[i].dir, grades->hashes[i]))
             continue;
         log_standing(grades->config, i, &standing);
         pthread_mutex_lock(&grades->lock);
@@ -91,6 +95,8 @@ void grades_refresh(struct grades *grades) {
 }
 
 const char *grades_name(struct grades *grades, int index) {
+    if (grades->refused[index].text[0])
+        return "broken";
     pthread_mutex_lock(&grades->lock);
     const char *name = standing_name(&grades->standings[index]);
     pthread_mutex_unlock(&grades->lock);
@@ -99,6 +105,8 @@ const char *grades_name(struct grades *grades, int index) {
 
 enum result grades_allow(struct grades *grades, int index, struct error *err) {
     enum result result = RESULT_OK;
+    if (grades->refused[index].text[0])
+        return fail(err, RESULT_REFUSED, "%s", grades->refused[index].text);
     pthread_mutex_lock(&grades->lock);
     const struct case_standing *s = &grades->standings[index];
     if (s->kind == STANDING_GRADED && s->grade.grade == GRADE_UNFIT && !grades->config->serve_unfit)

@@ -6,8 +6,10 @@
 
 struct grades;
 
-// The config must outlive it. hashes[i]: hash of the config's case i.
-struct grades *grades_create(const struct sessions_config *config, const uint64_t hashes[]);
+// The config must outlive it. Of the config's case i, hashes[i] is the hash, and refused[i] says
+// why it cannot be read; empty: it was.
+struct grades *grades_create(const struct sessions_config *config, const uint64_t hashes[],
+                             const struct error refused[]);
 void grades_destroy(struct grades **grades); // NULL inside is fine
 
 // Looks at the files (a stat for each case), and logs each change.

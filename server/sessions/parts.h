@@ -12,6 +12,7 @@
 #include <stdatomic.h>
 
 struct manager;
+struct own_traces;
 struct resumed;
 
 struct sessions {
@@ -28,6 +29,7 @@ struct sessions {
     struct trace_signer trace_signer; // with it
     struct claim *claim;              // of the records and the traces
     struct recorder *recorder;        // NULL: no records
+    struct own_traces *own;           // NULL: all are
     struct manager *manager;
     struct task_pool *closing; // of traces that no session goes on with
     struct resumed *resumed;   // while the server starts

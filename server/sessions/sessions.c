@@ -8,6 +8,7 @@
 #include "sessions/commands.h"
 #include "sessions/fork.h"
 #include "sessions/manager.h"
+#include "sessions/own.h"
 #include "sessions/resume.h"
 #include "sessions/session_list.h"
 #include "sessions/station_handler.h"
@@ -24,31 +25,53 @@
 
 static enum result load_case(struct sessions *s, int index, struct error *err) {
     const struct session_case *entry = &s->config.cases[index];
-    struct case_limits limits = case_limits_default();
     struct knee_case *knee = NULL;
-    enum result result = case_load(entry->dir, &limits, &knee, err);
+    enum result result = case_load_checked(entry->dir, s->config.check_case, &knee, err);
     if (result == RESULT_OK) {
         result = scene_create(&knee, &s->scenes[index], err);
         case_destroy(&knee);
     }
-    if (result != RESULT_OK)
-        return fail_in(err, result, "case %s: ", entry->name);
+    if (result != RESULT_OK) {
+        fail_in(err, result, "case %s: ", entry->name);
+        log_error("sessions", "%s; no session opens on it", err->text);
+        return result;
+    }
     log_info("sessions", "case %s from %s", entry->name, entry->dir);
     return RESULT_OK;
 }
 
+// An empty scene stands for a case that cannot be read. No session opens on it.
+static void stand_in(struct sessions *s, int index) {
+    const char *name = s->config.cases[index].name;
+    struct knee_case *knee = case_create(case_name_is_valid(name) ? name : "refused", "");
+    enum result result = scene_create(&knee, &s->scenes[index], NULL);
+    CHECK(result == RESULT_OK);
+}
+
+// One case that cannot be read keeps its own stations out, and no others. If none can be read, the
+// server does not start.
 static enum result load_cases(struct sessions *s, struct error *err) {
     uint64_t hashes[SESSIONS_CASES_MAX];
-    for (int i = 0; i < s->config.case_count; i++) {
-        if (sessions_are_ending(s))
-            return fail(err, RESULT_TIMEOUT, "the server ends while it starts");
-        enum result result = load_case(s, i, err);
+    struct error *refused = alloc(SESSIONS_CASES_MAX, sizeof *refused);
+    enum result result = RESULT_OK;
+    int loaded = 0;
+    for (int i = 0; i < s->config.case_count && !sessions_are_ending(s); i++) {
+        result = load_case(s, i, &refused[i]);
+        loaded += result == RESULT_OK;
         if (result != RESULT_OK)
-            return result;
+            stand_in(s, i);
         hashes[i] = scene_case(s->scenes[i])->hash;
     }
-    s->grades = grades_create(&s->config, hashes);
-    return RESULT_OK;
+    if (sessions_are_ending(s))
+        result = fail(err, RESULT_TIMEOUT, "the server ends while it starts");
+    else if (s->config.case_count && !loaded)
+        result = fail(err, result, "%s", refused[s->config.case_count - 1].text);
+    else
+        result = RESULT_OK;
+    if (result == RESULT_OK)
+        s->grades = grades_create(&s->config, hashes, refused);
+    free(refused);
+    return result;
 }
 
 static enum result open_slots(struct sessions *s, struct error *err) {
@@ -177,6 +200,7 @@ static enum result prepare(struct sessions *s, struct error *err) {
     if (result != RESULT_OK)
         return result;
     fork_clear(s->config.traces_dir);
+    own_traces_read(s);
     resume_replay(s);
     return sessions_are_ending(s) ? fail(err, RESULT_TIMEOUT, "the server ends while it starts")
                                   : RESULT_OK;
@@ -220,6 +244,7 @@ static void release(struct sessions *s) {
         station_slot_fini(&s->slots[i]);
     signer_destroy(&s->signer);
     claim_destroy(&s->claim);
+    own_traces_free(s);
     free(s);
 }
 

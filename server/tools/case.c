@@ -89,6 +89,8 @@ int main(int argc, char **argv) {
         return argument_wrong("arthron-case", "the command is missing");
     const char *name = argv[optind];
     int first = optind;
+    if (!strcmp(name, "read-surface"))
+        return command_read_surface(argc - first, argv + first);
     for (size_t i = 0; i < COMMAND_COUNT; i++) {
         if (strcmp(commands[i].name, name) == 0) {
             optind = 0; // getopt starts again with the command's own options

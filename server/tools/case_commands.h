@@ -20,6 +20,7 @@ int command_maxcut(int argc, char **argv);
 int command_motion(int argc, char **argv);
 int command_picture(int argc, char **argv);
 int command_plan(int argc, char **argv);
+int command_read_surface(int argc, char **argv); // hidden: for command_import
 int command_record_pose(int argc, char **argv);
 int command_tear(int argc, char **argv);
 

@@ -1,6 +1,7 @@
 #include "case_import.h"
 #include "case_import_clip.h"
 #include "case_import_report.h"
+#include "case_read_surface.h"
 #include "import/split.h"
 
 #include <ctype.h>
@@ -340,7 +341,6 @@ static enum result take_parts(struct import_request *request, struct scan *scan,
 
 static enum result read_surface(struct import_request *request, struct scan *scan, int i,
                                 struct error *err) {
-    struct case_limits limits = case_limits_default();
     const struct surface_source *source = &request->sources[i];
     struct import_surface *surface = &scan->surfaces[i];
     double mm = source->mm_per_unit > 0 ? source->mm_per_unit : request->first_unit;
@@ -348,7 +348,7 @@ static enum result read_surface(struct import_request *request, struct scan *sca
                                        .path = source->path,
                                        .mm_per_unit = mm,
                                        .T_common_file = source->T_common_file};
-    enum result result = import_read(source->path, &limits, &surface->arrays, err);
+    enum result result = read_surface_apart(source->path, &surface->arrays, err);
     if (result != RESULT_OK)
         return source->several ? fail_in(err, result, "--parts: ")
                                : fail_in(err, result, "--group %s: ", source->group);

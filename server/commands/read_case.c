@@ -1,0 +1,71 @@
+#include "commands/read_case.h"
+
+#include "base/number.h"
+#include "commands/commands.h"
+#include "confine/confine.h"
+#include "step/scene.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CPU_S 120
+
+static struct confine_limits limits = {.memory_mb = 1024, .cpu_s = CPU_S};
+
+void read_case_limit(int memory_mb) {
+    limits.memory_mb = memory_mb;
+}
+
+static enum result read_all(const char *dir, uint64_t *out_hash, struct error *err) {
+    struct knee_case *knee;
+    struct scene *scene;
+    enum result result = case_load(dir, NULL, &knee, err);
+    if (result != RESULT_OK)
+        return result;
+    *out_hash = knee->hash;
+#ifdef CONFINE_SANITIZED // too slow for a second time
+    case_destroy(&knee);
+    return RESULT_OK;
+#endif
+    result = scene_create(&knee, &scene, err);
+    if (result == RESULT_OK)
+        scene_destroy(&scene);
+    else
+        case_destroy(&knee);
+    return result;
+}
+
+// The other process.
+int command_read_case(int argc, char **argv) {
+    struct error err = {""};
+    uint64_t hash = 0;
+    int64_t memory_mb;
+    if (argc != 3 || !number_int(argv[2], 1, 1 << 20, &memory_mb)) {
+        fputs("arthron-server read-case: the server alone uses this command\n", stderr);
+        return 2;
+    }
+    limits.memory_mb = (int)memory_mb;
+    confine_self(&limits);
+    enum result result = read_all(argv[1], &hash, &err);
+    return confine_answer(result, &err, &hash, sizeof hash);
+}
+
+enum result read_case_check(const char *dir, uint64_t *out_hash, struct error *err) {
+    char memory_mb[16];
+    uint8_t *answer;
+    size_t size;
+    snprintf(memory_mb, sizeof memory_mb, "%d", limits.memory_mb);
+    const char *const arguments[] = {"arthron-server", "read-case", dir, memory_mb, NULL};
+    enum result result = confine_run(arguments, &limits, sizeof err->text, &answer, &size, err);
+    if (result == RESULT_LIMIT && strncmp(err->text, dir, strlen(dir)) != 0)
+        return fail_in(err, result, "%s: ", dir);
+    if (result != RESULT_OK)
+        return result;
+    if (size == sizeof *out_hash)
+        memcpy(out_hash, answer, size);
+    else
+        result = fail(err, RESULT_FORMAT, "%s: its reader gave no hash", dir);
+    free(answer);
+    return result;
+}

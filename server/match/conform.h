@@ -12,9 +12,9 @@
 // Where all of T is gone, with a piece of it perhaps, S'' has nothing to be fitted to. Who touches
 // the mock-up there had better see the plateau touched. So what is 8 mm from T in plan (seen along
 // z), and what is beside it, sinks onto the underside of S', to a fiftieth of its height: a sheet
-// of about 0.1 mm, thicker where it would cross itself. No vertex sinks farther than S'_max moves
-// any. The sheet is in the volume of S''. A cut that is shorter leaves a gap, into which both sides
-// of S'' draw back from one another.
+// of about 0.1 mm, thicker or smoothed where it would cross itself. No vertex sinks farther than
+// S'_max moves any. The sheet is in the volume of S''. A cut that is shorter leaves a gap, into
+// which both sides of S'' draw back from one another.
 //
 // Loops are bounded. The same calls give the same bits on every x86-64 processor: sums have a fixed
 // order, and of the mathematics library only what is exact is used. Millimetres. A call may

@@ -13,7 +13,12 @@
 #define RAMP_MM 1.0   // all of the way where it is nearer by so much
 #define SHEET 0.02    // of its height is left of what has sunk
 #define LEVEL_MM 2.5  // around a place where the sheet has to be thicker
-#define LEVELS 6
+#define ROUNDS 12
+#define SOFT_ROUND 3 // from there on what crosses is smoothed, too
+#define SWEEPS 10
+#define RINGS 3
+#define MOVABLE 0.99 // as good as laid, but cuts may still move it
+#define LEAST_SHARE 0.02
 #define UNDER_MM 4.0 // of the underside that say how high it is at a place
 #define FACING_DOWN -0.5
 #define HALVINGS 5
@@ -204,8 +209,11 @@ static double floor_at(const struct plan *plan, vec3 p) {
 
 struct laying {
     struct plan plan;
-    double *shares, *floors; // by vertex
-    double way_most;         // of S'_max
+    double way_most; // of S'_max
+    // By vertex:
+    double *shares, *floors;
+    bool *soft;
+    uint8_t *rings; // 1: it sinks; more: around that; 0: neither
 };
 
 struct mean_level {
@@ -230,12 +238,37 @@ static double sunk(const struct laying *l, vec3 p, double floor) {
     return floor + higher(SHEET * rank * rank * (p.z - floor), p.z - floor - l->way_most);
 }
 
+static bool sinks(const struct conform *c, const struct laying *l, uint32_t v) {
+    return l->shares[v] > c->laid[v] + LEAST_SHARE;
+}
+
 static void sink(struct conform *c, const struct laying *l) {
     for (uint32_t i = 0; i < c->active_count; i++) {
         uint32_t v = c->active[i];
         vec3 p = c->surface->start[v];
         p.z += l->shares[v] * (sunk(l, p, l->floors[v]) - p.z);
-        c->positions[v] = p;
+        c->positions[v] = sinks(c, l, v) ? p : c->sound[v];
+    }
+}
+
+static vec3 middle_of(const struct conform *c, uint32_t vertex) {
+    uint32_t degree = conform_degree(c, vertex);
+    vec3 sum = {0};
+    for (uint32_t k = 0; k < degree; k++)
+        sum =
+            vec3_add(sum, c->positions[c->surface->opposites[c->surface->first[vertex] + k].from]);
+    return degree ? vec3_scale(1.0 / degree, sum) : c->positions[vertex];
+}
+
+// What is soft goes to the middle of its neighbours.
+static void smooth(struct conform *c, const struct laying *l) {
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        for (uint32_t i = 0; i < c->active_count; i++)
+            if (l->soft[c->active[i]])
+                c->step[i] = middle_of(c, c->active[i]);
+        for (uint32_t i = 0; i < c->active_count; i++)
+            if (l->soft[c->active[i]])
+                c->positions[c->active[i]] = c->step[i];
     }
 }
 
@@ -245,7 +278,7 @@ static bool rise(void *context, size_t cell, double distance2) {
     return true;
 }
 
-// Where it crosses itself the sheet gets thicker.
+// Where it crosses itself the sheet gets thicker; if that is not enough, it gets smooth.
 static void thicken(struct conform *c, struct plan *plan) {
     memset(plan->rising, 0, cell_count(plan) * sizeof *plan->rising);
     for (uint32_t i = 0; i < c->active_count; i++)
@@ -255,30 +288,60 @@ static void thicken(struct conform *c, struct plan *plan) {
         plan->level[i] += plan->rising[i];
 }
 
-static void lay(struct conform *c, struct laying *l) {
-    sink(c, l);
-    for (int round = 1; round < LEVELS && conform_cross(c); round++) {
-        thicken(c, &l->plan);
-        sink(c, l);
-    }
-    conform_go_back(c, HALVINGS);
+static void soften(struct conform *c, struct laying *l, int rings) {
+    conform_spread(c, rings);
     for (uint32_t i = 0; i < c->active_count; i++)
-        if (!(c->factor[c->active[i]] < 1))
-            c->laid[c->active[i]] = l->shares[c->active[i]];
+        l->soft[c->active[i]] |= c->tied[c->active[i]];
 }
 
+static void lay(struct conform *c, struct laying *l) {
+    sink(c, l);
+    for (int round = 1; round < ROUNDS && conform_cross(c); round++) {
+        thicken(c, &l->plan);
+        if (round >= SOFT_ROUND)
+            soften(c, l, 1 + (round - SOFT_ROUND) / 2);
+        sink(c, l);
+        smooth(c, l);
+    }
+    conform_go_back(c, HALVINGS);
+    for (uint32_t i = 0; i < c->active_count; i++) {
+        uint32_t v = c->active[i];
+        bool clean = !l->soft[v] && !(c->factor[v] < 1);
+        if (sinks(c, l, v) && c->factor[v] > 0) // else it is tried again after the next cut
+            c->laid[v] = clean ? l->shares[v] : lower(l->shares[v], MOVABLE);
+    }
+}
+
+static bool is_beside(const struct conform *c, const struct laying *l, uint32_t v, uint8_t ring) {
+    for (uint32_t k = c->surface->first[v]; k < c->surface->first[v + 1]; k++) {
+        uint32_t at = c->surface->opposites[k].from;
+        if (l->rings[at] && l->rings[at] <= ring)
+            return true;
+    }
+    return false;
+}
+
+// What sinks, and some rings around it, which make room where they must.
 static void choose(struct conform *c, struct laying *l) {
     const struct match_surface *s = c->surface;
     l->shares = alloc(s->vertex_count, sizeof *l->shares);
     l->floors = alloc(s->vertex_count, sizeof *l->floors);
+    l->soft = alloc(s->vertex_count, sizeof *l->soft);
+    l->rings = alloc(s->vertex_count, sizeof *l->rings);
     for (uint32_t v = 0; v < s->vertex_count; v++) {
         l->way_most = higher(l->way_most, vec3_length(s->way[v]));
         l->shares[v] = share_of(&l->plan, s->start[v]);
-        if (!(l->shares[v] > c->laid[v]))
-            continue;
-        l->floors[v] = floor_at(&l->plan, s->start[v]);
-        c->active[c->active_count++] = v;
+        l->rings[v] = sinks(c, l, v);
+        if (l->rings[v])
+            l->floors[v] = floor_at(&l->plan, s->start[v]);
     }
+    for (uint8_t ring = 1; ring <= RINGS; ring++)
+        for (uint32_t v = 0; v < s->vertex_count; v++)
+            if (!l->rings[v] && c->laid[v] < 1 && is_beside(c, l, v, ring))
+                l->rings[v] = ring + 1;
+    for (uint32_t v = 0; v < s->vertex_count; v++)
+        if (l->rings[v])
+            c->active[c->active_count++] = v;
 }
 
 void conform_lay(struct conform *c, const struct mesh *tissue) {
@@ -295,6 +358,8 @@ void conform_lay(struct conform *c, const struct mesh *tissue) {
     plan_fini(&l.plan);
     free(l.shares);
     free(l.floors);
+    free(l.soft);
+    free(l.rings);
 }
 
 // ---- what it holds ------------------------------------------------------------------------------

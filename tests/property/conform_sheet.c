@@ -66,6 +66,27 @@ static void where_nothing_is_left_the_touch_lies_on_the_underside(void **state) 
     body_fini(&b);
 }
 
+// What bites have shaped lies beside it, and makes room.
+static void it_lies_down_after_bites_too(void **state) {
+    (void)state;
+    struct random r = {2}; // here smoothing is needed
+    struct cut_state cut;
+    struct body b;
+    body_giving_meniscus(&b, 8);
+    for (int i = 0; i < 24; i++)
+        if (body_bite(&b, &r, &cut)) {
+            follow(b.conform, &cut, true);
+            cut_state_fini(&cut);
+        }
+    double before = cut_mesh_volume(b.cut);
+    body_take_section(&b, &cut);
+    follow(b.conform, &cut, true);
+    assert_true(body_apart_mm3(&b, &cut, true) < 0.1 * (before - cut.volume));
+    assert_int_equal(body_crossings(&b), 0);
+    cut_state_fini(&cut);
+    body_fini(&b);
+}
+
 static void nothing_sinks_farther_than_the_greatest_resection_moves_it(void **state) {
     (void)state;
     struct cut_state cut;
@@ -126,6 +147,7 @@ static void what_lies_down_stays_and_can_be_taken_back(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(where_nothing_is_left_the_touch_lies_on_the_underside),
+        cmocka_unit_test(it_lies_down_after_bites_too),
         cmocka_unit_test(nothing_sinks_farther_than_the_greatest_resection_moves_it),
         cmocka_unit_test(what_lies_down_stays_and_can_be_taken_back),
     };

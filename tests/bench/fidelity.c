@@ -130,8 +130,11 @@ static void take_means(struct fidelity *f, const char *name) {
     take_worst(&f->worst[WORST_NOISE], samples_mean(&f->noisy), name);
     take_worst(&f->worst[WORST_LATE], samples_mean(&f->late), name);
     report_figure(f->report, samples_mean(&f->noisy), "mm", "%s/touch under noise", name);
+    report_figure(f->report, samples_mean(&f->sideways), "mm",
+                  "%s/touch under noise, sideways alone", name);
     report_figure(f->report, samples_mean(&f->late), "mm", "%s/late in cavities", name);
     samples_fini(&f->noisy);
+    samples_fini(&f->sideways);
     samples_fini(&f->late);
 }
 
@@ -274,7 +277,8 @@ static const struct {
      "0.01 mm"},
     {"touch_noise_mm",
      "of a knee, the mean over its lesions of |W - displacement of the point that "
-     "is touched|"},
+     "is touched|. Sideways alone: what of that a field cannot help, the displacement of the point "
+     "nearest to the noisy one in its place"},
     {"late_error_mm_25mms_20ms",
      "of a knee, the mean over cavities, exposed and under the meniscus, with the derivative"},
     {"unit_dependence_mm", "a coordinate that is rounded otherwise may give another tree"},

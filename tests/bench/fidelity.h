@@ -46,7 +46,8 @@ struct fidelity {
     struct report *report;
     bool quick;
     struct worst_of worst[WORST_COUNT];
-    struct samples noisy, late; // of one knee: errors under noise, and of late replies in cavities
+    // Of one knee: errors under noise, those of its sideways part alone, late replies in cavities.
+    struct samples noisy, sideways, late;
     double key_error_mm, rest_mm; // of torn ligaments, the largest
     size_t folds;                 // of the cases that ship, but where the harmonic folds
 };

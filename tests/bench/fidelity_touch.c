@@ -1,3 +1,4 @@
+#include "base/check.h"
 #include "fidelity.h"
 
 #include <stdio.h>
@@ -45,6 +46,18 @@ static double touch_error(const struct anatomy *anatomy, enum variant variant,
     return vec3_distance(variant_warp(anatomy, variant, y).displacement, touch->delta);
 }
 
+// What the sideways part of the noise alone does: no field that is exact on the surface can tell
+// which point of it was meant.
+static double sideways_error(const struct anatomy *anatomy, int group, const struct touch *touch,
+                             vec3 y) {
+    const struct warp_surface *surface = &anatomy->surfaces[group];
+    vec3 p = pose_apply_inverse(anatomy->T_world_body[surface->body], y);
+    struct closest c;
+    bool found = query_closest(surface->query, p, INFINITY, MESH_NONE, &c);
+    CHECK(found);
+    return vec3_distance(warp_of_contact(&anatomy->scene, group, &c), touch->delta);
+}
+
 static struct touch touch_on(const struct anatomy *anatomy, int group, uint32_t triangle,
                              struct random *r) {
     const struct mesh *mesh = anatomy->surfaces[group].mesh;
@@ -70,12 +83,20 @@ struct errors {
     struct samples of[OFFSET_COUNT], noisy, gain;
 };
 
+struct all_errors {
+    struct errors of[VARIANT_COUNT];
+    struct samples sideways;
+};
+
 static void add_errors(const struct scene_of_lesion *scene, int group, const struct touch *touch,
-                       struct random *r, struct errors errors[VARIANT_COUNT]) {
+                       struct random *r, struct all_errors *all) {
+    struct errors *errors = all->of;
     const struct anatomy *anatomy = scene->anatomy;
     bool is_hollow = anatomy->hollow >> group & 1;
     vec3 noisy = vec3_add_scaled(touch->point, NOISE_MM * random_normal(r), random_direction(r));
     vec3 beside = vec3_add_scaled(touch->point, random_between(r, 0, BESIDE_MM), touch->normal);
+    if (!is_hollow)
+        samples_add(&all->sideways, sideways_error(anatomy, group, touch, noisy));
     for (int k = 0; k < VARIANT_COUNT; k++) {
         enum variant variant = (enum variant)k;
         if (!fidelity_takes(scene, variant) || (is_hollow && k >= VARIANT_INTEGRAL))
@@ -92,7 +113,7 @@ static void add_errors(const struct scene_of_lesion *scene, int group, const str
 
 // One point for each `spacing` of area.
 static void touch_group(const struct scene_of_lesion *scene, int group, double spacing,
-                        struct errors errors[VARIANT_COUNT]) {
+                        struct all_errors *errors) {
     const struct mesh *mesh = scene->anatomy->surfaces[group].mesh;
     struct random r = {1000 * scene->seed + (uint64_t)group};
     double due = 0;
@@ -107,8 +128,8 @@ static void touch_group(const struct scene_of_lesion *scene, int group, double s
     }
 }
 
-static void report_errors(const struct scene_of_lesion *scene,
-                          struct errors errors[VARIANT_COUNT]) {
+static void report_errors(const struct scene_of_lesion *scene, struct all_errors *all) {
+    struct errors *errors = all->of;
     for (int k = 0; k < VARIANT_COUNT; k++) {
         enum variant variant = (enum variant)k;
         if (!fidelity_takes(scene, variant))
@@ -126,26 +147,33 @@ static void report_errors(const struct scene_of_lesion *scene,
     if (!scene->is_moved)
         fidelity_figure(scene, VARIANT_INTEGRAL_SKIN, "touch/noise/over no skin", "times",
                         samples_mean(noisy) / samples_mean(&errors[VARIANT_INTEGRAL].noisy));
-    for (size_t i = 0; i < noisy->count; i++)
+    report_figure(scene->fidelity->report, samples_mean(&all->sideways), "mm",
+                  "%s/touch/noise sideways alone", scene->name);
+    CHECK(noisy->count == all->sideways.count);
+    for (size_t i = 0; i < noisy->count; i++) {
         samples_add(&scene->fidelity->noisy, noisy->values[i]);
+        samples_add(&scene->fidelity->sideways, all->sideways.values[i]);
+    }
 }
 
 void fidelity_touch(const struct scene_of_lesion *scene) {
-    struct errors errors[VARIANT_COUNT] = {0};
+    struct all_errors all = {0};
+    struct errors *errors = all.of;
     for (size_t f = 0; f < FLEXION_COUNT; f++) {
         anatomy_flex(scene->anatomy, flexions_deg[f]);
         for (int i = 0; i < scene->anatomy->scene.surface_count; i++)
-            touch_group(scene, i, scene->fidelity->quick ? 16 : 2, errors);
+            touch_group(scene, i, scene->fidelity->quick ? 16 : 2, &all);
     }
     anatomy_flex(scene->anatomy, 0);
     report_figure(scene->fidelity->report, (double)errors[VARIANT_INTEGRAL_SKIN].noisy.count,
                   "points", "%s/touched", scene->name);
     if (errors[VARIANT_INTEGRAL_SKIN].noisy.count)
-        report_errors(scene, errors);
+        report_errors(scene, &all);
     for (int k = 0; k < VARIANT_COUNT; k++) {
         for (size_t i = 0; i < OFFSET_COUNT; i++)
             samples_fini(&errors[k].of[i]);
         samples_fini(&errors[k].noisy);
         samples_fini(&errors[k].gain);
     }
+    samples_fini(&all.sideways);
 }

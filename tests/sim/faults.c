@@ -16,7 +16,7 @@ const char *const fault_names[FAULT_COUNT] = {
     "server handed over", "server killed",     "server lost power",   "station killed",
     "station restarted",  "disk full",         "disk slow",           "writes failed",
     "fdatasync failed",   "clock stepped",     "time of day stepped", "device silent",
-    "threads held up",
+    "threads held up",    "second server",
 };
 
 struct going {
@@ -196,12 +196,21 @@ static void end_station(enum fault fault, int station) {
         station_stop(station);
 }
 
+static void try_second_server(void) {
+    if (!hall_is_up())
+        return;
+    faults.counts[FAULT_SECOND_SERVER]++;
+    hall_try_second();
+}
+
 static void begin_one(enum fault fault) {
     int station = (int)below((uint64_t)faults.stations);
     if (fault >= FAULT_SERVER_ENDED && fault <= FAULT_SERVER_POWER)
         end_server(fault);
     else if (fault == FAULT_STATION_KILLED || fault == FAULT_STATION_RESTARTED)
         end_station(fault, station);
+    else if (fault == FAULT_SECOND_SERVER)
+        try_second_server();
     else if (fault == FAULT_CLOCK_STEP || fault == FAULT_UTC_STEP)
         step_clock(station, fault == FAULT_UTC_STEP);
     else

@@ -29,6 +29,7 @@ enum fault {
     FAULT_UTC_STEP,
     FAULT_DEVICE,
     FAULT_STALLS,
+    FAULT_SECOND_SERVER,
     FAULT_COUNT
 };
 

@@ -14,7 +14,7 @@
 #define WAIT_S 30
 
 static struct {
-    struct sim_process process;
+    struct sim_process process, second;
     struct sim_thread *main, *instructor;
     struct sessions_config config;
     struct sessions *sessions;
@@ -159,6 +159,7 @@ void hall_begin(uint64_t seed, const char *dir, int stations) {
     memset(&hall, 0, sizeof hall);
     hall.random = (struct random){seed};
     hall.process = (struct sim_process){.name = "server", .index = SIM_SERVER};
+    hall.second = (struct sim_process){.name = "a second server", .index = SIM_SERVER};
     configure(dir, stations);
 }
 
@@ -175,6 +176,24 @@ void hall_start(void) {
     streams_go_silent(false);
     happened("the server is started");
     hall.main = sim_start(&hall.process, serve, NULL);
+}
+
+// A server on the same folders, while this one serves. It is refused before it waits for anything.
+static void *serve_too(void *nothing) {
+    struct error err;
+    struct sessions *sessions;
+    enum result result = sessions_create(&hall.config, &hall.cancelled, &sessions, &err);
+    if (result == RESULT_OK)
+        broken("no session is served by two", "a second server starts");
+    happened("a second server: %s", err.text);
+    return nothing;
+}
+
+void hall_try_second(void) {
+    struct sim_thread *second = sim_start(&hall.second, serve_too, NULL);
+    hall.second.dead = true; // what it does is seen by nobody
+    sim_run_dead(&hall.second, second);
+    sim_forget(&second);
 }
 
 static void ask_to_end(void) {

@@ -14,6 +14,8 @@ void hall_begin(uint64_t seed, const char *dir, int stations);
 void hall_start(void);
 // ENDED and HANDED_OVER take their time; the others are at once.
 void hall_end(enum hall_death death);
+// Another server is started on the same folders; it must be refused.
+void hall_try_second(void);
 bool hall_is_up(void);
 bool hall_has_ended(void);            // and may be started
 struct sessions *hall_sessions(void); // NULL: not up

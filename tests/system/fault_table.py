@@ -27,7 +27,7 @@ from relay import DOWN, UP, Network, Relay  # noqa: E402
 from websocket import Viewer  # noqa: E402
 
 PROBE = 4
-RATE_HZ = 100
+RATE_HZ, SHORT_RATE_HZ = 100, 50
 BEFORE_S, AFTER_S = 1.0, 2.0
 STEP_CLOCK = os.environ["ARTHRON_STEP_CLOCK"]
 
@@ -40,7 +40,7 @@ class Row:
 
 # gap_s: how long a trainee may be without a pose, besides a busy machine.
 ROWS = [
-    Row("nothing"),
+    Row("nothing", by_hand=True),
     Row("5 % lost", by_hand=True, loss=0.05),
     Row("20 % lost", loss=0.2),
     Row("20 % come twice", by_hand=True, twice=0.2),
@@ -54,7 +54,7 @@ ROWS = [
     Row("nothing passes", cut=True, short_s=1.0, gap_s=6.0),
     Row("clock - 2 s", step_ms=-2000),
     Row("clock - 150 ms", step_ms=-150),
-    Row("clock + 2 s", step_ms=2000),
+    Row("clock + 2 s", step_ms=2000, by_hand=True),
 ]
 
 
@@ -111,7 +111,7 @@ class Place:
 name = {self.name}
 server = {place}
 keys = keys-{self.name}
-rate_hz = {RATE_HZ}
+rate_hz = {RATE_HZ if hall.seconds else SHORT_RATE_HZ}
 [view]
 port = {self.view_port}
 [device hands]

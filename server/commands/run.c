@@ -42,6 +42,7 @@ static const char help[] =
 static const char program[] = "arthron-server run";
 
 #define START_PATIENCE_S 3
+#define DESCRIPTORS_BESIDE 512
 
 static atomic_int ended; // the signal that ends the server, or 0
 static atomic_bool ends, is_ready;
@@ -111,13 +112,19 @@ static int serve_until_end(const struct server_config *config) {
     return 0;
 }
 
-// Two for each station, and those of browsers: more than the 1024 that many systems begin with.
-static void raise_descriptors(void) {
+// Two for each station, and those of browsers and of the server itself.
+static void raise_descriptors(int stations) {
     struct rlimit limit;
     if (getrlimit(RLIMIT_NOFILE, &limit))
         return;
     limit.rlim_cur = limit.rlim_max;
     setrlimit(RLIMIT_NOFILE, &limit);
+    rlim_t needed = 2 * (rlim_t)stations + DESCRIPTORS_BESIDE;
+    if (limit.rlim_cur < needed)
+        log_warning("server",
+                    "the system gives %lu descriptors, and %lu may be needed: some stations may be "
+                    "refused. Raise the limit (LimitNOFILE)",
+                    (unsigned long)limit.rlim_cur, (unsigned long)needed);
 }
 
 struct request {
@@ -163,7 +170,7 @@ static int serve(const struct request *request) {
         log_warning("server", "the field of sessions is %s, for a bench",
                     field_name(request->field));
     field->kind = request->field;
-    raise_descriptors();
+    raise_descriptors(config.sessions.station_count);
     catch_ends();
     memory_keep_back(MEMORY_KEPT_BACK);
     log_limit_lines();

@@ -108,7 +108,7 @@ static void print_live(struct loop *loop) {
     if (latency_ms > 0)
         snprintf(filter, sizeof filter, "  filter %.1f ms", latency_ms);
     printf("%5" PRIu64
-           " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  lost %" PRIu64
+           " poses/s  round trip %6.0f us p50 %6.0f us p99  warp %5.2f mm  unanswered %" PRIu64
            "%s  %s%s%s\n",
            loop->warped_second, meter_percentile_us(&loop->second, 0.5),
            meter_percentile_us(&loop->second, 0.99), predict_warp_mm(loop->predict),

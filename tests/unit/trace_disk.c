@@ -318,6 +318,40 @@ static void many_writers_share_two_threads_and_touch_little_memory(void **state)
     assert_int_equal(threads_now(), threads);
 }
 
+static atomic_uint_fast64_t written_before, written_end; // bytes of `path` below the end
+
+ssize_t __real_pwrite(int fd, const void *bytes, size_t size, off_t at);
+ssize_t __wrap_pwrite(int fd, const void *bytes, size_t size, off_t at);
+ssize_t __wrap_pwrite(int fd, const void *bytes, size_t size, off_t at) {
+    if ((uint64_t)at < atomic_load(&written_end))
+        atomic_fetch_add(&written_before, size);
+    return __real_pwrite(fd, bytes, size, at);
+}
+
+// The program may have ended after a failed fdatasync. Then pages that are not on disk count as
+// clean, until they are written again.
+static void what_may_not_be_on_disk_is_written_again_when_a_trace_goes_on(void **state) {
+    (void)state;
+    struct error err;
+    struct trace_writer *writer = start_writing();
+    for (uint64_t n = 1; n <= 50; n++)
+        append_step(writer, n);
+    trace_writer_leave(&writer);
+    struct trace_reader *reader = open_trace(path);
+    struct trace_record record;
+    while (trace_read(reader, &record, NULL) == RESULT_OK)
+        continue;
+    struct trace_place place = trace_reader_place(reader);
+    trace_reader_destroy(&reader);
+    atomic_store(&written_end, place.offset);
+    if (trace_writer_resume(path, &place, 0, NULL, &writer, &err) != RESULT_OK)
+        fail_msg("%s", err.text);
+    atomic_store(&written_end, 0);
+    assert_int_equal(atomic_load(&written_before), place.offset);
+    trace_writer_destroy(&writer);
+    assert_int_equal(steps_in(path), 50);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_killed_writer_leaves_all_that_was_written),
@@ -328,6 +362,7 @@ int main(void) {
         cmocka_unit_test(bytes_lost_by_a_failed_sync_are_rewritten_and_reported),
         cmocka_unit_test(a_disk_that_works_again_is_told_while_steps_come),
         cmocka_unit_test(a_sync_that_fails_at_the_end_is_tried_again),
+        cmocka_unit_test(what_may_not_be_on_disk_is_written_again_when_a_trace_goes_on),
         cmocka_unit_test(many_writers_share_two_threads_and_touch_little_memory),
     };
     return cmocka_run_group_tests_name("trace_disk", tests, make_folder, remove_folder);

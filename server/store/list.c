@@ -157,7 +157,8 @@ enum result store_find_sessions(struct store *store, const struct store_filter *
         "(SELECT trainee_id FROM enrolment WHERE course_id = "
         "(SELECT id FROM course WHERE name = ?2))) AND (?3 IS NULL OR knee_case.name = ?3) AND "
         "(?4 IS NULL OR (s.start_utc_ns, s.id) < "
-        "(SELECT start_utc_ns, id FROM session WHERE uuid = ?4)) "
+        "(SELECT b.start_utc_ns, b.id FROM session b LEFT JOIN trainee w ON w.id = b.trainee_id "
+        "WHERE b.uuid = ?4 AND (?1 IS NULL OR w.name = ?1))) "
         "ORDER BY s.start_utc_ns DESC, s.id DESC LIMIT ?5",
         &statement, err, "tttti", filter->trainee, filter->course, filter->case_name,
         filter->before, (int64_t)filter->limit);

@@ -317,7 +317,7 @@ enum result store_sessions_of(struct store *store, const char *trainee, store_ro
 // A NULL field matches every session.
 struct store_filter {
     const char *trainee, *course, *case_name; // course: of its trainees
-    const char *before;                       // only those that began before this session
+    const char *before; // only those that began before this session (of `trainee`, if given)
     int limit;
 };
 

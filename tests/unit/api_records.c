@@ -39,12 +39,10 @@ static void a_trainee_sees_no_session_but_their_own(void **state) {
 
 static void a_list_of_a_trainee_has_their_own_sessions_whatever_is_asked_for(void **state) {
     (void)state;
-    static const char *const queries[] = {"",
-                                          "?trainee=ada",
-                                          "?course=autumn",
-                                          "?case=healthy&limit=1",
-                                          "?before=" SESSION_EVE,
-                                          "?before=" SESSION_NOBODY};
+    static const char *const queries[] = {"", "?trainee=ada", "?course=autumn",
+                                          "?case=healthy&limit=1"};
+    static const char *const before_none[] = {"?before=" SESSION_EVE, "?before=" SESSION_NOBODY,
+                                              "?before=ffffffffffffffffffffffffffffffff"};
     const char *tokens[] = {token_of("ada.l"), token_of_code("ada")};
     for (int who = 0; who < 2; who++)
         for (size_t i = 0; i < sizeof queries / sizeof *queries; i++) {
@@ -55,6 +53,12 @@ static void a_list_of_a_trainee_has_their_own_sessions_whatever_is_asked_for(voi
             assert_string_equal(text_at("sessions.0.id"), SESSION_ADA);
             assert_true(json_is_null(json_object_get(said, "next")));
         }
+    for (int i = 0; i < 3; i++) { // another's is as one that does not exist
+        char path[96];
+        snprintf(path, sizeof path, "/sessions%s", before_none[i]);
+        assert_int_equal(ask("GET", path, tokens[0], NULL), 200);
+        assert_int_equal(count_at("sessions"), 0);
+    }
     assert_int_equal(ask("GET", "/sessions?trainee=eve", tokens[0], NULL), 200);
     assert_int_equal(count_at("sessions"), 0);
     assert_int_equal(ask("GET", "/sessions?trainee=%65ve&limit=500", token_of("grace"), NULL), 200);

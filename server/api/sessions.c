@@ -181,6 +181,7 @@ void get_session_trace(struct api_call *call) {
         return;
     r->status = 200;
     snprintf(r->file, sizeof r->file, "%s", path);
+    snprintf(r->owner, sizeof r->owner, "%s", call->principal.actor);
     snprintf(r->type, sizeof r->type, "application/octet-stream");
     snprintf(r->download, sizeof r->download, "%.32s.trace", call->args[0]);
 }

@@ -14,7 +14,9 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#define WEB_PIECE 32768 // of an answer, written at once
+#define WEB_PIECE 32768      // of an answer, written at once
+#define WEB_DOWNLOADS_MAX 64 // at a time
+#define WEB_DOWNLOADS_OWN 4  // of one owner
 
 struct web_connection;
 
@@ -62,6 +64,7 @@ struct web_connection {
     bool head_sent;
     size_t sent; // of the answer's bytes
     struct live_socket *live;
+    char downloader[64]; // whose file is the answer; empty: nobody's
 };
 
 struct web {
@@ -81,6 +84,7 @@ struct web {
     atomic_bool woken;                               // any thread
     struct web_connection *sockets[WEB_VIEWERS_MAX]; // NULL: free
     int open_sockets;
+    struct web_connection *downloads[WEB_DOWNLOADS_MAX]; // NULL: free
     uint8_t header[LWS_PRE]; // libwebsockets writes its own before the bytes
     uint8_t bytes[WEB_BATCH_MAX];
 };

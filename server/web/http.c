@@ -283,12 +283,46 @@ int http_end_body(struct web_connection *c) {
     return c->state == CONNECTION_READING ? dispatch(c) : 0;
 }
 
+// A slow download keeps its connection for long. False: this person has as many as they may.
+static bool begin_download(struct web_connection *c, const char *downloader) {
+    struct web_connection **place = NULL;
+    int own = 0;
+    for (int i = 0; i < WEB_DOWNLOADS_MAX; i++) {
+        struct web_connection **at = &c->web->downloads[i];
+        if (!*at)
+            place = at;
+        else
+            own += !strcmp((*at)->downloader, downloader);
+    }
+    if (!place || own >= WEB_DOWNLOADS_OWN)
+        return false;
+    *place = c;
+    snprintf(c->downloader, sizeof c->downloader, "%s", downloader);
+    return true;
+}
+
+static void end_download(struct web_connection *c) {
+    for (int i = 0; c->downloader[0] && i < WEB_DOWNLOADS_MAX; i++)
+        if (c->web->downloads[i] == c)
+            c->web->downloads[i] = NULL;
+    c->downloader[0] = '\0';
+}
+
+static void answer_request(struct web_connection *c, struct web_task *task, struct answer answer) {
+    bool is_file = answer.file >= 0 && answer.left > 0 && task->downloader[0];
+    if (is_file && !begin_download(c, task->downloader)) {
+        answer_release(&answer);
+        answer = answer_refusal(503, "busy", "You have too many downloads; wait for one.", false);
+    }
+    send_answer(c, answer);
+}
+
 void http_task_done(struct web_connection *c, struct web_task *task) {
     struct answer answer = task->answer;
     task->answer = answer_none();
     lws_rx_flow_control(c->socket, 1);
     if (task->kind == WEB_TASK_REQUEST) {
-        send_answer(c, answer);
+        answer_request(c, task, answer);
         return;
     }
     c->task = NULL;
@@ -306,6 +340,7 @@ void http_task_done(struct web_connection *c, struct web_task *task) {
 
 static int finish(struct web_connection *c) {
     bool closes = c->answer.closes;
+    end_download(c);
     answer_release(&c->answer);
     c->state = CONNECTION_IDLE;
     if (closes)
@@ -350,6 +385,7 @@ int http_write(struct web_connection *c) {
 }
 
 void http_end(struct web_connection *c) {
+    end_download(c);
     lws_sul_cancel(&c->body_due);
     if (c->away)
         c->task->owner = NULL; // the pool have it

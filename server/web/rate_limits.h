@@ -3,8 +3,8 @@
 
 #include "base/bucket.h"
 
-#define WEB_CONNECTIONS_MAX 256
-#define WEB_CONNECTIONS_PER_ADDRESS 96
+#define WEB_CONNECTIONS_MAX 384
+#define WEB_CONNECTIONS_PER_ADDRESS 256 // a hall may have one, and a browser takes six
 #define WEB_REQUESTS_PER_S 40
 #define WEB_REQUESTS_BURST 200
 

@@ -5,6 +5,7 @@
 
 #include <pthread.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define THREADS 2
 #define SLOW_THREADS 3
@@ -54,6 +55,7 @@ static void answer_request(struct request_pool *p, struct web_task *task) {
         .address = task->address,
     };
     p->handler.on_request(p->handler.user, &request, &response);
+    memcpy(task->downloader, response.owner, sizeof task->downloader);
     task->answer = answer_of(&response, &task->options, p->cache);
 }
 

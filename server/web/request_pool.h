@@ -33,6 +33,7 @@ struct web_task {
     char *body; // owned; NULL: none
     size_t size;
     struct answer_options options;
+    char downloader[64]; // the answer's owner; empty: none
     // WEB_TASK_REQUEST, WEB_TASK_FILE
     struct answer answer;
     bool failed; // WEB_TASK_FILE: the file cannot be read

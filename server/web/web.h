@@ -47,6 +47,7 @@ struct web_response {
     char *body;    // of alloc or malloc; this room releases it
     size_t size;
     char file[512];     // instead of body: the path of a file, with Range; 404 if it cannot be read
+    char owner[64];     // who downloads the file; a few at a time for each owner, else 503
     bool stands_alone;  // a page with its own style, without scripts and links to other files
     bool compress;      // with gzip, for browsers that accept it; a compressed file is cached
     char etag[80];      // without quotes; empty: browsers must not store it

@@ -97,6 +97,7 @@ class Attack:
                 while self.goes_on() and answer.read(1024):
                     time.sleep(1)
                 connection.close()
+                time.sleep(0.2)
             except OSError:
                 time.sleep(0.5)
 
@@ -158,12 +159,12 @@ class GreedyTrainee(Hall, Siege, Bites):
         return took_s
 
     def watch_for(self, seconds):
-        """The longest that the wall took, and the steps of the session meanwhile."""
+        """How long the wall took, each time, and the steps of the session meanwhile."""
         first, end_s, walls = self.session()["steps"], time.monotonic() + seconds, []
         while time.monotonic() < end_s or not walls:
             walls.append(self.time_wall())
             time.sleep(0.5)
-        return {"wall": max(walls), "steps": (first, self.session()["steps"])}
+        return {"walls": walls, "steps": (first, self.session()["steps"])}
 
     def landings(self, trace):
         """(step, s from when a cut was asked for until it landed) of each."""
@@ -199,17 +200,19 @@ class GreedyTrainee(Hall, Siege, Bites):
                  for name, part in (("alone", alone), ("under attack", under))}
         self.figure("let in", let_in)
         for name, part in (("alone", alone), ("under attack", under)):
-            self.figure(f"the wall {name}, at most", part["wall"], "s")
+            self.figure(f"the wall {name}, median", statistics.median(part["walls"]), "s")
+            self.figure("... at most", max(part["walls"]), "s")
             if times[name]:
                 self.figure(f"{len(times[name])} cuts {name}, median", statistics.median(times[name]), "s")
         self.figure("entries of the audit log", grown)
         self.assertLessEqual(let_in.get("pages at once", 0), PAGES_MAY)
         self.assertGreater(let_in.get("pages at once", 0), 0)
+        self.assertGreater(let_in.get("download 503", 0), 0)
         self.assertLessEqual(grown, ENTRIES_MAY)
         self.assertLessEqual(let_in.get("sign-in 200", 0), SIGN_INS_MAY)
         self.assertEqual({name for name in let_in if " 5" in name} - {"report 503", "sign-in 503", "download 503"}, set())
         if FULL:
-            self.assertLess(under["wall"], OPEN_S)
+            self.assertLess(statistics.median(under["walls"]), OPEN_S)
 
 
 if __name__ == "__main__":

@@ -340,7 +340,7 @@ static int knock(void) {
 
 static void one_address_has_only_so_many_connections(void **state) {
     (void)state;
-    enum { MOST = 96 };
+    enum { MOST = 256 };
     int callers[MOST];
     for (int i = 0; i < MOST; i++)
         callers[i] = knock();

@@ -13,6 +13,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#define END_MS 500
 #define BUSY 10 // a machine on which others compute gives so much less processor time
 
 extern char **environ;
@@ -85,11 +86,21 @@ static size_t listen_to(const struct child *child, size_t size_max, uint8_t **ou
     return used;
 }
 
+// Its output is closed, as at its end. One that only closed it is ended.
 static int wait_for_end(const struct child *child) {
-    int status;
+    int status = 0;
+    pid_t ended = 0;
     close(child->from);
-    while (waitpid(child->pid, &status, 0) < 0)
-        CHECK(errno == EINTR);
+    for (int i = 0; i < END_MS && !ended; i++) {
+        ended = waitpid(child->pid, &status, WNOHANG);
+        if (!ended)
+            usleep(1000);
+    }
+    if (!ended)
+        kill(child->pid, SIGKILL);
+    while (!ended && (ended = waitpid(child->pid, &status, 0)) < 0 && errno == EINTR)
+        ended = 0;
+    CHECK(ended == child->pid);
     return status;
 }
 

@@ -186,6 +186,8 @@ enum result settings_load(const char *path, const struct setting_override *overr
                           int override_count, const struct setting_section *sections, void *user,
                           struct error *err) {
     struct loading l = {.sections = sections, .user = user};
+    struct error unread; // what is wanted is added to the error's text
+    err = err ? err : &unread;
     settings_folder(path, l.dir, sizeof l.dir);
     enum result result = entries_read(path, take_entry, &l, err);
     for (int i = 0; i < override_count && result == RESULT_OK; i++)

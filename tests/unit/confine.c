@@ -80,6 +80,11 @@ static int be_confined(const char *word) {
         return answer_much((size_t)300 << 20);
     if (!strcmp(word, "abort"))
         abort();
+    if (!strcmp(word, "linger")) { // says all, and stays
+        confine_answer(RESULT_OK, NULL, "x", 1);
+        close(STDOUT_FILENO);
+        sleep(60);
+    }
     if (!strcmp(word, "busy"))
         for (volatile int i = 0;; i++)
             continue;
@@ -136,7 +141,7 @@ static void what_it_refuses_is_told_in_its_words_on_one_line(void **state) {
 
 static void one_that_is_ended_or_answers_too_much_leaves_an_error(void **state) {
     (void)state;
-    static const char *const words[] = {"abort", "busy", "nothing", "much", "memory"};
+    static const char *const words[] = {"abort", "busy", "nothing", "much", "memory", "linger"};
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
         char *answer;
         size_t size;

@@ -11,11 +11,14 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #define GOODBYE_US (500 * LWS_US_PER_MS)
 #define UNSENT_MAX 16384
+#define ENOUGH_DESCRIPTORS 1024
+#define SHARES 5 // stations, traces, browsers, the console, all else
 
 struct ws_server {
     struct ws_server_handler handler;
@@ -124,11 +127,22 @@ static void complete(const struct ws_server *server, enum ws_server_kind kind,
     info->uid = -1;
 }
 
+// Where the system gives few descriptors, no server takes those of another one, nor of files: at
+// its share it accepts nobody until somebody has gone.
+static unsigned int share_of_descriptors(unsigned int wanted) {
+    struct rlimit limit;
+    if (!wanted || getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur >= ENOUGH_DESCRIPTORS)
+        return wanted;
+    unsigned int share = (unsigned int)limit.rlim_cur / SHARES;
+    return share < wanted ? share : wanted;
+}
+
 enum result ws_server_create(enum ws_server_kind kind, const struct lws_context_creation_info *info,
                              const struct ws_server_handler *handler, struct ws_server **out_server,
                              struct error *err) {
     struct ws_server *server = alloc(1, sizeof *server);
     struct lws_context_creation_info whole = *info;
+    whole.fd_limit_per_thread = share_of_descriptors(info->fd_limit_per_thread);
     server->handler = *handler;
     if (kind == WS_SERVER_TLS) {
         server->no_client = SSL_CTX_new(TLS_client_method());

@@ -3,12 +3,26 @@
 import os
 import re
 import resource
+import socket
 import unittest
 
-from arthron import SystemTest, call_json, text_of, wait_until
+from arthron import Process, SystemTest, call_json, program, text_of, wait_until
 
 ROOMS = [f"room-{i}" for i in range(1, 8)]
 MB = 1 << 20
+
+
+class Console(SystemTest):
+    def test_strangers_that_take_every_descriptor_leave_the_console_its_own(self):
+        server = Process(self.folder, "server", "prlimit", "--nofile=64:64", program("arthron-server"), "run",
+                         "--config", self.server_config())
+        self.processes.append(server)
+        server.wait_for_log("ready")
+        self.assertIn("the system gives 64 descriptors", server.log())
+        strangers = [socket.create_connection(("127.0.0.1", self.port)) for _ in range(80)]
+        self.assertEqual(len(self.sessions()), 1)
+        for stranger in strangers:
+            stranger.close()
 
 
 class Limits(SystemTest):

@@ -24,10 +24,6 @@ static enum result read_all(const char *dir, uint64_t *out_hash, struct error *e
     if (result != RESULT_OK)
         return result;
     *out_hash = knee->hash;
-#ifdef CONFINE_SANITIZED // too slow for a second time
-    case_destroy(&knee);
-    return RESULT_OK;
-#endif
     result = scene_create(&knee, &scene, err);
     if (result == RESULT_OK)
         scene_destroy(&scene);
@@ -52,6 +48,10 @@ int command_read_case(int argc, char **argv) {
 }
 
 enum result read_case_check(const char *dir, uint64_t *out_hash, struct error *err) {
+#ifdef CONFINE_SANITIZED // it ends at the fault itself, and has no time to read each case twice
+    *out_hash = 0;
+    return RESULT_OK;
+#endif
     char memory_mb[16];
     uint8_t *answer;
     size_t size;

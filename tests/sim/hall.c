@@ -143,6 +143,7 @@ static void configure(const char *dir, int stations) {
         c->settings.field = field_default(FIELD_INVERSE_DISTANCE), c->settings.avatar = AVATAR_TIP;
     snprintf(c->keys_dir, sizeof c->keys_dir, "%s/keys", dir);
     snprintf(c->traces_dir, sizeof c->traces_dir, "%s/traces", dir);
+    snprintf(c->records, sizeof c->records, "%s/records.db", dir);
     for (int i = 0; i < c->case_count; i++) {
         snprintf(c->cases[i].name, sizeof c->cases[i].name, "boxes%d", i);
         snprintf(c->cases[i].dir, sizeof c->cases[i].dir, "%s/case", dir);

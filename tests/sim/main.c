@@ -20,6 +20,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #define FAULTS_NS (90 * NS_PER_S)
 #define RECOVERY_NS (25 * NS_PER_S) // of silence 5 s, back-off 4 s, a name in use 5 s, a start
@@ -60,11 +61,25 @@ static void make_folder(void) {
     write_file(path, "authority.pem", "", 0);
 }
 
+static void remove_folder(void) {
+    folder_remove(dir);
+}
+
+static void remove_records(void) {
+    static const char *const ends[] = {"", "-wal", "-shm", "-server", "-audit"};
+    char path[FOLDER_MAX + 32];
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        snprintf(path, sizeof path, "%s/records.db%s", dir, ends[i]);
+        unlink(path);
+    }
+}
+
 static void begin(uint64_t seed, int stations, char traces[FOLDER_MAX + 16]) {
     struct random random = {seed};
     snprintf(traces, FOLDER_MAX + 16, "%s/traces", dir);
     folder_remove(traces);
     CHECK(!mkdir(traces, 0700));
+    remove_records();
     threads_begin(random_bits(&random));
     streams_begin();
     net_begin(random_bits(&random));
@@ -282,12 +297,13 @@ int main(int count, char **words) {
     double begin_s = real_seconds(CLOCK_MONOTONIC), took_s = 0;
     uint64_t seed = arguments.seed;
     make_folder();
+    report_at_end(remove_folder);
     uint64_t all = arguments.seeds ? run_listed(&arguments, &totals) : 0;
     do {
         all = all * 31 + run_and_finish(seed++, &arguments, &totals);
         took_s = real_seconds(CLOCK_MONOTONIC) - begin_s;
     } while (took_s < arguments.seconds);
     print(&totals, took_s, all);
-    folder_remove(dir);
+    remove_folder();
     return 0;
 }

@@ -16,6 +16,7 @@ static struct {
     uint64_t seed, hash;
     bool verbose;
     unsigned count;
+    void (*at_end)(void);
     char last[KEPT][192];
 } report;
 
@@ -24,6 +25,10 @@ void report_begin(uint64_t seed, bool verbose) {
     report.hash = 0xcbf29ce484222325u;
     report.verbose = verbose;
     report.count = 0;
+}
+
+void report_at_end(void (*run)(void)) {
+    report.at_end = run;
 }
 
 void report_hash(uint64_t value) {
@@ -64,6 +69,8 @@ _Noreturn void broken(const char *expected, const char *found, ...) {
     for (unsigned i = first; i < report.count && !report.verbose; i++)
         fprintf(stderr, "    %s\n", report.last[i % KEPT]);
     fprintf(stderr, "  again: tests/sim/run --seed %" PRIu64 "\n", report.seed);
+    if (report.at_end)
+        report.at_end();
     _exit(1);
 }
 

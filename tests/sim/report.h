@@ -5,6 +5,8 @@
 #include <stdint.h>
 
 void report_begin(uint64_t seed, bool verbose);
+// What is done before a broken run ends the program.
+void report_at_end(void (*run)(void));
 
 // An event, for the reader of a broken invariant.
 void happened(const char *format, ...) __attribute__((format(printf, 1, 2)));

@@ -11,6 +11,7 @@
 #include "sim/report.h"
 #include "sim/threads.h"
 #include "step/scene.h"
+#include "store/store.h"
 #include "websocket/tls_files.h"
 
 #include <stdarg.h>
@@ -127,6 +128,21 @@ enum result __wrap_console_create(const char *path, const struct console_handler
 void __wrap_console_destroy(struct console **console);
 void __wrap_console_destroy(struct console **console) {
     *console = NULL;
+}
+
+// ---- records ------------------------------------------------------------------------------------
+
+// The database is real, and whole after every write.
+enum result __real_store_open(const char *path, enum store_mode mode, const char *actor,
+                              struct store **out_store, struct error *err);
+enum result __wrap_store_open(const char *path, enum store_mode mode, const char *actor,
+                              struct store **out_store, struct error *err);
+enum result __wrap_store_open(const char *path, enum store_mode mode, const char *actor,
+                              struct store **out_store, struct error *err) {
+    *out_store = NULL;
+    if (sim_is_dead())
+        return fail(err, RESULT_IO, "%s: the server was killed", path);
+    return __real_store_open(path, mode, actor, out_store, err);
 }
 
 // ---- the watchdog -------------------------------------------------------------------------------

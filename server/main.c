@@ -1,5 +1,7 @@
 #include "base/argument.h"
 #include "commands/commands.h"
+#include "mesh/library_memory.h"
+#include "websocket/library_memory.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -33,6 +35,8 @@ static const struct {
 enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 
 int main(int argc, char **argv) {
+    libraries_use_our_memory();
+    cxx_libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
         return 0;

@@ -1,5 +1,6 @@
 #include "base/argument.h"
 #include "tools/tools.h"
+#include "websocket/library_memory.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -32,6 +33,7 @@ static const struct {
 enum { TOOL_COUNT = sizeof tools / sizeof *tools };
 
 int main(int argc, char **argv) {
+    libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
         return 0;

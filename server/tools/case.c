@@ -1,5 +1,6 @@
 #include "base/argument.h"
 #include "case_commands.h"
+#include "mesh/library_memory.h"
 
 #include <getopt.h>
 #include <math.h>
@@ -75,6 +76,7 @@ static void print_help(void) {
 }
 
 int main(int argc, char **argv) {
+    cxx_libraries_use_our_memory();
     static const struct option options[] = {
         {"help", no_argument, NULL, 'h'}, {"version", no_argument, NULL, 'V'}, {0}};
     int option;

@@ -1,5 +1,6 @@
 #include "base/argument.h"
 #include "base/clock.h"
+#include "mesh/library_memory.h"
 #include "trace_commands.h"
 
 #include <stdarg.h>
@@ -103,6 +104,7 @@ static void print_help(void) {
 }
 
 int main(int argc, char **argv) {
+    cxx_libraries_use_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         print_help();
         return EXIT_GOOD;

@@ -20,8 +20,9 @@ void chain_fini(struct chain *chain) {
 }
 
 void chain_add(struct chain *chain, const void *data, size_t size) {
-    CHECK(EVP_DigestInit_ex2(chain->context, chain->sha256, NULL) == 1 &&
-          EVP_DigestUpdate(chain->context, chain->value, sizeof chain->value) == 1 &&
-          EVP_DigestUpdate(chain->context, data, size) == 1 &&
-          EVP_DigestFinal_ex(chain->context, chain->value, NULL) == 1);
+    bool done = EVP_DigestInit_ex2(chain->context, chain->sha256, NULL) == 1 &&
+                EVP_DigestUpdate(chain->context, chain->value, sizeof chain->value) == 1 &&
+                EVP_DigestUpdate(chain->context, data, size) == 1 &&
+                EVP_DigestFinal_ex(chain->context, chain->value, NULL) == 1;
+    NEED(done, "memory");
 }

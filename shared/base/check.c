@@ -75,13 +75,15 @@ bool memory_is_short(void) {
     return is_short;
 }
 
-static void give_up_room(void) {
+bool memory_give_up(void) {
     pthread_mutex_lock(&kept.lock);
-    if (kept.size && kept.room != MAP_FAILED) {
+    bool was_there = kept.size && kept.room != MAP_FAILED;
+    if (was_there) {
         munmap(kept.room, kept.size);
         kept.room = MAP_FAILED;
     }
     pthread_mutex_unlock(&kept.lock);
+    return was_there;
 }
 
 static _Noreturn void end_without_memory(unsigned long count, unsigned long size) {
@@ -93,7 +95,7 @@ static _Noreturn void end_without_memory(unsigned long count, unsigned long size
 void *alloc(unsigned long count, unsigned long size) {
     void *memory = calloc(count ? count : 1, size);
     if (!memory) {
-        give_up_room();
+        memory_give_up();
         memory = calloc(count ? count : 1, size);
     }
     if (!memory)
@@ -104,7 +106,7 @@ void *alloc(unsigned long count, unsigned long size) {
 void *alloc_resize(void *memory, unsigned long count, unsigned long size) {
     void *resized = reallocarray(memory, count ? count : 1, size);
     if (!resized) {
-        give_up_room();
+        memory_give_up();
         resized = reallocarray(memory, count ? count : 1, size);
     }
     if (!resized)
@@ -116,7 +118,7 @@ void *alloc_aligned(size_t alignment, size_t size) {
     size_t whole = (size + alignment - 1) / alignment * alignment;
     void *memory = aligned_alloc(alignment, whole);
     if (!memory) {
-        give_up_room();
+        memory_give_up();
         memory = aligned_alloc(alignment, whole);
     }
     if (!memory)

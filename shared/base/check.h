@@ -12,9 +12,10 @@
 #define NEED(condition, what)                                                                      \
     ((condition) ? (void)0 : need_failed(what, __FILE__, __LINE__, __func__))
 
-_Noreturn void check_failed(const char *condition, const char *file, int line,
-                            const char *function);
-_Noreturn void need_failed(const char *what, const char *file, int line, const char *function);
+__attribute__((noreturn)) void check_failed(const char *condition, const char *file, int line,
+                                            const char *function);
+__attribute__((noreturn)) void need_failed(const char *what, const char *file, int line,
+                                           const char *function);
 
 // `last` is called once when a NEED ends the program, on any thread, which may hold any lock. It
 // allocates nothing and returns soon.
@@ -29,4 +30,5 @@ void *alloc_aligned(size_t alignment, size_t size);                        // un
 // Room that is kept back. Where memory runs out, it is given up, so that what is under way comes to
 // its end; whoever would begin anew asks first.
 void memory_keep_back(size_t size);
+bool memory_give_up(void);  // true: there was room to give up, so memory may be had now
 bool memory_is_short(void); // the room is gone and cannot be had again; any thread

@@ -115,7 +115,7 @@ size_t seal_seal(struct seal *seal, const uint8_t *message, size_t size, uint8_t
                 (!size || EVP_EncryptUpdate(c, text, &used, message, (int)size) == 1) &&
                 EVP_EncryptFinal_ex(c, tag, &used) == 1 &&
                 EVP_CIPHER_CTX_ctrl(c, EVP_CTRL_AEAD_GET_TAG, SEAL_TAG_SIZE, tag) == 1;
-    CHECK(done);
+    NEED(done, "memory");
     return size + SEAL_OVERHEAD;
 }
 

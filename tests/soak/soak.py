@@ -37,7 +37,7 @@ class Hall(Bites):
         self.answered, self.uncertain = [], 0
         self.poses = collections.Counter()
         self.rss_kb, self.descriptors = [], []
-        self.starts = 0
+        self.starts, self.relays = 0, {}
 
     # ---- the programs
 
@@ -90,6 +90,11 @@ class Hall(Bites):
         count = sum(p.label.startswith(name) for p in self.processes)
         self.stations[name] = self.spawn(f"{name}-{count}", self.plans[name],
                                          ("arthron-station", "run", "--config", path, "--json"), (0, 1))
+
+    def end_relays(self):
+        for relay in self.relays.values():
+            relay.kill()
+            relay.wait()
 
     # ---- what ended, and how
 
@@ -322,6 +327,9 @@ def end_in_order(hall, faults):
     wait_until("older traces are closed", lambda: all(info(hall, name)["whole"] or name in open_now(hall)
                                                       for name in traces(hall)), PATIENCE_S)
     hall.server.end()
+    hall.end_relays()
+    for process in hall.processes:
+        process.end()
 
 
 def traces(hall):
@@ -337,7 +345,7 @@ def open_now(hall):
 
 
 def judge_traces(hall):
-    verdicts, steps, missing, late = collections.Counter(), 0, 0, 0
+    verdicts, steps, missing = collections.Counter(), 0, 0
     for name in traces(hall):
         path = os.path.join(hall.traces, name)
         said = subprocess.run([program("arthron-trace"), "replay", path, "--json"], capture_output=True, text=True)
@@ -423,9 +431,7 @@ def run(hours, seed, stations):
                 process.process.send_signal(signal.SIGCONT)
                 process.process.kill()
                 process.process.wait()
-        for relay in getattr(hall, "relays", {}).values():
-            relay.kill()
-            relay.wait()
+        hall.end_relays()
     if hall.wrong:
         say(f"  its folder is kept: {hall.folder}")
         Hall.shared._finalizer.detach()

@@ -56,8 +56,10 @@ def numbers(count, most):
     return sorted({1, count, *random.Random(count).sample(range(1, count + 1), most)})[:most]
 
 
-def choices(options, count, i):
-    """Once and from then on; in a short run they take turns."""
+def choices(options, door, count, i):
+    """Once and from then on; in a short run they take turns. A signal interrupts once."""
+    if door == "poll":
+        return (False,)
     return (False, True) if options.full else ((i + count) % 2 == 1,)
 
 
@@ -79,7 +81,7 @@ def walk_program(scenario, options, tally):
             continue
         tally.calls[door] += count
         for i, n in enumerate(numbers(count, options.most)):
-            for on in choices(options, count, i):
+            for on in choices(options, door, count, i):
                 try_program(scenario, (door, n, on, caller), tally)
 
 
@@ -131,7 +133,7 @@ def walk_round(house, name, options, tally):
             continue
         tally.calls[door] += count
         for i, n in enumerate(numbers(count, options.most_in_hall)):
-            for on in choices(options, count, i):
+            for on in choices(options, door, count, i):
                 try_round(house, name, (door, n, on, caller), tally)
 
 

@@ -186,7 +186,7 @@ class Replay(OfTrace):
 
 
 class Csv(OfTrace):
-    name = "trace export"
+    name, in_short = "trace export", False
 
     def command(self, folder):
         return ["export", self.trace, "--csv", folder + "/out.csv"]

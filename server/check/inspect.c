@@ -156,7 +156,7 @@ static uint32_t more(uint32_t after, uint32_t before) {
 }
 
 // A cut in a part of the tissue leaves the touched surface between S' and S'_max, and so does
-// easing.
+// easing. The match ends creases of its own; what crosses has no room.
 static void inspect_way(const struct case_group *group, struct inspection *out) {
     struct mesh whole, between;
     struct folds worst = {0};
@@ -170,7 +170,8 @@ static void inspect_way(const struct case_group *group, struct inspection *out) 
         struct folds folds = folds_of(&between, NULL);
         folds = (struct folds){more(folds.crossed, before.crossed),
                                more(folds.creased, before.creased)};
-        if (folds.crossed + folds.creased <= worst.crossed + worst.creased)
+        if (folds.crossed < worst.crossed ||
+            (folds.crossed == worst.crossed && folds.creased <= worst.creased))
             continue;
         worst = folds;
         at = part;
@@ -178,7 +179,7 @@ static void inspect_way(const struct case_group *group, struct inspection *out) 
     mesh_fini(&whole);
     mesh_fini(&between);
     if (at > 0)
-        inspection_note(out, FINDING_FAULT, group->name,
+        inspection_note(out, worst.crossed ? FINDING_FAULT : FINDING_WARNING, group->name,
                         "maxcut: at %d %% of the way to it folded, %u pairs of triangles cross and "
                         "%u lie on one another",
                         100 * at / WAY_PARTS, worst.crossed, worst.creased);

@@ -38,7 +38,9 @@ int command_read_surface(int argc, char **argv) {
         {arrays.positions, 3 * (size_t)arrays.vertex_count * sizeof *arrays.positions},
         {arrays.triangles, 3 * (size_t)arrays.triangle_count * sizeof *arrays.triangles},
     };
-    return confine_answer_pieces(pieces, 3);
+    int code = confine_answer_pieces(pieces, 3);
+    import_arrays_fini(&arrays);
+    return code;
 }
 
 // What import_arrays promises. A reader that was taken over may answer anything.

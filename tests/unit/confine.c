@@ -64,7 +64,9 @@ static int try_all(void) {
 static int answer_much(size_t size) {
     char *much = alloc(size, 1);
     memset(much, 'x', size);
-    return confine_answer(RESULT_OK, NULL, much, size);
+    int code = confine_answer(RESULT_OK, NULL, much, size);
+    free(much);
+    return code;
 }
 
 static int be_confined(const char *word) {
@@ -86,7 +88,7 @@ static int be_confined(const char *word) {
         sleep(60);
     }
     if (!strcmp(word, "busy"))
-        for (volatile int i = 0;; i++)
+        for (volatile unsigned i = 0;; i++)
             continue;
     return EXIT_FAILURE; // without a word
 }

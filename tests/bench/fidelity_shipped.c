@@ -105,14 +105,17 @@ static void add_fold(struct shipped *s, const struct warp_contact *contacts, int
         s->filled += left <= (1 - FILLED_SHARE) * gap;
 }
 
-// A gap that is narrower than the grid is looked at once more, on a finer one around the place.
-static bool harmonic_folds_near(const struct harmonic_setup *setup, vec3 y) {
+// A gap that is narrower than the grid is looked at once more, on a finer one around the place,
+// with the values of the whole on its border.
+static bool harmonic_folds_near(const struct harmonic_setup *setup, const struct harmonic *whole,
+                                vec3 y) {
     const vec3 around = {FINE_BOX_MM, FINE_BOX_MM, FINE_BOX_MM};
     struct harmonic_setup fine = *setup;
     struct harmonic space;
     bool folds = false;
     fine.box = (struct box){vec3_sub(y, around), vec3_add(y, around)};
     fine.spacing_mm = FINE_MM;
+    fine.around = whole;
     harmonic_solve(&fine, &space);
     for (uint32_t i = 0; !folds && i < space.count; i++) {
         mat3 gradient;
@@ -143,12 +146,15 @@ static void tell_fold(const struct shipped *s, const struct warp_contact *contac
     report_text(s->fidelity->report, name, text);
 }
 
-static void look_at_node(struct shipped *s, const struct harmonic_setup *setup, vec3 y,
-                         bool harmonic_folds) {
+static void look_at_node(struct shipped *s, const struct harmonic_setup *setup,
+                         const struct harmonic *space, uint32_t node) {
     struct session_settings settings = session_settings_default();
     struct warp_contact contacts[WARP_SURFACES_MAX];
     struct warp_memory memory;
     struct warp warp;
+    mat3 gradient;
+    vec3 y = harmonic_place(space, node);
+    bool harmonic_folds = harmonic_gradient(space, node, &gradient) && is_folded(gradient);
     warp_memory_init(&memory);
     int count = warp_contacts(setup->scene, &settings.field, y, &memory, &warp, contacts);
     double determinant = mat3_determinant(mat3_add_scaled(mat3_identity(), 1, warp.gradient));
@@ -157,7 +163,7 @@ static void look_at_node(struct shipped *s, const struct harmonic_setup *setup, 
     if (determinant > 0)
         return;
     add_fold(s, contacts, count, y);
-    harmonic_folds = harmonic_folds || harmonic_folds_near(setup, y);
+    harmonic_folds = harmonic_folds || harmonic_folds_near(setup, space, y);
     s->beyond += !harmonic_folds;
     tell_fold(s, contacts, count, y, determinant, harmonic_folds);
 }
@@ -187,14 +193,10 @@ static void look_for_folds(struct shipped *s, const struct joint_angles *angles)
                                    .context = &hull};
     harmonic_solve(&setup, &space);
     for (uint32_t i = 0; i < space.count; i++) {
-        vec3 y = harmonic_place(&space, i);
-        mat3 gradient;
-        if (!anatomy_reaches(&stance.warp, s->hollow, y)) {
+        if (anatomy_reaches(&stance.warp, s->hollow, harmonic_place(&space, i)))
+            look_at_node(s, &setup, &space, i);
+        else
             s->left_out++;
-            continue;
-        }
-        bool folds = harmonic_gradient(&space, i, &gradient) && is_folded(gradient);
-        look_at_node(s, &setup, y, folds);
     }
     harmonic_fini(&space);
 }

@@ -44,6 +44,20 @@ static double snap(double at, double spacing, int up) {
     return spacing * (floor((at - SHIFT_MM) / spacing) + up) + SHIFT_MM;
 }
 
+static bool is_within(const struct harmonic_setup *setup, vec3 p) {
+    return !setup->is_within || setup->is_within(setup->context, p);
+}
+
+// The outermost nodes, which have the values of the solution around.
+static bool is_last(const struct grid *g, size_t node) {
+    for (int a = 0; a < 3; a++) {
+        size_t at = node / g->step[a] % (size_t)g->size[a];
+        if (at == 0 || at + 1 == (size_t)g->size[a])
+            return true;
+    }
+    return false;
+}
+
 static void grid_init(struct grid *g, const struct harmonic_setup *setup) {
     double h = setup->spacing_mm;
     *g = (struct grid){.setup = setup};
@@ -59,7 +73,7 @@ static void grid_init(struct grid *g, const struct harmonic_setup *setup) {
     CHECK(g->node_count < HARMONIC_NONE);
     g->is_within = alloc(g->node_count, 1);
     for (size_t n = 0; n < g->node_count; n++)
-        g->is_within[n] = !setup->is_within || setup->is_within(setup->context, node_place(g, n));
+        g->is_within[n] = is_within(setup, node_place(g, n)) && !(setup->around && is_last(g, n));
     for (int a = 0; a < 3; a++) {
         g->edges[a] = alloc(g->node_count, sizeof(uint32_t));
         for (size_t n = 0; n < g->node_count; n++)
@@ -286,6 +300,17 @@ struct equations {
     double largest; // of the values on boundaries
 };
 
+// Where it is not known nothing flows, but for as little as keeps the equations regular.
+static void take_border(const struct grid *g, struct equations *e, uint32_t i, size_t node) {
+    const struct harmonic_setup *setup = g->setup;
+    vec3 place = node_place(g, node), value = {0};
+    bool known =
+        !setup->around || !is_within(setup, place) || harmonic_at(setup->around, place, &value);
+    e->diagonal[i] += known ? 1 : SHARE_LEAST;
+    e->b[i] = vec3_add(e->b[i], value);
+    e->largest = fmax(e->largest, vec3_length(value));
+}
+
 static void set_row(const struct grid *g, struct harmonic *space, struct equations *e, uint32_t i) {
     for (int d = 0; d < 6; d++) {
         struct way way = way_from(g, space->nodes[i], d);
@@ -296,10 +321,11 @@ static void set_row(const struct grid *g, struct harmonic *space, struct equatio
             e->diagonal[i] += conductance;
             e->b[i] = vec3_add_scaled(e->b[i], conductance, value);
             e->largest = fmax(e->largest, vec3_length(value));
+        } else if (way.is_out) {
+            take_border(g, e, i, way.node);
         } else {
             e->diagonal[i] += 1;
-            if (!way.is_out)
-                space->neighbours[i][d] = space->index[way.node];
+            space->neighbours[i][d] = space->index[way.node];
         }
     }
 }
@@ -437,6 +463,25 @@ uint32_t harmonic_find(const struct harmonic *h, vec3 place) {
             return HARMONIC_NONE;
     double node = at[0] + h->size[0] * (at[1] + h->size[1] * at[2]);
     return h->index[(size_t)node];
+}
+
+bool harmonic_at(const struct harmonic *h, vec3 place, vec3 *out) {
+    vec3 steps = vec3_scale(1 / h->spacing_mm, vec3_sub(place, h->origin)), sum = {0};
+    double known = 0;
+    for (int x = 0; x < 2; x++)
+        for (int y = 0; y < 2; y++)
+            for (int z = 0; z < 2; z++) {
+                vec3 at = {floor(steps.x) + x, floor(steps.y) + y, floor(steps.z) + z};
+                vec3 off = vec3_sub(steps, at);
+                double weight = (1 - fabs(off.x)) * (1 - fabs(off.y)) * (1 - fabs(off.z));
+                uint32_t i = harmonic_find(h, vec3_add_scaled(h->origin, h->spacing_mm, at));
+                if (i == HARMONIC_NONE || weight < SHARE_LEAST)
+                    continue;
+                sum = vec3_add_scaled(sum, weight, h->values[i]);
+                known += weight;
+            }
+    *out = vec3_scale(known > 0 ? 1 / known : 0, sum);
+    return known > 0;
 }
 
 bool harmonic_gradient(const struct harmonic *h, uint32_t i, mat3 *out) {

@@ -12,14 +12,19 @@
 
 #define HARMONIC_NONE UINT32_MAX
 
+struct harmonic;
+
 struct harmonic_setup {
     const struct warp_scene *scene;
     uint32_t hollow;   // bit k: the space lies inside surface k, not outside
-    struct box box;    // W = 0 beyond
+    struct box box;    // beyond it W is that of `around`, 0 where that is NULL
     double spacing_mm; // nodes lie on multiples of it, all shifted alike: those of 1 mm are among
                        // those of 0.5 mm
     bool (*is_within)(const void *context, vec3 p); // W = 0 where it is false; NULL: nowhere
     const void *context;
+    // Of a larger box with the same surfaces, on a coarser grid. Where its space has no node next
+    // to the border of this box, nothing flows through that.
+    const struct harmonic *around;
 };
 
 // Zeroed: none. Of the nodes that are connected, without crossing a surface, to a region that sees
@@ -44,6 +49,9 @@ vec3 harmonic_place(const struct harmonic *harmonic, uint32_t i);
 
 // The same node of another grid, HARMONIC_NONE where it is not in that one's space.
 uint32_t harmonic_find(const struct harmonic *harmonic, vec3 place);
+
+// W by the nodes of the space among the eight around the place; false where there is none.
+bool harmonic_at(const struct harmonic *harmonic, vec3 place, vec3 *out_value);
 
 // ∂W/∂y by the next nodes along x, y and z; false where one of them is not there.
 bool harmonic_gradient(const struct harmonic *harmonic, uint32_t i, mat3 *out_gradient);

@@ -81,6 +81,50 @@ static void between_two_spheres_it_is_the_closed_solution_to_second_order(void *
     assert_true(coarse.rms / fine.rms > 3 && coarse.rms / fine.rms < 6);
 }
 
+// In a box on a finer grid that cuts both spheres, from place to place: what is around is told by a
+// coarse solution. Largest error up to 2 mm from the middle.
+static double error_around(const struct harmonic_setup *whole, const struct harmonic *around,
+                           vec3 middle) {
+    const vec3 half = {6, 6, 6};
+    struct harmonic_setup setup = *whole;
+    struct harmonic h;
+    double largest = 0;
+    setup.box = (struct box){vec3_sub(middle, half), vec3_add(middle, half)};
+    setup.spacing_mm = 0.5;
+    setup.around = around;
+    harmonic_solve(&setup, &h);
+    assert_int_not_equal(harmonic_find(&h, middle), HARMONIC_NONE);
+    for (uint32_t i = 0; i < h.count; i++) {
+        vec3 p = harmonic_place(&h, i);
+        double share = (1 / vec3_length(p) - 1 / OUTER) / (1 / INNER - 1 / OUTER);
+        if (vec3_distance(p, middle) <= 2)
+            largest = fmax(largest, vec3_distance(h.values[i], vec3_scale(share, shift)));
+    }
+    harmonic_fini(&h);
+    return largest;
+}
+
+static void a_box_within_a_coarse_solution_has_the_closed_one(void **state) {
+    (void)state;
+    struct bodies bodies;
+    struct harmonic coarse;
+    spheres(&bodies);
+    struct warp_scene scene = scene_of(&bodies);
+    struct harmonic_setup setup = {
+        .scene = &scene, .hollow = 1 << 1, .box = cube(25), .spacing_mm = 1};
+    harmonic_solve(&setup, &coarse);
+    for (int i = 0; i < 3; i++) {
+        const vec3 middles[] = {{15, 0, 0}, {-7, 8, 6}, {1, -13, -13}};
+        double within = error_around(&setup, &coarse, middles[i]);
+        double alone = error_around(&setup, NULL, middles[i]);
+        print_message("place %d: off by %g, and by %g with 0 around\n", i, within, alone);
+        assert_true(within < 0.01);
+        assert_true(alone > 10 * within);
+    }
+    harmonic_fini(&coarse);
+    bodies_fini(&bodies);
+}
+
 // ---- linear between walls ----
 
 static vec3 linear(vec3 p) {
@@ -221,6 +265,7 @@ static void an_open_sheet_parts_what_is_on_its_two_sides(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(between_two_spheres_it_is_the_closed_solution_to_second_order),
+        cmocka_unit_test(a_box_within_a_coarse_solution_has_the_closed_one),
         cmocka_unit_test(a_linear_displacement_of_all_walls_goes_on_between_them),
         cmocka_unit_test(a_corrected_body_is_a_displaced_one),
         cmocka_unit_test(the_space_ends_at_surfaces_and_where_it_is_told_to),

@@ -116,6 +116,8 @@ static void add_grade(const struct api_case *about, const struct summary *summar
         set_grade(row, "unchecked", error_without_folder(err.text));
     else if (grade.hash != summary->hash)
         set_grade(row, "outdated", grade.reason);
+    else if (!grade.made_here && grade.grade != GRADE_UNFIT)
+        set_grade(row, "unchecked", "its check was made elsewhere");
     else
         set_grade(row, grade_name(grade.grade), grade.reason);
 }

@@ -15,8 +15,11 @@ static void read_grade(struct case_standing *s, const char *dir, uint64_t hash) 
         s->kind = STANDING_UNCHECKED;
     else if (result != RESULT_OK)
         s->kind = STANDING_UNREADABLE;
+    else if (s->grade.hash != hash)
+        s->kind = STANDING_OUTDATED;
     else
-        s->kind = s->grade.hash == hash ? STANDING_GRADED : STANDING_OUTDATED;
+        s->kind = s->grade.made_here || s->grade.grade == GRADE_UNFIT ? STANDING_GRADED
+                                                                      : STANDING_FOREIGN;
 }
 
 bool standing_refresh(struct case_standing *standing, const char *dir, uint64_t hash) {

@@ -9,6 +9,7 @@ enum standing_kind {
     STANDING_UNCHECKED,  // there is no check.json
     STANDING_UNREADABLE, // `problem` says why
     STANDING_OUTDATED,   // it is of other files than the case's
+    STANDING_FOREIGN,    // it was made elsewhere, and does not say that the case is unfit
     STANDING_GRADED,
 };
 

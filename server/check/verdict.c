@@ -247,7 +247,8 @@ enum result verdict_save(const struct case_check *check, int64_t utc_s, const ch
                          struct error *err) {
     char *text = verdict_text(check, utc_s);
     struct named_bytes file = {GRADE_FILE, text, strlen(text)};
-    enum result result = files_write(dir, &file, 1, err);
+    enum result noted = grade_note(dir, check->hash, text, file.size, utc_s, err);
+    enum result written = files_write(dir, &file, 1, noted == RESULT_OK ? err : NULL);
     free(text);
-    return result;
+    return noted == RESULT_OK ? written : noted;
 }

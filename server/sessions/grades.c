@@ -52,6 +52,12 @@ static void log_standing(const struct sessions_config *config, int index,
             "restart the server if the case has changed",
             entry->name, entry->dir);
         break;
+    case STANDING_FOREIGN:
+        log_warning("sessions",
+                    "case %s: its check was made elsewhere and does not count: run arthron-case "
+                    "check %s",
+                    entry->name, entry->dir);
+        break;
     case STANDING_GRADED:
         log_grade(config, entry->name, &s->grade);
         break;

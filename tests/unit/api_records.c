@@ -1,5 +1,6 @@
 // What /api/v1 tells of records, people, cases and stations, and to whom.
 #include "case/case.h"
+#include "check/grade.h"
 #include "test.h"
 #include "unit/api_files.h"
 #include "unit/case_knee.h"
@@ -448,7 +449,7 @@ static void stations_are_enrolled_by_code_and_revoked(void **state) {
     assert_int_equal(ask("POST", "/stations/room-2/revoke", token, NULL), 409);
 }
 
-static void put_check(uint64_t hash) {
+static void put_check(uint64_t hash, bool made_here) {
     char text[512];
     snprintf(text, sizeof text,
              "{\"format\":\"arthron-check\",\"version\":1,\"grade\":\"fit with warnings\","
@@ -456,6 +457,9 @@ static void put_check(uint64_t hash) {
              "\"findings\":[]}",
              hash);
     write_file(in_api("healthy"), "check.json", text, strlen(text));
+    if (made_here)
+        assert_int_equal(grade_note(in_api("healthy"), hash, text, strlen(text), 0, &err),
+                         RESULT_OK);
 }
 
 static void cases_come_with_their_grade_and_files(void **state) {
@@ -470,11 +474,15 @@ static void cases_come_with_their_grade_and_files(void **state) {
     assert_string_equal(text_at("cases.1.grade"), "broken");
     assert_null(strchr(text_at("cases.1.grade_reason"), '/')); // whose disk it is on is no page's
     uint64_t hash = strtoull(text_at("cases.0.hash"), NULL, 16);
-    put_check(hash);
+    put_check(hash, false);
+    assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
+    assert_string_equal(text_at("case.grade"), "unchecked");
+    assert_string_equal(text_at("case.grade_reason"), "its check was made elsewhere");
+    put_check(hash, true);
     assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
     assert_string_equal(text_at("case.grade"), "fit with warnings");
     assert_string_equal(text_at("check.format"), "arthron-check");
-    put_check(hash + 1);
+    put_check(hash + 1, true);
     assert_int_equal(ask("GET", "/cases/healthy", token, NULL), 200);
     assert_string_equal(text_at("case.grade"), "outdated");
     assert_int_equal(ask("GET", "/cases/healthy/anatomy.glb", token, NULL), 200);

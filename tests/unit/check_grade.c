@@ -10,19 +10,21 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-static char folder[FOLDER_MAX];
+static char around[FOLDER_MAX], folder[FOLDER_MAX + 8]; // the folder of a case, and that around it
 
 static int setup(void **state) {
     (void)state;
-    folder_make(folder);
-    return 0;
+    folder_make(around);
+    snprintf(folder, sizeof folder, "%s/case", around);
+    return mkdir(folder, 0700);
 }
 
 static int teardown(void **state) {
     (void)state;
-    folder_remove(folder);
+    folder_remove(around);
     return 0;
 }
 
@@ -85,7 +87,7 @@ static void expect_standing(struct case_standing *standing, uint64_t hash, bool 
 
 static void a_check_that_appears_changes_or_goes_is_noticed(void **state) {
     (void)state;
-    char path[FOLDER_MAX + 16], name[32];
+    char path[FOLDER_MAX + 24], name[32];
     struct error err;
     struct case_standing standing = {0};
     struct case_check *check =

@@ -312,3 +312,14 @@ class Records(InTheHall):
                 name = os.path.basename(session["trace"])
                 self.assertTrue(ask("verify", name)["whole"], room)
                 self.assertEqual(ask("replay", name)["different"], 0)
+
+
+class Codes(InTheHall):
+    def test_a_station_sees_no_code_but_its_own(self):
+        for room in ROOMS:
+            docker("exec", hall.containers[room], "touch", f"/enrolment/of-{room}")
+        for room in ROOMS:
+            seen_there = docker("exec", hall.containers[room], "ls", "/enrolment").stdout.split()
+            self.assertEqual(sorted(seen_there), ["code", f"of-{room}"])
+            seen_by_server = hall.on_server("ls", f"/enrolment/{room}").stdout.split()
+            self.assertEqual(sorted(seen_by_server), ["code", f"of-{room}"])

@@ -271,7 +271,7 @@ class Station:
         self.heard_datagram = self.tried_datagram = -math.inf
         self.by_tcp = self.by_datagram = 0
         self.bodies, self.warped = {}, {}
-        hello = pb.Hello(version_min=1, version_max=1, capabilities=["datagrams"], station=name,
+        hello = pb.Hello(version_min=1, version_max=1, capabilities=["datagrams", "path"], station=name,
                          software="example station", devices=[pb.Device(name="hands", driver="example")],
                          connection=int.from_bytes(os.urandom(8), "little"))
         self.say(hello=hello)
@@ -314,8 +314,6 @@ class Station:
             if self.datagrams:
                 self.datagrams.close()
             self.datagrams = Datagrams(self.host, message.udp_keys)
-        elif kind == "udp_path":
-            self.say(udp_path=message.udp_path)
         elif kind == "refusal":
             raise ConnectionError(message.refusal.text)
         elif kind == "reply":
@@ -326,6 +324,8 @@ class Station:
         reply = pb.Reply.FromString(self.datagrams.open(self.datagrams.socket.recv(2048)))
         self.heard_datagram = time.monotonic()
         self.by_datagram += 1
+        if reply.path_challenge:  # it shows the server that datagrams to this address arrive
+            self.say(udp_path=pb.UdpPath(challenge=reply.path_challenge))
         return self.show(reply)
 
     # ---- frames and replies

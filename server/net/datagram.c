@@ -41,6 +41,7 @@ struct datagram_connection {
     struct address confirmed; // the last one that the station stood by
     struct address challenged;
     uint64_t challenge; // 0: none is open
+    bool in_replies;    // how it goes to the station
     int64_t challenge_ns;
     int unconfirmed_left; // replies that may still go to addresses not confirmed
 };
@@ -289,7 +290,13 @@ static uint64_t note_arrival(struct datagram_connection *c, struct epoch *epoch,
     do
         random_bytes(&c->challenge, sizeof c->challenge);
     while (!c->challenge);
-    return c->challenge;
+    return c->in_replies ? 0 : c->challenge;
+}
+
+void datagram_challenge_in_replies(struct datagram_endpoint *endpoint, uint32_t connection) {
+    struct datagram_connection *c = find(endpoint, connection);
+    CHECK(c);
+    c->in_replies = true;
 }
 
 void datagram_confirm(struct datagram_endpoint *endpoint, uint32_t connection, uint64_t challenge) {
@@ -400,14 +407,26 @@ static void queue(struct datagram_endpoint *endpoint, struct datagram_connection
     out->headers[i].msg_hdr.msg_namelen = c->present.size;
 }
 
-// Without its counts of events where they are what makes it too long.
-static enum result encode_within(const arthron_Reply *reply, uint8_t *message, size_t limit,
-                                 size_t *out_size) {
-    if (wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
+// Without its counts of events where they are what makes it too long, and then without a challenge:
+// the next reply has it too.
+static enum result encode_within(const arthron_Reply *reply, uint64_t challenge, uint8_t *message,
+                                 size_t limit, size_t *out_size) {
+    if (!challenge && wire_encode_reply(reply, message, limit, out_size) == RESULT_OK)
         return RESULT_OK;
-    arthron_Reply shorter = *reply;
-    shorter.event_counts_count = 0;
-    return wire_encode_reply(&shorter, message, limit, out_size);
+    arthron_Reply other = *reply;
+    other.path_challenge = challenge;
+    if (challenge && wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
+        return RESULT_OK;
+    other.event_counts_count = 0;
+    if (wire_encode_reply(&other, message, limit, out_size) == RESULT_OK)
+        return RESULT_OK;
+    other.path_challenge = 0;
+    return wire_encode_reply(&other, message, limit, out_size);
+}
+
+static uint64_t challenge_for(const struct datagram_connection *c) {
+    return c->in_replies && c->challenge && same_address(&c->present, &c->challenged) ? c->challenge
+                                                                                      : 0;
 }
 
 bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
@@ -421,7 +440,8 @@ bool datagram_reply(struct datagram_endpoint *endpoint, uint32_t connection,
         return false;
     uint8_t message[WIRE_DATAGRAM_MAX];
     size_t size;
-    if (encode_within(reply, message, question->size - SEAL_OVERHEAD, &size) != RESULT_OK) {
+    if (encode_within(reply, challenge_for(c), message, question->size - SEAL_OVERHEAD, &size) !=
+        RESULT_OK) {
         endpoint->counts.too_long++;
         return false;
     }

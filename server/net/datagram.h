@@ -4,7 +4,8 @@
 // and get no answer. A reply answers one frame, once, and is never longer than the frame's
 // datagram. Only the newest datagram of a connection can change its address. Until the station has
 // confirmed a new address over the control connection (UdpPath), at most
-// DATAGRAM_UNCONFIRMED_REPLIES go there.
+// DATAGRAM_UNCONFIRMED_REPLIES go there. The challenge that it confirms comes in the replies to
+// that address, so that only who gets them can; older stations get it over the control connection.
 #pragma once
 
 #include "wire/seal.h"
@@ -32,6 +33,9 @@ void datagram_new_epoch(struct datagram_endpoint *endpoint, uint32_t connection,
 // True once an hour or almost 2^32 datagrams have gone by: call datagram_new_epoch.
 bool datagram_epoch_is_old(const struct datagram_endpoint *endpoint, uint32_t connection,
                            int64_t now_ns);
+
+// From now on challenges go in replies, and datagram_in has none.
+void datagram_challenge_in_replies(struct datagram_endpoint *endpoint, uint32_t connection);
 
 void datagram_forget(struct datagram_endpoint *endpoint, uint32_t connection);
 

@@ -104,9 +104,10 @@ static void tell_connection(struct runtime *r, int station) {
     wake_fd(station_worker(r, station)->wake_fd);
 }
 
-void runtime_join(struct runtime *r, int station, struct control_peer peer) {
+void runtime_join(struct runtime *r, int station, struct control_peer peer, bool path) {
     struct station_connection *told = &r->stations[station].told;
-    *told = (struct station_connection){.joins = told->joins + 1, .connected = true, .peer = peer};
+    *told = (struct station_connection){
+        .joins = told->joins + 1, .connected = true, .path = path, .peer = peer};
     tell_connection(r, station);
 }
 

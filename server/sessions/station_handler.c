@@ -77,6 +77,13 @@ static enum result allow_session(struct sessions *s, int station, struct error *
     return status.phase == SLOT_EMPTY ? resources_allow_session(err) : RESULT_OK;
 }
 
+static bool names_path(const arthron_Hello *hello) {
+    for (int i = 0; i < hello->capabilities_count; i++)
+        if (!strcmp(hello->capabilities[i], "path"))
+            return true;
+    return false;
+}
+
 // The claim comes before Welcome, so that Welcome has the id of the session that is opened. An
 // opening that the station finds under way was begun for another connection of its own.
 static enum result receive(struct sessions *s, int station, struct control_peer peer,
@@ -91,7 +98,7 @@ static enum result receive(struct sessions *s, int station, struct control_peer 
     manager_open(s, station);
     station_slot_status(slot, &status);
     fill_welcome(s, &status, resumed, welcome);
-    runtime_join(s->runtime, station, peer);
+    runtime_join(s->runtime, station, peer, names_path(hello));
     warn_of_calibration(s, hello);
     log_info("sessions", "station %s joined%s", hello->station, resumed ? " again" : "");
     return RESULT_OK;

@@ -39,7 +39,8 @@ _Static_assert(arthron_Page_size <= WIRE_PAGE_MAX, "every message of a page is w
 #define FRAME_EMPTY_SIZE 18 // number and time
 #define INSTRUMENT_SIZE (arthron_WarpedInstrument_size + REPEATED_OVERHEAD)
 #define COUNTS_SIZE (sizeof((arthron_Reply){0}.event_counts) / sizeof(uint32_t) * 6)
-#define REPLY_SIZE (arthron_Reply_size - COUNTS_SIZE) // counts are sent where there is room
+#define CHALLENGE_SIZE 9
+#define REPLY_SIZE (arthron_Reply_size - COUNTS_SIZE - CHALLENGE_SIZE) // these where there is room
 #define REPLY_EMPTY_SIZE (REPLY_SIZE - INSTRUMENT_COUNT * INSTRUMENT_SIZE)
 #define PADDING_OVERHEAD 3
 

@@ -53,6 +53,7 @@ static void say_hello(struct link *link) {
         strcpy(hello->capabilities[hello->capabilities_count++], "datagrams");
     if (config->meshes)
         strcpy(hello->capabilities[hello->capabilities_count++], "meshes");
+    strcpy(hello->capabilities[hello->capabilities_count++], "path");
     snprintf(hello->station, sizeof hello->station, "%s", config->station);
     snprintf(hello->software, sizeof hello->software, "%s", config->software);
     hello->devices_count = (pb_size_t)config->device_count;
@@ -225,7 +226,7 @@ static int hear_welcomed(struct link *link, const arthron_Control *message, int6
         hear_pong(link, &message->message.pong, now_ns);
         return 0;
     case arthron_Control_udp_path_tag:
-        say(link, message);
+        say(link, message); // of an older server
         return 0;
     case arthron_Control_udp_keys_tag:
         return hear_keys(link, &message->message.udp_keys);

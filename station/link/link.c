@@ -56,10 +56,33 @@ static bool take_arrivals(struct link *link, arthron_Reply *out_reply) {
     return false;
 }
 
+static bool push_to_control(struct link *link, const arthron_Control *message) {
+    struct control_message out;
+    size_t size;
+    enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
+    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
+    out.size = (uint32_t)size;
+    if (!ring_push(link->frames, &out))
+        return false;
+    lws_cancel_service(link->control.context);
+    return true;
+}
+
+// Only who gets the datagrams of this address knows the challenge.
+static void confirm_path(struct link *link, uint64_t challenge) {
+    arthron_Control message = {.which_message = arthron_Control_udp_path_tag};
+    if (!challenge || challenge == link->sender.challenge)
+        return;
+    message.message.udp_path.challenge = challenge;
+    if (push_to_control(link, &message))
+        link->sender.challenge = challenge;
+}
+
 static bool take_datagram(struct link *link, arthron_Reply *out_reply) {
     struct sender *sender = &link->sender;
     while (udp_receive(&sender->udp, out_reply)) {
         int64_t now_ns = clock_now_ns();
+        confirm_path(link, out_reply->path_challenge);
         path_answered(&sender->path, out_reply->frame_time_ns, now_ns);
         atomic_store(&link->datagram_ns, now_ns);
         if (is_awaited(link, out_reply))
@@ -95,16 +118,8 @@ bool link_wait(struct link *link, int64_t until_ns, arthron_Reply *out_reply) {
 
 static bool send_in_control(struct link *link, const arthron_Frame *frame) {
     arthron_Control message = {.which_message = arthron_Control_frame_tag};
-    struct control_message out;
-    size_t size;
     message.message.frame = *frame;
-    enum result result = wire_encode_control(&message, out.bytes, sizeof out.bytes, &size);
-    CHECK(result == RESULT_OK); // every frame fits WIRE_CONTROL_MAX
-    out.size = (uint32_t)size;
-    if (!ring_push(link->frames, &out))
-        return false;
-    lws_cancel_service(link->control.context);
-    return true;
+    return push_to_control(link, &message);
 }
 
 static enum udp_sent send_by_datagram(struct link *link, const arthron_Frame *frame) {

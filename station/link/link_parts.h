@@ -61,6 +61,7 @@ struct sender {
     uint64_t connect; // the connection that all of this belongs to
     struct path path;
     struct udp udp;
+    uint64_t challenge;                  // the last that was sent back
     uint64_t waiting[FRAMES_REMEMBERED]; // [number % size]: sent and not answered yet
 };
 

@@ -161,15 +161,16 @@ static void check_wait(int station, const struct sent_frame *frame) {
                (unsigned long long)frame->number, (double)took_ns / 1e6);
 }
 
-void __real_runtime_join(struct runtime *runtime, int station, struct control_peer peer);
-void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer);
-void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer) {
+void __real_runtime_join(struct runtime *runtime, int station, struct control_peer peer, bool path);
+void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer, bool path);
+void __wrap_runtime_join(struct runtime *runtime, int station, struct control_peer peer,
+                         bool path) {
     struct watched *w = &watch.stations[station];
     if (!sim_is_dead()) {
         memcpy(w->first_events, w->events, sizeof w->events);
         memcpy(w->first_shown, w->shown_events, sizeof w->shown_events);
     }
-    __real_runtime_join(runtime, station, peer);
+    __real_runtime_join(runtime, station, peer, path);
 }
 
 // A connection begins with what no reply had told before: once at most.

@@ -410,6 +410,43 @@ static void replies_follow_the_station_to_a_new_address(void **state) {
     datagram_destroy(&endpoint);
 }
 
+// Fills the next frame so that its reply has room for a challenge.
+static arthron_Reply hear_answer(struct datagram_endpoint *endpoint, struct station *s,
+                                 uint64_t number) {
+    arthron_Reply reply = {.frame_number = number};
+    send_frame_of(s, number, 64);
+    assert_int_equal(receive(endpoint), 1);
+    assert_true(frames[0].path_challenge == 0); // nothing for the control connection
+    assert_true(datagram_reply(endpoint, s->connection, &reply));
+    datagram_flush(endpoint);
+    return hear_whole_reply(s);
+}
+
+static void a_challenge_goes_to_the_address_that_it_is_about(void **state) {
+    (void)state;
+    struct datagram_endpoint *endpoint = open_endpoint();
+    struct station s = open_station(endpoint, 77);
+    datagram_challenge_in_replies(endpoint, 77);
+    uint64_t first = hear_answer(endpoint, &s, 1).path_challenge;
+    assert_true(first != 0);
+    assert_true(hear_answer(endpoint, &s, 2).path_challenge == first); // the first may be lost
+    datagram_confirm(endpoint, 77, first);
+    assert_true(hear_answer(endpoint, &s, 3).path_challenge == 0);
+    wait_for_next_challenge();
+    int home = s.fd;
+    s.fd = open_socket(datagram_port(endpoint));
+    uint64_t second = hear_answer(endpoint, &s, 4).path_challenge;
+    assert_true(second != 0 && second != first);
+    assert_false(hears(home));
+    datagram_confirm(endpoint, 77, first); // what is known of the other address is no proof
+    assert_true(hear_answer(endpoint, &s, 5).path_challenge == second);
+    datagram_confirm(endpoint, 77, second);
+    assert_true(hear_answer(endpoint, &s, 6).path_challenge == 0);
+    close(home);
+    close_station(&s);
+    datagram_destroy(&endpoint);
+}
+
 static void an_older_datagram_from_elsewhere_moves_nothing(void **state) {
     (void)state;
     struct datagram_endpoint *endpoint = open_endpoint();
@@ -585,6 +622,7 @@ int main(void) {
         cmocka_unit_test(a_reply_longer_than_its_frame_is_not_sent),
         cmocka_unit_test(a_reply_gives_up_its_counts_before_it_is_too_long),
         cmocka_unit_test(replies_follow_the_station_to_a_new_address),
+        cmocka_unit_test(a_challenge_goes_to_the_address_that_it_is_about),
         cmocka_unit_test(an_older_datagram_from_elsewhere_moves_nothing),
         cmocka_unit_test(a_way_back_to_the_confirmed_address_needs_no_new_challenge),
         cmocka_unit_test(an_address_never_confirmed_gets_a_limited_number_of_replies),

@@ -375,6 +375,26 @@ static void datagrams_are_taken_left_and_taken_again_as_they_pass(void **state) 
     datagram_destroy(&responder.endpoint);
 }
 
+static void a_challenge_in_a_reply_is_sent_back_in_the_control_connection(void **state) {
+    (void)state;
+    static struct responder responder;
+    static struct traffic traffic;
+    traffic = (struct traffic){0};
+    responder_open(&responder);
+    datagram_challenge_in_replies(responder.endpoint, 77);
+    struct link *link = link_to("localhost", anna);
+    wait_until_ready(link);
+    exchange_until_path(link, &traffic, LINK_DATAGRAM);
+    assert_true(wait_for(&test_server.messages, 1));
+    for (int i = 0; i < 50; i++)
+        exchange(link, &traffic);
+    assert_int_equal(atomic_load(&test_server.messages), 1); // once
+    link_destroy(&link);
+    responder_stop(&responder);
+    assert_true(test_server.challenge != 0);
+    datagram_destroy(&responder.endpoint);
+}
+
 // On trial a frame goes both ways; meanwhile the server takes nothing out of the control connection
 // (its thread waits for the lock), so that the queue of that is full.
 static void a_frame_that_left_by_datagram_is_called_sent(void **state) {
@@ -501,6 +521,7 @@ int main(void) {
         WITH_SERVER(a_challenge_is_answered_in_the_control_connection),
         WITH_SERVER(a_missing_key_is_named),
         WITH_SERVER(datagrams_are_taken_left_and_taken_again_as_they_pass),
+        WITH_SERVER(a_challenge_in_a_reply_is_sent_back_in_the_control_connection),
         WITH_SERVER(a_frame_that_left_by_datagram_is_called_sent),
         WITH_SERVER(a_new_epoch_loses_no_frame),
         WITH_SERVER(where_no_datagram_is_answered_frames_stay_in_the_control_connection),

@@ -77,6 +77,7 @@ arthron_Reply full_reply(void) {
     arthron_Reply reply = longest_reply(all);
     reply.event_counts_count = sizeof reply.event_counts / sizeof *reply.event_counts;
     memset(reply.event_counts, 0xff, sizeof reply.event_counts);
+    reply.path_challenge = UINT64_MAX;
     return reply;
 }
 

@@ -22,6 +22,7 @@ struct sessions {
     struct scene *scenes[SESSIONS_CASES_MAX];
     struct grades *grades;
     struct station_slot slots[STATIONS_MAX];
+    int station_of[CONTROL_PEERS_MAX]; // a peer's last; the control thread's
     struct runtime *runtime;
     struct control *control;
     struct console *console;

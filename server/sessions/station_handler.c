@@ -12,14 +12,8 @@
 
 // The control thread alone writes who is connected, so what it reads does not change under it.
 static int find_station(struct sessions *s, struct control_peer peer) {
-    for (int i = 0; i < s->config.station_count; i++) {
-        struct station_status status;
-        station_slot_status(&s->slots[i], &status);
-        if (status.connected && status.peer.index == peer.index &&
-            status.peer.generation == peer.generation)
-            return i;
-    }
-    return -1;
+    int station = s->station_of[peer.index];
+    return station_slot_is_of(&s->slots[station], peer) ? station : -1;
 }
 
 // ---- hello --------------------------------------------------------------------------------------
@@ -94,6 +88,7 @@ static enum result receive(struct sessions *s, int station, struct control_peer 
     if (!station_slot_join(slot, peer, hello, &status))
         return refuse(refusal, arthron_Refusal_Reason_BUSY,
                       "station %s is connected already, from another place", hello->station);
+    s->station_of[peer.index] = station;
     bool resumed = status.phase == SLOT_ATTACHED || status.phase == SLOT_ENDING;
     manager_open(s, station);
     station_slot_status(slot, &status);

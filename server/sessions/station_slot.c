@@ -184,6 +184,15 @@ bool station_slot_join(struct station_slot *slot, struct control_peer peer,
     return !is_rival;
 }
 
+bool station_slot_is_of(struct station_slot *slot, struct control_peer peer) {
+    pthread_mutex_lock(&slot->lock);
+    const struct station_status *s = &slot->status;
+    bool is_of =
+        s->connected && s->peer.index == peer.index && s->peer.generation == peer.generation;
+    pthread_mutex_unlock(&slot->lock);
+    return is_of;
+}
+
 void station_slot_leave(struct station_slot *slot) {
     struct station_status *s = begin(slot);
     s->connected = false;

@@ -127,6 +127,7 @@ void station_slot_set_trainee(struct station_slot *slot, const char *trainee);
 // lasts over a reconnect, but not over a restart of the station's program.
 bool station_slot_join(struct station_slot *slot, struct control_peer peer,
                        const arthron_Hello *hello, struct station_status *out_status);
+bool station_slot_is_of(struct station_slot *slot, struct control_peer peer);
 void station_slot_leave(struct station_slot *slot);
 void station_slot_set_clock(struct station_slot *slot, int64_t rtt_ns, int64_t uncertainty_ns);
 

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #define ALIVE_EVERY_NS (NS_PER_S / 2)
+#define LATE_NS (WATCHDOG_LOOK_NS / 4)
 
 struct guarded {
     struct watched watched;
@@ -60,8 +61,8 @@ bool watch_judge(struct watch *w, const struct watch_look *look) {
         w->blocked_ns = 0;
         return false;
     }
-    if (!look->waits_for_processor)
-        w->blocked_ns += passed_ns < 2 * WATCHDOG_LOOK_NS ? passed_ns : WATCHDOG_LOOK_NS;
+    if (!look->waits_for_processor && passed_ns <= WATCHDOG_LOOK_NS + LATE_NS)
+        w->blocked_ns += passed_ns;
     return w->blocked_ns >= w->patience_ns || computed_ns >= w->patience_ns;
 }
 

@@ -31,7 +31,8 @@ struct watch {
     int64_t beat_ns; // when it last made progress, as seen
 };
 
-// True: it hangs. Looks that come late, as after a pause of the whole process, count as one look.
+// True: it hangs. A look that comes late shows no block: the whole process was paused, or the
+// machine has no time for anybody, perhaps not for the holder of a lock either.
 bool watch_judge(struct watch *watch, const struct watch_look *look);
 
 struct watchdog;

@@ -38,6 +38,11 @@ static void a_thread_that_gets_no_processor_does_not_hang(void **state) {
     assert_int_equal(hangs_after_ms(0.1, true, WATCHDOG_LOOK_NS), -1);
 }
 
+static void a_machine_without_time_for_the_watchdog_makes_no_thread_hang(void **state) {
+    (void)state;
+    assert_int_equal(hangs_after_ms(0, false, WATCHDOG_LOOK_NS * 3 / 2), -1);
+}
+
 static void progress_begins_its_patience_anew(void **state) {
     (void)state;
     struct watch watch = {.patience_ns = PATIENCE_NS};
@@ -50,7 +55,7 @@ static void progress_begins_its_patience_anew(void **state) {
 }
 
 // The whole process was stopped for a minute, and its clock went on.
-static void a_pause_of_the_whole_process_is_one_look(void **state) {
+static void a_pause_of_the_whole_process_is_no_block(void **state) {
     (void)state;
     struct watch watch = {.patience_ns = PATIENCE_NS};
     struct watch_look look = {.now_ns = NS_PER_S, .beats = 42};
@@ -66,8 +71,9 @@ int main(void) {
         cmocka_unit_test(a_blocked_thread_hangs_within_its_patience_and_a_look),
         cmocka_unit_test(a_thread_that_computes_on_and_on_hangs),
         cmocka_unit_test(a_thread_that_gets_no_processor_does_not_hang),
+        cmocka_unit_test(a_machine_without_time_for_the_watchdog_makes_no_thread_hang),
         cmocka_unit_test(progress_begins_its_patience_anew),
-        cmocka_unit_test(a_pause_of_the_whole_process_is_one_look),
+        cmocka_unit_test(a_pause_of_the_whole_process_is_no_block),
     };
     return cmocka_run_group_tests_name("watchdog", tests, NULL, NULL);
 }

@@ -230,12 +230,13 @@ static bool add_level(void *context, size_t cell, double distance2) {
 }
 
 // Along z heights over the floor keep their order, so that nothing new crosses but for what lies
-// between vertices. None sinks by more than S'_max moves anything.
+// between vertices. None rises over S', and none sinks by more than S'_max moves anything.
 static double sunk(const struct laying *l, vec3 p, double floor) {
     struct mean_level mean = {&l->plan, 0, 0};
     around(&l->plan, p, LEVEL_MM, add_level, &mean);
     double rank = mean.weights > 0 ? 1 + mean.sum / mean.weights : 1;
-    return floor + higher(SHEET * rank * rank * (p.z - floor), p.z - floor - l->way_most);
+    double share = lower(1, SHEET * rank * rank);
+    return floor + higher(share * (p.z - floor), p.z - floor - l->way_most);
 }
 
 static bool sinks(const struct conform *c, const struct laying *l, uint32_t v) {

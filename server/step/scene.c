@@ -8,6 +8,9 @@
 
 // ---- tissue -------------------------------------------------------------------------------------
 
+// What follows each cut lays grids over the tissue, so their memory must have a bound.
+#define TISSUE_MAX_MM 500
+
 // S + warp, or S + warp + maxcut.
 static void displaced(const struct case_group *group, bool cut, struct mesh *out_mesh) {
     mesh_copy(out_mesh, &group->mesh);
@@ -55,6 +58,15 @@ static struct quality_plan *plan_of(const struct knee_case *knee, const struct c
     return plan;
 }
 
+static enum result fits_grids(struct box box, struct error *err) {
+    vec3 sides = vec3_sub(box.max, box.min);
+    double longest = fmax(sides.x, fmax(sides.y, sides.z));
+    if (longest <= TISSUE_MAX_MM)
+        return RESULT_OK;
+    return fail(err, RESULT_LIMIT, "it is %.0f mm long; tissue that can be cut has %d mm at most",
+                longest, TISSUE_MAX_MM);
+}
+
 static enum result add_tissue(struct scene *scene, int index, struct error *err) {
     const struct case_group *group = &scene->knee->groups[index];
     if (scene->tissue_count == TISSUES_MAX)
@@ -64,7 +76,9 @@ static enum result add_tissue(struct scene *scene, int index, struct error *err)
     displaced(group, false, &whole);
     tissue->group = index;
     tissue->box = mesh_bounds(&whole);
-    enum result result = cut_mesh_create(&whole, &tissue->mesh, err);
+    enum result result = fits_grids(tissue->box, err);
+    if (result == RESULT_OK)
+        result = cut_mesh_create(&whole, &tissue->mesh, err);
     if (result == RESULT_OK && group->lesion.tear.part_count)
         tissue->solid = cut_mesh_copy(tissue->mesh);
     if (result == RESULT_OK)

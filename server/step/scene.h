@@ -9,8 +9,8 @@
 // threads share one.
 //
 // If scene_create succeeds, it takes ownership of *knee, which becomes NULL. RESULT_INVALID: a tear
-// leaves no tissue, the case has more than TISSUES_MAX cuttable groups, or the key of a torn
-// ligament is not met (warp/adaptive.h).
+// leaves no tissue, or the key of a torn ligament is not met (warp/adaptive.h). RESULT_LIMIT: the
+// case has more than TISSUES_MAX cuttable groups, or one of them is longer than 500 mm.
 struct scene;
 
 enum result scene_create(struct knee_case **knee, struct scene **out_scene, struct error *err);

@@ -61,6 +61,23 @@ static void a_blade_that_cannot_be_made_counts_as_refused(void **state) {
     operation_destroy(&operation);
 }
 
+// Else a case could take all memory at its first cut.
+static void what_is_as_long_as_no_tissue_is_refused_with_its_group(void **state) {
+    (void)state;
+    for (int side = 0; side < 3; side++) {
+        struct knee_case *knee = box_knee();
+        struct mesh *mesh = &case_group(knee, "meniscus_medial")->mesh;
+        struct scene *vast = NULL;
+        struct error err = {""};
+        for (uint32_t v = 0; v < mesh->vertex_count; v++)
+            mesh->positions[3 * v + (uint32_t)side] *= 100;
+        assert_int_equal(scene_create(&knee, &vast, &err), RESULT_LIMIT);
+        assert_non_null(strstr(err.text, "group meniscus_medial: it is "));
+        assert_non_null(strstr(err.text, "500 mm at most"));
+        case_destroy(&knee);
+    }
+}
+
 // Without S'_max the touch stays, and all that a cut takes is touched and not seen.
 static void what_never_gives_way_is_touched_where_it_is_gone(void **state) {
     (void)state;
@@ -140,6 +157,7 @@ int main(void) {
         cmocka_unit_test(a_flap_that_tears_let_come_off_is_no_longer_touched),
         cmocka_unit_test(a_blade_that_cannot_be_made_counts_as_refused),
         cmocka_unit_test(what_never_gives_way_is_touched_where_it_is_gone),
+        cmocka_unit_test(what_is_as_long_as_no_tissue_is_refused_with_its_group),
     };
     return cmocka_run_group_tests_name("operation", tests, make_scene, drop_scene);
 }

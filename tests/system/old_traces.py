@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """A session that version 4 of the trace recorded, with cuts and an undo: what the programs make of it is what the
-build that recorded it made of it."""
+build that recorded it made of it. The same hand once more, as version 5 recorded it under rules 5."""
 
 import csv
 import io
@@ -14,6 +14,7 @@ import unittest
 from arthron import SOURCE, call, call_json
 
 CORPUS = os.path.join(SOURCE, "tests/corpus/trace/version4")
+FITTED = os.path.join(SOURCE, "tests/corpus/trace/version5/cuts.trace.xz")
 
 
 def expected(name):
@@ -21,11 +22,16 @@ def expected(name):
         return json.load(f)
 
 
+def unpack_trace(path, folder):
+    trace = os.path.join(folder, "cuts.trace")
+    with lzma.open(path) as packed, open(trace, "wb") as f:
+        f.write(packed.read())
+    return trace
+
+
 def unpack(folder):
     """The trace and the case that it was recorded with."""
-    trace, case = os.path.join(folder, "cuts.trace"), os.path.join(folder, "case")
-    with lzma.open(os.path.join(CORPUS, "cuts.trace.xz")) as packed, open(trace, "wb") as f:
-        f.write(packed.read())
+    trace, case = unpack_trace(os.path.join(CORPUS, "cuts.trace.xz"), folder), os.path.join(folder, "case")
     with tarfile.open(os.path.join(CORPUS, "case.tar.xz")) as packed:
         packed.extractall(folder)
     return trace, case
@@ -94,6 +100,15 @@ class OldTraces(unittest.TestCase):
         self.assertEqual(call_json("arthron-trace", "info", piece)["version"], 5)
         found = call_json("arthron-trace", "replay", piece, "--case", self.case)
         self.assertTrue(found["same_events"])
+
+    def test_under_rules_5_its_touch_is_fitted_to_the_same_bits(self):
+        with tempfile.TemporaryDirectory(prefix="arthron-test-") as folder:
+            trace = unpack_trace(FITTED, folder)
+            found = call_json("arthron-trace", "replay", trace, "--case", self.case)
+        self.assertEqual((found["rules"], found["touches"]["compared"]), (5, 27))
+        self.assertLessEqual(found["touches"]["largest_mm"], 1e-6)
+        if found["same_libc"] and found["same_cpu"]:
+            self.assertEqual((found["verdict"], found["different"], found["touches"]["different"]), ("identical", 0, 0))
 
 
 if __name__ == "__main__":

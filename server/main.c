@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "case/library_memory.h"
 #include "commands/commands.h"
 #include "mesh/library_memory.h"
 #include "websocket/library_memory.h"
@@ -37,6 +38,7 @@ enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 int main(int argc, char **argv) {
     libraries_use_our_memory();
     cxx_libraries_use_our_memory();
+    json_uses_our_memory();
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(help, stdout);
         return 0;

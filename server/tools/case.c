@@ -1,4 +1,5 @@
 #include "base/argument.h"
+#include "case/library_memory.h"
 #include "case_commands.h"
 #include "mesh/library_memory.h"
 
@@ -77,6 +78,7 @@ static void print_help(void) {
 
 int main(int argc, char **argv) {
     cxx_libraries_use_our_memory();
+    json_uses_our_memory();
     static const struct option options[] = {
         {"help", no_argument, NULL, 'h'}, {"version", no_argument, NULL, 'V'}, {0}};
     int option;

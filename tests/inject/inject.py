@@ -17,7 +17,7 @@ from programs import BIN
 
 # By hand the libraries, too, that ask for memory on behalf of our programs. OpenSSL and libwebsockets ask by way of
 # our own code in server and station. Left out: see docs/CONTRIBUTING.md.
-LIBRARIES = ("libstdc++", "libtinygltf", "libembree3", "libtbb", "libjansson", "libsqlite3", "libargon2", "libinih",
+LIBRARIES = ("libstdc++", "libembree3", "libtbb", "libjansson", "libsqlite3", "libargon2", "libinih",
              "libmodbus", "libOpenIGTLink", "libOpenMeshCore", "libOpenEXRCore", "libpng16", "libz")
 
 

@@ -282,7 +282,10 @@ static void write_whose(const struct review_page *page) {
             "quartiles with the median in the middle, and where this session (the diamond) stands "
             "among them. Of fewer than %d %s.</p>\n",
             page->hide_few ? STORE_TRAINEES_MIN : FEW,
-            page->hide_few ? "trainees, nothing" : "sessions, the figures themselves");
+            page->hide_few
+                ? "trainees, nothing; the others' figures are rounded means of groups of at "
+                  "least as many trainees"
+                : "sessions, the figures themselves");
 }
 
 static void write_figures(const struct review_page *page) {

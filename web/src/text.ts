@@ -88,7 +88,7 @@ export const text = {
     codes: {
       wrong_password: () => "Name and password do not match.",
       wrong_code: () => "This code is wrong or has expired.",
-      too_many: (s) => `Too many wrong attempts. Try again in ${count(Math.max(1, s), "second")}.`,
+      too_many: (s) => `Too many attempts. Try again in ${count(Math.max(1, s), "second")}.`,
     } as Record<string, (retryAfterS: number) => string>,
   },
 

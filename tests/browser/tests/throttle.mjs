@@ -1,4 +1,4 @@
-// Who guesses has to wait; last, for then nobody from this machine can sign in for a minute.
+// Who guesses has to wait; last, for then nobody signs in as grace from this machine for some seconds.
 import assert from "node:assert/strict";
 
 async function who_guesses_passwords_has_to_wait({ browser }) {
@@ -10,7 +10,7 @@ async function who_guesses_passwords_has_to_wait({ browser }) {
     await page.locator(".form-fault", { hasText: /Too many|do not match/ }).waitFor();
     await page.locator("button[type=submit]:enabled").waitFor();
   }
-  assert.match(await page.locator(".form-fault").innerText(), /Too many wrong attempts. Try again in \d+ second/);
+  assert.match(await page.locator(".form-fault").innerText(), /Too many attempts. Try again in \d+ second/);
 }
 
 export const tests = [who_guesses_passwords_has_to_wait];

@@ -1,10 +1,8 @@
 #include "step/operation.h"
 
 #include "base/check.h"
-#include "match/mismatch.h"
-#include "step/fitting.h"
+#include "step/operation_parts.h"
 #include "step/settings.h"
-#include "step/tissue_state.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -13,40 +11,6 @@
 // A state is kept before a stroke when so many cuts have been made since the last one; the newest
 // few stay.
 #define CHECKPOINT_EVERY 32
-#define CHECKPOINTS_MAX 2
-
-// A cut that changed the tissue.
-struct past_cut {
-    uint64_t number; // counts all cuts of the operation
-    uint32_t stroke;
-    struct blade_move move;
-    struct tissue_figures before;
-    uint32_t fits; // of the touch, by then
-};
-
-struct checkpoint {
-    uint32_t cuts; // that were made by then; 0: nothing is kept
-    struct tissue_state state;
-};
-
-struct operated_tissue {
-    const struct scene_tissue *scene;
-    const struct case_group *group;
-    int rules;
-    struct tissue_state now;
-    struct fitting *fitting; // the touch; NULL: by blends, or it never gives way
-    double *touch_before;    // of all vertices: before the last job
-    uint32_t fitted_since;   // the number of the last cut that the touch has followed
-    struct past_cut *cuts;   // since it was whole
-    uint32_t cut_count, cut_room;
-    struct checkpoint checkpoints[CHECKPOINTS_MAX]; // the newest first
-};
-
-struct operation {
-    int count;
-    uint64_t cuts; // so many were made, undone ones too
-    struct operated_tissue tissues[TISSUES_MAX];
-};
 
 // ---- whole tissue -------------------------------------------------------------------------------
 
@@ -64,10 +28,6 @@ static void forget_cuts(struct operated_tissue *t) {
     t->cut_count = t->cut_room = 0;
 }
 
-static int touch_width(const struct operated_tissue *t) {
-    return t->fitting ? 3 : t->now.match ? 1 : 0;
-}
-
 struct operation *operation_create(const struct scene *scene, int rules) {
     struct operation *operation = alloc(1, sizeof *operation);
     operation->count = scene->tissue_count;
@@ -80,8 +40,8 @@ struct operation *operation_create(const struct scene *scene, int rules) {
         if (t->scene->match && rules >= RULES_TOUCH_FITTED)
             t->fitting =
                 fitting_create(t->scene->match, &t->group->mesh, rules >= RULES_TOUCH_LAID);
-        t->touch_before =
-            alloc((size_t)touch_width(t) * t->group->mesh.vertex_count, sizeof *t->touch_before);
+        t->touch_before = alloc((size_t)operated_touch_width(t) * t->group->mesh.vertex_count,
+                                sizeof *t->touch_before);
     }
     return operation;
 }
@@ -111,17 +71,17 @@ static void touch_of(const struct operated_tissue *t, uint32_t vertex, double ou
 }
 
 static double *touch_before(const struct operated_tissue *t, uint32_t vertex) {
-    return t->touch_before + (size_t)touch_width(t) * vertex;
+    return t->touch_before + (size_t)operated_touch_width(t) * vertex;
 }
 
 static void note_touch(struct operated_tissue *t) {
-    for (uint32_t i = 0; touch_width(t) && i < t->group->mesh.vertex_count; i++)
+    for (uint32_t i = 0; operated_touch_width(t) && i < t->group->mesh.vertex_count; i++)
         touch_of(t, i, touch_before(t, i));
 }
 
 // The vertices whose values are others than before, or all.
 static void tell_touch(const struct operated_tissue *t, bool all, struct touch_change *out) {
-    int width = touch_width(t);
+    int width = operated_touch_width(t);
     size_t size = (size_t)width * sizeof(double);
     if (!width)
         return;
@@ -346,43 +306,12 @@ static void undo(struct operation *operation, struct job_result *result) {
 
 // ---- jobs ---------------------------------------------------------------------------------------
 
-#define COLUMN_MM 0.25
-
-static vec3 touched_at(const struct operated_tissue *t, uint32_t vertex) {
-    return t->fitting ? fitting_vertex(t->fitting, vertex) : match_vertex(t->now.match, vertex);
-}
-
-static void touched_mesh(const struct operated_tissue *t, struct mesh *out_mesh) {
-    if (!touch_width(t)) {
-        case_group_virtual(t->group, out_mesh);
-        return;
-    }
-    mesh_copy(out_mesh, &t->group->mesh);
-    for (uint32_t i = 0; i < out_mesh->vertex_count; i++)
-        mesh_set_vertex(out_mesh, i, touched_at(t, i));
-}
-
-// Where the touch and the tissue still differ.
-static void measure_mismatch(struct operated_tissue *t) {
-    struct mesh touched, tissue;
-    struct mismatch mismatch;
-    touched_mesh(t, &touched);
-    cut_mesh_flatten(t->now.mesh, &tissue, NULL, NULL);
-    const struct case_region *tear = &t->group->lesion.tear;
-    struct mismatch_setting setting = {&touched, &tissue, tear->parts, tear->part_count, COLUMN_MM};
-    mismatch_measure(&setting, &mismatch);
-    t->now.figures.touched_unseen_mm3 = mismatch.touched_mm3;
-    t->now.figures.seen_untouched_mm3 = mismatch.seen_mm3;
-    mesh_fini(&touched);
-    mesh_fini(&tissue);
-}
-
 static void take_report(struct operated_tissue *t, const struct fitting_report *report) {
     struct tissue_figures *f = &t->now.figures;
     f->warped_mm3 = report->volume_mm3;
     f->left_mm3 = report->left_mm3;
     f->distance_mm = report->distance_mm;
-    measure_mismatch(t);
+    operated_measure_mismatch(t);
 }
 
 // The touch after all moves of a job.
@@ -406,7 +335,7 @@ static void cut(struct operation *operation, struct operated_tissue *t, const st
         cut_move(operation, t, job->stroke, &job->moves[0], result);
     else
         cut_way(operation, t, job, result);
-    if (result->outcome == JOB_DONE && !touch_width(t) && t->rules >= RULES_STILL_TOLD)
+    if (result->outcome == JOB_DONE && !operated_touch_width(t) && t->rules >= RULES_STILL_TOLD)
         t->now.figures.touched_unseen_mm3 = t->now.figures.left_mm3;
     if (t->fitting && result->outcome == JOB_DONE)
         fit(t, was_solid && !t->now.solid ? 0 : since, result); // 0: tears are new to it
@@ -498,7 +427,7 @@ const struct cut_mesh *operation_mesh(const struct operation *operation, int tis
 }
 
 int operation_touch_width(const struct operation *operation, int tissue) {
-    return touch_width(&operation->tissues[tissue]);
+    return operated_touch_width(&operation->tissues[tissue]);
 }
 
 void operation_touch(const struct operation *operation, int tissue, uint32_t vertex,
@@ -507,29 +436,7 @@ void operation_touch(const struct operation *operation, int tissue, uint32_t ver
 }
 
 vec3 operation_touched(const struct operation *operation, int tissue, uint32_t vertex) {
-    return touched_at(&operation->tissues[tissue], vertex);
-}
-
-// Clefts are touched as if they were closed, until the touch has to follow them.
-void operation_mismatch(const struct operation *operation, int tissue, double *out_mm) {
-    const struct operated_tissue *t = &operation->tissues[tissue];
-    const struct case_region *tear = &t->group->lesion.tear;
-    bool closed = !t->fitting || t->now.solid;
-    struct mesh touched, seen;
-    uint32_t *ids;
-    touched_mesh(t, &touched);
-    cut_mesh_flatten(t->now.mesh, &seen, &ids, NULL);
-    struct mismatch_setting setting = {&touched, &seen, tear->parts, closed ? tear->part_count : 0,
-                                       COLUMN_MM};
-    double *mm = alloc(seen.vertex_count, sizeof *mm);
-    mismatch_at_vertices(&setting, ids, mm);
-    memset(out_mm, 0, cut_mesh_vertex_bound(t->now.mesh) * sizeof *out_mm);
-    for (uint32_t v = 0; v < seen.vertex_count; v++)
-        out_mm[ids[v]] = mm[v];
-    free(mm);
-    free(ids);
-    mesh_fini(&touched);
-    mesh_fini(&seen);
+    return operated_touched(&operation->tissues[tissue], vertex);
 }
 
 const struct tissue_figures *operation_figures(const struct operation *operation, int tissue) {

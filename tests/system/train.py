@@ -35,7 +35,7 @@ class Train(SystemTest):
 
     def put_code(self, code):
         self.write("code.new", code + "\n")
-        os.rename(self.path("code.new"), self.path("enrolment/room-1"))
+        os.rename(self.path("code.new"), self.path("enrolment/code"))
 
     def used_code(self):
         code = self.code()
@@ -57,7 +57,7 @@ class Train(SystemTest):
         self.assertEqual(train.log().count(" error station"), 1)
         self.put_code(self.code())
         self.trains()
-        self.assertEqual(os.path.getsize(self.path("enrolment/room-1")), 0)
+        self.assertEqual(os.path.getsize(self.path("enrolment/code")), 0)
 
     def test_an_old_code_in_the_file_is_tried_once(self):
         self.start_server()

@@ -55,8 +55,8 @@ class Resection(Bites):
         wait_until("a session", lambda: self.session_command("show", "room-1", code=None)["resections"])
         before = wait_until("its mesh", self.whole)
         self.wait_for_cuts(1)
-        self.session_command("pause", "room-1")
         self.session_command("reset", "room-1")
+        self.session_command("pause", "room-1")  # after a reset the session runs, and the hand bites again
         wait_until("the whole mesh", lambda: self.resection()["cuts"] == 0)
         after = self.resection()
         self.assertEqual(after["mesh_hash"], before["mesh_hash"])

@@ -34,6 +34,7 @@ class Attack:
 
     def __init__(self, web_port, authority, code, session, seconds):
         self.browser = Browser(int(web_port), authority)
+        self.browser.address = some_address()  # the limit of requests of one address is not what is tried here
         self.code, self.session, self.until = code, session, time.monotonic() + float(seconds)
         self.browser.request("POST", "/sign-in", {"code": code})
         self.counts, self.open, self.lock = {}, 0, threading.Lock()

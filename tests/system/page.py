@@ -71,7 +71,7 @@ class Browser:
     """Who signed in: with the cookie that the server gave."""
 
     def __init__(self, port, authority):
-        self.port, self.cookie = port, None
+        self.port, self.cookie, self.address = port, None, "127.0.0.1"
         self.tls = ssl.create_default_context(cafile=authority)
 
     def request(self, method, path, body=None):
@@ -103,7 +103,7 @@ class Page(Connection):
 
     def __init__(self, browser):
         host = f"localhost:{browser.port}"
-        plain = socket.create_connection(("127.0.0.1", browser.port), timeout=20)
+        plain = socket.create_connection(("127.0.0.1", browser.port), timeout=20, source_address=(browser.address, 0))
         super().__init__(browser.tls.wrap_socket(plain, server_hostname="localhost"), "/live", host, "arthron-live.1",
                          [f"Origin: https://{host}", f"Cookie: {browser.cookie}"])
         self.batches = 0

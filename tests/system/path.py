@@ -283,7 +283,6 @@ class Configs(SystemTest):
             (("socket = s", "socket = s\nunfit = perhaps"), ("[server]", "unfit", "perhaps")),
             (("udp_port = ", " udp_port = "), ("line", "port", "blank")),
             (("[case healthy]", "[cose healthy]"), ("cose healthy",)),
-            ((f"dir = {self.cases}/healthy", "dir = /nowhere"), ("healthy", "/nowhere")),
         ):
             self.refused(self.write("server.ini", good.replace(*change, 1)), *texts)
 

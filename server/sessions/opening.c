@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "sessions/audit.h"
+#include "sessions/own.h"
 #include "sessions/resources.h"
 #include "trace/catalogue.h"
 
@@ -93,6 +94,7 @@ void opening_attach(struct sessions *s, int station, struct open_session *sessio
     runtime->metrics = (struct live_metrics){.session = about.serial, .scene = runtime->scene};
     metrics_init(&runtime->metrics.metrics, header->optic);
     session_row_begin(header, trace, &session->row);
+    own_traces_note(s, trace);
     recorder_put(s->recorder, &session->row);
     audit_server(s, station, "open", session->row.id);
     log_info("sessions", "station %s: session on case %s, trace %s", station_name(s, station),

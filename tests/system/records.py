@@ -187,6 +187,26 @@ class Records(SystemTest):
                                 ("pause", f"station room-1 {of_it}"),
                                 ("undo refused", f"station room-1 {of_it}"), ("stop", f"station room-1 {of_it}")])
 
+    def test_a_session_that_the_records_do_not_know_yet_goes_on_after_a_kill(self):
+        self.start_server(STATION, "records = records.db").end()
+        writing = sqlite3.connect(self.db, isolation_level=None)
+        server = self.start_server(STATION, "records = records.db")
+        writing.execute("BEGIN IMMEDIATE")  # so the recorder waits
+        self.start_mockup()
+        self.enrol("room-1")
+        self.start_station()
+        self.wait_for_steps(20)
+        session = self.session()
+        server.end(signal.SIGKILL)
+        self.assertEqual(writing.execute("SELECT count(*) FROM session").fetchone(), (0,))
+        writing.execute("ROLLBACK")
+        writing.close()
+        server = self.start_server(STATION, "records = records.db")
+        self.assertEqual(self.session()["id"], session["id"])
+        server.end()
+        self.assertEqual(call_json("arthron-trace", "info", session["trace"])["resumes"], 1)
+        self.assertEqual(len(self.rows("sessions")), 1)
+
     def test_a_copied_session_has_a_row_of_its_own(self):
         self.start_room()
         first = self.session()["id"]

@@ -198,8 +198,6 @@ enum result __wrap_trace_writer_resume(const char *path, const struct trace_plac
                                        struct trace_writer **out_writer, struct error *err) {
     enum result result = __real_trace_writer_resume(path, end, utc_ns, signer, out_writer, err);
     struct ledger *l = find_path(path);
-    if (result != RESULT_OK && !sim_is_dead() && l)
-        l->spoiled |= is_excused(sim_now_ns()); // the records then know no open session of it
     if (result != RESULT_OK || sim_is_dead())
         return result;
     if (!l)

@@ -11,8 +11,9 @@
 
 uint8_t *gzip_pack(const uint8_t *bytes, size_t size, size_t *out_size) {
     z_stream stream = {0};
-    CHECK(deflateInit2(&stream, FAST_LEVEL, Z_DEFLATED, GZIP_WINDOW, MEMORY_LEVEL,
-                       Z_DEFAULT_STRATEGY) == Z_OK);
+    NEED(deflateInit2(&stream, FAST_LEVEL, Z_DEFLATED, GZIP_WINDOW, MEMORY_LEVEL,
+                      Z_DEFAULT_STRATEGY) == Z_OK,
+         "memory");
     size_t bound = deflateBound(&stream, size);
     uint8_t *out = alloc(bound, 1);
     stream.next_in = (uint8_t *)(uintptr_t)bytes;
@@ -27,7 +28,7 @@ uint8_t *gzip_pack(const uint8_t *bytes, size_t size, size_t *out_size) {
 
 uint8_t *gzip_unpack(const uint8_t *packed, size_t packed_size, size_t size) {
     z_stream stream = {0};
-    CHECK(inflateInit2(&stream, GZIP_WINDOW) == Z_OK);
+    NEED(inflateInit2(&stream, GZIP_WINDOW) == Z_OK, "memory");
     uint8_t *out = alloc(size, 1);
     stream.next_in = (uint8_t *)(uintptr_t)packed;
     stream.avail_in = (uInt)packed_size;

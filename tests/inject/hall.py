@@ -167,5 +167,3 @@ class Hall(bites.Bites):
 
 ROUNDS = ("a_session_begins", "a_session_is_controlled", "a_session_is_copied", "tissue_is_cut", "a_station_returns",
           "a_page_is_asked")
-SHORT_ROUNDS = ("a_session_begins", "a_session_is_controlled")
-SHORT_DOORS = ("memory", "mmap", "open", "write", "sync", "thread")

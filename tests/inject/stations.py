@@ -17,7 +17,7 @@ class OfHall(Scenario):
 
 class StationEnrol(OfHall):
     name = "station enrol"
-    in_short, runs = False, 0
+    runs = 0
 
     def prepare(self, folder):
         self.runs += 1

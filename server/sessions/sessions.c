@@ -170,9 +170,13 @@ static void start_recorder(struct sessions *s) {
     s->recorder = recorder_start(&config);
 }
 
-static void write_last(void *user) {
-    const struct sessions *s = user;
+static void write_traces(void *user) {
+    (void)user;
     trace_write_last();
+}
+
+static void write_audit(void *user) {
+    const struct sessions *s = user;
     if (s->recorder)
         recorder_write_last(s->recorder);
 }
@@ -211,7 +215,8 @@ enum result sessions_create(const struct sessions_config *config, const atomic_b
     struct sessions *s = alloc(1, sizeof *s);
     s->config = *config;
     s->cancelled = cancelled;
-    need_before_end(write_last, s);
+    need_before_end(write_traces, s);
+    need_before_end(write_audit, s);
     manager_create(s);
     enum result result = open_slots(s, err);
     if (result == RESULT_OK)

@@ -16,27 +16,39 @@ _Noreturn void check_failed(const char *condition, const char *file, int line,
 
 // ---- what the system does not give --------------------------------------------------------------
 
-static void (*_Atomic last_words)(void *);
-static void *_Atomic last_context;
+#define LAST_WORDS_MAX 4
+static struct {
+    void (*say)(void *context);
+    void *context;
+} last_words[LAST_WORDS_MAX];
+static atomic_int last_word_count;
 
 void need_before_end(void (*last)(void *context), void *context) {
-    atomic_store(&last_words, NULL);
-    atomic_store(&last_context, context);
-    atomic_store(&last_words, last);
+    int count = last ? atomic_load(&last_word_count) : -1;
+    CHECK(count < LAST_WORDS_MAX);
+    if (last) {
+        last_words[count].say = last;
+        last_words[count].context = context;
+    }
+    atomic_store(&last_word_count, count + 1);
 }
 
+// A last word that needs something itself comes back here.
 static _Noreturn void end_without(const char *what, const char *where) {
     static atomic_flag ends = ATOMIC_FLAG_INIT;
     static _Thread_local bool ends_here;
-    if (ends_here)
-        _exit(1);
-    while (atomic_flag_test_and_set(&ends)) // another thread is about to end the program
-        pause();
-    ends_here = true;
-    dprintf(STDERR_FILENO, "arthron: the system gives no %s (%s); the program ends\n", what, where);
-    void (*last)(void *) = atomic_load(&last_words);
-    if (last)
-        last(atomic_load(&last_context));
+    static int said;
+    if (!ends_here) {
+        while (atomic_flag_test_and_set(&ends)) // another thread is about to end the program
+            pause();
+        ends_here = true;
+        dprintf(STDERR_FILENO, "arthron: the system gives no %s (%s); the program ends\n", what,
+                where);
+    }
+    while (said < atomic_load(&last_word_count)) {
+        int next = said++;
+        last_words[next].say(last_words[next].context);
+    }
     _exit(1);
 }
 

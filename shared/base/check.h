@@ -17,8 +17,8 @@ __attribute__((noreturn)) void check_failed(const char *condition, const char *f
 __attribute__((noreturn)) void need_failed(const char *what, const char *file, int line,
                                            const char *function);
 
-// `last` is called once when a NEED ends the program, on any thread, which may hold any lock. It
-// allocates nothing and returns soon.
+// `last` is called once when a NEED ends the program, after those named before, on any thread,
+// which may hold any lock. It returns soon. Where a NEED ends it, the next ones are still called.
 void need_before_end(void (*last)(void *context), void *context); // NULL: nothing any more
 
 // malloc-like functions that never return NULL: without memory the program ends as by NEED.

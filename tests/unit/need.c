@@ -38,6 +38,7 @@ static void last_words(void *context) {
 
 static void lacks_a_descriptor(void) {
     need_before_end(last_words, "the traces");
+    need_before_end(last_words, "the audit log");
     NEED(0, "descriptor");
 }
 
@@ -47,7 +48,7 @@ static void a_need_that_is_not_met_ends_the_program_in_order(void **state) {
     assert_int_equal(run_apart(lacks_a_descriptor, said, sizeof said), 1);
     assert_non_null(strstr(said, "the system gives no descriptor ("));
     assert_non_null(strstr(said, "need.c"));
-    assert_non_null(strstr(said, "last: the traces\n"));
+    assert_non_null(strstr(said, "last: the traces\nlast: the audit log\n"));
     assert_null(strstr(said, "no thread"));
 }
 

@@ -11,8 +11,8 @@ from siege import FULL, Siege
 SIGNERS = 20 if FULL else 6  # at a time
 ACCOUNTS = 20 if FULL else 2
 TOGETHER = 4 if FULL else 2  # accounts that change at a time, so that several sign in to each
-CHANGES = 5 if FULL else 3   # of each account
-TRAINEES, CODES = (10, 10) if FULL else (2, 5)
+CHANGES = 5 if FULL else 2   # of each account
+TRAINEES, CODES = (10, 10) if FULL else (2, 3)
 HOUR = 3600
 
 

@@ -93,8 +93,10 @@ static void read_list(const struct sessions *s, struct own_traces *own) {
         return;
     while (fgets(line, sizeof line, file))
         take_line(s, own, line);
+    bool whole = !ferror(file);
     fclose(file);
-    write_list(path, own);
+    if (whole)
+        write_list(path, own);
 }
 
 // ---- those of the records -----------------------------------------------------------------------

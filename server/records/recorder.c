@@ -5,8 +5,8 @@
 #include "base/log.h"
 #include "records/audit_seal.h"
 #include "records/audit_spool.h"
+#include "records/unrecorded.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <pthread.h>
 #include <sched.h>
@@ -18,7 +18,6 @@
 #include <time.h>
 
 #define LIVE_MAX 256
-#define ACTOR "server"
 #define SIGN_NS (60 * NS_PER_S)
 #define AT_THE_END_BYTES (64 << 20) // of a trace that is still read when the server ends
 
@@ -92,7 +91,7 @@ void recorder_note(struct recorder *r, const char *actor, const char *action, co
     if (!r)
         return;
     entry->utc_ns = clock_utc_ns();
-    snprintf(entry->actor, sizeof entry->actor, "%s", *actor ? actor : ACTOR);
+    snprintf(entry->actor, sizeof entry->actor, "%s", *actor ? actor : RECORDER_ACTOR);
     snprintf(entry->action, sizeof entry->action, "%s", action);
     snprintf(entry->subject, sizeof entry->subject, "%s", subject);
     pthread_mutex_lock(&r->mutex);
@@ -167,7 +166,7 @@ static enum result write_row(struct recorder *r, const struct session_score *sco
                              bool *out_removed, struct error *err) {
     struct store *store;
     const struct store_session *session = &score->session;
-    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
+    enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
     *out_removed = false;
     if (result != RESULT_OK)
         return result;
@@ -187,7 +186,7 @@ static enum result write_row(struct recorder *r, const struct session_score *sco
 static enum result write_audit(struct recorder *r, const struct store_audit_entry *entry,
                                struct error *err) {
     struct store *store;
-    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
+    enum result result = store_open(r->records, STORE_MAKE, RECORDER_ACTOR, &store, err);
     if (result == RESULT_OK)
         result = store_put_audit(store, entry, err);
     store_close(&store);
@@ -260,7 +259,8 @@ static void look_at_audit(struct recorder *r, bool tell) {
     struct store_audit_head head = {0};
     struct error err;
     r->signed_ns = clock_now_ns();
-    if (!r->signer.sign || store_open(r->records, STORE_THERE, ACTOR, &store, &err) != RESULT_OK)
+    if (!r->signer.sign ||
+        store_open(r->records, STORE_THERE, RECORDER_ACTOR, &store, &err) != RESULT_OK)
         return;
     enum result result = audit_seal_renew(store, &r->signer, r->authority, &head, &err);
     store_close(&store);
@@ -273,64 +273,6 @@ static void look_at_audit(struct recorder *r, bool tell) {
 }
 
 // ---- taking over --------------------------------------------------------------------------------
-
-static bool is_trace(const char *name) {
-    size_t length = strlen(name);
-    return length > 6 && !strcmp(name + length - 6, ".trace");
-}
-
-static enum result look_at(struct recorder *r, struct store *store, const char *name,
-                           char out_path[STORE_TEXT_MAX], bool *out_new, struct error *err) {
-    bool done = false;
-    *out_new = false;
-    if (!is_trace(name))
-        return RESULT_OK;
-    if (snprintf(out_path, STORE_TEXT_MAX, "%s/%s", r->traces_dir, name) >= STORE_TEXT_MAX) {
-        log_error("records", "%s/%s: the path is too long for the records", r->traces_dir, name);
-        return RESULT_OK;
-    }
-    enum result result = store_trace_is_done(store, out_path, &done, err);
-    *out_new = result == RESULT_OK && !done;
-    return result;
-}
-
-struct trace_paths {
-    char (*at)[STORE_TEXT_MAX];
-    size_t count, room;
-};
-
-static enum result collect(struct recorder *r, struct store *store, DIR *dir,
-                           struct trace_paths *paths, struct error *err) {
-    enum result result = RESULT_OK;
-    struct dirent *entry;
-    while (result == RESULT_OK && (entry = readdir(dir))) {
-        bool is_new;
-        if (paths->count == paths->room) {
-            paths->room = 2 * paths->room + 16;
-            paths->at = alloc_resize(paths->at, paths->room, sizeof *paths->at);
-        }
-        result = look_at(r, store, entry->d_name, paths->at[paths->count], &is_new, err);
-        paths->count += is_new;
-    }
-    return result;
-}
-
-// The records are open only while they are asked, not while traces are read.
-static enum result find_unrecorded(struct recorder *r, struct trace_paths *paths,
-                                   struct error *err) {
-    struct store *store;
-    DIR *dir = opendir(r->traces_dir);
-    if (!dir)
-        return fail(err, RESULT_IO, "%s: %s", r->traces_dir, strerror(errno));
-    enum result result = store_open(r->records, STORE_MAKE, ACTOR, &store, err);
-    if (result == RESULT_OK)
-        result = store_interrupt_open(store, r->start_utc_ns, err); // their server has ended
-    if (result == RESULT_OK)
-        result = collect(r, store, dir, paths, err);
-    store_close(&store);
-    closedir(dir);
-    return result;
-}
 
 // Its header alone is read here, the rest when it is written.
 bool recorder_put_trace(struct recorder *r, const char *path) {
@@ -356,9 +298,9 @@ bool recorder_put_trace(struct recorder *r, const char *path) {
 }
 
 static bool take_over(struct recorder *r) {
-    struct trace_paths paths = {0};
+    struct trace_paths paths;
     struct error err;
-    enum result result = find_unrecorded(r, &paths, &err);
+    enum result result = unrecorded_find(r->records, r->traces_dir, r->start_utc_ns, &paths, &err);
     size_t taken = 0;
     if (result == RESULT_OK) // before traces that take their time
         put_live_again(r);
@@ -368,7 +310,7 @@ static bool take_over(struct recorder *r) {
         taken += recorder_put_trace(r, paths.at[i]);
     if (taken)
         log_info("records", "%s: %zu sessions are taken over from their traces", r->records, taken);
-    free(paths.at);
+    trace_paths_fini(&paths);
     return result == RESULT_OK;
 }
 

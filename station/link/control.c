@@ -32,13 +32,17 @@ static const lws_retry_bo_t backoff = {
 
 // ---- saying -------------------------------------------------------------------------------------
 
-static void say(struct link *link, const arthron_Control *message) {
+bool control_push(struct ring *queue, const arthron_Control *message) {
     struct control_message out;
     size_t size;
     enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
     CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
     out.size = (uint32_t)size;
-    if (!ring_push(link->control.queue, &out)) // the server floods us, or takes nothing
+    return ring_push(queue, &out);
+}
+
+static void say(struct link *link, const arthron_Control *message) {
+    if (!control_push(link->control.queue, message)) // the server floods us, or takes nothing
         lws_set_timeout(link->control.socket, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
     lws_callback_on_writable(link->control.socket);
 }

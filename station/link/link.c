@@ -57,12 +57,7 @@ static bool take_arrivals(struct link *link, arthron_Reply *out_reply) {
 }
 
 static bool push_to_control(struct link *link, const arthron_Control *message) {
-    struct control_message out;
-    size_t size;
-    enum result result = wire_encode_control(message, out.bytes, sizeof out.bytes, &size);
-    CHECK(result == RESULT_OK); // every message of the schema fits WIRE_CONTROL_MAX
-    out.size = (uint32_t)size;
-    if (!ring_push(link->frames, &out))
+    if (!control_push(link->frames, message))
         return false;
     lws_cancel_service(link->control.context);
     return true;

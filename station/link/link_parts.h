@@ -89,6 +89,9 @@ struct link {
     atomic_uint_fast64_t session_changes;
 };
 
+// Encodes a message into a queue of struct control_message. False: it is full.
+bool control_push(struct ring *queue, const arthron_Control *message);
+
 // Makes the context. The thread then calls control_serve, which returns once link->stopping is set
 // and lws_cancel_service was called.
 enum result control_init(struct link *link, struct error *err);
